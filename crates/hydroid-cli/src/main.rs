@@ -1,0 +1,3 @@
+//! The `hydroid` command.
+
+fn main() {}

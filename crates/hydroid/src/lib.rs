@@ -1,0 +1,5 @@
+//! hydroid on shore: reads logs, learns models from them and judges them.
+//!
+//! The folders are the order of dependence: [`log`] knows nothing of the others.
+
+pub mod log;

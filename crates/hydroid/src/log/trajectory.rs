@@ -1,0 +1,135 @@
+//! One run of a vessel on a regular clock.
+
+use std::sync::Arc;
+
+/// A named quantity with its unit.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Channel {
+    /// Name by which the channel is called everywhere after reading.
+    pub name: String,
+    /// SI unit of the stored numbers (`m/s`, `rad/s`, `N` ...); empty where the log states none.
+    pub unit: String,
+}
+
+impl Channel {
+    /// A channel with a name and a unit (empty for unknown).
+    pub fn new(name: impl Into<String>, unit: impl Into<String>) -> Self {
+        Self { name: name.into(), unit: unit.into() }
+    }
+}
+
+/// Samples of several channels, row by row: row `k` holds all channels at sample `k`.
+///
+/// A value that was not measured is NaN; nothing is invented in its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    channels: Arc<[Channel]>,
+    values: Vec<f64>,
+}
+
+impl Table {
+    /// A table from its channels and its values, row by row.
+    ///
+    /// # Panics
+    /// If the number of values is not a multiple of the number of channels.
+    pub fn new(channels: impl Into<Arc<[Channel]>>, values: Vec<f64>) -> Self {
+        let channels = channels.into();
+        assert!(
+            if channels.is_empty() { values.is_empty() } else { values.len().is_multiple_of(channels.len()) },
+            "values do not fill whole rows"
+        );
+        Self { channels, values }
+    }
+
+    /// The channels, in column order.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// Number of channels.
+    pub fn width(&self) -> usize {
+        self.channels.len()
+    }
+
+    /// Number of rows (0 for a table without channels).
+    pub fn len(&self) -> usize {
+        self.values.len() / self.width().max(1)
+    }
+
+    /// Whether the table has no rows.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// All channels at sample `k`.
+    pub fn row(&self, k: usize) -> &[f64] {
+        let w = self.width();
+        &self.values[k * w..(k + 1) * w]
+    }
+
+    /// Rows `from..to`, flat, row by row.
+    pub fn rows(&self, from: usize, to: usize) -> &[f64] {
+        let w = self.width();
+        &self.values[from * w..to * w]
+    }
+
+    /// One channel over time.
+    pub fn column(&self, channel: usize) -> impl ExactSizeIterator<Item = f64> + Clone + '_ {
+        (0..self.len()).map(move |k| self.values[k * self.width() + channel])
+    }
+
+    /// Rows `from..to` as a table of their own.
+    pub fn slice(&self, from: usize, to: usize) -> Self {
+        Self { channels: Arc::clone(&self.channels), values: self.rows(from, to).to_vec() }
+    }
+}
+
+/// One run on a regular clock: row `k` of `outputs` was measured at `t0 + k dt`, row `k` of `inputs`
+/// was held from then until row `k + 1`.
+///
+/// Outputs may hold NaN where a sensor gave nothing; inputs never do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// Where the run came from: a file's name, with the part of it where it was cut.
+    pub name: String,
+    /// Time of the first sample \[s\].
+    pub t0: f64,
+    /// Sample time \[s\].
+    pub dt: f64,
+    /// Measured outputs.
+    pub outputs: Table,
+    /// Commands and other known inputs.
+    pub inputs: Table,
+    /// True outputs, in a simulated log: same channels as `outputs`.
+    pub truth: Option<Table>,
+}
+
+impl Trajectory {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.outputs.len()
+    }
+
+    /// Whether the run has no samples.
+    pub fn is_empty(&self) -> bool {
+        self.outputs.is_empty()
+    }
+
+    /// Duration \[s\], from the first sample to the last.
+    pub fn duration_s(&self) -> f64 {
+        self.len().saturating_sub(1) as f64 * self.dt
+    }
+
+    /// Samples `from..to` as a run of its own, named after the part.
+    pub fn slice(&self, from: usize, to: usize) -> Self {
+        Self {
+            name: format!("{}[{from}..{to}]", self.name),
+            t0: self.t0 + from as f64 * self.dt,
+            dt: self.dt,
+            outputs: self.outputs.slice(from, to),
+            inputs: self.inputs.slice(from, to),
+            truth: self.truth.as_ref().map(|t| t.slice(from, to)),
+        }
+    }
+}
