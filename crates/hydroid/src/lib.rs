@@ -3,3 +3,4 @@
 //! The folders are the order of dependence: [`log`] knows nothing of the others.
 
 pub mod log;
+pub mod sindy;

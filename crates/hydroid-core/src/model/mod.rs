@@ -1,0 +1,6 @@
+//! Models: discrete steps `state+ = f(state, c)`, `y = g(state)`, with weights inside and state outside.
+
+mod persistence;
+pub mod sparse;
+
+pub use persistence::Persistence;

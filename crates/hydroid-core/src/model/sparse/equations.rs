@@ -1,0 +1,203 @@
+//! Sparse equations of motion and their integration over one sample.
+
+use alloc::vec::Vec;
+
+use super::program::{Program, ProgramError};
+use super::term::Term;
+
+/// Why equations cannot be made.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EquationsError {
+    /// The terms do not compile.
+    Program(ProgramError),
+    /// The coefficients are not `outputs x terms`.
+    Shape {
+        /// Numbers expected.
+        expected: usize,
+        /// Numbers given.
+        given: usize,
+    },
+    /// A coefficient is not finite.
+    NotFinite {
+        /// Equation of the coefficient.
+        output: usize,
+        /// Term of the coefficient.
+        term: usize,
+    },
+    /// The sample time is not a positive number, or there is no integration step in it.
+    Step,
+}
+
+impl core::fmt::Display for EquationsError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Program(error) => error.fmt(f),
+            Self::Shape { expected, given } => write!(f, "{expected} coefficients expected, {given} given"),
+            Self::NotFinite { output, term } => {
+                write!(f, "the coefficient of term {term} in equation {output} is not a finite number")
+            }
+            Self::Step => {
+                write!(f, "the sample time must be positive, with at least one integration step in it")
+            }
+        }
+    }
+}
+
+impl core::error::Error for EquationsError {}
+
+/// `dy/dt = Xi theta(y, c)`: one row of coefficients for each output, in physical units, over the terms
+/// `theta` in the variables `[y, c]` (outputs first, then inputs). The command is held over a sample, which
+/// is integrated by the classical Runge-Kutta method of order 4 in `substeps` equal steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Equations {
+    terms: Vec<Term>,
+    coefficients: Vec<f64>,
+    outputs: usize,
+    inputs: usize,
+    dt: f64,
+    substeps: usize,
+    program: Program,
+    /// Non-zero coefficients of all equations, with the slot that each multiplies.
+    active: Vec<(u16, f64)>,
+    /// End of each equation's part of `active`.
+    ends: Vec<usize>,
+}
+
+impl Equations {
+    /// Equations from terms and coefficients (`outputs x terms`, row by row), for samples of `dt` seconds.
+    ///
+    /// # Errors
+    /// If shapes do not fit, a coefficient is not finite, or the step is absurd.
+    pub fn new(
+        terms: Vec<Term>,
+        coefficients: Vec<f64>,
+        outputs: usize,
+        inputs: usize,
+        dt: f64,
+        substeps: usize,
+    ) -> Result<Self, EquationsError> {
+        if !(dt.is_finite() && dt > 0.0 && substeps > 0) {
+            return Err(EquationsError::Step);
+        }
+        let expected = outputs * terms.len();
+        if coefficients.len() != expected {
+            return Err(EquationsError::Shape { expected, given: coefficients.len() });
+        }
+        if let Some(bad) = coefficients.iter().position(|c| !c.is_finite()) {
+            return Err(EquationsError::NotFinite { output: bad / terms.len(), term: bad % terms.len() });
+        }
+        // Only the terms that some equation uses are evaluated.
+        let used: Vec<usize> = (0..terms.len())
+            .filter(|j| (0..outputs).any(|i| coefficients[i * terms.len() + j] != 0.0))
+            .collect();
+        let compiled: Vec<Term> = used.iter().map(|&j| terms[j].clone()).collect();
+        // All terms are checked, also those that no equation uses.
+        Program::new(&terms, outputs + inputs).map_err(EquationsError::Program)?;
+        let program = Program::new(&compiled, outputs + inputs).map_err(EquationsError::Program)?;
+        let mut active = Vec::new();
+        let mut ends = Vec::with_capacity(outputs);
+        for i in 0..outputs {
+            for (index, &j) in used.iter().enumerate() {
+                let coefficient = coefficients[i * terms.len() + j];
+                if coefficient != 0.0 {
+                    let slot = u16::try_from(program.slot(index))
+                        .map_err(|_| EquationsError::Program(ProgramError::TooLarge))?;
+                    active.push((slot, coefficient));
+                }
+            }
+            ends.push(active.len());
+        }
+        Ok(Self { terms, coefficients, outputs, inputs, dt, substeps, program, active, ends })
+    }
+
+    /// The library's terms.
+    pub fn terms(&self) -> &[Term] {
+        &self.terms
+    }
+
+    /// All coefficients, `outputs x terms`, row by row; zero where a term is not in an equation.
+    pub fn coefficients(&self) -> &[f64] {
+        &self.coefficients
+    }
+
+    /// Coefficient of a term in an output's equation.
+    pub fn coefficient(&self, output: usize, term: usize) -> f64 {
+        self.coefficients[output * self.terms.len() + term]
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// Number of non-zero coefficients.
+    pub fn active_terms(&self) -> usize {
+        self.active.len()
+    }
+
+    /// Sample time \[s\].
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    /// Integration steps in one sample.
+    pub fn substeps(&self) -> usize {
+        self.substeps
+    }
+
+    /// Numbers of scratch that [`derivative`](Self::derivative) needs.
+    pub fn slots(&self) -> usize {
+        self.program.slots()
+    }
+
+    /// Numbers of scratch that [`step`](Self::step) needs.
+    pub fn scratch(&self) -> usize {
+        self.program.slots() + 2 * self.outputs
+    }
+
+    /// `dy = Xi theta(y, c)`, where `y` and `c` stand in `slots[1..]`, outputs first.
+    #[inline]
+    pub fn derivative(&self, slots: &mut [f64], dy: &mut [f64]) {
+        self.program.evaluate(slots);
+        let mut start = 0;
+        for (dy, &end) in dy.iter_mut().zip(&self.ends) {
+            *dy =
+                self.active[start..end].iter().map(|&(slot, xi)| xi * slots[usize::from(slot)]).sum::<f64>();
+            start = end;
+        }
+    }
+
+    /// One sample: `y` becomes the outputs after `dt` seconds under the held command `c`.
+    ///
+    /// # Panics
+    /// If a slice is shorter than documented: `y` outputs, `c` inputs, `scratch` [`scratch`](Self::scratch).
+    #[inline]
+    pub fn step(&self, y: &mut [f64], c: &[f64], scratch: &mut [f64]) {
+        let n = self.outputs;
+        let (slots, rest) = scratch.split_at_mut(self.program.slots());
+        let (k, sum) = rest[..2 * n].split_at_mut(n);
+        slots[1 + n..=n + self.inputs].copy_from_slice(&c[..self.inputs]);
+        let h = self.dt / self.substeps as f64;
+        for _ in 0..self.substeps {
+            // Stages of the classical Runge-Kutta method: where each starts, and its weight.
+            sum.fill(0.0);
+            for (offset, weight) in [(0.0, 1.0), (0.5 * h, 2.0), (0.5 * h, 2.0), (h, 1.0)] {
+                for i in 0..n {
+                    slots[1 + i] = if offset == 0.0 { y[i] } else { y[i] + offset * k[i] };
+                }
+                self.derivative(slots, k);
+                for i in 0..n {
+                    sum[i] += weight * k[i];
+                }
+            }
+            for i in 0..n {
+                y[i] += h / 6.0 * sum[i];
+            }
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! The session of sparse equations: its memory is the present outputs.
+
+use alloc::boxed::Box;
+use alloc::sync::Arc;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::equations::Equations;
+use crate::model::persistence::take_measured;
+use crate::predict::{Predictor, Workspace, rollout_steps};
+
+/// A run of [`Equations`]: every measurement replaces the state, what is not measured is predicted.
+#[derive(Clone, Debug)]
+pub struct EquationsSession {
+    equations: Arc<Equations>,
+    state: Vec<f64>,
+    scratch: Vec<f64>,
+}
+
+impl EquationsSession {
+    /// A session at the start of a run.
+    pub fn new(equations: Arc<Equations>) -> Self {
+        let state = vec![f64::NAN; equations.outputs()];
+        let scratch = vec![0.0; equations.scratch()];
+        Self { equations, state, scratch }
+    }
+}
+
+impl Predictor for EquationsSession {
+    fn outputs(&self) -> usize {
+        self.equations.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.equations.inputs()
+    }
+
+    fn reset(&mut self) {
+        self.state.fill(f64::NAN);
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        take_measured(&mut self.state, y);
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        self.equations.step(&mut self.state, c, &mut self.scratch);
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        y.copy_from_slice(&self.state);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        let (n, m) = (self.outputs(), self.inputs());
+        let steps = rollout_steps(commands, m, y, n);
+        let (state, scratch) = work.take(n + self.equations.scratch()).split_at_mut(n);
+        state.copy_from_slice(&self.state);
+        for step in 0..steps {
+            self.equations.step(state, &commands[step * m..(step + 1) * m], scratch);
+            y[step * n..(step + 1) * n].copy_from_slice(state);
+        }
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.state.len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        into.copy_from_slice(&self.state);
+    }
+
+    fn restore(&mut self, from: &[f64]) {
+        self.state.copy_from_slice(from);
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        Box::new(self.clone())
+    }
+}

@@ -1,0 +1,108 @@
+//! The prediction session: what every model offers to evaluation, filters and controllers.
+//!
+//! A session walks along a run, sample by sample, and can be asked at any moment what comes next:
+//!
+//! ```text
+//! reset   observe(y_0)   advance(c_0)   observe(y_1)   advance(c_1)   observe(y_2) ...
+//!                     |                              |
+//!                  rollout(c_0, c_1, ..)          rollout(c_1, c_2, ..)
+//! ```
+//!
+//! All that a model remembers lives in the session: the last outputs, hidden and lag states, a state
+//! filter, and the weights of the moment where they are adapted on board. It can be copied out as a flat
+//! slice and put back ([`Predictor::snapshot`], [`Predictor::restore`]), so that evaluation walks a run
+//! once and rolls out from many origins in parallel, and a controller tries a thousand command sequences
+//! from one state.
+
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+
+/// Scratch memory for rollouts. It grows when a model first asks for more and is kept: later calls of
+/// the same size do not allocate.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    buffer: Vec<f64>,
+}
+
+impl Workspace {
+    /// An empty workspace.
+    pub const fn new() -> Self {
+        Self { buffer: Vec::new() }
+    }
+
+    /// `len` numbers of scratch; their content is what the last user left.
+    pub fn take(&mut self, len: usize) -> &mut [f64] {
+        if self.buffer.len() < len {
+            self.buffer.resize(len, 0.0);
+        }
+        &mut self.buffer[..len]
+    }
+}
+
+/// A session of a model on one run.
+///
+/// Shapes: `y` has [`outputs`](Self::outputs) numbers, `c` has [`inputs`](Self::inputs) numbers, in the
+/// units of the model's channels. Sequences are flat, row by row.
+///
+/// None of the methods but [`fork`](Self::fork) allocates once the workspace has grown.
+pub trait Predictor: Send + Sync {
+    /// Number of outputs.
+    fn outputs(&self) -> usize;
+
+    /// Number of inputs.
+    fn inputs(&self) -> usize;
+
+    /// Samples that the session must have observed before its predictions count.
+    fn warm_up(&self) -> usize {
+        1
+    }
+
+    /// Forgets the run; what was learned from it too, where weights are adapted.
+    fn reset(&mut self);
+
+    /// Takes the measurement `y_k`. A NaN is a missing value: the session keeps what it predicted for
+    /// that channel.
+    fn observe(&mut self, y: &[f64]);
+
+    /// Passes from `t_k` to `t_{k+1}` under the command `c_k` held in between.
+    fn advance(&mut self, c: &[f64]);
+
+    /// The session's estimate of the present outputs; NaN where it has none yet.
+    fn output(&self, y: &mut [f64]);
+
+    /// Predicts `y_{k+1} .. y_{k+H}` under the commands `c_k .. c_{k+H-1}` without moving the session;
+    /// `H` is `y.len() / outputs()`. A rollout that blows up gives non-finite numbers, never a panic.
+    ///
+    /// # Panics
+    /// If `commands` and `y` do not hold the same whole number of rows.
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]);
+
+    /// How many numbers a snapshot has; constant over the life of a session.
+    fn snapshot_len(&self) -> usize;
+
+    /// Copies all that the session remembers into `into`.
+    ///
+    /// # Panics
+    /// If `into` has not [`snapshot_len`](Self::snapshot_len) numbers.
+    fn snapshot(&self, into: &mut [f64]);
+
+    /// Puts a snapshot of a session of the same model back.
+    ///
+    /// # Panics
+    /// If `from` has not [`snapshot_len`](Self::snapshot_len) numbers.
+    fn restore(&mut self, from: &[f64]);
+
+    /// A session of its own in the same state; weights that do not change are shared.
+    fn fork(&self) -> Box<dyn Predictor>;
+}
+
+/// Checks the shapes of a rollout and gives its number of steps.
+///
+/// # Panics
+/// If `commands` and `y` do not hold the same whole number of rows.
+pub fn rollout_steps(commands: &[f64], inputs: usize, y: &[f64], outputs: usize) -> usize {
+    let steps = y.len() / outputs.max(1);
+    assert_eq!(y.len(), steps * outputs, "predictions do not fill whole rows");
+    assert_eq!(commands.len(), steps * inputs, "one row of commands for each predicted row");
+    steps
+}

@@ -1,0 +1,195 @@
+//! Streams runs through a library and a regression into a [`Triangle`].
+
+use hydroid_core::model::sparse::Program;
+use rayon::prelude::*;
+
+use super::kernel::{Nodes, Regression, Rows};
+use super::triangle::{BLOCK_ROWS, Triangle};
+use crate::log::Trajectory;
+
+/// Rows that one task handles: the split depends on the data alone, so that the result does not depend on
+/// the number of threads.
+const PIECE_ROWS: usize = 4096;
+
+/// Pieces in flight at once; bounds the memory whatever the length of the log.
+const BATCH: usize = 32;
+
+/// Library points evaluated at a time.
+const POINTS: usize = 256;
+
+/// The regression of all runs: columns are the terms, then the outputs' derivatives.
+#[derive(Clone, Debug)]
+pub struct Assembled {
+    /// Factor of `[theta | dy/dt]`.
+    pub triangle: Triangle,
+    /// Rows left out because a sample in them was missing.
+    pub skipped: u64,
+}
+
+/// Folds all runs into one triangle. Rows that touch a missing sample are left out.
+pub fn assemble(program: &Program, runs: &[&Trajectory], regression: Regression) -> Assembled {
+    let outputs = runs.first().map_or(0, |run| run.outputs.width());
+    let mut pieces = Vec::new();
+    for &run in runs {
+        for rows in regression.rows(run.len(), run.dt) {
+            for start in (0..rows.count).step_by(PIECE_ROWS) {
+                let piece = Rows {
+                    first: rows.first + start * rows.stride,
+                    count: PIECE_ROWS.min(rows.count - start),
+                    ..rows.clone()
+                };
+                pieces.push((run, piece));
+            }
+        }
+    }
+    let mut total = Assembled { triangle: Triangle::new(program.len() + outputs), skipped: 0 };
+    for batch in pieces.chunks(BATCH) {
+        let parts: Vec<Assembled> = batch
+            .par_iter()
+            .map_init(
+                || Piece::new(program, regression.nodes(), outputs),
+                |scratch, (run, rows)| scratch.run(run, rows),
+            )
+            .collect();
+        for part in parts {
+            total.triangle.merge(&part.triangle);
+            total.skipped += part.skipped;
+        }
+    }
+    total
+}
+
+/// Scratch of one task.
+struct Piece<'a> {
+    program: &'a Program,
+    nodes: Nodes,
+    outputs: usize,
+    /// Library slots of `POINTS` points.
+    slots: Vec<f64>,
+    /// Library terms of all points that a group of rows needs, term by term.
+    library: Vec<f64>,
+    /// Rows waiting to be folded in, column by column.
+    block: Vec<f64>,
+}
+
+impl<'a> Piece<'a> {
+    fn new(program: &'a Program, nodes: Nodes, outputs: usize) -> Self {
+        Self {
+            program,
+            nodes,
+            outputs,
+            slots: vec![0.0; program.slots() * POINTS],
+            library: Vec::new(),
+            block: vec![0.0; (program.len() + outputs) * BLOCK_ROWS],
+        }
+    }
+
+    fn run(&mut self, run: &Trajectory, rows: &Rows) -> Assembled {
+        let mut part = Assembled { triangle: Triangle::new(self.program.len() + self.outputs), skipped: 0 };
+        for start in (0..rows.count).step_by(BLOCK_ROWS) {
+            let count = BLOCK_ROWS.min(rows.count - start);
+            let first = rows.first + start * rows.stride;
+            self.evaluate(run, first, (count - 1) * rows.stride + rows.kernel.library.len());
+            let good = self.fill_block(run, rows, first, count);
+            part.triangle.absorb(&mut self.block, good);
+            part.skipped += (count - good) as u64;
+        }
+        part
+    }
+
+    /// The library at `points` points from `first` on, term by term, into `self.library`.
+    fn evaluate(&mut self, run: &Trajectory, first: usize, points: usize) {
+        let terms = self.program.len();
+        if self.library.len() < terms * points {
+            self.library.resize(terms * points, 0.0);
+        }
+        let (n, m) = (run.outputs.width(), run.inputs.width());
+        for start in (0..points).step_by(POINTS) {
+            let count = POINTS.min(points - start);
+            let at = first + start;
+            let y = run.outputs.rows(at, at + count);
+            match self.nodes {
+                Nodes::Samples => {
+                    for channel in 0..n {
+                        let column = &mut self.slots[(1 + channel) * count..][..count];
+                        for (value, row) in column.iter_mut().zip(y.chunks_exact(n)) {
+                            *value = row[channel];
+                        }
+                    }
+                }
+                Nodes::Midpoints => {
+                    let next = run.outputs.rows(at + 1, at + 1 + count);
+                    for channel in 0..n {
+                        let column = &mut self.slots[(1 + channel) * count..][..count];
+                        let pairs = y.chunks_exact(n).zip(next.chunks_exact(n));
+                        for (value, (a, b)) in column.iter_mut().zip(pairs) {
+                            *value = 0.5 * (a[channel] + b[channel]);
+                        }
+                    }
+                }
+            }
+            if m > 0 {
+                let c = run.inputs.rows(at, at + count);
+                for channel in 0..m {
+                    let column = &mut self.slots[(1 + n + channel) * count..][..count];
+                    for (value, row) in column.iter_mut().zip(c.chunks_exact(m)) {
+                        *value = row[channel];
+                    }
+                }
+            }
+            self.program.evaluate_block(&mut self.slots, count);
+            for term in 0..terms {
+                let slot = self.program.slot(term);
+                self.library[term * points + start..][..count]
+                    .copy_from_slice(&self.slots[slot * count..(slot + 1) * count]);
+            }
+        }
+    }
+
+    /// Writes `count` rows into the block and gives the number of those that touch no missing sample; the
+    /// others become zero, which is to say nothing.
+    fn fill_block(&mut self, run: &Trajectory, rows: &Rows, first: usize, count: usize) -> usize {
+        let terms = self.program.len();
+        let (library, outputs) = self.block.split_at_mut(terms * BLOCK_ROWS);
+        let points = (count - 1) * rows.stride + rows.kernel.library.len();
+        for (term, column) in library.chunks_exact_mut(BLOCK_ROWS).enumerate() {
+            let values = &self.library[term * points..(term + 1) * points];
+            if rows.kernel.library == [1.0] && rows.stride == 1 {
+                column[..count].copy_from_slice(values);
+            } else {
+                for (i, value) in column[..count].iter_mut().enumerate() {
+                    let window = &values[i * rows.stride..];
+                    *value = weighted(&rows.kernel.library, window.iter().copied());
+                }
+            }
+        }
+        for (channel, column) in outputs.chunks_exact_mut(BLOCK_ROWS).enumerate() {
+            for (i, value) in column[..count].iter_mut().enumerate() {
+                let at = first + i * rows.stride;
+                let window = (0..).map(|j| run.outputs.row(at + j)[channel]);
+                *value = weighted(&rows.kernel.outputs, window);
+            }
+        }
+        // NaN and infinity leave a NaN here.
+        let mut trace = [0.0; BLOCK_ROWS];
+        for column in self.block.chunks_exact_mut(BLOCK_ROWS) {
+            column[count..].fill(0.0);
+            for (trace, value) in trace.iter_mut().zip(&*column) {
+                *trace += 0.0 * value;
+            }
+        }
+        let mut good = count;
+        for (i, _) in trace.iter().enumerate().filter(|(_, trace)| trace.is_nan()) {
+            good -= 1;
+            for column in self.block.chunks_exact_mut(BLOCK_ROWS) {
+                column[i] = 0.0;
+            }
+        }
+        good
+    }
+}
+
+/// Sum of the values under the non-zero weights: a missing value that has no weight does not matter.
+fn weighted(weights: &[f64], values: impl Iterator<Item = f64>) -> f64 {
+    weights.iter().zip(values).filter(|(w, _)| **w != 0.0).map(|(w, value)| w * value).sum()
+}

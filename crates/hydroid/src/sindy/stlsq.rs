@@ -1,0 +1,61 @@
+//! Sequentially thresholded least squares (Brunton, Proctor, Kutz, PNAS 113 (2016) 3932).
+
+use super::triangle::Triangle;
+
+/// Settings of [`stlsq`]. Both refer to the columns and right-hand sides as they stand in the triangle,
+/// that is, scaled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stlsq {
+    /// Coefficients smaller than this are removed.
+    pub threshold: f64,
+    /// Ridge penalty `alpha |x|^2` while terms are being selected; the final coefficients are plain least
+    /// squares on the terms that remain.
+    pub ridge: f64,
+    /// Rounds of solving and removing at the most.
+    pub rounds: usize,
+}
+
+impl Default for Stlsq {
+    fn default() -> Self {
+        Self { threshold: 0.0, ridge: 0.0, rounds: 20 }
+    }
+}
+
+/// Coefficients of one equation and what became of the terms.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SparseSolution {
+    /// One coefficient for each term.
+    pub coefficients: Vec<f64>,
+    /// Terms that the data cannot tell from the others that were kept.
+    pub dependent: Vec<usize>,
+    /// 2-norm of the residual.
+    pub residual: f64,
+}
+
+/// Solves one equation: columns `0..terms` of the triangles are the library, column `target` is the
+/// right-hand side. `ridged` is `plain` with the ridge of the settings folded in
+/// ([`Triangle::with_ridge`]), made once for all equations and thresholds.
+pub fn stlsq(plain: &Triangle, ridged: &Triangle, terms: usize, target: usize, settings: Stlsq) -> SparseSolution {
+    let mut support: Vec<usize> = (0..terms).filter(|&j| plain.column_norm(j) > 0.0).collect();
+    for _ in 0..settings.rounds {
+        let solution = ridged.solve(&support, target);
+        let kept: Vec<usize> = support
+            .iter()
+            .zip(&solution.coefficients)
+            .filter(|(_, c)| c.abs() >= settings.threshold && **c != 0.0)
+            .map(|(&j, _)| j)
+            .collect();
+        let settled = kept.len() == support.len();
+        support = kept;
+        if settled {
+            break;
+        }
+    }
+    let solution = plain.solve(&support, target);
+    let mut coefficients = vec![0.0; terms];
+    for (&j, &c) in support.iter().zip(&solution.coefficients) {
+        coefficients[j] = c;
+    }
+    let dependent = solution.dependent.iter().map(|&position| support[position]).collect();
+    SparseSolution { coefficients, dependent, residual: solution.residual }
+}

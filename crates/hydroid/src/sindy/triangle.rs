@@ -1,0 +1,327 @@
+//! The streaming QR factor that every regression here is solved from.
+//!
+//! A regression `A x = b` with a million rows is folded, block of rows by block of rows, into the
+//! triangular factor of `[A b]` (a sequential TSQR: Demmel, Grigori, Hoemmen, Langou, SIAM J. Sci. Comput.
+//! 34 (2012) A206). Memory is that of one small triangle; unlike with the normal equations no digit is lost
+//! to squaring the condition number. Every least-squares problem over a subset of the columns, with or
+//! without ridge, is then solved from the triangle alone.
+
+// The vector kernels must be inlined into the function that switches the CPU features on.
+#![allow(clippy::inline_always)]
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Rows folded in at a time: a block of 64 rows and 60 columns stays in a first-level cache.
+pub const BLOCK_ROWS: usize = 64;
+
+/// Upper triangular factor of a tall matrix, of which only the rows so far have been seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Triangle {
+    width: usize,
+    /// Row by row, `width x width`; below the diagonal zero.
+    r: Vec<f64>,
+    rows: u64,
+}
+
+/// What a least-squares solve over some of the columns gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution {
+    /// One coefficient for each column asked for; zero where the column is left out as dependent.
+    pub coefficients: Vec<f64>,
+    /// Columns (positions in the list asked for) that are linearly dependent on earlier ones to rounding
+    /// and were left out.
+    pub dependent: Vec<usize>,
+    /// 2-norm of the residual.
+    pub residual: f64,
+}
+
+impl Triangle {
+    /// The factor of a matrix without rows.
+    pub fn new(width: usize) -> Self {
+        Self { width, r: vec![0.0; width * width], rows: 0 }
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows folded in so far.
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Element of the factor.
+    pub fn get(&self, row: usize, column: usize) -> f64 {
+        self.r[row * self.width + column]
+    }
+
+    /// 2-norm of a column of the matrix seen so far.
+    pub fn column_norm(&self, column: usize) -> f64 {
+        (0..=column).map(|row| self.get(row, column).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Folds in [`BLOCK_ROWS`] rows given column by column, of which the first `rows` count and the others
+    /// are zero. The block is used up.
+    ///
+    /// # Panics
+    /// If the block has not `width * BLOCK_ROWS` numbers.
+    pub fn absorb(&mut self, block: &mut [f64], rows: usize) {
+        assert_eq!(block.len(), self.width * BLOCK_ROWS, "a block is width x BLOCK_ROWS numbers");
+        Arch::new().dispatch(Absorb { r: &mut self.r, block, width: self.width });
+        self.rows += rows as u64;
+    }
+
+    /// Folds in all rows that another factor has seen.
+    ///
+    /// # Panics
+    /// If the widths differ.
+    pub fn merge(&mut self, other: &Self) {
+        assert_eq!(self.width, other.width, "factors of the same columns");
+        let mut block = vec![0.0; self.width * BLOCK_ROWS];
+        for start in (0..self.width).step_by(BLOCK_ROWS) {
+            block.fill(0.0);
+            for i in 0..BLOCK_ROWS.min(self.width - start) {
+                for j in start + i..self.width {
+                    block[j * BLOCK_ROWS + i] = other.get(start + i, j);
+                }
+            }
+            self.absorb(&mut block, 0);
+        }
+        self.rows += other.rows;
+    }
+
+    /// The factor of the matrix whose column `j` is multiplied by `scale[j]`.
+    #[must_use]
+    pub fn scaled(&self, scale: &[f64]) -> Self {
+        let mut scaled = self.clone();
+        for row in scaled.r.chunks_exact_mut(self.width) {
+            for (value, s) in row.iter_mut().zip(scale) {
+                *value *= s;
+            }
+        }
+        scaled
+    }
+
+    /// The factor with one more row for each column, `weight[j]` in column `j` and zero elsewhere: ridge
+    /// regression with penalty `weight[j]^2 x_j^2`. A subset of these columns has the ridge of the subset.
+    #[must_use]
+    pub fn with_ridge(&self, weight: &[f64]) -> Self {
+        let mut diagonal = Self::new(self.width);
+        for (j, &w) in weight.iter().enumerate() {
+            diagonal.r[j * self.width + j] = w;
+        }
+        let mut ridged = self.clone();
+        ridged.merge(&diagonal);
+        ridged.rows = self.rows;
+        ridged
+    }
+
+    /// Solves `min |A_S x - b|` for the columns `S` (ascending) and the right-hand side in column `target`.
+    ///
+    /// A column whose part independent of the earlier ones is below `1e-10` of its own norm is left out and
+    /// reported: the data cannot tell it from the others.
+    ///
+    /// # Panics
+    /// If a column does not exist.
+    pub fn solve(&self, columns: &[usize], target: usize) -> Solution {
+        const DEPENDENT: f64 = 1e-10;
+        let n = self.width;
+        // Column by column; the right-hand side comes last. Column S_j is zero below row S_j.
+        let mut work: Vec<Vec<f64>> = columns
+            .iter()
+            .chain([&target])
+            .map(|&j| (0..n).map(|i| if i <= j { self.get(i, j) } else { 0.0 }).collect())
+            .collect();
+        let norms: Vec<f64> = columns.iter().map(|&j| self.column_norm(j)).collect();
+        let mut dependent = Vec::new();
+        let mut kept: Vec<usize> = Vec::with_capacity(columns.len());
+        for (position, &column) in columns.iter().enumerate() {
+            let pivot = kept.len();
+            let (head, tail) = work.split_at_mut(position + 1);
+            let v = &mut head[position];
+            let end = column + 1;
+            let norm = v[pivot..end].iter().map(|x| x * x).sum::<f64>().sqrt();
+            if norm <= DEPENDENT * norms[position] {
+                dependent.push(position);
+                continue;
+            }
+            kept.push(position);
+            let alpha = -norm.copysign(v[pivot]);
+            let v0 = v[pivot] - alpha;
+            let beta = 1.0 / (-alpha * v0);
+            if end > pivot + 1 {
+                for other in tail.iter_mut() {
+                    let dot = v0 * other[pivot]
+                        + v[pivot + 1..end]
+                            .iter()
+                            .zip(&other[pivot + 1..end])
+                            .map(|(a, b)| a * b)
+                            .sum::<f64>();
+                    let w = beta * dot;
+                    other[pivot] -= w * v0;
+                    for (o, a) in other[pivot + 1..end].iter_mut().zip(&v[pivot + 1..end]) {
+                        *o -= w * a;
+                    }
+                }
+                v[pivot] = alpha;
+            }
+        }
+        let mut coefficients = vec![0.0; columns.len()];
+        for row in (0..kept.len()).rev() {
+            let known: f64 =
+                kept[row + 1..].iter().map(|&position| work[position][row] * coefficients[position]).sum();
+            coefficients[kept[row]] = (work[columns.len()][row] - known) / work[kept[row]][row];
+        }
+        let residual = work[columns.len()][kept.len()..].iter().map(|x| x * x).sum::<f64>().sqrt();
+        Solution { coefficients, dependent, residual }
+    }
+
+    /// Condition number (2-norm, estimated from below by 30 steps of power and inverse iteration) of the
+    /// given columns, each scaled to unit norm; infinite where a column depends on the others.
+    pub fn condition(&self, columns: &[usize]) -> f64 {
+        let n = columns.len();
+        if n == 0 {
+            return 1.0;
+        }
+        // Triangular factor of the columns alone: fold them into a triangle of their own.
+        let mut own = Self::new(n);
+        let mut block = vec![0.0; n * BLOCK_ROWS];
+        for start in (0..self.width).step_by(BLOCK_ROWS) {
+            block.fill(0.0);
+            for (position, &j) in columns.iter().enumerate() {
+                let norm = self.column_norm(j);
+                for i in start..self.width.min(start + BLOCK_ROWS).min(j + 1) {
+                    block[position * BLOCK_ROWS + i - start] = self.get(i, j) / norm;
+                }
+            }
+            own.absorb(&mut block, 0);
+        }
+        if (0..n).any(|j| own.get(j, j).abs() < f64::EPSILON || !own.get(j, j).is_finite()) {
+            return f64::INFINITY;
+        }
+        let normalise = |x: &mut Vec<f64>| {
+            let norm = x.iter().map(|x| x * x).sum::<f64>().sqrt();
+            for x in x.iter_mut() {
+                *x /= norm;
+            }
+            norm
+        };
+        // A start that is in no special position to any singular vector.
+        let start: Vec<f64> = (0..n).map(|j| 1.0 + 0.5 * (1.0 + j as f64).sin()).collect();
+        let (mut high, mut low) = (start.clone(), start);
+        let (mut largest, mut inverse_smallest) = (0.0, 0.0);
+        for _ in 0..30 {
+            normalise(&mut high);
+            let rx: Vec<f64> = (0..n).map(|i| (i..n).map(|j| own.get(i, j) * high[j]).sum()).collect();
+            high = (0..n).map(|j| (0..=j).map(|i| own.get(i, j) * rx[i]).sum()).collect();
+            largest = rx.iter().map(|x| x * x).sum::<f64>().sqrt();
+            normalise(&mut low);
+            // R' z = low, R low = z.
+            let mut z = low.clone();
+            for i in 0..n {
+                let known: f64 = (0..i).map(|k| own.get(k, i) * z[k]).sum();
+                z[i] = (z[i] - known) / own.get(i, i);
+            }
+            inverse_smallest = z.iter().map(|x| x * x).sum::<f64>().sqrt();
+            for i in (0..n).rev() {
+                let known: f64 = (i + 1..n).map(|k| own.get(i, k) * z[k]).sum();
+                z[i] = (z[i] - known) / own.get(i, i);
+            }
+            low = z;
+        }
+        largest * inverse_smallest
+    }
+}
+
+/// Householder reflections that fold a block of rows into the triangle above it. The reflector of column
+/// `j` touches row `j` of the triangle and the block, nothing else.
+struct Absorb<'a> {
+    r: &'a mut [f64],
+    block: &'a mut [f64],
+    width: usize,
+}
+
+impl WithSimd for Absorb<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { r, block, width } = self;
+        for j in 0..width {
+            let (head, tail) = block.split_at_mut((j + 1) * BLOCK_ROWS);
+            let v = S::as_simd_f64s(&head[j * BLOCK_ROWS..]).0;
+            let norm2 = dot(simd, v, v);
+            if norm2 == 0.0 {
+                continue;
+            }
+            let row = &mut r[j * width..(j + 1) * width];
+            let alpha = -(row[j] * row[j] + norm2).sqrt().copysign(row[j]);
+            let v0 = row[j] - alpha;
+            let beta = 1.0 / (-alpha * v0);
+            row[j] = alpha;
+            let row = &mut row[j + 1..];
+            let mut fours = tail.chunks_exact_mut(4 * BLOCK_ROWS);
+            let mut k = 0;
+            for four in &mut fours {
+                let (a, b) = four.split_at_mut(2 * BLOCK_ROWS);
+                let (a0, a1) = a.split_at_mut(BLOCK_ROWS);
+                let (b0, b1) = b.split_at_mut(BLOCK_ROWS);
+                let columns = [
+                    S::as_mut_simd_f64s(a0).0,
+                    S::as_mut_simd_f64s(a1).0,
+                    S::as_mut_simd_f64s(b0).0,
+                    S::as_mut_simd_f64s(b1).0,
+                ];
+                reflect(simd, v, v0, beta, columns, &mut row[k..k + 4]);
+                k += 4;
+            }
+            for one in fours.into_remainder().chunks_exact_mut(BLOCK_ROWS) {
+                reflect(simd, v, v0, beta, [S::as_mut_simd_f64s(one).0], &mut row[k..=k]);
+                k += 1;
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
+    let mut sum = [simd.splat_f64s(0.0); 2];
+    for (i, (&a, &b)) in a.iter().zip(b).enumerate() {
+        sum[i & 1] = simd.mul_add_f64s(a, b, sum[i & 1]);
+    }
+    simd.reduce_sum_f64s(simd.add_f64s(sum[0], sum[1]))
+}
+
+/// Applies one reflector to `N` columns at once, so that it is read once for all of them.
+#[inline(always)]
+fn reflect<S: Simd, const N: usize>(
+    simd: S,
+    v: &[S::f64s],
+    v0: f64,
+    beta: f64,
+    columns: [&mut [S::f64s]; N],
+    row: &mut [f64],
+) {
+    let len = v.len();
+    for column in &columns {
+        assert_eq!(column.len(), len);
+    }
+    let mut sums = [simd.splat_f64s(0.0); N];
+    for i in 0..len {
+        for n in 0..N {
+            sums[n] = simd.mul_add_f64s(v[i], columns[n][i], sums[n]);
+        }
+    }
+    let mut weights = [simd.splat_f64s(0.0); N];
+    for n in 0..N {
+        let w = beta * (v0 * row[n] + simd.reduce_sum_f64s(sums[n]));
+        row[n] -= w * v0;
+        weights[n] = simd.splat_f64s(-w);
+    }
+    for i in 0..len {
+        for n in 0..N {
+            columns[n][i] = simd.mul_add_f64s(weights[n], v[i], columns[n][i]);
+        }
+    }
+}
