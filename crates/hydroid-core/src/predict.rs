@@ -9,10 +9,10 @@
 //! ```
 //!
 //! All that a model remembers lives in the session: the last outputs, hidden and lag states, a state
-//! filter, and the weights of the moment where they are adapted on board. It can be copied out as a flat
-//! slice and put back ([`Predictor::snapshot`], [`Predictor::restore`]), so that evaluation walks a run
-//! once and rolls out from many origins in parallel, and a controller tries a thousand command sequences
-//! from one state.
+//! filter, and the weights of the moment where they are adapted on board. What a prediction depends on can
+//! be copied out as a flat slice and put back ([`Predictor::snapshot`], [`Predictor::restore`]), so that
+//! evaluation walks a run once and rolls out from many origins in parallel, and a controller tries a
+//! thousand command sequences from one state.
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -80,7 +80,8 @@ pub trait Predictor: Send + Sync {
     /// How many numbers a snapshot has; constant over the life of a session.
     fn snapshot_len(&self) -> usize;
 
-    /// Copies all that the session remembers into `into`.
+    /// Copies all that the predictions from here depend on into `into`: outputs, lag and hidden states,
+    /// adapted weights. What only further learning needs, a filter's covariance above all, is not in it.
     ///
     /// # Panics
     /// If `into` has not [`snapshot_len`](Self::snapshot_len) numbers.
@@ -92,7 +93,8 @@ pub trait Predictor: Send + Sync {
     /// If `from` has not [`snapshot_len`](Self::snapshot_len) numbers.
     fn restore(&mut self, from: &[f64]);
 
-    /// A session of its own in the same state; weights that do not change are shared.
+    /// A session of its own that predicts from here as this one does; weights that do not change are
+    /// shared. The fork of a session that learns need not learn.
     fn fork(&self) -> Box<dyn Predictor>;
 }
 

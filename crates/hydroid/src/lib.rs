@@ -2,5 +2,7 @@
 //!
 //! The folders are the order of dependence: [`log`] knows nothing of the others.
 
+pub mod evaluate;
 pub mod log;
+pub mod progress;
 pub mod sindy;

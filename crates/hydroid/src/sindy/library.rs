@@ -23,9 +23,10 @@ impl Library {
     /// (PySINDy's order), signed squares last.
     pub fn terms(self, variables: u16) -> Vec<Term> {
         let mut terms = vec![Term::constant()];
-        for degree in 1..=self.degree {
+        let highest = if variables == 0 { 0 } else { self.degree };
+        for degree in 1..=highest {
             let mut monomial = vec![0; usize::from(degree)];
-            while variables > 0 {
+            loop {
                 terms.push(Term::monomial(&monomial));
                 // The next non-decreasing list of variables.
                 let Some(last) = monomial.iter().rposition(|&v| v + 1 < variables) else { break };

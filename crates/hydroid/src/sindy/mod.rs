@@ -1,9 +1,15 @@
 //! Sparse identification of nonlinear dynamics: `dy/dt = Xi theta(y, c)` with few non-zero coefficients.
 
 mod assemble;
+mod fit;
 mod kernel;
+mod library;
+mod stlsq;
 mod triangle;
 
 pub use assemble::{Assembled, assemble};
+pub use fit::{Fit, FitError, FitOptions, Prepared, Scaling};
 pub use kernel::{Kernel, Nodes, Regression, Rows};
+pub use library::Library;
+pub use stlsq::{SparseSolution, Stlsq, stlsq};
 pub use triangle::{BLOCK_ROWS, Solution, Triangle};

@@ -35,7 +35,13 @@ pub struct SparseSolution {
 /// Solves one equation: columns `0..terms` of the triangles are the library, column `target` is the
 /// right-hand side. `ridged` is `plain` with the ridge of the settings folded in
 /// ([`Triangle::with_ridge`]), made once for all equations and thresholds.
-pub fn stlsq(plain: &Triangle, ridged: &Triangle, terms: usize, target: usize, settings: Stlsq) -> SparseSolution {
+pub fn stlsq(
+    plain: &Triangle,
+    ridged: &Triangle,
+    terms: usize,
+    target: usize,
+    settings: Stlsq,
+) -> SparseSolution {
     let mut support: Vec<usize> = (0..terms).filter(|&j| plain.column_norm(j) > 0.0).collect();
     for _ in 0..settings.rounds {
         let solution = ridged.solve(&support, target);

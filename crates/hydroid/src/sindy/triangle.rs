@@ -273,11 +273,11 @@ impl WithSimd for Absorb<'_> {
                     S::as_mut_simd_f64s(b0).0,
                     S::as_mut_simd_f64s(b1).0,
                 ];
-                reflect(simd, v, v0, beta, columns, &mut row[k..k + 4]);
+                reflect(simd, v, (v0, beta), columns, &mut row[k..k + 4]);
                 k += 4;
             }
             for one in fours.into_remainder().chunks_exact_mut(BLOCK_ROWS) {
-                reflect(simd, v, v0, beta, [S::as_mut_simd_f64s(one).0], &mut row[k..=k]);
+                reflect(simd, v, (v0, beta), [S::as_mut_simd_f64s(one).0], &mut row[k..=k]);
                 k += 1;
             }
         }
@@ -298,14 +298,13 @@ fn dot<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
 fn reflect<S: Simd, const N: usize>(
     simd: S,
     v: &[S::f64s],
-    v0: f64,
-    beta: f64,
-    columns: [&mut [S::f64s]; N],
+    (v0, beta): (f64, f64),
+    mut columns: [&mut [S::f64s]; N],
     row: &mut [f64],
 ) {
     let len = v.len();
-    for column in &columns {
-        assert_eq!(column.len(), len);
+    for column in &mut columns {
+        *column = &mut std::mem::take(column)[..len];
     }
     let mut sums = [simd.splat_f64s(0.0); N];
     for i in 0..len {

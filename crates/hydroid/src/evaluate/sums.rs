@@ -1,0 +1,89 @@
+//! Sums of errors that can be added up in any grouping.
+
+/// Sums over windows, per horizon and channel.
+#[derive(Clone, Debug)]
+pub(super) struct Sums {
+    cells: Vec<Cell>,
+}
+
+/// One horizon of one channel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cell {
+    count: f64,
+    absolute: f64,
+    square: f64,
+    largest: f64,
+    kept_absolute: f64,
+    kept_square: f64,
+    /// Of the compared value less a shift near its mean, which keeps the variance free of cancellation.
+    value: f64,
+    value_square: f64,
+}
+
+/// The figures made of a cell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Figures {
+    pub(super) mae: f64,
+    pub(super) max: f64,
+    pub(super) rmse: f64,
+    pub(super) nrmse: f64,
+    pub(super) kept_mae: f64,
+    pub(super) kept_rmse: f64,
+    pub(super) kept_nrmse: f64,
+}
+
+impl Sums {
+    pub(super) fn new(cells: usize) -> Self {
+        Self { cells: vec![Cell::default(); cells] }
+    }
+
+    /// Adds one comparison. A missing target says nothing.
+    pub(super) fn add(&mut self, cell: usize, predicted: f64, kept: f64, target: f64, shift: f64) {
+        if target.is_nan() {
+            return;
+        }
+        let (error, kept_error) = ((predicted - target).abs(), (kept - target).abs());
+        let value = target - shift;
+        let c = &mut self.cells[cell];
+        c.count += 1.0;
+        c.absolute += error;
+        c.square += error * error;
+        c.largest = c.largest.max(error);
+        c.kept_absolute += kept_error;
+        c.kept_square += kept_error * kept_error;
+        c.value += value;
+        c.value_square += value * value;
+    }
+
+    pub(super) fn merge(&mut self, other: &Self) {
+        for (a, b) in self.cells.iter_mut().zip(&other.cells) {
+            a.count += b.count;
+            a.absolute += b.absolute;
+            a.square += b.square;
+            a.largest = a.largest.max(b.largest);
+            a.kept_absolute += b.kept_absolute;
+            a.kept_square += b.kept_square;
+            a.value += b.value;
+            a.value_square += b.value_square;
+        }
+    }
+
+    pub(super) fn figures(&self, cell: usize) -> Figures {
+        let c = self.cells[cell];
+        let mean = |sum: f64| if c.count > 0.0 { sum / c.count } else { f64::NAN };
+        let variance = mean(c.value_square) - mean(c.value).powi(2);
+        // A channel that does not vary has no scale to measure errors by.
+        let noise = 1e-12 * mean(c.value_square);
+        let deviation = if variance > noise { variance.sqrt() } else { f64::NAN };
+        let (rmse, kept_rmse) = (mean(c.square).sqrt(), mean(c.kept_square).sqrt());
+        Figures {
+            mae: mean(c.absolute),
+            max: if c.count > 0.0 { c.largest } else { f64::NAN },
+            rmse,
+            nrmse: rmse / deviation,
+            kept_mae: mean(c.kept_absolute),
+            kept_rmse,
+            kept_nrmse: kept_rmse / deviation,
+        }
+    }
+}

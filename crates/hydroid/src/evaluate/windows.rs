@@ -1,0 +1,256 @@
+//! The walk over a run and the rollouts from its origins.
+
+use hydroid_core::predict::{Predictor, Workspace};
+use rayon::prelude::*;
+
+use super::sums::Sums;
+use super::{
+    Against, Baseline, DesignRange, Divergence, EvaluateError, Evaluation, Options, Origin, describe,
+    mean_finite,
+};
+use crate::log::{Table, Trajectory};
+use crate::progress::{self, Progress};
+
+/// Origins that one task rolls out. The split is by origins alone, so that sums are added in the same
+/// order whatever the number of threads.
+const TASK: usize = 32;
+
+/// Memory for the snapshots that wait to be rolled out \[numbers\].
+const SNAPSHOTS: usize = 4 << 20;
+
+/// How many divergences are told one by one.
+const TOLD: usize = 10;
+
+/// Evaluates a session on runs; `ranges` holds the design range of each output.
+///
+/// The session is walked over each run once, in the caller's thread; rollouts run in parallel on the
+/// current rayon pool. The result does not depend on the number of threads.
+///
+/// # Errors
+/// If the runs do not fit the model or are too short, truth is missing, or the work was interrupted.
+pub fn evaluate(
+    name: &str,
+    predictor: &dyn Predictor,
+    ranges: &[DesignRange],
+    runs: &[&Trajectory],
+    options: &Options,
+    progress: Progress<'_>,
+) -> Result<Evaluation, EvaluateError> {
+    let (n, h) = (predictor.outputs(), options.horizon);
+    let warm_up = options.warm_up.max(predictor.warm_up()).max(1);
+    check(predictor, runs, options, warm_up)?;
+    let targets: Vec<&Table> = runs
+        .iter()
+        .map(|run| match options.against {
+            Against::Measurement => &run.outputs,
+            Against::Truth => run.truth.as_ref().unwrap_or(&run.outputs),
+        })
+        .collect();
+    let shift: Vec<f64> =
+        (0..n).map(|c| mean_finite(targets.iter().flat_map(|t| t.column(c))).unwrap_or(0.0)).collect();
+    let mut tally = Tally { sums: Sums::new(h * n), windows: 0, diverged: 0, divergences: Vec::new() };
+    let total: usize = runs.iter().map(|run| run.len()).sum();
+    let mut before = 0;
+    for (run, target) in runs.iter().zip(&targets) {
+        let walk = Walk { run, target, ranges, shift: &shift, options, warm_up };
+        walk.go(predictor, &mut tally, &mut |done| {
+            progress::report(progress, (before + done) as f64 / total as f64)
+        })?;
+        before += run.len();
+    }
+    Ok(tabulate(name, runs[0], options, &tally))
+}
+
+fn check(
+    predictor: &dyn Predictor,
+    runs: &[&Trajectory],
+    options: &Options,
+    warm_up: usize,
+) -> Result<(), EvaluateError> {
+    if options.horizon == 0 || options.origin_stride == 0 {
+        return Err(EvaluateError::NoHorizon);
+    }
+    let needed = warm_up + options.horizon;
+    let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0);
+    if longest < needed {
+        return Err(EvaluateError::TooShort { needed, warm_up, horizon: options.horizon, longest });
+    }
+    for run in runs {
+        let name = || run.name.clone();
+        for (what, expected, given) in [
+            ("outputs", predictor.outputs(), run.outputs.width()),
+            ("inputs", predictor.inputs(), run.inputs.width()),
+        ] {
+            if expected != given {
+                return Err(EvaluateError::Channels { run: name(), what, expected, given });
+            }
+        }
+        if (run.dt / runs[0].dt - 1.0).abs() > 1e-6 {
+            return Err(EvaluateError::SampleTime { run: name(), expected: runs[0].dt, given: run.dt });
+        }
+        let wanted = options.origin == Origin::True || options.against == Against::Truth;
+        if wanted && run.truth.is_none() {
+            return Err(EvaluateError::NoTruth { run: name() });
+        }
+    }
+    Ok(())
+}
+
+/// What all windows so far gave.
+struct Tally {
+    sums: Sums,
+    windows: usize,
+    diverged: usize,
+    divergences: Vec<Divergence>,
+}
+
+/// One run being evaluated.
+struct Walk<'a> {
+    run: &'a Trajectory,
+    target: &'a Table,
+    ranges: &'a [DesignRange],
+    shift: &'a [f64],
+    options: &'a Options,
+    warm_up: usize,
+}
+
+/// An origin that waits to be rolled out: its sample, and the last value seen of each output.
+struct Pending {
+    origin: usize,
+    kept: Vec<f64>,
+}
+
+impl Walk<'_> {
+    fn go(
+        &self,
+        predictor: &dyn Predictor,
+        tally: &mut Tally,
+        report: &mut dyn FnMut(usize) -> Result<(), progress::Cancelled>,
+    ) -> Result<(), EvaluateError> {
+        let seen = match (self.options.origin, &self.run.truth) {
+            (Origin::True, Some(truth)) => truth,
+            _ => &self.run.outputs,
+        };
+        let Some(last) = self.run.len().checked_sub(self.options.horizon + 1) else { return Ok(()) };
+        let mut session = predictor.fork();
+        session.reset();
+        let size = session.snapshot_len();
+        let batch = (SNAPSHOTS / size.max(1)).clamp(TASK, 64 * TASK);
+        let mut pending: Vec<Pending> = Vec::with_capacity(batch);
+        let mut snapshots: Vec<f64> = Vec::with_capacity(batch * size);
+        let mut kept = vec![f64::NAN; seen.width()];
+        let mut first_origin = None;
+        for k in 0..=last {
+            session.observe(seen.row(k));
+            for (kept, &y) in kept.iter_mut().zip(seen.row(k)) {
+                if !y.is_nan() {
+                    *kept = y;
+                }
+            }
+            // The warm-up is over when enough samples were seen and each output at least once.
+            if first_origin.is_none() && k + 1 >= self.warm_up && kept.iter().all(|y| !y.is_nan()) {
+                first_origin = Some(k);
+            }
+            if first_origin.is_some_and(|first| (k - first).is_multiple_of(self.options.origin_stride)) {
+                pending.push(Pending { origin: k, kept: kept.clone() });
+                let at = snapshots.len();
+                snapshots.resize(at + size, 0.0);
+                session.snapshot(&mut snapshots[at..]);
+            }
+            if pending.len() == batch || k == last {
+                self.roll_out(session.as_ref(), &pending, &snapshots, tally);
+                pending.clear();
+                snapshots.clear();
+                report(k)?;
+            }
+            session.advance(self.run.inputs.row(k));
+        }
+        Ok(())
+    }
+
+    fn roll_out(&self, session: &dyn Predictor, pending: &[Pending], snapshots: &[f64], tally: &mut Tally) {
+        let (n, h, size) = (session.outputs(), self.options.horizon, session.snapshot_len());
+        let parts: Vec<(Sums, Vec<Divergence>)> = pending
+            .par_chunks(TASK)
+            .enumerate()
+            .map_init(
+                || (session.fork(), Workspace::new(), vec![0.0; h * n]),
+                |(fork, work, y), (task, origins)| {
+                    let mut sums = Sums::new(h * n);
+                    let mut divergences = Vec::new();
+                    for (i, pending) in origins.iter().enumerate() {
+                        let at = (task * TASK + i) * size;
+                        fork.restore(&snapshots[at..at + size]);
+                        let k = pending.origin;
+                        fork.rollout(self.run.inputs.rows(k, k + h), work, y);
+                        match self.diverged(k, y) {
+                            Some(divergence) => divergences.push(divergence),
+                            None => self.add(pending, y, &mut sums),
+                        }
+                    }
+                    (sums, divergences)
+                },
+            )
+            .collect();
+        tally.windows += pending.len();
+        for (sums, divergences) in parts {
+            tally.sums.merge(&sums);
+            tally.diverged += divergences.len();
+            let room = TOLD.saturating_sub(tally.divergences.len());
+            tally.divergences.extend(divergences.into_iter().take(room));
+        }
+    }
+
+    fn diverged(&self, origin: usize, y: &[f64]) -> Option<Divergence> {
+        let n = self.ranges.len();
+        let bad = y.iter().enumerate().position(|(i, &value)| self.ranges[i % n].diverged(value))?;
+        Some(Divergence {
+            run: self.run.name.clone(),
+            origin_s: self.run.t0 + origin as f64 * self.run.dt,
+            horizon: bad / n + 1,
+            channel: self.run.outputs.channels()[bad % n].name.clone(),
+        })
+    }
+
+    fn add(&self, pending: &Pending, y: &[f64], sums: &mut Sums) {
+        let n = self.ranges.len();
+        for (step, predicted) in y.chunks_exact(n).enumerate() {
+            let target = self.target.row(pending.origin + step + 1);
+            for c in 0..n {
+                sums.add(step * n + c, predicted[c], pending.kept[c], target[c], self.shift[c]);
+            }
+        }
+    }
+}
+
+fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> Evaluation {
+    let (channels, units) = describe(run.outputs.channels());
+    let n = channels.len();
+    let table = |figure: fn(&super::sums::Figures) -> f64| -> Vec<Vec<f64>> {
+        (0..options.horizon)
+            .map(|h| (0..n).map(|c| figure(&tally.sums.figures(h * n + c))).collect())
+            .collect()
+    };
+    Evaluation {
+        model: name.to_owned(),
+        origin: options.origin,
+        against: options.against,
+        dt: run.dt,
+        channels,
+        units,
+        horizons: (1..=options.horizon).collect(),
+        windows: tally.windows,
+        diverged: tally.diverged,
+        divergences: tally.divergences.clone(),
+        mae: table(|f| f.mae),
+        max: table(|f| f.max),
+        rmse: table(|f| f.rmse),
+        nrmse: table(|f| f.nrmse),
+        r2: table(|f| 1.0 - f.nrmse * f.nrmse),
+        persistence: Baseline {
+            mae: table(|f| f.kept_mae),
+            rmse: table(|f| f.kept_rmse),
+            nrmse: table(|f| f.kept_nrmse),
+        },
+    }
+}

@@ -1,0 +1,212 @@
+//! From runs to equations: scaling, thresholded regression, and back to physical units.
+
+use hydroid_core::model::sparse::{Equations, EquationsError, Program, ProgramError, Term};
+
+use super::assemble::{Assembled, assemble};
+use super::kernel::Regression;
+use super::stlsq::{Stlsq, stlsq};
+use super::triangle::Triangle;
+use crate::log::Trajectory;
+
+/// What a coefficient is measured by when it is compared with the threshold.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub enum Scaling {
+    /// A term counts by what it contributes: the RMS of `xi theta` over the training data in standard
+    /// deviations of the output per second. The same threshold then means the same for every channel,
+    /// whatever the units (a propeller in newtons has coefficients of 0.005 that matter).
+    #[default]
+    Contribution,
+    /// Every variable is divided by a scale of its own, and the coefficients of the scaled equations are
+    /// compared as they are. One scale for each output, then for each input.
+    Variables(Vec<f64>),
+}
+
+/// How to fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FitOptions {
+    /// Terms smaller than this are removed, in the units of [`Scaling`].
+    pub threshold: f64,
+    /// Ridge penalty while terms are being selected, for each row of the regression, on scaled columns.
+    pub ridge: f64,
+    /// Integration steps in one sample of the resulting equations.
+    pub substeps: usize,
+}
+
+/// Why no equations could be fitted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FitError {
+    /// Fewer rows than unknowns.
+    #[error(
+        "{rows} usable regression rows for {terms} terms: too few. Give longer logs, fill fewer gaps with blanks, or choose a smaller library (degree)"
+    )]
+    TooFewRows {
+        /// Rows that touch no missing sample.
+        rows: u64,
+        /// Terms of the library.
+        terms: usize,
+    },
+    /// An output that does not vary has no equation.
+    #[error("output '{0}' does not vary in the training runs: there is nothing to identify. Leave it out")]
+    Constant(String),
+    /// The library is too large.
+    #[error(transparent)]
+    Program(#[from] ProgramError),
+    /// The fit gave no usable equations.
+    #[error("the fit gave unusable equations: {0}")]
+    Equations(#[from] EquationsError),
+}
+
+/// A regression that has been streamed once and can be solved for many thresholds.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    terms: Vec<Term>,
+    outputs: usize,
+    inputs: usize,
+    dt: f64,
+    /// Factor with scaled columns.
+    plain: Triangle,
+    /// Physical coefficient = scaled coefficient x `output_scale[i]` / `term_scale[j]`.
+    term_scale: Vec<f64>,
+    output_scale: Vec<f64>,
+    skipped: u64,
+}
+
+/// Identified equations and how they came about.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The equations, in physical units.
+    pub equations: Equations,
+    /// RMS of each equation's residual \[unit of the output per second\].
+    pub residual_rms: Vec<f64>,
+    /// Contribution of each coefficient in the sense of [`Scaling`], `outputs x terms`.
+    pub scaled: Vec<f64>,
+}
+
+impl Prepared {
+    /// Streams the runs through the library into a triangle.
+    ///
+    /// # Errors
+    /// If there are too few rows for the terms, or an output does not vary.
+    pub fn new(
+        runs: &[&Trajectory],
+        terms: Vec<Term>,
+        regression: Regression,
+        scaling: &Scaling,
+    ) -> Result<Self, FitError> {
+        let Some(first) = runs.first() else {
+            return Err(FitError::TooFewRows { rows: 0, terms: terms.len() });
+        };
+        let (outputs, inputs) = (first.outputs.width(), first.inputs.width());
+        let program = Program::new(&terms, outputs + inputs)?;
+        let Assembled { triangle, skipped } = assemble(&program, runs, regression);
+        if triangle.rows() <= terms.len() as u64 {
+            return Err(FitError::TooFewRows { rows: triangle.rows(), terms: terms.len() });
+        }
+        let rms = |column| triangle.column_norm(column) / (triangle.rows() as f64).sqrt();
+        let (term_scale, output_scale): (Vec<f64>, Vec<f64>) = match scaling {
+            Scaling::Contribution => {
+                let deviations = deviations(runs);
+                if let Some(constant) = deviations.iter().position(|d| *d == 0.0) {
+                    return Err(FitError::Constant(first.outputs.channels()[constant].name.clone()));
+                }
+                // A term that is zero throughout keeps its place with any scale.
+                let scale = |j| Some(rms(j)).filter(|s| *s > 0.0).unwrap_or(1.0);
+                ((0..terms.len()).map(scale).collect(), deviations)
+            }
+            Scaling::Variables(scales) => {
+                (terms.iter().map(|term| term_scale(term, scales)).collect(), scales[..outputs].to_vec())
+            }
+        };
+        let inverse: Vec<f64> = term_scale.iter().chain(&output_scale).map(|s| 1.0 / s).collect();
+        let plain = triangle.scaled(&inverse);
+        Ok(Self { terms, outputs, inputs, dt: first.dt, plain, term_scale, output_scale, skipped })
+    }
+
+    /// The library.
+    pub fn terms(&self) -> &[Term] {
+        &self.terms
+    }
+
+    /// Rows of the regression.
+    pub fn rows(&self) -> u64 {
+        self.plain.rows()
+    }
+
+    /// Rows left out because a sample in them was missing.
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+
+    /// Terms that are zero throughout or depend on earlier terms to rounding: nobody can identify them
+    /// from these runs.
+    pub fn unidentifiable(&self) -> Vec<usize> {
+        let present: Vec<usize> =
+            (0..self.terms.len()).filter(|&j| self.plain.column_norm(j) > 0.0).collect();
+        let mut missing: Vec<usize> =
+            (0..self.terms.len()).filter(|&j| self.plain.column_norm(j) == 0.0).collect();
+        let dependent = self.plain.solve(&present, self.terms.len()).dependent;
+        missing.extend(dependent.into_iter().map(|position| present[position]));
+        missing.sort_unstable();
+        missing
+    }
+
+    /// Condition number of some terms with columns of unit norm.
+    pub fn condition(&self, terms: &[usize]) -> f64 {
+        self.plain.condition(terms)
+    }
+
+    /// Solves for sparse equations.
+    ///
+    /// # Errors
+    /// If the coefficients are not finite numbers.
+    pub fn fit(&self, options: &FitOptions) -> Result<Fit, FitError> {
+        let count = self.terms.len();
+        let weight = (options.ridge * self.rows() as f64).sqrt();
+        let weights: Vec<f64> =
+            (0..self.plain.width()).map(|j| if j < count { weight } else { 0.0 }).collect();
+        let ridged = if weight > 0.0 { self.plain.with_ridge(&weights) } else { self.plain.clone() };
+        let settings = Stlsq { threshold: options.threshold, ..Stlsq::default() };
+        let mut coefficients = vec![0.0; self.outputs * count];
+        let mut scaled = vec![0.0; self.outputs * count];
+        let mut residual_rms = Vec::with_capacity(self.outputs);
+        for i in 0..self.outputs {
+            let solution = stlsq(&self.plain, &ridged, count, count + i, settings);
+            for (j, &c) in solution.coefficients.iter().enumerate() {
+                scaled[i * count + j] = c;
+                coefficients[i * count + j] = c * self.output_scale[i] / self.term_scale[j];
+            }
+            residual_rms.push(solution.residual * self.output_scale[i] / (self.rows() as f64).sqrt());
+        }
+        let equations = Equations::new(
+            self.terms.clone(),
+            coefficients,
+            self.outputs,
+            self.inputs,
+            self.dt,
+            options.substeps,
+        )?;
+        Ok(Fit { equations, residual_rms, scaled })
+    }
+}
+
+/// Scale of a term whose variables are divided by their scales.
+fn term_scale(term: &Term, scales: &[f64]) -> f64 {
+    term.factors()
+        .iter()
+        .map(|f| (0..f.shape.degree()).fold(1.0, |p, _| p * scales[usize::from(f.variable)]))
+        .product()
+}
+
+/// Standard deviation of each output over all runs; zero where it does not vary beyond rounding.
+fn deviations(runs: &[&Trajectory]) -> Vec<f64> {
+    let width = runs.first().map_or(0, |run| run.outputs.width());
+    (0..width)
+        .map(|c| {
+            let values = || runs.iter().flat_map(|run| run.outputs.column(c)).filter(|v| v.is_finite());
+            let (sum, count) = values().fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+            let mean = sum / count;
+            let deviation = (values().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt();
+            if deviation > 1e-12 * mean.abs() { deviation } else { 0.0 }
+        })
+        .collect()
+}
