@@ -5,6 +5,9 @@ use alloc::vec::Vec;
 use super::program::{Program, ProgramError};
 use super::term::Term;
 
+/// Integration steps in one sample at the most: more is a mistake, and would look like a hang.
+const MOST_SUBSTEPS: usize = 10_000;
+
 /// Why equations cannot be made.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EquationsError {
@@ -24,7 +27,7 @@ pub enum EquationsError {
         /// Term of the coefficient.
         term: usize,
     },
-    /// The sample time is not a positive number, or there is no integration step in it.
+    /// The sample time is not a positive number, or the number of integration steps in it is absurd.
     Step,
 }
 
@@ -37,7 +40,10 @@ impl core::fmt::Display for EquationsError {
                 write!(f, "the coefficient of term {term} in equation {output} is not a finite number")
             }
             Self::Step => {
-                write!(f, "the sample time must be positive, with at least one integration step in it")
+                write!(
+                    f,
+                    "the sample time must be positive, with 1 to {MOST_SUBSTEPS} integration steps in it"
+                )
             }
         }
     }
@@ -76,7 +82,7 @@ impl Equations {
         dt: f64,
         substeps: usize,
     ) -> Result<Self, EquationsError> {
-        if !(dt.is_finite() && dt > 0.0 && substeps > 0) {
+        if !(dt.is_finite() && dt > 0.0 && (1..=MOST_SUBSTEPS).contains(&substeps)) {
             return Err(EquationsError::Step);
         }
         let expected = outputs * terms.len();
