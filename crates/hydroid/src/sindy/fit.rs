@@ -1,10 +1,12 @@
 //! From runs to equations: scaling, thresholded regression, and back to physical units.
 
 use hydroid_core::model::sparse::{Equations, EquationsError, Program, ProgramError, Term};
+use serde::{Deserialize, Serialize};
 
 use super::assemble::{Assembled, assemble};
 use super::kernel::Regression;
-use super::stlsq::{Stlsq, stlsq};
+use super::stepwise::stepwise;
+use super::stlsq::{SparseSolution, Stlsq, stlsq};
 use super::triangle::Triangle;
 use crate::log::Trajectory;
 
@@ -21,12 +23,24 @@ pub enum Scaling {
     Variables(Vec<f64>),
 }
 
+/// How terms are selected.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Optimizer {
+    /// Backward elimination: a term leaves when that raises the residual sum of squares by less than this
+    /// fraction. Coefficients are the ridge solution on the terms that remain.
+    Stepwise(f64),
+    /// Sequentially thresholded least squares: coefficients below this, in the units of [`Scaling`], are
+    /// removed. Ridge acts on the selection only, coefficients are plain least squares.
+    Stlsq(f64),
+}
+
 /// How to fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Terms smaller than this are removed, in the units of [`Scaling`].
-    pub threshold: f64,
-    /// Ridge penalty while terms are being selected, for each row of the regression, on scaled columns.
+    /// How terms are selected.
+    pub optimizer: Optimizer,
+    /// Ridge penalty for each row of the regression, on scaled columns.
     pub ridge: f64,
     /// Integration steps in one sample of the resulting equations.
     pub substeps: usize,
@@ -160,31 +174,45 @@ impl Prepared {
     /// # Errors
     /// If the coefficients are not finite numbers.
     pub fn fit(&self, options: &FitOptions) -> Result<Fit, FitError> {
+        let ridged = self.ridged(options.ridge);
         let count = self.terms.len();
-        let weight = (options.ridge * self.rows() as f64).sqrt();
+        let solutions = (0..self.outputs)
+            .map(|i| match options.optimizer {
+                Optimizer::Stepwise(tolerance) => stepwise(&ridged, count, count + i, tolerance),
+                Optimizer::Stlsq(threshold) => {
+                    let settings = Stlsq { threshold, ..Stlsq::default() };
+                    stlsq(&self.plain, &ridged, count, count + i, settings)
+                }
+            })
+            .collect();
+        self.finish(solutions, options.substeps)
+    }
+
+    fn ridged(&self, ridge: f64) -> Triangle {
+        if ridge == 0.0 {
+            return self.plain.clone();
+        }
+        let weight = (ridge * self.rows() as f64).sqrt();
+        let count = self.terms.len();
         let weights: Vec<f64> =
             (0..self.plain.width()).map(|j| if j < count { weight } else { 0.0 }).collect();
-        let ridged = if weight > 0.0 { self.plain.with_ridge(&weights) } else { self.plain.clone() };
-        let settings = Stlsq { threshold: options.threshold, ..Stlsq::default() };
-        let mut coefficients = vec![0.0; self.outputs * count];
-        let mut scaled = vec![0.0; self.outputs * count];
+        self.plain.with_ridge(&weights)
+    }
+
+    /// Back to physical units.
+    fn finish(&self, solutions: Vec<SparseSolution>, substeps: usize) -> Result<Fit, FitError> {
+        let count = self.terms.len();
+        let mut coefficients = Vec::with_capacity(self.outputs * count);
+        let mut scaled = Vec::with_capacity(self.outputs * count);
         let mut residual_rms = Vec::with_capacity(self.outputs);
-        for i in 0..self.outputs {
-            let solution = stlsq(&self.plain, &ridged, count, count + i, settings);
-            for (j, &c) in solution.coefficients.iter().enumerate() {
-                scaled[i * count + j] = c;
-                coefficients[i * count + j] = c * self.output_scale[i] / self.term_scale[j];
-            }
-            residual_rms.push(solution.residual * self.output_scale[i] / (self.rows() as f64).sqrt());
+        for (solution, scale) in solutions.into_iter().zip(&self.output_scale) {
+            coefficients
+                .extend(solution.coefficients.iter().zip(&self.term_scale).map(|(c, s)| c * scale / s));
+            scaled.extend(solution.coefficients);
+            residual_rms.push(solution.residual * scale / (self.rows() as f64).sqrt());
         }
-        let equations = Equations::new(
-            self.terms.clone(),
-            coefficients,
-            self.outputs,
-            self.inputs,
-            self.dt,
-            options.substeps,
-        )?;
+        let terms = self.terms.clone();
+        let equations = Equations::new(terms, coefficients, self.outputs, self.inputs, self.dt, substeps)?;
         Ok(Fit { equations, residual_rms, scaled })
     }
 }

@@ -4,12 +4,16 @@ mod assemble;
 mod fit;
 mod kernel;
 mod library;
+mod search;
+mod stepwise;
 mod stlsq;
 mod triangle;
 
 pub use assemble::{Assembled, assemble};
-pub use fit::{Fit, FitError, FitOptions, Prepared, Scaling};
+pub use fit::{Fit, FitError, FitOptions, Optimizer, Prepared, Scaling};
 pub use kernel::{Kernel, Nodes, Regression, Rows};
 pub use library::Library;
+pub use search::{Found, Grid, SearchError, Trial, search, substeps};
+pub use stepwise::stepwise;
 pub use stlsq::{SparseSolution, Stlsq, stlsq};
 pub use triangle::{BLOCK_ROWS, Solution, Triangle};

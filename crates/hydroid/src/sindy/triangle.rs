@@ -117,6 +117,27 @@ impl Triangle {
         ridged
     }
 
+    /// The factor of some of the columns alone, in the order given.
+    ///
+    /// # Panics
+    /// If a column does not exist.
+    #[must_use]
+    pub fn select(&self, columns: &[usize]) -> Self {
+        let mut own = Self::new(columns.len());
+        let mut block = vec![0.0; columns.len() * BLOCK_ROWS];
+        for start in (0..self.width).step_by(BLOCK_ROWS) {
+            block.fill(0.0);
+            for (column, &j) in block.chunks_exact_mut(BLOCK_ROWS).zip(columns) {
+                for i in start..self.width.min(start + BLOCK_ROWS).min(j + 1) {
+                    column[i - start] = self.get(i, j);
+                }
+            }
+            own.absorb(&mut block, 0);
+        }
+        own.rows = self.rows;
+        own
+    }
+
     /// Solves `min |A_S x - b|` for the columns `S` (ascending) and the right-hand side in column `target`.
     ///
     /// A column whose part independent of the earlier ones is below `1e-10` of its own norm is left out and
@@ -184,19 +205,9 @@ impl Triangle {
         if n == 0 {
             return 1.0;
         }
-        // Triangular factor of the columns alone: fold them into a triangle of their own.
-        let mut own = Self::new(n);
-        let mut block = vec![0.0; n * BLOCK_ROWS];
-        for start in (0..self.width).step_by(BLOCK_ROWS) {
-            block.fill(0.0);
-            for (position, &j) in columns.iter().enumerate() {
-                let norm = self.column_norm(j);
-                for i in start..self.width.min(start + BLOCK_ROWS).min(j + 1) {
-                    block[position * BLOCK_ROWS + i - start] = self.get(i, j) / norm;
-                }
-            }
-            own.absorb(&mut block, 0);
-        }
+        let own = self.select(columns);
+        let inverse_norms: Vec<f64> = (0..n).map(|j| 1.0 / own.column_norm(j)).collect();
+        let own = own.scaled(&inverse_norms);
         if (0..n).any(|j| own.get(j, j).abs() < f64::EPSILON || !own.get(j, j).is_finite()) {
             return f64::INFINITY;
         }

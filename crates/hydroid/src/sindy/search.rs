@@ -1,0 +1,195 @@
+//! Settings chosen by what the equations predict on validation runs.
+
+use serde::{Deserialize, Serialize};
+
+use super::fit::{Fit, FitError, FitOptions, Optimizer, Prepared, Scaling};
+use super::kernel::Regression;
+use super::library::Library;
+use crate::evaluate::{self, DesignRange, EvaluateError, evaluate};
+use crate::log::Trajectory;
+use crate::progress::{self, Cancelled, Progress};
+use hydroid_core::model::sparse::{Equations, EquationsSession};
+use std::sync::Arc;
+
+/// What to try.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Libraries.
+    pub libraries: Vec<Library>,
+    /// Regressions.
+    pub regressions: Vec<Regression>,
+    /// How terms are selected.
+    pub optimizers: Vec<Optimizer>,
+    /// Ridge penalties, per row, on columns of unit RMS.
+    pub ridges: Vec<f64>,
+}
+
+/// One setting that was tried.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
+    /// The library.
+    pub library: Library,
+    /// The regression.
+    pub regression: Regression,
+    /// How terms were selected.
+    pub optimizer: Optimizer,
+    /// The ridge penalty.
+    pub ridge: f64,
+    /// Non-zero coefficients.
+    pub terms: usize,
+    /// Mean NRMSE over channels and horizons on the validation runs; null where a rollout diverged.
+    pub score: Option<f64>,
+    /// Validation windows that diverged.
+    pub diverged: usize,
+}
+
+/// What the search found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The chosen fit.
+    pub fit: Fit,
+    /// All trials, in the order of the grid.
+    pub trials: Vec<Trial>,
+    /// Position of the chosen one.
+    pub chosen: usize,
+    /// Condition number of the chosen library on the training runs.
+    pub condition: f64,
+    /// Terms of the chosen library that the training runs cannot tell apart or never move.
+    pub unidentifiable: Vec<usize>,
+    /// Regression rows used, and left out because a sample was missing.
+    pub rows: (u64, u64),
+}
+
+/// Why the search found nothing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SearchError {
+    /// No library could be fitted; the reason of the smallest.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// The validation runs cannot be evaluated.
+    #[error("the validation runs cannot be used: {0}")]
+    Validation(EvaluateError),
+    /// Every setting diverged on the validation runs.
+    #[error(
+        "all {0} settings that were tried gave equations whose rollouts diverge on the validation runs, so none is offered. Give training runs that cover the speeds and commands of the validation runs, a smaller degree, or a shorter horizon"
+    )]
+    AllDiverged(usize),
+    /// The grid is empty.
+    #[error("there is nothing to try: libraries, regressions, optimizers and ridges must each have an entry")]
+    Empty,
+    /// The caller asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Integration steps that keep the inner step at or below 0.1 s, the range in which RK4 is exact to the
+/// accuracy of any log.
+pub fn substeps(dt: f64) -> usize {
+    // A step count, far below 2^32 for any sample time that a log can have.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let steps = (dt / 0.1 - 1e-9).ceil().clamp(1.0, 1000.0) as usize;
+    steps
+}
+
+/// Fits every setting of the grid to the training runs and chooses by the rollouts on the validation runs.
+///
+/// # Errors
+/// If nothing could be fitted, everything diverged, or the work was interrupted.
+pub fn search(
+    training: &[&Trajectory],
+    validation: &[&Trajectory],
+    ranges: &[DesignRange],
+    grid: &Grid,
+    options: &evaluate::Options,
+    progress: Progress<'_>,
+) -> Result<Found, SearchError> {
+    let run = training.first().ok_or(SearchError::Empty)?;
+    let variables = run.outputs.width() + run.inputs.width();
+    let variables = u16::try_from(variables).map_err(|_| SearchError::Empty)?;
+    let mut trials: Vec<Trial> = Vec::new();
+    let mut fits: Vec<(Fit, usize)> = Vec::new();
+    let mut prepared: Vec<Prepared> = Vec::new();
+    let mut refusal = None;
+    let pairs = grid.libraries.len() * grid.regressions.len();
+    for (index, (&library, &regression)) in
+        grid.libraries.iter().flat_map(|l| grid.regressions.iter().map(move |r| (l, r))).enumerate()
+    {
+        let regression_of =
+            Prepared::new(training, library.terms(variables), regression, &Scaling::Contribution);
+        let equations_of = match regression_of {
+            Ok(prepared) => prepared,
+            Err(error) => {
+                // Larger libraries may ask for more rows than there are; the first refusal is the plainest.
+                refusal.get_or_insert(error);
+                continue;
+            }
+        };
+        for (position, &ridge) in grid.ridges.iter().enumerate() {
+            let done = (index as f64 + position as f64 / grid.ridges.len() as f64) / pairs as f64;
+            progress::report(progress, done)?;
+            let mut last: Option<Fit> = None;
+            for &optimizer in &grid.optimizers {
+                let fit = equations_of.fit(&FitOptions { optimizer, ridge, substeps: substeps(run.dt) })?;
+                // A stricter setting that changes nothing need not be judged again.
+                if last.as_ref().is_some_and(|last| last.scaled == fit.scaled) {
+                    continue;
+                }
+                let evaluation = judge(&fit.equations, validation, ranges, options)?;
+                let score = evaluation.score();
+                trials.push(Trial {
+                    library,
+                    regression,
+                    optimizer,
+                    ridge,
+                    terms: fit.equations.active_terms(),
+                    score: score.is_finite().then_some(score),
+                    diverged: evaluation.diverged,
+                });
+                last = Some(fit.clone());
+                fits.push((fit, prepared.len()));
+            }
+        }
+        prepared.push(equations_of);
+    }
+    let Some(best) = trials.iter().filter_map(|t| t.score).min_by(f64::total_cmp) else {
+        return Err(match refusal {
+            Some(error) if trials.is_empty() => error.into(),
+            _ if trials.is_empty() => SearchError::Empty,
+            _ => SearchError::AllDiverged(trials.len()),
+        });
+    };
+    // Among equals the one with the fewest terms. A wider tolerance for simplicity costs accuracy where two
+    // terms tell little apart on a noisy validation run: it drops true terms of the simple plant.
+    let chosen = (0..trials.len())
+        .filter(|&i| trials[i].score == Some(best))
+        .min_by_key(|&i| trials[i].terms)
+        .unwrap_or(0);
+    let (fit, library) = fits.swap_remove(chosen);
+    let library = &prepared[library];
+    let all: Vec<usize> = (0..library.terms().len()).collect();
+    let unidentifiable = library.unidentifiable();
+    let independent: Vec<usize> = all.into_iter().filter(|j| !unidentifiable.contains(j)).collect();
+    Ok(Found {
+        fit,
+        chosen,
+        trials,
+        condition: library.condition(&independent),
+        unidentifiable,
+        rows: (library.rows(), library.skipped()),
+    })
+}
+
+fn judge(
+    equations: &Equations,
+    validation: &[&Trajectory],
+    ranges: &[DesignRange],
+    options: &evaluate::Options,
+) -> Result<evaluate::Evaluation, SearchError> {
+    let session = EquationsSession::new(Arc::new(equations.clone()));
+    evaluate("sindy", &session, ranges, validation, options, &mut progress::silent()).map_err(|error| {
+        match error {
+            EvaluateError::Cancelled(cancelled) => SearchError::Cancelled(cancelled),
+            other => SearchError::Validation(other),
+        }
+    })
+}

@@ -1,0 +1,80 @@
+//! Backward elimination: terms leave one by one, always the one that is missed least.
+//!
+//! Removing term `k` raises the (ridge-penalised) residual sum of squares by `x_k^2 / W_kk`, where `x` are
+//! the present coefficients and `W` is the inverse of the normal matrix (the F-to-remove statistic of
+//! stepwise regression: Draper and Smith, Applied Regression Analysis, 3rd ed. 1998, section 15.2). Unlike
+//! a threshold on coefficients this asks what a term is worth beside the others, and has no unit.
+
+use super::stlsq::SparseSolution;
+use super::triangle::Triangle;
+
+/// A term that explains less than this share of the whole right-hand side leaves in any case: it is below
+/// the error that the discretisation of the derivative leaves in noise-free data.
+const NEGLIGIBLE: f64 = 1e-5;
+
+/// Solves one equation: terms leave until none can leave without raising the residual sum of squares by
+/// more than the fraction `tolerance`. Columns `0..terms` are the library, column `target` the right-hand
+/// side; the final coefficients are those of the given (possibly ridged) triangle on the remaining terms.
+pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
+    let present: Vec<usize> = (0..terms).filter(|&j| ridged.column_norm(j) > 0.0).collect();
+    let full = ridged.solve(&present, target);
+    let dependent: Vec<usize> = full.dependent.iter().map(|&position| present[position]).collect();
+    let mut support: Vec<usize> = present.into_iter().filter(|j| !dependent.contains(j)).collect();
+    let total = ridged.column_norm(target).powi(2);
+    let mut residual = full.residual.powi(2);
+    let (mut inverse, mut x) = inverse_and_solution(ridged, &support, target);
+    loop {
+        let n = support.len();
+        let rise = |k: usize| x[k] * x[k] / inverse[k * n + k];
+        let Some(weakest) = (0..n).min_by(|&a, &b| rise(a).total_cmp(&rise(b))) else { break };
+        let cost = rise(weakest);
+        if cost > tolerance * residual + NEGLIGIBLE * total {
+            break;
+        }
+        // Schur complements take the row and column of the weakest term out of the inverse.
+        let pivot = inverse[weakest * n + weakest];
+        let others: Vec<usize> = (0..n).filter(|&k| k != weakest).collect();
+        x = others.iter().map(|&k| x[k] - inverse[k * n + weakest] * x[weakest] / pivot).collect();
+        inverse = others
+            .iter()
+            .flat_map(|&i| others.iter().map(move |&j| (i, j)))
+            .map(|(i, j)| inverse[i * n + j] - inverse[i * n + weakest] * inverse[weakest * n + j] / pivot)
+            .collect();
+        residual += cost;
+        support.remove(weakest);
+    }
+    let solution = ridged.solve(&support, target);
+    let mut coefficients = vec![0.0; terms];
+    for (&j, &c) in support.iter().zip(&solution.coefficients) {
+        coefficients[j] = c;
+    }
+    SparseSolution { coefficients, dependent, residual: solution.residual }
+}
+
+/// Inverse of the normal matrix of some columns, row by row, and the least-squares coefficients.
+fn inverse_and_solution(triangle: &Triangle, columns: &[usize], target: usize) -> (Vec<f64>, Vec<f64>) {
+    let n = columns.len();
+    // Columns, right-hand side last, in a triangle of their own.
+    let selected: Vec<usize> = columns.iter().copied().chain([target]).collect();
+    let own = triangle.select(&selected);
+    // R^-1, upper triangular, row by row.
+    let mut r_inverse = vec![0.0; n * n];
+    for j in 0..n {
+        r_inverse[j * n + j] = 1.0 / own.get(j, j);
+        for i in (0..j).rev() {
+            let sum: f64 = (i + 1..=j).map(|k| own.get(i, k) * r_inverse[k * n + j]).sum();
+            r_inverse[i * n + j] = -sum / own.get(i, i);
+        }
+    }
+    let row = |i: usize| &r_inverse[i * n..(i + 1) * n];
+    let mut inverse = vec![0.0; n * n];
+    for i in 0..n {
+        for j in i..n {
+            let value = row(i)[j..].iter().zip(&row(j)[j..]).map(|(a, b)| a * b).sum();
+            inverse[i * n + j] = value;
+            inverse[j * n + i] = value;
+        }
+    }
+    let x = (0..n).map(|i| (i..n).map(|k| row(i)[k] * own.get(k, n)).sum()).collect();
+    (inverse, x)
+}
