@@ -95,6 +95,17 @@ fn flying_halves_the_steady_drag() {
     assert!(surge.abs() < 1e-12, "{surge}");
 }
 
+#[test]
+fn the_holding_force_holds_at_every_speed() {
+    for params in [VesselParams::simple(), VesselParams::hydrofoil()] {
+        let plant = Plant::new(&params).expect("a valid vessel");
+        for u in [-2.0, 0.0, 1.0, 2.4, 2.5, 2.55, 3.0, 5.5] {
+            let [surge, ..] = plant.acceleration([u, 0.0, 0.0], plant.holding_force(u), 0.0);
+            assert!(surge.abs() < 1e-13, "{}: {surge} at {u} m/s", params.name);
+        }
+    }
+}
+
 /// Error of the propeller lag alone after 2 s, whose solution is an exponential.
 fn lag_error(steps: u32) -> f64 {
     let plant = Plant::new(&VesselParams::simple()).expect("a valid vessel");

@@ -178,6 +178,16 @@ impl Plant {
         [row(&linear[0], &quadratic[0]), row(&linear[1], &quadratic[1]), row(&linear[2], &quadratic[2])]
     }
 
+    /// Propeller force that holds surge velocity `u` on a straight course \[N\]: the surge drag, between the
+    /// modes weighted as the equations weigh it. For a hydrofoil it falls where the vessel takes off.
+    pub fn holding_force(&self, u: f64) -> f64 {
+        let [drag, ..] = self.drag([u, 0.0, 0.0]);
+        let Some(flying) = &self.flying else { return drag };
+        let fly = self.flying_weight(u) * flying.inverse.i11;
+        let normal = (1.0 - self.flying_weight(u)) * self.normal.i11;
+        drag * (fly * flying.drag_factor + normal) / (fly + normal)
+    }
+
     /// Mass matrix of the normal mode as `[m11, m22, m23, m33]`; see [`VesselParams::mass_matrix`].
     pub const fn mass_matrix(&self) -> [f64; 4] {
         self.mass
