@@ -87,6 +87,25 @@ pub enum InvalidParams {
     },
 }
 
+impl InvalidParams {
+    /// Path of the parameter that is to blame, if it is one alone; entries of a matrix or of limits count as
+    /// the parameter that holds them.
+    pub fn field(&self) -> Option<&'static str> {
+        let path = match *self {
+            Self::NotFinite { field, .. }
+            | Self::NotPositive { field, .. }
+            | Self::Negative { field, .. }
+            | Self::PositiveAddedMass { field, .. }
+            | Self::Limits { field, .. }
+            | Self::EmptyName { field } => field,
+            Self::YawInertia { .. } => "rigid_body.i_z",
+            Self::RudderAngle { .. } => "commands.rudder.limits",
+            Self::MassMatrix { .. } => return None,
+        };
+        path.split('[').next()
+    }
+}
+
 impl fmt::Display for InvalidParams {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

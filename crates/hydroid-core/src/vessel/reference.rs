@@ -48,7 +48,7 @@ impl VesselParams {
     /// The hydrofoil (thesis eq. 7-12): linear and quadratic drag, yaw moment `70 u sin(RD)`, half of the
     /// drag and of the added mass above 2.5 m/s, propeller force hidden.
     pub fn hydrofoil() -> Self {
-        let degrees_30 = core::f64::consts::FRAC_PI_6;
+        let degrees_30 = 30.0_f64.to_radians();
         Self {
             name: "hydrofoil".into(),
             coriolis: Coriolis::WithoutMunk,

@@ -26,7 +26,12 @@ pub struct Composer {
 
 impl Composer {
     /// A signal of at least `duration_s` seconds.
+    ///
+    /// # Panics
+    /// If the limits are reversed or not finite, or the pace is not positive.
     pub fn compose(&self, duration_s: f64, rng: &mut impl Rng) -> Signal {
+        assert!(self.low <= self.high && self.low.is_finite() && self.high.is_finite(), "no range");
+        assert!(self.pace_s > 0.0, "no pace");
         let mut segments = Vec::new();
         let mut reached = 0.0;
         let mut last = 0.0_f64.clamp(self.low, self.high);
@@ -78,8 +83,10 @@ impl Composer {
             *last = to;
             (Shape::Ramp { from, to }, 0.7 * duration_s)
         } else {
-            *last = 0.0;
-            (Shape::Zero, pace * rng.random_range(2.0..8.0))
+            *last = 0.0_f64.clamp(self.low, self.high);
+            // Limits without zero between them have no zero command; the nearest to it must do.
+            let shape = if *last == 0.0 { Shape::Zero } else { Shape::Steps { levels: vec![*last] } };
+            (shape, pace * rng.random_range(2.0..8.0))
         };
         Segment { shape, duration_s }
     }
@@ -96,11 +103,13 @@ impl Composer {
 
     /// Two levels, in order, with at least a fifth of the range between them.
     fn pair(&self, rng: &mut impl Rng) -> (f64, f64) {
-        loop {
+        // Bounded, because nearly all levels may be drawn from a side less than a fifth of the range wide.
+        for _ in 0..64 {
             let (a, b) = (self.level(rng), self.level(rng));
             if (a - b).abs() >= 0.2 * (self.high - self.low) {
                 return (a.min(b), a.max(b));
             }
         }
+        (self.low, self.high)
     }
 }

@@ -16,6 +16,8 @@ pub struct Envelope {
 
 /// Beyond this speed \[m/s\] a parameter set has no drag worth the name.
 const ABSURD_SPEED: f64 = 1e3;
+/// Where the search for the top speed starts \[m/s\].
+const FINEST: f64 = 1e-3;
 
 impl Envelope {
     /// The envelope of a vessel.
@@ -30,7 +32,6 @@ impl Envelope {
         }
         // The holding force of a hydrofoil is not monotone: walk up to find the last speed that full force
         // holds, then close in on it.
-        const FINEST: f64 = 1e-3;
         let mut held = 0.0;
         let mut u = FINEST;
         while u <= ABSURD_SPEED {

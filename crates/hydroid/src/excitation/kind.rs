@@ -19,6 +19,17 @@ pub enum Excitation {
     Given(Vec<(f64, Command)>),
 }
 
+impl Excitation {
+    /// How long \[s\] it lasts of itself at sample time `dt` \[s\]: given commands until the last one has
+    /// been held for a sample. The others last as long as they are asked to.
+    pub fn natural_duration_s(&self, dt: f64) -> Option<f64> {
+        match self {
+            Self::Given(rows) => Some(rows.last()?.0 - rows.first()?.0 + dt),
+            _ => None,
+        }
+    }
+}
+
 /// A run that stays slow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LowSpeed {

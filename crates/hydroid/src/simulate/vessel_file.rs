@@ -115,17 +115,16 @@ fn line_of(text: &str, offset: usize) -> usize {
     text.bytes().take(offset).filter(|byte| *byte == b'\n').count() + 1
 }
 
-/// Line of the parameter that an [`InvalidParams`] names by its path, found by the structure of the file:
-/// its table's header, then its key; or its dotted key.
+/// Line of the parameter that an [`InvalidParams`] names, where the file has a table for what holds it (or
+/// spells the whole path before the equals sign).
 fn field_line(text: &str, error: &InvalidParams) -> Option<usize> {
-    let message = error.to_string();
-    let field = message.split(' ').next()?.split('[').next()?;
+    let field = error.field()?;
     let (table, key) = field.rsplit_once('.')?;
-    let mut current = String::new();
+    let mut current = "";
     for (k, line) in text.lines().enumerate() {
         let line = line.trim();
         if let Some(header) = line.strip_prefix('[').and_then(|rest| rest.split(']').next()) {
-            header.trim().clone_into(&mut current);
+            current = header.trim();
         } else if let Some((name, _)) = line.split_once('=') {
             let name = name.trim();
             if (current == table && name == key) || (current.is_empty() && name == field) {
