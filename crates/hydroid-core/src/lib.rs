@@ -12,5 +12,7 @@
 extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
+
 pub mod model;
 pub mod predict;
+pub mod vessel;

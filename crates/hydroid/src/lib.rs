@@ -1,10 +1,14 @@
-//! hydroid on shore: reads logs, learns models from them and judges them.
+//! hydroid on shore: makes and reads logs, learns models from them and judges them.
 //!
-//! The folders are the order of dependence: [`log`] knows nothing of the others.
+//! The modules in the order of dependence: [`log`] knows nothing of the others; [`excitation`] makes
+//! commands and [`simulate`] turns them into logs; [`evaluate`] judges any model; [`sindy`] finds equations;
+//! [`model`] is what was found, and its file.
 
 pub mod atomic;
 pub mod evaluate;
+pub mod excitation;
 pub mod log;
 pub mod model;
 pub mod progress;
+pub mod simulate;
 pub mod sindy;

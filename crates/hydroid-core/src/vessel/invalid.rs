@@ -1,0 +1,139 @@
+//! Why a parameter set is refused.
+
+use core::fmt;
+
+/// Mode of a hydrofoil, as far as its parameters differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Hull in the water.
+    Normal,
+    /// On the foils.
+    Flying,
+}
+
+impl fmt::Display for Mode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Normal => "normal",
+            Self::Flying => "flying",
+        })
+    }
+}
+
+/// What is absurd in a [`VesselParams`](super::VesselParams). Fields are named by their path.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InvalidParams {
+    /// Not a finite number.
+    NotFinite {
+        /// Path of the parameter.
+        field: &'static str,
+        /// What stands there.
+        value: f64,
+    },
+    /// Must be greater than zero.
+    NotPositive {
+        /// Path of the parameter.
+        field: &'static str,
+        /// What stands there.
+        value: f64,
+    },
+    /// Must not be less than zero.
+    Negative {
+        /// Path of the parameter.
+        field: &'static str,
+        /// What stands there.
+        value: f64,
+    },
+    /// An added-mass derivative greater than zero: it would take mass away.
+    PositiveAddedMass {
+        /// Path of the parameter.
+        field: &'static str,
+        /// What stands there.
+        value: f64,
+    },
+    /// The yaw inertia about CO is not greater than `m x_g^2`, the part that moving from the centre of
+    /// gravity alone brings.
+    YawInertia {
+        /// `i_z` \[kg m^2\].
+        i_z: f64,
+        /// `m x_g^2` \[kg m^2\].
+        least: f64,
+    },
+    /// The mass matrix is singular or not positive definite.
+    MassMatrix {
+        /// Mode whose mass matrix it is.
+        mode: Mode,
+        /// `m22 m33 - m23^2` \[kg^2 m^2\].
+        determinant: f64,
+    },
+    /// The lower limit of a command is not below the upper one.
+    Limits {
+        /// Path of the parameter.
+        field: &'static str,
+        /// Lower limit.
+        low: f64,
+        /// Upper limit.
+        high: f64,
+    },
+    /// A rudder angle limit beyond a quarter turn: most likely degrees.
+    RudderAngle {
+        /// The limit.
+        limit: f64,
+    },
+    /// A command without a name.
+    EmptyName {
+        /// Path of the parameter.
+        field: &'static str,
+    },
+}
+
+impl InvalidParams {
+    /// Path of the parameter that is to blame, if it is one alone; entries of a matrix or of limits count as
+    /// the parameter that holds them.
+    pub fn field(&self) -> Option<&'static str> {
+        let path = match *self {
+            Self::NotFinite { field, .. }
+            | Self::NotPositive { field, .. }
+            | Self::Negative { field, .. }
+            | Self::PositiveAddedMass { field, .. }
+            | Self::Limits { field, .. }
+            | Self::EmptyName { field } => field,
+            Self::YawInertia { .. } => "rigid_body.i_z",
+            Self::RudderAngle { .. } => "commands.rudder.limits",
+            Self::MassMatrix { .. } => return None,
+        };
+        path.split('[').next()
+    }
+}
+
+impl fmt::Display for InvalidParams {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite { field, value } => write!(f, "{field} is {value}; a finite number is needed"),
+            Self::NotPositive { field, value } => write!(f, "{field} is {value}; it must be greater than 0"),
+            Self::Negative { field, value } => write!(f, "{field} is {value}; it must not be negative"),
+            Self::PositiveAddedMass { field, value } => write!(
+                f,
+                "{field} is {value}; as a hydrodynamic derivative (SNAME) it must not be positive: added mass is its negative"
+            ),
+            Self::YawInertia { i_z, least } => write!(
+                f,
+                "rigid_body.i_z is {i_z} kg m^2; about CO it must exceed mass * x_g^2 = {least} kg m^2"
+            ),
+            Self::MassMatrix { mode, determinant } => write!(
+                f,
+                "the mass matrix of the {mode} mode is not positive definite: m22 m33 - m23^2 = {determinant}"
+            ),
+            Self::Limits { field, low, high } => {
+                write!(f, "{field} is [{low}, {high}]; the lower limit must be below the upper one")
+            }
+            Self::RudderAngle { limit } => write!(
+                f,
+                "commands.rudder.limits has {limit}; with the sine law it is an angle in radians, within pi/2"
+            ),
+            Self::EmptyName { field } => write!(f, "{field} is empty"),
+        }
+    }
+}
+
+impl core::error::Error for InvalidParams {}

@@ -1,0 +1,67 @@
+//! The plants against an independent implementation (NumPy): files under `/tests/golden`.
+
+use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+
+/// Data rows of a golden file, split into cells.
+fn rows(file: &str) -> Vec<Vec<String>> {
+    let path = format!("{}/../../tests/golden/{file}", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
+    text.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect()
+}
+
+fn numbers(cells: &[String]) -> Vec<f64> {
+    cells.iter().map(|cell| cell.parse().expect("a number")).collect()
+}
+
+fn params(plant: &str) -> VesselParams {
+    match plant {
+        "simple" => VesselParams::simple(),
+        "hydrofoil" => VesselParams::hydrofoil(),
+        "hydrofoil_low_speed_model" => VesselParams::hydrofoil_low_speed(),
+        _ => panic!("no plant {plant}"),
+    }
+}
+
+/// Largest absolute difference over a golden trajectory, ten 10 ms steps per command.
+fn worst_difference(plant_name: &str) -> f64 {
+    let plant = Plant::new(&params(plant_name)).expect("reference plants are valid");
+    let mut state = State::REST;
+    let mut worst = 0.0_f64;
+    for row in rows(&format!("golden_{plant_name}.csv")) {
+        let row = numbers(&row);
+        let simulated: [f64; State::LEN] = state.into();
+        for (ours, theirs) in simulated.iter().zip(&row[3..]) {
+            worst = worst.max((ours - theirs).abs());
+        }
+        let actuation = plant.actuation(&Command { pp: row[1], rd: row[2] });
+        for _ in 0..10 {
+            state = plant.advance_under(&state, &actuation, 0.01);
+        }
+    }
+    worst
+}
+
+#[test]
+fn trajectories_match() {
+    for plant in ["simple", "hydrofoil", "hydrofoil_low_speed_model"] {
+        let worst = worst_difference(plant);
+        println!("{plant}: largest difference {worst:.2e}");
+        assert!(worst < 1e-11, "{plant}: {worst:e}");
+    }
+}
+
+#[test]
+fn derivatives_match() {
+    let rows = rows("golden_derivatives.csv");
+    assert!(rows.len() >= 48, "16 states for each of three plants");
+    for row in rows {
+        let plant = Plant::new(&params(&row[0])).expect("reference plants are valid");
+        let n = numbers(&row[1..]);
+        let state = State { x: 0.0, y: 0.0, psi: n[2], u: n[3], v: n[4], r: n[5], p_f: n[6] };
+        let ours: [f64; State::LEN] = plant.derivative(&state, &Command { pp: n[0], rd: n[1] }).into();
+        for (i, (ours, theirs)) in ours.iter().zip(&n[7..]).enumerate() {
+            // 1e-12 absolute holds for dP_f/dt of some 100 N/s as well: its rounding is 3e-14.
+            assert!((ours - theirs).abs() < 1e-12, "{}: component {i}: {ours} and {theirs}", row[0]);
+        }
+    }
+}

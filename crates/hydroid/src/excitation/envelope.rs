@@ -1,0 +1,56 @@
+//! How fast a vessel goes and how quickly it answers, from its parameters.
+
+use hydroid_core::vessel::{Plant, VesselParams};
+
+use super::error::ExcitationError;
+
+/// What a vessel can do under full propeller force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Envelope {
+    /// Speed on a straight course under full propeller force \[m/s\].
+    pub top_speed: f64,
+    /// Time in which it answers a propeller command \[s\]: the lag, and the time in which full force would
+    /// bring the mass to top speed without drag.
+    pub time_s: f64,
+}
+
+/// Beyond this speed \[m/s\] a parameter set has no drag worth the name.
+const ABSURD_SPEED: f64 = 1e3;
+/// Where the search for the top speed starts \[m/s\].
+const FINEST: f64 = 1e-3;
+
+impl Envelope {
+    /// The envelope of a vessel.
+    ///
+    /// # Errors
+    /// [`ExcitationError::NoForwardForce`] where the propeller's upper limit is not positive,
+    /// [`ExcitationError::NoDrag`] where nothing would stop the vessel from accelerating.
+    pub fn new(params: &VesselParams, plant: &Plant) -> Result<Self, ExcitationError> {
+        let force = params.commands.propeller.limits[1];
+        if force <= 0.0 {
+            return Err(ExcitationError::NoForwardForce { limit: force });
+        }
+        // The holding force of a hydrofoil is not monotone: walk up to find the last speed that full force
+        // holds, then close in on it.
+        let mut held = 0.0;
+        let mut u = FINEST;
+        while u <= ABSURD_SPEED {
+            if plant.holding_force(u) <= force {
+                held = u;
+            } else if u > 4.0 * held.max(FINEST) {
+                break;
+            }
+            u *= 1.01;
+        }
+        if held * 1.01 > ABSURD_SPEED {
+            return Err(ExcitationError::NoDrag);
+        }
+        let (mut low, mut high) = (held, held.max(FINEST) * 1.01);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if plant.holding_force(middle) <= force { low = middle } else { high = middle }
+        }
+        let [m11, ..] = plant.mass_matrix();
+        Ok(Self { top_speed: low, time_s: params.propeller.lag + m11 * low / force })
+    }
+}

@@ -1,0 +1,47 @@
+//! Pseudo-random binary sequence from a linear feedback shift register.
+
+/// Maximum-length sequence of 2^15 - 1 bits: `x^15 + x^14 + 1`, the polynomial of ITU-T O.150's PRBS15.
+///
+/// Its spectrum is flat up to about half the rate at which bits change, and it only ever takes two values:
+/// the classic signal to identify a linear system with.
+#[derive(Clone, Debug)]
+pub(crate) struct Prbs {
+    register: u16,
+}
+
+impl Prbs {
+    /// A generator somewhere in the sequence; any start will do, 0 (which would stay 0) becomes 1.
+    pub(crate) fn new(start: u16) -> Self {
+        let register = start & 0x7fff;
+        Self { register: if register == 0 { 1 } else { register } }
+    }
+
+    /// The next bit.
+    pub(crate) fn next_bit(&mut self) -> bool {
+        let bit = ((self.register >> 14) ^ (self.register >> 13)) & 1;
+        self.register = ((self.register << 1) | bit) & 0x7fff;
+        bit == 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Prbs;
+
+    #[test]
+    fn has_full_length_and_balance() {
+        let mut prbs = Prbs::new(0x2a5);
+        let start = prbs.register;
+        let mut ones = 0;
+        for k in 1..=32_767 {
+            ones += u32::from(prbs.next_bit());
+            assert_eq!(prbs.register == start, k == 32_767, "period at {k}");
+        }
+        assert_eq!(ones, 16_384);
+    }
+
+    #[test]
+    fn leaves_the_dead_state() {
+        assert!((0..20).any(|_| Prbs::new(0).next_bit()) || Prbs::new(0).register != 0);
+    }
+}

@@ -1,0 +1,205 @@
+//! Shapes of a command over time, joined into a signal.
+
+use std::f64::consts::TAU;
+
+use super::prbs::Prbs;
+
+/// Course of one command over one segment; `t` counts from the segment's start.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// No command.
+    Zero,
+    /// The levels one after the other, each for an equal part of the segment.
+    Steps {
+        /// Levels, in order; none is the same as [`Zero`](Self::Zero).
+        levels: Vec<f64>,
+    },
+    /// A straight line over the whole segment.
+    Ramp {
+        /// Value at the start.
+        from: f64,
+        /// Value at the end.
+        to: f64,
+    },
+    /// From `low` to `high` and back, at constant rate.
+    Triangle {
+        /// Lower corner, where it starts.
+        low: f64,
+        /// Upper corner.
+        high: f64,
+        /// Time from one lower corner to the next \[s\].
+        period_s: f64,
+    },
+    /// `centre + amplitude sin(phase)` whose frequency grows (or falls) linearly in time.
+    Chirp {
+        /// Mean value.
+        centre: f64,
+        /// Amplitude.
+        amplitude: f64,
+        /// Frequency at the start \[Hz\].
+        from_hz: f64,
+        /// Frequency at the end \[Hz\].
+        to_hz: f64,
+    },
+    /// A pseudo-random binary sequence between two levels.
+    Prbs {
+        /// Lower level.
+        low: f64,
+        /// Upper level.
+        high: f64,
+        /// Time for which a bit is held \[s\].
+        hold_s: f64,
+        /// Where in the sequence of 32,767 bits it starts.
+        start: u16,
+    },
+}
+
+/// A shape over a stretch of time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// Course of the command.
+    pub shape: Shape,
+    /// How long \[s\].
+    pub duration_s: f64,
+}
+
+impl Segment {
+    /// Value at `t` seconds after the segment's start. The bits of a PRBS depend on each other, so its
+    /// state comes along.
+    fn value(&self, t: f64, prbs: &mut PrbsState) -> f64 {
+        match &self.shape {
+            Shape::Zero => 0.0,
+            Shape::Steps { levels } => {
+                let part = index(t / self.duration_s * levels.len() as f64);
+                levels.get(part.min(levels.len().saturating_sub(1))).copied().unwrap_or(0.0)
+            }
+            Shape::Ramp { from, to } => from + (to - from) * (t / self.duration_s),
+            Shape::Triangle { low, high, period_s } => {
+                let phase = (t / period_s).fract();
+                low + (high - low) * (1.0 - (2.0 * phase - 1.0).abs())
+            }
+            Shape::Chirp { centre, amplitude, from_hz, to_hz } => {
+                let rate = (to_hz - from_hz) / self.duration_s;
+                centre + amplitude * (TAU * (from_hz + 0.5 * rate * t) * t).sin()
+            }
+            Shape::Prbs { low, high, hold_s, start } => {
+                if prbs.bit_at(index(t / hold_s), *start) {
+                    *high
+                } else {
+                    *low
+                }
+            }
+        }
+    }
+}
+
+/// A PRBS on its way through a segment.
+#[derive(Default)]
+struct PrbsState(Option<(Prbs, usize, bool)>);
+
+impl PrbsState {
+    /// Bit number `wanted`, which never goes backwards within a segment.
+    fn bit_at(&mut self, wanted: usize, start: u16) -> bool {
+        let (prbs, reached, bit) = self.0.get_or_insert_with(|| {
+            let mut prbs = Prbs::new(start);
+            let first = prbs.next_bit();
+            (prbs, 0, first)
+        });
+        while *reached < wanted {
+            *bit = prbs.next_bit();
+            *reached += 1;
+        }
+        *bit
+    }
+}
+
+/// Whole part of a time over a time, neither of them negative; the little that rounding may lack at an
+/// exact multiple is forgiven.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // never negative, and `as` saturates
+fn index(ratio: f64) -> usize {
+    (ratio + 1e-9).floor() as usize
+}
+
+/// One command over a record: segments one after the other, zero after the last.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Signal {
+    /// The segments, in order.
+    pub segments: Vec<Segment>,
+}
+
+impl Signal {
+    /// Length of all segments together \[s\].
+    pub fn duration_s(&self) -> f64 {
+        self.segments.iter().map(|segment| segment.duration_s).sum()
+    }
+
+    /// `n` samples at step `dt` \[s\].
+    pub fn sample(&self, dt: f64, n: usize) -> Vec<f64> {
+        let mut samples = Vec::with_capacity(n);
+        let mut start = 0.0;
+        for segment in &self.segments {
+            let end = start + segment.duration_s;
+            let mut prbs = PrbsState::default();
+            while samples.len() < n {
+                let t = samples.len() as f64 * dt;
+                // A sample on the border, but for rounding, belongs to the next segment.
+                if t >= end - 1e-9 * dt {
+                    break;
+                }
+                samples.push(segment.value((t - start).max(0.0), &mut prbs));
+            }
+            start = end;
+        }
+        samples.resize(n, 0.0);
+        samples
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sampled(shape: Shape, duration_s: f64, n: usize) -> Vec<f64> {
+        Signal { segments: vec![Segment { shape, duration_s }] }.sample(0.1, n)
+    }
+
+    #[test]
+    fn steps_share_the_time() {
+        let samples = sampled(Shape::Steps { levels: vec![1.0, -2.0, 3.0] }, 0.6, 7);
+        assert_eq!(samples, [1.0, 1.0, -2.0, -2.0, 3.0, 3.0, 0.0]);
+    }
+
+    #[test]
+    fn ramp_and_triangle_are_straight() {
+        let ramp = sampled(Shape::Ramp { from: 1.0, to: 2.0 }, 1.0, 10);
+        assert!((ramp[5] - 1.5).abs() < 1e-12 && ramp[0] == 1.0);
+        let triangle = sampled(Shape::Triangle { low: -1.0, high: 1.0, period_s: 0.8 }, 1.6, 16);
+        for (ours, theirs) in triangle.iter().zip([-1.0, -0.5, 0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0]) {
+            assert!((ours - theirs).abs() < 1e-12, "{triangle:?}");
+        }
+    }
+
+    #[test]
+    fn a_chirp_sweeps_through_its_cycles() {
+        // From 0.2 to 0.6 Hz in 20 s: 8 cycles on average, so 16 changes of sign.
+        let chirp =
+            sampled(Shape::Chirp { centre: 0.0, amplitude: 2.0, from_hz: 0.2, to_hz: 0.6 }, 20.0, 200);
+        let changes = chirp[1..].windows(2).filter(|w| w[0].signum() != w[1].signum()).count();
+        assert!((15..=16).contains(&changes), "{changes}");
+        assert!(chirp.iter().all(|x| x.abs() <= 2.0));
+    }
+
+    #[test]
+    fn a_prbs_holds_its_bits() {
+        let samples = sampled(Shape::Prbs { low: -1.0, high: 1.0, hold_s: 0.3, start: 77 }, 30.0, 300);
+        assert!(samples.chunks(3).all(|bit| bit.iter().all(|x| *x == bit[0])));
+        assert!(samples.contains(&-1.0) && samples.contains(&1.0));
+    }
+
+    #[test]
+    fn segments_join_without_gap() {
+        let hold = |level: f64| Segment { shape: Shape::Steps { levels: vec![level] }, duration_s: 0.3 };
+        let signal = Signal { segments: vec![hold(1.0), hold(2.0), hold(3.0)] };
+        assert_eq!(signal.sample(0.1, 10), [1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 0.0]);
+    }
+}

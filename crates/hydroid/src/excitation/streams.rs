@@ -1,0 +1,25 @@
+//! One seed per run, one stream of random numbers per purpose.
+
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+
+/// What random numbers are drawn for. Each has a stream of its own, so that changing how one is used (more
+/// noise channels, another command) leaves the others as they were.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Purpose {
+    /// The propeller command.
+    Propeller = 0,
+    /// The rudder command.
+    Rudder = 1,
+    /// Measurement noise.
+    Noise = 2,
+    /// Speeds of a lawn-mower's legs.
+    Legs = 3,
+}
+
+/// The stream of a purpose.
+pub(crate) fn stream(seed: u64, purpose: Purpose) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(purpose as u64);
+    rng
+}

@@ -1,0 +1,82 @@
+//! What to simulate.
+
+use hydroid_core::vessel::VesselParams;
+
+use super::error::SimulateError;
+use crate::excitation::Excitation;
+
+/// What to simulate, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// The vessel.
+    pub vessel: VesselParams,
+    /// What drives it.
+    pub excitation: Excitation,
+    /// Duration \[s\]; the record has one sample per `dt_s`. A lawn-mower with given speeds ends after its
+    /// last leg.
+    pub duration_s: f64,
+    /// Sample time, for which a command is held \[s\].
+    pub dt_s: f64,
+    /// Integration step \[s\]; a sample time is a whole number of them.
+    pub step_s: f64,
+    /// Seed of commands and noise.
+    pub seed: u64,
+    /// Scale of the vessel's measurement noise; 0 for none.
+    pub noise_scale: f64,
+}
+
+/// The sizes of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Counts {
+    pub(crate) samples: usize,
+    pub(crate) substeps: u32,
+}
+
+/// More samples than anyone has memory for: a slip in a unit.
+const MOST_SAMPLES: f64 = 1e9;
+
+impl Options {
+    /// The thesis's record: 7,200 s, 0.1 s samples, 10 ms integration, noise as the vessel has it, seed 0.
+    pub const fn new(vessel: VesselParams, excitation: Excitation) -> Self {
+        Self { vessel, excitation, duration_s: 7_200.0, dt_s: 0.1, step_s: 0.01, seed: 0, noise_scale: 1.0 }
+    }
+
+    /// Number of samples and of integration steps in each, if the options make sense.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive and bounded by the checks
+    pub(crate) fn counts(&self) -> Result<Counts, SimulateError> {
+        for (what, value) in [
+            ("the duration", self.duration_s),
+            ("the sample time", self.dt_s),
+            ("the integration step", self.step_s),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(SimulateError::Option {
+                    what,
+                    value,
+                    needed: "seconds greater than 0 are needed",
+                });
+            }
+        }
+        if !(self.noise_scale.is_finite() && self.noise_scale >= 0.0) {
+            return Err(SimulateError::Option {
+                what: "the scale of the noise",
+                value: self.noise_scale,
+                needed: "0 for none, 1 for the vessel's own",
+            });
+        }
+        let substeps = (self.dt_s / self.step_s).round();
+        let whole = (substeps * self.step_s - self.dt_s).abs() <= 1e-9 * self.dt_s;
+        if !whole || !(1.0..=1e6).contains(&substeps) {
+            return Err(SimulateError::Substeps { dt_s: self.dt_s, step_s: self.step_s });
+        }
+        let samples = (self.duration_s / self.dt_s).round();
+        if !(1.0..=MOST_SAMPLES).contains(&samples) {
+            return Err(SimulateError::Option {
+                what: "the duration",
+                value: self.duration_s,
+                needed: "it must hold between one and 10^9 samples",
+            });
+        }
+        Ok(Counts { samples: samples as usize, substeps: substeps as u32 })
+    }
+}

@@ -1,0 +1,129 @@
+//! A simple helmsman for closed-loop runs: speed, course, path, on the true state.
+//!
+//! It knows the vessel's parameters, because a simulated log shall go where it was told; the controllers
+//! that are judged work on what was identified and are not these.
+
+use hydroid_core::vessel::kinematics::wrap;
+use hydroid_core::vessel::{Command, Plant, RudderLaw, State, VesselParams};
+
+use super::path::Place;
+use super::plan::Stage;
+use crate::excitation::Envelope;
+
+/// Steers a vessel along its stages.
+///
+/// - Speed: `PP = F(u_d) + k_p (u_d - u) + k_i integral`, `F` the force that holds the speed.
+/// - Guidance: line of sight, `chi_d = course - atan(e / lookahead)`, with the cross-track error `e`; heading
+///   `psi_d = chi_d - beta` with the sideslip `beta = atan2(v, u)` (Fossen, Handbook of Marine Craft
+///   Hydrodynamics and Motion Control, 2nd ed., chapter 12).
+/// - Heading: `N = m33 (w^2 (psi_d - psi) + 2 w (r_d - r)) + drag and Coriolis moment`, `r_d` the curvature
+///   of the path times the speed; from `N` the rudder command.
+pub(super) struct Pilot<'a> {
+    vessel: &'a VesselParams,
+    plant: &'a Plant,
+    stages: Vec<Stage>,
+    stage: usize,
+    integral: f64,
+    dt_s: f64,
+    speed_gain: f64,
+    integral_gain: f64,
+    bandwidth: f64,
+    time_s: f64,
+    slowest: f64,
+}
+
+impl<'a> Pilot<'a> {
+    pub(super) fn new(
+        vessel: &'a VesselParams,
+        plant: &'a Plant,
+        envelope: &Envelope,
+        stages: Vec<Stage>,
+        dt_s: f64,
+    ) -> Self {
+        let [m11, ..] = plant.mass_matrix();
+        let lag = vessel.propeller.lag;
+        // The pole of mass over gain a good deal slower than the propeller.
+        let speed_gain = 0.4 * m11 / lag;
+        Self {
+            vessel,
+            plant,
+            stages,
+            stage: 0,
+            integral: 0.0,
+            dt_s,
+            speed_gain,
+            integral_gain: speed_gain / (8.0 * lag),
+            bandwidth: 2.0 / envelope.time_s,
+            time_s: envelope.time_s,
+            slowest: 0.1 * envelope.top_speed,
+        }
+    }
+
+    /// The command for this sample; none once the last stage is done.
+    pub(super) fn command(&mut self, state: &State) -> Option<Command> {
+        let (stage, place) = loop {
+            let stage = *self.stages.get(self.stage)?;
+            let place = stage.piece.place(state);
+            if place.remaining > 0.0 {
+                break (stage, place);
+            }
+            self.stage += 1;
+            self.integral = 0.0;
+        };
+        let speed = if place.remaining < self.braking_way(state.u, stage.end_speed) {
+            stage.end_speed
+        } else {
+            stage.speed
+        };
+        Some(Command { pp: self.propeller(state, speed), rd: self.rudder(state, &place) })
+    }
+
+    /// Way in which drag alone slows the vessel down, the lag of the propeller included \[m\].
+    fn braking_way(&self, from: f64, to: f64) -> f64 {
+        if from <= to {
+            return 0.0;
+        }
+        let [m11, ..] = self.plant.mass_matrix();
+        let deceleration = self.plant.holding_force(to) / m11;
+        2.0 * self.vessel.propeller.lag * from + (from * from - to * to) / (2.0 * deceleration)
+    }
+
+    fn propeller(&mut self, state: &State, speed: f64) -> f64 {
+        let error = speed - state.u;
+        let channel = &self.vessel.commands.propeller;
+        let wanted =
+            self.plant.holding_force(speed) + self.speed_gain * error + self.integral_gain * self.integral;
+        let pp = channel.clamp(wanted);
+        // A command at its limit must not wind the integral up.
+        if pp == wanted {
+            self.integral += error * self.dt_s;
+        }
+        pp
+    }
+
+    fn rudder(&self, state: &State, place: &Place) -> f64 {
+        let speed = state.u.hypot(state.v);
+        let lookahead = 1.5 * self.time_s * speed.max(self.slowest);
+        let sideslip = if state.u > self.slowest { state.v.atan2(state.u) } else { 0.0 };
+        let heading = place.course - (place.cross_track / lookahead).atan() - sideslip;
+        let yaw_rate = place.curvature * speed;
+
+        let [_, _, _, m33] = self.plant.mass_matrix();
+        let [.., drag] = self.plant.drag(state.nu());
+        let [.., coriolis] = self.plant.coriolis(state.nu());
+        let flying = self.plant.flying_weight(state.u);
+        let drag_factor = self.vessel.flying.map_or(1.0, |mode| 1.0 + flying * (mode.drag_factor - 1.0));
+        let w = self.bandwidth;
+        let moment = m33 * (w * w * wrap(heading - state.psi) + 2.0 * w * (yaw_rate - state.r))
+            + drag_factor * drag
+            + coriolis;
+
+        // Hardly moving, the rudder has no grip, and dividing by the speed would make it flap.
+        let grip = self.vessel.rudder.gain * state.u.max(self.slowest);
+        let wanted = match self.vessel.rudder.law {
+            RudderLaw::Linear => moment / grip,
+            RudderLaw::Sine => (moment / grip).clamp(-1.0, 1.0).asin(),
+        };
+        self.vessel.commands.rudder.clamp(wanted)
+    }
+}

@@ -1,0 +1,166 @@
+//! A simulated record.
+
+use std::sync::Arc;
+
+use hydroid_core::vessel::{Command, CommandChannel, State};
+
+use super::error::SimulateError;
+use super::options::Options;
+use crate::log::{Channel, Table, Trajectory};
+
+/// A simulated run: what was commanded, what was measured, what was true.
+///
+/// Row `k` holds the state before command `k` acts; command `k` is held until row `k + 1`. The pose is
+/// measured exactly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simulated {
+    name: String,
+    dt_s: f64,
+    channels: [CommandChannel; 2],
+    force_measured: bool,
+    commands: Vec<Command>,
+    states: Vec<State>,
+    /// `[u, v, r, P_f]` with noise; the last is shown only where the force is measured.
+    measured: Vec<[f64; 4]>,
+}
+
+/// A measured column: its name and unit, and where it comes from.
+#[derive(Clone, Copy)]
+struct Output {
+    name: &'static str,
+    unit: &'static str,
+    truth: fn(&State) -> f64,
+    /// Column of `measured`; the pose has none and is exact.
+    noisy: Option<usize>,
+}
+
+const OUTPUTS: [Output; 7] = [
+    Output { name: "x", unit: "m", truth: |s| s.x, noisy: None },
+    Output { name: "y", unit: "m", truth: |s| s.y, noisy: None },
+    Output { name: "psi", unit: "rad", truth: |s| s.psi, noisy: None },
+    Output { name: "u", unit: "m/s", truth: |s| s.u, noisy: Some(0) },
+    Output { name: "v", unit: "m/s", truth: |s| s.v, noisy: Some(1) },
+    Output { name: "r", unit: "rad/s", truth: |s| s.r, noisy: Some(2) },
+    Output { name: "P_f", unit: "N", truth: |s| s.p_f, noisy: Some(3) },
+];
+
+impl Simulated {
+    pub(super) fn new(
+        options: &Options,
+        commands: Vec<Command>,
+        states: Vec<State>,
+        measured: Vec<[f64; 4]>,
+    ) -> Self {
+        let channels = &options.vessel.commands;
+        Self {
+            name: format!("{} (seed {})", options.vessel.name, options.seed),
+            dt_s: options.dt_s,
+            channels: [channels.propeller.clone(), channels.rudder.clone()],
+            force_measured: options.vessel.propeller.force_measured,
+            commands,
+            states,
+            measured,
+        }
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.states.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.states.is_empty()
+    }
+
+    /// Sample time \[s\].
+    pub const fn dt_s(&self) -> f64 {
+        self.dt_s
+    }
+
+    /// Time of sample `k` \[s\]. Where a second is a whole number of samples, it is the number nearest to
+    /// the decimal fraction, so that it reads 0.3 and not 0.30000000000000004.
+    pub fn time(&self, k: usize) -> f64 {
+        let rate = 1.0 / self.dt_s;
+        if (rate - rate.round()).abs() < 1e-9 * rate { k as f64 / rate.round() } else { k as f64 * self.dt_s }
+    }
+
+    /// The two commands as a log calls them.
+    pub const fn command_channels(&self) -> &[CommandChannel; 2] {
+        &self.channels
+    }
+
+    /// Commands, sample by sample.
+    pub fn commands(&self) -> &[Command] {
+        &self.commands
+    }
+
+    /// True states, sample by sample.
+    pub fn states(&self) -> &[State] {
+        &self.states
+    }
+
+    /// Measured `[u, v, r, P_f]`, sample by sample; the last counts only where
+    /// [`force_measured`](Self::force_measured).
+    pub fn measured(&self) -> &[[f64; 4]] {
+        &self.measured
+    }
+
+    /// Whether the propeller force is among the measurements.
+    pub const fn force_measured(&self) -> bool {
+        self.force_measured
+    }
+
+    /// How often the surge velocity went through `level` \[m/s\].
+    pub fn crossings(&self, level: f64) -> usize {
+        self.states.windows(2).filter(|pair| (pair[0].u > level) != (pair[1].u > level)).count()
+    }
+
+    /// The run with the measured columns `outputs` (among `x`, `y`, `psi`, `u`, `v`, `r`, and `P_f` where it
+    /// is measured), both commands as inputs, and the truth of the same columns.
+    ///
+    /// # Errors
+    /// [`SimulateError::UnknownOutput`] for a column that was not measured.
+    pub fn to_trajectory(&self, outputs: &[&str]) -> Result<Trajectory, SimulateError> {
+        let columns = outputs.iter().map(|name| self.output(name)).collect::<Result<Vec<_>, _>>()?;
+        let channels: Arc<[Channel]> =
+            columns.iter().map(|column| Channel::new(column.name, column.unit)).collect();
+        let mut measured = Vec::with_capacity(self.len() * columns.len());
+        let mut truth = Vec::with_capacity(self.len() * columns.len());
+        for (state, noisy) in self.states.iter().zip(&self.measured) {
+            for column in &columns {
+                let true_value = (column.truth)(state);
+                truth.push(true_value);
+                measured.push(column.noisy.map_or(true_value, |i| noisy[i]));
+            }
+        }
+        let inputs: Arc<[Channel]> =
+            self.channels.iter().map(|c| Channel::new(c.name.as_str(), c.unit.as_str())).collect();
+        Ok(Trajectory {
+            name: self.name.clone(),
+            t0: 0.0,
+            dt: self.dt_s,
+            outputs: Table::new(Arc::clone(&channels), measured),
+            inputs: Table::new(inputs, self.commands.iter().flat_map(|c| [c.pp, c.rd]).collect()),
+            truth: Some(Table::new(channels, truth)),
+        })
+    }
+
+    fn output(&self, name: &str) -> Result<Output, SimulateError> {
+        let there = || OUTPUTS.into_iter().filter(|o| self.force_measured || o.name != "P_f");
+        there().find(|o| o.name == name).ok_or_else(|| SimulateError::UnknownOutput {
+            name: name.to_owned(),
+            nearest: nearest(name, there().map(|o| o.name)),
+            known: there().map(|o| o.name.to_owned()).collect(),
+        })
+    }
+}
+
+/// The candidate nearest to a misspelt word, if one is near enough to be what was meant.
+pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
+    candidates
+        .map(|candidate| (strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase()), candidate))
+        .filter(|(similarity, _)| *similarity > 0.7)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate.to_owned())
+}

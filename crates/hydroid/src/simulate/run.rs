@@ -1,0 +1,142 @@
+//! The run itself: commands, integration, noise.
+
+use std::ops::ControlFlow;
+
+use hydroid_core::vessel::{Command, Noise, Plant, State};
+use rand_distr::{Distribution as _, StandardNormal};
+
+use super::error::SimulateError;
+use super::options::{Counts, Options};
+use super::pilot::Pilot;
+use super::plan;
+use super::record::Simulated;
+use crate::excitation::{self, Envelope, Excitation, Purpose, stream};
+
+/// Samples between two calls of the progress callback: about a millisecond of work.
+const PROGRESS_EVERY: usize = 512;
+
+/// Runs a vessel and measures it.
+///
+/// `progress` is called every now and then with the fraction done, and may break off.
+///
+/// # Errors
+/// Wrong options, a vessel or excitation that is not possible, a simulation that diverges (see
+/// [`SimulateError`]); [`SimulateError::Cancelled`] when `progress` breaks off.
+pub fn simulate(
+    options: &Options,
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Simulated, SimulateError> {
+    let counts = options.counts()?;
+    let plant = Plant::new(&options.vessel)?;
+    let (vessel, seed, dt, n) = (&options.vessel, options.seed, options.dt_s, counts.samples);
+    let mut runner = Runner { options, counts, plant: &plant, progress };
+
+    let (commands, states) = match &options.excitation {
+        Excitation::Mixed => runner.open_loop(&excitation::mixed(vessel, &plant, seed, dt, n)?)?,
+        Excitation::Given(rows) => runner.open_loop(&excitation::held(rows, vessel, dt, n)?)?,
+        Excitation::LowSpeed(low) => {
+            let commands = excitation::low_speed(vessel, &plant, *low, seed, dt, n)?;
+            runner.governed(&commands, excitation::low_speed_ceiling(vessel, low.ceiling))?
+        }
+        Excitation::LawnMower(plan) => {
+            let envelope = Envelope::new(vessel, &plant)?;
+            let legs = plan::lawn_mower(plan, vessel, &plant, &envelope, seed, options.duration_s)?;
+            let mut pilot = Pilot::new(vessel, &plant, &envelope, legs, dt);
+            runner.run(|_, state| pilot.command(state))?
+        }
+        Excitation::Circle(plan) => {
+            let envelope = Envelope::new(vessel, &plant)?;
+            let mut pilot = Pilot::new(vessel, &plant, &envelope, plan::circle(plan, &envelope)?, dt);
+            runner.run(|_, state| pilot.command(state))?
+        }
+    };
+    let measured = measure(&states, &options.vessel.noise, options.noise_scale, options.seed);
+    Ok(Simulated::new(options, commands, states, measured))
+}
+
+struct Runner<'a> {
+    options: &'a Options,
+    counts: Counts,
+    plant: &'a Plant,
+    progress: &'a mut dyn FnMut(f64) -> ControlFlow<()>,
+}
+
+impl Runner<'_> {
+    fn open_loop(&mut self, commands: &[Command]) -> Result<(Vec<Command>, Vec<State>), SimulateError> {
+        self.run(|k, _| commands.get(k).copied())
+    }
+
+    /// Open loop, but that the propeller stops pushing just below the ceiling: a straight course never gets
+    /// there, a turn that drives the vessel forward (through the Coriolis force) might.
+    fn governed(
+        &mut self,
+        commands: &[Command],
+        ceiling: f64,
+    ) -> Result<(Vec<Command>, Vec<State>), SimulateError> {
+        let idle = self.options.vessel.commands.propeller.clamp(0.0);
+        let (commands, states) = self.run(|k, state| {
+            let command = commands.get(k)?;
+            let pp = if state.u > 0.95 * ceiling { command.pp.min(idle) } else { command.pp };
+            Some(Command { pp, ..*command })
+        })?;
+        match states.iter().position(|state| state.u >= ceiling) {
+            None => Ok((commands, states)),
+            Some(k) => Err(SimulateError::NotSlow {
+                t_s: k as f64 * self.options.dt_s,
+                reached: states[k].u,
+                ceiling,
+            }),
+        }
+    }
+
+    /// From rest, until the duration is over or there is no further command. Row `k` holds the state before
+    /// command `k` acts.
+    fn run(
+        &mut self,
+        mut command: impl FnMut(usize, &State) -> Option<Command>,
+    ) -> Result<(Vec<Command>, Vec<State>), SimulateError> {
+        let Counts { samples, substeps } = self.counts;
+        let h = self.options.dt_s / f64::from(substeps);
+        let mut commands = Vec::with_capacity(samples);
+        let mut states = Vec::with_capacity(samples);
+        let mut state = State::REST;
+        for k in 0..samples {
+            if k % PROGRESS_EVERY == 0 && (self.progress)(k as f64 / samples as f64).is_break() {
+                return Err(SimulateError::Cancelled);
+            }
+            let Some(held) = command(k, &state) else { break };
+            commands.push(held);
+            states.push(state);
+            let actuation = self.plant.actuation(&held);
+            for _ in 0..substeps {
+                state = self.plant.advance_under(&state, &actuation, h);
+            }
+            if !state.is_finite() {
+                return Err(SimulateError::Diverged {
+                    t_s: (k + 1) as f64 * self.options.dt_s,
+                    step_s: self.options.step_s,
+                });
+            }
+        }
+        if (self.progress)(1.0).is_break() {
+            return Err(SimulateError::Cancelled);
+        }
+        Ok((commands, states))
+    }
+}
+
+/// `[u, v, r, P_f]` with white Gaussian noise, in the order of samples: a shorter record of the same seed
+/// has the same noise as the start of a longer one.
+fn measure(states: &[State], noise: &Noise, scale: f64, seed: u64) -> Vec<[f64; 4]> {
+    let deviations = [noise.u, noise.v, noise.r, noise.p_f].map(|std| std * scale);
+    let mut rng = stream(seed, Purpose::Noise);
+    let noisy = |state: &State| {
+        let mut row = [state.u, state.v, state.r, state.p_f];
+        for (value, std) in row.iter_mut().zip(deviations) {
+            let unit: f64 = StandardNormal.sample(&mut rng);
+            *value += std * unit;
+        }
+        row
+    };
+    states.iter().map(noisy).collect()
+}

@@ -1,0 +1,264 @@
+//! Wrong input to a simulation: each its own message, nothing panics; commands never leave their limits.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use hydroid::excitation::held;
+use hydroid::excitation::{
+    Circle, Composer, Envelope, Excitation, ExcitationError, LawnMower, LowSpeed, Turn,
+};
+use hydroid::simulate::{
+    Options, SimulateError, Simulated, VesselFileError, load_vessel, parse_vessel, simulate, vessel_toml,
+};
+use hydroid_core::vessel::{Command, Plant, VesselParams};
+use proptest::prelude::*;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+fn run(options: &Options) -> Result<Simulated, SimulateError> {
+    simulate(options, &mut |_| ControlFlow::Continue(()))
+}
+
+fn hydrofoil() -> Options {
+    Options { duration_s: 60.0, ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed) }
+}
+
+fn refused(edit: impl FnOnce(&mut Options)) -> SimulateError {
+    let mut options = hydrofoil();
+    edit(&mut options);
+    run(&options).expect_err("should be refused")
+}
+
+#[test]
+fn times_that_make_no_sense() {
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(matches!(refused(|o| o.duration_s = bad), SimulateError::Option { .. }));
+        assert!(matches!(refused(|o| o.dt_s = bad), SimulateError::Option { .. }));
+        assert!(matches!(refused(|o| o.step_s = bad), SimulateError::Option { .. }));
+    }
+    assert!(matches!(refused(|o| o.duration_s = 1e12), SimulateError::Option { .. }));
+    assert!(matches!(refused(|o| o.noise_scale = -0.1), SimulateError::Option { .. }));
+    assert!(matches!(refused(|o| o.step_s = 0.03), SimulateError::Substeps { .. }));
+    assert!(matches!(refused(|o| o.step_s = 0.2), SimulateError::Substeps { .. }));
+}
+
+#[test]
+fn steps_that_divide_but_for_rounding() {
+    for (dt_s, step_s, samples) in [(0.1, 0.01, 600), (0.3, 0.1, 200), (0.01, 0.01, 6_000), (0.7, 0.007, 86)]
+    {
+        let record = run(&Options { dt_s, step_s, ..hydrofoil() }).unwrap_or_else(|e| panic!("{dt_s}: {e}"));
+        assert_eq!(record.len(), samples);
+    }
+}
+
+#[test]
+fn vessels_that_cannot_be_driven() {
+    let error = refused(|o| o.vessel.rigid_body.mass = -1.0);
+    assert!(matches!(error, SimulateError::Vessel(_)), "{error}");
+    let error = refused(|o| {
+        o.vessel.drag.linear[0][0] = 0.0;
+        o.vessel.drag.quadratic[0][0] = 0.0;
+    });
+    assert_eq!(error, SimulateError::Excitation(ExcitationError::NoDrag));
+    let error = refused(|o| o.vessel.commands.propeller.limits = [-10.0, 0.0]);
+    assert_eq!(error, SimulateError::Excitation(ExcitationError::NoForwardForce { limit: 0.0 }));
+}
+
+#[test]
+fn a_step_too_long_for_the_vessel_says_so() {
+    let error = refused(|o| o.vessel.propeller.lag = 1e-4);
+    assert!(matches!(error, SimulateError::Diverged { .. }), "{error}");
+}
+
+#[test]
+fn plans_out_of_reach() {
+    let lawn = |plan| refused(|o| o.excitation = Excitation::LawnMower(plan));
+    let error = lawn(LawnMower { speeds: vec![2.0, 9.0], ..LawnMower::default() });
+    assert!(error.to_string().contains("5.61 m/s"), "{error}");
+    for plan in [
+        LawnMower { leg: Some(0.0), ..LawnMower::default() },
+        LawnMower { spacing: Some(f64::NAN), ..LawnMower::default() },
+        LawnMower { turn: Turn::Sharp { speed: Some(-1.0) }, ..LawnMower::default() },
+    ] {
+        assert!(matches!(lawn(plan), SimulateError::Excitation(ExcitationError::NotPositive { .. })));
+    }
+    let error = refused(|o| o.excitation = Excitation::Circle(Circle { radius: Some(-3.0), speed: None }));
+    assert!(error.to_string().contains("radius"), "{error}");
+    let error = refused(|o| o.excitation = Excitation::LowSpeed(LowSpeed { ceiling: 0.0 }));
+    assert!(error.to_string().contains("ceiling"), "{error}");
+}
+
+fn command(pp: f64, rd: f64) -> Command {
+    Command { pp, rd }
+}
+
+#[test]
+fn given_commands_are_held_until_the_next() {
+    let vessel = VesselParams::hydrofoil();
+    let rows = [(5.0, command(10.0, 0.1)), (5.1 + 0.2, command(20.0, 0.2)), (5.35, command(30.0, 0.3))];
+    let commands = held(&rows, &vessel, 0.1, 6).expect("good rows");
+    let pp: Vec<f64> = commands.iter().map(|c| c.pp).collect();
+    assert_eq!(pp, [10.0, 10.0, 10.0, 20.0, 30.0, 30.0]);
+}
+
+#[test]
+fn given_commands_that_are_wrong_name_their_row() {
+    let vessel = VesselParams::hydrofoil();
+    let refusal = |rows: &[(f64, Command)]| held(rows, &vessel, 0.1, 10).expect_err("should be refused");
+    let good = (0.0, command(0.0, 0.0));
+    assert_eq!(refusal(&[]), ExcitationError::NoRows);
+    assert_eq!(
+        refusal(&[good, (0.0, command(0.0, 0.0))]),
+        ExcitationError::TimeNotIncreasing { row: 2, time: 0.0, before: 0.0 }
+    );
+    assert!(matches!(
+        refusal(&[good, (f64::NAN, command(0.0, 0.0))]),
+        ExcitationError::NotFinite { row: 2, .. }
+    ));
+    assert!(matches!(
+        refusal(&[(0.0, command(0.0, f64::INFINITY))]),
+        ExcitationError::NotFinite { row: 1, .. }
+    ));
+    let error = refusal(&[good, (1.0, command(0.0, 30.0))]);
+    assert!(error.to_string().starts_with("row 2 of the commands: RD_ang = 30 is beyond"), "{error}");
+}
+
+#[test]
+fn a_vessel_file_reads_back() {
+    for params in [VesselParams::simple(), VesselParams::hydrofoil(), VesselParams::hydrofoil_low_speed()] {
+        let text = vessel_toml(&params).expect("writes");
+        assert_eq!(parse_vessel(&text, Path::new("a.toml")).expect("reads"), params);
+    }
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../vessels/hydrofoil.toml");
+    assert_eq!(load_vessel(path).expect("the example in the repository"), VesselParams::hydrofoil());
+}
+
+/// The refusal of the hydrofoil's file with `from` replaced by `to`.
+fn file_error(from: &str, to: &str) -> VesselFileError {
+    let text = vessel_toml(&VesselParams::hydrofoil()).expect("writes");
+    assert!(text.contains(from), "{text}");
+    parse_vessel(&text.replacen(from, to, 1), Path::new("boat.toml")).expect_err("should be refused")
+}
+
+/// Line of the hydrofoil's file on which `text` starts.
+fn line_of(text: &str) -> usize {
+    let file = vessel_toml(&VesselParams::hydrofoil()).expect("writes");
+    file[..file.find(text).expect("it is there")].lines().count() + 1
+}
+
+#[test]
+fn a_misspelt_key_names_file_line_and_the_nearest() {
+    let error = file_error("mass = 80.0", "mas = 80.0");
+    let message = error.to_string();
+    let line = line_of("mass = 80.0");
+    assert!(
+        message.starts_with(&format!("boat.toml, line {line}: unknown key mas, did you mean mass?")),
+        "{message}"
+    );
+
+    let message = file_error("slope = ", "slop = ").to_string();
+    assert!(
+        message.contains(&format!("line {}: unknown key slop, did you mean slope?", line_of("slope = "))),
+        "{message}"
+    );
+
+    let message = file_error("[rudder]", "[ruder]").to_string();
+    assert!(message.contains("unknown key ruder, did you mean rudder?"), "{message}");
+    assert!(message.contains(&format!("line {}", line_of("[rudder]"))), "{message}");
+
+    let message = file_error("law = \"sine\"", "law = \"sinus\"").to_string();
+    assert!(
+        message.contains(&format!("line {}", line_of("law = "))) && message.contains("sine"),
+        "{message}"
+    );
+}
+
+#[test]
+fn other_faults_of_a_vessel_file() {
+    let error = file_error("mass = 80.0", "mass = \"heavy\"");
+    assert!(
+        matches!(&error, VesselFileError::Syntax { line, .. } if *line == line_of("mass = 80.0")),
+        "{error}"
+    );
+    let error = file_error("mass = 80.0\n", "");
+    assert!(error.to_string().contains("mass"), "{error}");
+    let error = file_error("mass = 80.0", "mass = ");
+    assert!(matches!(error, VesselFileError::Syntax { .. }), "{error}");
+    let error = file_error("mass = 80.0", "mass = -80.0");
+    assert!(
+        matches!(&error, VesselFileError::Invalid { line: Some(line), .. } if *line == line_of("mass = 80.0")),
+        "{error}"
+    );
+    let error = load_vessel("/nowhere/boat.toml").expect_err("no such file");
+    assert!(error.to_string().contains("/nowhere/boat.toml"), "{error}");
+}
+
+#[test]
+fn the_envelope_is_where_force_and_drag_balance() {
+    for params in [VesselParams::simple(), VesselParams::hydrofoil(), VesselParams::hydrofoil_low_speed()] {
+        let plant = Plant::new(&params).expect("valid");
+        let envelope = Envelope::new(&params, &plant).expect("it has drag");
+        let force = params.commands.propeller.limits[1];
+        assert!((plant.holding_force(envelope.top_speed) - force).abs() < 1e-9 * force);
+    }
+}
+
+prop_compose! {
+    /// A vessel unlike the reference ones, and what drives it.
+    fn any_options()(
+        seed: u64,
+        scale in 0.1..10.0,
+        low in -300.0..-1.0,
+        high in 1.0..500.0,
+        rudder in 0.05..1.5_f64,
+        kind in 0..5,
+        dt_s in prop::sample::select(vec![0.05, 0.1, 0.2]),
+    ) -> Options {
+        let mut vessel = VesselParams::hydrofoil();
+        for row in &mut vessel.drag.linear {
+            for entry in row {
+                *entry *= scale;
+            }
+        }
+        vessel.commands.propeller.limits = [low, high];
+        vessel.commands.rudder.limits = [-rudder, 0.7 * rudder];
+        let excitation = match kind {
+            0 => Excitation::Mixed,
+            1 => Excitation::LowSpeed(LowSpeed::default()),
+            2 => Excitation::LawnMower(LawnMower::default()),
+            3 => Excitation::LawnMower(LawnMower { turn: Turn::Sharp { speed: None }, ..LawnMower::default() }),
+            _ => Excitation::Circle(Circle::default()),
+        };
+        Options { seed, dt_s, duration_s: 120.0, ..Options::new(vessel, excitation) }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    #[test]
+    fn commands_stay_within_their_limits(options in any_options()) {
+        let record = run(&options).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        let channels = record.command_channels();
+        for command in record.commands() {
+            for (value, channel) in [command.pp, command.rd].into_iter().zip(channels) {
+                prop_assert!((channel.limits[0]..=channel.limits[1]).contains(&value), "{value}");
+            }
+        }
+        if matches!(options.excitation, Excitation::LowSpeed(_)) {
+            prop_assert!(record.states().iter().all(|state| state.u < 2.5));
+        }
+    }
+
+    #[test]
+    fn a_composed_signal_stays_within_its_range(
+        seed: u64, low in -10.0..5.0, span in 0.0..20.0, forward in 0.0..=1.0, pace_s in 0.2..50.0,
+    ) {
+        let composer = Composer { low, high: low + span, forward, pace_s };
+        let signal = composer.compose(200.0, &mut ChaCha8Rng::seed_from_u64(seed));
+        prop_assert!(signal.duration_s() >= 200.0);
+        for value in signal.sample(0.1, 2_000) {
+            prop_assert!((low - 1e-9..=low + span + 1e-9).contains(&value), "{value}");
+        }
+    }
+}
