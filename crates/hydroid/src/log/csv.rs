@@ -143,12 +143,13 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
     // Rows may stop after the last named column.
     let needed = header.iter().rposition(|h| !h.is_empty()).map_or(0, |p| p + 1);
     let mut lines = Vec::new();
+    let mut counter = LineCounter::new(bytes);
     let estimate = bytes.len() / (8 * columns.len().max(1));
     for c in &mut columns {
         c.values.reserve(estimate);
     }
     while next(&mut record)? {
-        let line = record.position().map_or(0, csv::Position::line);
+        let line = counter.line_of(&record);
         let found = record.len();
         let extra = record.iter().skip(columns.len()).any(|c| !text(c).is_empty());
         if found < needed || extra {
@@ -171,6 +172,32 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
     columns.retain(|c| !c.name.is_empty() || c.values.iter().any(|v| !v.is_nan()));
     name_the_nameless(&mut columns);
     Ok(RawLog { path: path(), columns, lines })
+}
+
+/// Lines as an editor counts them; the position of a record counts the blank lines before it as its own.
+struct LineCounter<'a> {
+    bytes: &'a [u8],
+    end_of_line: u8,
+    at: usize,
+    line: u64,
+}
+
+impl<'a> LineCounter<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        let end_of_line = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
+        Self { bytes, end_of_line, at: 0, line: 1 }
+    }
+
+    /// Line on which a record begins; records come in order.
+    fn line_of(&mut self, record: &csv::ByteRecord) -> u64 {
+        let start = record.position().map_or(0, |p| usize::try_from(p.byte()).unwrap_or(usize::MAX));
+        let start = start.clamp(self.at, self.bytes.len());
+        let blank = self.bytes[start..].iter().take_while(|&&b| b == b'\n' || b == b'\r').count();
+        let passed = &self.bytes[self.at..start + blank];
+        self.line += passed.iter().filter(|&&b| b == self.end_of_line).count() as u64;
+        self.at = start + blank;
+        self.line
+    }
 }
 
 impl RawColumn {

@@ -13,12 +13,14 @@ mod csv;
 mod error;
 mod gaps;
 mod grid;
+pub mod inspect;
 mod note;
 mod prepare;
 mod resample;
 mod resolve;
 mod sanity;
 mod selection;
+mod split;
 mod trajectory;
 pub mod units;
 
@@ -29,7 +31,12 @@ pub use align::{CommandTiming, InputDelay};
 pub use clock::Clock;
 pub use csv::{BadCell, RawColumn, RawLog, read, read_from};
 pub use error::LogError;
+pub use inspect::{Inspection, inspect};
 pub use note::{Note, Severity};
 pub use prepare::{PrepareOptions, Prepared, prepare};
 pub use selection::{ChannelSpec, Selection, Wind};
+pub use split::{Split, split_runs};
 pub use trajectory::{Channel, Table, Trajectory};
+
+#[cfg(test)]
+mod tests;

@@ -306,6 +306,9 @@ impl File {
     }
 }
 
+/// How many cuts of one part are told one by one.
+const SHOWN_CUTS: usize = 5;
+
 /// Tells what was cut out between and around the usable parts.
 fn note_cuts(path: &str, grid: &Grid, usable: &[(usize, usize)], notes: &mut Vec<Note>) {
     let time = |k: usize| grid.t0 + k as f64 * grid.dt;
@@ -324,8 +327,12 @@ fn note_cuts(path: &str, grid: &Grid, usable: &[(usize, usize)], notes: &mut Vec
         return;
     };
     tell(0, first.0, "at the beginning");
-    for pair in usable.windows(2) {
+    for pair in usable.windows(2).take(SHOWN_CUTS) {
         tell(pair[0].1, pair[1].0, "in between");
+    }
+    if usable.len() > SHOWN_CUTS + 1 {
+        let (from, to) = (usable[SHOWN_CUTS].1, last.0);
+        tell(from, to, &format!("and more of the kind ({} in all)", count(usable.len() - 1, "cut")));
     }
     tell(last.1, grid.rows, "at the end");
 }

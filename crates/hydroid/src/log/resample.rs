@@ -12,7 +12,7 @@
 //!
 //! Angles (unit rad) are interpolated the short way round.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use super::align::{CommandTiming, InputDelay};
 use super::columns::Columns;
@@ -111,13 +111,9 @@ impl Resampling {
                         if angle {
                             difference -= TAU * (difference / TAU).round();
                         }
-                        let x = a + difference * ((g - ta) / (tb - ta));
-                        // Back to the turn that the log counts in, which ends at pi or at 2 pi.
-                        if angle && (difference - (b - a)).abs() > PI && (x - a).abs() > (x - a - (b - a)).abs() {
-                            x + (b - a) - difference
-                        } else {
-                            x
-                        }
+                        let w = (g - ta) / (tb - ta);
+                        // From the nearer of the two, so that an angle stays in the turn that the log counts in.
+                        if w < 0.5 { a + difference * w } else { b - difference * (1.0 - w) }
                     }
                     _ => f64::NAN,
                 }

@@ -10,6 +10,8 @@ const FASTEST_M_S: f64 = 100.0;
 const FASTEST_RAD_S: f64 = 20.0;
 /// How many times the typical size of a channel a single value may reach.
 const SPIKE: f64 = 1e6;
+/// No value up to this size is a spike: a channel that rests at rounding errors may begin to move.
+const NO_SPIKE: f64 = 1e3;
 
 /// Refuses a log with an absurd value in a selected column.
 pub(crate) fn check(columns: &Columns) -> Result<(), LogError> {
@@ -52,7 +54,7 @@ fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
     }
     let middle = sizes.len() / 2;
     let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let above = |x: &f64| x.abs() > SPIKE * median;
+    let above = |x: &f64| x.abs() > (SPIKE * median).max(NO_SPIKE);
     let found = values.iter().filter(|x| above(x)).count();
     let allowed_as_spikes = (values.len() / 100).max(3);
     if found == 0 || found > allowed_as_spikes {
