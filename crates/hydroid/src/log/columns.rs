@@ -38,7 +38,11 @@ impl Columns {
             return Err(missing(log, time));
         }
         if !all {
-            let note = format!("{}: {} without a time stamp dropped", log.path, count(log.rows() - rows.len(), "row"));
+            let note = format!(
+                "{}: {} without a time stamp dropped",
+                log.path,
+                count(log.rows() - rows.len(), "row")
+            );
             notes.push(Note::warning(note));
         }
         let take = |source: &Source| -> Result<Vec<f64>, LogError> {
@@ -57,7 +61,9 @@ impl Columns {
         }
         let outputs = take_all(&resolved.outputs)?;
         let mut inputs = take_all(&resolved.inputs)?;
-        for (source, values) in resolved.outputs.iter().chain(&resolved.inputs).zip(outputs.iter().chain(&inputs)) {
+        for (source, values) in
+            resolved.outputs.iter().chain(&resolved.inputs).zip(outputs.iter().chain(&inputs))
+        {
             if values.iter().all(|x| x.is_nan()) {
                 return Err(missing(log, &log.columns[source.column]));
             }

@@ -63,7 +63,9 @@ impl RawLog {
 
     /// Name of the file without its folder.
     pub fn file_name(&self) -> String {
-        Path::new(&self.path).file_name().map_or_else(|| self.path.clone(), |n| n.to_string_lossy().into_owned())
+        Path::new(&self.path)
+            .file_name()
+            .map_or_else(|| self.path.clone(), |n| n.to_string_lossy().into_owned())
     }
 }
 
@@ -99,7 +101,11 @@ pub fn read_from(mut reader: impl Read, name: &str) -> Result<RawLog, LogError> 
 fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
     let path = || name.to_owned();
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(LogError::NotUtf8 { path: path(), line: 1, remedy: "it is UTF-16: save it as `CSV UTF-8`" });
+        return Err(LogError::NotUtf8 {
+            path: path(),
+            line: 1,
+            remedy: "it is UTF-16: save it as `CSV UTF-8`",
+        });
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     if let Err(e) = std::str::from_utf8(bytes) {
@@ -282,7 +288,8 @@ fn has_decimal_comma(bytes: &[u8], delimiter: u8) -> bool {
 
 fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogError> {
     if header.iter().all(|h| h.is_empty() || h.parse::<f64>().is_ok()) {
-        let first_row = header.iter().take(4).map(|h| h.chars().take(20).collect()).collect::<Vec<String>>().join(", ");
+        let first_row =
+            header.iter().take(4).map(|h| h.chars().take(20).collect()).collect::<Vec<String>>().join(", ");
         return Err(LogError::NoHeader { path: path.to_owned(), first_row });
     }
     let mut columns: Vec<RawColumn> = Vec::with_capacity(header.len());
@@ -291,7 +298,9 @@ fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogEr
     for (i, cell) in header.iter().enumerate() {
         let cell = if i == 0 { cell.trim_start_matches('#').trim_start() } else { cell };
         let (name, unit) = name_and_unit(cell);
-        if !name.is_empty() && let Some(first) = seen.insert(name.to_owned(), i) {
+        if !name.is_empty()
+            && let Some(first) = seen.insert(name.to_owned(), i)
+        {
             return Err(LogError::DuplicateColumn {
                 path: path.to_owned(),
                 name: name.to_owned(),

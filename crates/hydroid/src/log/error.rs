@@ -107,7 +107,9 @@ pub enum LogError {
         expected: usize,
     },
     /// A channel specification that cannot be understood.
-    #[error("`{text}` does not name a channel: {reason}; write NAME, NAME=COLUMN or `NAME=COLUMN [unit] * 0.01`")]
+    #[error(
+        "`{text}` does not name a channel: {reason}; write NAME, NAME=COLUMN or `NAME=COLUMN [unit] * 0.01`"
+    )]
     BadSpec {
         /// The specification.
         text: String,
@@ -115,7 +117,9 @@ pub enum LogError {
         reason: String,
     },
     /// The same channel name was given twice.
-    #[error("the channel `{name}` is asked for twice; give each output and input a name of its own (NAME=COLUMN)")]
+    #[error(
+        "the channel `{name}` is asked for twice; give each output and input a name of its own (NAME=COLUMN)"
+    )]
     RepeatedChannel {
         /// The name.
         name: String,
@@ -161,7 +165,9 @@ pub enum LogError {
         second_unit: String,
     },
     /// No column looks like the time.
-    #[error("{path}: no column is called t, time, t_s, time_s or timestamp; say which one is the time with --time COLUMN. Its columns are: {columns}")]
+    #[error(
+        "{path}: no column is called t, time, t_s, time_s or timestamp; say which one is the time with --time COLUMN. Its columns are: {columns}"
+    )]
     NoTime {
         /// File.
         path: String,
@@ -169,7 +175,9 @@ pub enum LogError {
         columns: String,
     },
     /// No column looks like an output.
-    #[error("{path}: no columns u, v, r to take as outputs; say what was measured, for example --outputs u=SPEED,r=YAWRATE. Its columns are: {columns}")]
+    #[error(
+        "{path}: no columns u, v, r to take as outputs; say what was measured, for example --outputs u=SPEED,r=YAWRATE. Its columns are: {columns}"
+    )]
     NoOutputs {
         /// File.
         path: String,
@@ -177,7 +185,9 @@ pub enum LogError {
         columns: String,
     },
     /// No column looks like a command.
-    #[error("{path}: no column ends in _cmd or _ang to take as a command; say what drove the vessel, for example --inputs n=RPM,delta=RUDDER. Its columns are: {columns}")]
+    #[error(
+        "{path}: no column ends in _cmd or _ang to take as a command; say what drove the vessel, for example --inputs n=RPM,delta=RUDDER. Its columns are: {columns}"
+    )]
     NoInputs {
         /// File.
         path: String,
@@ -207,7 +217,9 @@ pub enum LogError {
         remedy: &'static str,
     },
     /// An infinite number.
-    #[error("{path}, line {line}, column `{column}`: `{text}` is infinite; leave the cell blank if nothing was measured")]
+    #[error(
+        "{path}, line {line}, column `{column}`: `{text}` is infinite; leave the cell blank if nothing was measured"
+    )]
     Infinite {
         /// File.
         path: String,

@@ -14,7 +14,8 @@ const SECONDS: f64 = 1.0;
 pub(crate) fn default_limit(columns: &Columns, step: f64, notes: &mut Vec<Note>) -> f64 {
     let mut spacing = step;
     for (channel, values) in columns.output_channels.iter().zip(&columns.outputs) {
-        let times: Vec<f64> = values.iter().zip(&columns.t).filter(|(x, _)| !x.is_nan()).map(|(_, t)| *t).collect();
+        let times: Vec<f64> =
+            values.iter().zip(&columns.t).filter(|(x, _)| !x.is_nan()).map(|(_, t)| *t).collect();
         if 2 * times.len() >= values.len() {
             continue;
         }

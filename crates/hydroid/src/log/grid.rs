@@ -58,7 +58,13 @@ impl Grid {
         let mut held = Vec::with_capacity(inputs.len());
         for (values, raw) in inputs.iter_mut().zip(&columns.inputs) {
             hold(values);
-            held.push(raw[from..to].iter().zip(&places).filter(|(x, p)| x.is_nan() && !values[**p].is_nan()).count());
+            held.push(
+                raw[from..to]
+                    .iter()
+                    .zip(&places)
+                    .filter(|(x, p)| x.is_nan() && !values[**p].is_nan())
+                    .count(),
+            );
             shift(values, by);
         }
         Ok(Self {
@@ -79,9 +85,7 @@ impl Grid {
         let front = (0..self.rows).find(known).unwrap_or(self.rows);
         let back = self.rows - (front..self.rows).rfind(known).map_or(front, |k| k + 1);
         let end = self.rows - back;
-        for values in
-            self.outputs.iter_mut().chain(&mut self.inputs).chain(self.truth.iter_mut().flatten())
-        {
+        for values in self.outputs.iter_mut().chain(&mut self.inputs).chain(self.truth.iter_mut().flatten()) {
             values.truncate(end);
             values.drain(..front);
         }
@@ -99,12 +103,19 @@ pub(crate) fn check_size(rows: f64, step: f64, columns: &Columns) -> Result<(), 
     Err(LogError::BadOption {
         what: "a step",
         value: format!("{step} s"),
-        reason: format!("{} would have {rows:.0} samples; give a longer step, or a shorter gap limit", columns.path),
+        reason: format!(
+            "{} would have {rows:.0} samples; give a longer step, or a shorter gap limit",
+            columns.path
+        ),
     })
 }
 
 /// A count that was computed in floating point and is known to be small and not negative.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked by the callers; casts saturate")]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "checked by the callers; casts saturate"
+)]
 pub(crate) fn whole(x: f64) -> usize {
     x as usize
 }

@@ -24,9 +24,6 @@ mod split;
 mod trajectory;
 pub mod units;
 
-
-
-
 pub use align::{CommandTiming, InputDelay};
 pub use clock::Clock;
 pub use csv::{BadCell, RawColumn, RawLog, read, read_from};

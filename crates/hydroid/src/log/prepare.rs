@@ -51,7 +51,11 @@ pub struct Prepared {
 ///
 /// # Errors
 /// If a log cannot be used as asked for; the message names file, line, column and remedy.
-pub fn prepare(logs: &[RawLog], selection: &Selection, options: &PrepareOptions) -> Result<Prepared, LogError> {
+pub fn prepare(
+    logs: &[RawLog],
+    selection: &Selection,
+    options: &PrepareOptions,
+) -> Result<Prepared, LogError> {
     check(options)?;
     let first = logs.first().ok_or(LogError::NoFiles)?;
     let mut notes = Vec::new();
@@ -98,7 +102,11 @@ fn check(options: &PrepareOptions) -> Result<(), LogError> {
 }
 
 /// The selection applied to all logs, with the channels that the first of them gives.
-fn resolve_all(logs: &[RawLog], selection: &Selection, notes: &mut Vec<Note>) -> Result<Vec<Resolved>, LogError> {
+fn resolve_all(
+    logs: &[RawLog],
+    selection: &Selection,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<Resolved>, LogError> {
     let first = Resolved::new(&logs[0], selection, notes)?;
     let column = |s: &resolve::Source| logs[0].columns[s.column].name.clone();
     // What was guessed from the first log holds for all.
@@ -128,7 +136,9 @@ fn resolve_all(logs: &[RawLog], selection: &Selection, notes: &mut Vec<Note>) ->
     }
     let with_truth = all.iter().filter(|r| r.truth.is_some()).count();
     if with_truth > 0 && with_truth < all.len() {
-        notes.push(Note::info("only some of the logs have true values beside the measured ones; they are left out"));
+        notes.push(Note::info(
+            "only some of the logs have true values beside the measured ones; they are left out",
+        ));
         for r in &mut all {
             r.truth = None;
         }
@@ -213,7 +223,10 @@ impl File {
         for (channel, n) in self.columns.input_channels.iter().zip(&held) {
             if *n > 0 {
                 let cells = count(*n, "blank cell");
-                notes.push(Note::info(format!("{path}: {cells} of the command `{}` hold the value before", channel.name)));
+                notes.push(Note::info(format!(
+                    "{path}: {cells} of the command `{}` hold the value before",
+                    channel.name
+                )));
             }
         }
         let mut tell = |n: usize, what: &str| {
@@ -226,8 +239,10 @@ impl File {
         tell(back, "dropped at the end, where the shifted command is not known");
         tell(short, "dropped in pieces of fewer than 3 samples");
         let whole = found.len() == 1 && found[0].1.len() == 1;
-        let runs: Vec<Trajectory> =
-            found.iter().flat_map(|(grid, usable)| usable.iter().map(|part| self.run(name, grid, *part, whole))).collect();
+        let runs: Vec<Trajectory> = found
+            .iter()
+            .flat_map(|(grid, usable)| usable.iter().map(|part| self.run(name, grid, *part, whole)))
+            .collect();
         self.note_missing(&runs, notes);
         Ok(runs)
     }
@@ -294,7 +309,8 @@ impl File {
 
     fn note_missing(&self, runs: &[Trajectory], notes: &mut Vec<Note>) {
         for (i, channel) in self.columns.output_channels.iter().enumerate() {
-            let missing: usize = runs.iter().map(|r| r.outputs.column(i).filter(|x| x.is_nan()).count()).sum();
+            let missing: usize =
+                runs.iter().map(|r| r.outputs.column(i).filter(|x| x.is_nan()).count()).sum();
             if missing > 0 {
                 let all: usize = runs.iter().map(Trajectory::len).sum();
                 notes.push(Note::info(format!(
@@ -378,10 +394,9 @@ fn note_constants(path: &str, runs: &[Trajectory], notes: &mut Vec<Note>) -> Res
     }
     for (i, channel) in runs[0].inputs.channels().iter().enumerate() {
         if constant(|r| &r.inputs, i) {
-            notes.push(
-                Note::warning(format!("the input `{}` never changes", channel.name))
-                    .with_remedy("its effect cannot be learned from these logs; leave it out or record with it moving"),
-            );
+            notes.push(Note::warning(format!("the input `{}` never changes", channel.name)).with_remedy(
+                "its effect cannot be learned from these logs; leave it out or record with it moving",
+            ));
         }
     }
     Ok(())

@@ -83,13 +83,20 @@ impl Resampling {
         let delay = self.delay.seconds(self.step);
         match self.timing {
             CommandTiming::Before => t.iter().map(|t| t + delay).collect(),
-            CommandTiming::After => {
-                std::iter::once(t[0] - self.step).chain(t[..t.len() - 1].iter().copied()).map(|t| t + delay).collect()
-            }
+            CommandTiming::After => std::iter::once(t[0] - self.step)
+                .chain(t[..t.len() - 1].iter().copied())
+                .map(|t| t + delay)
+                .collect(),
         }
     }
 
-    fn interpolate(&self, t: &[f64], values: &[f64], instants: impl Iterator<Item = f64>, angle: bool) -> Vec<f64> {
+    fn interpolate(
+        &self,
+        t: &[f64],
+        values: &[f64],
+        instants: impl Iterator<Item = f64>,
+        angle: bool,
+    ) -> Vec<f64> {
         let valid: Vec<(f64, f64)> =
             t.iter().copied().zip(values.iter().copied()).filter(|(_, x)| !x.is_nan()).collect();
         let mut next = 0;
@@ -121,7 +128,13 @@ impl Resampling {
             .collect()
     }
 
-    fn command(&self, stamps: &[f64], values: &[f64], last: f64, instants: impl Iterator<Item = f64>) -> Vec<f64> {
+    fn command(
+        &self,
+        stamps: &[f64],
+        values: &[f64],
+        last: f64,
+        instants: impl Iterator<Item = f64>,
+    ) -> Vec<f64> {
         let events: Vec<(f64, f64)> =
             stamps.iter().copied().zip(values.iter().copied()).filter(|(_, x)| !x.is_nan()).collect();
         // Beyond the last row's own interval nothing is known of the command.

@@ -103,7 +103,11 @@ pub(crate) fn outputs_or_default(log: &RawLog, selection: &Selection) -> Result<
 }
 
 /// Inputs asked for, or all columns that look like commands.
-fn inputs_or_default(log: &RawLog, selection: &Selection, outputs: &[Source]) -> Result<Vec<ChannelSpec>, LogError> {
+fn inputs_or_default(
+    log: &RawLog,
+    selection: &Selection,
+    outputs: &[Source],
+) -> Result<Vec<ChannelSpec>, LogError> {
     if !selection.inputs.is_empty() {
         return Ok(selection.inputs.clone());
     }
@@ -139,8 +143,11 @@ fn time(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<So
     let unit = &source.channel.unit;
     if unit.is_empty() {
         notes.push(
-            Note::info(format!("{}: the time in `{}` states no unit and is taken as seconds", log.path, spec.column))
-                .with_remedy(format!("if it is not seconds, say so: --time '{} [ms]'", spec.column)),
+            Note::info(format!(
+                "{}: the time in `{}` states no unit and is taken as seconds",
+                log.path, spec.column
+            ))
+            .with_remedy(format!("if it is not seconds, say so: --time '{} [ms]'", spec.column)),
         );
     } else if unit != "s" {
         let error = UnitError::Incompatible { from: unit.clone(), to: "s".to_owned() };
@@ -191,12 +198,17 @@ fn source(log: &RawLog, spec: &ChannelSpec, clock: bool, notes: &mut Vec<Note>) 
     let column = find(log, &spec.column).ok_or_else(|| unknown(log, &spec.column))?;
     let raw = &log.columns[column];
     if raw.name != spec.column {
-        notes.push(Note::info(format!("{}: `{}` is read from the column `{}`", log.path, spec.column, raw.name)));
+        notes.push(Note::info(format!(
+            "{}: `{}` is read from the column `{}`",
+            log.path, spec.column, raw.name
+        )));
     }
     let failed = |source| LogError::Unit { column: raw.name.clone(), source };
     let header = match &raw.unit {
         Some(text) => Some(Unit::parse(text).map_err(failed)?),
-        None => units::from_name(&raw.name, clock).map(|(_, text)| Unit::parse(text).map_err(failed)).transpose()?,
+        None => units::from_name(&raw.name, clock)
+            .map(|(_, text)| Unit::parse(text).map_err(failed))
+            .transpose()?,
     };
     let stated = spec.unit.as_deref().map(|text| Unit::parse(text).map_err(failed)).transpose()?;
     let unit = match (header, stated) {
@@ -217,9 +229,15 @@ fn source(log: &RawLog, spec: &ChannelSpec, clock: bool, notes: &mut Vec<Note>) 
         return Ok(Source { column, factor: spec.scale, scale: spec.scale, channel });
     };
     if !unit.is_known() {
-        notes.push(Note::info(format!("{}: the unit {} of `{}` is kept as it is", log.path, unit.text, raw.name)));
+        notes.push(Note::info(format!(
+            "{}: the unit {} of `{}` is kept as it is",
+            log.path, unit.text, raw.name
+        )));
     } else if unit.factor != 1.0 && unit.quantity != Some(Quantity::Time) {
-        notes.push(Note::info(format!("{}: `{}` is converted from {} to {}", log.path, raw.name, unit.text, unit.si)));
+        notes.push(Note::info(format!(
+            "{}: `{}` is converted from {} to {}",
+            log.path, raw.name, unit.text, unit.si
+        )));
     }
     let factor = spec.scale * unit.factor;
     Ok(Source { column, factor, scale: spec.scale, channel: Channel::new(&spec.name, unit.si) })
@@ -256,7 +274,12 @@ pub(crate) fn unknown(log: &RawLog, name: &str) -> LogError {
     let nearest: Vec<String> = ranked.iter().take(3).map(|(_, n)| format!("`{n}`")).collect();
     let nearest =
         if nearest.is_empty() { String::new() } else { format!("; did you mean {}?", nearest.join(" or ")) };
-    LogError::UnknownColumn { path: log.path.clone(), name: name.to_owned(), nearest, columns: all_names(log) }
+    LogError::UnknownColumn {
+        path: log.path.clone(),
+        name: name.to_owned(),
+        nearest,
+        columns: all_names(log),
+    }
 }
 
 /// All names of columns, as they would be written in a selection.

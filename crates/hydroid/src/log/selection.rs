@@ -176,7 +176,10 @@ mod tests {
     fn all_forms_are_understood() {
         assert_eq!(spec("u"), ChannelSpec::named("u"));
         assert_eq!(spec(" u = SOG "), ChannelSpec::renamed("u", "SOG"));
-        assert_eq!(spec("u=SOG [kn]"), ChannelSpec { unit: Some("kn".into()), ..ChannelSpec::renamed("u", "SOG") });
+        assert_eq!(
+            spec("u=SOG [kn]"),
+            ChannelSpec { unit: Some("kn".into()), ..ChannelSpec::renamed("u", "SOG") }
+        );
         assert_eq!(
             spec("n=shaft speed [rpm] * 0.01"),
             ChannelSpec { unit: Some("rpm".into()), scale: 0.01, ..ChannelSpec::renamed("n", "shaft speed") }

@@ -89,7 +89,8 @@ fn take(runs: Vec<Trajectory>, validation: usize, test: usize, note: Note) -> Sp
 fn halves(runs: Vec<Trajectory>) -> Result<Split, LogError> {
     let at = runs[0].len() * 3 / 4;
     long_enough(&runs, &[at, runs[0].len() - at, runs[1].len()])?;
-    let note = format!("two runs: test on {}, validation on the last quarter of {}", runs[1].name, runs[0].name);
+    let note =
+        format!("two runs: test on {}, validation on the last quarter of {}", runs[1].name, runs[0].name);
     let remedy = "a third run would give a validation that no training sample touches";
     Ok(Split {
         train: vec![runs[0].slice(0, at)],
@@ -109,10 +110,12 @@ fn blocks(runs: Vec<Trajectory>, longest: usize) -> Result<Split, LogError> {
     let run = &runs[longest];
     let [a, b] = BLOCKS.map(|share| super::grid::whole(run.len() as f64 * share));
     long_enough(&runs, &[a, b - a, run.len() - b])?;
-    let note = format!("{} is split into contiguous blocks: 60 % training, 20 % validation, 20 % test", run.name);
+    let note =
+        format!("{} is split into contiguous blocks: 60 % training, 20 % validation, 20 % test", run.name);
     let remedy = "separate runs are a stricter test: wind, load and sensors stay the same within one run";
     let (validation, test) = (vec![run.slice(a, b)], vec![run.slice(b, run.len())]);
-    let train = runs.iter().enumerate().map(|(i, r)| if i == longest { r.slice(0, a) } else { r.clone() }).collect();
+    let train =
+        runs.iter().enumerate().map(|(i, r)| if i == longest { r.slice(0, a) } else { r.clone() }).collect();
     Ok(Split { train, validation, test, notes: vec![Note::warning(note).with_remedy(remedy)] })
 }
 
@@ -135,7 +138,14 @@ mod tests {
 
     fn run(name: &str, samples: usize) -> Trajectory {
         let table = |c: &str| Table::new(vec![Channel::new(c, "")], (0..samples).map(|k| k as f64).collect());
-        Trajectory { name: name.into(), t0: 0.0, dt: 0.1, outputs: table("u"), inputs: table("n"), truth: None }
+        Trajectory {
+            name: name.into(),
+            t0: 0.0,
+            dt: 0.1,
+            outputs: table("u"),
+            inputs: table("n"),
+            truth: None,
+        }
     }
 
     fn sizes(runs: &[(&str, usize)]) -> [Vec<(String, usize)>; 3] {

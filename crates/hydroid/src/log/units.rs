@@ -73,12 +73,7 @@ struct Known {
     si_base: f64,
 }
 
-const fn known(
-    quantity: Quantity,
-    si: &'static str,
-    base: f64,
-    names: &'static [&'static str],
-) -> Known {
+const fn known(quantity: Quantity, si: &'static str, base: f64, names: &'static [&'static str]) -> Known {
     Known { names, quantity, si, base, si_base: 1.0 }
 }
 
@@ -96,7 +91,13 @@ const TABLE: &[Known] = &[
     known(Quantity::Rotation, "rad/s", 1.0, &["rad/s", "radps", "rads-1"]),
     known(Quantity::Rotation, "rad/s", DEGREE, &["deg/s", "degps", "°/s", "dps"]),
     known(Quantity::Rotation, "rad/s", DEGREE / 60.0, &["deg/min", "°/min"]),
-    Known { names: &["rps", "rev/s", "1/s"], quantity: Quantity::Rotation, si: "rps", base: TAU, si_base: TAU },
+    Known {
+        names: &["rps", "rev/s", "1/s"],
+        quantity: Quantity::Rotation,
+        si: "rps",
+        base: TAU,
+        si_base: TAU,
+    },
     Known {
         names: &["rpm", "RPM", "rev/min", "1/min"],
         quantity: Quantity::Rotation,
@@ -136,8 +137,10 @@ impl Unit {
     /// For `nm`, which means two things on a ship.
     pub fn parse(text: &str) -> Result<Self, UnitError> {
         let text = text.trim();
-        let squeezed: String =
-            text.chars().filter(|c| !c.is_whitespace() && !matches!(c, '*' | '·' | '⋅' | '.' | '^')).collect();
+        let squeezed: String = text
+            .chars()
+            .filter(|c| !c.is_whitespace() && !matches!(c, '*' | '·' | '⋅' | '.' | '^'))
+            .collect();
         if squeezed == "nm" {
             return Err(UnitError::Ambiguous);
         }
@@ -150,7 +153,9 @@ impl Unit {
                 quantity: Some(k.quantity),
                 base: k.base,
             },
-            None => Self { text: text.to_owned(), si: text.to_owned(), factor: 1.0, quantity: None, base: 1.0 },
+            None => {
+                Self { text: text.to_owned(), si: text.to_owned(), factor: 1.0, quantity: None, base: 1.0 }
+            }
         })
     }
 

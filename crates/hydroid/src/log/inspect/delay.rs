@@ -195,7 +195,8 @@ impl Problem {
     /// Mean over the outputs of the residual's share of the increments' variance.
     fn regress(&self, delays: &[Option<i64>]) -> f64 {
         let states = self.outputs[0].len();
-        let used: Vec<(usize, i64)> = delays.iter().enumerate().filter_map(|(i, d)| d.map(|d| (i, d))).collect();
+        let used: Vec<(usize, i64)> =
+            delays.iter().enumerate().filter_map(|(i, d)| d.map(|d| (i, d))).collect();
         let terms = 1 + 2 * states + 2 * used.len();
         let width = terms + states;
         let mut gram = vec![0.0; width * width];
@@ -247,7 +248,8 @@ fn residual_share(gram: &mut [f64], width: usize, terms: usize) -> f64 {
             }
         }
     }
-    let shares = (terms..width).filter(|&i| before[i] > 0.0).map(|i| gram[i * width + i].max(0.0) / before[i]);
+    let shares =
+        (terms..width).filter(|&i| before[i] > 0.0).map(|i| gram[i * width + i].max(0.0) / before[i]);
     let (sum, n) = shares.fold((0.0, 0_usize), |(sum, n), x| (sum + x, n + 1));
     sum / n.max(1) as f64
 }

@@ -5,7 +5,7 @@
 //! so that $\sigma^2 = -\gamma_1 / 4$ where the ratio is near $-2/3$. Increments $y_{k+1} - y_k$ with a
 //! lag-1 autocorrelation near $-1/2$ are nearly all noise. A moving average over $W$ samples, or a
 //! Savitzky-Golay derivative of that window, leaves in the differences the two edges of its window: a lone peak
-//! of the autocorrelation at lag $W$.
+//! of the autocorrelation at lag $W$. Third differences show it best: the signal itself is gone from them.
 
 use super::super::note::Note;
 use super::super::trajectory::Trajectory;
@@ -55,7 +55,7 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
             .map(|_| (-covariance(&second, 1).0 / 4.0).max(0.0).sqrt())
             .filter(|s| *s > 0.0 && repeated < super::MANY_REPEATS);
         let mostly_noise = increment_correlation.is_some_and(|r| r < -0.25);
-        let smoothing_window = smoothing_window(&second);
+        let smoothing_window = smoothing_window(&differences(3));
         if mostly_noise && let Some(std) = noise_std {
             notes.push(
                 Note::info(format!(
@@ -72,7 +72,10 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
                     channel.name,
                     window as f64 * dt
                 ))
-                .with_remedy(format!("judge predictions at horizons longer than {:.1} s only: shorter ones are flattered", window as f64 * dt)),
+                .with_remedy(format!(
+                    "judge predictions at horizons longer than {:.1} s only: shorter ones are flattered",
+                    window as f64 * dt
+                )),
             );
         }
         reports.push(NoiseReport {
@@ -110,8 +113,9 @@ fn correlation(series: &[Vec<f64>], lag: usize) -> Option<f64> {
 }
 
 /// The lag of a lone peak of the autocorrelation.
-fn smoothing_window(second: &[Vec<f64>]) -> Option<usize> {
-    let r: Vec<f64> = (0..=LONGEST_WINDOW).map_while(|lag| correlation(second, lag)).map(f64::abs).collect();
+fn smoothing_window(differences: &[Vec<f64>]) -> Option<usize> {
+    let r: Vec<f64> =
+        (0..=LONGEST_WINDOW).map_while(|lag| correlation(differences, lag)).map(f64::abs).collect();
     if r.len() < 20 {
         return None;
     }
@@ -119,5 +123,5 @@ fn smoothing_window(second: &[Vec<f64>]) -> Option<usize> {
     // All lags but the first ones and the neighbours of the peak.
     let others = || r.iter().enumerate().skip(5).filter(|(lag, _)| lag.abs_diff(peak) > 2).map(|(_, x)| *x);
     let highest = others().fold(0.0, f64::max);
-    (height > 0.2 && height > 2.0 * highest && peak < LONGEST_WINDOW).then_some(peak)
+    (height > 0.15 && height > 2.0 * highest && peak < LONGEST_WINDOW).then_some(peak)
 }

@@ -47,7 +47,8 @@ impl ColumnReport {
             longest = longest.max(current);
         }
         let pairs = column.values.windows(2).filter(|p| !p[0].is_nan() && !p[1].is_nan());
-        let (all, same) = pairs.fold((0_usize, 0_usize), |(all, same), p| (all + 1, same + usize::from(p[0] == p[1])));
+        let (all, same) =
+            pairs.fold((0_usize, 0_usize), |(all, same), p| (all + 1, same + usize::from(p[0] == p[1])));
         Self {
             name: column.name.clone(),
             unit: unit_of(column),
@@ -94,7 +95,12 @@ pub(super) fn disagreements(log: &RawLog) -> Vec<Disagreement> {
             if let Some(correlation) = correlation(&a.values, &b.values)
                 && correlation < DOUBTFUL
             {
-                found.push(Disagreement { first: a.name.clone(), second: b.name.clone(), quantity, correlation });
+                found.push(Disagreement {
+                    first: a.name.clone(),
+                    second: b.name.clone(),
+                    quantity,
+                    correlation,
+                });
             }
         }
     }
@@ -115,11 +121,14 @@ fn velocity(column: &RawColumn) -> Option<(&str, &'static str)> {
     };
     // A command or a pulse width may begin with the same letter.
     let si = si_of(column);
-    (si == unit || si.is_empty() && !super::super::resolve::is_command_name(&column.name)).then_some((letter, quantity))
+    (si == unit || si.is_empty() && !super::super::resolve::is_command_name(&column.name))
+        .then_some((letter, quantity))
 }
 
 fn si_of(column: &RawColumn) -> String {
-    Unit::parse(&unit_of(column)).map(|u| if u.text.is_empty() { String::new() } else { u.si }).unwrap_or_default()
+    Unit::parse(&unit_of(column))
+        .map(|u| if u.text.is_empty() { String::new() } else { u.si })
+        .unwrap_or_default()
 }
 
 fn correlation(a: &[f64], b: &[f64]) -> Option<f64> {

@@ -119,7 +119,11 @@ fn different_columns_in_two_files() {
 #[test]
 fn a_constant_channel() {
     let p = prepared(&table(20, u, |_| "5".into()));
-    assert!(p.notes.iter().any(|n| n.is_warning() && n.message.contains("`n` never changes")), "{:?}", p.notes);
+    assert!(
+        p.notes.iter().any(|n| n.is_warning() && n.message.contains("`n` never changes")),
+        "{:?}",
+        p.notes
+    );
     says(&error(&table(20, |_| "1".into(), n)), &["no output ever changes"]);
 }
 
@@ -139,7 +143,8 @@ fn milliseconds_since_1970_are_not_seconds() {
 
 #[test]
 fn no_time_outputs_or_inputs_to_guess() {
-    let guess = |text: &str| error_of(prepare(&[log(text)], &Selection::default(), &PrepareOptions::default()));
+    let guess =
+        |text: &str| error_of(prepare(&[log(text)], &Selection::default(), &PrepareOptions::default()));
     says(&guess("when,u,n_cmd\n0,1,2\n"), &["--time COLUMN", "when, u, n_cmd"]);
     says(&guess("t,speed,n_cmd\n0,1,2\n"), &["--outputs", "t, speed, n_cmd"]);
     says(&guess("t,u,n\n0,1,2\n"), &["--inputs", "t, u, n"]);

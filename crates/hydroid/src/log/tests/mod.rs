@@ -28,9 +28,10 @@ fn prepared_with(text: &str, options: &PrepareOptions) -> Prepared {
 }
 
 fn error(text: &str) -> String {
-    error_of(read_from(text.as_bytes(), "log.csv").and_then(|log| {
-        prepare(&[log], &Selection::of("u", "n").unwrap(), &PrepareOptions::default())
-    }))
+    error_of(
+        read_from(text.as_bytes(), "log.csv")
+            .and_then(|log| prepare(&[log], &Selection::of("u", "n").unwrap(), &PrepareOptions::default())),
+    )
 }
 
 fn error_of<T>(result: Result<T, LogError>) -> String {
@@ -41,7 +42,7 @@ fn error_of<T>(result: Result<T, LogError>) -> String {
 }
 
 /// Rows `t,u,n` at 10 Hz from functions of the sample number.
-fn table(rows: usize, u: impl Fn(usize) -> String, n: impl Fn(usize) -> String) -> String {
+fn table(rows: usize, mut u: impl FnMut(usize) -> String, n: impl Fn(usize) -> String) -> String {
     let mut text = "t,u [m/s],n\n".to_owned();
     for k in 0..rows {
         text += &format!("{:.1},{},{}\n", k as f64 * 0.1, u(k), n(k));

@@ -20,7 +20,11 @@ fn options() -> impl Strategy<Value = PrepareOptions> {
         prop::option::of(prop_oneof![0.01..5.0_f64, any::<f64>()]),
         prop::option::of(prop_oneof![0.01..50.0_f64, any::<f64>()]),
         any::<bool>(),
-        prop_oneof![(-5..30_i64).prop_map(InputDelay::Samples), any::<i64>().prop_map(InputDelay::Samples), any::<f64>().prop_map(InputDelay::Seconds)],
+        prop_oneof![
+            (-5..30_i64).prop_map(InputDelay::Samples),
+            any::<i64>().prop_map(InputDelay::Samples),
+            any::<f64>().prop_map(InputDelay::Seconds)
+        ],
     )
         .prop_map(|(dt, max_gap_s, after, input_delay)| PrepareOptions {
             // The smallest steps are refused for their size in other tests; here they would only fill memory.

@@ -76,7 +76,9 @@ fn the_ugly_log_is_called_ugly() {
     assert!(!found.clock.unwrap().regular);
     assert!((0.40..0.50).contains(&found.repeated_rows), "{}", found.repeated_rows);
     let warned = |part: &str| found.notes.iter().any(|n| n.is_warning() && n.message.contains(part));
-    assert!(warned("irregular") && warned("repeat the measurement") && warned("the sway is not to be trusted"));
+    assert!(
+        warned("irregular") && warned("repeat the measurement") && warned("the sway is not to be trusted")
+    );
     assert!((found.disagreements[0].correlation - 0.17).abs() < 0.02);
 }
 
@@ -97,7 +99,9 @@ fn simulated_logs_show_their_noise_and_no_delay() {
 
 #[test]
 fn every_real_log_can_be_prepared_or_says_why() {
-    for (folder, selection) in [("cybership-enterprise1", cybership()), ("esso-osaka", esso()), ("usv-asw", usv())] {
+    for (folder, selection) in
+        [("cybership-enterprise1", cybership()), ("esso-osaka", esso()), ("usv-asw", usv())]
+    {
         let Some(folder) = data(folder) else { return };
         let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
         files.retain(|f| f.extension().is_some_and(|e| e == "csv"));

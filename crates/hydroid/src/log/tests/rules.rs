@@ -56,7 +56,10 @@ fn names_may_leave_out_the_unit_at_the_end() {
 fn a_wrong_unit_is_refused_and_a_corrected_one_noted() {
     let text = "t,u [kn],n\n0,1,1\n1,2,2\n2,1,3\n";
     let with = |spec: &str| {
-        let selection = Selection { outputs: vec![spec.parse::<ChannelSpec>().unwrap()], ..Selection::of("u", "n").unwrap() };
+        let selection = Selection {
+            outputs: vec![spec.parse::<ChannelSpec>().unwrap()],
+            ..Selection::of("u", "n").unwrap()
+        };
         prepare(&[log(text)], &selection, &PrepareOptions::default())
     };
     let p = with("u [km/h]").unwrap();
@@ -114,7 +117,11 @@ fn a_run_is_cut_only_where_an_output_is_missing_too_long() {
 fn missing_ends_are_trimmed() {
     let p = prepared(&table(50, |k| if (5..30).contains(&k) { u(k) } else { String::new() }, n));
     assert_eq!(p.runs[0].len(), 25);
-    assert!(has_note(&p, "5 samples at the beginning") && has_note(&p, "20 samples at the end"), "{:?}", p.notes);
+    assert!(
+        has_note(&p, "5 samples at the beginning") && has_note(&p, "20 samples at the end"),
+        "{:?}",
+        p.notes
+    );
 }
 
 #[test]
@@ -128,8 +135,12 @@ fn rows_without_time_are_dropped() {
 
 #[test]
 fn rows_left_out_are_missing_measurements() {
-    let text: String =
-        table(30, u, n).lines().enumerate().filter(|(i, _)| *i != 11).map(|(_, l)| format!("{l}\n")).collect();
+    let text: String = table(30, u, n)
+        .lines()
+        .enumerate()
+        .filter(|(i, _)| *i != 11)
+        .map(|(_, l)| format!("{l}\n"))
+        .collect();
     let p = prepared(&text);
     assert_eq!(p.runs[0].len(), 30);
     assert!(p.runs[0].outputs.row(10)[0].is_nan());
@@ -158,7 +169,11 @@ fn sensors_at_different_rates_survive() {
     let p = prepare(&[log(&text)], &Selection::of("u,v", "n").unwrap(), &PrepareOptions::default()).unwrap();
     assert_eq!(p.runs.len(), 1);
     assert_eq!(p.runs[0].len(), 551);
-    assert!(p.notes.iter().any(|n| n.remedy.as_ref().is_some_and(|r| r.contains("--dt 5.000"))), "{:?}", p.notes);
+    assert!(
+        p.notes.iter().any(|n| n.remedy.as_ref().is_some_and(|r| r.contains("--dt 5.000"))),
+        "{:?}",
+        p.notes
+    );
     let coarse = PrepareOptions { dt: Some(5.0), ..PrepareOptions::default() };
     let p = prepare(&[log(&text)], &Selection::of("u,v", "n").unwrap(), &coarse).unwrap();
     assert_eq!(output(&p, 0, 1), (0..12).map(|k| (k * 50) as f64 * 0.01).collect::<Vec<_>>());
@@ -208,7 +223,8 @@ fn a_finer_step_interpolates_outputs_and_holds_commands() {
 fn headings_are_interpolated_the_short_way() {
     let log = log("t,psi [deg],n\n0,350,1\n1,10,2\n2,30,2\n3,50,2\n");
     let selection = Selection::of("psi", "n").unwrap();
-    let p = prepare(&[log], &selection, &PrepareOptions { dt: Some(0.25), ..PrepareOptions::default() }).unwrap();
+    let p =
+        prepare(&[log], &selection, &PrepareOptions { dt: Some(0.25), ..PrepareOptions::default() }).unwrap();
     let degrees: Vec<f64> = output(&p, 0, 0).iter().map(|x| x.to_degrees().round()).collect();
     assert_eq!(&degrees[..6], [350.0, 355.0, 0.0, 5.0, 10.0, 15.0]);
 }
