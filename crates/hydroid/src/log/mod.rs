@@ -1,5 +1,39 @@
 //! Logs of a vessel: what was measured and commanded, on a regular clock.
+//!
+//! [`read`] gives the columns of a CSV file as they stand ([`RawLog`]), a [`Selection`] says which of them
+//! are time, outputs, inputs and wind, [`prepare()`] makes runs ([`Trajectory`]) of them that models can learn
+//! from, and [`split_runs`] holds some of them back. Whatever is changed on the way is told in a [`Note`];
+//! whatever cannot be true is a [`LogError`] that names file, line, column and remedy. [`inspect()`] looks at
+//! a log without changing anything and says what will hurt.
 
+mod align;
+mod clock;
+mod columns;
+mod csv;
+mod error;
+mod gaps;
+mod grid;
+pub mod inspect;
+mod note;
+mod prepare;
+mod resample;
+mod resolve;
+mod sanity;
+mod selection;
+mod split;
 mod trajectory;
+pub mod units;
 
+pub use align::{CommandTiming, InputDelay};
+pub use clock::Clock;
+pub use csv::{BadCell, RawColumn, RawLog, read, read_from};
+pub use error::LogError;
+pub use inspect::{Inspection, inspect};
+pub use note::{Note, Severity};
+pub use prepare::{PrepareOptions, Prepared, prepare};
+pub use selection::{ChannelSpec, Selection, Wind};
+pub use split::{Split, split_runs};
 pub use trajectory::{Channel, Table, Trajectory};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,185 @@
+//! Which command acted when: held commands, shifted commands.
+//!
+//! Inside hydroid the command in row `k` acts on $[t_k, t_{k+1})$. A log may be written differently: the
+//! command that acted *until* the row's measurement ([`CommandTiming::After`]), or a command that reached
+//! the vessel some samples later, or was logged some samples late (an input delay, positive or negative).
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::error::LogError;
+
+/// Which interval the command in a row of the log belongs to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CommandTiming {
+    /// Row `k` holds the command given at `t_k`, which acts on $[t_k, t_{k+1})$.
+    #[default]
+    Before,
+    /// Row `k` holds the command that acted on $[t_{k-1}, t_k)$.
+    After,
+}
+
+/// How much later a command acts than it is logged: the command that acts at row `k` is the one logged at
+/// row `k - d`. Negative where the log shows a command late.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum InputDelay {
+    /// In samples of the log.
+    Samples(i64),
+    /// In seconds; rounded to samples where the clock is regular.
+    Seconds(f64),
+}
+
+impl Default for InputDelay {
+    fn default() -> Self {
+        Self::Samples(0)
+    }
+}
+
+impl fmt::Display for InputDelay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Samples(n) => write!(f, "{n}"),
+            Self::Seconds(s) => write!(f, "{s}s"),
+        }
+    }
+}
+
+impl FromStr for InputDelay {
+    type Err = LogError;
+
+    /// `3` is samples, `0.3s` is seconds.
+    fn from_str(text: &str) -> Result<Self, LogError> {
+        let text = text.trim();
+        let bad = |reason: &str| LogError::BadOption {
+            what: "an input delay",
+            value: text.to_owned(),
+            reason: reason.to_owned(),
+        };
+        let delay = match text.strip_suffix('s') {
+            Some(seconds) => seconds.trim().parse().ok().map(Self::Seconds),
+            None => text.parse().ok().map(Self::Samples),
+        };
+        let delay = delay.ok_or_else(|| bad("write a number of samples (3) or seconds (0.3s)"))?;
+        delay.check()?;
+        Ok(delay)
+    }
+}
+
+impl TryFrom<String> for InputDelay {
+    type Error = LogError;
+
+    fn try_from(text: String) -> Result<Self, LogError> {
+        text.parse()
+    }
+}
+
+impl From<InputDelay> for String {
+    fn from(delay: InputDelay) -> Self {
+        delay.to_string()
+    }
+}
+
+impl InputDelay {
+    /// Refuses delays that are no numbers or beyond any log.
+    pub(crate) fn check(self) -> Result<(), LogError> {
+        let sane = match self {
+            Self::Samples(n) => n.unsigned_abs() < 1_000_000_000,
+            Self::Seconds(s) => s.abs() < 1e9,
+        };
+        let reason = || "it is longer than any log, or no number".to_owned();
+        if sane {
+            Ok(())
+        } else {
+            Err(LogError::BadOption { what: "an input delay", value: self.to_string(), reason: reason() })
+        }
+    }
+
+    /// The delay in seconds on a clock with this step.
+    pub(crate) fn seconds(self, step: f64) -> f64 {
+        match self {
+            Self::Samples(n) => n as f64 * step,
+            Self::Seconds(s) => s,
+        }
+    }
+
+    /// The delay in whole samples on a clock with this step.
+    #[allow(clippy::cast_possible_truncation, reason = "delays are checked to be short, and casts saturate")]
+    pub(crate) fn samples(self, step: f64) -> i64 {
+        match self {
+            Self::Samples(n) => n,
+            Self::Seconds(s) => (s / step).round() as i64,
+        }
+    }
+}
+
+/// Fills missing commands with the last value before them; leading ones stay missing. Gives the number of
+/// cells filled.
+pub(crate) fn hold(values: &mut [f64]) -> usize {
+    let mut last = f64::NAN;
+    let mut filled = 0;
+    for x in values {
+        if x.is_nan() {
+            *x = last;
+            filled += usize::from(!last.is_nan());
+        } else {
+            last = *x;
+        }
+    }
+    filled
+}
+
+/// Moves commands `shift` rows down (up where negative); rows that get none are missing.
+pub(crate) fn shift(values: &mut [f64], shift: i64) {
+    let rows = values.len();
+    let by = usize::try_from(shift.unsigned_abs()).unwrap_or(rows).min(rows);
+    if shift >= 0 {
+        values.copy_within(..rows - by, by);
+        values[..by].fill(f64::NAN);
+    } else {
+        values.copy_within(by.., 0);
+        values[rows - by..].fill(f64::NAN);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn same(a: &[f64], b: &[f64]) -> bool {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
+    }
+
+    #[test]
+    fn blanks_hold_the_last_command() {
+        let mut c = [f64::NAN, 1.0, f64::NAN, f64::NAN, 2.0, f64::NAN];
+        assert_eq!(hold(&mut c), 3);
+        assert!(same(&c, &[f64::NAN, 1.0, 1.0, 1.0, 2.0, 2.0]));
+    }
+
+    #[test]
+    fn shifts_go_both_ways_and_never_too_far() {
+        let shifted = |by| {
+            let mut c = [1.0, 2.0, 3.0];
+            shift(&mut c, by);
+            c
+        };
+        assert!(same(&shifted(0), &[1.0, 2.0, 3.0]));
+        assert!(same(&shifted(1), &[f64::NAN, 1.0, 2.0]));
+        assert!(same(&shifted(-2), &[3.0, f64::NAN, f64::NAN]));
+        assert!(same(&shifted(i64::MIN), &[f64::NAN; 3]));
+        assert!(same(&shifted(i64::MAX), &[f64::NAN; 3]));
+    }
+
+    #[test]
+    fn delays_are_written_in_samples_or_seconds() {
+        assert_eq!("3".parse::<InputDelay>().unwrap(), InputDelay::Samples(3));
+        assert_eq!("-1".parse::<InputDelay>().unwrap(), InputDelay::Samples(-1));
+        assert_eq!("0.3 s".parse::<InputDelay>().unwrap(), InputDelay::Seconds(0.3));
+        for bad in ["", "s", "three", "nans", "infs", "99999999999999"] {
+            assert!(bad.parse::<InputDelay>().is_err(), "{bad}");
+        }
+        assert_eq!(InputDelay::Seconds(0.26).samples(0.1), 3);
+    }
+}

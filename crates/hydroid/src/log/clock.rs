@@ -1,0 +1,158 @@
+//! The clock of a log: its step, whether it is regular, where it jumps.
+
+use super::columns::Columns;
+use super::error::LogError;
+
+/// Relative deviation of single steps that still counts as regular.
+const TOLERANCE: f64 = 0.01;
+/// Relative deviation of stamps from an even grid that counts as rounding of the stamps (a 30 Hz clock
+/// written in milliseconds).
+const ROUNDING: f64 = 0.05;
+
+/// What the time stamps of one log say.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Clock {
+    /// Sample time \[s\]: the usual step.
+    pub step_s: f64,
+    /// Shortest step \[s\].
+    pub shortest_s: f64,
+    /// Longest step \[s\], jumps included.
+    pub longest_s: f64,
+    /// Whether every step within the parts without a jump is a whole number of sample times, within 1 %
+    /// (5 % where the stamps follow an even grid and are only rounded).
+    pub regular: bool,
+}
+
+/// Refuses identical time stamps and time running backwards.
+pub(crate) fn check_order(columns: &Columns) -> Result<(), LogError> {
+    for (k, pair) in columns.t.windows(2).enumerate() {
+        let path = || columns.path.clone();
+        let line = columns.lines[k + 1];
+        if pair[1] == pair[0] {
+            return Err(LogError::SameTime { path: path(), line, before: columns.lines[k], time: pair[0] });
+        }
+        if pair[1] < pair[0] {
+            return Err(LogError::Backwards { path: path(), line, from: pair[0], to: pair[1] });
+        }
+    }
+    Ok(())
+}
+
+/// The middle one of some numbers (the upper middle of an even count).
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// A value rounded to few digits, where it was meant so (within 1e-6 relative).
+pub(crate) fn sensible(x: f64) -> f64 {
+    for digits in 0..4 {
+        let rounded: f64 = format!("{x:.digits$e}").parse().unwrap_or(x);
+        if (rounded - x).abs() <= 1e-6 * x.abs() {
+            return rounded;
+        }
+    }
+    x
+}
+
+impl Clock {
+    /// The usual step of rising time stamps; `None` for fewer than two.
+    pub(crate) fn usual_step(t: &[f64]) -> Option<f64> {
+        median(t.windows(2).map(|p| p[1] - p[0]).collect())
+    }
+
+    /// Judges rising time stamps, with steps beyond `max_gap_s` set aside as jumps; `None` for fewer than
+    /// two.
+    pub(crate) fn of(t: &[f64], max_gap_s: f64) -> Option<Self> {
+        let usual = Self::usual_step(t)?;
+        let steps = || t.windows(2).map(|p| p[1] - p[0]);
+        let (mut sum, mut singles) = (0.0, 0_usize);
+        let mut regular = true;
+        for step in steps().filter(|s| *s <= max_gap_s) {
+            let whole = (step / usual).round().max(1.0);
+            regular &= (step - whole * usual).abs() <= TOLERANCE * usual;
+            if whole == 1.0 {
+                sum += step;
+                singles += 1;
+            }
+        }
+        let mean = if singles > 0 { sum / singles as f64 } else { usual };
+        let mut step_s = nominal(usual, mean);
+        if !regular {
+            let grid = sensible(mean);
+            regular = on_grid(t, grid, max_gap_s);
+            step_s = if regular { grid } else { sensible(usual) };
+        }
+        Some(Self {
+            step_s,
+            shortest_s: steps().fold(f64::INFINITY, f64::min),
+            longest_s: steps().fold(0.0, f64::max),
+            regular,
+        })
+    }
+}
+
+/// The median step where it is a round number that the mean agrees with; else the mean, along which stamps
+/// of few digits do not drift.
+fn nominal(median: f64, mean: f64) -> f64 {
+    let round = sensible(median);
+    if round != median && (mean - round).abs() <= 1e-4 * round { round } else { sensible(mean) }
+}
+
+fn on_grid(t: &[f64], step: f64, max_gap_s: f64) -> bool {
+    let (mut start, mut index) = (t[0], 0.0);
+    t.windows(2).all(|p| {
+        if p[1] - p[0] > max_gap_s {
+            (start, index) = (p[1], 0.0);
+            return true;
+        }
+        index += ((p[1] - p[0]) / step).round().max(1.0);
+        (p[1] - start - index * step).abs() <= ROUNDING * step
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn round_steps_are_recognised() {
+        assert_eq!(sensible(0.100_000_000_000_23), 0.1);
+        assert_eq!(sensible(0.05), 0.05);
+        assert_eq!(sensible(0.109_5), 0.1095);
+        assert_eq!(sensible(0.033_333_333), 0.033_333_333);
+    }
+
+    #[test]
+    fn even_clocks_are_regular_and_keep_their_step() {
+        let t: Vec<f64> = (0..100).map(|k| 1.7e9 + f64::from(k) * 0.1).collect();
+        let clock = Clock::of(&t, 1.0).unwrap();
+        assert!(clock.regular);
+        assert!((clock.step_s - 0.1).abs() < 1e-8, "{clock:?}");
+        let t: Vec<f64> = (0..100).map(|k| f64::from(k) * 0.1).collect();
+        assert_eq!(Clock::of(&t, 1.0).unwrap().step_s, 0.1);
+    }
+
+    #[test]
+    fn rounded_stamps_of_an_even_clock_are_regular() {
+        let t: Vec<f64> = (0..300).map(|k| (f64::from(k) / 30.0 * 1000.0).round() / 1000.0).collect();
+        let clock = Clock::of(&t, 1.0).unwrap();
+        assert!(clock.regular, "{clock:?}");
+        assert!((clock.step_s - 1.0 / 30.0).abs() < 1e-5, "{clock:?}");
+    }
+
+    #[test]
+    fn missing_rows_leave_a_clock_regular_and_jitter_does_not() {
+        let t = [0.0, 0.1, 0.2, 0.4, 0.5, 0.6, 0.7];
+        assert!(Clock::of(&t, 1.0).unwrap().regular);
+        let t = [0.0, 0.1, 0.22, 0.3, 0.41, 0.5, 0.62];
+        assert!(!Clock::of(&t, 1.0).unwrap().regular);
+        let t = [0.0, 0.1, 0.2, 70.03, 70.13, 70.23];
+        assert!(Clock::of(&t, 1.0).unwrap().regular);
+    }
+
+    #[test]
+    fn a_single_stamp_has_no_clock() {
+        assert!(Clock::of(&[1.0], 1.0).is_none());
+    }
+}

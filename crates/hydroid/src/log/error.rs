@@ -1,0 +1,325 @@
+//! What can be wrong with a log: each case says where, what, and what to do about it.
+
+use std::io;
+
+/// A log that cannot be used as it was asked for.
+///
+/// Every message names the file, where possible the line (counted from 1, the header included) and the
+/// column, and says what the user can do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// No log was given.
+    #[error("no log was given; name at least one CSV file")]
+    NoFiles,
+    /// The file does not exist.
+    #[error("{path}: there is no such file; check the spelling and the folder")]
+    NotFound {
+        /// File as it was named.
+        path: String,
+    },
+    /// The path is a folder.
+    #[error("{path} is a folder, not a log; name the CSV files in it, for example {path}/*.csv")]
+    IsDirectory {
+        /// Path as it was named.
+        path: String,
+    },
+    /// The file exists but cannot be read.
+    #[error("{path} cannot be read: {source}")]
+    Read {
+        /// File as it was named.
+        path: String,
+        /// What the operating system said.
+        source: io::Error,
+    },
+    /// The file has no content.
+    #[error("{path} is empty; was the recording stopped before anything was written?")]
+    Empty {
+        /// File.
+        path: String,
+    },
+    /// A header without a row below it.
+    #[error("{path} holds a header and no samples; was the recording stopped before anything was written?")]
+    HeaderOnly {
+        /// File.
+        path: String,
+    },
+    /// The first row holds numbers only.
+    #[error(
+        "{path}: the first row holds numbers ({first_row}), not column names; add a first line that names the columns, such as `t [s],u [m/s],v [m/s],r [rad/s]`"
+    )]
+    NoHeader {
+        /// File.
+        path: String,
+        /// Beginning of the first row.
+        first_row: String,
+    },
+    /// The bytes are not UTF-8.
+    #[error("{path}, line {line}: not UTF-8 text; {remedy}")]
+    NotUtf8 {
+        /// File.
+        path: String,
+        /// Line of the first byte that is not UTF-8.
+        line: u64,
+        /// What to do, by what the file looks like.
+        remedy: &'static str,
+    },
+    /// Two columns share a name.
+    #[error(
+        "{path}: columns {first} and {second} are both called `{name}`; rename one of them, so that it is clear which one is meant"
+    )]
+    DuplicateColumn {
+        /// File.
+        path: String,
+        /// The name.
+        name: String,
+        /// Position of the first, from 1.
+        first: usize,
+        /// Position of the second, from 1.
+        second: usize,
+    },
+    /// A line with another number of cells than the header.
+    #[error(
+        "{path}, line {line}: {found} cells where the header names {expected} columns; correct or delete the line (a comma inside a cell needs quotes)"
+    )]
+    Ragged {
+        /// File.
+        path: String,
+        /// Line.
+        line: u64,
+        /// Cells found.
+        found: usize,
+        /// Columns in the header.
+        expected: usize,
+    },
+    /// The last line stops early.
+    #[error(
+        "{path}, line {line}: the file ends in the middle of a line ({found} of {expected} cells); delete this last line, or copy the file again if the copy was cut short"
+    )]
+    Truncated {
+        /// File.
+        path: String,
+        /// Line.
+        line: u64,
+        /// Cells found.
+        found: usize,
+        /// Columns in the header.
+        expected: usize,
+    },
+    /// A channel specification that cannot be understood.
+    #[error(
+        "`{text}` does not name a channel: {reason}; write NAME, NAME=COLUMN or `NAME=COLUMN [unit] * 0.01`"
+    )]
+    BadSpec {
+        /// The specification.
+        text: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The same channel name was given twice.
+    #[error(
+        "the channel `{name}` is asked for twice; give each output and input a name of its own (NAME=COLUMN)"
+    )]
+    RepeatedChannel {
+        /// The name.
+        name: String,
+    },
+    /// The log has no column of this name.
+    #[error("{path} has no column `{name}`{nearest}; its columns are: {columns}")]
+    UnknownColumn {
+        /// File.
+        path: String,
+        /// What was asked for.
+        name: String,
+        /// The nearest names as a phrase, or nothing.
+        nearest: String,
+        /// All names.
+        columns: String,
+    },
+    /// A column that the first log has is missing in another.
+    #[error(
+        "{second} has no column `{column}`, which {first} has; all logs of one model need the same columns: rename it, or leave the file out"
+    )]
+    DifferentColumns {
+        /// The log that has it.
+        first: String,
+        /// The log that has it not.
+        second: String,
+        /// The column.
+        column: String,
+    },
+    /// The same column in different units.
+    #[error(
+        "column `{column}` is in {first_unit} in {first} but in {second_unit} in {second}; state the unit in both headers, as `{column} [unit]`"
+    )]
+    DifferentUnits {
+        /// The column.
+        column: String,
+        /// First log.
+        first: String,
+        /// Unit there.
+        first_unit: String,
+        /// Second log.
+        second: String,
+        /// Unit there.
+        second_unit: String,
+    },
+    /// No column looks like the time.
+    #[error(
+        "{path}: no column is called t, time, t_s, time_s or timestamp; say which one is the time with --time COLUMN. Its columns are: {columns}"
+    )]
+    NoTime {
+        /// File.
+        path: String,
+        /// All names.
+        columns: String,
+    },
+    /// No column looks like an output.
+    #[error(
+        "{path}: no columns u, v, r to take as outputs; say what was measured, for example --outputs u=SPEED,r=YAWRATE. Its columns are: {columns}"
+    )]
+    NoOutputs {
+        /// File.
+        path: String,
+        /// All names.
+        columns: String,
+    },
+    /// No column looks like a command.
+    #[error(
+        "{path}: no column ends in _cmd or _ang to take as a command; say what drove the vessel, for example --inputs n=RPM,delta=RUDDER. Its columns are: {columns}"
+    )]
+    NoInputs {
+        /// File.
+        path: String,
+        /// All names.
+        columns: String,
+    },
+    /// A unit that cannot be used.
+    #[error("column `{column}`: {source}")]
+    Unit {
+        /// The column.
+        column: String,
+        /// What is wrong with the unit.
+        source: super::units::UnitError,
+    },
+    /// Text where a number was expected.
+    #[error("{path}, line {line}, column `{column}`: `{text}` is not a number; {remedy}")]
+    TextInNumbers {
+        /// File.
+        path: String,
+        /// Line.
+        line: u64,
+        /// Column.
+        column: String,
+        /// The cell.
+        text: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// An infinite number.
+    #[error(
+        "{path}, line {line}, column `{column}`: `{text}` is infinite; leave the cell blank if nothing was measured"
+    )]
+    Infinite {
+        /// File.
+        path: String,
+        /// Line.
+        line: u64,
+        /// Column.
+        column: String,
+        /// The cell.
+        text: String,
+    },
+    /// A column without a single value.
+    #[error("{path}: column `{column}` holds no value in any row; choose another column, or leave it out")]
+    AllMissing {
+        /// File.
+        path: String,
+        /// Column.
+        column: String,
+    },
+    /// A value beyond anything a vessel does.
+    #[error("{path}, line {line}, column `{column}`: {value} {reason}; {remedy}")]
+    Absurd {
+        /// File.
+        path: String,
+        /// Line.
+        line: u64,
+        /// Column.
+        column: String,
+        /// The value, in SI units.
+        value: String,
+        /// Against what it was judged.
+        reason: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// Every output stands still.
+    #[error("{path}: no output ever changes; was the right column chosen, and was the vessel moving?")]
+    NothingMoves {
+        /// File, or files.
+        path: String,
+    },
+    /// Two rows at the same time.
+    #[error(
+        "{path}, line {line}: two identical time stamps ({time} s, as in line {before}); delete one of the rows, or write the time with more digits"
+    )]
+    SameTime {
+        /// File.
+        path: String,
+        /// Line of the second.
+        line: u64,
+        /// Line of the first.
+        before: u64,
+        /// The time.
+        time: f64,
+    },
+    /// Time running backwards.
+    #[error(
+        "{path}, line {line}: time runs backwards, from {from} s to {to} s; sort the rows by time, or put each recording into a file of its own if several were joined"
+    )]
+    Backwards {
+        /// File.
+        path: String,
+        /// Line.
+        line: u64,
+        /// Time before.
+        from: f64,
+        /// Time after.
+        to: f64,
+    },
+    /// A time that cannot be seconds.
+    #[error(
+        "{path}, line {line}: a time of {time:e} s is not plausible; if it counts milliseconds or nanoseconds say so, for example --time 'timestamp [ms]'"
+    )]
+    AbsurdTime {
+        /// File.
+        path: String,
+        /// Line.
+        line: u64,
+        /// The time.
+        time: f64,
+    },
+    /// Not enough samples.
+    #[error("{path}: {found} usable samples are left, at least {needed} are needed; {remedy}")]
+    TooShort {
+        /// File, or files.
+        path: String,
+        /// Samples left.
+        found: usize,
+        /// Samples needed.
+        needed: usize,
+        /// What to do.
+        remedy: String,
+    },
+    /// A step, gap limit or delay that makes no sense.
+    #[error("{what} of {value} cannot be used: {reason}")]
+    BadOption {
+        /// Which setting.
+        what: &'static str,
+        /// Its value.
+        value: String,
+        /// Why not.
+        reason: String,
+    },
+}

@@ -1,0 +1,273 @@
+//! By how many samples commands act later than they are logged.
+//!
+//! For every delay $d$ the increments of all outputs are regressed on the state and on the command $d$ samples
+//! before, $$y_{k+1} - y_k \sim 1,\; y_k,\; y_k |y_k|,\; c_{k-d},\; c_{k-d} |c_{k-d}|,$$ and the residuals compared:
+//! the right delay explains most. Where the increments are noise, commands and outputs are first averaged over
+//! the same few samples, which leaves the delay between them as it is. The estimate is an *effective* delay:
+//! dead time and the lag of an actuator look alike here.
+
+use super::super::note::Note;
+use super::super::trajectory::Trajectory;
+
+/// Delays that are tried, in samples.
+const EARLIEST: i64 = -10;
+const LATEST: i64 = 40;
+/// Most rows of a regression; more are thinned evenly.
+const MOST_ROWS: usize = 8_000;
+/// Commands must explain this share of what the state alone does not.
+const EXPLAINED: f64 = 0.01;
+/// Samples that noisy outputs and their commands are averaged over.
+const AVERAGED: usize = 10;
+
+/// How far an estimate can be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Confidence {
+    /// The commands explain next to nothing at any delay, or all delays explain the same.
+    None,
+    /// There is a best delay, but others are nearly as good, or it lies at the edge of what was tried.
+    Low,
+    /// One delay, within a sample or two, is clearly best.
+    High,
+}
+
+/// The delay that explains the outputs best.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct DelayEstimate {
+    /// Delay in samples; negative if the log shows commands late.
+    pub samples: i64,
+    /// The same in seconds.
+    pub seconds: f64,
+    /// Shortest and longest delay that explain nearly as much.
+    pub range: (i64, i64),
+    /// Share of the residual of the state alone that the command explains at this delay.
+    pub explained: f64,
+    /// How much smaller the residual is than without a delay, as a share.
+    pub better_than_zero: f64,
+    /// How far to trust it.
+    pub confidence: Confidence,
+}
+
+pub(super) struct Delays {
+    pub(super) common: Option<DelayEstimate>,
+    pub(super) per_input: Vec<Option<DelayEstimate>>,
+}
+
+impl DelayEstimate {
+    /// What the user should know of the common delay.
+    pub(super) fn note(&self, path: &str) -> Option<Note> {
+        if self.confidence == Confidence::None {
+            return Some(
+                Note::info(format!("{path}: the input delay cannot be told from this log"))
+                    .with_remedy("record a few clear steps of each command"),
+            );
+        }
+        if self.samples == 0 || self.better_than_zero < 0.005 {
+            return None;
+        }
+        let Self { samples, seconds, range, better_than_zero, .. } = self;
+        let share = 100.0 * better_than_zero;
+        let trusted = if self.confidence == Confidence::High { "" } else { ", with little certainty" };
+        if *samples < 0 {
+            return Some(
+                Note::warning(format!(
+                    "{path}: commands seem to be logged {} samples after they act ({} to {}; {share:.1} % less residual{trusted})",
+                    -samples, -range.1, -range.0
+                ))
+                .with_remedy(format!(
+                    "if the row holds the command that led to its measurement, --command-timing after; else --input-delay={samples}. \
+                     In closed loop the command follows the measurement, and this may mislead"
+                )),
+            );
+        }
+        Some(
+            Note::info(format!(
+                "{path}: commands seem to act {samples} samples ({seconds:.2} s) after they are logged ({} to {}; {share:.1} % less residual{trusted})",
+                range.0, range.1
+            ))
+            .with_remedy(format!("try --input-delay {samples} and compare on validation runs; an actuator's lag looks like a delay too")),
+        )
+    }
+}
+
+/// Estimates the delay of all inputs together, and of each with the others at the common delay.
+pub(super) fn estimate(runs: &[Trajectory], noisy: bool) -> Delays {
+    let Some(first) = runs.first() else { return Delays { common: None, per_input: Vec::new() } };
+    let inputs = first.inputs.width();
+    let none = || Delays { common: None, per_input: vec![None; inputs] };
+    let Some(problem) = Problem::new(runs, if noisy { AVERAGED } else { 1 }) else { return none() };
+    let scan = |delays: &dyn Fn(i64) -> Vec<i64>| -> Vec<f64> {
+        (EARLIEST..=LATEST).map(|d| problem.residual(Some(&delays(d)))).collect()
+    };
+    let alone = problem.residual(None);
+    let common = judge(&scan(&|d| vec![d; inputs]), alone, problem.rows.len(), first.dt);
+    let at = common.as_ref().filter(|d| d.confidence != Confidence::None).map_or(0, |d| d.samples);
+    let per_input = (0..inputs)
+        .map(|i| {
+            if inputs == 1 {
+                return common.clone();
+            }
+            let scores = scan(&|d| (0..inputs).map(|j| if i == j { d } else { at }).collect());
+            let without = problem.residual_without(i, at);
+            judge(&scores, without, problem.rows.len(), first.dt)
+        })
+        .collect();
+    Delays { common, per_input }
+}
+
+/// The best of the residuals of all delays.
+fn judge(scores: &[f64], without: f64, rows: usize, dt: f64) -> Option<DelayEstimate> {
+    let best = scores.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
+    let zero = scores.get(usize::try_from(-EARLIEST).ok()?)?;
+    let lowest = *best.1;
+    if !(without > 0.0 && lowest.is_finite()) {
+        return None;
+    }
+    let delay = |i: usize| EARLIEST + i64::try_from(i).unwrap_or(0);
+    // What chance and the slow change of commands leave open: neighbours whose residual is as low.
+    let open = lowest + (0.1 * (without - lowest)).max(8.0 * lowest / rows as f64);
+    let near = |i: &usize| scores[*i] <= open;
+    let from = (0..=best.0).rev().take_while(near).last().unwrap_or(best.0);
+    let to = (best.0..scores.len()).take_while(near).last().unwrap_or(best.0);
+    let explained = 1.0 - lowest / without;
+    let at_edge = best.0 == 0 || best.0 + 1 == scores.len();
+    let confidence = if explained < EXPLAINED || (from == 0 && to + 1 == scores.len()) {
+        Confidence::None
+    } else if at_edge || to - from > 6 {
+        Confidence::Low
+    } else {
+        Confidence::High
+    };
+    Some(DelayEstimate {
+        samples: delay(best.0),
+        seconds: delay(best.0) as f64 * dt,
+        range: (delay(from), delay(to)),
+        explained,
+        better_than_zero: if *zero > 0.0 { 1.0 - lowest / zero } else { 0.0 },
+        confidence,
+    })
+}
+
+/// The regression at one delay after another: rows, columns and what stays the same.
+struct Problem {
+    /// Averaged outputs and inputs of each run, one vector per channel, all of one length.
+    outputs: Vec<Vec<Vec<f64>>>,
+    inputs: Vec<Vec<Vec<f64>>>,
+    /// Run and sample of each row.
+    rows: Vec<(usize, usize)>,
+}
+
+impl Problem {
+    fn new(runs: &[Trajectory], window: usize) -> Option<Self> {
+        let averaged = |t: &super::super::trajectory::Table| -> Vec<Vec<f64>> {
+            (0..t.width()).map(|c| average(&standard(t.column(c).collect()), window)).collect()
+        };
+        let outputs: Vec<_> = runs.iter().map(|r| averaged(&r.outputs)).collect();
+        let inputs: Vec<_> = runs.iter().map(|r| averaged(&r.inputs)).collect();
+        let (before, after) = (usize::try_from(LATEST).ok()?, usize::try_from(-EARLIEST).ok()?);
+        let mut rows = Vec::new();
+        for (i, run) in outputs.iter().enumerate() {
+            let length = run.first().map_or(0, Vec::len);
+            for k in before..length.saturating_sub(after.max(1)) {
+                if run.iter().all(|y| !y[k].is_nan() && !y[k + 1].is_nan()) {
+                    rows.push((i, k));
+                }
+            }
+        }
+        let stride = rows.len().div_ceil(MOST_ROWS).max(1);
+        let rows: Vec<_> = rows.into_iter().step_by(stride).collect();
+        (rows.len() >= 200).then_some(Self { outputs, inputs, rows })
+    }
+
+    fn residual(&self, delays: Option<&[i64]>) -> f64 {
+        let delays: Vec<Option<i64>> = match delays {
+            Some(d) => d.iter().copied().map(Some).collect(),
+            None => vec![None; self.inputs[0].len()],
+        };
+        self.regress(&delays)
+    }
+
+    fn residual_without(&self, input: usize, others: i64) -> f64 {
+        let delays: Vec<_> = (0..self.inputs[0].len()).map(|j| (j != input).then_some(others)).collect();
+        self.regress(&delays)
+    }
+
+    /// Mean over the outputs of the residual's share of the increments' variance.
+    fn regress(&self, delays: &[Option<i64>]) -> f64 {
+        let states = self.outputs[0].len();
+        let used: Vec<(usize, i64)> =
+            delays.iter().enumerate().filter_map(|(i, d)| d.map(|d| (i, d))).collect();
+        let terms = 1 + 2 * states + 2 * used.len();
+        let width = terms + states;
+        let mut gram = vec![0.0; width * width];
+        let mut row = vec![0.0; width];
+        for &(run, k) in &self.rows {
+            row[0] = 1.0;
+            let mut at = 1;
+            let mut put = |x: f64| {
+                row[at] = x;
+                row[at + 1] = x * x.abs();
+                at += 2;
+            };
+            for y in &self.outputs[run] {
+                put(y[k]);
+            }
+            for &(i, d) in &used {
+                // Rows keep clear of both ends, so that the index is within the run.
+                let j = usize::try_from(i64::try_from(k).unwrap_or(0) - d).unwrap_or(0);
+                put(self.inputs[run][i][j]);
+            }
+            for (i, y) in self.outputs[run].iter().enumerate() {
+                row[terms + i] = y[k + 1] - y[k];
+            }
+            for a in 0..width {
+                let x = row[a];
+                for (g, y) in gram[a * width + a..(a + 1) * width].iter_mut().zip(&row[a..]) {
+                    *g += x * y;
+                }
+            }
+        }
+        residual_share(&mut gram, width, terms)
+    }
+}
+
+/// Eliminates the first `terms` variables from an upper Gram matrix; what is left of the others' diagonal,
+/// as a share of its value before, averaged.
+fn residual_share(gram: &mut [f64], width: usize, terms: usize) -> f64 {
+    let before: Vec<f64> = (0..width).map(|i| gram[i * width + i]).collect();
+    for p in 0..terms {
+        let pivot = gram[p * width + p];
+        // A term that the ones before explain (a constant input, say) adds nothing.
+        if pivot <= 1e-9 * before[p] {
+            continue;
+        }
+        for a in p + 1..width {
+            let factor = gram[p * width + a] / pivot;
+            for b in a..width {
+                gram[a * width + b] -= factor * gram[p * width + b];
+            }
+        }
+    }
+    let shares =
+        (terms..width).filter(|&i| before[i] > 0.0).map(|i| gram[i * width + i].max(0.0) / before[i]);
+    let (sum, n) = shares.fold((0.0, 0_usize), |(sum, n), x| (sum + x, n + 1));
+    sum / n.max(1) as f64
+}
+
+/// Scaled to unit size, so that squares of small and large channels weigh alike.
+fn standard(mut values: Vec<f64>) -> Vec<f64> {
+    let known = || values.iter().filter(|x| !x.is_nan());
+    let n = known().count().max(1) as f64;
+    let size = (known().map(|x| x * x).sum::<f64>() / n).sqrt();
+    if size > 0.0 && size.is_finite() {
+        for x in &mut values {
+            *x /= size;
+        }
+    }
+    values
+}
+
+/// Means over `window` samples, from each sample on.
+fn average(values: &[f64], window: usize) -> Vec<f64> {
+    values.windows(window).map(|w| w.iter().sum::<f64>() / window as f64).collect()
+}

@@ -1,0 +1,96 @@
+//! How much the inputs move: what never moves cannot be learned.
+
+use super::super::note::Note;
+use super::super::trajectory::Trajectory;
+use super::delay::DelayEstimate;
+
+/// Distinct values are counted up to here.
+const MOST_LEVELS: usize = 1000;
+/// An input that moves less often \[1/min\] excites little.
+const FEW_MOVES: f64 = 0.5;
+/// A move smaller than this share of the range is noise of the command's sensor.
+const SMALL_MOVE: f64 = 0.02;
+
+/// One input, over all runs of the log.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct InputReport {
+    /// Name.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// Smallest value.
+    pub min: f64,
+    /// Largest value.
+    pub max: f64,
+    /// Whether it never moves.
+    pub constant: bool,
+    /// Number of different values (1000 stands for 1000 and more).
+    pub levels: usize,
+    /// Moves by more than 2 % of the range, per minute.
+    pub moves_per_minute: f64,
+    /// Share of the samples within 0.5 % of the range from the smallest or the largest value.
+    pub at_limits: f64,
+    /// By how many samples it acts later than it is logged, the others at the common delay.
+    pub delay: Option<DelayEstimate>,
+}
+
+pub(super) fn reports(runs: &[Trajectory], notes: &mut Vec<Note>) -> Vec<InputReport> {
+    let minutes: f64 = runs.iter().map(|r| r.len() as f64 * r.dt / 60.0).sum();
+    let Some(first) = runs.first() else { return Vec::new() };
+    let mut reports = Vec::new();
+    for (i, channel) in first.inputs.channels().iter().enumerate() {
+        let values = || runs.iter().flat_map(move |r| r.inputs.column(i));
+        let (min, max) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let range = max - min;
+        let constant = range <= 0.0;
+        let mut levels = std::collections::HashSet::new();
+        let mut at_limits = 0_usize;
+        for x in values() {
+            if levels.len() < MOST_LEVELS {
+                levels.insert((x + 0.0).to_bits());
+            }
+            at_limits += usize::from(!constant && (x - min <= 0.005 * range || max - x <= 0.005 * range));
+        }
+        let moves: usize = runs.iter().map(|r| moves(r.inputs.column(i), SMALL_MOVE * range)).sum();
+        let samples: usize = runs.iter().map(Trajectory::len).sum();
+        let report = InputReport {
+            name: channel.name.clone(),
+            unit: channel.unit.clone(),
+            min,
+            max,
+            constant,
+            levels: levels.len(),
+            moves_per_minute: moves as f64 / minutes.max(f64::MIN_POSITIVE),
+            at_limits: at_limits as f64 / samples.max(1) as f64,
+            delay: None,
+        };
+        if !constant && report.moves_per_minute < FEW_MOVES {
+            notes.push(
+                Note::warning(format!(
+                    "the input `{}` hardly moves ({moves} moves in {minutes:.1} min): its effect can hardly be told from drift and wind",
+                    channel.name
+                ))
+                .with_remedy("record manoeuvres in which it moves often and over its whole range"),
+            );
+        }
+        reports.push(report);
+    }
+    reports
+}
+
+/// Moves away from a level that was held, by more than `least`; a ramp is one move per `least` it passes.
+fn moves(values: impl Iterator<Item = f64>, least: f64) -> usize {
+    let mut level = None;
+    let mut moves = 0;
+    for x in values {
+        match level {
+            None => level = Some(x),
+            Some(at) if (x - at).abs() > least => {
+                moves += 1;
+                level = Some(x);
+            }
+            Some(_) => {}
+        }
+    }
+    moves
+}

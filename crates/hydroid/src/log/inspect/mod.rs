@@ -1,0 +1,203 @@
+//! What is in a log and where it will hurt, as data.
+//!
+//! Nothing is changed and nothing is printed here. Facts stand in the fields; what a user should know is in
+//! [`Inspection::notes`], in plain words with what to do about it.
+
+mod delay;
+mod excitation;
+mod noise;
+mod stats;
+
+pub use delay::{Confidence, DelayEstimate};
+pub use excitation::InputReport;
+pub use noise::NoiseReport;
+pub use stats::{ColumnReport, Disagreement};
+
+use super::clock::Clock;
+use super::columns::Columns;
+use super::csv::RawLog;
+use super::error::LogError;
+use super::note::Note;
+use super::prepare::{PrepareOptions, prepare};
+use super::resolve::{self, Resolved};
+use super::selection::Selection;
+
+/// Share of repeated samples from which on it is told.
+const MANY_REPEATS: f64 = 0.15;
+
+/// A log looked at.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Inspection {
+    /// The file.
+    pub path: String,
+    /// Rows below the header.
+    pub rows: usize,
+    /// Time from the first row to the last \[s\], where there is a time column.
+    pub duration_s: Option<f64>,
+    /// The clock, where time runs forwards.
+    pub clock: Option<Clock>,
+    /// Jumps in time longer than the gap limit: time \[s\] before each, and its length \[s\].
+    pub jumps: Vec<(f64, f64)>,
+    /// All columns of the file.
+    pub columns: Vec<ColumnReport>,
+    /// Channels taken as outputs, and how noisy they are.
+    pub outputs: Vec<NoiseReport>,
+    /// Channels taken as inputs, and how much they move.
+    pub inputs: Vec<InputReport>,
+    /// Share of rows in which every output that repeats at all repeats the row before.
+    pub repeated_rows: f64,
+    /// By how many samples the commands act later than they are logged, all together.
+    pub input_delay: Option<DelayEstimate>,
+    /// Pairs of columns that should show the same and do not.
+    pub disagreements: Vec<Disagreement>,
+    /// What the preparation would do, and what will hurt, with remedies.
+    pub notes: Vec<Note>,
+}
+
+/// Looks at a log.
+///
+/// Outputs and inputs that neither the selection nor the names of the columns tell are left out of the
+/// report, with a note; a log that cannot be prepared is reported as far as it goes, with the reason among
+/// the notes.
+///
+/// # Errors
+/// If the selection names a column that does not exist, or a channel that cannot be understood.
+pub fn inspect(log: &RawLog, selection: &Selection) -> Result<Inspection, LogError> {
+    let mut inspection = Inspection {
+        path: log.path.clone(),
+        rows: log.rows(),
+        duration_s: None,
+        clock: None,
+        jumps: Vec::new(),
+        columns: log.columns.iter().map(ColumnReport::of).collect(),
+        outputs: Vec::new(),
+        inputs: Vec::new(),
+        repeated_rows: 0.0,
+        input_delay: None,
+        disagreements: stats::disagreements(log),
+        notes: Vec::new(),
+    };
+    let mut guessed = Vec::new();
+    let mut selection = selection.clone();
+    if let Err(e) = resolve::outputs_or_default(log, &selection) {
+        inspection.notes.push(Note::warning(e.to_string()));
+        disagree(&mut inspection);
+        return Ok(inspection);
+    }
+    let mut resolved = Resolved::new(log, &selection, &mut guessed);
+    let mut without_inputs = false;
+    if let Err(e @ LogError::NoInputs { .. }) = &resolved {
+        inspection.notes.push(Note::warning(e.to_string()));
+        without_inputs = true;
+        // An output as its own input: enough to look at the clock and at the outputs.
+        let mut stand_in = resolve::outputs_or_default(log, &selection)?.swap_remove(0);
+        stand_in.name.push_str(" (no input)");
+        selection.inputs = vec![stand_in];
+        guessed.clear();
+        resolved = Resolved::new(log, &selection, &mut guessed);
+    }
+    let resolved = match resolved {
+        Ok(resolved) => resolved,
+        Err(e @ LogError::NoTime { .. }) => {
+            inspection.notes.push(Note::warning(e.to_string()));
+            disagree(&mut inspection);
+            return Ok(inspection);
+        }
+        Err(e) => return Err(e),
+    };
+    look(&mut inspection, log, &selection, &resolved);
+    if without_inputs {
+        let own = |n: &Note| !n.message.contains("(no input)");
+        inspection.notes.retain(own);
+        inspection.inputs.clear();
+        inspection.input_delay = None;
+    }
+    disagree(&mut inspection);
+    Ok(inspection)
+}
+
+/// The parts that need time, outputs and inputs.
+fn look(inspection: &mut Inspection, log: &RawLog, selection: &Selection, resolved: &Resolved) {
+    let mut unused = Vec::new();
+    if let Ok(columns) = Columns::new(log, resolved, &mut unused) {
+        clock_report(inspection, &columns);
+        repeats(inspection, &columns);
+    }
+    let prepared = match prepare(std::slice::from_ref(log), selection, &PrepareOptions::default()) {
+        Ok(prepared) => prepared,
+        Err(e) => {
+            inspection.notes.push(Note::warning(e.to_string()));
+            return;
+        }
+    };
+    inspection.notes.extend(prepared.notes);
+    let repeated = inspection.repeated_rows;
+    inspection.outputs = noise::reports(&prepared.runs, repeated, &mut inspection.notes);
+    inspection.inputs = excitation::reports(&prepared.runs, &mut inspection.notes);
+    let noisy = inspection.outputs.iter().any(|o| o.mostly_noise) || repeated > MANY_REPEATS;
+    let delays = delay::estimate(&prepared.runs, noisy);
+    for (report, own) in inspection.inputs.iter_mut().zip(delays.per_input) {
+        report.delay = own;
+    }
+    inspection.input_delay = delays.common;
+    if let Some(d) = &inspection.input_delay {
+        inspection.notes.extend(d.note(&log.path));
+    }
+}
+
+fn clock_report(inspection: &mut Inspection, columns: &Columns) {
+    let t = &columns.t;
+    if let (Some(first), Some(last)) = (t.first(), t.last()) {
+        inspection.duration_s = Some(last - first);
+    }
+    if super::clock::check_order(columns).is_err() {
+        return;
+    }
+    let Some(step) = Clock::usual_step(t) else { return };
+    let limit = super::gaps::default_limit(columns, step, &mut Vec::new());
+    inspection.clock = Clock::of(t, limit);
+    inspection.jumps = t.windows(2).filter(|p| p[1] - p[0] > limit).map(|p| (p[0], p[1] - p[0])).collect();
+}
+
+/// A slow sensor that is logged fast repeats its samples: the vessel seems to stand still and then to jump.
+fn repeats(inspection: &mut Inspection, columns: &Columns) {
+    let repeating: Vec<&Vec<f64>> = columns
+        .outputs
+        .iter()
+        .filter(|values| {
+            let repeated = values.windows(2).filter(|p| p[0] == p[1]).count();
+            repeated as f64 > 0.02 * values.len() as f64
+        })
+        .collect();
+    let rows = columns.rows();
+    if repeating.is_empty() || rows < 2 {
+        return;
+    }
+    let repeated = (1..rows).filter(|&k| repeating.iter().all(|v| v[k] == v[k - 1])).count();
+    let share = repeated as f64 / (rows - 1) as f64;
+    inspection.repeated_rows = share;
+    if share > MANY_REPEATS && share < 0.98 {
+        let step = inspection.clock.map_or(1.0, |c| c.step_s) / (1.0 - share);
+        inspection.notes.push(
+            Note::warning(format!(
+                "{}: {:.0} % of the rows repeat the measurement of the row before: the sensor is slower than the log",
+                columns.path,
+                100.0 * share
+            ))
+            .with_remedy(format!("resample to the sensor's rate, about --dt {step:.2}, or blank the repeated cells")),
+        );
+    }
+}
+
+fn disagree(inspection: &mut Inspection) {
+    for d in &inspection.disagreements {
+        let (what, correlation) = (d.quantity, d.correlation);
+        inspection.notes.push(
+            Note::warning(format!(
+                "{}: `{}` and `{}` should both show the {what}, but their correlation is {correlation:.2}: the {what} is not to be trusted",
+                inspection.path, d.first, d.second
+            ))
+            .with_remedy(format!("do not identify the {what} from this log; leave it out of --outputs")),
+        );
+    }
+}

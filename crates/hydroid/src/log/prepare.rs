@@ -1,0 +1,403 @@
+//! From logs as read to runs that models can learn from.
+//!
+//! The order of work, file by file: select columns, convert units, refuse what cannot be true, find the
+//! clock, split at jumps in time, put each part on a regular clock (its own, if it has one), hold and shift
+//! the commands, cut where a measurement is missing too long. Whatever was changed is told in a [`Note`].
+
+use super::align::{CommandTiming, InputDelay};
+use super::clock::{self, Clock};
+use super::columns::Columns;
+use super::csv::RawLog;
+use super::error::LogError;
+use super::gaps;
+use super::grid::Grid;
+use super::note::{Note, count};
+use super::resample::Resampling;
+use super::resolve::{self, Resolved};
+use super::sanity;
+use super::selection::Selection;
+use super::trajectory::{Channel, Table, Trajectory};
+
+/// Fewest samples of a run.
+pub(crate) const FEWEST_SAMPLES: usize = 3;
+
+/// How logs are put on a clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PrepareOptions {
+    /// Step \[s\] to resample to. Without it: the log's own.
+    pub dt: Option<f64>,
+    /// Longest time \[s\] that an output may be missing. Without it: 1 s or 10 samples of the slowest
+    /// output, whichever is longer.
+    pub max_gap_s: Option<f64>,
+    /// Which interval the command in a row belongs to.
+    pub command_timing: CommandTiming,
+    /// How much later a command acts than it is logged.
+    pub input_delay: InputDelay,
+}
+
+/// Runs on regular clocks of one step, and what was done to get them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prepared {
+    /// The runs, in the order of the logs; all share channels and step.
+    pub runs: Vec<Trajectory>,
+    /// For each run the position of its log.
+    pub sources: Vec<usize>,
+    /// What was converted, cut, dropped, resampled or noticed.
+    pub notes: Vec<Note>,
+}
+
+/// Makes runs from logs.
+///
+/// # Errors
+/// If a log cannot be used as asked for; the message names file, line, column and remedy.
+pub fn prepare(
+    logs: &[RawLog],
+    selection: &Selection,
+    options: &PrepareOptions,
+) -> Result<Prepared, LogError> {
+    check(options)?;
+    let first = logs.first().ok_or(LogError::NoFiles)?;
+    let mut notes = Vec::new();
+    let resolved = resolve_all(logs, selection, &mut notes)?;
+    let mut files = Vec::with_capacity(logs.len());
+    for (log, resolved) in logs.iter().zip(&resolved) {
+        let columns = Columns::new(log, resolved, &mut notes)?;
+        clock::check_order(&columns)?;
+        sanity::check(&columns)?;
+        files.push(File::new(columns, options, &mut notes)?);
+    }
+    let dt = common_step(&files, options, &mut notes);
+    let mut runs = Vec::new();
+    let mut sources = Vec::new();
+    for (i, file) in files.iter().enumerate() {
+        let name = logs[i].file_name();
+        let unique = logs.iter().filter(|l| l.file_name() == name).count() == 1;
+        let name = if unique { name } else { logs[i].path.clone() };
+        for run in file.runs(&name, dt, options, &mut notes)? {
+            runs.push(run);
+            sources.push(i);
+        }
+    }
+    let path = if logs.len() == 1 { first.path.clone() } else { format!("the {} logs", logs.len()) };
+    if runs.is_empty() {
+        let found = files.iter().map(|f| f.columns.rows()).max().unwrap_or(0).min(FEWEST_SAMPLES - 1);
+        let remedy = "look at the gaps with `hydroid inspect`; a longer gap limit (--max-gap) or a shorter input delay keeps more";
+        return Err(LogError::TooShort { path, found, needed: FEWEST_SAMPLES, remedy: remedy.to_owned() });
+    }
+    note_constants(&path, &runs, &mut notes)?;
+    Ok(Prepared { runs, sources, notes })
+}
+
+fn check(options: &PrepareOptions) -> Result<(), LogError> {
+    for (what, value) in [("a step", options.dt), ("a gap limit", options.max_gap_s)] {
+        if let Some(value) = value
+            && !(value > 0.0 && value.is_finite())
+        {
+            let reason = "it must be a positive number of seconds".to_owned();
+            return Err(LogError::BadOption { what, value: value.to_string(), reason });
+        }
+    }
+    options.input_delay.check()
+}
+
+/// The selection applied to all logs, with the channels that the first of them gives.
+fn resolve_all(
+    logs: &[RawLog],
+    selection: &Selection,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<Resolved>, LogError> {
+    let first = Resolved::new(&logs[0], selection, notes)?;
+    let column = |s: &resolve::Source| logs[0].columns[s.column].name.clone();
+    // What was guessed from the first log holds for all.
+    let mut concrete = selection.clone();
+    if concrete.outputs.is_empty() {
+        concrete.outputs = first.outputs.iter().map(|s| respec(s, column(s))).collect();
+    }
+    if concrete.inputs.is_empty() {
+        concrete.inputs = first.inputs.iter().map(|s| respec(s, column(s))).collect();
+    }
+    let mut all = vec![first];
+    for log in &logs[1..] {
+        let selected = concrete.outputs.iter().chain(&concrete.inputs);
+        let wind = concrete.wind.iter().flat_map(|w| [&w.speed, &w.direction]);
+        for spec in selected.chain(wind) {
+            if resolve::find(log, &spec.column).is_none() {
+                return Err(LogError::DifferentColumns {
+                    first: logs[0].path.clone(),
+                    second: log.path.clone(),
+                    column: spec.column.clone(),
+                });
+            }
+        }
+        let other = Resolved::new(log, &concrete, notes)?;
+        all[0].agrees(&logs[0], &other, log)?;
+        all.push(other);
+    }
+    let with_truth = all.iter().filter(|r| r.truth.is_some()).count();
+    if with_truth > 0 && with_truth < all.len() {
+        notes.push(Note::info(
+            "only some of the logs have true values beside the measured ones; they are left out",
+        ));
+        for r in &mut all {
+            r.truth = None;
+        }
+    }
+    Ok(all)
+}
+
+fn respec(source: &resolve::Source, column: String) -> super::selection::ChannelSpec {
+    super::selection::ChannelSpec::renamed(source.channel.name.clone(), column)
+}
+
+/// One log with its clock.
+struct File {
+    columns: Columns,
+    clock: Clock,
+    max_gap_s: f64,
+}
+
+impl File {
+    fn new(columns: Columns, options: &PrepareOptions, notes: &mut Vec<Note>) -> Result<Self, LogError> {
+        let too_short = |columns: &Columns| LogError::TooShort {
+            path: columns.path.clone(),
+            found: columns.rows(),
+            needed: FEWEST_SAMPLES,
+            remedy: "record for longer".to_owned(),
+        };
+        if columns.rows() < FEWEST_SAMPLES {
+            return Err(too_short(&columns));
+        }
+        let usual = Clock::usual_step(&columns.t).ok_or_else(|| too_short(&columns))?;
+        let max_gap_s = options.max_gap_s.unwrap_or_else(|| gaps::default_limit(&columns, usual, notes));
+        let clock = Clock::of(&columns.t, max_gap_s).ok_or_else(|| too_short(&columns))?;
+        Ok(Self { columns, clock, max_gap_s })
+    }
+
+    /// The parts between jumps in time, on the step `dt`, cut to what can be used.
+    fn runs(
+        &self,
+        name: &str,
+        dt: f64,
+        options: &PrepareOptions,
+        notes: &mut Vec<Note>,
+    ) -> Result<Vec<Trajectory>, LogError> {
+        let path = &self.columns.path;
+        let native = self.clock.regular && (dt - self.clock.step_s).abs() <= 1e-3 * dt;
+        let resampling = Resampling {
+            dt,
+            step: self.clock.step_s,
+            max_gap_s: self.max_gap_s,
+            timing: options.command_timing,
+            delay: options.input_delay,
+        };
+        self.note_resampling(native, dt, notes);
+        let parts = self.parts(notes);
+        let mut found: Vec<(Grid, Vec<(usize, usize)>)> = Vec::new();
+        let mut held = vec![0; self.columns.inputs.len()];
+        let (mut front, mut back, mut absent, mut short) = (0, 0, 0, 0);
+        for part in parts {
+            if part.1 - part.0 < FEWEST_SAMPLES {
+                short += part.1 - part.0;
+                continue;
+            }
+            let mut grid = if native {
+                Grid::native(&self.columns, part, dt, options.command_timing, options.input_delay)?
+            } else {
+                resampling.run(&self.columns, part)?
+            };
+            for (sum, n) in held.iter_mut().zip(&grid.held) {
+                *sum += n;
+            }
+            absent += grid.absent;
+            let dropped = grid.drop_without_command();
+            front += dropped.0;
+            back += dropped.1;
+            let mut usable = gaps::usable(&grid.outputs, grid.rows, dt, self.max_gap_s);
+            let before: usize = usable.iter().map(|p| p.1 - p.0).sum();
+            usable.retain(|p| p.1 - p.0 >= FEWEST_SAMPLES);
+            short += before - usable.iter().map(|p| p.1 - p.0).sum::<usize>();
+            note_cuts(path, &grid, &usable, notes);
+            found.push((grid, usable));
+        }
+        for (channel, n) in self.columns.input_channels.iter().zip(&held) {
+            if *n > 0 {
+                let cells = count(*n, "blank cell");
+                notes.push(Note::info(format!(
+                    "{path}: {cells} of the command `{}` hold the value before",
+                    channel.name
+                )));
+            }
+        }
+        let mut tell = |n: usize, what: &str| {
+            if n > 0 {
+                notes.push(Note::info(format!("{path}: {} {what}", count(n, "sample"))));
+            }
+        };
+        tell(absent, "left out by the log count as missing measurements");
+        tell(front, "dropped at the beginning, before the first command is known");
+        tell(back, "dropped at the end, where the shifted command is not known");
+        tell(short, "dropped in pieces of fewer than 3 samples");
+        let whole = found.len() == 1 && found[0].1.len() == 1;
+        let runs: Vec<Trajectory> = found
+            .iter()
+            .flat_map(|(grid, usable)| usable.iter().map(|part| self.run(name, grid, *part, whole)))
+            .collect();
+        self.note_missing(&runs, notes);
+        Ok(runs)
+    }
+
+    fn run(&self, name: &str, grid: &Grid, (from, to): (usize, usize), whole: bool) -> Trajectory {
+        let t0 = grid.t0 + from as f64 * grid.dt;
+        let name = if whole {
+            name.to_owned()
+        } else {
+            format!("{name} ({t0:.1} s to {:.1} s)", t0 + (to - from - 1) as f64 * grid.dt)
+        };
+        let table = |channels: &[Channel], values: &[Vec<f64>]| {
+            let mut flat = vec![0.0; (to - from) * values.len()];
+            for (c, column) in values.iter().enumerate() {
+                for (cell, x) in flat[c..].iter_mut().step_by(values.len()).zip(&column[from..to]) {
+                    *cell = *x;
+                }
+            }
+            Table::new(channels.to_vec(), flat)
+        };
+        Trajectory {
+            name,
+            t0,
+            dt: grid.dt,
+            outputs: table(&self.columns.output_channels, &grid.outputs),
+            inputs: table(&self.columns.input_channels, &grid.inputs),
+            truth: grid.truth.as_ref().map(|t| table(&self.columns.output_channels, t)),
+        }
+    }
+
+    /// Rows between jumps in time longer than the gap limit.
+    fn parts(&self, notes: &mut Vec<Note>) -> Vec<(usize, usize)> {
+        let t = &self.columns.t;
+        let jumps: Vec<usize> = (1..t.len()).filter(|&k| t[k] - t[k - 1] > self.max_gap_s).collect();
+        if let Some(&k) = jumps.first() {
+            let longest = jumps.iter().map(|&k| t[k] - t[k - 1]).fold(0.0, f64::max);
+            notes.push(Note::warning(format!(
+                "{}: split at {} in time longer than {:.3} s (the first before line {}, the longest {longest:.3} s)",
+                self.columns.path,
+                count(jumps.len(), "jump"),
+                self.max_gap_s,
+                self.columns.lines[k],
+            )));
+        }
+        let starts = std::iter::once(0).chain(jumps.iter().copied());
+        starts.zip(jumps.iter().copied().chain([t.len()])).collect()
+    }
+
+    fn note_resampling(&self, native: bool, dt: f64, notes: &mut Vec<Note>) {
+        let Clock { step_s, shortest_s, longest_s, regular } = self.clock;
+        let path = &self.columns.path;
+        if !regular {
+            notes.push(
+                Note::warning(format!(
+                    "{path}: the clock is irregular (steps of {shortest_s:.4} s to {longest_s:.4} s, usually {step_s:.4} s); \
+                     resampled to {dt:.4} s, measurements by interpolation"
+                ))
+                .with_remedy("record with the time at which each value was measured; choose the step with --dt"),
+            );
+        } else if !native {
+            notes.push(Note::info(format!("{path}: resampled from {step_s} s to {dt} s")));
+        }
+    }
+
+    fn note_missing(&self, runs: &[Trajectory], notes: &mut Vec<Note>) {
+        for (i, channel) in self.columns.output_channels.iter().enumerate() {
+            let missing: usize =
+                runs.iter().map(|r| r.outputs.column(i).filter(|x| x.is_nan()).count()).sum();
+            if missing > 0 {
+                let all: usize = runs.iter().map(Trajectory::len).sum();
+                notes.push(Note::info(format!(
+                    "{}: `{}` is missing in {missing} of {all} samples; nothing is put in its place",
+                    self.columns.path, channel.name
+                )));
+            }
+        }
+    }
+}
+
+/// How many cuts of one part are told one by one.
+const SHOWN_CUTS: usize = 5;
+
+/// Tells what was cut out between and around the usable parts.
+fn note_cuts(path: &str, grid: &Grid, usable: &[(usize, usize)], notes: &mut Vec<Note>) {
+    let time = |k: usize| grid.t0 + k as f64 * grid.dt;
+    let mut tell = |from: usize, to: usize, place: &str| {
+        if from < to {
+            notes.push(Note::warning(format!(
+                "{path}: {} {place} cut out, {:.2} s to {:.2} s: some output is missing there",
+                count(to - from, "sample"),
+                time(from),
+                time(to - 1),
+            )));
+        }
+    };
+    let (Some(first), Some(last)) = (usable.first(), usable.last()) else {
+        tell(0, grid.rows, "");
+        return;
+    };
+    tell(0, first.0, "at the beginning");
+    for pair in usable.windows(2).take(SHOWN_CUTS) {
+        tell(pair[0].1, pair[1].0, "in between");
+    }
+    if usable.len() > SHOWN_CUTS + 1 {
+        let (from, to) = (usable[SHOWN_CUTS].1, last.0);
+        tell(from, to, &format!("and more of the kind ({} in all)", count(usable.len() - 1, "cut")));
+    }
+    tell(last.1, grid.rows, "at the end");
+}
+
+/// The step of all runs: as told, or the logs' own if they agree, or the longest of them.
+fn common_step(files: &[File], options: &PrepareOptions, notes: &mut Vec<Note>) -> f64 {
+    if let Some(dt) = options.dt {
+        return dt;
+    }
+    let steps = || files.iter().map(|f| f.clock.step_s);
+    let longest = steps().fold(0.0, f64::max);
+    let shortest = steps().fold(f64::INFINITY, f64::min);
+    if longest - shortest > 1e-3 * longest {
+        notes.push(
+            Note::warning(format!(
+                "the logs have different steps, from {shortest:.4} s to {longest:.4} s; all are resampled to {longest:.4} s"
+            ))
+            .with_remedy("choose the step with --dt"),
+        );
+    }
+    longest
+}
+
+/// Notes channels that never change; none may be left that does.
+fn note_constants(path: &str, runs: &[Trajectory], notes: &mut Vec<Note>) -> Result<(), LogError> {
+    let constant = |table: fn(&Trajectory) -> &Table, i: usize| {
+        let mut values = runs.iter().flat_map(|r| table(r).column(i)).filter(|x| !x.is_nan());
+        let first = values.next();
+        values.all(|x| Some(x) == first)
+    };
+    let mut still = 0;
+    for (i, channel) in runs[0].outputs.channels().iter().enumerate() {
+        if constant(|r| &r.outputs, i) {
+            still += 1;
+            notes.push(
+                Note::warning(format!("the output `{}` never changes", channel.name))
+                    .with_remedy("leave it out, or check the sensor: nothing can be learned about it"),
+            );
+        }
+    }
+    if still == runs[0].outputs.width() {
+        return Err(LogError::NothingMoves { path: path.to_owned() });
+    }
+    for (i, channel) in runs[0].inputs.channels().iter().enumerate() {
+        if constant(|r| &r.inputs, i) {
+            notes.push(Note::warning(format!("the input `{}` never changes", channel.name)).with_remedy(
+                "its effect cannot be learned from these logs; leave it out or record with it moving",
+            ));
+        }
+    }
+    Ok(())
+}

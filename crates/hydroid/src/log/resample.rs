@@ -1,0 +1,170 @@
+//! A log on another clock than its own.
+//!
+//! **Outputs** are read off at the new instants, by linear interpolation between the nearest values before
+//! and after, if these lie no farther apart than the gap limit. They are not averaged over the new step,
+//! though that would lower the noise: a mean around $t_k$ holds measurements from after $t_k$, so that a
+//! model would be told a part of what it is to predict, and a part of the command of the neighbouring
+//! interval. The price is aliasing: what oscillates faster than twice per new step appears as noise.
+//!
+//! **Commands** are the last value before the new instant. Where the new step is clearly longer than the
+//! log's (1.5 times and more), they are the mean of the held command over the new interval instead: what
+//! the vessel received in it, and known when it begins to act.
+//!
+//! Angles (unit rad) are interpolated the short way round.
+
+use std::f64::consts::TAU;
+
+use super::align::{CommandTiming, InputDelay};
+use super::columns::Columns;
+use super::error::LogError;
+use super::grid::{Grid, check_size, whole};
+
+/// How far, in new steps, a stamp may lie from an instant and still be taken as it.
+const AT: f64 = 1e-6;
+/// From this ratio of new to old step on, commands are averaged.
+const COARSER: f64 = 1.5;
+
+/// The new clock and the old one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Resampling {
+    /// New step \[s\].
+    pub(crate) dt: f64,
+    /// Usual step of the log \[s\].
+    pub(crate) step: f64,
+    /// Farthest distance of two values that are interpolated between \[s\].
+    pub(crate) max_gap_s: f64,
+    pub(crate) timing: CommandTiming,
+    pub(crate) delay: InputDelay,
+}
+
+impl Resampling {
+    /// Rows `from..to` of a log on the new clock, beginning at the first of them.
+    pub(crate) fn run(&self, columns: &Columns, (from, to): (usize, usize)) -> Result<Grid, LogError> {
+        let t = &columns.t[from..to];
+        let (t0, last) = (t[0], t[t.len() - 1]);
+        let span = (last - t0) / self.dt + AT;
+        check_size(span, self.dt, columns)?;
+        let rows = whole(span) + 1;
+        let instants = || (0..rows).map(|k| t0 + k as f64 * self.dt);
+        let measured = |channels: &[Vec<f64>]| -> Vec<Vec<f64>> {
+            let units = columns.output_channels.iter().map(|c| c.unit == "rad");
+            channels
+                .iter()
+                .zip(units)
+                .map(|(values, angle)| self.interpolate(t, &values[from..to], instants(), angle))
+                .collect()
+        };
+        let stamps = self.command_times(t);
+        let mut held = Vec::new();
+        let inputs = columns
+            .inputs
+            .iter()
+            .map(|values| {
+                let values = &values[from..to];
+                let first = values.iter().position(|x| !x.is_nan()).unwrap_or(values.len());
+                held.push(values[first..].iter().filter(|x| x.is_nan()).count());
+                self.command(&stamps, values, last, instants())
+            })
+            .collect();
+        Ok(Grid {
+            t0,
+            dt: self.dt,
+            rows,
+            outputs: measured(&columns.outputs),
+            inputs,
+            truth: columns.truth.as_ref().map(|truth| measured(truth)),
+            held,
+            absent: 0,
+        })
+    }
+
+    /// When each command of the log begins to act.
+    fn command_times(&self, t: &[f64]) -> Vec<f64> {
+        let delay = self.delay.seconds(self.step);
+        match self.timing {
+            CommandTiming::Before => t.iter().map(|t| t + delay).collect(),
+            CommandTiming::After => std::iter::once(t[0] - self.step)
+                .chain(t[..t.len() - 1].iter().copied())
+                .map(|t| t + delay)
+                .collect(),
+        }
+    }
+
+    fn interpolate(
+        &self,
+        t: &[f64],
+        values: &[f64],
+        instants: impl Iterator<Item = f64>,
+        angle: bool,
+    ) -> Vec<f64> {
+        let valid: Vec<(f64, f64)> =
+            t.iter().copied().zip(values.iter().copied()).filter(|(_, x)| !x.is_nan()).collect();
+        let mut next = 0;
+        instants
+            .map(|g| {
+                // `next` is the first value after the instant.
+                while next < valid.len() && valid[next].0 <= g + AT * self.dt {
+                    next += 1;
+                }
+                let Some((ta, a)) = next.checked_sub(1).map(|i| valid[i]) else {
+                    return f64::NAN;
+                };
+                if (g - ta).abs() <= AT * self.dt {
+                    return a;
+                }
+                match valid.get(next) {
+                    Some(&(tb, b)) if tb - ta <= self.max_gap_s * (1.0 + 1e-9) => {
+                        let mut difference = b - a;
+                        if angle {
+                            difference -= TAU * (difference / TAU).round();
+                        }
+                        let w = (g - ta) / (tb - ta);
+                        // From the nearer of the two, so that an angle stays in the turn that the log counts in.
+                        if w < 0.5 { a + difference * w } else { b - difference * (1.0 - w) }
+                    }
+                    _ => f64::NAN,
+                }
+            })
+            .collect()
+    }
+
+    fn command(
+        &self,
+        stamps: &[f64],
+        values: &[f64],
+        last: f64,
+        instants: impl Iterator<Item = f64>,
+    ) -> Vec<f64> {
+        let events: Vec<(f64, f64)> =
+            stamps.iter().copied().zip(values.iter().copied()).filter(|(_, x)| !x.is_nan()).collect();
+        // Beyond the last row's own interval nothing is known of the command.
+        let lag = if self.timing == CommandTiming::After { 0.0 } else { self.step };
+        let end = last + lag + self.delay.seconds(self.step);
+        let average = self.dt >= COARSER * self.step;
+        let mut next = 0;
+        instants
+            .map(|g| {
+                while next < events.len() && events[next].0 <= g + AT * self.dt {
+                    next += 1;
+                }
+                if next == 0 || g >= end - AT * self.dt {
+                    return f64::NAN;
+                }
+                let held = events[next - 1].1;
+                if average { mean(&events[next..], held, g, (g + self.dt).min(end)) } else { held }
+            })
+            .collect()
+    }
+}
+
+/// Mean over `from..to` of a command that is `held` at `from` and changes at the events after.
+fn mean(events: &[(f64, f64)], held: f64, from: f64, to: f64) -> f64 {
+    // Summed as deviations from the first value, so that a command that stands still stays exactly itself.
+    let (mut sum, mut value, mut since) = (0.0, held, from);
+    for &(time, x) in events.iter().take_while(|e| e.0 < to) {
+        sum += (value - held) * (time - since);
+        (value, since) = (x, time);
+    }
+    sum += (value - held) * (to - since);
+    held + sum / (to - from)
+}

@@ -1,0 +1,291 @@
+//! From a selection and a log to positions, units and factors of columns.
+
+use super::csv::RawLog;
+use super::error::LogError;
+use super::note::Note;
+use super::selection::{ChannelSpec, Selection, Wind};
+use super::trajectory::Channel;
+use super::units::{self, Quantity, Unit, UnitError};
+
+/// A column of a log as a channel.
+#[derive(Clone, Debug)]
+pub(crate) struct Source {
+    /// Position of the column.
+    pub(crate) column: usize,
+    /// SI value = value in the log times this.
+    pub(crate) factor: f64,
+    /// The part of the factor that the user gave.
+    scale: f64,
+    /// Name and SI unit.
+    pub(crate) channel: Channel,
+}
+
+/// A selection applied to one log.
+#[derive(Clone, Debug)]
+pub(crate) struct Resolved {
+    pub(crate) time: Source,
+    pub(crate) outputs: Vec<Source>,
+    pub(crate) inputs: Vec<Source>,
+    /// Speed and direction.
+    pub(crate) wind: Option<[Source; 2]>,
+    /// For every output its column `<source>_true`, where all of them exist.
+    pub(crate) truth: Option<Vec<Source>>,
+}
+
+impl Resolved {
+    /// Applies a selection to a log; what was guessed or converted goes to `notes`.
+    pub(crate) fn new(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<Self, LogError> {
+        let time = time(log, selection, notes)?;
+        let outputs = sources(log, &outputs_or_default(log, selection)?, notes)?;
+        let wind = selection.wind.as_ref().map(|w| wind_sources(log, w, notes)).transpose()?;
+        let inputs = match inputs_or_default(log, selection, &outputs) {
+            Ok(specs) => sources(log, &specs, notes)?,
+            Err(_) if wind.is_some() => Vec::new(),
+            Err(e) => return Err(e),
+        };
+        let truth = truth(log, &outputs)?;
+        let resolved = Self { time, outputs, inputs, wind, truth };
+        let mut names: Vec<String> = resolved.output_channels().into_iter().map(|c| c.name).collect();
+        names.extend(resolved.input_channels().into_iter().map(|c| c.name));
+        for (i, name) in names.iter().enumerate() {
+            if names[..i].contains(name) {
+                return Err(LogError::RepeatedChannel { name: name.clone() });
+            }
+        }
+        Ok(resolved)
+    }
+
+    /// The outputs.
+    pub(crate) fn output_channels(&self) -> Vec<Channel> {
+        self.outputs.iter().map(|s| s.channel.clone()).collect()
+    }
+
+    /// The inputs, wind last.
+    pub(crate) fn input_channels(&self) -> Vec<Channel> {
+        let wind = ["wind_x", "wind_y"].map(|n| Channel::new(n, "m^2/s^2"));
+        let wind = if self.wind.is_some() { &wind[..] } else { &[] };
+        self.inputs.iter().map(|s| s.channel.clone()).chain(wind.iter().cloned()).collect()
+    }
+
+    /// Whether another log gives the same channels in the same units.
+    pub(crate) fn agrees(&self, first: &RawLog, other: &Self, second: &RawLog) -> Result<(), LogError> {
+        let here = self.outputs.iter().chain(&self.inputs);
+        for (a, b) in here.zip(other.outputs.iter().chain(&other.inputs)) {
+            if a.channel.unit != b.channel.unit {
+                let unit = |u: &str| if u.is_empty() { "no stated unit".to_owned() } else { u.to_owned() };
+                return Err(LogError::DifferentUnits {
+                    column: first.columns[a.column].name.clone(),
+                    first: first.path.clone(),
+                    first_unit: unit(&a.channel.unit),
+                    second: second.path.clone(),
+                    second_unit: unit(&b.channel.unit),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Outputs asked for, or `u`, `v`, `r` as far as they exist.
+pub(crate) fn outputs_or_default(log: &RawLog, selection: &Selection) -> Result<Vec<ChannelSpec>, LogError> {
+    if !selection.outputs.is_empty() {
+        return Ok(selection.outputs.clone());
+    }
+    let found: Vec<ChannelSpec> = ["u", "v", "r"]
+        .into_iter()
+        .filter(|name| find(log, name).is_some())
+        .map(ChannelSpec::named)
+        .collect();
+    if found.is_empty() {
+        return Err(LogError::NoOutputs { path: log.path.clone(), columns: all_names(log) });
+    }
+    Ok(found)
+}
+
+/// Inputs asked for, or all columns that look like commands.
+fn inputs_or_default(
+    log: &RawLog,
+    selection: &Selection,
+    outputs: &[Source],
+) -> Result<Vec<ChannelSpec>, LogError> {
+    if !selection.inputs.is_empty() {
+        return Ok(selection.inputs.clone());
+    }
+    let found: Vec<ChannelSpec> = log
+        .columns
+        .iter()
+        .enumerate()
+        .filter(|(i, c)| is_command_name(&c.name) && !outputs.iter().any(|o| o.column == *i))
+        .map(|(_, c)| ChannelSpec::named(&c.name))
+        .collect();
+    if found.is_empty() {
+        return Err(LogError::NoInputs { path: log.path.clone(), columns: all_names(log) });
+    }
+    Ok(found)
+}
+
+pub(crate) fn is_command_name(name: &str) -> bool {
+    name.ends_with("_cmd") || name.ends_with("_ang")
+}
+
+fn time(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<Source, LogError> {
+    let spec = if let Some(text) = &selection.time {
+        text.parse::<ChannelSpec>()?
+    } else {
+        let name = ["t", "time", "t_s", "timestamp", "time_s"]
+            .into_iter()
+            .find_map(|name| log.columns.iter().find(|c| c.name.eq_ignore_ascii_case(name)))
+            .map(|c| c.name.clone())
+            .ok_or_else(|| LogError::NoTime { path: log.path.clone(), columns: all_names(log) })?;
+        ChannelSpec::named(name)
+    };
+    let source = source(log, &spec, true, notes)?;
+    let unit = &source.channel.unit;
+    if unit.is_empty() {
+        notes.push(
+            Note::info(format!(
+                "{}: the time in `{}` states no unit and is taken as seconds",
+                log.path, spec.column
+            ))
+            .with_remedy(format!("if it is not seconds, say so: --time '{} [ms]'", spec.column)),
+        );
+    } else if unit != "s" {
+        let error = UnitError::Incompatible { from: unit.clone(), to: "s".to_owned() };
+        return Err(LogError::Unit { column: spec.column, source: error });
+    }
+    Ok(source)
+}
+
+fn wind_sources(log: &RawLog, wind: &Wind, notes: &mut Vec<Note>) -> Result<[Source; 2], LogError> {
+    let check = |spec: &ChannelSpec, to: &str, notes: &mut Vec<Note>| {
+        let s = source(log, spec, false, notes)?;
+        if s.channel.unit == to || s.channel.unit.is_empty() {
+            return Ok(s);
+        }
+        let error = UnitError::Incompatible { from: s.channel.unit, to: to.to_owned() };
+        Err(LogError::Unit { column: spec.column.clone(), source: error })
+    };
+    Ok([check(&wind.speed, "m/s", notes)?, check(&wind.direction, "rad", notes)?])
+}
+
+/// The columns `<source>_true` of all outputs, in the unit and scale of the output where they state none.
+fn truth(log: &RawLog, outputs: &[Source]) -> Result<Option<Vec<Source>>, LogError> {
+    let mut truth = Vec::with_capacity(outputs.len());
+    for output in outputs {
+        let name = format!("{}_true", log.columns[output.column].name);
+        let Some(column) = log.position(&name) else {
+            return Ok(None);
+        };
+        let mut factor = output.factor;
+        if let Some(text) = &log.columns[column].unit {
+            let unit = Unit::parse(text).map_err(|source| LogError::Unit { column: name.clone(), source })?;
+            if unit.si != output.channel.unit && !output.channel.unit.is_empty() {
+                let error = UnitError::Incompatible { from: unit.text, to: output.channel.unit.clone() };
+                return Err(LogError::Unit { column: name, source: error });
+            }
+            factor = unit.factor * output.scale;
+        }
+        truth.push(Source { column, factor, scale: output.scale, channel: output.channel.clone() });
+    }
+    Ok(Some(truth))
+}
+
+fn sources(log: &RawLog, specs: &[ChannelSpec], notes: &mut Vec<Note>) -> Result<Vec<Source>, LogError> {
+    specs.iter().map(|spec| source(log, spec, false, notes)).collect()
+}
+
+fn source(log: &RawLog, spec: &ChannelSpec, clock: bool, notes: &mut Vec<Note>) -> Result<Source, LogError> {
+    let column = find(log, &spec.column).ok_or_else(|| unknown(log, &spec.column))?;
+    let raw = &log.columns[column];
+    if raw.name != spec.column {
+        notes.push(Note::info(format!(
+            "{}: `{}` is read from the column `{}`",
+            log.path, spec.column, raw.name
+        )));
+    }
+    let failed = |source| LogError::Unit { column: raw.name.clone(), source };
+    let header = match &raw.unit {
+        Some(text) => Some(Unit::parse(text).map_err(failed)?),
+        None => units::from_name(&raw.name, clock)
+            .map(|(_, text)| Unit::parse(text).map_err(failed))
+            .transpose()?,
+    };
+    let stated = spec.unit.as_deref().map(|text| Unit::parse(text).map_err(failed)).transpose()?;
+    let unit = match (header, stated) {
+        (Some(header), Some(stated)) => {
+            let same = header.to(&stated).map_err(failed)?;
+            if same != 1.0 {
+                notes.push(Note::warning(format!(
+                    "{}: the header says `{}` is in {}, you say {}: {} is used",
+                    log.path, raw.name, header.text, stated.text, stated.text
+                )));
+            }
+            Some(stated)
+        }
+        (header, stated) => stated.or(header),
+    };
+    let Some(unit) = unit else {
+        let channel = Channel::new(&spec.name, "");
+        return Ok(Source { column, factor: spec.scale, scale: spec.scale, channel });
+    };
+    if !unit.is_known() {
+        notes.push(Note::info(format!(
+            "{}: the unit {} of `{}` is kept as it is",
+            log.path, unit.text, raw.name
+        )));
+    } else if unit.factor != 1.0 && unit.quantity != Some(Quantity::Time) {
+        notes.push(Note::info(format!(
+            "{}: `{}` is converted from {} to {}",
+            log.path, raw.name, unit.text, unit.si
+        )));
+    }
+    let factor = spec.scale * unit.factor;
+    Ok(Source { column, factor, scale: spec.scale, channel: Channel::new(&spec.name, unit.si) })
+}
+
+/// The column that a name means: exactly, or apart from case, or apart from a unit at its end (`u` for
+/// `u_mps`), where only one column fits.
+pub(crate) fn find(log: &RawLog, name: &str) -> Option<usize> {
+    let only = |fits: &dyn Fn(&str) -> bool| {
+        let mut found = log.columns.iter().enumerate().filter(|(_, c)| fits(&c.name)).map(|(i, _)| i);
+        match (found.next(), found.next()) {
+            (Some(i), None) => Some(i),
+            _ => None,
+        }
+    };
+    log.position(name)
+        // Not for single letters: `V` is a voltage, `v` is sway.
+        .or_else(|| only(&|c| name.chars().nth(1).is_some() && c.eq_ignore_ascii_case(name)))
+        .or_else(|| only(&|c| units::from_name(c, true).is_some_and(|(stem, _)| stem == name)))
+}
+
+pub(crate) fn unknown(log: &RawLog, name: &str) -> LogError {
+    let mut ranked: Vec<(f64, &str)> = log
+        .columns
+        .iter()
+        .map(|c| {
+            let (a, b) = (c.name.to_lowercase(), name.to_lowercase());
+            let contained = if a.contains(&b) || b.contains(&a) { 0.3 } else { 0.0 };
+            (strsim::jaro_winkler(&a, &b) + contained, c.name.as_str())
+        })
+        .filter(|(score, _)| *score > 0.7)
+        .collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let nearest: Vec<String> = ranked.iter().take(3).map(|(_, n)| format!("`{n}`")).collect();
+    let nearest =
+        if nearest.is_empty() { String::new() } else { format!("; did you mean {}?", nearest.join(" or ")) };
+    LogError::UnknownColumn {
+        path: log.path.clone(),
+        name: name.to_owned(),
+        nearest,
+        columns: all_names(log),
+    }
+}
+
+/// All names of columns, as they would be written in a selection.
+pub(crate) fn all_names(log: &RawLog) -> String {
+    const SHOWN: usize = 60;
+    let names: Vec<&str> = log.columns.iter().take(SHOWN).map(|c| c.name.as_str()).collect();
+    let more = log.columns.len().saturating_sub(SHOWN);
+    if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") }
+}

@@ -1,0 +1,72 @@
+//! Values beyond anything a vessel does: a wrong unit or a spike, in either case not to be learned from.
+
+use super::columns::Columns;
+use super::error::LogError;
+use super::trajectory::Channel;
+
+/// Fastest plausible velocity \[m/s\].
+const FASTEST_M_S: f64 = 100.0;
+/// Fastest plausible turn of a vessel \[rad/s\].
+const FASTEST_RAD_S: f64 = 20.0;
+/// How many times the typical size of a channel a single value may reach.
+const SPIKE: f64 = 1e6;
+/// No value up to this size is a spike: a channel that rests at rounding errors may begin to move.
+const NO_SPIKE: f64 = 1e3;
+
+/// Refuses a log with an absurd value in a selected column.
+pub(crate) fn check(columns: &Columns) -> Result<(), LogError> {
+    for (channel, values) in columns.output_channels.iter().zip(&columns.outputs) {
+        limit(columns, channel, values)?;
+        spike(columns, channel, values)?;
+    }
+    for (channel, values) in columns.input_channels.iter().zip(&columns.inputs) {
+        spike(columns, channel, values)?;
+    }
+    Ok(())
+}
+
+/// Velocities and yaw rates have limits of their own; a bare `u`, `v`, `r` is meant in SI units.
+fn limit(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), LogError> {
+    let (limit, unit) = match (channel.name.as_str(), channel.unit.as_str()) {
+        (_, "m/s") | ("u" | "v", "") => (FASTEST_M_S, "m/s"),
+        (_, "rad/s") | ("r", "") => (FASTEST_RAD_S, "rad/s"),
+        _ => return Ok(()),
+    };
+    match values.iter().position(|x| x.abs() > limit) {
+        None => Ok(()),
+        Some(k) => Err(LogError::Absurd {
+            path: columns.path.clone(),
+            line: columns.lines[k],
+            column: channel.name.clone(),
+            value: format!("{} {unit}", values[k]),
+            reason: format!("is more than any vessel does ({limit} {unit})"),
+            remedy: "if the unit is another, state it (`name [deg/s]`, `name [km/h]`); if it is a spike, blank the cell",
+        }),
+    }
+}
+
+/// A few values a million times larger than the rest. Many such values are a channel that rests at rounding
+/// errors most of the time, which is no fault.
+fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), LogError> {
+    let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).filter(|x| *x > 0.0).collect();
+    if sizes.is_empty() {
+        return Ok(());
+    }
+    let middle = sizes.len() / 2;
+    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let above = |x: &f64| x.abs() > (SPIKE * median).max(NO_SPIKE);
+    let found = values.iter().filter(|x| above(x)).count();
+    let allowed_as_spikes = (values.len() / 100).max(3);
+    if found == 0 || found > allowed_as_spikes {
+        return Ok(());
+    }
+    let k = values.iter().position(|x| above(x)).unwrap_or(0);
+    Err(LogError::Absurd {
+        path: columns.path.clone(),
+        line: columns.lines[k],
+        column: channel.name.clone(),
+        value: values[k].to_string(),
+        reason: format!("is a million times the channel's typical size ({median:.3})"),
+        remedy: "blank the cell if it is a spike",
+    })
+}

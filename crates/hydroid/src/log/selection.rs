@@ -1,0 +1,222 @@
+//! Which columns of a log are what: time, outputs, inputs, wind.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::csv::name_and_unit;
+use super::error::LogError;
+
+/// A channel and the column it comes from, as written on the command line or in `hydroid.toml`:
+/// `NAME`, `NAME=COLUMN`, `NAME=COLUMN [unit]`, `NAME=COLUMN [unit] * 0.01`.
+///
+/// The unit is the one that the column is in, where its header does not say so (or says it wrongly); the
+/// stored numbers are SI. The scale multiplies what stands in the log before the unit is converted.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct ChannelSpec {
+    /// Name of the channel.
+    pub name: String,
+    /// Name of the column in the log.
+    pub column: String,
+    /// Unit of the column, where it is stated here.
+    pub unit: Option<String>,
+    /// Factor on the numbers of the log.
+    pub scale: f64,
+}
+
+impl ChannelSpec {
+    /// The channel that is called as its column.
+    pub fn named(name: impl Into<String>) -> Self {
+        let name = name.into();
+        Self { column: name.clone(), name, unit: None, scale: 1.0 }
+    }
+
+    /// A channel under another name than its column's.
+    pub fn renamed(name: impl Into<String>, column: impl Into<String>) -> Self {
+        Self { name: name.into(), column: column.into(), unit: None, scale: 1.0 }
+    }
+
+    /// Several specifications separated by commas, as in `--outputs u,v,r=YAW [deg/s]`.
+    ///
+    /// # Errors
+    /// If one of them cannot be understood.
+    pub fn parse_list(text: &str) -> Result<Vec<Self>, LogError> {
+        text.split(',').map(str::parse).collect()
+    }
+}
+
+impl FromStr for ChannelSpec {
+    type Err = LogError;
+
+    fn from_str(text: &str) -> Result<Self, LogError> {
+        let bad = |reason: &str| LogError::BadSpec { text: text.to_owned(), reason: reason.to_owned() };
+        let (name, source) = match text.split_once('=') {
+            Some((name, source)) => (Some(name.trim()), source.trim()),
+            None => (None, text.trim()),
+        };
+        // ` * 0.01` counts as a scale where a number follows; a column may be called `a*b`.
+        let (source, scale) = match source.rsplit_once('*') {
+            Some((front, factor)) if factor.trim().parse::<f64>().is_ok() => {
+                (front.trim(), factor.trim().parse::<f64>().unwrap_or(f64::NAN))
+            }
+            _ => (source, 1.0),
+        };
+        if !scale.is_finite() || scale == 0.0 {
+            return Err(bad("the scale must be a finite number other than 0"));
+        }
+        let (column, unit) = name_and_unit(source);
+        let name = name.unwrap_or(column);
+        if column.is_empty() {
+            return Err(bad("the column's name is empty"));
+        }
+        if name.is_empty() {
+            return Err(bad("the channel's name is empty"));
+        }
+        Ok(Self { name: name.to_owned(), column: column.to_owned(), unit: unit.map(str::to_owned), scale })
+    }
+}
+
+impl fmt::Display for ChannelSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // A bare name would lose a `=` inside the column's name, which no bare name can hold.
+        if self.name == self.column {
+            f.write_str(&self.name)?;
+        } else {
+            write!(f, "{}={}", self.name, self.column)?;
+        }
+        if let Some(unit) = &self.unit {
+            write!(f, " [{unit}]")?;
+        }
+        if self.scale != 1.0 {
+            write!(f, " * {}", self.scale)?;
+        }
+        Ok(())
+    }
+}
+
+impl TryFrom<String> for ChannelSpec {
+    type Error = LogError;
+
+    fn try_from(text: String) -> Result<Self, LogError> {
+        text.parse()
+    }
+}
+
+impl From<ChannelSpec> for String {
+    fn from(spec: ChannelSpec) -> Self {
+        spec.to_string()
+    }
+}
+
+/// The two columns of an anemometer.
+///
+/// They become the inputs `wind_x` $= U^2 \cos\gamma$ and `wind_y` $= U^2 \sin\gamma$ \[m^2/s^2\], which a
+/// force that grows with the square of the wind is linear in. Relative wind is the better choice: its
+/// direction turns with the vessel.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wind {
+    /// Wind speed \[m/s\].
+    pub speed: ChannelSpec,
+    /// Wind direction \[rad\], in the vessel's frame or in the world's.
+    pub direction: ChannelSpec,
+}
+
+impl FromStr for Wind {
+    type Err = LogError;
+
+    /// `SPEED,DIRECTION`.
+    fn from_str(text: &str) -> Result<Self, LogError> {
+        let (speed, direction) = text.split_once(',').ok_or_else(|| LogError::BadSpec {
+            text: text.to_owned(),
+            reason: "wind needs two columns, SPEED,DIRECTION".to_owned(),
+        })?;
+        Ok(Self { speed: speed.parse()?, direction: direction.parse()? })
+    }
+}
+
+/// What to take from a log. What is left out is guessed from the names and told in the notes.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Selection {
+    /// Time column, with its unit if that is not seconds: `timestamp [ms]`. Without it the first of `t`,
+    /// `time`, `t_s`, `timestamp`, `time_s`.
+    pub time: Option<String>,
+    /// Outputs. Empty: `u`, `v` and `r`, those that exist.
+    pub outputs: Vec<ChannelSpec>,
+    /// Inputs. Empty: all columns whose names end in `_cmd` or `_ang`.
+    pub inputs: Vec<ChannelSpec>,
+    /// Wind, as two more inputs.
+    pub wind: Option<Wind>,
+}
+
+impl Selection {
+    /// Outputs and inputs as lists of specifications: `Selection::of("u,v,r", "n,delta")`.
+    ///
+    /// # Errors
+    /// If one of the specifications cannot be understood.
+    pub fn of(outputs: &str, inputs: &str) -> Result<Self, LogError> {
+        Ok(Self {
+            outputs: ChannelSpec::parse_list(outputs)?,
+            inputs: ChannelSpec::parse_list(inputs)?,
+            ..Self::default()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec(text: &str) -> ChannelSpec {
+        text.parse().unwrap()
+    }
+
+    #[test]
+    fn all_forms_are_understood() {
+        assert_eq!(spec("u"), ChannelSpec::named("u"));
+        assert_eq!(spec(" u = SOG "), ChannelSpec::renamed("u", "SOG"));
+        assert_eq!(
+            spec("u=SOG [kn]"),
+            ChannelSpec { unit: Some("kn".into()), ..ChannelSpec::renamed("u", "SOG") }
+        );
+        assert_eq!(
+            spec("n=shaft speed [rpm] * 0.01"),
+            ChannelSpec { unit: Some("rpm".into()), scale: 0.01, ..ChannelSpec::renamed("n", "shaft speed") }
+        );
+        assert_eq!(spec("u [m/s]"), ChannelSpec { unit: Some("m/s".into()), ..ChannelSpec::named("u") });
+        assert_eq!(spec("F=a*b"), ChannelSpec::renamed("F", "a*b"));
+        assert_eq!(spec("u=x * -1").scale, -1.0);
+    }
+
+    #[test]
+    fn writing_and_reading_a_specification_is_the_identity() {
+        for text in ["u", "u=SOG", "u=SOG [kn]", "n=shaft speed [rpm] * 0.01", "u * -1"] {
+            assert_eq!(spec(text).to_string(), text);
+        }
+    }
+
+    #[test]
+    fn nonsense_is_an_error_with_the_reason() {
+        for (text, reason) in [
+            ("", "empty"),
+            ("u=", "empty"),
+            ("=u", "empty"),
+            ("u=x * 0", "scale"),
+            ("u=x * inf", "scale"),
+            ("u=x * nan", "scale"),
+        ] {
+            let message = text.parse::<ChannelSpec>().unwrap_err().to_string();
+            assert!(message.contains(reason) && message.contains(&format!("`{text}`")), "{message}");
+        }
+        assert!("speed".parse::<Wind>().unwrap_err().to_string().contains("two columns"));
+    }
+
+    #[test]
+    fn a_selection_is_data() {
+        let text = r#"{"outputs":["u=SOG [kn]"],"wind":{"speed":"ws","direction":"wd [deg]"}}"#;
+        let selection: Selection = serde_json::from_str(text).unwrap();
+        assert_eq!(selection.outputs, [spec("u=SOG [kn]")]);
+        assert!(serde_json::from_str::<Selection>(r#"{"output":["u"]}"#).is_err());
+    }
+}

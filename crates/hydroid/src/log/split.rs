@@ -1,0 +1,194 @@
+//! Which runs are learned from, which choose, which judge.
+//!
+//! A model is judged on what it has not seen. Neighbouring samples of one run are nearly the same sample, so
+//! runs are held back as a whole where there are enough of them, and in contiguous blocks where not; samples
+//! are never drawn at random.
+
+use super::error::LogError;
+use super::note::Note;
+use super::prepare::FEWEST_SAMPLES;
+use super::trajectory::Trajectory;
+
+/// Runs by their use.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Split {
+    /// To fit models.
+    pub train: Vec<Trajectory>,
+    /// To choose between fitted models (thresholds, degrees, when to stop).
+    pub validation: Vec<Trajectory>,
+    /// To judge the model that was chosen, once.
+    pub test: Vec<Trajectory>,
+    /// What was decided, and why.
+    pub notes: Vec<Note>,
+}
+
+/// Shares of a single run that are trained on, and trained on or validated on.
+const BLOCKS: [f64; 2] = [0.6, 0.8];
+/// A run that holds less than this share of all samples is too short to validate or test on, and one with
+/// more than the other share too valuable.
+const SANE: std::ops::RangeInclusive<f64> = 0.04..=0.5;
+
+/// Splits runs into training, validation and test.
+///
+/// Three runs and more: the last is the test, the one before it validates, the rest is trained on; where one
+/// of these two would be very short or very long, the two runs of the most suitable length are taken.
+/// Two runs: the second is the test, the last quarter of the first validates. One run, or several of which
+/// one is nearly all: the longest in contiguous blocks of 60, 20 and 20 %, the others are trained on.
+///
+/// # Errors
+/// If there are no runs, or too few samples for three parts.
+pub fn split_runs(runs: Vec<Trajectory>) -> Result<Split, LogError> {
+    let total: usize = runs.iter().map(Trajectory::len).sum();
+    let share = |run: &Trajectory| run.len() as f64 / total.max(1) as f64;
+    let sane = |run: &Trajectory| SANE.contains(&share(run));
+    match runs.len() {
+        0 => Err(LogError::NoFiles),
+        1 => blocks(runs, 0),
+        2 if sane(&runs[1]) => halves(runs),
+        2 => blocks_of_longest(runs),
+        n if sane(&runs[n - 1]) && sane(&runs[n - 2]) => {
+            let note = format!(
+                "split by run: test on {}, validation on {}, training on {} others",
+                runs[n - 1].name,
+                runs[n - 2].name,
+                n - 2
+            );
+            Ok(take(runs, n - 2, n - 1, Note::info(note)))
+        }
+        _ => {
+            // The latest runs of a length that suits.
+            let mut fit = (0..runs.len()).rev().filter(|&i| sane(&runs[i]));
+            if let (Some(test), Some(validation)) = (fit.next(), fit.next()) {
+                let note = format!(
+                    "split by run: test on {}, validation on {}; the last runs are too short or too long for it",
+                    runs[test].name, runs[validation].name
+                );
+                Ok(take(runs, validation, test, Note::info(note)))
+            } else {
+                blocks_of_longest(runs)
+            }
+        }
+    }
+}
+
+fn take(runs: Vec<Trajectory>, validation: usize, test: usize, note: Note) -> Split {
+    let mut split = Split { train: Vec::new(), validation: Vec::new(), test: Vec::new(), notes: vec![note] };
+    for (i, run) in runs.into_iter().enumerate() {
+        let part = if i == test {
+            &mut split.test
+        } else if i == validation {
+            &mut split.validation
+        } else {
+            &mut split.train
+        };
+        part.push(run);
+    }
+    split
+}
+
+fn halves(runs: Vec<Trajectory>) -> Result<Split, LogError> {
+    let at = runs[0].len() * 3 / 4;
+    long_enough(&runs, &[at, runs[0].len() - at, runs[1].len()])?;
+    let note =
+        format!("two runs: test on {}, validation on the last quarter of {}", runs[1].name, runs[0].name);
+    let remedy = "a third run would give a validation that no training sample touches";
+    Ok(Split {
+        train: vec![runs[0].slice(0, at)],
+        validation: vec![runs[0].slice(at, runs[0].len())],
+        test: runs[1..].to_vec(),
+        notes: vec![Note::info(note).with_remedy(remedy)],
+    })
+}
+
+fn blocks_of_longest(runs: Vec<Trajectory>) -> Result<Split, LogError> {
+    let longest = (0..runs.len()).max_by_key(|&i| runs[i].len()).unwrap_or(0);
+    blocks(runs, longest)
+}
+
+/// The run `longest` in three contiguous blocks; all others are trained on.
+fn blocks(runs: Vec<Trajectory>, longest: usize) -> Result<Split, LogError> {
+    let run = &runs[longest];
+    let [a, b] = BLOCKS.map(|share| super::grid::whole(run.len() as f64 * share));
+    long_enough(&runs, &[a, b - a, run.len() - b])?;
+    let note =
+        format!("{} is split into contiguous blocks: 60 % training, 20 % validation, 20 % test", run.name);
+    let remedy = "separate runs are a stricter test: wind, load and sensors stay the same within one run";
+    let (validation, test) = (vec![run.slice(a, b)], vec![run.slice(b, run.len())]);
+    let train =
+        runs.iter().enumerate().map(|(i, r)| if i == longest { r.slice(0, a) } else { r.clone() }).collect();
+    Ok(Split { train, validation, test, notes: vec![Note::warning(note).with_remedy(remedy)] })
+}
+
+fn long_enough(runs: &[Trajectory], parts: &[usize]) -> Result<(), LogError> {
+    match parts.iter().min() {
+        Some(&shortest) if shortest < FEWEST_SAMPLES => Err(LogError::TooShort {
+            path: runs.iter().map(|r| r.name.as_str()).take(3).collect::<Vec<_>>().join(", "),
+            found: runs.iter().map(Trajectory::len).sum(),
+            needed: 5 * FEWEST_SAMPLES,
+            remedy: "there is too little for training, validation and test: record for longer".to_owned(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trajectory::{Channel, Table};
+    use super::*;
+
+    fn run(name: &str, samples: usize) -> Trajectory {
+        let table = |c: &str| Table::new(vec![Channel::new(c, "")], (0..samples).map(|k| k as f64).collect());
+        Trajectory {
+            name: name.into(),
+            t0: 0.0,
+            dt: 0.1,
+            outputs: table("u"),
+            inputs: table("n"),
+            truth: None,
+        }
+    }
+
+    fn sizes(runs: &[(&str, usize)]) -> [Vec<(String, usize)>; 3] {
+        let split = split_runs(runs.iter().map(|(n, s)| run(n, *s)).collect()).unwrap();
+        assert_eq!(split.notes.len(), 1);
+        [split.train, split.validation, split.test]
+            .map(|part| part.iter().map(|r| (r.name.clone(), r.len())).collect())
+    }
+
+    fn names(runs: &[(&str, usize)]) -> [String; 3] {
+        sizes(runs).map(|part| part.iter().map(|p| p.0.as_str()).collect::<Vec<_>>().join(" "))
+    }
+
+    #[test]
+    fn runs_are_held_back_whole() {
+        assert_eq!(names(&[("a", 100), ("b", 100), ("c", 100)]), ["a", "b", "c"]);
+        assert_eq!(names(&[("a", 100), ("b", 100), ("c", 100), ("d", 100)]), ["a b", "c", "d"]);
+    }
+
+    #[test]
+    fn silly_lengths_are_not_tested_on() {
+        assert_eq!(names(&[("a", 100), ("b", 100), ("c", 100), ("d", 3)]), ["a d", "b", "c"]);
+    }
+
+    #[test]
+    fn one_run_is_split_in_blocks() {
+        assert_eq!(
+            sizes(&[("a", 100)]).map(|p| p[0].clone()),
+            [("a[0..60]".into(), 60), ("a[60..80]".into(), 20), ("a[80..100]".into(), 20)]
+        );
+        assert_eq!(names(&[("x", 3), ("a", 100), ("y", 3)]), ["x a[0..60] y", "a[60..80]", "a[80..100]"]);
+    }
+
+    #[test]
+    fn of_two_runs_the_second_is_the_test() {
+        assert_eq!(names(&[("a", 100), ("b", 80)]), ["a[0..75]", "a[75..100]", "b"]);
+        assert_eq!(names(&[("a", 3), ("b", 100)]), ["a b[0..60]", "b[60..80]", "b[80..100]"]);
+    }
+
+    #[test]
+    fn too_little_is_an_error() {
+        assert!(matches!(split_runs(vec![]), Err(LogError::NoFiles)));
+        assert!(matches!(split_runs(vec![run("a", 9)]), Err(LogError::TooShort { .. })));
+        assert!(split_runs(vec![run("a", 3), run("b", 3)]).is_err());
+    }
+}

@@ -1,0 +1,167 @@
+//! The lines of "Bad input" that concern logs: each has its own message with place and remedy.
+
+use super::super::{LogError, PrepareOptions, Selection, prepare, read};
+use super::{error, error_of, has_note, log, log_as, prepared, table};
+
+fn u(k: usize) -> String {
+    format!("{}", (k % 7) as f64 * 0.1)
+}
+
+fn n(k: usize) -> String {
+    format!("{}", k / 5)
+}
+
+fn says(message: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(message.contains(part), "`{part}` is not in: {message}");
+    }
+}
+
+#[test]
+fn missing_file() {
+    let message = error_of(read(std::path::Path::new("no/such/log.csv")));
+    says(&message, &["no/such/log.csv", "no such file", "spelling"]);
+}
+
+#[test]
+fn empty_file() {
+    says(&error(""), &["log.csv is empty"]);
+}
+
+#[test]
+fn no_header() {
+    says(&error("0,1,2\n1,2,3\n"), &["log.csv", "not column names", "add a first line"]);
+}
+
+#[test]
+fn unknown_column_with_the_nearest_names() {
+    let log = log("t,surge_speed,sway_speed,rpm_port\n0,1,2,3\n");
+    let selection = Selection::of("u=surge_sped", "n=rpm_port").unwrap();
+    let message = error_of(prepare(&[log], &selection, &PrepareOptions::default()));
+    says(&message, &["no column `surge_sped`", "did you mean `surge_speed`", "sway_speed, rpm_port"]);
+}
+
+#[test]
+fn text_in_a_number_column() {
+    let text = table(10, |k| if k == 6 { "fault".into() } else { u(k) }, n);
+    says(&error(&text), &["log.csv, line 8", "column `u`", "`fault` is not a number", "blank"]);
+}
+
+#[test]
+fn text_elsewhere_is_no_error() {
+    let log = log("t,u,n,mode\n0,1,2,auto\n1,2,2,auto\n2,1,3,hand\n");
+    let selection = Selection::of("u", "n").unwrap();
+    assert!(prepare(std::slice::from_ref(&log), &selection, &PrepareOptions::default()).is_ok());
+    let selection = Selection::of("u", "n,mode").unwrap();
+    says(&error_of(prepare(&[log], &selection, &PrepareOptions::default())), &["text in every row"]);
+}
+
+#[test]
+fn a_row_of_units_and_dates_get_their_own_remedy() {
+    says(&error("t,u,n\ns,m/s,rpm\n0,1,2\n1,2,2\n2,1,3\n"), &["line 2", "`name [unit]`"]);
+    let dated = "t,u,n\n2020-08-03 11:04:37,1,2\n2020-08-03 11:04:38,2,2\n";
+    says(&error(dated), &["line 2", "column `t`", "as seconds"]);
+}
+
+#[test]
+fn infinity() {
+    let text = table(10, |k| if k == 6 { "-inf".into() } else { u(k) }, n);
+    says(&error(&text), &["line 8", "column `u`", "`-inf` is infinite"]);
+}
+
+#[test]
+fn one_nan_stays_missing() {
+    let p = prepared(&table(20, |k| if k == 6 { "NaN".into() } else { u(k) }, n));
+    assert_eq!(p.runs.len(), 1);
+    let run = &p.runs[0];
+    assert_eq!(run.len(), 20);
+    assert_eq!(run.outputs.column(0).filter(|x| x.is_nan()).count(), 1);
+    assert!(run.outputs.row(6)[0].is_nan());
+    assert!(has_note(&p, "missing in 1 of 20"), "{:?}", p.notes);
+}
+
+#[test]
+fn all_nan() {
+    says(&error(&table(20, |_| "NaN".into(), n)), &["log.csv", "column `u` holds no value"]);
+    says(&error(&table(20, u, |_| String::new())), &["log.csv", "column `n` holds no value"]);
+}
+
+#[test]
+fn two_identical_time_stamps() {
+    let message = error("t,u,n\n0,1,0\n1,2,0\n1,3,0\n2,4,1\n");
+    says(&message, &["log.csv, line 4", "two identical time stamps", "line 3", "delete"]);
+}
+
+#[test]
+fn time_running_backwards() {
+    let message = error("t,u,n\n0,1,0\n2,2,0\n1,3,0\n3,4,1\n");
+    says(&message, &["log.csv, line 4", "time runs backwards", "from 2 s to 1 s", "sort the rows"]);
+}
+
+#[test]
+fn one_sample() {
+    says(&error("t,u,n\n0,1,2\n"), &["1 usable samples", "at least 3"]);
+    says(&error("t,u,n\n0,1,2\n1,1,2\n"), &["2 usable samples"]);
+}
+
+#[test]
+fn different_columns_in_two_files() {
+    let a = log_as("a.csv", &table(10, u, n));
+    let b = log_as("b.csv", &table(10, u, n).replace(",n\n", ",rpm\n"));
+    let selection = Selection::of("u", "n").unwrap();
+    let message = error_of(prepare(&[a.clone(), b], &selection, &PrepareOptions::default()));
+    says(&message, &["a.csv", "b.csv", "no column `n`"]);
+    let b = log_as("b.csv", &table(10, u, n).replace("u [m/s]", "u"));
+    let message = error_of(prepare(&[a, b], &selection, &PrepareOptions::default()));
+    says(&message, &["a.csv", "b.csv", "`u`", "m/s", "no stated unit"]);
+}
+
+#[test]
+fn a_constant_channel() {
+    let p = prepared(&table(20, u, |_| "5".into()));
+    assert!(
+        p.notes.iter().any(|n| n.is_warning() && n.message.contains("`n` never changes")),
+        "{:?}",
+        p.notes
+    );
+    says(&error(&table(20, |_| "1".into(), n)), &["no output ever changes"]);
+}
+
+#[test]
+fn a_billion_in_a_velocity_column() {
+    let text = table(20, |k| if k == 6 { "1e9".into() } else { u(k) }, n);
+    says(&error(&text), &["log.csv, line 8", "column `u`", "1000000000 m/s", "unit", "spike"]);
+    let text = table(20, u, |k| if k == 6 { "1e12".into() } else { n(k + 5) });
+    says(&error(&text), &["log.csv, line 8", "column `n`", "a million times"]);
+}
+
+#[test]
+fn milliseconds_since_1970_are_not_seconds() {
+    let message = error("t,u,n\n1.7e12,1,0\n1.7001e12,2,0\n1.7002e12,1,0\n");
+    says(&message, &["line 2", "not plausible", "[ms]"]);
+}
+
+#[test]
+fn no_time_outputs_or_inputs_to_guess() {
+    let guess =
+        |text: &str| error_of(prepare(&[log(text)], &Selection::default(), &PrepareOptions::default()));
+    says(&guess("when,u,n_cmd\n0,1,2\n"), &["--time COLUMN", "when, u, n_cmd"]);
+    says(&guess("t,speed,n_cmd\n0,1,2\n"), &["--outputs", "t, speed, n_cmd"]);
+    says(&guess("t,u,n\n0,1,2\n"), &["--inputs", "t, u, n"]);
+}
+
+#[test]
+fn options_that_make_no_sense() {
+    let selection = Selection::of("u", "n").unwrap();
+    let log = log(&table(20, u, n));
+    for dt in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300] {
+        let options = PrepareOptions { dt: Some(dt), ..PrepareOptions::default() };
+        assert!(matches!(
+            prepare(std::slice::from_ref(&log), &selection, &options),
+            Err(LogError::BadOption { .. })
+        ));
+    }
+    assert!(matches!(prepare(&[], &selection, &PrepareOptions::default()), Err(LogError::NoFiles)));
+    let twice = Selection::of("u,u", "n").unwrap();
+    says(&error_of(prepare(&[log], &twice, &PrepareOptions::default())), &["`u` is asked for twice"]);
+}

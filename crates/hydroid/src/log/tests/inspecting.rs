@@ -1,0 +1,125 @@
+//! What `inspect` finds in logs made to hold it.
+
+use super::super::inspect::Confidence;
+use super::super::{Inspection, Selection, inspect};
+use super::{log, table};
+
+/// Numbers from -0.5 to 0.5, the same every time.
+fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    }
+}
+
+/// A boat with one propeller whose command, at random levels, acts `delay` samples after it is logged.
+fn boat(rows: usize, delay: usize, noise_size: f64) -> String {
+    let (mut commands, mut measurement) = (noise(1), noise(2));
+    let mut level = 0.0;
+    let logged: Vec<f64> = (0..rows)
+        .map(|k| {
+            if k % 13 == 0 {
+                level = commands();
+            }
+            level
+        })
+        .collect();
+    let mut u = 0.0;
+    let speeds: Vec<f64> = (0..rows)
+        .map(|k| {
+            let now = u;
+            u += 0.1 * (logged[k.saturating_sub(delay)] - 0.5 * u - 0.3 * u * u.abs());
+            now
+        })
+        .collect();
+    table(rows, |k| format!("{}", speeds[k] + noise_size * measurement()), |k| format!("{}", logged[k]))
+}
+
+fn found(text: &str) -> Inspection {
+    inspect(&log(text), &Selection::of("u", "n").unwrap()).unwrap()
+}
+
+#[test]
+fn a_known_delay_is_found() {
+    for delay in [0, 3, 12] {
+        let estimate = found(&boat(3000, delay, 0.0)).input_delay.unwrap();
+        assert_eq!(estimate.samples, delay as i64, "{estimate:?}");
+        assert_eq!(estimate.confidence, Confidence::High, "{estimate:?}");
+    }
+}
+
+#[test]
+fn a_known_delay_is_found_under_noise() {
+    let found = found(&boat(6000, 5, 0.2));
+    assert!(found.outputs[0].mostly_noise);
+    let estimate = found.input_delay.unwrap();
+    assert!((4..=6).contains(&estimate.samples), "{estimate:?}");
+}
+
+#[test]
+fn commands_without_effect_have_no_delay() {
+    let mut u = noise(7);
+    let mut n = noise(9);
+    let columns: Vec<(f64, f64)> = (0..3000).map(|_| (u(), n())).collect();
+    let text = table(3000, |k| columns[k].0.to_string(), |k| columns[k].1.to_string());
+    let found = found(&text);
+    assert_eq!(found.input_delay.unwrap().confidence, Confidence::None);
+    assert!(found.notes.iter().any(|n| n.message.contains("cannot be told")));
+}
+
+#[test]
+fn noise_is_measured() {
+    let report = found(&boat(6000, 0, 0.05)).outputs.remove(0);
+    let std = report.noise_std.unwrap();
+    assert!((std - 0.05 / 12_f64.sqrt()).abs() < 0.001, "{std}");
+    assert!(found(&boat(3000, 0, 0.0)).outputs[0].noise_std.is_none());
+}
+
+#[test]
+fn a_smoothing_window_is_seen() {
+    let mut draw = noise(3);
+    let white: Vec<f64> = (0..4020).map(|_| draw()).collect();
+    let smooth = |k: usize| (white[k..k + 20].iter().sum::<f64>() / 20.0).to_string();
+    let found = found(&table(4000, smooth, |k| (k / 50 % 3).to_string()));
+    assert_eq!(found.outputs[0].smoothing_window, Some(20));
+}
+
+#[test]
+fn columns_are_counted() {
+    let report =
+        inspect(&log("t,u,n,mode\n0,1,5,a\n1,,5,a\n2,,5,b\n3,1,5,b\n4,3,5,c\n"), &Selection::default());
+    let report = report.unwrap();
+    let u = &report.columns[1];
+    assert_eq!((u.missing, u.longest_missing, u.min, u.max), (2, 2, Some(1.0), Some(3.0)));
+    assert!(report.columns[2].constant);
+    assert_eq!(report.columns[2].repeated, 1.0);
+    assert_eq!(report.columns[3].not_numbers, 5);
+    assert!(report.notes.iter().any(|n| n.message.contains("--inputs")), "{:?}", report.notes);
+    assert!(report.inputs.is_empty());
+    assert!(report.clock.unwrap().regular);
+}
+
+#[test]
+fn repeated_samples_and_lazy_commands_are_warned_of() {
+    let text = table(3000, |k| format!("{}", (k / 2) as f64 * 0.001), |k| usize::from(k > 1500).to_string());
+    let report = found(&text);
+    assert!((report.repeated_rows - 0.5).abs() < 0.01);
+    let warned = |part: &str| report.notes.iter().any(|n| n.is_warning() && n.message.contains(part));
+    assert!(warned("50 % of the rows repeat") && warned("`n` hardly moves"), "{:?}", report.notes);
+    assert_eq!(report.inputs[0].levels, 2);
+    assert_eq!(report.inputs[0].at_limits, 1.0);
+}
+
+#[test]
+fn a_log_that_cannot_be_prepared_is_looked_at_all_the_same() {
+    let report = found("t,u,n\n0,1,0\n2,2,0\n1,3,0\n3,4,1\n");
+    assert_eq!(report.rows, 4);
+    assert!(report.notes.iter().any(|n| n.message.contains("backwards")));
+    let report = inspect(&log("a,b\n0,1\n1,2\n"), &Selection::default()).unwrap();
+    assert_eq!(report.columns.len(), 2);
+    let unknown = inspect(&log("t,u,n\n0,1,2\n"), &Selection::of("x", "n").unwrap());
+    assert!(unknown.is_err());
+}

@@ -1,0 +1,119 @@
+//! The real logs, where `HYDROID_DATA` says they are.
+
+use std::path::PathBuf;
+
+use super::super::inspect::Confidence;
+use super::super::{Inspection, PrepareOptions, RawLog, Selection, inspect, prepare, read};
+
+fn data(file: &str) -> Option<PathBuf> {
+    let found = std::env::var_os("HYDROID_DATA").map(|d| PathBuf::from(d).join(file));
+    if found.is_none() {
+        println!("skipped: no HYDROID_DATA");
+    }
+    found
+}
+
+fn cybership() -> Selection {
+    Selection::of("u,v,r", "u1_vsp1_x,u2_vsp1_y,u3_vsp2_x,u4_vsp2_y,u5_bowthruster").unwrap()
+}
+
+fn esso() -> Selection {
+    Selection {
+        wind: Some("wind_velo_relative_mid,wind_dir_relative_mid".parse().unwrap()),
+        ..Selection::of("u=u_velo,v=vm_velo,r=r_angvelo", "n=n_prop,delta=delta_rudder").unwrap()
+    }
+}
+
+fn usv() -> Selection {
+    Selection::of("u=u_mps,v=v_mps,r=r_radps", "pwm_left_us,pwm_right_us").unwrap()
+}
+
+fn looked_at(log: &RawLog, selection: &Selection) -> Inspection {
+    let found = inspect(log, selection).unwrap();
+    println!("{}", serde_json::to_string_pretty(&found).unwrap());
+    found
+}
+
+#[test]
+fn cybership_comes_through_whole() {
+    let Some(path) = data("cybership-enterprise1/random_run1.csv") else { return };
+    let log = read(&path).unwrap();
+    let p = prepare(std::slice::from_ref(&log), &cybership(), &PrepareOptions::default()).unwrap();
+    assert_eq!((p.runs.len(), p.runs[0].len(), p.runs[0].dt), (1, 14_101, 0.05));
+    assert_eq!(p.runs[0].outputs.channels()[2].unit, "rad/s");
+    let found = looked_at(&log, &cybership());
+    assert!(found.clock.unwrap().regular);
+    assert!(found.outputs.iter().any(|o| o.smoothing_window.is_some_and(|w| (20..=22).contains(&w))));
+}
+
+#[test]
+fn esso_osaka_takes_the_wind() {
+    let Some(path) = data("esso-osaka/random_03-Aug-2020_11_04_37.csv") else { return };
+    let log = read(&path).unwrap();
+    let p = prepare(std::slice::from_ref(&log), &esso(), &PrepareOptions::default()).unwrap();
+    assert_eq!((p.runs.len(), p.runs[0].len(), p.runs[0].dt), (1, 8_073, 0.1));
+    assert_eq!(p.runs[0].inputs.width(), 4);
+    looked_at(&log, &esso());
+}
+
+#[test]
+fn the_zigzag_loses_only_its_blank_end() {
+    let Some(path) = data("esso-osaka/zigzag_31-Jul-2020_13_50_28.csv") else { return };
+    let log = read(&path).unwrap();
+    let p = prepare(std::slice::from_ref(&log), &esso(), &PrepareOptions::default()).unwrap();
+    assert_eq!((p.runs.len(), p.runs[0].len()), (1, 2028 - 327));
+    assert!(p.notes.iter().any(|n| n.message.contains("327 rows without a time stamp")));
+    looked_at(&log, &esso());
+}
+
+#[test]
+fn the_ugly_log_is_called_ugly() {
+    let Some(path) = data("usv-asw/boat1_2_sin.csv") else { return };
+    let log = read(&path).unwrap();
+    let p = prepare(std::slice::from_ref(&log), &usv(), &PrepareOptions::default()).unwrap();
+    assert!((0.105..0.115).contains(&p.runs[0].dt), "{}", p.runs[0].dt);
+    let found = looked_at(&log, &usv());
+    assert!(!found.clock.unwrap().regular);
+    assert!((0.40..0.50).contains(&found.repeated_rows), "{}", found.repeated_rows);
+    let warned = |part: &str| found.notes.iter().any(|n| n.is_warning() && n.message.contains(part));
+    assert!(
+        warned("irregular") && warned("repeat the measurement") && warned("the sway is not to be trusted")
+    );
+    assert!((found.disagreements[0].correlation - 0.17).abs() < 0.02);
+}
+
+#[test]
+fn simulated_logs_show_their_noise_and_no_delay() {
+    let Some(path) = data("../reference/records/both_train.csv") else { return };
+    if !path.exists() {
+        println!("skipped: no simulated record");
+        return;
+    }
+    let log = read(&path).unwrap();
+    let found = looked_at(&log, &Selection::default());
+    let std = found.outputs[0].noise_std.unwrap();
+    assert!((std - 0.01).abs() < 0.001, "{std}");
+    let delay = found.input_delay.unwrap();
+    assert!(delay.confidence == Confidence::None || (-1..=6).contains(&delay.samples), "{delay:?}");
+}
+
+#[test]
+fn every_real_log_can_be_prepared_or_says_why() {
+    for (folder, selection) in
+        [("cybership-enterprise1", cybership()), ("esso-osaka", esso()), ("usv-asw", usv())]
+    {
+        let Some(folder) = data(folder) else { return };
+        let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+        files.retain(|f| f.extension().is_some_and(|e| e == "csv"));
+        files.sort();
+        let logs: Vec<RawLog> = files.iter().map(|f| read(f).unwrap()).collect();
+        let p = prepare(&logs, &selection, &PrepareOptions::default()).unwrap();
+        for run in &p.runs {
+            println!("{} {} x {} s", run.name, run.len(), run.dt);
+        }
+        for note in &p.notes {
+            println!("{:?}: {}", note.severity, note.message);
+        }
+        assert!(p.runs.len() >= logs.len());
+    }
+}

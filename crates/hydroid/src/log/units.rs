@@ -1,0 +1,288 @@
+//! Units as they stand in headers, and their way to SI.
+//!
+//! Inside hydroid everything is metre, second, radian, newton, volt. The one exception is the rate of
+//! rotation of a shaft, which stays in revolutions per second (`rps`) where the log counts revolutions:
+//! propeller coefficients are given that way. A unit that is not known is kept, with factor 1.
+
+use std::f64::consts::TAU;
+
+/// What a unit measures; only units of the same quantity convert into each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// m/s.
+    Speed,
+    /// m/s^2.
+    Acceleration,
+    /// rad/s, rps.
+    Rotation,
+    /// rad.
+    Angle,
+    /// m.
+    Length,
+    /// N.
+    Force,
+    /// N m.
+    Moment,
+    /// N s.
+    Impulse,
+    /// s.
+    Time,
+    /// V.
+    Voltage,
+    /// Pure numbers.
+    Number,
+}
+
+/// A unit that hydroid cannot take.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum UnitError {
+    /// `nm`: nautical miles, nanometres or newton metres?
+    #[error("the unit `nm` may mean nautical miles or newton metres; write `NM`, `N m` or `m`")]
+    Ambiguous,
+    /// The two units measure different things.
+    #[error("`{from}` cannot be converted to `{to}`: they measure different things")]
+    Incompatible {
+        /// Unit of the log.
+        from: String,
+        /// Unit asked for.
+        to: String,
+    },
+}
+
+/// A parsed unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unit {
+    /// As it was written.
+    pub text: String,
+    /// Symbol of the unit that the numbers are stored in.
+    pub si: String,
+    /// Stored number = number in the log times this.
+    pub factor: f64,
+    /// What it measures; nothing for a unit that is not known.
+    pub quantity: Option<Quantity>,
+    /// Number in the quantity's own base unit = number in the log times this.
+    base: f64,
+}
+
+struct Known {
+    names: &'static [&'static str],
+    quantity: Quantity,
+    si: &'static str,
+    base: f64,
+    si_base: f64,
+}
+
+const fn known(quantity: Quantity, si: &'static str, base: f64, names: &'static [&'static str]) -> Known {
+    Known { names, quantity, si, base, si_base: 1.0 }
+}
+
+const DEGREE: f64 = TAU / 360.0;
+
+// Names are compared after removing spaces, `*`, `·` and `.`; `^` likewise.
+const TABLE: &[Known] = &[
+    known(Quantity::Speed, "m/s", 1.0, &["m/s", "mps", "ms-1", "meter/s", "metre/s"]),
+    known(Quantity::Speed, "m/s", 1852.0 / 3600.0, &["kn", "knot", "knots", "kt", "kts"]),
+    known(Quantity::Speed, "m/s", 1.0 / 3.6, &["km/h", "kmh", "kph"]),
+    known(Quantity::Speed, "m/s", 0.01, &["cm/s", "cmps"]),
+    known(Quantity::Speed, "m/s", 0.001, &["mm/s", "mmps"]),
+    known(Quantity::Speed, "m/s", 0.3048, &["ft/s", "fps"]),
+    known(Quantity::Acceleration, "m/s^2", 1.0, &["m/s2", "m/s/s", "ms-2"]),
+    known(Quantity::Rotation, "rad/s", 1.0, &["rad/s", "radps", "rads-1"]),
+    known(Quantity::Rotation, "rad/s", DEGREE, &["deg/s", "degps", "°/s", "dps"]),
+    known(Quantity::Rotation, "rad/s", DEGREE / 60.0, &["deg/min", "°/min"]),
+    Known {
+        names: &["rps", "rev/s", "1/s"],
+        quantity: Quantity::Rotation,
+        si: "rps",
+        base: TAU,
+        si_base: TAU,
+    },
+    Known {
+        names: &["rpm", "RPM", "rev/min", "1/min"],
+        quantity: Quantity::Rotation,
+        si: "rps",
+        base: TAU / 60.0,
+        si_base: TAU,
+    },
+    known(Quantity::Angle, "rad", 1.0, &["rad"]),
+    known(Quantity::Angle, "rad", DEGREE, &["deg", "°", "degree", "degrees"]),
+    known(Quantity::Length, "m", 1.0, &["m", "meter", "metre", "meters", "metres"]),
+    known(Quantity::Length, "m", 0.01, &["cm"]),
+    known(Quantity::Length, "m", 0.001, &["mm"]),
+    known(Quantity::Length, "m", 0.3048, &["ft"]),
+    known(Quantity::Length, "m", 1000.0, &["km"]),
+    known(Quantity::Length, "m", 1852.0, &["NM", "nmi"]),
+    known(Quantity::Force, "N", 1.0, &["N"]),
+    known(Quantity::Force, "N", 1000.0, &["kN"]),
+    known(Quantity::Moment, "N m", 1.0, &["Nm"]),
+    known(Quantity::Moment, "N m", 1000.0, &["kNm"]),
+    known(Quantity::Impulse, "N s", 1.0, &["Ns"]),
+    known(Quantity::Time, "s", 1.0, &["s", "sec", "second", "seconds"]),
+    known(Quantity::Time, "s", 1e-3, &["ms"]),
+    known(Quantity::Time, "s", 1e-6, &["us", "µs", "μs"]),
+    known(Quantity::Time, "s", 1e-9, &["ns"]),
+    known(Quantity::Time, "s", 60.0, &["min"]),
+    known(Quantity::Time, "s", 3600.0, &["h"]),
+    known(Quantity::Voltage, "V", 1.0, &["V"]),
+    known(Quantity::Voltage, "V", 1e-3, &["mV"]),
+    known(Quantity::Number, "1", 1.0, &["1", "-"]),
+    known(Quantity::Number, "1", 0.01, &["%"]),
+];
+
+impl Unit {
+    /// Reads a unit as it stands in a header.
+    ///
+    /// # Errors
+    /// For `nm`, which means two things on a ship.
+    pub fn parse(text: &str) -> Result<Self, UnitError> {
+        let text = text.trim();
+        let squeezed: String = text
+            .chars()
+            .filter(|c| !c.is_whitespace() && !matches!(c, '*' | '·' | '⋅' | '.' | '^'))
+            .collect();
+        if squeezed == "nm" {
+            return Err(UnitError::Ambiguous);
+        }
+        let found = TABLE.iter().find(|k| k.names.contains(&squeezed.as_str()));
+        Ok(match found {
+            Some(k) => Self {
+                text: text.to_owned(),
+                si: k.si.to_owned(),
+                factor: if k.base == k.si_base { 1.0 } else { k.base / k.si_base },
+                quantity: Some(k.quantity),
+                base: k.base,
+            },
+            None => {
+                Self { text: text.to_owned(), si: text.to_owned(), factor: 1.0, quantity: None, base: 1.0 }
+            }
+        })
+    }
+
+    /// Whether hydroid knows it.
+    pub fn is_known(&self) -> bool {
+        self.quantity.is_some()
+    }
+
+    /// Factor from this unit to another.
+    ///
+    /// # Errors
+    /// If they measure different things, or one of them is not known and they are not the same.
+    pub fn to(&self, other: &Self) -> Result<f64, UnitError> {
+        if self.si == other.si && !self.is_known() && !other.is_known() {
+            return Ok(1.0);
+        }
+        if self.is_known() && self.quantity == other.quantity {
+            return Ok(self.base / other.base);
+        }
+        Err(UnitError::Incompatible { from: self.text.clone(), to: other.text.clone() })
+    }
+}
+
+/// The unit that the end of a bare column name states (`u_mps`, `heading_deg`), if any, and the name
+/// without it.
+///
+/// Only endings that cannot well mean anything else count. `clock` says that the column is the time, for
+/// which `_ms` and `_us` count too; elsewhere they are the pulse widths of servo signals, which stay.
+pub(crate) fn from_name(name: &str, clock: bool) -> Option<(&str, &'static str)> {
+    const ENDINGS: &[(&str, &str)] = &[
+        ("mps", "m/s"),
+        ("radps", "rad/s"),
+        ("degps", "deg/s"),
+        ("kn", "kn"),
+        ("knots", "kn"),
+        ("kmh", "km/h"),
+        ("rad", "rad"),
+        ("deg", "deg"),
+        ("rpm", "rpm"),
+        ("rps", "rps"),
+        ("m", "m"),
+        ("s", "s"),
+        ("N", "N"),
+        ("Nm", "N m"),
+        ("V", "V"),
+    ];
+    const CLOCK: &[(&str, &str)] = &[("ms", "ms"), ("us", "us"), ("ns", "ns"), ("sec", "s")];
+    let (stem, ending) = name.rsplit_once('_')?;
+    if stem.is_empty() {
+        return None;
+    }
+    let clock_endings = if clock { CLOCK } else { &[] };
+    ENDINGS.iter().chain(clock_endings).find(|(e, _)| *e == ending).map(|(_, unit)| (stem, *unit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn factor(text: &str) -> (f64, String) {
+        let u = Unit::parse(text).unwrap();
+        (u.factor, u.si)
+    }
+
+    #[test]
+    fn units_of_logs_go_to_si() {
+        for (text, expected, si) in [
+            ("m/s", 1.0, "m/s"),
+            ("kn", 0.514_444_444, "m/s"),
+            ("knots", 0.514_444_444, "m/s"),
+            ("km/h", 0.277_777_778, "m/s"),
+            ("cm/s", 0.01, "m/s"),
+            ("mm/s", 0.001, "m/s"),
+            ("ft/s", 0.3048, "m/s"),
+            ("rad/s", 1.0, "rad/s"),
+            ("deg/s", 0.017_453_293, "rad/s"),
+            ("deg/min", 0.000_290_888, "rad/s"),
+            ("rpm", 1.0 / 60.0, "rps"),
+            ("rps", 1.0, "rps"),
+            ("deg", 0.017_453_293, "rad"),
+            ("km", 1000.0, "m"),
+            ("NM", 1852.0, "m"),
+            ("kN", 1000.0, "N"),
+            ("N m", 1.0, "N m"),
+            ("N*m", 1.0, "N m"),
+            ("N s", 1.0, "N s"),
+            ("ms", 0.001, "s"),
+            ("us", 1e-6, "s"),
+            ("min", 60.0, "s"),
+            ("h", 3600.0, "s"),
+            ("%", 0.01, "1"),
+            ("V", 1.0, "V"),
+        ] {
+            let (f, s) = factor(text);
+            assert!((f - expected).abs() < 1e-9 * expected.max(1.0), "{text}: {f}");
+            assert_eq!(s, si, "{text}");
+        }
+    }
+
+    #[test]
+    fn unknown_units_stay() {
+        let u = Unit::parse("furlong/fortnight").unwrap();
+        assert!(!u.is_known());
+        assert_eq!((u.factor, u.si.as_str()), (1.0, "furlong/fortnight"));
+    }
+
+    #[test]
+    fn nm_is_refused() {
+        assert_eq!(Unit::parse("nm"), Err(UnitError::Ambiguous));
+    }
+
+    #[test]
+    fn conversions_need_the_same_quantity() {
+        let (rpm, rads) = (Unit::parse("rpm").unwrap(), Unit::parse("rad/s").unwrap());
+        assert!((rpm.to(&rads).unwrap() - TAU / 60.0).abs() < 1e-12);
+        let kn = Unit::parse("kn").unwrap();
+        let message = kn.to(&rads).unwrap_err().to_string();
+        assert!(message.contains("`kn`") && message.contains("`rad/s`"), "{message}");
+    }
+
+    #[test]
+    fn endings_of_names_state_units() {
+        assert_eq!(from_name("u_mps", false), Some(("u", "m/s")));
+        assert_eq!(from_name("v_from_pos_mps", false), Some(("v_from_pos", "m/s")));
+        assert_eq!(from_name("pwm_left_us", false), None);
+        assert_eq!(from_name("t_ms", true), Some(("t", "ms")));
+        assert_eq!(from_name("gap", false), None);
+        assert_eq!(from_name("_m", false), None);
+    }
+}
