@@ -7,6 +7,7 @@
 pub mod atomic;
 pub mod evaluate;
 pub mod excitation;
+pub mod identify;
 pub mod log;
 pub mod model;
 pub mod progress;

@@ -9,7 +9,7 @@ use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::DesignRange;
-use crate::log::Channel;
+use crate::log::{Channel, PrepareOptions, Selection};
 
 pub use file::{ModelError, decode, read, write};
 
@@ -34,11 +34,20 @@ pub struct Description {
     pub outputs: Vec<Port>,
     /// Inputs, in the order of the model.
     pub inputs: Vec<Port>,
-    /// How a log's columns become the model's channels; read from it when the model is used on another
-    /// log.
-    pub reading: serde_json::Value,
+    /// How a log's columns become the model's channels, so that another log is read in the same way.
+    pub reading: Reading,
     /// Where the model comes from.
     pub provenance: Provenance,
+}
+
+/// How a log becomes runs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Reading {
+    /// Which columns.
+    pub selection: Selection,
+    /// On which clock, and how commands are aligned with it.
+    pub options: PrepareOptions,
 }
 
 /// A channel of a model and the range it is meant for.

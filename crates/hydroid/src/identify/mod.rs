@@ -1,0 +1,239 @@
+//! From runs to a judged model: fit on training runs, choose on validation runs, judge on test runs.
+
+mod overview;
+mod verdict;
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
+use crate::log::{Note, Split, Trajectory};
+use crate::model::{Body, Description, Model, Port, Provenance, Reading};
+use crate::progress::Progress;
+use crate::sindy::{Found, Grid, Library, Optimizer, Regression, SearchError, search};
+
+pub use overview::{ChannelSummary, overview, ranges};
+pub use verdict::{Grade, Verdict, verdicts};
+
+/// Settings of the search for equations. What is not given is chosen on the validation runs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SindySettings {
+    /// Degree of the polynomial library; without it 1 and 2 are tried.
+    pub degree: Option<u8>,
+    /// Whether the library has signed squares `x |x|`; without it both are tried.
+    pub signed_squares: Option<bool>,
+    /// Increments over this time \[s\]; without it one sample and a fifth, a half and the whole of the
+    /// horizon are tried.
+    pub window_s: Option<f64>,
+    /// Central differences instead of increments.
+    pub central_differences: bool,
+    /// Thresholded least squares with this threshold, in standard deviations of the output per second;
+    /// without it backward elimination with several tolerances is tried.
+    pub threshold: Option<f64>,
+    /// Ridge penalty for each row, on columns of unit RMS; without it several are tried.
+    pub ridge: Option<f64>,
+}
+
+impl SindySettings {
+    /// What to try, for a sample time and a horizon in samples.
+    pub fn grid(&self, dt: f64, horizon: usize) -> Grid {
+        let libraries = match (self.degree, self.signed_squares) {
+            (Some(degree), Some(signed_squares)) => vec![Library { degree, signed_squares }],
+            (Some(degree), None) => {
+                vec![Library { degree, signed_squares: false }, Library { degree, signed_squares: true }]
+            }
+            (None, Some(signed_squares)) => {
+                vec![1, 2].into_iter().map(|degree| Library { degree, signed_squares }).collect()
+            }
+            (None, None) => vec![
+                Library { degree: 1, signed_squares: true },
+                Library { degree: 2, signed_squares: false },
+                Library { degree: 2, signed_squares: true },
+            ],
+        };
+        let regressions = match (self.central_differences, self.window_s) {
+            (true, _) => vec![Regression::Central],
+            (false, Some(window)) => vec![Regression::Midpoint { intervals: intervals(window / dt) }],
+            (false, None) => {
+                let share = |part: f64| intervals(part * horizon as f64);
+                let mut list = vec![1, share(0.2), share(0.5), share(1.0)];
+                list.dedup();
+                list.into_iter().map(|intervals| Regression::Midpoint { intervals }).collect()
+            }
+        };
+        Grid {
+            libraries,
+            regressions,
+            optimizers: match self.threshold {
+                Some(threshold) => vec![Optimizer::Stlsq(threshold)],
+                None => [0.005, 0.01, 0.02, 0.05].map(Optimizer::Stepwise).to_vec(),
+            },
+            ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3], |ridge| vec![ridge]),
+        }
+    }
+}
+
+/// A number of intervals, at least one.
+fn intervals(count: f64) -> usize {
+    // Bounded far below any usize; a NaN becomes 1.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let whole = count.round().clamp(1.0, 1e6) as usize;
+    whole.max(1)
+}
+
+/// What to do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// Runs by their use.
+    pub split: Split,
+    /// How they were read; goes into the model file.
+    pub reading: Reading,
+    /// Longest horizon \[samples\].
+    pub horizon: usize,
+    /// Samples between two origins of the final evaluations.
+    pub origin_stride: usize,
+    /// Seed of the run. The search for equations draws nothing; it is kept for the methods that do.
+    pub seed: u64,
+    /// Settings of the search for equations.
+    pub sindy: SindySettings,
+}
+
+/// A model with what it took and what it can do.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The model.
+    pub model: Model,
+    /// How its settings were chosen.
+    pub found: Found,
+    /// Time for fitting and choosing \[s\].
+    pub train_seconds: f64,
+    /// Errors on the validation runs.
+    pub validation: Evaluation,
+    /// Errors on the test runs.
+    pub test: Evaluation,
+}
+
+/// The result of a job.
+#[derive(Clone, Debug)]
+pub struct Identified {
+    /// The models, in the order of the methods asked for.
+    pub candidates: Vec<Candidate>,
+    /// The best on the test-blind validation score; none where every model diverged somewhere.
+    pub best: Option<usize>,
+    /// What each output of the best model (the first, if there is none) is worth on the test runs.
+    pub verdicts: Vec<Verdict>,
+    /// What the user should know about data and models.
+    pub warnings: Vec<Note>,
+}
+
+/// Why nothing was identified.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentifyError {
+    /// A part of the split has no runs.
+    #[error("there are no {0} runs: give more logs, or name some with --{0}")]
+    NoRuns(&'static str),
+    /// No equations.
+    #[error(transparent)]
+    Sindy(#[from] SearchError),
+    /// The runs cannot be evaluated.
+    #[error("the {part} runs cannot be evaluated: {error}")]
+    Evaluate {
+        /// Validation or test.
+        part: &'static str,
+        /// Why.
+        error: EvaluateError,
+    },
+}
+
+/// Validation windows per run in the search; more change no choice.
+const SEARCH_ORIGINS: usize = 200;
+
+/// Runs a job.
+///
+/// # Errors
+/// If the runs cannot be fitted or evaluated, or the work was interrupted.
+pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, IdentifyError> {
+    let [train, validation, test] = [&job.split.train, &job.split.validation, &job.split.test]
+        .map(|runs| runs.iter().collect::<Vec<&Trajectory>>());
+    for (runs, part) in [(&train, "train"), (&validation, "validate"), (&test, "test")] {
+        if runs.is_empty() {
+            return Err(IdentifyError::NoRuns(part));
+        }
+    }
+    let ranges = ranges(&train);
+    let longest = validation.iter().map(|run| run.len()).max().unwrap_or(0);
+    let quick = evaluate::Options {
+        horizon: job.horizon,
+        origin_stride: (longest / SEARCH_ORIGINS).max(job.origin_stride),
+        ..evaluate::Options::default()
+    };
+    let clock = Instant::now();
+    let grid = job.sindy.grid(train[0].dt, job.horizon);
+    // The final evaluations take about a fifth of the time.
+    let found = search(&train, &validation, &ranges, &grid, &quick, &mut |f| progress(0.8 * f))?;
+    let train_seconds = clock.elapsed().as_secs_f64();
+    let model = describe(job, &train, &ranges, &found);
+    let full = evaluate::Options {
+        horizon: job.horizon,
+        origin_stride: job.origin_stride,
+        ..evaluate::Options::default()
+    };
+    let session = model.session();
+    let mut judge = |part, runs: &[&Trajectory], from: f64| {
+        let mut report = |f: f64| progress(from + 0.1 * f);
+        evaluate(&model.description.name, session.as_ref(), &ranges, runs, &full, &mut report).map_err(
+            |error| match error {
+                EvaluateError::Cancelled(c) => IdentifyError::Sindy(SearchError::Cancelled(c)),
+                error => IdentifyError::Evaluate { part, error },
+            },
+        )
+    };
+    let validation = judge("validation", &validation, 0.8)?;
+    let test = judge("test", &test, 0.9)?;
+    let verdicts = verdicts(&test);
+    let candidate = Candidate { model, found, train_seconds, validation, test };
+    let best = (candidate.test.diverged == 0 && candidate.validation.diverged == 0).then_some(0);
+    let mut warnings = job.split.notes.clone();
+    warnings.extend(verdict::warnings(&candidate, &verdicts, &overview(&job.split)));
+    Ok(Identified { candidates: vec![candidate], best, verdicts, warnings })
+}
+
+fn describe(job: &Job, train: &[&Trajectory], ranges: &[DesignRange], found: &Found) -> Model {
+    let run = train[0];
+    let port =
+        |(channel, &range): (&crate::log::Channel, &DesignRange)| Port { channel: channel.clone(), range };
+    let input_ranges = overview::input_ranges(train);
+    let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
+    let settings = serde_json::json!({
+        "chosen": found.trials[found.chosen],
+        "asked": job.sindy,
+        "horizon": job.horizon,
+    });
+    Model {
+        description: Description {
+            name: String::from("sindy"),
+            dt: run.dt,
+            outputs: run.outputs.channels().iter().zip(ranges).map(port).collect(),
+            inputs: run.inputs.channels().iter().zip(&input_ranges).map(port).collect(),
+            reading: job.reading.clone(),
+            provenance: Provenance {
+                hydroid: env!("CARGO_PKG_VERSION").to_owned(),
+                seed: job.seed,
+                training: names(&job.split.train),
+                validation: names(&job.split.validation),
+                settings,
+            },
+        },
+        body: Body::Equations(std::sync::Arc::new(found.fit.equations.clone())),
+    }
+}
+
+/// Whether an identification met what it must to be of use; the criterion of the exit status.
+impl Identified {
+    /// Every output is predicted better than by trivial means, and nothing diverged.
+    pub fn sound(&self) -> bool {
+        self.best.is_some() && self.verdicts.iter().all(|v| v.grade != Grade::NotIdentified)
+    }
+}

@@ -1,0 +1,125 @@
+//! What a model is worth, said without flattery.
+
+use serde::{Deserialize, Serialize};
+
+use super::Candidate;
+use super::overview::ChannelSummary;
+use crate::evaluate::Evaluation;
+use crate::log::Note;
+
+/// How well an output is predicted at the longest horizon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Grade {
+    /// The error is at most half of what trivial means leave, and of the channel's own variation.
+    Good,
+    /// Better than trivial means, by a tenth at least.
+    Usable,
+    /// No better than keeping the last value or the mean: do not use this equation.
+    NotIdentified,
+}
+
+/// The verdict on one output.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    /// The output.
+    pub channel: String,
+    /// The grade.
+    pub grade: Grade,
+    /// NRMSE at the longest horizon; 1 is what predicting the mean gives.
+    pub nrmse: f64,
+    /// NRMSE of persistence at the same horizon.
+    pub persistence: f64,
+}
+
+/// Grades each output of an evaluation at its longest horizon, against the better of two trivial
+/// predictions: the last value, and the channel's mean over the compared points (NRMSE 1).
+pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
+    let (Some(errors), Some(kept)) = (test.nrmse.last(), test.persistence.nrmse.last()) else {
+        return Vec::new();
+    };
+    test.channels
+        .iter()
+        .zip(errors.iter().zip(kept))
+        .map(|(channel, (&nrmse, &persistence))| {
+            let trivial = if persistence.is_finite() { persistence.min(1.0) } else { 1.0 };
+            let grade = if nrmse <= 0.5 * trivial {
+                Grade::Good
+            } else if nrmse <= 0.9 * trivial {
+                Grade::Usable
+            } else {
+                // NaN too: what cannot be compared is not identified.
+                Grade::NotIdentified
+            };
+            Verdict { channel: channel.clone(), grade, nrmse, persistence }
+        })
+        .collect()
+}
+
+/// What the user should know before using the model.
+pub(super) fn warnings(candidate: &Candidate, verdicts: &[Verdict], data: &[ChannelSummary]) -> Vec<Note> {
+    let mut notes = Vec::new();
+    let test = &candidate.test;
+    let horizon_s = test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt);
+    for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
+        notes.push(
+            Note::warning(format!(
+                "'{}' is not identified: over {horizon_s:.3} s its error is {:.2} of its own variation, keeping the last value gives {:.2}",
+                verdict.channel, verdict.nrmse, verdict.persistence
+            ))
+            .with_remedy(
+                "do not use this equation; check the sensor (hydroid inspect), and log runs that move this output by its own commands",
+            ),
+        );
+    }
+    for (evaluation, part) in [(&candidate.validation, "validation"), (test, "test")] {
+        if evaluation.diverged > 0 {
+            let place = evaluation.divergences.first().map_or_else(String::new, |d| {
+                format!(
+                    ", first in {} from {:.1} s at step {} in '{}'",
+                    d.run, d.origin_s, d.horizon, d.channel
+                )
+            });
+            notes.push(
+                Note::warning(format!(
+                    "{} of {} {part} rollouts diverge{place}: no model is called best",
+                    evaluation.diverged, evaluation.windows
+                ))
+                .with_remedy("give training runs that cover these speeds and commands, or a smaller degree"),
+            );
+        }
+    }
+    for summary in data {
+        let [train, _, test] = summary.parts;
+        let width = train.max - train.min;
+        let beyond = (train.min - test.min).max(test.max - train.max);
+        if width > 0.0 && beyond > 0.1 * width {
+            notes.push(
+                Note::warning(format!(
+                    "the test runs leave the range of the training runs in '{}': {:.3} to {:.3} against {:.3} to {:.3}",
+                    summary.channel.name, test.min, test.max, train.min, train.max
+                ))
+                .with_remedy("equations are not to be trusted outside the range they were fitted on: train on runs that cover it"),
+            );
+        }
+        if summary.input && width == 0.0 {
+            notes.push(
+                Note::warning(format!(
+                    "input '{}' never moves in the training runs: its effect cannot be identified",
+                    summary.channel.name
+                ))
+                .with_remedy("leave it out, or log a run in which it moves"),
+            );
+        }
+    }
+    if candidate.found.condition > 1e6 {
+        notes.push(
+            Note::warning(format!(
+                "the library is nearly collinear on the training runs (condition number {:.1e}): coefficients may be large and cancel",
+                candidate.found.condition
+            ))
+            .with_remedy("choose a smaller degree, or log runs in which the inputs move independently"),
+        );
+    }
+    notes
+}
