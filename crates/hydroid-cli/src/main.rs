@@ -1,3 +1,34 @@
-//! The `hydroid` command.
+//! The `hydroid` command: arguments, progress, exit codes; no mathematics.
+//!
+//! Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted.
 
-fn main() {}
+mod args;
+mod commands;
+mod config;
+mod logs;
+mod ui;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let args = args::Args::parse();
+    ui::catch_interrupt();
+    let json = args.global.json;
+    match commands::run(args) {
+        Ok(outcome) => outcome.into(),
+        Err(error) if ui::interrupted() => {
+            ui::complain(&error);
+            ExitCode::from(130)
+        }
+        Err(error) => {
+            if json {
+                // A program that asked for JSON gets the reason as JSON too.
+                println!("{}", serde_json::json!({ "error": format!("{error:#}") }));
+            }
+            ui::complain(&error);
+            ExitCode::from(2)
+        }
+    }
+}

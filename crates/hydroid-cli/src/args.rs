@@ -1,0 +1,274 @@
+//! What can be said on the command line.
+
+use std::path::PathBuf;
+
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use hydroid::log::{CommandTiming, InputDelay};
+
+/// Learns how a surface vessel moves from its own log.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    about,
+    after_help = "Examples:
+  hydroid identify -o demo                      no log at hand: simulates a hydrofoil and identifies it
+  hydroid inspect log.csv                       what is in a log, and where it will hurt
+  hydroid identify a.csv b.csv c.csv -o out     equations, judgement and report.html from three runs
+  hydroid evaluate out/sindy.safetensors d.csv --horizon 100
+
+Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted."
+)]
+pub struct Args {
+    #[command(flatten)]
+    pub global: Global,
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Said before or after any command.
+#[derive(Clone, Copy, Debug, ClapArgs)]
+pub struct Global {
+    /// Print one JSON document on standard output and nothing else there
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Threads to use (default: one for each core). The result does not depend on it
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// No progress bar and no notes, only results and errors
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+}
+
+/// The verbs.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Simulate(Simulate),
+    Inspect(Inspect),
+    Identify(Identify),
+    Evaluate(Evaluate),
+}
+
+/// Simulate a vessel and write its log
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid simulate hydrofoil -o run.csv                           two hours through both modes
+  hydroid simulate simple --duration 600 --seed 7 -o run.csv
+  hydroid simulate hydrofoil --excitation lawn-mower --leg-speeds 1.5,4,2 -o lawn.csv
+  hydroid simulate hydrofoil --print-vessel > mine.toml           a start for a vessel of your own
+  hydroid simulate mine.toml --excitation low-speed -o slow.csv
+  hydroid simulate simple --excitation commands.csv -o run.csv    commands from a file: t, propeller, rudder")]
+pub struct Simulate {
+    /// simple, hydrofoil, hydrofoil-low-speed, or a vessel of your own (a TOML file)
+    #[arg(value_name = "PLANT")]
+    pub plant: String,
+    /// mixed, low-speed, lawn-mower, circle, or a CSV file with time and the two commands
+    #[arg(long, default_value = "mixed", value_name = "KIND|FILE")]
+    pub excitation: String,
+    /// Duration [s] (default: 7200, or as long as the commands of a file last)
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Sample time [s]
+    #[arg(long, default_value_t = 0.1, value_name = "S")]
+    pub dt: f64,
+    /// Integration step [s]; the sample time is a whole number of them
+    #[arg(long, default_value_t = 0.01, value_name = "S")]
+    pub step: f64,
+    /// Seed of commands and noise; the same seed gives the same bytes
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Scale of the vessel's measurement noise; 0 for none
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    pub noise: f64,
+    /// Lawn-mower: length of a leg [m]
+    #[arg(long, value_name = "M")]
+    pub leg: Option<f64>,
+    /// Lawn-mower: distance between legs [m]
+    #[arg(long, value_name = "M")]
+    pub spacing: Option<f64>,
+    /// Lawn-mower: speed of each leg [m/s], separated by commas (default: drawn)
+    #[arg(long, value_delimiter = ',', value_name = "M_S")]
+    pub leg_speeds: Vec<f64>,
+    /// Lawn-mower: turn sharply between legs instead of in half circles
+    #[arg(long)]
+    pub sharp_turns: bool,
+    /// Circle: radius [m]
+    #[arg(long, value_name = "M")]
+    pub radius: Option<f64>,
+    /// Circle: speed [m/s]. Low-speed: speed that is never reached [m/s]
+    #[arg(long, value_name = "M_S")]
+    pub speed: Option<f64>,
+    /// Where to write the log; - for standard output (default: named after plant, excitation and seed)
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print the vessel's parameters as TOML and stop
+    #[arg(long)]
+    pub print_vessel: bool,
+}
+
+/// Show what is in a log (channels, units, rate, gaps, ranges, excitation, delays) or in a model
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid inspect log.csv
+  hydroid inspect log.csv --outputs u=SOG_kn[kn],r=ROT[deg/min] --inputs n=rpm[rpm],delta=rudder[deg]
+  hydroid inspect out/sindy.safetensors")]
+pub struct Inspect {
+    /// Logs (CSV) or models (.safetensors)
+    #[arg(required = true, value_name = "LOG|MODEL")]
+    pub files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub log: LogArgs,
+}
+
+/// Learn a model from logs, judge it on runs that were held back, and write a report
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid identify -o demo                                     no log: simulates a hydrofoil and identifies it
+  hydroid identify a.csv b.csv c.csv -o out                    three runs: trains on a, chooses on b, tests on c
+  hydroid identify a.csv --validate b.csv --test c.csv --outputs u,v,r --inputs n,delta -o out
+  hydroid identify long.csv -o out                             one run: 60 % / 20 % / 20 % in blocks
+  hydroid identify -c hydroid.toml -o out
+
+A configuration file can hold all of it; what the command line says goes before:
+  [log]                                  [split]                     [identify]
+  time = \"t_s\"                           train = [\"a.csv\"]           horizon = 100
+  outputs = [\"u=u_mps [m/s]\", \"v\"]       validate = [\"b.csv\"]
+  inputs = [\"n\", \"delta [deg]\"]          test = [\"c.csv\"]            [sindy]
+  wind = { speed = \"ws\", direction = \"wd\" }                         degree = 2")]
+pub struct Identify {
+    /// Training logs, or all logs where none is named for validation and test
+    #[arg(value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Configuration file
+    #[arg(long, short, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Logs on which settings are chosen
+    #[arg(long, num_args = 1.., value_name = "LOG")]
+    pub validate: Vec<PathBuf>,
+    /// Logs on which the chosen model is judged
+    #[arg(long, num_args = 1.., value_name = "LOG")]
+    pub test: Vec<PathBuf>,
+    #[command(flatten)]
+    pub log: LogArgs,
+    /// Methods, separated by commas
+    #[arg(long, value_delimiter = ',', default_value = "sindy")]
+    pub methods: Vec<Method>,
+    /// Longest prediction horizon [samples] (default: 100)
+    #[arg(long, value_name = "N")]
+    pub horizon: Option<usize>,
+    /// Samples between the origins of the final evaluation (default: 1)
+    #[arg(long, value_name = "N")]
+    pub origin_stride: Option<usize>,
+    /// Degree of the polynomial library (default: 1 and 2 are tried)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=6))]
+    pub degree: Option<u8>,
+    /// Select terms by thresholded least squares: drop those that move an output by less than this many of
+    /// its standard deviations per second (default: backward elimination)
+    #[arg(long, value_name = "X")]
+    pub threshold: Option<f64>,
+    /// Regress increments over this time [s] (default: one sample and shares of the horizon are tried)
+    #[arg(long, value_name = "S")]
+    pub window: Option<f64>,
+    /// Ridge penalty (default: several are tried)
+    #[arg(long, value_name = "X")]
+    pub ridge: Option<f64>,
+    /// Seed of everything random (default: 0)
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Folder for the model, report.html and identify.json
+    #[arg(long, short, value_name = "DIR")]
+    pub output: PathBuf,
+}
+
+/// Judge a model on logs: errors by horizon and channel beside persistence
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid evaluate out/sindy.safetensors test.csv --horizon 100
+  hydroid evaluate out/sindy.safetensors run.csv --origin true --against truth    simulated logs
+  hydroid evaluate out/sindy.safetensors test.csv --json > errors.json")]
+pub struct Evaluate {
+    /// The model
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// Logs; each is a run, or several where it has gaps
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Longest horizon [samples]
+    #[arg(long, default_value_t = 100, value_name = "N")]
+    pub horizon: usize,
+    /// Samples between two origins
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub origin_stride: usize,
+    /// What the model sees before it predicts
+    #[arg(long, default_value = "measured")]
+    pub origin: Origin,
+    /// What predictions are compared with
+    #[arg(long, default_value = "measurement")]
+    pub against: Against,
+    #[command(flatten)]
+    pub log: LogArgs,
+}
+
+/// How to read logs.
+#[derive(Clone, Debug, Default, ClapArgs)]
+#[command(next_help_heading = "Reading logs")]
+pub struct LogArgs {
+    /// Time column, with its unit unless seconds: `timestamp [ms]` (default: t, time, t_s, timestamp)
+    #[arg(long, value_name = "COLUMN")]
+    pub time: Option<String>,
+    /// Outputs: NAME, NAME=COLUMN, with [unit] and * scale where needed (default: u,v,r)
+    #[arg(long, value_name = "LIST")]
+    pub outputs: Option<String>,
+    /// Inputs, likewise (default: columns that end in _cmd or _ang)
+    #[arg(long, value_name = "LIST")]
+    pub inputs: Option<String>,
+    /// Wind speed and direction columns; become the inputs U^2 cos and U^2 sin
+    #[arg(long, value_name = "SPEED,DIRECTION")]
+    pub wind: Option<String>,
+    /// Whether the command in a row acts before (until) or after its measurement
+    #[arg(long, value_name = "WHEN", value_parser = parse_timing)]
+    pub command_timing: Option<CommandTiming>,
+    /// How much later a command acts than it is logged: samples (3) or seconds (0.3s), may be negative
+    #[arg(long, value_name = "DELAY", allow_hyphen_values = true)]
+    pub input_delay: Option<InputDelay>,
+    /// Longest time [s] that an output may be missing before the run is cut
+    #[arg(long, value_name = "S")]
+    pub max_gap: Option<f64>,
+    /// Step [s] to resample to (default: the log's own)
+    #[arg(long = "dt", value_name = "S")]
+    pub dt: Option<f64>,
+}
+
+fn parse_timing(text: &str) -> Result<CommandTiming, String> {
+    match text {
+        "before" => Ok(CommandTiming::Before),
+        "after" => Ok(CommandTiming::After),
+        _ => Err(String::from(
+            "write before (a row's command acts from that row on) or after (it acted until that row)",
+        )),
+    }
+}
+
+/// Methods of identification.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Method {
+    /// Sparse equations of motion
+    Sindy,
+}
+
+/// What the model sees before it predicts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Origin {
+    /// The measurements
+    Measured,
+    /// The true outputs of a simulated log
+    True,
+}
+
+/// What predictions are compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Against {
+    /// The measurements
+    Measurement,
+    /// The true outputs of a simulated log
+    Truth,
+}
