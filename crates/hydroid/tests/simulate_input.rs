@@ -126,7 +126,8 @@ fn given_commands_that_are_wrong_name_their_row() {
 #[test]
 fn a_command_rounded_to_beyond_its_limit_is_at_its_limit() {
     let vessel = VesselParams::hydrofoil();
-    let commands = held(&[(0.0, command(350.000_1, 0.523_598_776))], &vessel, 0.1, 1).expect("good rows");
+    let nine_digits = "0.523598776".parse().expect("a number");
+    let commands = held(&[(0.0, command(350.000_1, nine_digits))], &vessel, 0.1, 1).expect("good rows");
     assert_eq!(commands, [command(350.0, vessel.commands.rudder.limits[1])]);
 }
 
