@@ -22,7 +22,7 @@ const PLANTS: [&str; 3] = ["simple", "hydrofoil", "hydrofoil_low_speed"];
 /// Near the transition, turning: nothing in it is zero.
 const STATE: State = State { x: 3.0, y: -2.0, psi: 0.7, u: 2.4, v: -0.2, r: 0.15, p_f: 120.0 };
 
-#[divan::bench(args = PLANTS)]
+#[divan::bench(args = PLANTS, sample_size = 1_000)]
 fn rk4_step(bencher: Bencher, name: &str) {
     let plant = plant(name);
     let command = Command { pp: 150.0, rd: 0.2 };

@@ -124,6 +124,14 @@ fn given_commands_that_are_wrong_name_their_row() {
 }
 
 #[test]
+fn a_command_rounded_to_beyond_its_limit_is_at_its_limit() {
+    let vessel = VesselParams::hydrofoil();
+    let nine_digits = "0.523598776".parse().expect("a number");
+    let commands = held(&[(0.0, command(350.000_1, nine_digits))], &vessel, 0.1, 1).expect("good rows");
+    assert_eq!(commands, [command(350.0, vessel.commands.rudder.limits[1])]);
+}
+
+#[test]
 fn a_vessel_file_reads_back() {
     for params in [VesselParams::simple(), VesselParams::hydrofoil(), VesselParams::hydrofoil_low_speed()] {
         let text = vessel_toml(&params).expect("writes");

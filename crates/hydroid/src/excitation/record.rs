@@ -112,7 +112,7 @@ fn compose(
 ///
 /// # Errors
 /// No rows, a number that is not finite, time that does not increase, a command beyond the vessel's limits;
-/// rows are counted from 1.
+/// rows are counted from 1. A millionth of the range beyond a limit passes for rounding and is clipped.
 pub fn held(
     rows: &[(f64, Command)],
     params: &VesselParams,
@@ -135,7 +135,9 @@ pub fn held(
             if !value.is_finite() {
                 return Err(ExcitationError::NotFinite { row, what: name() });
             }
-            if !(low..=high).contains(&value) {
+            // A log written with nine digits may round a command at its limit to beyond it.
+            let rounding = 1e-6 * (high - low);
+            if !(low - rounding..=high + rounding).contains(&value) {
                 return Err(ExcitationError::OutsideLimits { row, name: name(), value, low, high });
             }
         }
@@ -150,7 +152,7 @@ pub fn held(
             command = next;
             later.next();
         }
-        command
+        Command { pp: channels[0].clamp(command.pp), rd: channels[1].clamp(command.rd) }
     });
     Ok(commands.collect())
 }
