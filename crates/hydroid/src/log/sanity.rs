@@ -60,7 +60,7 @@ fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
     if found == 0 || found > allowed_as_spikes {
         return Ok(());
     }
-    let k = values.iter().position(|x| above(x)).unwrap_or(0);
+    let k = values.iter().position(above).unwrap_or(0);
     Err(LogError::Absurd {
         path: columns.path.clone(),
         line: columns.lines[k],
