@@ -1,6 +1,6 @@
 //! By how many samples commands act later than they are logged.
 //!
-//! For every delay `d` the increments of all outputs are regressed on the state and on the command $d$ samples
+//! For every delay `d` the increments of all outputs are regressed on the state and on the command `d` samples
 //! before, `y_{k+1} - y_k ~ 1, y_k, y_k |y_k|, c_{k-d}, c_{k-d} |c_{k-d}|`, and the residuals compared:
 //! the right delay explains most. Where the increments are noise, commands and outputs are first averaged over
 //! the same few samples, which leaves the delay between them as it is. The estimate is an *effective* delay:
