@@ -54,8 +54,8 @@ pub(super) struct Delays {
 }
 
 impl DelayEstimate {
-    /// What the user should know of the common delay.
-    pub(super) fn note(&self, path: &str) -> Option<Note> {
+    /// What the user should know of the common delay, beside the delays of the inputs by themselves.
+    pub(super) fn note(&self, path: &str, own: &[(&str, &Self)]) -> Option<Note> {
         if self.confidence == Confidence::None {
             return Some(
                 Note::info(format!("{path}: the input delay cannot be told from this log"))
@@ -64,6 +64,18 @@ impl DelayEstimate {
         }
         if self.samples == 0 || self.better_than_zero < 0.005 {
             return None;
+        }
+        let told: Vec<_> = own.iter().filter(|(_, d)| d.confidence != Confidence::None).collect();
+        let earliest = told.iter().map(|(_, d)| d.range.0).max();
+        let latest = told.iter().map(|(_, d)| d.range.1).min();
+        if earliest > latest && told.len() > 1 {
+            // A delay of the logger would be the same for all.
+            let list: Vec<String> =
+                told.iter().map(|(name, d)| format!("{} for `{name}`", d.samples)).collect();
+            return Some(
+                Note::info(format!("{path}: commands seem to act later than they are logged, each by its own number of samples: {}", list.join(", ")))
+                    .with_remedy("this looks like the lag of actuators, not like a delay of the log: leave --input-delay at 0 and let the model learn it"),
+            );
         }
         let Self { samples, seconds, range, better_than_zero, .. } = self;
         let share = 100.0 * better_than_zero;
