@@ -1,6 +1,6 @@
 //! Which command acted when: held commands, shifted commands.
 //!
-//! Inside hydroid the command in row `k` acts on $[t_k, t_{k+1})$. A log may be written differently: the
+//! Inside hydroid the command in row `k` acts on `[t_k, t_{k+1})`. A log may be written differently: the
 //! command that acted *until* the row's measurement ([`CommandTiming::After`]), or a command that reached
 //! the vessel some samples later, or was logged some samples late (an input delay, positive or negative).
 
@@ -13,10 +13,10 @@ use super::error::LogError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CommandTiming {
-    /// Row `k` holds the command given at `t_k`, which acts on $[t_k, t_{k+1})$.
+    /// Row `k` holds the command given at `t_k`, which acts on `[t_k, t_{k+1})`.
     #[default]
     Before,
-    /// Row `k` holds the command that acted on $[t_{k-1}, t_k)$.
+    /// Row `k` holds the command that acted on `[t_{k-1}, t_k)`.
     After,
 }
 

@@ -150,19 +150,17 @@ pub enum LogError {
     },
     /// The same column in different units.
     #[error(
-        "column `{column}` is in {first_unit} in {first} but in {second_unit} in {second}; state the unit in both headers, as `{column} [unit]`"
+        "column `{column}` is in {units} in {first} and {second}; state the unit in both headers, as `{column} [unit]`"
     )]
     DifferentUnits {
         /// The column.
         column: String,
         /// First log.
         first: String,
-        /// Unit there.
-        first_unit: String,
         /// Second log.
         second: String,
-        /// Unit there.
-        second_unit: String,
+        /// Unit in the first and unit in the second.
+        units: String,
     },
     /// No column looks like the time.
     #[error(
@@ -239,7 +237,7 @@ pub enum LogError {
         column: String,
     },
     /// A value beyond anything a vessel does.
-    #[error("{path}, line {line}, column `{column}`: {value} {reason}; {remedy}")]
+    #[error("{path}, line {line}, column `{column}`: {value}; {remedy}")]
     Absurd {
         /// File.
         path: String,
@@ -247,10 +245,8 @@ pub enum LogError {
         line: u64,
         /// Column.
         column: String,
-        /// The value, in SI units.
+        /// The value in SI units, and against what it was judged.
         value: String,
-        /// Against what it was judged.
-        reason: String,
         /// What to do.
         remedy: &'static str,
     },

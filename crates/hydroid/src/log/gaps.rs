@@ -26,14 +26,13 @@ pub(crate) fn default_limit(columns: &Columns, step: f64, notes: &mut Vec<Note>)
         }
         notes.push(
             Note::info(format!(
-                "{}: `{}` has values in {} of {} rows, about every {:.3} s",
+                "{}: `{}` has values in {} of {} rows, about every {own:.3} s",
                 columns.path,
                 channel.name,
                 times.len(),
                 values.len(),
-                own
             ))
-            .with_remedy(format!("--dt {:.3} puts all channels on the clock of the slowest", own)),
+            .with_remedy(format!("--dt {own:.3} puts all channels on the clock of the slowest")),
         );
         spacing = spacing.max(own);
     }

@@ -2,7 +2,7 @@
 //!
 //! **Outputs** are read off at the new instants, by linear interpolation between the nearest values before
 //! and after, if these lie no farther apart than the gap limit. They are not averaged over the new step,
-//! though that would lower the noise: a mean around $t_k$ holds measurements from after $t_k$, so that a
+//! though that would lower the noise: a mean around `t_k` holds measurements from after `t_k`, so that a
 //! model would be told a part of what it is to predict, and a part of the command of the neighbouring
 //! interval. The price is aliasing: what oscillates faster than twice per new step appears as noise.
 //!

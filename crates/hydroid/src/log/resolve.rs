@@ -76,9 +76,8 @@ impl Resolved {
                 return Err(LogError::DifferentUnits {
                     column: first.columns[a.column].name.clone(),
                     first: first.path.clone(),
-                    first_unit: unit(&a.channel.unit),
                     second: second.path.clone(),
-                    second_unit: unit(&b.channel.unit),
+                    units: format!("{} and {}", unit(&a.channel.unit), unit(&b.channel.unit)),
                 });
             }
         }

@@ -38,8 +38,7 @@ fn limit(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
             path: columns.path.clone(),
             line: columns.lines[k],
             column: channel.name.clone(),
-            value: format!("{} {unit}", values[k]),
-            reason: format!("is more than any vessel does ({limit} {unit})"),
+            value: format!("{} {unit} is more than any vessel does ({limit} {unit})", values[k]),
             remedy: "if the unit is another, state it (`name [deg/s]`, `name [km/h]`); if it is a spike, blank the cell",
         }),
     }
@@ -60,13 +59,12 @@ fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
     if found == 0 || found > allowed_as_spikes {
         return Ok(());
     }
-    let k = values.iter().position(|x| above(x)).unwrap_or(0);
+    let k = values.iter().position(above).unwrap_or(0);
     Err(LogError::Absurd {
         path: columns.path.clone(),
         line: columns.lines[k],
         column: channel.name.clone(),
-        value: values[k].to_string(),
-        reason: format!("is a million times the channel's typical size ({median:.3})"),
+        value: format!("{} is a million times the channel's typical size ({median:.3e})", values[k]),
         remedy: "blank the cell if it is a spike",
     })
 }

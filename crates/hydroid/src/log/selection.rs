@@ -110,7 +110,7 @@ impl From<ChannelSpec> for String {
 
 /// The two columns of an anemometer.
 ///
-/// They become the inputs `wind_x` $= U^2 \cos\gamma$ and `wind_y` $= U^2 \sin\gamma$ \[m^2/s^2\], which a
+/// They become the inputs `wind_x = U^2 cos(direction)` and `wind_y = U^2 sin(direction)` \[m^2/s^2\], which a
 /// force that grows with the square of the wind is linear in. Relative wind is the better choice: its
 /// direction turns with the vessel.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -43,9 +43,9 @@ pub fn split_runs(runs: Vec<Trajectory>) -> Result<Split, LogError> {
     let sane = |run: &Trajectory| SANE.contains(&share(run));
     match runs.len() {
         0 => Err(LogError::NoFiles),
-        1 => blocks(runs, 0),
-        2 if sane(&runs[1]) => halves(runs),
-        2 => blocks_of_longest(runs),
+        1 => blocks(&runs, 0),
+        2 if sane(&runs[1]) => halves(&runs),
+        2 => blocks_of_longest(&runs),
         n if sane(&runs[n - 1]) && sane(&runs[n - 2]) => {
             let note = format!(
                 "split by run: test on {}, validation on {}, training on {} others",
@@ -65,7 +65,7 @@ pub fn split_runs(runs: Vec<Trajectory>) -> Result<Split, LogError> {
                 );
                 Ok(take(runs, validation, test, Note::info(note)))
             } else {
-                blocks_of_longest(runs)
+                blocks_of_longest(&runs)
             }
         }
     }
@@ -86,9 +86,9 @@ fn take(runs: Vec<Trajectory>, validation: usize, test: usize, note: Note) -> Sp
     split
 }
 
-fn halves(runs: Vec<Trajectory>) -> Result<Split, LogError> {
+fn halves(runs: &[Trajectory]) -> Result<Split, LogError> {
     let at = runs[0].len() * 3 / 4;
-    long_enough(&runs, &[at, runs[0].len() - at, runs[1].len()])?;
+    long_enough(runs, &[at, runs[0].len() - at, runs[1].len()])?;
     let note =
         format!("two runs: test on {}, validation on the last quarter of {}", runs[1].name, runs[0].name);
     let remedy = "a third run would give a validation that no training sample touches";
@@ -100,16 +100,16 @@ fn halves(runs: Vec<Trajectory>) -> Result<Split, LogError> {
     })
 }
 
-fn blocks_of_longest(runs: Vec<Trajectory>) -> Result<Split, LogError> {
+fn blocks_of_longest(runs: &[Trajectory]) -> Result<Split, LogError> {
     let longest = (0..runs.len()).max_by_key(|&i| runs[i].len()).unwrap_or(0);
     blocks(runs, longest)
 }
 
 /// The run `longest` in three contiguous blocks; all others are trained on.
-fn blocks(runs: Vec<Trajectory>, longest: usize) -> Result<Split, LogError> {
+fn blocks(runs: &[Trajectory], longest: usize) -> Result<Split, LogError> {
     let run = &runs[longest];
     let [a, b] = BLOCKS.map(|share| super::grid::whole(run.len() as f64 * share));
-    long_enough(&runs, &[a, b - a, run.len() - b])?;
+    long_enough(runs, &[a, b - a, run.len() - b])?;
     let note =
         format!("{} is split into contiguous blocks: 60 % training, 20 % validation, 20 % test", run.name);
     let remedy = "separate runs are a stricter test: wind, load and sensors stay the same within one run";

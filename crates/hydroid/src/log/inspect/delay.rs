@@ -1,7 +1,7 @@
 //! By how many samples commands act later than they are logged.
 //!
-//! For every delay $d$ the increments of all outputs are regressed on the state and on the command $d$ samples
-//! before, $$y_{k+1} - y_k \sim 1,\; y_k,\; y_k |y_k|,\; c_{k-d},\; c_{k-d} |c_{k-d}|,$$ and the residuals compared:
+//! For every delay `d` the increments of all outputs are regressed on the state and on the command `d` samples
+//! before, `y_{k+1} - y_k ~ 1, y_k, y_k |y_k|, c_{k-d}, c_{k-d} |c_{k-d}|`, and the residuals compared:
 //! the right delay explains most. Where the increments are noise, commands and outputs are first averaged over
 //! the same few samples, which leaves the delay between them as it is. The estimate is an *effective* delay:
 //! dead time and the lag of an actuator look alike here.
@@ -54,8 +54,8 @@ pub(super) struct Delays {
 }
 
 impl DelayEstimate {
-    /// What the user should know of the common delay.
-    pub(super) fn note(&self, path: &str) -> Option<Note> {
+    /// What the user should know of the common delay, beside the delays of the inputs by themselves.
+    pub(super) fn note(&self, path: &str, own: &[(&str, &Self)]) -> Option<Note> {
         if self.confidence == Confidence::None {
             return Some(
                 Note::info(format!("{path}: the input delay cannot be told from this log"))
@@ -64,6 +64,18 @@ impl DelayEstimate {
         }
         if self.samples == 0 || self.better_than_zero < 0.005 {
             return None;
+        }
+        let told: Vec<_> = own.iter().filter(|(_, d)| d.confidence != Confidence::None).collect();
+        let earliest = told.iter().map(|(_, d)| d.range.0).max();
+        let latest = told.iter().map(|(_, d)| d.range.1).min();
+        if earliest > latest && told.len() > 1 {
+            // A delay of the logger would be the same for all.
+            let list: Vec<String> =
+                told.iter().map(|(name, d)| format!("{} for `{name}`", d.samples)).collect();
+            return Some(
+                Note::info(format!("{path}: commands seem to act later than they are logged, each by its own number of samples: {}", list.join(", ")))
+                    .with_remedy("this looks like the lag of actuators, not like a delay of the log: leave --input-delay at 0 and let the model learn it"),
+            );
         }
         let Self { samples, seconds, range, better_than_zero, .. } = self;
         let share = 100.0 * better_than_zero;

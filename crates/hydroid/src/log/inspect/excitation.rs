@@ -7,7 +7,7 @@ use super::delay::DelayEstimate;
 /// Distinct values are counted up to here.
 const MOST_LEVELS: usize = 1000;
 /// An input that moves less often \[1/min\] excites little.
-const FEW_MOVES: f64 = 0.5;
+pub(super) const FEW_MOVES: f64 = 0.5;
 /// A move smaller than this share of the range is noise of the command's sensor.
 const SMALL_MOVE: f64 = 0.02;
 

@@ -137,11 +137,14 @@ fn look(inspection: &mut Inspection, log: &RawLog, selection: &Selection, resolv
     let noisy = inspection.outputs.iter().any(|o| o.mostly_noise) || repeated > MANY_REPEATS;
     let delays = delay::estimate(&prepared.runs, noisy);
     for (report, own) in inspection.inputs.iter_mut().zip(delays.per_input) {
-        report.delay = own;
+        // What hardly moves shows no delay, whatever fits best.
+        report.delay = own.filter(|_| report.moves_per_minute >= excitation::FEW_MOVES);
     }
     inspection.input_delay = delays.common;
     if let Some(d) = &inspection.input_delay {
-        inspection.notes.extend(d.note(&log.path));
+        let own: Vec<_> =
+            inspection.inputs.iter().filter_map(|i| Some((i.name.as_str(), i.delay.as_ref()?))).collect();
+        inspection.notes.extend(d.note(&log.path, &own));
     }
 }
 

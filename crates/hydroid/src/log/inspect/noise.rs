@@ -1,11 +1,11 @@
 //! How noisy the outputs are, and whether they were smoothed.
 //!
-//! White noise of standard deviation $\sigma$ on a smooth signal shows in the second differences
-//! $\delta_k = y_{k+1} - 2 y_k + y_{k-1}$: their autocovariance at lag 1 is $-4\sigma^2$ (at lag 0: $6\sigma^2$),
-//! so that $\sigma^2 = -\gamma_1 / 4$ where the ratio is near $-2/3$. Increments $y_{k+1} - y_k$ with a
-//! lag-1 autocorrelation near $-1/2$ are nearly all noise. A moving average over $W$ samples, or a
+//! White noise of standard deviation `sigma` on a smooth signal shows in the second differences
+//! `y_{k+1} - 2 y_k + y_{k-1}`: their autocovariance at lag 1 is `-4 sigma^2` (at lag 0: `6 sigma^2`),
+//! so that `sigma^2 = -gamma_1 / 4` where the ratio is near -2/3. Increments `y_{k+1} - y_k` with a
+//! lag-1 autocorrelation near -1/2 are nearly all noise. A moving average over `W` samples, or a
 //! Savitzky-Golay derivative of that window, leaves in the differences the two edges of its window: a lone peak
-//! of the autocorrelation at lag $W$. Third differences show it best: the signal itself is gone from them.
+//! of the autocorrelation at lag `W`. Third differences show it best: the signal itself is gone from them.
 
 use super::super::note::Note;
 use super::super::trajectory::Trajectory;

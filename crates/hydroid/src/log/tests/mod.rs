@@ -1,5 +1,13 @@
 //! The reader and the preparation on small logs, on arbitrary bytes, and on the real logs.
 
+#![allow(
+    clippy::format_push_string,
+    clippy::format_collect,
+    clippy::cast_lossless,
+    clippy::cast_possible_wrap,
+    reason = "tests write small logs in the plainest way"
+)]
+
 mod bad_input;
 mod inspecting;
 mod properties;

@@ -1,6 +1,6 @@
 //! What happens to a log on its way to runs.
 
-use super::super::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, prepare};
+use super::super::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Trajectory, prepare};
 use super::{error_of, has_note, input, log, log_as, output, prepared, prepared_with, table};
 
 fn u(k: usize) -> String {
@@ -103,7 +103,7 @@ fn commands_hold_and_leading_blanks_are_dropped() {
 fn a_run_is_cut_only_where_an_output_is_missing_too_long() {
     let holes = |k: usize| if (20..25).contains(&k) || (40..60).contains(&k) { String::new() } else { u(k) };
     let p = prepared(&table(100, holes, n));
-    assert_eq!(p.runs.iter().map(|r| r.len()).collect::<Vec<_>>(), [40, 40]);
+    assert_eq!(p.runs.iter().map(Trajectory::len).collect::<Vec<_>>(), [40, 40]);
     assert_eq!(p.sources, [0, 0]);
     assert!((p.runs[1].t0 - 6.0).abs() < 1e-9);
     assert_eq!(input(&p, 1, 0)[0], 3600.0);
@@ -244,7 +244,7 @@ fn delays_go_both_ways_in_samples_and_seconds() {
         let p = prepared_with(&table(10, u, n), &delayed(CommandTiming::Before, delay));
         assert!((p.runs[0].t0 - 0.3).abs() < 1e-12);
         assert_eq!(input(&p, 0, 0), (0..7).map(|k| (k * k) as f64).collect::<Vec<_>>());
-        assert_eq!(output(&p, 0, 0)[0], 0.3 * 1.0000000000000002);
+        assert_eq!(output(&p, 0, 0)[0], 3.0 * 0.1);
     }
     let p = prepared_with(&table(10, u, n), &delayed(CommandTiming::Before, InputDelay::Samples(-2)));
     assert_eq!(p.runs[0].t0, 0.0);
