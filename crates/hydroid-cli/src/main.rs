@@ -2,6 +2,11 @@
 //!
 //! Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted.
 
+// A binary has no outside: `pub` says which module offers what to which.
+#![allow(unreachable_pub)]
+// The comments of `args` are printed as help, where backticks would stand as they are.
+#![allow(clippy::doc_markdown)]
+
 mod args;
 mod commands;
 mod config;

@@ -43,3 +43,15 @@ pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
     };
     attempt().map_err(|source| WriteError { path: path.to_owned(), source })
 }
+
+/// Makes a folder and sees whether a file can be written in it, before any work is done for it.
+///
+/// # Errors
+/// If the folder cannot be made or written.
+pub fn probe(folder: &Path) -> Result<(), WriteError> {
+    let attempt = || -> io::Result<()> {
+        std::fs::create_dir_all(folder)?;
+        tempfile::Builder::new().prefix(".hydroid-").tempfile_in(folder).map(drop)
+    };
+    attempt().map_err(|source| WriteError { path: folder.to_owned(), source })
+}

@@ -13,3 +13,4 @@ pub mod model;
 pub mod progress;
 pub mod simulate;
 pub mod sindy;
+pub mod toml_file;

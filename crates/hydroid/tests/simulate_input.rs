@@ -10,6 +10,7 @@ use hydroid::excitation::{
 use hydroid::simulate::{
     Options, SimulateError, Simulated, VesselFileError, load_vessel, parse_vessel, simulate, vessel_toml,
 };
+use hydroid::toml_file::TomlError;
 use hydroid_core::vessel::{Command, Plant, VesselParams};
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
@@ -185,13 +186,13 @@ fn a_misspelt_key_names_file_line_and_the_nearest() {
 fn other_faults_of_a_vessel_file() {
     let error = file_error("mass = 80.0", "mass = \"heavy\"");
     assert!(
-        matches!(&error, VesselFileError::Syntax { line, .. } if *line == line_of("mass = 80.0")),
+        matches!(&error, VesselFileError::File(TomlError::Syntax { line, .. }) if *line == line_of("mass = 80.0")),
         "{error}"
     );
     let error = file_error("mass = 80.0\n", "");
     assert!(error.to_string().contains("mass"), "{error}");
     let error = file_error("mass = 80.0", "mass = ");
-    assert!(matches!(error, VesselFileError::Syntax { .. }), "{error}");
+    assert!(matches!(error, VesselFileError::File(TomlError::Syntax { .. })), "{error}");
     let error = file_error("mass = 80.0", "mass = -80.0");
     assert!(
         matches!(&error, VesselFileError::Invalid { line: Some(line), .. } if *line == line_of("mass = 80.0")),

@@ -217,7 +217,7 @@ fn describe(job: &Job, train: &[&Trajectory], ranges: &[DesignRange], found: &Fo
             dt: run.dt,
             outputs: run.outputs.channels().iter().zip(ranges).map(port).collect(),
             inputs: run.inputs.channels().iter().zip(&input_ranges).map(port).collect(),
-            reading: job.reading.clone(),
+            reading: reading(job, run.dt),
             provenance: Provenance {
                 hydroid: env!("CARGO_PKG_VERSION").to_owned(),
                 seed: job.seed,
@@ -228,6 +228,13 @@ fn describe(job: &Job, train: &[&Trajectory], ranges: &[DesignRange], found: &Fo
         },
         body: Body::Equations(std::sync::Arc::new(found.fit.equations.clone())),
     }
+}
+
+/// The reading of the training logs with their step written out: a model has one step, whatever the log.
+fn reading(job: &Job, dt: f64) -> Reading {
+    let mut reading = job.reading.clone();
+    reading.options.dt = Some(dt);
+    reading
 }
 
 /// Whether an identification met what it must to be of use; the criterion of the exit status.

@@ -4,6 +4,7 @@ use super::csv::{RawColumn, RawLog};
 use super::error::LogError;
 use super::note::{Note, count};
 use super::resolve::{Resolved, Source};
+use super::selection::Selection;
 use super::trajectory::Channel;
 
 /// Rows of a log that have a time stamp, column by column, in SI units.
@@ -97,6 +98,18 @@ impl Columns {
     pub(crate) fn rows(&self) -> usize {
         self.t.len()
     }
+}
+
+/// The selected columns row by row as they stand, in SI units: time \[s\], then outputs and inputs. For files
+/// that are no runs, such as a list of commands.
+///
+/// # Errors
+/// If a column is missing or holds text.
+pub fn rows(log: &RawLog, selection: &Selection) -> Result<Vec<(f64, Vec<f64>)>, LogError> {
+    let resolved = Resolved::new(log, selection, &mut Vec::new())?;
+    let columns = Columns::new(log, &resolved, &mut Vec::new())?;
+    let row = |k: usize| columns.outputs.iter().chain(&columns.inputs).map(|values| values[k]).collect();
+    Ok((0..columns.rows()).map(|k| (columns.t[k], row(k))).collect())
 }
 
 fn missing(log: &RawLog, column: &RawColumn) -> LogError {

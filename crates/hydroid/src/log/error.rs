@@ -308,6 +308,11 @@ pub enum LogError {
         /// What to do.
         remedy: String,
     },
+    /// Validation runs without test runs.
+    #[error(
+        "there are logs to validate on, but none to test on: name some with --test, or name neither and let the runs be split"
+    )]
+    NoTest,
     /// A step, gap limit or delay that makes no sense.
     #[error("{what} of {value} cannot be used: {reason}")]
     BadOption {

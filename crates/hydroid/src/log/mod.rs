@@ -26,13 +26,14 @@ pub mod units;
 
 pub use align::{CommandTiming, InputDelay};
 pub use clock::Clock;
+pub use columns::rows;
 pub use csv::{BadCell, RawColumn, RawLog, read, read_from};
 pub use error::LogError;
 pub use inspect::{Inspection, inspect};
 pub use note::{Note, Severity};
 pub use prepare::{PrepareOptions, Prepared, prepare};
 pub use selection::{ChannelSpec, Selection, Wind};
-pub use split::{Split, split_runs};
+pub use split::{Split, split_named, split_runs};
 pub use trajectory::{Channel, Table, Trajectory};
 
 #[cfg(test)]

@@ -43,6 +43,8 @@ pub struct Prepared {
     pub runs: Vec<Trajectory>,
     /// For each run the position of its log.
     pub sources: Vec<usize>,
+    /// The selection with what was guessed written out: reads another log in the same way.
+    pub selection: Selection,
     /// What was converted, cut, dropped, resampled or noticed.
     pub notes: Vec<Note>,
 }
@@ -59,7 +61,7 @@ pub fn prepare(
     check(options)?;
     let first = logs.first().ok_or(LogError::NoFiles)?;
     let mut notes = Vec::new();
-    let resolved = resolve_all(logs, selection, &mut notes)?;
+    let (resolved, selection) = resolve_all(logs, selection, &mut notes)?;
     let mut files = Vec::with_capacity(logs.len());
     for (log, resolved) in logs.iter().zip(&resolved) {
         let columns = Columns::new(log, resolved, &mut notes)?;
@@ -86,7 +88,7 @@ pub fn prepare(
         return Err(LogError::TooShort { path, found, needed: FEWEST_SAMPLES, remedy: remedy.to_owned() });
     }
     note_constants(&path, &runs, &mut notes)?;
-    Ok(Prepared { runs, sources, notes })
+    Ok(Prepared { runs, sources, selection, notes })
 }
 
 fn check(options: &PrepareOptions) -> Result<(), LogError> {
@@ -106,7 +108,7 @@ fn resolve_all(
     logs: &[RawLog],
     selection: &Selection,
     notes: &mut Vec<Note>,
-) -> Result<Vec<Resolved>, LogError> {
+) -> Result<(Vec<Resolved>, Selection), LogError> {
     let first = Resolved::new(&logs[0], selection, notes)?;
     let column = |s: &resolve::Source| logs[0].columns[s.column].name.clone();
     // What was guessed from the first log holds for all.
@@ -143,7 +145,7 @@ fn resolve_all(
             r.truth = None;
         }
     }
-    Ok(all)
+    Ok((all, concrete))
 }
 
 fn respec(source: &resolve::Source, column: String) -> super::selection::ChannelSpec {

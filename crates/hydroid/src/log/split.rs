@@ -71,6 +71,35 @@ pub fn split_runs(runs: Vec<Trajectory>) -> Result<Split, LogError> {
     }
 }
 
+/// Splits runs whose use is stated. Without test runs, all is split as by [`split_runs`] (there must be no
+/// validation runs then); without validation runs, the last quarter of the longest training run validates.
+///
+/// # Errors
+/// If there is nothing to train or to test on, or too few samples.
+pub fn split_named(
+    mut train: Vec<Trajectory>,
+    validation: Vec<Trajectory>,
+    test: Vec<Trajectory>,
+) -> Result<Split, LogError> {
+    match (validation.is_empty(), test.is_empty()) {
+        (true, true) => split_runs(train),
+        (false, true) => Err(LogError::NoTest),
+        (false, false) if train.is_empty() => Err(LogError::NoFiles),
+        (false, false) => Ok(Split { train, validation, test, notes: Vec::new() }),
+        (true, false) => {
+            let longest = (0..train.len()).max_by_key(|&i| train[i].len()).ok_or(LogError::NoFiles)?;
+            let run = train.remove(longest);
+            let at = run.len() * 3 / 4;
+            long_enough(std::slice::from_ref(&run), &[at, run.len() - at])?;
+            let note = format!("no validation log is named: the last quarter of {} validates", run.name);
+            train.insert(longest, run.slice(0, at));
+            let validation = vec![run.slice(at, run.len())];
+            let notes = vec![Note::info(note).with_remedy("--validate names logs of their own")];
+            Ok(Split { train, validation, test, notes })
+        }
+    }
+}
+
 fn take(runs: Vec<Trajectory>, validation: usize, test: usize, note: Note) -> Split {
     let mut split = Split { train: Vec::new(), validation: Vec::new(), test: Vec::new(), notes: vec![note] };
     for (i, run) in runs.into_iter().enumerate() {
@@ -183,6 +212,25 @@ mod tests {
     fn of_two_runs_the_second_is_the_test() {
         assert_eq!(names(&[("a", 100), ("b", 80)]), ["a[0..75]", "a[75..100]", "b"]);
         assert_eq!(names(&[("a", 3), ("b", 100)]), ["a b[0..60]", "b[60..80]", "b[80..100]"]);
+    }
+
+    #[test]
+    fn named_runs_are_kept_and_a_missing_validation_is_taken_from_training() {
+        let named = |train: &[(&str, usize)], validation: &[(&str, usize)], test: &[(&str, usize)]| {
+            let runs = |part: &[(&str, usize)]| part.iter().map(|(n, s)| run(n, *s)).collect();
+            split_named(runs(train), runs(validation), runs(test))
+        };
+        let names = |split: Split| {
+            [split.train, split.validation, split.test]
+                .map(|part| part.iter().map(|r| r.name.clone()).collect::<Vec<_>>().join(" "))
+        };
+        let all = named(&[("a", 100), ("b", 50)], &[("c", 10)], &[("d", 10)]).unwrap();
+        assert_eq!(names(all), ["a b", "c", "d"]);
+        let no_validation = named(&[("a", 50), ("b", 100)], &[], &[("d", 10)]).unwrap();
+        assert_eq!(names(no_validation), ["a b[0..75]", "b[75..100]", "d"]);
+        assert!(matches!(named(&[("a", 100)], &[("c", 10)], &[]), Err(LogError::NoTest)));
+        let guessed = named(&[("a", 100), ("b", 100), ("c", 100)], &[], &[]).unwrap();
+        assert_eq!(names(guessed), ["a", "b", "c"]);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Identified models: what they are, and their file.
 
 mod file;
+mod text;
 
 use std::sync::Arc;
 
@@ -9,7 +10,7 @@ use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::DesignRange;
-use crate::log::{Channel, PrepareOptions, Selection};
+use crate::log::{Channel, PrepareOptions, Selection, Trajectory};
 
 pub use file::{ModelError, decode, read, write};
 
@@ -105,8 +106,84 @@ impl Model {
         }
     }
 
+    /// Whether runs can be put through the model as they are.
+    ///
+    /// # Errors
+    /// If channels or sample time are not the model's.
+    pub fn check(&self, runs: &[Trajectory]) -> Result<(), Mismatch> {
+        let d = &self.description;
+        for run in runs {
+            let name = || run.name.clone();
+            if (run.dt / d.dt - 1.0).abs() > 1e-3 {
+                return Err(Mismatch::Step { run: name(), model: d.dt, given: run.dt });
+            }
+            for (what, ports, channels) in [
+                ("outputs", &d.outputs, run.outputs.channels()),
+                ("inputs", &d.inputs, run.inputs.channels()),
+            ] {
+                let list = |names: Vec<&str>| names.join(", ");
+                let model = list(ports.iter().map(|p| p.channel.name.as_str()).collect());
+                let given = list(channels.iter().map(|c| c.name.as_str()).collect());
+                if model != given {
+                    return Err(Mismatch::Channels { run: name(), what, model, given });
+                }
+                for (port, channel) in ports.iter().zip(channels) {
+                    let (model, given) = (&port.channel.unit, &channel.unit);
+                    if model != given && !model.is_empty() && !given.is_empty() {
+                        let (channel, model, given) = (channel.name.clone(), model.clone(), given.clone());
+                        return Err(Mismatch::Unit { run: name(), channel, model, given });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Design ranges of the outputs.
     pub fn output_ranges(&self) -> Vec<DesignRange> {
         self.description.outputs.iter().map(|port| port.range).collect()
     }
+}
+
+/// Runs that are not what a model was made for.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Mismatch {
+    /// Another sample time.
+    #[error(
+        "the model steps {model} s, run '{run}' has a sample time of {given} s: resample it with --dt {model}"
+    )]
+    Step {
+        /// The run.
+        run: String,
+        /// Of the model \[s\].
+        model: f64,
+        /// Of the run \[s\].
+        given: f64,
+    },
+    /// Other channels.
+    #[error(
+        "the model's {what} are {model}, those of run '{run}' are {given}: name the log's columns with --{what}, as in --{what} NAME=COLUMN"
+    )]
+    Channels {
+        /// The run.
+        run: String,
+        /// `outputs` or `inputs`.
+        what: &'static str,
+        /// Of the model.
+        model: String,
+        /// Of the run.
+        given: String,
+    },
+    /// Another unit.
+    #[error("the model has '{channel}' in {model}, run '{run}' in {given}")]
+    Unit {
+        /// The run.
+        run: String,
+        /// The channel.
+        channel: String,
+        /// Of the model.
+        model: String,
+        /// Of the run.
+        given: String,
+    },
 }

@@ -7,6 +7,7 @@ use hydroid_core::vessel::{Command, CommandChannel, State};
 use super::error::SimulateError;
 use super::options::Options;
 use crate::log::{Channel, Table, Trajectory};
+use crate::toml_file::nearest;
 
 /// A simulated run: what was commanded, what was measured, what was true.
 ///
@@ -154,13 +155,4 @@ impl Simulated {
             known: there().map(|o| o.name.to_owned()).collect(),
         })
     }
-}
-
-/// The candidate nearest to a misspelt word, if one is near enough to be what was meant.
-pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
-    candidates
-        .map(|candidate| (strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase()), candidate))
-        .filter(|(similarity, _)| *similarity > 0.7)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, candidate)| candidate.to_owned())
 }

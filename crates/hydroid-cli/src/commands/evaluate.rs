@@ -1,0 +1,48 @@
+//! `hydroid evaluate`.
+
+use anyhow::Context;
+use hydroid::evaluate::{self, Options};
+use hydroid::model;
+
+use super::{Outcome, table};
+use crate::args::{Against, Evaluate, Global, Origin};
+use crate::{logs, ui};
+
+pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
+    let model = model::read(&args.model)?;
+    let reading = logs::reading(model.description.reading.clone(), &args.log)?;
+    let (_, prepared) = logs::prepare(&args.logs, &reading)?;
+    ui::tell(&prepared.notes, global);
+    model.check(&prepared.runs)?;
+    let options = Options {
+        horizon: args.horizon,
+        origin_stride: args.origin_stride,
+        origin: match args.origin {
+            Origin::Measured => evaluate::Origin::Measured,
+            Origin::True => evaluate::Origin::True,
+        },
+        against: match args.against {
+            Against::Measurement => evaluate::Against::Measurement,
+            Against::Truth => evaluate::Against::Truth,
+        },
+        ..Options::default()
+    };
+    let runs: Vec<_> = prepared.runs.iter().collect();
+    let bar = ui::Bar::new("evaluating", global);
+    let evaluation = evaluate::evaluate(
+        &model.description.name,
+        model.session().as_ref(),
+        &model.output_ranges(),
+        &runs,
+        &options,
+        &mut bar.callback(),
+    )
+    .context("the logs cannot be evaluated")?;
+    drop(bar);
+    if global.json {
+        super::print_json(&evaluation)?;
+    } else {
+        print!("{}", table::errors(&evaluation));
+    }
+    Ok(if evaluation.diverged > 0 { Outcome::Missed } else { Outcome::Done })
+}

@@ -1,0 +1,194 @@
+//! `hydroid identify`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use hydroid::excitation::Excitation;
+use hydroid::identify::{self, Grade, Identified, Job};
+use hydroid::log::{Note, Split, split_named};
+use hydroid::model::{self, Reading};
+use hydroid::simulate::Options;
+use hydroid::{atomic, log};
+use hydroid_core::vessel::VesselParams;
+use serde_json::json;
+
+use super::{Outcome, simulate, table};
+use crate::args::{Global, Identify};
+use crate::config::{self, Config};
+use crate::{logs, ui};
+
+/// Default of the longest horizon \[samples\].
+const HORIZON: usize = 100;
+
+/// Durations of the made-up logs \[s\]: an hour to train on, ten minutes each to validate and test on.
+const DEMO_S: [(&str, f64); 3] = [("train", 3_600.0), ("validate", 600.0), ("test", 600.0)];
+
+pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
+    // A folder that cannot be written is better known before the work than after.
+    atomic::probe(&args.output)?;
+    let config = args.config.as_deref().map(config::read).transpose()?.unwrap_or_default();
+    let seed = args.seed.or(config.identify.seed).unwrap_or(0);
+    let Config { log, split, identify, mut sindy } = config;
+    let pick = |said: &[PathBuf], configured: Vec<PathBuf>| {
+        if said.is_empty() { configured } else { said.to_vec() }
+    };
+    let mut files = Files {
+        train: pick(&args.logs, split.train),
+        validate: pick(&args.validate, split.validate),
+        test: pick(&args.test, split.test),
+    };
+    if files.train.is_empty() {
+        if !(files.validate.is_empty() && files.test.is_empty()) {
+            bail!("there are logs to validate or test on, but none to train on: name them first");
+        }
+        files = demonstration(&args.output, seed, global)?;
+    }
+    let reading = logs::reading(logs::configured(log), &args.log)?;
+    let (split, reading) = files.split(&reading, global)?;
+    sindy.degree = args.degree.or(sindy.degree);
+    sindy.threshold = args.threshold.or(sindy.threshold);
+    sindy.window_s = args.window.or(sindy.window_s);
+    sindy.ridge = args.ridge.or(sindy.ridge);
+    let job = Job {
+        split,
+        reading,
+        horizon: args.horizon.or(identify.horizon).unwrap_or(HORIZON),
+        origin_stride: args.origin_stride.or(identify.origin_stride).unwrap_or(1),
+        seed,
+        sindy,
+    };
+    let bar = ui::Bar::new("identifying", global);
+    let identified = identify::identify(&job, &mut bar.callback())?;
+    drop(bar);
+    ui::tell(&identified.warnings, global);
+    let summary = write(&args.output, &identified)?;
+    if global.json {
+        super::print_json(&summary)?;
+    } else {
+        show(&args.output, &identified);
+    }
+    Ok(if identified.sound() { Outcome::Done } else { Outcome::Missed })
+}
+
+/// Log files by their use.
+struct Files {
+    train: Vec<PathBuf>,
+    validate: Vec<PathBuf>,
+    test: Vec<PathBuf>,
+}
+
+impl Files {
+    /// Reads all files together, so that they share channels and step, and sorts the runs by use.
+    fn split(&self, reading: &Reading, global: Global) -> anyhow::Result<(Split, Reading)> {
+        let all: Vec<PathBuf> = self.train.iter().chain(&self.validate).chain(&self.test).cloned().collect();
+        let (raw, prepared) = logs::prepare(&all, reading)?;
+        ui::tell(&prepared.notes, global);
+        for log in &raw {
+            let notes: Vec<Note> = log::inspect(log, &reading.selection)?
+                .notes
+                .into_iter()
+                .filter(|note| note.is_warning() && !prepared.notes.contains(note))
+                .collect();
+            ui::tell(&notes, global);
+        }
+        let reading = Reading { selection: prepared.selection, ..reading.clone() };
+        let [mut train, mut validate, mut test] = [(); 3].map(|()| Vec::new());
+        for (run, source) in prepared.runs.into_iter().zip(prepared.sources) {
+            if source < self.train.len() {
+                train.push(run);
+            } else if source < self.train.len() + self.validate.len() {
+                validate.push(run);
+            } else {
+                test.push(run);
+            }
+        }
+        Ok((split_named(train, validate, test)?, reading))
+    }
+}
+
+/// Without a log: three runs of the built-in hydrofoil.
+fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Files> {
+    let mut files = Vec::new();
+    for (index, (name, duration_s)) in DEMO_S.into_iter().enumerate() {
+        let options = Options {
+            duration_s,
+            seed: seed.wrapping_mul(DEMO_S.len() as u64).wrapping_add(index as u64),
+            ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed)
+        };
+        let record = simulate::record(&options, global)?;
+        let path = folder.join(format!("hydrofoil-{name}.csv"));
+        atomic::write(&path, |out| record.write_csv(out))?;
+        files.push(path);
+    }
+    ui::tell(
+        &[Note::info(format!(
+            "no log was given: simulated the built-in hydrofoil (1 h to train on, 10 min each to validate and test on, seed {seed}); the logs are in {}",
+            folder.display()
+        ))],
+        global,
+    );
+    let [train, validate, test] = files.try_into().unwrap_or_default();
+    Ok(Files { train: vec![train], validate: vec![validate], test: vec![test] })
+}
+
+/// Writes model and summary; gives the summary.
+fn write(folder: &Path, identified: &Identified) -> anyhow::Result<serde_json::Value> {
+    let mut models = Vec::new();
+    for candidate in &identified.candidates {
+        let file = model_file(folder, &candidate.model.description.name);
+        model::write(&candidate.model, &file)?;
+        models.push(json!({
+            "kind": candidate.model.kind(),
+            "name": candidate.model.description.name,
+            "file": file,
+            "weights": candidate.model.weights(),
+            "train_seconds": candidate.train_seconds,
+            "validation": candidate.validation,
+            "test": candidate.test,
+        }));
+    }
+    let summary = json!({
+        "models": models,
+        "best": identified.best.map(|i| identified.candidates[i].model.description.name.clone()),
+        "verdicts": identified.verdicts,
+        "warnings": identified.warnings,
+    });
+    let text = serde_json::to_string_pretty(&summary)?;
+    atomic::write(&folder.join("identify.json"), |out| writeln!(out, "{text}"))?;
+    Ok(summary)
+}
+
+fn model_file(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!("{name}.safetensors"))
+}
+
+fn show(folder: &Path, identified: &Identified) {
+    for candidate in &identified.candidates {
+        let model = &candidate.model;
+        println!(
+            "{}: {} coefficients, chosen among {} settings in {:.2} s",
+            model.description.name,
+            model.weights(),
+            candidate.found.trials.len(),
+            candidate.train_seconds
+        );
+        for equation in model.equations_text() {
+            println!("  {equation}");
+        }
+        println!("\non the test runs:");
+        print!("{}", table::errors(&candidate.test));
+    }
+    println!();
+    for verdict in &identified.verdicts {
+        let grade = match verdict.grade {
+            Grade::Good => "good",
+            Grade::Usable => "usable",
+            Grade::NotIdentified => "NOT IDENTIFIED",
+        };
+        println!(
+            "{}: {grade} (NRMSE {:.3} at the longest horizon; persistence {:.3})",
+            verdict.channel, verdict.nrmse, verdict.persistence
+        );
+    }
+    println!("\nwritten to {}: model, report.html, identify.json", folder.display());
+}

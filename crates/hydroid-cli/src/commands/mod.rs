@@ -1,0 +1,53 @@
+//! One file for each verb.
+
+mod evaluate;
+mod identify;
+mod inspect;
+mod simulate;
+mod table;
+
+use std::process::ExitCode;
+
+use anyhow::Context;
+
+use crate::args::{Args, Command};
+
+/// How a command that ran to its end went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Done.
+    Done,
+    /// Done, but a stated criterion was missed.
+    Missed,
+}
+
+impl From<Outcome> for ExitCode {
+    fn from(outcome: Outcome) -> Self {
+        match outcome {
+            Outcome::Done => Self::SUCCESS,
+            Outcome::Missed => Self::from(1),
+        }
+    }
+}
+
+/// Runs a command.
+pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    if let Some(threads) = args.global.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()
+            .context("the threads cannot be started")?;
+    }
+    match args.command {
+        Command::Simulate(simulate) => simulate::run(&simulate, args.global),
+        Command::Inspect(inspect) => inspect::run(&inspect, args.global),
+        Command::Identify(identify) => identify::run(&identify, args.global),
+        Command::Evaluate(evaluate) => evaluate::run(&evaluate, args.global),
+    }
+}
+
+/// Prints a JSON document on standard output.
+fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    println!("{}", serde_json::to_string_pretty(value)?);
+    Ok(())
+}

@@ -1,0 +1,134 @@
+//! `hydroid simulate`.
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use hydroid::atomic;
+use hydroid::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
+use hydroid::log::{self, ChannelSpec, Selection};
+use hydroid::simulate::{self, Options, Simulated};
+use hydroid_core::vessel::{Command, VesselParams};
+use serde_json::json;
+
+use super::Outcome;
+use crate::args::{Global, Simulate};
+use crate::ui;
+
+pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
+    let vessel = vessel(&args.plant)?;
+    if args.print_vessel {
+        print!("{}", simulate::vessel_toml(&vessel)?);
+        return Ok(Outcome::Done);
+    }
+    let (excitation, label) = excitation(args, &vessel)?;
+    let duration_s = args.duration.or_else(|| excitation.natural_duration_s(args.dt)).unwrap_or(7_200.0);
+    let path = args
+        .output
+        .clone()
+        .unwrap_or_else(|| PathBuf::from(format!("{}-{label}-seed{}.csv", vessel.name, args.seed)));
+    let options = Options {
+        duration_s,
+        dt_s: args.dt,
+        step_s: args.step,
+        seed: args.seed,
+        noise_scale: args.noise,
+        ..Options::new(vessel, excitation)
+    };
+    let record = record(&options, global)?;
+    if path == Path::new("-") {
+        let mut out = io::stdout().lock();
+        match record.write_csv(&mut out).and_then(|()| out.flush()) {
+            // A reader that has seen enough (`| head`) is no error.
+            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => return Err(error.into()),
+            _ => return Ok(Outcome::Done),
+        }
+    }
+    atomic::write(&path, |out| record.write_csv(out))?;
+    let speeds = record.states().iter().map(|s| s.u);
+    let (low, high) = speeds.fold((f64::NAN, f64::NAN), |(a, b), u| (a.min(u), b.max(u)));
+    if global.json {
+        super::print_json(&json!({
+            "file": path,
+            "vessel": options.vessel.name,
+            "excitation": label,
+            "samples": record.len(),
+            "dt": record.dt_s(),
+            "duration_s": record.len() as f64 * record.dt_s(),
+            "seed": args.seed,
+            "u_min": low,
+            "u_max": high,
+        }))?;
+    } else {
+        println!(
+            "{}: {} samples of {} s, {} under {label}, u from {low:.2} to {high:.2} m/s, seed {}",
+            path.display(),
+            record.len(),
+            record.dt_s(),
+            options.vessel.name,
+            args.seed
+        );
+    }
+    Ok(Outcome::Done)
+}
+
+/// Simulates under a progress bar.
+pub fn record(options: &Options, global: Global) -> anyhow::Result<Simulated> {
+    let bar = ui::Bar::new("simulating", global);
+    Ok(simulate::simulate(options, &mut bar.callback())?)
+}
+
+fn vessel(name: &str) -> anyhow::Result<VesselParams> {
+    match name {
+        "simple" => Ok(VesselParams::simple()),
+        "hydrofoil" => Ok(VesselParams::hydrofoil()),
+        "hydrofoil-low-speed" => Ok(VesselParams::hydrofoil_low_speed()),
+        file if Path::new(file).extension().is_some() => Ok(simulate::load_vessel(file)?),
+        other => bail!(
+            "'{other}' is no plant: write simple, hydrofoil, hydrofoil-low-speed, or the name of a vessel file that ends in .toml (`hydroid simulate hydrofoil --print-vessel` prints one to start from)"
+        ),
+    }
+}
+
+fn excitation(args: &Simulate, vessel: &VesselParams) -> anyhow::Result<(Excitation, String)> {
+    let kind = args.excitation.as_str();
+    let excitation = match kind {
+        "mixed" => Excitation::Mixed,
+        "low-speed" => {
+            Excitation::LowSpeed(args.speed.map_or_else(LowSpeed::default, |ceiling| LowSpeed { ceiling }))
+        }
+        "lawn-mower" => Excitation::LawnMower(LawnMower {
+            leg: args.leg,
+            spacing: args.spacing,
+            turn: if args.sharp_turns { Turn::Sharp { speed: args.speed } } else { Turn::Arc },
+            speeds: args.leg_speeds.clone(),
+        }),
+        "circle" => Excitation::Circle(Circle { radius: args.radius, speed: args.speed }),
+        file if Path::new(file).extension().is_some() => {
+            let rows = commands(Path::new(file), vessel)?;
+            return Ok((Excitation::Given(rows), String::from("commands")));
+        }
+        other => bail!(
+            "'{other}' is no excitation: write mixed, low-speed, lawn-mower, circle, or the name of a CSV file with time and the two commands"
+        ),
+    };
+    Ok((excitation, kind.to_owned()))
+}
+
+/// Commands from a CSV with a time column and the vessel's two command channels.
+fn commands(path: &Path, vessel: &VesselParams) -> anyhow::Result<Vec<(f64, Command)>> {
+    let raw = log::read(path)?;
+    let [propeller, rudder] = [&vessel.commands.propeller, &vessel.commands.rudder];
+    let spec = |name: &str| vec![ChannelSpec::named(name)];
+    let selection =
+        Selection { outputs: spec(&propeller.name), inputs: spec(&rudder.name), ..Selection::default() };
+    let table = log::rows(&raw, &selection).with_context(|| {
+        format!(
+            "{} must have a time column and the commands '{}' and '{}'",
+            path.display(),
+            propeller.name,
+            rudder.name
+        )
+    })?;
+    Ok(table.into_iter().map(|(t, row)| (t, Command { pp: row[0], rd: row[1] })).collect())
+}

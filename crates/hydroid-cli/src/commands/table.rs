@@ -1,0 +1,106 @@
+//! Errors by horizon as a table for a terminal.
+
+use std::fmt::Write as _;
+
+use hydroid::evaluate::Evaluation;
+
+/// Horizons worth a row: about five from the first to the last, at round times.
+pub fn horizons(evaluation: &Evaluation) -> Vec<usize> {
+    let last = evaluation.horizons.last().copied().unwrap_or(0);
+    let mut chosen: Vec<usize> = [1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0]
+        .iter()
+        .map(|seconds| seconds / evaluation.dt)
+        .filter(|steps| (steps - steps.round()).abs() < 1e-6 * steps && *steps < last as f64)
+        // Positive and below the last horizon.
+        .map(|steps| {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            let steps = steps.round() as usize;
+            steps
+        })
+        .filter(|&steps| steps > 1)
+        .collect();
+    chosen.insert(0, 1);
+    chosen.push(last);
+    chosen.dedup();
+    chosen
+}
+
+/// The table, ready to print. (Writing to a string cannot fail.)
+pub fn errors(evaluation: &Evaluation) -> String {
+    let mut text = String::new();
+    let mut line = |cells: [&str; 8]| {
+        let [horizon, channel, mae, rmse, max, nrmse, r2, kept] = cells;
+        let _ = writeln!(
+            text,
+            "{horizon:>10}  {channel:<16} {mae:>10} {rmse:>10} {max:>10} {nrmse:>8} {r2:>8} {kept:>12}"
+        );
+    };
+    line(["horizon", "output", "MAE", "RMSE", "max", "NRMSE", "R2", "persistence"]);
+    for horizon in horizons(evaluation) {
+        let Some(h) = evaluation.at(horizon) else { continue };
+        for (c, channel) in evaluation.channels.iter().enumerate() {
+            let unit = &evaluation.units[c];
+            let name = if unit.is_empty() { channel.clone() } else { format!("{channel} [{unit}]") };
+            let time =
+                if c == 0 { format!("{:.4} s", horizon as f64 * evaluation.dt) } else { String::new() };
+            line([
+                &trim(&time),
+                &name,
+                &figure(evaluation.mae[h][c]),
+                &figure(evaluation.rmse[h][c]),
+                &figure(evaluation.max[h][c]),
+                &format!("{:.3}", evaluation.nrmse[h][c]),
+                &format!("{:.3}", evaluation.r2[h][c]),
+                &format!("{:.3}", evaluation.persistence.nrmse[h][c]),
+            ]);
+        }
+    }
+    let _ = writeln!(
+        text,
+        "{} windows, {} diverged; origin {}, against {}; persistence: NRMSE of \"nothing changes\"",
+        evaluation.windows,
+        evaluation.diverged,
+        word(&evaluation.origin),
+        word(&evaluation.against)
+    );
+    for d in &evaluation.divergences {
+        let _ = writeln!(
+            text,
+            "  diverged: {} from {:.3} s, step {}, in {}",
+            d.run, d.origin_s, d.horizon, d.channel
+        );
+    }
+    text
+}
+
+/// Three or four figures, whatever the size.
+fn figure(x: f64) -> String {
+    match x.abs() {
+        a if a == 0.0 || (1e-3..1e4).contains(&a) => {
+            format!(
+                "{x:.*}",
+                if a >= 100.0 {
+                    1
+                } else if a >= 1.0 {
+                    3
+                } else {
+                    4
+                }
+            )
+        }
+        _ => format!("{x:.2e}"),
+    }
+}
+
+/// `5.0000 s` as `5 s`.
+fn trim(time: &str) -> String {
+    match time.strip_suffix(" s") {
+        Some(number) => format!("{} s", number.trim_end_matches('0').trim_end_matches('.')),
+        None => time.to_owned(),
+    }
+}
+
+/// The word of the contract for an option.
+fn word(option: &impl serde::Serialize) -> String {
+    serde_json::to_value(option).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
+}

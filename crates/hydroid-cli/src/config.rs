@@ -1,0 +1,76 @@
+//! The configuration file of `hydroid identify`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use hydroid::identify::SindySettings;
+use hydroid::log::{ChannelSpec, CommandTiming, InputDelay, Wind};
+use hydroid::toml_file;
+use serde::Deserialize;
+
+/// `hydroid.toml`. Everything may be left out.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    pub log: Log,
+    pub split: Split,
+    pub identify: Identify,
+    pub sindy: SindySettings,
+}
+
+/// How to read logs.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Log {
+    pub time: Option<String>,
+    pub outputs: Vec<ChannelSpec>,
+    pub inputs: Vec<ChannelSpec>,
+    pub wind: Option<Wind>,
+    pub dt: Option<f64>,
+    pub max_gap_s: Option<f64>,
+    pub command_timing: CommandTiming,
+    pub input_delay: Delay,
+}
+
+/// An input delay: a number of samples, or text as on the command line.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub enum Delay {
+    Samples(i64),
+    Text(InputDelay),
+}
+
+impl Default for Delay {
+    fn default() -> Self {
+        Self::Samples(0)
+    }
+}
+
+/// Logs by their use; paths are relative to the file.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Split {
+    pub train: Vec<PathBuf>,
+    pub validate: Vec<PathBuf>,
+    pub test: Vec<PathBuf>,
+}
+
+/// Settings of the run.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Identify {
+    pub horizon: Option<usize>,
+    pub origin_stride: Option<usize>,
+    pub seed: Option<u64>,
+}
+
+/// Reads a configuration file.
+pub fn read(path: &Path) -> anyhow::Result<Config> {
+    let mut config: Config = toml_file::read(path).context("the configuration file cannot be used")?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let Split { train, validate, test } = &mut config.split;
+    for file in train.iter_mut().chain(validate).chain(test) {
+        *file = folder.join(&*file);
+    }
+    Ok(config)
+}

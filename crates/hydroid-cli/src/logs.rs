@@ -1,0 +1,62 @@
+//! Logs as the command line names them.
+
+use std::path::PathBuf;
+
+use hydroid::log::{self, LogError, Prepared, RawLog};
+use hydroid::model::Reading;
+
+use crate::args::LogArgs;
+use crate::config;
+
+/// How to read logs: a base (defaults, a configuration file, or what a model says) with the command line's
+/// words over it.
+pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
+    let mut reading = base;
+    let selection = &mut reading.selection;
+    if let Some(time) = &args.time {
+        selection.time = Some(time.clone());
+    }
+    if let Some(outputs) = &args.outputs {
+        selection.outputs = log::ChannelSpec::parse_list(outputs)?;
+    }
+    if let Some(inputs) = &args.inputs {
+        selection.inputs = log::ChannelSpec::parse_list(inputs)?;
+    }
+    if let Some(wind) = &args.wind {
+        selection.wind = Some(wind.parse()?);
+    }
+    let options = &mut reading.options;
+    options.dt = args.dt.or(options.dt);
+    options.max_gap_s = args.max_gap.or(options.max_gap_s);
+    options.command_timing = args.command_timing.unwrap_or(options.command_timing);
+    options.input_delay = args.input_delay.unwrap_or(options.input_delay);
+    Ok(reading)
+}
+
+/// The reading that a configuration file asks for.
+pub fn configured(log: config::Log) -> Reading {
+    Reading {
+        selection: log::Selection {
+            time: log.time,
+            outputs: log.outputs,
+            inputs: log.inputs,
+            wind: log.wind,
+        },
+        options: log::PrepareOptions {
+            dt: log.dt,
+            max_gap_s: log.max_gap_s,
+            command_timing: log.command_timing,
+            input_delay: match log.input_delay {
+                config::Delay::Samples(n) => log::InputDelay::Samples(n),
+                config::Delay::Text(delay) => delay,
+            },
+        },
+    }
+}
+
+/// Reads files and makes runs of them.
+pub fn prepare(files: &[PathBuf], reading: &Reading) -> Result<(Vec<RawLog>, Prepared), LogError> {
+    let raw = files.iter().map(|file| log::read(file)).collect::<Result<Vec<_>, _>>()?;
+    let prepared = log::prepare(&raw, &reading.selection, &reading.options)?;
+    Ok((raw, prepared))
+}

@@ -1,0 +1,83 @@
+//! What the user sees besides results: progress, notes, complaints. All of it goes to standard error.
+
+use std::io::IsTerminal;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use hydroid::log::{Note, Severity};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::args::Global;
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// From now on the first ctrl-C asks the work to stop cleanly, the second ends the program.
+pub fn catch_interrupt() {
+    // Without a handler ctrl-C ends the program at once; files are written atomically in either case.
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+    });
+}
+
+/// Whether ctrl-C was pressed.
+pub fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::SeqCst)
+}
+
+/// A progress bar where standard error is a terminal, silence elsewhere.
+pub struct Bar(ProgressBar);
+
+impl Bar {
+    /// A bar that says what is going on.
+    pub fn new(message: &'static str, global: Global) -> Self {
+        if global.quiet || !std::io::stderr().is_terminal() {
+            return Self(ProgressBar::hidden());
+        }
+        let bar = ProgressBar::new(1000);
+        if let Ok(style) = ProgressStyle::with_template("{msg:24} {wide_bar} {percent:>3} %  {eta} left") {
+            bar.set_style(style);
+        }
+        bar.set_message(message);
+        Self(bar)
+    }
+
+    /// The callback for the library: moves the bar, and passes ctrl-C on.
+    pub fn callback(&self) -> impl FnMut(f64) -> ControlFlow<()> {
+        |fraction| {
+            // A fraction of 1000 steps, clamped.
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            self.0.set_position((fraction.clamp(0.0, 1.0) * 1000.0) as u64);
+            if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        }
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// Tells notes.
+pub fn tell(notes: &[Note], global: Global) {
+    for note in notes {
+        if global.quiet && note.severity == Severity::Info {
+            continue;
+        }
+        let kind = match note.severity {
+            Severity::Info => "note",
+            Severity::Warning => "warning",
+        };
+        eprintln!("{kind}: {}", note.message);
+        if let Some(remedy) = &note.remedy {
+            eprintln!("         {remedy}");
+        }
+    }
+}
+
+/// Tells an error.
+pub fn complain(error: &anyhow::Error) {
+    eprintln!("error: {error:#}");
+}
