@@ -24,6 +24,8 @@ pub struct SindySettings {
     pub degree: Option<u8>,
     /// Whether the library has signed squares `x |x|`; without it both are tried.
     pub signed_squares: Option<bool>,
+    /// Whether the library has the constant 1, a steady force or the offset of a sensor; without it yes.
+    pub constant: Option<bool>,
     /// Increments over this time \[s\]; without it one sample and a fifth, a half and the whole of the
     /// horizon are tried.
     pub window_s: Option<f64>,
@@ -39,20 +41,17 @@ pub struct SindySettings {
 impl SindySettings {
     /// What to try, for a sample time and a horizon in samples.
     pub fn grid(&self, dt: f64, horizon: usize) -> Grid {
-        let libraries = match (self.degree, self.signed_squares) {
-            (Some(degree), Some(signed_squares)) => vec![Library { degree, signed_squares }],
-            (Some(degree), None) => {
-                vec![Library { degree, signed_squares: false }, Library { degree, signed_squares: true }]
-            }
-            (None, Some(signed_squares)) => {
-                vec![1, 2].into_iter().map(|degree| Library { degree, signed_squares }).collect()
-            }
-            (None, None) => vec![
-                Library { degree: 1, signed_squares: true },
-                Library { degree: 2, signed_squares: false },
-                Library { degree: 2, signed_squares: true },
-            ],
+        let shapes = match (self.degree, self.signed_squares) {
+            (Some(degree), Some(signed_squares)) => vec![(degree, signed_squares)],
+            (Some(degree), None) => vec![(degree, false), (degree, true)],
+            (None, Some(signed_squares)) => vec![(1, signed_squares), (2, signed_squares)],
+            (None, None) => vec![(1, true), (2, false), (2, true)],
         };
+        let constant = self.constant.unwrap_or(true);
+        let libraries = shapes
+            .into_iter()
+            .map(|(degree, signed_squares)| Library { degree, constant, signed_squares })
+            .collect();
         let regressions = match (self.central_differences, self.window_s) {
             (true, _) => vec![Regression::Central],
             (false, Some(window)) => vec![Regression::Midpoint { intervals: intervals(window / dt) }],

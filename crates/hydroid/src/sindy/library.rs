@@ -6,23 +6,29 @@ use hydroid_core::model::sparse::Term;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Library {
-    /// All monomials in outputs and inputs up to this degree, the constant included.
+    /// All monomials in outputs and inputs of degree 1 up to this.
     pub degree: u8,
+    /// Also the constant 1. Without it a vessel at rest without commands stays at rest, as it does where
+    /// no current, wind or offset of a sensor moves it.
+    pub constant: bool,
     /// Also the signed squares `x |x|` of every variable: quadratic drag, which acts against the motion
     /// in both directions (Fossen 2021, section 6.4), and thrust, which is quadratic in the command.
     pub signed_squares: bool,
 }
 
 impl Library {
-    /// A polynomial library.
+    /// All monomials up to a degree, the constant included.
     pub const fn polynomial(degree: u8) -> Self {
-        Self { degree, signed_squares: false }
+        Self { degree, constant: true, signed_squares: false }
     }
 
     /// The terms over `variables` variables, in the order of rising degree and then of the variables
     /// (PySINDy's order), signed squares last.
     pub fn terms(self, variables: u16) -> Vec<Term> {
-        let mut terms = vec![Term::constant()];
+        let mut terms = Vec::new();
+        if self.constant {
+            terms.push(Term::constant());
+        }
         let highest = if variables == 0 { 0 } else { self.degree };
         for degree in 1..=highest {
             let mut monomial = vec![0; usize::from(degree)];
@@ -47,6 +53,9 @@ impl std::fmt::Display for Library {
         if self.signed_squares {
             write!(f, " with signed squares")?;
         }
+        if !self.constant {
+            write!(f, ", no constant")?;
+        }
         Ok(())
     }
 }
@@ -60,7 +69,7 @@ mod tests {
         let names = ["x", "y", "z"];
         let text = |l: Library| l.terms(3).iter().map(|t| t.name(&names)).collect::<Vec<_>>().join(", ");
         assert_eq!(
-            text(Library { degree: 2, signed_squares: true }),
+            text(Library { degree: 2, constant: true, signed_squares: true }),
             "1, x, y, z, x^2, x y, x z, y^2, y z, z^2, x |x|, y |y|, z |z|"
         );
     }
