@@ -44,7 +44,8 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         files = demonstration(&args.output, seed, global)?;
     }
     let reading = logs::reading(logs::configured(log), &args.log)?;
-    let (split, reading) = files.split(&reading, global)?;
+    let (split, reading, mut notes) = files.split(&reading)?;
+    ui::tell(&notes, global);
     sindy.degree = args.degree.or(sindy.degree);
     sindy.threshold = args.threshold.or(sindy.threshold);
     sindy.window_s = args.window.or(sindy.window_s);
@@ -61,7 +62,8 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let identified = identify::identify(&job, &mut bar.callback())?;
     drop(bar);
     ui::tell(&identified.warnings, global);
-    let summary = write(&args.output, &identified)?;
+    notes.extend(identified.warnings.iter().cloned());
+    let summary = write(&args.output, &identified, &notes)?;
     if global.json {
         super::print_json(&summary)?;
     } else {
@@ -79,17 +81,19 @@ struct Files {
 
 impl Files {
     /// Reads all files together, so that they share channels and step, and sorts the runs by use.
-    fn split(&self, reading: &Reading, global: Global) -> anyhow::Result<(Split, Reading)> {
+    fn split(&self, reading: &Reading) -> anyhow::Result<(Split, Reading, Vec<Note>)> {
         let all: Vec<PathBuf> = self.train.iter().chain(&self.validate).chain(&self.test).cloned().collect();
         let (raw, prepared) = logs::prepare(&all, reading)?;
-        ui::tell(&prepared.notes, global);
+        let mut notes = prepared.notes;
         for log in &raw {
-            let notes: Vec<Note> = log::inspect(log, &reading.selection)?
-                .notes
-                .into_iter()
-                .filter(|note| note.is_warning() && !prepared.notes.contains(note))
-                .collect();
-            ui::tell(&notes, global);
+            for note in log::inspect(log, &reading.selection)?.notes {
+                // What the preparation told already, perhaps with another step in brackets, is not said twice.
+                let start = |note: &Note| note.message.split(" (").next().unwrap_or_default().to_owned();
+                let said = notes.iter().any(|other| start(other) == start(&note));
+                if note.is_warning() && !said {
+                    notes.push(note);
+                }
+            }
         }
         let reading = Reading { selection: prepared.selection, ..reading.clone() };
         let [mut train, mut validate, mut test] = [(); 3].map(|()| Vec::new());
@@ -102,7 +106,7 @@ impl Files {
                 test.push(run);
             }
         }
-        Ok((split_named(train, validate, test)?, reading))
+        Ok((split_named(train, validate, test)?, reading, notes))
     }
 }
 
@@ -132,7 +136,7 @@ fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Fil
 }
 
 /// Writes model and summary; gives the summary.
-fn write(folder: &Path, identified: &Identified) -> anyhow::Result<serde_json::Value> {
+fn write(folder: &Path, identified: &Identified, notes: &[Note]) -> anyhow::Result<serde_json::Value> {
     let mut models = Vec::new();
     for candidate in &identified.candidates {
         let file = model_file(folder, &candidate.model.description.name);
@@ -151,7 +155,7 @@ fn write(folder: &Path, identified: &Identified) -> anyhow::Result<serde_json::V
         "models": models,
         "best": identified.best.map(|i| identified.candidates[i].model.description.name.clone()),
         "verdicts": identified.verdicts,
-        "warnings": identified.warnings,
+        "warnings": notes,
     });
     let text = serde_json::to_string_pretty(&summary)?;
     atomic::write(&folder.join("identify.json"), |out| writeln!(out, "{text}"))?;

@@ -1,0 +1,242 @@
+//! Every kind of wrong input gets its own message, exit status 2, and leaves nothing half-written behind.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use assert_cmd::Command;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &[&str]) -> Output {
+    Command::cargo_bin("hydroid").unwrap().current_dir(folder).args(args).output().unwrap()
+}
+
+/// Runs, expects status 2 and all of `words` in the message, and no panic.
+fn refused(folder: &Path, args: &[&str], words: &[&str]) {
+    let output = hydroid(folder, args);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+    assert!(message.starts_with("error: ") || message.contains("\nerror: "), "{args:?}: {message}");
+    assert!(!message.contains("panicked"), "{args:?}: {message}");
+    for word in words {
+        assert!(message.contains(word), "{args:?}: '{word}' is not in: {message}");
+    }
+    assert!(output.stdout.is_empty(), "{args:?}: wrote to standard output");
+}
+
+/// A log that is good: two outputs that answer to two inputs.
+fn good(rows: usize) -> Vec<String> {
+    let mut lines = vec![String::from("t [s],u [m/s],r [rad/s],n_cmd [rps],d_cmd [rad]")];
+    let (mut u, mut r) = (0.0, 0.0);
+    for k in 0..rows {
+        let n = (k as f64 * 0.05).sin() + 0.3 * (k as f64 * 0.171).cos();
+        let d = 0.4 * (k as f64 * 0.083).sin();
+        lines.push(format!("{:.1},{u:.6},{r:.6},{n:.6},{d:.6}", k as f64 * 0.1));
+        u += 0.1 * (-0.4 * u + 0.8 * n);
+        r += 0.1 * (-0.9 * r + 0.5 * d);
+    }
+    lines
+}
+
+fn write(folder: &TempDir, name: &str, lines: &[String]) -> PathBuf {
+    let path = folder.path().join(name);
+    fs::write(&path, lines.join("\n") + "\n").unwrap();
+    path
+}
+
+/// A good log with one line replaced; lines count from 1 as in an editor.
+fn with_line(folder: &TempDir, line: usize, text: &str) {
+    let mut lines = good(400);
+    lines[line - 1] = text.to_owned();
+    write(folder, "bad.csv", &lines);
+}
+
+const IDENTIFY: &[&str] =
+    &["identify", "bad.csv", "-o", "out", "--outputs", "u,r", "--inputs", "n_cmd,d_cmd"];
+
+#[test]
+fn a_good_log_passes_so_that_the_refusals_below_have_the_cause_they_say() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(400));
+    let output = hydroid(folder.path(), &[IDENTIFY, &["--horizon", "20"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    for file in ["sindy.safetensors", "report.html", "identify.json"] {
+        assert!(folder.path().join("out").join(file).exists(), "{file}");
+    }
+}
+
+#[test]
+fn files_that_are_no_logs() {
+    let folder = TempDir::new().unwrap();
+    refused(folder.path(), &["inspect", "nowhere.csv"], &["nowhere.csv"]);
+    refused(folder.path(), &["identify", "nowhere.csv", "-o", "out"], &["nowhere.csv"]);
+    write(&folder, "empty.csv", &[]);
+    fs::write(folder.path().join("empty.csv"), "").unwrap();
+    refused(folder.path(), &["inspect", "empty.csv"], &["empty.csv", "empty"]);
+    write(&folder, "headless.csv", &good(400)[1..]);
+    refused(folder.path(), &["inspect", "headless.csv"], &["headless.csv", "names the columns"]);
+    write(&folder, "one.csv", &good(1));
+    refused(folder.path(), &["identify", "one.csv", "--outputs", "u", "-o", "out"], &["one.csv", "1"]);
+    assert!(!folder.path().join("out").join("sindy.safetensors").exists());
+}
+
+#[test]
+fn columns_that_do_not_exist() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(400));
+    let args = ["identify", "bad.csv", "-o", "out", "--outputs", "u,rr", "--inputs", "n_cmd"];
+    refused(folder.path(), &args, &["rr", "bad.csv", "n_cmd"]);
+    let args = ["identify", "bad.csv", "-o", "out", "--outputs", "u", "--inputs", "n_cdm"];
+    refused(folder.path(), &args, &["n_cdm", "n_cmd"]);
+}
+
+#[test]
+fn different_columns_in_two_files() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(400));
+    let other: Vec<String> = good(400).iter().map(|line| line.replace("d_cmd", "delta")).collect();
+    write(&folder, "other.csv", &other);
+    let args =
+        ["identify", "bad.csv", "other.csv", "-o", "out", "--outputs", "u,r", "--inputs", "n_cmd,d_cmd"];
+    refused(folder.path(), &args, &["bad.csv", "other.csv", "d_cmd"]);
+}
+
+#[test]
+fn cells_that_cannot_be_right() {
+    let folder = TempDir::new().unwrap();
+    with_line(&folder, 50, "4.8,fast,0.1,0.2,0.1");
+    refused(folder.path(), IDENTIFY, &["bad.csv", "line 50", "`u`", "fast"]);
+    with_line(&folder, 60, "5.8,1000000000,0.1,0.2,0.1");
+    refused(folder.path(), IDENTIFY, &["bad.csv", "line 60", "`u`"]);
+    with_line(&folder, 61, "5.8,0.1,0.1,0.2,0.1");
+    refused(folder.path(), IDENTIFY, &["bad.csv", "line 61", "5.8"]);
+    with_line(&folder, 62, "0.3,0.1,0.1,0.2,0.1");
+    refused(folder.path(), IDENTIFY, &["bad.csv", "line 62"]);
+    with_line(&folder, 63, "6.1,0.1,0.1");
+    refused(folder.path(), IDENTIFY, &["bad.csv", "line 63"]);
+    with_line(&folder, 64, "6.2,inf,0.1,0.2,0.1");
+    refused(folder.path(), IDENTIFY, &["bad.csv", "line 64", "`u`"]);
+}
+
+#[test]
+fn two_equal_time_stamps_and_time_running_backwards_have_messages_of_their_own() {
+    let folder = TempDir::new().unwrap();
+    with_line(&folder, 61, "5.8,0.1,0.1,0.2,0.1");
+    let twice = String::from_utf8(hydroid(folder.path(), IDENTIFY).stderr).unwrap();
+    with_line(&folder, 61, "0.3,0.1,0.1,0.2,0.1");
+    let back = String::from_utf8(hydroid(folder.path(), IDENTIFY).stderr).unwrap();
+    assert_ne!(twice, back);
+    assert!(back.contains("backwards"), "{back}");
+}
+
+#[test]
+fn one_missing_value_is_no_error_and_all_missing_is() {
+    let folder = TempDir::new().unwrap();
+    with_line(&folder, 50, "4.8,NaN,0.1,0.2,0.1");
+    let output = hydroid(folder.path(), &[IDENTIFY, &["--horizon", "20"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut lines = good(400);
+    for line in &mut lines[1..] {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        cells[1] = "NaN";
+        *line = cells.join(",");
+    }
+    write(&folder, "bad.csv", &lines);
+    refused(folder.path(), IDENTIFY, &["bad.csv", "`u`"]);
+}
+
+#[test]
+fn a_constant_output_has_no_equation() {
+    let folder = TempDir::new().unwrap();
+    let mut lines = good(400);
+    for line in &mut lines[1..] {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        cells[1] = "1.5";
+        *line = cells.join(",");
+    }
+    write(&folder, "bad.csv", &lines);
+    refused(folder.path(), IDENTIFY, &["'u'", "vary"]);
+    // A command that never moves is told, but other commands may do.
+    let mut lines = good(400);
+    for line in &mut lines[1..] {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        cells[4] = "0.1";
+        *line = cells.join(",");
+    }
+    write(&folder, "bad.csv", &lines);
+    let output = hydroid(folder.path(), &[IDENTIFY, &["--horizon", "20"]].concat());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{message}");
+    assert!(message.contains("d_cmd"), "{message}");
+}
+
+#[test]
+fn configuration_files_with_mistakes() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(400));
+    let config = folder.path().join("hydroid.toml");
+    let args = ["identify", "bad.csv", "-c", "hydroid.toml", "-o", "out"];
+    fs::write(&config, "[log]\noutputs = [\"u\"]\n\n[sindy]\ndegre = 2\n").unwrap();
+    refused(folder.path(), &args, &["hydroid.toml", "line 5", "degre", "degree"]);
+    fs::write(&config, "[log\n").unwrap();
+    refused(folder.path(), &args, &["hydroid.toml", "line 1"]);
+    fs::write(&config, "[identify]\nhorizon = \"long\"\n").unwrap();
+    refused(folder.path(), &args, &["hydroid.toml", "line 2"]);
+    fs::remove_file(&config).unwrap();
+    refused(folder.path(), &args, &["hydroid.toml"]);
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_written() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(400));
+    fs::write(folder.path().join("file"), "in the way").unwrap();
+    let args = ["identify", "bad.csv", "-o", "file/out", "--outputs", "u", "--inputs", "n_cmd"];
+    refused(folder.path(), &args, &["file"]);
+    refused(folder.path(), &["simulate", "simple", "--duration", "10", "-o", "file/run.csv"], &["file"]);
+    assert_eq!(fs::read_to_string(folder.path().join("file")).unwrap(), "in the way");
+}
+
+#[test]
+fn files_that_are_no_models() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(400));
+    let output = hydroid(folder.path(), &[IDENTIFY, &["--horizon", "20"]].concat());
+    assert_eq!(output.status.code(), Some(0));
+    let model = fs::read(folder.path().join("out/sindy.safetensors")).unwrap();
+    fs::write(folder.path().join("cut.safetensors"), &model[..model.len() / 2]).unwrap();
+    fs::write(folder.path().join("text.safetensors"), "t,u\n0,1\n").unwrap();
+    refused(folder.path(), &["evaluate", "nowhere.safetensors", "bad.csv"], &["nowhere.safetensors"]);
+    refused(folder.path(), &["evaluate", "cut.safetensors", "bad.csv"], &["cut.safetensors", "cut short"]);
+    refused(folder.path(), &["inspect", "cut.safetensors"], &["cut.safetensors"]);
+    refused(folder.path(), &["evaluate", "text.safetensors", "bad.csv"], &["not a hydroid model"]);
+    refused(folder.path(), &["evaluate", "bad.csv", "bad.csv"], &["bad.csv", "not a hydroid model"]);
+    // A good model on a log that is too short for the horizon, and without truth.
+    let good = "out/sindy.safetensors";
+    refused(folder.path(), &["evaluate", good, "bad.csv", "--horizon", "100000"], &["horizon", "100000"]);
+    refused(
+        folder.path(),
+        &["evaluate", good, "bad.csv", "--against", "truth"],
+        &["true outputs", "bad.csv"],
+    );
+}
+
+#[test]
+fn plants_and_excitations_that_do_not_exist() {
+    let folder = TempDir::new().unwrap();
+    refused(folder.path(), &["simulate", "submarine"], &["submarine", "hydrofoil"]);
+    refused(folder.path(), &["simulate", "simple", "--excitation", "wild"], &["wild", "lawn-mower"]);
+    refused(folder.path(), &["simulate", "mine.toml"], &["mine.toml"]);
+    refused(folder.path(), &["simulate", "simple", "--dt", "0.015"], &["0.015"]);
+    refused(folder.path(), &["simulate", "simple", "--duration", "-5"], &["-5"]);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_program_that_asked_for_json_gets_the_reason_as_json() {
+    let folder = TempDir::new().unwrap();
+    let output = hydroid(folder.path(), &["inspect", "nowhere.csv", "--json"]);
+    assert_eq!(output.status.code(), Some(2));
+    let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(document["error"].as_str().unwrap().contains("nowhere.csv"));
+}

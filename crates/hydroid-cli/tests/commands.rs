@@ -1,0 +1,168 @@
+//! The commands from end to end on simulated logs, and the documents that they promise.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &[&str]) -> Output {
+    Command::cargo_bin("hydroid").unwrap().current_dir(folder).args(args).output().unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+fn simulate(folder: &Path, plant: &str, seed: &str, file: &str, duration: &str) {
+    let args = ["simulate", plant, "--seed", seed, "--duration", duration, "-o", file];
+    let output = hydroid(folder, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// The object that `evaluate` promises, for three outputs.
+fn is_evaluation(value: &Value, horizon: usize) {
+    assert_eq!(value["channels"], serde_json::json!(["u", "v", "r"]));
+    assert_eq!(value["units"], serde_json::json!(["m/s", "m/s", "rad/s"]));
+    assert_eq!(value["horizons"].as_array().unwrap().len(), horizon);
+    for key in ["model", "origin", "against"] {
+        assert!(value[key].is_string(), "{key}");
+    }
+    for key in ["dt", "windows", "diverged"] {
+        assert!(value[key].is_number(), "{key}");
+    }
+    let tables = ["mae", "max", "rmse", "nrmse", "r2"].map(|key| (key, &value[key]));
+    let kept = ["mae", "rmse", "nrmse"].map(|key| (key, &value["persistence"][key]));
+    for (key, table) in tables.into_iter().chain(kept) {
+        let rows = table.as_array().unwrap_or_else(|| panic!("{key}"));
+        assert_eq!(rows.len(), horizon, "{key}");
+        assert!(rows.iter().all(|row| row.as_array().unwrap().len() == 3), "{key}");
+    }
+}
+
+#[test]
+fn from_simulation_to_judgement_on_the_hydrofoil() {
+    let folder = TempDir::new().unwrap();
+    for (seed, file, duration) in [("1", "a.csv", "900"), ("2", "b.csv", "300"), ("3", "c.csv", "300")] {
+        simulate(folder.path(), "hydrofoil", seed, file, duration);
+    }
+    let args = ["identify", "a.csv", "--validate", "b.csv", "--test", "c.csv", "-o", "out", "--json"];
+    let output = hydroid(folder.path(), &args);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let document = json(&output);
+    assert_eq!(document["best"], "sindy");
+    let model = &document["models"][0];
+    assert_eq!(model["kind"], "sparse_equations");
+    assert!(model["weights"].as_u64().unwrap() > 5 && model["train_seconds"].is_number());
+    is_evaluation(&model["validation"], 100);
+    is_evaluation(&model["test"], 100);
+    // The propeller force is hidden and the mode switches: not good, but far better than no model.
+    for (error, kept) in [("u", 0), ("v", 1), ("r", 2)]
+        .map(|(_, c)| (&model["test"]["nrmse"][99][c], &model["test"]["persistence"]["nrmse"][99][c]))
+    {
+        assert!(error.as_f64().unwrap() < 0.5 * kept.as_f64().unwrap());
+    }
+    assert!(document["warnings"].is_array());
+    let saved: Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("out/identify.json")).unwrap()).unwrap();
+    assert_eq!(saved, document);
+    let file = model["file"].as_str().unwrap();
+
+    // The model by itself, on the same test log: the same figures.
+    let output = hydroid(folder.path(), &["evaluate", file, "c.csv", "--json"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(json(&output), model["test"]);
+
+    // From the truth and against it, errors are smaller at once.
+    let args =
+        ["evaluate", file, "c.csv", "--origin", "true", "--against", "truth", "--horizon", "5", "--json"];
+    let truth = json(&hydroid(folder.path(), &args));
+    assert_eq!((truth["origin"].as_str(), truth["against"].as_str()), (Some("true"), Some("truth")));
+    assert!(truth["rmse"][0][2].as_f64() < model["test"]["rmse"][0][2].as_f64());
+
+    let output = hydroid(folder.path(), &["inspect", file]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("du/dt =") && text.contains("dr/dt =") && text.contains("PP_cmd"), "{text}");
+    let inspected = json(&hydroid(folder.path(), &["inspect", file, "--json"]));
+    assert_eq!(inspected["kind"], "sparse_equations");
+}
+
+#[test]
+fn the_same_command_writes_the_same_bytes_on_any_number_of_threads() {
+    let folder = TempDir::new().unwrap();
+    simulate(folder.path(), "simple", "5", "run.csv", "400");
+    let run = |out: &str, threads: &str| {
+        let args = ["identify", "run.csv", "-o", out, "--horizon", "30", "--threads", threads];
+        assert_eq!(hydroid(folder.path(), &args).status.code(), Some(0));
+        fs::read(folder.path().join(out).join("sindy.safetensors")).unwrap()
+    };
+    assert_eq!(run("one", "1"), run("three", "3"));
+    simulate(folder.path(), "simple", "5", "again.csv", "400");
+    let bytes = |file: &str| fs::read(folder.path().join(file)).unwrap();
+    assert_eq!(bytes("run.csv"), bytes("again.csv"));
+    simulate(folder.path(), "simple", "6", "other.csv", "400");
+    assert_ne!(bytes("run.csv"), bytes("other.csv"));
+}
+
+#[test]
+fn a_configuration_file_says_what_the_command_line_can_say() {
+    let folder = TempDir::new().unwrap();
+    for (seed, file) in [("1", "a.csv"), ("2", "b.csv"), ("3", "c.csv")] {
+        simulate(folder.path(), "simple", seed, file, "300");
+    }
+    fs::write(
+        folder.path().join("hydroid.toml"),
+        "[log]\noutputs = [\"u\", \"speed_to_starboard=v\", \"r\"]\ninputs = [\"PP_cmd\", \"RD_cmd\"]\n\
+         [split]\ntrain = [\"a.csv\"]\nvalidate = [\"b.csv\"]\ntest = [\"c.csv\"]\n\
+         [identify]\nhorizon = 20\n[sindy]\ndegree = 1\nsigned_squares = false\n",
+    )
+    .unwrap();
+    let output = hydroid(folder.path(), &["identify", "-c", "hydroid.toml", "-o", "out", "--json"]);
+    let document = json(&output);
+    let test = &document["models"][0]["test"];
+    assert_eq!(test["channels"], serde_json::json!(["u", "speed_to_starboard", "r"]));
+    assert_eq!(test["horizons"].as_array().unwrap().len(), 20);
+    let inspected = json(&hydroid(folder.path(), &["inspect", "out/sindy.safetensors", "--json"]));
+    let asked = &inspected["description"]["provenance"]["settings"]["asked"];
+    assert_eq!((&asked["degree"], &asked["signed_squares"]), (&Value::from(1), &Value::from(false)));
+}
+
+#[test]
+fn a_vessel_of_ones_own_is_a_file() {
+    let folder = TempDir::new().unwrap();
+    let printed = hydroid(folder.path(), &["simulate", "simple", "--print-vessel"]);
+    let toml = String::from_utf8(printed.stdout).unwrap();
+    fs::write(folder.path().join("mine.toml"), toml.replace("mass = 80.0", "mass = 160.0")).unwrap();
+    let args = |plant| ["simulate", plant, "--duration", "60", "--noise", "0", "--json", "-o"];
+    let light = json(&hydroid(folder.path(), &[&args("simple")[..], &["light.csv"]].concat()));
+    let heavy = json(&hydroid(folder.path(), &[&args("mine.toml")[..], &["heavy.csv"]].concat()));
+    assert_eq!(light["samples"], 600);
+    assert_ne!(light["u_max"], heavy["u_max"]);
+}
+
+#[test]
+fn commands_from_a_file_are_sailed_again() {
+    let folder = TempDir::new().unwrap();
+    simulate(folder.path(), "hydrofoil", "4", "first.csv", "60");
+    let args = ["simulate", "hydrofoil", "--excitation", "first.csv", "--seed", "4", "-o", "second.csv"];
+    let output = hydroid(folder.path(), &args);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let bytes = |file: &str| fs::read(folder.path().join(file)).unwrap();
+    assert_eq!(bytes("first.csv"), bytes("second.csv"));
+}
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let folder = TempDir::new().unwrap();
+    for verb in ["simulate", "inspect", "identify", "evaluate"] {
+        let output = hydroid(folder.path(), &[verb, "--help"]);
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains("Examples:") && text.contains(&format!("hydroid {verb}")), "{verb}");
+        for option in ["--json", "--threads"] {
+            assert!(text.contains(option), "{verb} {option}");
+        }
+    }
+}
