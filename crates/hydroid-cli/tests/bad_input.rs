@@ -47,7 +47,7 @@ fn write(folder: &TempDir, name: &str, lines: &[String]) -> PathBuf {
 /// A good log with one line replaced; lines count from 1 as in an editor.
 fn with_line(folder: &TempDir, line: usize, text: &str) {
     let mut lines = good(400);
-    lines[line - 1] = text.to_owned();
+    text.clone_into(&mut lines[line - 1]);
     write(folder, "bad.csv", &lines);
 }
 
