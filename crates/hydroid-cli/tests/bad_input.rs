@@ -187,6 +187,33 @@ fn configuration_files_with_mistakes() {
 }
 
 #[test]
+fn settings_that_make_no_sense() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(400));
+    for (option, words) in [
+        ("--horizon=0", ["horizon", "at least 1"]),
+        ("--origin-stride=0", ["origin stride", "at least 1"]),
+        ("--ridge=nan", ["ridge", "NaN"]),
+        ("--threshold=-1", ["threshold", "-1"]),
+        ("--window=0", ["window", "positive"]),
+        ("--horizon=100000", ["validation", "100000"]),
+        ("--window=1000", ["regression rows", "too few"]),
+        ("--dt=-1", ["step", "positive"]),
+    ] {
+        refused(folder.path(), &[IDENTIFY, &[option]].concat(), &words);
+    }
+    // A library that nobody could search is refused at once, whatever its number of terms.
+    let many: Vec<String> = (0..30).map(|i| format!("c{i}_cmd")).collect();
+    let mut lines = vec![format!("t,u,{}", many.join(","))];
+    for k in 0..200u32 {
+        let cells: Vec<String> = (0..31).map(|i| (0.1 * f64::from(k * (i + 3))).sin().to_string()).collect();
+        lines.push(format!("{:.1},{}", 0.1 * f64::from(k), cells.join(",")));
+    }
+    write(&folder, "wide.csv", &lines);
+    refused(folder.path(), &["identify", "wide.csv", "--degree", "6", "-o", "out"], &["terms", "degree"]);
+}
+
+#[test]
 fn an_output_folder_that_cannot_be_written() {
     let folder = TempDir::new().unwrap();
     write(&folder, "bad.csv", &good(400));

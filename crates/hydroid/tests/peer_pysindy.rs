@@ -29,11 +29,8 @@ fn python() -> Option<String> {
 #[test]
 fn thresholded_least_squares_equals_pysindy_on_the_hydrofoil() {
     let Some(python) = python() else { return };
-    let options = Options {
-        duration_s: 300.0,
-        seed: 11,
-        ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed)
-    };
+    let options =
+        Options { duration_s: 300.0, seed: 11, ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed) };
     let run = simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r"]).unwrap();
     // PySINDy thresholds raw coefficients: bring the propeller to units of 100 N in which that makes sense.
     let scales = [1.0, 1.0, 1.0, 100.0, 1.0];
@@ -57,12 +54,8 @@ fn thresholded_least_squares_equals_pysindy_on_the_hydrofoil() {
             writeln!(input, "{}", cells.join(",")).unwrap();
         }
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/peers/pysindy_fit.py");
-        let mut child = Command::new(&python)
-            .arg(script)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let mut child =
+            Command::new(&python).arg(script).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
         let output = child.wait_with_output().unwrap();
         assert!(output.status.success());

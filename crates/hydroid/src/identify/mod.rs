@@ -39,6 +39,24 @@ pub struct SindySettings {
 }
 
 impl SindySettings {
+    /// Whether the settings make sense.
+    ///
+    /// # Errors
+    /// If one of them is not a number that it can be.
+    pub fn check(&self) -> Result<(), IdentifyError> {
+        let settings = [
+            ("window", "a positive number of seconds", self.window_s, f64::MIN_POSITIVE),
+            ("threshold", "a number from 0 on", self.threshold, 0.0),
+            ("ridge", "a number from 0 on", self.ridge, 0.0),
+        ];
+        for (what, needed, value, least) in settings {
+            if let Some(value) = value.filter(|v| !(v.is_finite() && *v >= least)) {
+                return Err(IdentifyError::Setting { what, value: value.to_string(), needed });
+            }
+        }
+        Ok(())
+    }
+
     /// What to try, for a sample time and a horizon in samples.
     pub fn grid(&self, dt: f64, horizon: usize) -> Grid {
         let shapes = match (self.degree, self.signed_squares) {
@@ -133,6 +151,16 @@ pub enum IdentifyError {
     /// A part of the split has no runs.
     #[error("there are no {0} runs: give more logs, or name some with --{0}")]
     NoRuns(&'static str),
+    /// A setting that makes no sense.
+    #[error("the {what} of {value} cannot be used: it must be {needed}")]
+    Setting {
+        /// Which.
+        what: &'static str,
+        /// As given.
+        value: String,
+        /// What would do.
+        needed: &'static str,
+    },
     /// No equations.
     #[error(transparent)]
     Sindy(#[from] SearchError),
@@ -154,6 +182,13 @@ const SEARCH_ORIGINS: usize = 200;
 /// # Errors
 /// If the runs cannot be fitted or evaluated, or the work was interrupted.
 pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, IdentifyError> {
+    job.sindy.check()?;
+    for (what, value) in [("horizon", job.horizon), ("origin stride", job.origin_stride)] {
+        if value == 0 {
+            let needed = "at least 1 sample";
+            return Err(IdentifyError::Setting { what, value: value.to_string(), needed });
+        }
+    }
     let [train, validation, test] = [&job.split.train, &job.split.validation, &job.split.test]
         .map(|runs| runs.iter().collect::<Vec<&Trajectory>>());
     for (runs, part) in [(&train, "train"), (&validation, "validate"), (&test, "test")] {

@@ -22,6 +22,18 @@ impl Library {
         Self { degree, constant: true, signed_squares: false }
     }
 
+    /// Number of terms over `variables` variables, without making them; saturates.
+    pub fn count(self, variables: u16) -> usize {
+        let n = u128::from(variables);
+        // Monomials up to a degree: binomial(n + degree, degree), built up without a fraction.
+        let monomials =
+            (1..=u128::from(self.degree)).try_fold(1, |c: u128, k| Some(c.checked_mul(n + k)? / k));
+        let others = u128::from(!self.constant);
+        let squares = if self.signed_squares { n } else { 0 };
+        let total = monomials.and_then(|m| (m - others).checked_add(squares));
+        total.and_then(|t| usize::try_from(t).ok()).unwrap_or(usize::MAX)
+    }
+
     /// The terms over `variables` variables, in the order of rising degree and then of the variables
     /// (PySINDy's order), signed squares last.
     pub fn terms(self, variables: u16) -> Vec<Term> {
@@ -79,5 +91,19 @@ mod tests {
         for (variables, degree, count) in [(6u16, 2, 28), (8, 3, 165), (5, 0, 1), (1, 4, 5), (0, 3, 1)] {
             assert_eq!(Library::polynomial(degree).terms(variables).len(), count);
         }
+    }
+
+    #[test]
+    fn counting_needs_no_terms() {
+        for degree in 0..5 {
+            for variables in 0..6 {
+                for (constant, signed_squares) in [(true, true), (true, false), (false, true), (false, false)]
+                {
+                    let library = Library { degree, constant, signed_squares };
+                    assert_eq!(library.count(variables), library.terms(variables).len());
+                }
+            }
+        }
+        assert_eq!(Library::polynomial(255).count(u16::MAX), usize::MAX);
     }
 }

@@ -74,6 +74,18 @@ pub enum SearchError {
         "all {0} settings that were tried gave equations whose rollouts diverge on the validation runs, so none is offered. Give training runs that cover the speeds and commands of the validation runs, a smaller degree, or a shorter horizon"
     )]
     AllDiverged(usize),
+    /// A library that nobody can search, let alone read.
+    #[error(
+        "a {library} over {variables} outputs and inputs has {terms} terms; more than {MOST_TERMS} are not searched. Choose a smaller degree or fewer inputs"
+    )]
+    LibraryTooLarge {
+        /// The library.
+        library: Library,
+        /// Variables of the terms.
+        variables: u16,
+        /// Number of terms.
+        terms: usize,
+    },
     /// The grid is empty.
     #[error("there is nothing to try: libraries, regressions, optimizers and ridges must each have an entry")]
     Empty,
@@ -81,6 +93,9 @@ pub enum SearchError {
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
+
+/// Terms of a library at the most: the cost of selecting among them grows with their cube.
+const MOST_TERMS: usize = 600;
 
 /// Integration steps that keep the inner step at or below 0.1 s, the range in which RK4 is exact to the
 /// accuracy of any log.
@@ -106,6 +121,12 @@ pub fn search(
     let run = training.first().ok_or(SearchError::Empty)?;
     let variables = run.outputs.width() + run.inputs.width();
     let variables = u16::try_from(variables).map_err(|_| SearchError::Empty)?;
+    for &library in &grid.libraries {
+        let terms = library.count(variables);
+        if terms > MOST_TERMS {
+            return Err(SearchError::LibraryTooLarge { library, variables, terms });
+        }
+    }
     let mut trials: Vec<Trial> = Vec::new();
     let mut fits: Vec<(Fit, usize)> = Vec::new();
     let mut prepared: Vec<Prepared> = Vec::new();
