@@ -287,6 +287,21 @@ fn a_missing_measurement_leaves_the_prediction() {
     assert_eq!(output(&session), [predicted[0], 0.25f64.to_bits()]);
 }
 
+/// Two sensors that are never read in the same sample: a state that is half unknown must not wipe out the
+/// half that is known, or the session never has a whole one.
+#[test]
+fn sensors_that_report_in_turns_still_give_a_state() {
+    let mut session = session();
+    session.observe(&[1.0, f64::NAN]);
+    session.advance(&[0.3]);
+    session.observe(&[f64::NAN, -0.5]);
+    assert_eq!(output(&session), [1.0f64, -0.5].map(f64::to_bits));
+    session.advance(&[0.3]);
+    let mut y = [0.0; 2];
+    session.output(&mut y);
+    assert!(y.iter().all(|y| y.is_finite()) && y != [1.0, -0.5], "from here on it predicts: {y:?}");
+}
+
 #[test]
 fn a_rollout_is_the_repeated_advance_and_moves_nothing() {
     let mut session = session();
