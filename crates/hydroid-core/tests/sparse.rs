@@ -227,10 +227,14 @@ fn the_command_is_held_and_the_quadratic_drag_opposes_both_ways() {
 #[test]
 fn equations_that_make_no_sense_are_refused() {
     let terms = || vec![Term::monomial(&[0]), Term::monomial(&[1])];
-    let new = |coefficients: Vec<f64>, dt, substeps| Equations::new(terms(), coefficients, 1, 1, dt, substeps);
+    let new =
+        |coefficients: Vec<f64>, dt, substeps| Equations::new(terms(), coefficients, 1, 1, dt, substeps);
     assert!(new(vec![1.0, 2.0], 0.1, 1).is_ok());
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        assert_eq!(new(vec![1.0, bad], 0.1, 1).unwrap_err(), EquationsError::NotFinite { output: 0, term: 1 });
+        assert_eq!(
+            new(vec![1.0, bad], 0.1, 1).unwrap_err(),
+            EquationsError::NotFinite { output: 0, term: 1 }
+        );
         assert_eq!(new(vec![1.0, 2.0], bad, 1).unwrap_err(), EquationsError::Step);
     }
     for dt in [0.0, -0.1] {
@@ -240,14 +244,14 @@ fn equations_that_make_no_sense_are_refused() {
         assert_eq!(new(vec![1.0, 2.0], 0.1, substeps).unwrap_err(), EquationsError::Step);
     }
     for given in [0, 1, 3] {
-        assert_eq!(
-            new(vec![1.0; given], 0.1, 1).unwrap_err(),
-            EquationsError::Shape { expected: 2, given }
-        );
+        assert_eq!(new(vec![1.0; given], 0.1, 1).unwrap_err(), EquationsError::Shape { expected: 2, given });
     }
     // Also where no equation uses the term.
     let unused = Equations::new(vec![Term::monomial(&[9])], vec![0.0], 1, 1, 0.1, 1);
-    assert!(matches!(unused, Err(EquationsError::Program(ProgramError::UnknownVariable { variable: 9, .. }))));
+    assert!(matches!(
+        unused,
+        Err(EquationsError::Program(ProgramError::UnknownVariable { variable: 9, .. }))
+    ));
     let second = Equations::new(terms(), vec![0.0, 0.0, 0.0, f64::NAN], 2, 0, 0.1, 1);
     assert_eq!(second.unwrap_err(), EquationsError::NotFinite { output: 1, term: 1 });
 }

@@ -92,7 +92,11 @@ fn options(horizon: usize) -> Options {
     Options { horizon, ..Options::default() }
 }
 
-fn judge(predictor: &dyn Predictor, runs: &[&Trajectory], options: &Options) -> Result<Evaluation, EvaluateError> {
+fn judge(
+    predictor: &dyn Predictor,
+    runs: &[&Trajectory],
+    options: &Options,
+) -> Result<Evaluation, EvaluateError> {
     evaluate("double", predictor, &RANGES, runs, options, &mut |_| ControlFlow::Continue(()))
 }
 
@@ -250,7 +254,10 @@ fn origins_start_after_the_warm_up_and_keep_their_stride() {
         let result = judge(&oracle, &[&log], &options).unwrap();
         assert_eq!(result.windows, expected.len());
         let sum: usize = expected.iter().sum();
-        assert!(near(result.mae[2][0], 1e-3 * sum as f64 / expected.len() as f64), "{warm_up} {own} {stride}");
+        assert!(
+            near(result.mae[2][0], 1e-3 * sum as f64 / expected.len() as f64),
+            "{warm_up} {own} {stride}"
+        );
         assert!(near(result.max[0][1], 1e-3 * *expected.last().unwrap() as f64));
     }
 }
@@ -344,19 +351,20 @@ fn what_cannot_be_evaluated_says_why() {
     let error = |runs: &[&Trajectory], options: &Options| judge(&model, runs, options).unwrap_err();
     assert_eq!(error(&[&log], &options(0)), EvaluateError::NoHorizon);
     assert_eq!(error(&[&log], &Options { origin_stride: 0, ..options(1) }), EvaluateError::NoHorizon);
-    let short = |needed, warm_up, horizon, longest| EvaluateError::TooShort { needed, warm_up, horizon, longest };
+    let short =
+        |needed, warm_up, horizon, longest| EvaluateError::TooShort { needed, warm_up, horizon, longest };
     assert_eq!(error(&[&log], &options(10)), short(11, 1, 10, 10));
     assert_eq!(error(&[&log], &Options { warm_up: 8, ..options(3) }), short(11, 8, 3, 10));
     assert_eq!(judge(&model, &[&log], &options(9)).unwrap().windows, 1, "one sample more is enough");
     assert_eq!(error(&[], &options(1)), short(2, 1, 1, 0));
     assert_eq!(error(&[&run("empty", &[vec![0.0, 0.0]])], &options(1)), short(2, 1, 1, 1));
-    for options in [
-        Options { origin: Origin::True, ..options(1) },
-        Options { against: Against::Truth, ..options(1) },
-    ] {
+    for options in
+        [Options { origin: Origin::True, ..options(1) }, Options { against: Against::Truth, ..options(1) }]
+    {
         assert_eq!(error(&[&log], &options), EvaluateError::NoTruth { run: String::from("a") });
     }
-    let channels = |what, expected, given| EvaluateError::Channels { run: String::from("a"), what, expected, given };
+    let channels =
+        |what, expected, given| EvaluateError::Channels { run: String::from("a"), what, expected, given };
     let other = |outputs, inputs| {
         let ranges = vec![RANGES[0]; outputs];
         let silent = &mut |_| ControlFlow::Continue(());
@@ -420,8 +428,21 @@ fn json_has_the_keys_and_shapes_of_the_contract() {
     let result = judge(&oracle, &[&run("a", &outputs)], &options(4)).unwrap();
     let json: serde_json::Value = serde_json::from_str(&serde_json::to_string(&result).unwrap()).unwrap();
     let mut contract = BTreeSet::from([
-        "model", "origin", "against", "dt", "channels", "units", "horizons", "windows", "diverged", "mae", "max",
-        "rmse", "nrmse", "r2", "persistence",
+        "model",
+        "origin",
+        "against",
+        "dt",
+        "channels",
+        "units",
+        "horizons",
+        "windows",
+        "diverged",
+        "mae",
+        "max",
+        "rmse",
+        "nrmse",
+        "r2",
+        "persistence",
     ]);
     // Beyond the contract: where it diverged.
     contract.insert("divergences");
@@ -442,7 +463,10 @@ fn json_has_the_keys_and_shapes_of_the_contract() {
         assert_eq!(rows.len(), 4, "a row per horizon");
         assert!(rows.iter().all(|row| row.as_array().unwrap().len() == 2), "a figure per channel");
     }
-    assert!(json["nrmse"][0][1].is_null() && json["nrmse"][0][0].is_f64(), "a figure that does not exist is null");
+    assert!(
+        json["nrmse"][0][1].is_null() && json["nrmse"][0][0].is_f64(),
+        "a figure that does not exist is null"
+    );
     for (option, word) in [(Origin::Measured, "measured"), (Origin::True, "true")] {
         assert_eq!(serde_json::to_value(option).unwrap(), word);
     }

@@ -29,7 +29,8 @@ fn model() -> Model {
             Factor { variable: 1, shape: Shape::Abs },
         ]),
     ];
-    let coefficients: Vec<f64> = (0..10u32).map(|k| if k % 3 == 0 { 0.0 } else { f64::from(k).sqrt() / 7.0 }).collect();
+    let coefficients: Vec<f64> =
+        (0..10u32).map(|k| if k % 3 == 0 { 0.0 } else { f64::from(k).sqrt() / 7.0 }).collect();
     let dt = 1.0 / 3.0;
     let mut reading = Reading::default();
     reading.selection.outputs =
@@ -213,9 +214,13 @@ fn other_things_are_told_apart() {
     let error = read(&log).unwrap_err();
     assert!(matches!(error, ModelError::NotAModel { .. }));
     assert!(error.to_string().contains("log.csv"), "{error}");
-    assert!(matches!(read(folder.path()), Err(ModelError::NotAModel { reason, .. }) if reason == "it is a folder"));
+    assert!(
+        matches!(read(folder.path()), Err(ModelError::NotAModel { reason, .. }) if reason == "it is a folder")
+    );
     let nowhere = read(&folder.path().join("nowhere.safetensors")).unwrap_err();
-    assert!(matches!(&nowhere, ModelError::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound));
+    assert!(
+        matches!(&nowhere, ModelError::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
+    );
     assert!(nowhere.to_string().contains("nowhere.safetensors"));
     assert!(matches!(read(&log.join("below")), Err(ModelError::Read { .. })));
     // Sparse: a gigabyte and a byte that is not there. It is refused by its size.
@@ -317,10 +322,10 @@ fn a_model_without_outputs_is_refused() {
 #[test]
 fn terms_that_are_too_large_are_refused() {
     let mut head = head(&bytes(&model()));
-    let factors: Vec<Value> =
-        (0..2000).map(|_| json!({"variable": 0, "shape": {"power": 255}})).collect();
+    let factors: Vec<Value> = (0..2000).map(|_| json!({"variable": 0, "shape": {"power": 255}})).collect();
     head["structure"]["terms"][0] = Value::Array(factors);
-    let reason = contradiction(&file(&head.to_string(), "coefficients", Dtype::F64, &[2, 5], &numbers(&[1.0; 10])));
+    let reason =
+        contradiction(&file(&head.to_string(), "coefficients", Dtype::F64, &[2, 5], &numbers(&[1.0; 10])));
     assert!(reason.contains("65,535"), "{reason}");
 }
 
@@ -330,7 +335,8 @@ fn what_cannot_be_written_leaves_nothing_behind() {
     let blocked = folder.path().join("file");
     std::fs::write(&blocked, "there").unwrap();
     let listing = || {
-        let mut names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        let mut names: Vec<_> =
+            std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
         names.sort();
         names
     };

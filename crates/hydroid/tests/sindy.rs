@@ -228,9 +228,11 @@ fn two_runs_are_never_joined_across_their_ends() {
     let mut second = linear(301);
     let moved: Vec<f64> = second.outputs.column(0).map(|y| y + 10.0).collect();
     second.outputs = Table::new(second.outputs.channels().to_vec(), moved);
-    for (regression, rows) in
-        [(MIDPOINT, 299 + 300), (Regression::Midpoint { intervals: 8 }, 146 + 147), (Regression::Central, 601)]
-    {
+    for (regression, rows) in [
+        (MIDPOINT, 299 + 300),
+        (Regression::Midpoint { intervals: 8 }, 146 + 147),
+        (Regression::Central, 601),
+    ] {
         let both = assembled(&[&first, &second], regression);
         let mut parts = assembled(&[&first], regression).triangle;
         parts.merge(&assembled(&[&second], regression).triangle);
@@ -376,8 +378,7 @@ fn simple_plant_truth(terms: &[Term]) -> Vec<f64> {
 
 /// Two hours of the simple plant under mixed commands: 72,000 samples.
 fn simple_plant(seed: u64, noise_scale: f64) -> Trajectory {
-    let options =
-        Options { seed, noise_scale, ..Options::new(VesselParams::simple(), Excitation::Mixed) };
+    let options = Options { seed, noise_scale, ..Options::new(VesselParams::simple(), Excitation::Mixed) };
     let record = simulate(&options, &mut |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(record.len(), 72_000);
     record.to_trajectory(&["u", "v", "r", "P_f"]).unwrap()

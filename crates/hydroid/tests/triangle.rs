@@ -193,7 +193,8 @@ fn any_subset_of_columns_is_solved_as_its_own_normal_equations() {
     let rows = wild_matrix(150, 7);
     let triangle = fold(&rows);
     for subset in [vec![0], vec![5], vec![1, 4], vec![0, 2, 3], vec![0, 1, 2, 3, 4, 5]] {
-        let all: Vec<Vec<f64>> = rows.iter().map(|r| subset.iter().chain([&6]).map(|&j| r[j]).collect()).collect();
+        let all: Vec<Vec<f64>> =
+            rows.iter().map(|r| subset.iter().chain([&6]).map(|&j| r[j]).collect()).collect();
         let n = subset.len();
         let normal = gram(&all);
         let left: Vec<Vec<f64>> = normal[..n].iter().map(|r| r[..n].to_vec()).collect();
@@ -312,7 +313,8 @@ fn condition_numbers_of_known_matrices() {
         assert!((got / expected - 1.0).abs() < 1e-6, "{got} for {expected}");
     }
     // The Hilbert matrix of order 5 has 4.766e5; with columns of unit norm 292,433.243 (mpmath, 40 digits).
-    let hilbert: Vec<Vec<f64>> = (0..5).map(|i| (0..5).map(|j| 1.0 / f64::from(i + j + 1)).collect()).collect();
+    let hilbert: Vec<Vec<f64>> =
+        (0..5).map(|i| (0..5).map(|j| 1.0 / f64::from(i + j + 1)).collect()).collect();
     let got = fold(&hilbert).condition(&all(5));
     assert!((got / 292_433.243_054_146_85 - 1.0).abs() < 1e-6, "{got}");
     assert_eq!(fold(&hilbert).condition(&[]), 1.0);
