@@ -86,7 +86,7 @@ fn evaluate_7300_samples_at_horizon_100(bencher: Bencher, active: usize) {
         (0..n).map(|j| Channel::new(format!("{prefix}{j}"), "")).collect()
     };
     let outputs =
-        (0..7_300).flat_map(|k| (0..OUTPUTS).map(move |j| 0.5 * (0.01 * k as f64 + j as f64).sin()));
+        (0..7_300usize).flat_map(|k| (0..OUTPUTS).map(move |j| 0.5 * (0.01 * k as f64 + j as f64).sin()));
     let run = Trajectory {
         name: String::from("bench"),
         t0: 0.0,

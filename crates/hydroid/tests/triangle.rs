@@ -316,7 +316,7 @@ fn condition_numbers_of_known_matrices() {
     let hilbert: Vec<Vec<f64>> =
         (0..5).map(|i| (0..5).map(|j| 1.0 / f64::from(i + j + 1)).collect()).collect();
     let got = fold(&hilbert).condition(&all(5));
-    assert!((got / 292_433.243_054_146_85 - 1.0).abs() < 1e-6, "{got}");
+    assert!((got / 292_433.243_054 - 1.0).abs() < 1e-6, "{got}");
     assert_eq!(fold(&hilbert).condition(&[]), 1.0);
     assert!((fold(&hilbert).condition(&[3]) - 1.0).abs() < 1e-12);
     // Dependent columns, and one that is zero.
