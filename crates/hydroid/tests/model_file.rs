@@ -50,7 +50,7 @@ fn model() -> Model {
                 seed: u64::MAX,
                 training: vec![String::from("a.csv[0..10]")],
                 validation: Vec::new(),
-                settings: json!({"x": 0.1, "y": [null, 2.2250738585072014e-308], "z": {}}),
+                settings: json!({"x": 0.1, "y": [null, f64::MIN_POSITIVE], "z": {}}),
             },
         },
         body: Body::Equations(Arc::new(Equations::new(terms, coefficients, 2, 1, dt, 4).unwrap())),
@@ -352,7 +352,7 @@ fn what_cannot_be_written_leaves_nothing_behind() {
     // Content that fails half-way leaves neither the new file nor a part of it, and the old one stays.
     for name in ["fresh", "file"] {
         let failed = atomic::write(&folder.path().join(name), |out| {
-            out.write_all(&[1; 100_000])?;
+            out.write_all(&vec![1; 100_000])?;
             Err(std::io::Error::other("the disk is full"))
         });
         assert!(failed.unwrap_err().to_string().contains("the disk is full"));
