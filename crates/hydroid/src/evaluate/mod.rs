@@ -102,10 +102,13 @@ pub struct Divergence {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
     /// Mean absolute error, per horizon and channel.
+    #[serde(deserialize_with = "null_is_nan")]
     pub mae: Vec<Vec<f64>>,
     /// Root of the mean square error.
+    #[serde(deserialize_with = "null_is_nan")]
     pub rmse: Vec<Vec<f64>>,
     /// RMSE over the standard deviation of the compared channel.
+    #[serde(deserialize_with = "null_is_nan")]
     pub nrmse: Vec<Vec<f64>>,
 }
 
@@ -134,14 +137,19 @@ pub struct Evaluation {
     /// The first few places where that happened.
     pub divergences: Vec<Divergence>,
     /// Mean absolute error.
+    #[serde(deserialize_with = "null_is_nan")]
     pub mae: Vec<Vec<f64>>,
     /// Largest absolute error.
+    #[serde(deserialize_with = "null_is_nan")]
     pub max: Vec<Vec<f64>>,
     /// Root of the mean square error.
+    #[serde(deserialize_with = "null_is_nan")]
     pub rmse: Vec<Vec<f64>>,
     /// RMSE over the standard deviation of the compared channel over the same points.
+    #[serde(deserialize_with = "null_is_nan")]
     pub nrmse: Vec<Vec<f64>>,
     /// Coefficient of determination, `1 - nrmse^2`.
+    #[serde(deserialize_with = "null_is_nan")]
     pub r2: Vec<Vec<f64>>,
     /// "Nothing changes", on the same windows.
     pub persistence: Baseline,
@@ -161,6 +169,12 @@ impl Evaluation {
     pub fn at(&self, horizon: usize) -> Option<usize> {
         self.horizons.iter().position(|&h| h == horizon)
     }
+}
+
+/// JSON has no NaN: a figure that does not exist is written as null.
+fn null_is_nan<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<Vec<f64>>, D::Error> {
+    let table: Vec<Vec<Option<f64>>> = Deserialize::deserialize(deserializer)?;
+    Ok(table.into_iter().map(|row| row.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect()).collect())
 }
 
 /// Mean of the numbers that are finite.
@@ -206,6 +220,14 @@ pub enum EvaluateError {
         expected: usize,
         /// Of the run.
         given: usize,
+    },
+    /// No window can start in any run.
+    #[error(
+        "output '{channel}' is nowhere measured early enough to start a prediction from. Leave it out, or give a run where it is measured"
+    )]
+    NoOrigin {
+        /// The output that is missing.
+        channel: String,
     },
     /// Runs with different sample times.
     #[error(

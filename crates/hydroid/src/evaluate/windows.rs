@@ -27,7 +27,11 @@ const TOLD: usize = 10;
 /// current rayon pool. The result does not depend on the number of threads.
 ///
 /// # Errors
-/// If the runs do not fit the model or are too short, truth is missing, or the work was interrupted.
+/// If the runs do not fit the model or are too short, an output or truth is missing, or the work was
+/// interrupted.
+///
+/// # Panics
+/// If there is not one design range for each output.
 pub fn evaluate(
     name: &str,
     predictor: &dyn Predictor,
@@ -38,6 +42,7 @@ pub fn evaluate(
 ) -> Result<Evaluation, EvaluateError> {
     let (n, h) = (predictor.outputs(), options.horizon);
     let warm_up = options.warm_up.max(predictor.warm_up()).max(1);
+    assert_eq!(ranges.len(), n, "one design range for each output");
     check(predictor, runs, options, warm_up)?;
     let targets: Vec<&Table> = runs
         .iter()
@@ -57,6 +62,10 @@ pub fn evaluate(
             progress::report(progress, (before + done) as f64 / total as f64)
         })?;
         before += run.len();
+    }
+    if tally.windows == 0 {
+        // Runs are long enough, so that only a value that is missing can stand in the way.
+        return Err(EvaluateError::NoOrigin { channel: latest(runs, options) });
     }
     Ok(tabulate(name, runs[0], options, &tally))
 }
@@ -96,6 +105,25 @@ fn check(
     Ok(())
 }
 
+/// What the session sees of a run.
+fn seen<'a>(run: &'a Trajectory, options: &Options) -> &'a Table {
+    match (options.origin, &run.truth) {
+        (Origin::True, Some(truth)) => truth,
+        _ => &run.outputs,
+    }
+}
+
+/// The output whose first value comes last in the longest run.
+fn latest(runs: &[&Trajectory], options: &Options) -> String {
+    let Some(run) = runs.iter().max_by_key(|run| run.len()) else { return String::new() };
+    let table = seen(run, options);
+    let first = |c: &usize| table.column(*c).position(|y| !y.is_nan()).unwrap_or(run.len());
+    (0..table.width())
+        .rev()
+        .max_by_key(first)
+        .map_or_else(String::new, |c| run.outputs.channels()[c].name.clone())
+}
+
 /// What all windows so far gave.
 struct Tally {
     sums: Sums,
@@ -127,10 +155,7 @@ impl Walk<'_> {
         tally: &mut Tally,
         report: &mut dyn FnMut(usize) -> Result<(), progress::Cancelled>,
     ) -> Result<(), EvaluateError> {
-        let seen = match (self.options.origin, &self.run.truth) {
-            (Origin::True, Some(truth)) => truth,
-            _ => &self.run.outputs,
-        };
+        let seen = seen(self.run, self.options);
         let Some(last) = self.run.len().checked_sub(self.options.horizon + 1) else { return Ok(()) };
         let mut session = predictor.fork();
         session.reset();

@@ -164,6 +164,9 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
             return Err(inconsistent(format!("the range of '{}' is empty", port.channel.name)));
         }
     }
+    if description.outputs.is_empty() {
+        return Err(inconsistent(String::from("it has no outputs")));
+    }
     let Structure::SparseEquations { terms, substeps } = head.structure;
     let (outputs, inputs) = (description.outputs.len(), description.inputs.len());
     let coefficients = numbers(&tensors, "coefficients", &[outputs, terms.len()]).map_err(inconsistent)?;

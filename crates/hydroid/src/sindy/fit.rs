@@ -205,11 +205,14 @@ impl Prepared {
         let mut coefficients = Vec::with_capacity(self.outputs * count);
         let mut scaled = Vec::with_capacity(self.outputs * count);
         let mut residual_rms = Vec::with_capacity(self.outputs);
-        for (solution, scale) in solutions.into_iter().zip(&self.output_scale) {
+        let columns: Vec<usize> = (0..count).collect();
+        for (i, (solution, scale)) in solutions.into_iter().zip(&self.output_scale).enumerate() {
+            // Of the data, not of the penalty that a ridge adds to them.
+            let residual = self.plain.residual(&columns, &solution.coefficients, count + i);
             coefficients
                 .extend(solution.coefficients.iter().zip(&self.term_scale).map(|(c, s)| c * scale / s));
             scaled.extend(solution.coefficients);
-            residual_rms.push(solution.residual * scale / (self.rows() as f64).sqrt());
+            residual_rms.push(residual * scale / (self.rows() as f64).sqrt());
         }
         let terms = self.terms.clone();
         let equations = Equations::new(terms, coefficients, self.outputs, self.inputs, self.dt, substeps)?;

@@ -26,9 +26,9 @@ impl Default for Stlsq {
 pub struct SparseSolution {
     /// One coefficient for each term.
     pub coefficients: Vec<f64>,
-    /// Terms that the data cannot tell from the others that were kept.
+    /// Terms that the data cannot tell from the others, to rounding; they were left out.
     pub dependent: Vec<usize>,
-    /// 2-norm of the residual.
+    /// 2-norm of the residual; with the penalty, where the coefficients are those of a ridge.
     pub residual: f64,
 }
 
@@ -43,8 +43,10 @@ pub fn stlsq(
     settings: Stlsq,
 ) -> SparseSolution {
     let mut support: Vec<usize> = (0..terms).filter(|&j| plain.column_norm(j) > 0.0).collect();
+    let mut dependent = Vec::new();
     for _ in 0..settings.rounds {
         let solution = ridged.solve(&support, target);
+        dependent.extend(solution.dependent.iter().map(|&position| support[position]));
         let kept: Vec<usize> = support
             .iter()
             .zip(&solution.coefficients)
@@ -62,6 +64,8 @@ pub fn stlsq(
     for (&j, &c) in support.iter().zip(&solution.coefficients) {
         coefficients[j] = c;
     }
-    let dependent = solution.dependent.iter().map(|&position| support[position]).collect();
+    dependent.extend(solution.dependent.iter().map(|&position| support[position]));
+    dependent.sort_unstable();
+    dependent.dedup();
     SparseSolution { coefficients, dependent, residual: solution.residual }
 }

@@ -198,6 +198,21 @@ impl Triangle {
         Solution { coefficients, dependent, residual }
     }
 
+    /// 2-norm of `A_S x - b` for the columns `S`, their coefficients, and the right-hand side in column
+    /// `target`: what any solution leaves of the data seen so far.
+    ///
+    /// # Panics
+    /// If a column does not exist.
+    pub fn residual(&self, columns: &[usize], coefficients: &[f64], target: usize) -> f64 {
+        (0..self.width)
+            .map(|i| {
+                let fitted: f64 = columns.iter().zip(coefficients).map(|(&j, x)| self.get(i, j) * x).sum();
+                (fitted - self.get(i, target)).powi(2)
+            })
+            .sum::<f64>()
+            .sqrt()
+    }
+
     /// Condition number (2-norm, estimated from below by 30 steps of power and inverse iteration) of the
     /// given columns, each scaled to unit norm; infinite where a column depends on the others.
     pub fn condition(&self, columns: &[usize]) -> f64 {

@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use super::program::{Program, ProgramError};
+use super::program::{Program, ProgramError, is_held};
 use super::term::Term;
 
 /// Integration steps in one sample at the most: more is a mistake, and would look like a hang.
@@ -63,10 +63,31 @@ pub struct Equations {
     dt: f64,
     substeps: usize,
     program: Program,
-    /// Non-zero coefficients of all equations, with the slot that each multiplies.
-    active: Vec<(u16, f64)>,
-    /// End of each equation's part of `active`.
+    /// Coefficients of terms in inputs alone, the constant among them: held over a sample.
+    held: Sparse,
+    /// Coefficients of all other terms.
+    moving: Sparse,
+}
+
+/// Rows of non-zero coefficients, each with the slot that it multiplies.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Sparse {
+    entries: Vec<(u16, f64)>,
+    /// End of each row's part of `entries`.
     ends: Vec<usize>,
+}
+
+impl Sparse {
+    /// Calls `row` with each row's sum of coefficients times slots.
+    #[inline]
+    fn times(&self, slots: &[f64], mut row: impl FnMut(usize, f64)) {
+        let mut start = 0;
+        for (i, &end) in self.ends.iter().enumerate() {
+            let entries = &self.entries[start..end];
+            row(i, entries.iter().map(|&(slot, xi)| xi * slots[usize::from(slot)]).sum());
+            start = end;
+        }
+    }
 }
 
 impl Equations {
@@ -99,21 +120,22 @@ impl Equations {
         let compiled: Vec<Term> = used.iter().map(|&j| terms[j].clone()).collect();
         // All terms are checked, also those that no equation uses.
         Program::new(&terms, outputs + inputs).map_err(EquationsError::Program)?;
-        let program = Program::new(&compiled, outputs + inputs).map_err(EquationsError::Program)?;
-        let mut active = Vec::new();
-        let mut ends = Vec::with_capacity(outputs);
+        let program = Program::with_held(&compiled, outputs, inputs).map_err(EquationsError::Program)?;
+        let (mut held, mut moving) = (Sparse::default(), Sparse::default());
         for i in 0..outputs {
             for (index, &j) in used.iter().enumerate() {
                 let coefficient = coefficients[i * terms.len() + j];
                 if coefficient != 0.0 {
                     let slot = u16::try_from(program.slot(index))
                         .map_err(|_| EquationsError::Program(ProgramError::TooLarge))?;
-                    active.push((slot, coefficient));
+                    let rows = if is_held(&compiled[index], outputs) { &mut held } else { &mut moving };
+                    rows.entries.push((slot, coefficient));
                 }
             }
-            ends.push(active.len());
+            held.ends.push(held.entries.len());
+            moving.ends.push(moving.entries.len());
         }
-        Ok(Self { terms, coefficients, outputs, inputs, dt, substeps, program, active, ends })
+        Ok(Self { terms, coefficients, outputs, inputs, dt, substeps, program, held, moving })
     }
 
     /// The library's terms.
@@ -143,7 +165,7 @@ impl Equations {
 
     /// Number of non-zero coefficients.
     pub fn active_terms(&self) -> usize {
-        self.active.len()
+        self.held.entries.len() + self.moving.entries.len()
     }
 
     /// Sample time \[s\].
@@ -163,19 +185,15 @@ impl Equations {
 
     /// Numbers of scratch that [`step`](Self::step) needs.
     pub fn scratch(&self) -> usize {
-        self.program.slots() + 2 * self.outputs
+        self.program.slots() + 3 * self.outputs
     }
 
     /// `dy = Xi theta(y, c)`, where `y` and `c` stand in `slots[1..]`, outputs first.
     #[inline]
     pub fn derivative(&self, slots: &mut [f64], dy: &mut [f64]) {
         self.program.evaluate(slots);
-        let mut start = 0;
-        for (dy, &end) in dy.iter_mut().zip(&self.ends) {
-            *dy =
-                self.active[start..end].iter().map(|&(slot, xi)| xi * slots[usize::from(slot)]).sum::<f64>();
-            start = end;
-        }
+        self.held.times(slots, |i, sum| dy[i] = sum);
+        self.moving.times(slots, |i, sum| dy[i] += sum);
     }
 
     /// One sample: `y` becomes the outputs after `dt` seconds under the held command `c`.
@@ -186,8 +204,12 @@ impl Equations {
     pub fn step(&self, y: &mut [f64], c: &[f64], scratch: &mut [f64]) {
         let n = self.outputs;
         let (slots, rest) = scratch.split_at_mut(self.program.slots());
-        let (k, sum) = rest[..2 * n].split_at_mut(n);
+        let (k, rest) = rest.split_at_mut(n);
+        let (sum, rest) = rest.split_at_mut(n);
+        let held = &mut rest[..n];
         slots[1 + n..=n + self.inputs].copy_from_slice(&c[..self.inputs]);
+        self.program.evaluate_held(slots);
+        self.held.times(slots, |i, sum| held[i] = sum);
         let h = self.dt / self.substeps as f64;
         for _ in 0..self.substeps {
             // Stages of the classical Runge-Kutta method: where each starts, and its weight.
@@ -196,7 +218,8 @@ impl Equations {
                 for i in 0..n {
                     slots[1 + i] = if offset == 0.0 { y[i] } else { y[i] + offset * k[i] };
                 }
-                self.derivative(slots, k);
+                self.program.evaluate_moving(slots);
+                self.moving.times(slots, |i, rate| k[i] = held[i] + rate);
                 for i in 0..n {
                     sum[i] += weight * k[i];
                 }

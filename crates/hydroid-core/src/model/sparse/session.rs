@@ -10,6 +10,9 @@ use crate::model::persistence::take_measured;
 use crate::predict::{Predictor, Workspace, rollout_steps};
 
 /// A run of [`Equations`]: every measurement replaces the state, what is not measured is predicted.
+///
+/// Nothing can be predicted before every output was measured once: until then, values wait as they were
+/// measured, so that sensors which report in turns still meet.
 #[derive(Clone, Debug)]
 pub struct EquationsSession {
     equations: Arc<Equations>,
@@ -44,6 +47,9 @@ impl Predictor for EquationsSession {
     }
 
     fn advance(&mut self, c: &[f64]) {
+        if self.state.iter().any(|y| y.is_nan()) {
+            return;
+        }
         self.equations.step(&mut self.state, c, &mut self.scratch);
     }
 

@@ -1,0 +1,74 @@
+//! On board nothing allocates: a counting allocator around the prediction sessions.
+//!
+//! One test only: the counter is the process's.
+#![allow(unsafe_code)] // an allocator can be written in no other way
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use hydroid_core::model::Persistence;
+use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
+use hydroid_core::predict::{Predictor, Workspace};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call is passed on to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promises are handed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promises are handed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Allocations during `work`; the least of several tries, because the test harness has a thread of its own.
+fn allocations(mut work: impl FnMut()) -> usize {
+    (0..5)
+        .map(|_| {
+            let before = ALLOCATIONS.load(Ordering::Relaxed);
+            work();
+            ALLOCATIONS.load(Ordering::Relaxed) - before
+        })
+        .min()
+        .unwrap()
+}
+
+#[test]
+fn a_session_allocates_nothing_once_its_workspace_has_grown() {
+    assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
+    let terms: Vec<Term> = (0..5).flat_map(|a| (a..5).map(move |b| Term::monomial(&[a, b]))).collect();
+    let coefficients = (0..3 * terms.len()).map(|k| 0.01 * ((k % 5) as f64 - 2.0)).collect();
+    let equations = Equations::new(terms, coefficients, 3, 2, 0.1, 2).unwrap();
+    let sessions: [Box<dyn Predictor>; 2] =
+        [Box::new(EquationsSession::new(Arc::new(equations))), Box::new(Persistence::new(3, 2))];
+    for mut session in sessions {
+        let mut work = Workspace::new();
+        let (commands, mut y) = ([0.1; 200], [0.0; 300]);
+        let mut snapshot = vec![0.0; session.snapshot_len()];
+        session.observe(&[0.1, 0.2, 0.3]);
+        session.rollout(&commands, &mut work, &mut y);
+        let count = allocations(|| {
+            session.observe(&[0.1, f64::NAN, 0.3]);
+            session.advance(&[0.5, -0.5]);
+            session.rollout(&commands, &mut work, &mut y);
+            session.rollout(&commands[..20], &mut work, &mut y[..30]);
+            session.snapshot(&mut snapshot);
+            session.restore(&snapshot);
+            session.output(&mut y[..3]);
+            session.reset();
+            session.observe(&[0.1, 0.2, 0.3]);
+        });
+        assert_eq!(count, 0, "allocations in a session");
+    }
+}

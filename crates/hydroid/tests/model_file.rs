@@ -1,0 +1,362 @@
+//! Model files: what was written is read, and whatever else is read is refused in its own words.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use hydroid::atomic;
+use hydroid::evaluate::DesignRange;
+use hydroid::log::{Channel, ChannelSpec};
+use hydroid::model::{Body, Description, Model, ModelError, Port, Provenance, Reading, decode, read, write};
+use hydroid_core::model::sparse::{Equations, Factor, Shape, Term};
+use proptest::prelude::*;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde_json::{Value, json};
+
+fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
+    Port { channel: Channel::new(name, unit), range: DesignRange { low, high } }
+}
+
+/// A model with numbers that have no short decimal form, and names that need escaping.
+fn model() -> Model {
+    let terms = vec![
+        Term::constant(),
+        Term::monomial(&[0]),
+        Term::monomial(&[1, 2]),
+        Term::signed_square(0, 0),
+        Term::new(vec![
+            Factor { variable: 2, shape: Shape::Power(3) },
+            Factor { variable: 1, shape: Shape::Abs },
+        ]),
+    ];
+    let coefficients: Vec<f64> =
+        (0..10u32).map(|k| if k % 3 == 0 { 0.0 } else { f64::from(k).sqrt() / 7.0 }).collect();
+    let dt = 1.0 / 3.0;
+    let mut reading = Reading::default();
+    reading.selection.outputs =
+        vec![ChannelSpec { scale: 0.1 + 0.2, ..ChannelSpec::renamed("u", "Geschw. \"ü\"") }];
+    Model {
+        description: Description {
+            name: String::from("sindy"),
+            dt,
+            outputs: vec![
+                port("u", "m/s", -1.0 / 3.0, std::f64::consts::PI),
+                port("r", "rad/s", -std::f64::consts::FRAC_PI_6, 1e-17),
+            ],
+            inputs: vec![port("n \"ü\"\n", "", -1e300, 5e-324)],
+            reading,
+            provenance: Provenance {
+                hydroid: String::from("0.1.0"),
+                seed: u64::MAX,
+                training: vec![String::from("a.csv[0..10]")],
+                validation: Vec::new(),
+                settings: json!({"x": 0.1, "y": [null, f64::MIN_POSITIVE], "z": {}}),
+            },
+        },
+        body: Body::Equations(Arc::new(Equations::new(terms, coefficients, 2, 1, dt, 4).unwrap())),
+    }
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn bytes(model: &Model) -> Vec<u8> {
+    let folder = folder();
+    let path = folder.path().join("model.safetensors");
+    write(model, &path).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+fn decoded(bytes: &[u8]) -> Result<Model, ModelError> {
+    decode(bytes, Path::new("m.safetensors"))
+}
+
+/// The JSON in a file's head.
+fn head(bytes: &[u8]) -> Value {
+    let (_, metadata) = SafeTensors::read_metadata(bytes).unwrap();
+    serde_json::from_str(&metadata.metadata().as_ref().unwrap()["hydroid"]).unwrap()
+}
+
+/// A file with a head and one tensor.
+fn file(head: &str, tensor: &str, dtype: Dtype, shape: &[usize], data: &[u8]) -> Vec<u8> {
+    let view = TensorView::new(dtype, shape.to_vec(), data).unwrap();
+    let metadata = HashMap::from([(String::from("hydroid"), head.to_owned())]);
+    safetensors::serialize([(tensor, view)], Some(metadata)).unwrap()
+}
+
+fn numbers(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// A file whose head was changed; its ten coefficients are ones.
+fn with_head(change: impl FnOnce(&mut Value)) -> Vec<u8> {
+    let mut head = head(&bytes(&model()));
+    change(&mut head);
+    file(&head.to_string(), "coefficients", Dtype::F64, &[2, 5], &numbers(&[1.0; 10]))
+}
+
+/// The reason, of the kind of error that names a contradiction.
+fn contradiction(bytes: &[u8]) -> String {
+    match decoded(bytes) {
+        Err(ModelError::Inconsistent { reason, .. }) => reason,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn not_a_model(bytes: &[u8]) -> String {
+    match decoded(bytes) {
+        Err(ModelError::NotAModel { reason, .. }) => reason,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn what_was_written_is_read_and_written_again_the_same() {
+    let folder = folder();
+    let (first, second) = (folder.path().join("new/deep/a.safetensors"), folder.path().join("b.safetensors"));
+    write(&model(), &first).unwrap();
+    let again = read(&first).unwrap();
+    assert_eq!(again, model());
+    write(&again, &second).unwrap();
+    assert_eq!(std::fs::read(&first).unwrap(), std::fs::read(&second).unwrap());
+    // A file that is there is replaced, and nothing else is left in the folder.
+    write(&model(), &first).unwrap();
+    assert_eq!(std::fs::read_dir(first.parent().unwrap()).unwrap().count(), 1);
+    // The untouched helper makes files that are read: what the tests below refuse is what they changed.
+    assert!(decoded(&with_head(|_| ())).is_ok());
+}
+
+/// JSON numbers were once read to within a rounding only: a sample time of 1/3 s came back as another
+/// number, and a model written twice was two files.
+#[test]
+fn numbers_in_the_head_survive_to_the_last_bit() {
+    let mut model = model();
+    for k in 1..50u32 {
+        let high = f64::from(k).powi(7).sin().abs() * 10f64.powi(i32::try_from(k).unwrap() - 25);
+        model.description.outputs[0].range = DesignRange { low: -high, high };
+        let again = decoded(&bytes(&model)).unwrap();
+        assert_eq!(again.description.outputs[0].range.high.to_bits(), high.to_bits());
+    }
+}
+
+#[test]
+fn a_file_cut_short_anywhere_is_refused() {
+    let whole = bytes(&model());
+    for length in 0..whole.len() {
+        let reason = not_a_model(&whole[..length]);
+        assert!(!reason.is_empty());
+    }
+    let mut longer = whole.clone();
+    longer.push(0);
+    not_a_model(&longer);
+    assert!(decoded(&whole).is_ok());
+}
+
+#[test]
+fn a_byte_changed_anywhere_does_no_harm() {
+    let whole = bytes(&model());
+    for at in 0..whole.len() {
+        for flip in [0x01, 0x80, 0xff] {
+            let mut damaged = whole.clone();
+            damaged[at] ^= flip;
+            // Some changes are another model (a digit of a range); none may panic, and what is read is sound.
+            if let Ok(model) = decoded(&damaged) {
+                sound(&model);
+            }
+        }
+    }
+}
+
+/// What every model that was read must allow.
+fn sound(model: &Model) {
+    let mut session = model.session();
+    let (n, m) = (session.outputs(), session.inputs());
+    assert_eq!((n, m), (model.description.outputs.len(), model.description.inputs.len()));
+    session.observe(&vec![0.1; n]);
+    session.advance(&vec![0.2; m]);
+    let mut y = vec![0.0; 3 * n];
+    session.rollout(&vec![0.1; 3 * m], &mut hydroid_core::predict::Workspace::new(), &mut y);
+}
+
+proptest! {
+    #[test]
+    fn arbitrary_bytes_are_no_model(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        prop_assert!(decoded(&bytes).is_err());
+    }
+
+    #[test]
+    fn arbitrary_heads_are_no_model(head in ".{0,200}", length in 0usize..40) {
+        let data = vec![7u8; 8 * length];
+        let bytes = file(&head, "coefficients", Dtype::F64, &[length], &data);
+        prop_assert!(decoded(&bytes).is_err());
+    }
+
+    #[test]
+    fn a_length_that_lies_is_refused(length in any::<u64>(), rest in prop::collection::vec(any::<u8>(), 0..100)) {
+        let mut bytes = length.to_le_bytes().to_vec();
+        bytes.extend(rest);
+        prop_assert!(decoded(&bytes).is_err());
+    }
+}
+
+#[test]
+fn other_things_are_told_apart() {
+    let folder = folder();
+    let put = |name: &str, bytes: &[u8]| -> PathBuf {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let empty = put("empty.safetensors", b"");
+    assert!(matches!(read(&empty), Err(ModelError::NotAModel { .. })));
+    let log = put("log.csv", b"t [s],u [m/s]\n0,1\n0.1,2\n");
+    let error = read(&log).unwrap_err();
+    assert!(matches!(error, ModelError::NotAModel { .. }));
+    assert!(error.to_string().contains("log.csv"), "{error}");
+    assert!(
+        matches!(read(folder.path()), Err(ModelError::NotAModel { reason, .. }) if reason == "it is a folder")
+    );
+    let nowhere = read(&folder.path().join("nowhere.safetensors")).unwrap_err();
+    assert!(
+        matches!(&nowhere, ModelError::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
+    );
+    assert!(nowhere.to_string().contains("nowhere.safetensors"));
+    assert!(matches!(read(&log.join("below")), Err(ModelError::Read { .. })));
+    // Sparse: a gigabyte and a byte that is not there. It is refused by its size.
+    let huge = put("huge.safetensors", b"");
+    std::fs::OpenOptions::new().write(true).open(&huge).unwrap().set_len((1 << 30) + 1).unwrap();
+    assert!(matches!(read(&huge), Err(ModelError::NotAModel { reason, .. }) if reason.contains("too many")));
+    // A safetensors file of somebody else, with metadata and without.
+    let view = TensorView::new(Dtype::F32, vec![1], &[0; 4]).unwrap();
+    let other = HashMap::from([(String::from("format"), String::from("pt"))]);
+    for metadata in [None, Some(other)] {
+        let foreign = safetensors::serialize([("weight", view.clone())], metadata).unwrap();
+        let path = put("foreign.safetensors", &foreign);
+        assert!(matches!(read(&path), Err(ModelError::Foreign { .. })));
+    }
+}
+
+#[test]
+fn another_version_is_named_even_if_all_else_is_new() {
+    let future = file(r#"{"version": 7, "all": "else"}"#, "x", Dtype::F64, &[0], &[]);
+    assert!(matches!(decoded(&future), Err(ModelError::Version { found: 7, .. })));
+    let old = with_head(|head| head["version"] = json!(0));
+    assert!(matches!(decoded(&old), Err(ModelError::Version { found: 0, .. })));
+    for version in [json!("1"), json!(-1), json!(1.0), Value::Null] {
+        assert!(not_a_model(&with_head(|head| head["version"] = version)).contains("version"));
+    }
+}
+
+#[test]
+fn a_head_that_does_not_fit_is_refused() {
+    assert!(not_a_model(&with_head(|head| head["structure"]["kind"] = json!("oracle"))).contains("oracle"));
+    assert!(not_a_model(&with_head(|head| head["description"]["colour"] = json!(1))).contains("colour"));
+    assert!(not_a_model(&with_head(|head| head["description"]["dt"] = json!("fast"))).contains("fast"));
+    assert!(not_a_model(&with_head(|head| head["structure"]["substeps"] = json!(-1))).contains("-1"));
+    not_a_model(&with_head(|head| {
+        head["description"].as_object_mut().unwrap().remove("outputs");
+    }));
+    not_a_model(&file("[[[[", "coefficients", Dtype::F64, &[0], &[]));
+    not_a_model(&file(&"[".repeat(100_000), "coefficients", Dtype::F64, &[0], &[]));
+}
+
+#[test]
+fn numbers_that_contradict_the_head_are_refused() {
+    let good = head(&bytes(&model())).to_string();
+    let ones = numbers(&[1.0; 10]);
+    let missing = contradiction(&file(&good, "weights", Dtype::F64, &[2, 5], &ones));
+    assert!(missing.contains("'coefficients' is missing"), "{missing}");
+    for shape in [vec![5, 2], vec![10], vec![2, 5, 1], vec![1, 10]] {
+        let reason = contradiction(&file(&good, "coefficients", Dtype::F64, &shape, &ones));
+        assert!(reason.contains("[2, 5]"), "{reason}");
+    }
+    let single = contradiction(&file(&good, "coefficients", Dtype::F32, &[2, 5], &[0; 40]));
+    assert!(single.contains("F32"), "{single}");
+    for bad in [f64::NAN, f64::INFINITY] {
+        let mut values = [1.0; 10];
+        values[7] = bad;
+        let reason = contradiction(&file(&good, "coefficients", Dtype::F64, &[2, 5], &numbers(&values)));
+        assert!(reason.contains("term 2 in equation 1"), "{reason}");
+    }
+}
+
+#[test]
+fn a_head_that_makes_no_sense_is_refused() {
+    for substeps in [json!(0), json!(1_000_000_000), json!(u64::MAX)] {
+        let reason = contradiction(&with_head(|head| head["structure"]["substeps"] = substeps));
+        assert!(reason.contains("integration steps"), "{reason}");
+    }
+    for dt in [0.0, -0.1] {
+        contradiction(&with_head(|head| head["description"]["dt"] = json!(dt)));
+    }
+    let reason = contradiction(&with_head(|head| {
+        head["structure"]["terms"][1] = json!([{"variable": 3, "shape": {"power": 1}}]);
+    }));
+    assert!(reason.contains("variable 3"), "{reason}");
+    contradiction(&with_head(|head| {
+        head["structure"]["terms"][1] = json!([{"variable": 65535, "shape": "abs"}]);
+    }));
+    for range in [json!({"low": 1.0, "high": 1.0}), json!({"low": 2.0, "high": 1.0})] {
+        let reason = contradiction(&with_head(|head| head["description"]["outputs"][0]["range"] = range));
+        assert!(reason.contains("'u'"), "{reason}");
+    }
+    // Fewer channels than the numbers are for.
+    contradiction(&with_head(|head| head["description"]["outputs"] = json!([])));
+    contradiction(&with_head(|head| {
+        head["description"]["outputs"].as_array_mut().unwrap().pop();
+    }));
+}
+
+/// A model without outputs predicts nothing; everything behind it may rely on there being one.
+#[test]
+fn a_model_without_outputs_is_refused() {
+    let mut head = head(&bytes(&model()));
+    head["description"]["outputs"] = json!([]);
+    head["structure"]["terms"] = json!([[]]);
+    let reason = contradiction(&file(&head.to_string(), "coefficients", Dtype::F64, &[0, 1], &[]));
+    assert!(reason.contains("no outputs"), "{reason}");
+}
+
+/// A term of many factors with high powers must not take time or memory out of proportion to the file.
+#[test]
+fn terms_that_are_too_large_are_refused() {
+    let mut head = head(&bytes(&model()));
+    let factors: Vec<Value> = (0..2000).map(|_| json!({"variable": 0, "shape": {"power": 255}})).collect();
+    head["structure"]["terms"][0] = Value::Array(factors);
+    let reason =
+        contradiction(&file(&head.to_string(), "coefficients", Dtype::F64, &[2, 5], &numbers(&[1.0; 10])));
+    assert!(reason.contains("65,535"), "{reason}");
+}
+
+#[test]
+fn what_cannot_be_written_leaves_nothing_behind() {
+    let folder = folder();
+    let blocked = folder.path().join("file");
+    std::fs::write(&blocked, "there").unwrap();
+    let listing = || {
+        let mut names: Vec<_> =
+            std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = listing();
+    // Below a regular file no folder can be made.
+    let error = write(&model(), &blocked.join("deep/model.safetensors")).unwrap_err();
+    assert!(error.to_string().contains("model.safetensors"), "{error}");
+    // A folder is not replaced by a file.
+    let taken = folder.path().join("taken");
+    std::fs::create_dir_all(taken.join("inside")).unwrap();
+    assert!(write(&model(), &taken).is_err());
+    std::fs::remove_dir_all(&taken).unwrap();
+    // Content that fails half-way leaves neither the new file nor a part of it, and the old one stays.
+    for name in ["fresh", "file"] {
+        let failed = atomic::write(&folder.path().join(name), |out| {
+            out.write_all(&vec![1; 100_000])?;
+            Err(std::io::Error::other("the disk is full"))
+        });
+        assert!(failed.unwrap_err().to_string().contains("the disk is full"));
+    }
+    assert_eq!(listing(), before);
+    assert_eq!(std::fs::read_to_string(&blocked).unwrap(), "there");
+}
