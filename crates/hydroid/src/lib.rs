@@ -11,5 +11,6 @@ pub mod identify;
 pub mod log;
 pub mod model;
 pub mod progress;
+pub mod report;
 pub mod simulate;
 pub mod sindy;
