@@ -38,13 +38,13 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
     };
     let chart = figure(&chart(&channels)?, &caption);
     let body = html! {
-        (run_table(split))
-        (columns(&[chart, html! { (channel_table(&channels)) }]))
+        (columns(&[chart, run_table(split)]))
+        (channel_table(&channels))
         (columns(&drawings))
         @if split.train.len() > DRAWN {
             p.small { "Of " (split.train.len()) " training runs the first " (DRAWN) " are drawn." }
         }
-        @if !subject.context.notes.is_empty() {
+        @if !told.is_empty() {
             details {
                 summary {
                     "What was done to the logs when they were read (" (number::count(told.len()))
@@ -117,6 +117,6 @@ fn channel_table(channels: &[ChannelSummary]) -> Markup {
         .collect();
     html! {
         (table(&heads, &rows, 1))
-        p.small { "Least and largest value by part; mean and standard deviation of the training runs." }
+        p.small { "Least and largest value by part; mean and standard deviation (std) of the training runs." }
     }
 }

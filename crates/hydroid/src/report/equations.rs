@@ -80,15 +80,22 @@ fn parts(candidate: &Candidate, output: usize) -> Vec<Part<'_>> {
     parts
 }
 
+/// Units, each with the channels that have it.
 fn where_clause(candidate: &Candidate) -> Markup {
     let description = &candidate.model.description;
-    let ports = description.outputs.iter().chain(&description.inputs).map(|port| &port.channel);
+    let mut units: Vec<(&str, Vec<&str>)> = Vec::new();
+    for channel in description.outputs.iter().chain(&description.inputs).map(|port| &port.channel) {
+        match units.iter_mut().find(|(unit, _)| *unit == channel.unit) {
+            Some((_, names)) => names.push(&channel.name),
+            None => units.push((&channel.unit, vec![&channel.name])),
+        }
+    }
     html! {
-        "Time in seconds; "
-        @for (i, channel) in ports.enumerate() {
-            @if i > 0 { ", " }
-            (variable(&channel.name))
-            @if channel.unit.is_empty() { " without a stated unit" } @else { " in " (channel.unit) }
+        "Time in seconds"
+        @for (unit, names) in units {
+            "; "
+            @for (i, name) in names.iter().enumerate() { @if i > 0 { ", " } (variable(name)) }
+            @if unit.is_empty() { " without a stated unit" } @else { " in " (number::unit(unit)) }
         }
         ". Commands are held over a sample of " (number::seconds_text(description.dt))
         " s; the largest contribution stands first."
@@ -167,12 +174,30 @@ fn variable(name: &str) -> Markup {
         (digits, "") => digits.to_owned(),
         (digits, index) => format!("{digits} {index}"),
     };
+    let base = greek(base).unwrap_or(base);
     html! {
         span.v {
             @if base.chars().count() == 1 { i { (base) } } @else { (base) }
             @if !index.is_empty() { sub { (index) } }
         }
     }
+}
+
+/// The letter that a word means in a formula.
+fn greek(word: &str) -> Option<&'static str> {
+    Some(match word {
+        "alpha" => "α",
+        "beta" => "β",
+        "gamma" => "γ",
+        "delta" => "δ",
+        "theta" => "θ",
+        "rho" => "ρ",
+        "tau" => "τ",
+        "phi" => "φ",
+        "psi" => "ψ",
+        "omega" => "ω",
+        _ => return None,
+    })
 }
 
 fn coefficients(
@@ -187,7 +212,7 @@ fn coefficients(
     }
     let residual = candidate.found.fit.residual_rms.get(index).copied().unwrap_or(f64::NAN);
     let unit = &candidate.model.description.outputs[index].channel.unit;
-    let rate = if unit.is_empty() { "1/s".to_owned() } else { format!("{unit} per second") };
+    let rate = if unit.is_empty() { "1/s".to_owned() } else { format!("{} per second", number::unit(unit)) };
     let rows: Vec<Vec<Markup>> = parts
         .iter()
         .map(|part| {
@@ -275,6 +300,7 @@ mod tests {
         assert_eq!(variable("wind_x").0, "<span class=\"v\">wind<sub>x</sub></span>");
         assert_eq!(variable("u5_bow").0, "<span class=\"v\"><i>u</i><sub>5 bow</sub></span>");
         assert_eq!(variable("<b>").0, "<span class=\"v\">&lt;b&gt;</span>");
+        assert_eq!(variable("delta_2").0, "<span class=\"v\"><i>δ</i><sub>2</sub></span>");
         assert_eq!(variable("_").0, "<span class=\"v\"><i>_</i></span>");
         assert_eq!(variable("").0, "<span class=\"v\"></span>");
     }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::ReportError;
-use super::figure::{Figure, Line, Mark, Panel};
+use super::figure::{Dash, Figure, Line, Mark, Panel, Stroke};
 use super::number::{self, ratio, seconds_text};
 use super::page::{Section, cell, columns, figure, nothing, table};
 use super::style;
@@ -25,7 +25,13 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
         "At 1 the prediction is worth no more than the mean."
     };
     let chart = figure(&chart(candidate).svg()?, &caption);
-    let tables = html! { @for c in 0..test.channels.len() { (channel_table(test, c)) } };
+    let tables = html! {
+        @for c in 0..test.channels.len() { (channel_table(test, c)) }
+        p.small {
+            "On the test runs. MAE: mean absolute error; RMSE: root mean square error; NRMSE: RMSE in standard deviations of the output; R"
+            sup { "2" } ": 1 − NRMSE" sup { "2" } "; last value: NRMSE of keeping the value at the start."
+        }
+    };
     let body = html! {
         p { (windows(candidate)) }
         (columns(&[chart, tables]))
@@ -53,8 +59,8 @@ fn chart(candidate: &Candidate) -> Figure {
         let highest = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(|v| v.is_finite());
         // An error far beyond trivial needs no exact place; the others should stay legible.
         let top = highest.fold(1.1, f64::max).min(3.0);
-        let level = style::PERSISTENCE_LINE;
-        let level = Mark::Level { at: 1.0, stroke: super::figure::Stroke { colour: style::AXIS, ..level } };
+        let level =
+            Mark::Level { at: 1.0, stroke: Stroke { colour: style::AXIS, width: 1.4, dash: Dash::Solid } };
         let mut panel =
             Panel::new(format!("NRMSE of {name}")).height(150.0).range(0.0, 1.05 * top).mark(level);
         for line in lines {
@@ -113,14 +119,13 @@ fn rows(test: &Evaluation) -> Vec<usize> {
 
 fn channel_table(test: &Evaluation, c: usize) -> Markup {
     let unit = test.units.get(c).map_or("", String::as_str);
-    let bracket = |what: &str| cell(number::with_unit(what, unit));
     let heads = [
         cell("ahead [s]"),
-        bracket("MAE"),
-        bracket("RMSE"),
+        cell("MAE"),
+        cell("RMSE"),
         cell("NRMSE"),
         html! { "R" sup { "2" } },
-        cell("last value NRMSE"),
+        cell("last value"),
     ];
     let at =
         |table: &[Vec<f64>], h: usize| table.get(h).and_then(|row| row.get(c)).copied().unwrap_or(f64::NAN);
@@ -137,5 +142,5 @@ fn channel_table(test: &Evaluation, c: usize) -> Markup {
             ]
         })
         .collect();
-    html! { h4 { (test.channels[c]) ", test runs" } (table(&heads, &lines, 0)) }
+    html! { h4 { (test.channels[c]) @if !unit.is_empty() { span.small { " MAE and RMSE in " (number::unit(unit)) } } } (table(&heads, &lines, 0)) }
 }

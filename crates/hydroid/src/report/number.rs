@@ -24,7 +24,7 @@ fn rounded(value: f64, significant: usize) -> Rounded {
     if value == 0.0 {
         return Rounded { negative: false, digits: "0".to_owned(), power: 0 };
     }
-    if (-3..5).contains(&power) {
+    if (-4..5).contains(&power) {
         let digits = i32::try_from(significant).unwrap_or(i32::MAX);
         let decimals = usize::try_from(digits - 1 - power).unwrap_or(0);
         let exact: f64 = text.parse().unwrap_or(value.abs());
@@ -95,6 +95,8 @@ pub(crate) fn count(n: usize) -> String {
 pub(crate) fn duration(seconds: f64) -> String {
     if !seconds.is_finite() {
         NONE.to_owned()
+    } else if seconds >= 60.0 && seconds < 120.0 {
+        format!("{} s", fixed(seconds, 0))
     } else if seconds < 120.0 {
         format!("{} s", seconds_text(seconds))
     } else if seconds < 7200.0 {
@@ -120,7 +122,28 @@ fn minus(text: &str) -> String {
 
 /// Name and unit: `u [m/s]`.
 pub(crate) fn with_unit(name: &str, unit: &str) -> String {
-    if unit.is_empty() { name.to_owned() } else { format!("{name} [{unit}]") }
+    if unit.is_empty() { name.to_owned() } else { format!("{name} [{}]", self::unit(unit)) }
+}
+
+/// A unit with its exponents raised: `m^2/s^2` becomes `m²/s²`.
+pub(crate) fn unit(unit: &str) -> String {
+    let mut pieces = unit.split('^');
+    let mut text = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        let end = piece
+            .char_indices()
+            .find(|&(i, c)| !(c.is_ascii_digit() || i == 0 && c == '-'))
+            .map_or(piece.len(), |(i, _)| i);
+        match piece[..end].parse::<i32>() {
+            Ok(power) => text.push_str(&superscript(power)),
+            Err(_) => {
+                text.push('^');
+                text.push_str(&piece[..end]);
+            }
+        }
+        text.push_str(&piece[end..]);
+    }
+    text
 }
 
 #[cfg(test)]
@@ -130,13 +153,13 @@ mod tests {
     #[test]
     fn numbers_read_well() {
         assert_eq!(text(-0.012_341, 4), "−0.01234");
-        assert_eq!(text(-0.000_123_45, 3), "−1.23 × 10⁻⁴");
+        assert_eq!(text(-0.000_012_345, 3), "−1.23 × 10⁻⁵");
         assert_eq!(text(99_996.0, 4), "1.000 × 10⁵");
         assert_eq!(text(1234.5, 3), "1230");
         assert_eq!(text(0.0, 3), "0");
         assert_eq!(text(f64::NAN, 3), "–");
         assert_eq!(text(f64::NEG_INFINITY, 3), "−∞");
-        assert_eq!(plain(-0.000_123_45, 4), "-1.234e-4");
+        assert_eq!(plain(-0.000_012_34, 4), "-1.234e-5");
         assert_eq!(magnitude(-2.5e-7, 2).0, "2.5 × 10<sup>−7</sup>");
         assert_eq!(fixed(-0.001, 2), "0.00");
         assert_eq!(ratio(0.296), "0.30");
@@ -146,8 +169,16 @@ mod tests {
     }
 
     #[test]
+    fn units_read_well() {
+        assert_eq!(with_unit("a", "m^2/s^-10"), "a [m²/s⁻¹⁰]");
+        assert_eq!(unit("x^^y^"), "x^^y^");
+        assert_eq!(with_unit("a", ""), "a");
+    }
+
+    #[test]
     fn times_read_well() {
         assert_eq!(duration(5.0), "5 s");
+        assert_eq!(duration(64.35), "64 s");
         assert_eq!(duration(705.0), "11.8 min");
         assert_eq!(duration(36_000.0), "10.0 h");
         assert_eq!(seconds_text(0.05), "0.05");

@@ -114,13 +114,13 @@ pub(crate) fn notes(notes: &[&Note]) -> Markup {
 /// With a capital and a full stop, as a sentence on a page has them. What starts with a name or a path
 /// keeps its first letter.
 fn sentence(text: &str) -> String {
-    let text = text.trim();
+    let text = text.trim().replace(" -", " −").replace(" − ", " - ").replace(" −−", " --");
     let first_word = text.split([' ', ',']).next().unwrap_or_default();
     let plain = !first_word.is_empty() && first_word.chars().all(|c| c.is_ascii_lowercase());
     let mut chars = text.chars();
     let mut sentence = match chars.next() {
         Some(c) if plain => format!("{}{}", c.to_ascii_uppercase(), chars.as_str()),
-        _ => text.to_owned(),
+        _ => text.clone(),
     };
     if !sentence.ends_with(['.', '!', '?', ')']) || sentence.ends_with(')') {
         sentence.push('.');

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::figure::{Figure, Key, Line, Mark, Panel, Points, Sign, Stroke, envelope};
+use super::figure::{Figure, Key, Line, Mark, Panel, Points, Sign, Stroke, cover, envelope};
 use super::number::{self, seconds_text};
 use super::page::{Section, columns, figure, nothing};
 use super::rollouts::{Rollout, Walk};
@@ -14,6 +14,8 @@ use crate::identify::Candidate;
 const OVERVIEW: usize = 12;
 /// Rollouts in the closer look.
 const CLOSER: usize = 3;
+/// Least range of a panel, as a share of what the run covers.
+const LEAST: f64 = 0.15;
 /// Commands shown below the outputs.
 const COMMANDS: usize = 8;
 
@@ -87,6 +89,7 @@ fn draw<'a>(walk: &Walk<'a>, rollouts: &[Rollout]) -> (Figure, Vec<&'a str>) {
     let mut left = Vec::new();
     let n = run.outputs.width();
     for (c, channel) in run.outputs.channels().iter().enumerate() {
+        let whole = cover(run.outputs.column(c)).unwrap_or((0.0, 0.0));
         let measured = points(&run.outputs, c, run, from, to + 1, 2 * BINS);
         let lines: Vec<Vec<(f64, f64)>> = rollouts
             .iter()
@@ -97,7 +100,7 @@ fn draw<'a>(walk: &Walk<'a>, rollouts: &[Rollout]) -> (Figure, Vec<&'a str>) {
                 envelope(line.collect::<Vec<_>>().into_iter(), (2 * BINS / rollouts.len().max(1)).max(12))
             })
             .collect();
-        let (range, beyond) = vertical(&measured, &lines);
+        let (range, beyond) = vertical(&measured, &lines, whole);
         if beyond {
             left.push(channel.name.as_str());
         }
@@ -126,23 +129,25 @@ fn draw<'a>(walk: &Walk<'a>, rollouts: &[Rollout]) -> (Figure, Vec<&'a str>) {
     (figure, left)
 }
 
-/// Range of a panel: all that was measured, and of the model what lies within as much again; and whether
-/// the model leaves that.
-fn vertical(measured: &[(f64, f64)], model: &[Vec<(f64, f64)>]) -> ((f64, f64), bool) {
-    let finite = |v: &f64| v.is_finite();
-    let fold = |values: &mut dyn Iterator<Item = f64>| {
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (v.min(l), v.max(h)))
+/// Range of a panel: all that was measured there, at least a part of what the run covers, and of the model
+/// what lies within the run's width of it; and whether the model leaves that.
+fn vertical(measured: &[(f64, f64)], model: &[Vec<(f64, f64)>], run: (f64, f64)) -> ((f64, f64), bool) {
+    let span = |values: &mut dyn Iterator<Item = f64>| {
+        values
+            .filter(|v| v.is_finite())
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (v.min(l), v.max(h)))
     };
-    let seen = fold(&mut measured.iter().map(|p| p.1).filter(finite));
-    let said = fold(&mut model.iter().flatten().map(|p| p.1).filter(finite));
+    let seen = span(&mut measured.iter().map(|p| p.1));
+    let said = span(&mut model.iter().flatten().map(|p| p.1));
     let not_finite = model.iter().flatten().any(|p| !p.1.is_finite());
     if seen.0 > seen.1 {
         return ((said.0.clamp(-1e9, 1e9), said.1.clamp(-1e9, 1e9)), not_finite);
     }
-    let width = (seen.1 - seen.0).max(1e-9 * seen.1.abs()).max(1e-12);
+    let width = (run.1 - run.0).max(1e-9 * seen.1.abs()).max(1e-12);
     let (floor, ceiling) = (seen.0 - width, seen.1 + width);
     let low = seen.0.min(said.0.max(floor));
     let high = seen.1.max(said.1.min(ceiling));
-    let margin = 0.06 * (high - low);
+    // Noise that fills a panel would look like a failure.
+    let margin = (0.06 * (high - low)).max(0.5 * (LEAST * width - (high - low)));
     ((low - margin, high + margin), not_finite || said.0 < floor || said.1 > ceiling)
 }

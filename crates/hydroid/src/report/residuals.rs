@@ -95,9 +95,9 @@ impl Residuals {
     fn show(&self, channel: &Channel, dt: f64) -> Result<[Markup; 2], ReportError> {
         let caption = html! {
             b { (channel.name) } ": mean " (number::text(self.mean, 2)) ", standard deviation "
-            (number::text(self.deviation, 3)) @if !channel.unit.is_empty() { " " (channel.unit) }
+            (number::text(self.deviation, 3)) @if !channel.unit.is_empty() { " " (number::unit(&channel.unit)) }
             " over " (number::count(self.count)) " samples"
-            @if self.beyond > 0 { "; " (number::count(self.beyond)) " lie beyond the picture" }
+            @if self.beyond > 0 { "; " (number::count(self.beyond)) " lie beyond four of them" }
             ". Line: normal distribution of the same spread."
         };
         let histogram = figure(&self.histogram(channel).svg()?, &caption);
@@ -157,7 +157,7 @@ impl Residuals {
         Figure::new(format!("Autocorrelation of the one-step residuals of {}", channel.name), "lag [s]")
             .x_range(0.0, end)
             .panel(
-                Panel::new("autocorrelation")
+                Panel::new(format!("autocorrelation of the residuals of {}", channel.name))
                     .height(150.0)
                     .range(1.06 * lowest.min(-band), 1.05)
                     .mark(Mark::Bars { bars, colour: style::MODEL })

@@ -9,7 +9,7 @@ use crate::identify::{Candidate, Grade, Verdict};
 use crate::log::{Note, Severity, Split, Trajectory};
 
 /// Warnings that are shown without a click.
-const SHOWN: usize = 4;
+const SHOWN: usize = 5;
 
 pub(super) fn section(subject: &Subject<'_>) -> Section {
     let warnings = warnings(subject);
@@ -139,7 +139,7 @@ fn tile(verdict: &Verdict, candidate: &Candidate) -> Markup {
     let unit = outputs.iter().find(|port| port.channel.name == verdict.channel);
     html! {
         div class={ "tile " (class) } {
-            p.name { (verdict.channel) @if let Some(port) = unit { @if !port.channel.unit.is_empty() { span.unit { " " (port.channel.unit) } } } }
+            p.name { (verdict.channel) @if let Some(port) = unit { @if !port.channel.unit.is_empty() { span.unit { " " (number::unit(&port.channel.unit)) } } } }
             p.grade { span.symbol aria-hidden="true" { (symbol) } " " (word) }
             div.bars {
                 span { "model" } span.bar { span.model style=(share(verdict.nrmse)) {} } span.n { (ratio(verdict.nrmse)) }

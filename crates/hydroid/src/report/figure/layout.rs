@@ -7,7 +7,7 @@ use super::scale::{Scale, Ticks, cover, padded};
 use super::{Figure, FigureError, Key, Mark, Panel, Sign, style, text};
 
 /// Space above a panel for its label.
-const HEAD: f64 = 24.0;
+const HEAD: f64 = 31.0;
 /// Space below the last panel for tick labels and the axis' name.
 const FOOT: f64 = 42.0;
 /// Height of a row of the legend.
@@ -48,7 +48,7 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
         for (row, keys) in legend.iter().enumerate() {
             draw_legend(canvas, keys, LEGEND * (row as f64 + 0.5));
         }
-        let x_ticks = x.ticks(6);
+        let x_ticks = x.ticks(6, 9);
         for (i, panel) in placed.iter().enumerate() {
             let last = i + 1 == placed.len();
             draw_axes(canvas, panel, &x, &x_ticks, last.then_some(figure.x_label.as_str()));
@@ -78,14 +78,10 @@ fn vertical(panel: &Panel) -> (Scale, Ticks) {
         if has_bars && covered.0 >= 0.0 { (0.0, high) } else { (low, high) }
     });
     let scale = Scale::new(range, panel.height, 0.0);
-    let wanted = if panel.height < 70.0 {
-        2
-    } else if panel.height < 130.0 {
-        3
-    } else {
-        5
-    };
-    let ticks = scale.ticks(wanted);
+    // Labels need 17 pixels each; the count is small and positive.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let room = |pixels: f64| (panel.height / pixels).clamp(2.0, 9.0) as usize;
+    let ticks = scale.ticks(room(28.0), room(17.0) + 1);
     (scale, ticks)
 }
 
@@ -121,10 +117,10 @@ fn draw_axes(
     let factor = placed.ticks.factor();
     let room = style::WIDTH - 8.0 - text::width(&factor, style::SMALL);
     let label = text::fit(&placed.panel.label, style::TEXT, room);
-    canvas.bold((2.0, top - 11.0), &label, style::TEXT, style::INK, Align::Start);
+    canvas.bold((2.0, top - 18.0), &label, style::TEXT, style::INK, Align::Start);
     if !factor.is_empty() {
         let after = 2.0 + 1.08 * text::width(&label, style::TEXT) + 8.0;
-        canvas.text((after, top - 11.0), &factor, style::SMALL, style::MUTED, Align::Start);
+        canvas.text((after, top - 18.0), &factor, style::SMALL, style::MUTED, Align::Start);
     }
     let Some(x_label) = x_label else { return };
     canvas.line(&[(left, bottom), (right, bottom)], hair(style::AXIS));

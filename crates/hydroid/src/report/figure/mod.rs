@@ -29,7 +29,7 @@ use super::style;
 
 pub use decimate::{envelope, steps};
 pub use ranges::{Interval, RangeRow, range_chart};
-pub(crate) use scale::superscript;
+pub(crate) use scale::{cover, superscript};
 
 /// A figure could not be written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

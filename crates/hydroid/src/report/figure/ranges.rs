@@ -66,7 +66,7 @@ pub fn range_chart(
             (x.place(100.0), frame.bottom),
             style::PERSISTENCE.mix(0.1),
         );
-        let ticks = x.ticks(5);
+        let ticks = x.ticks(5, 8);
         for &tick in &ticks.values {
             let place = x.place(tick);
             canvas.line(&[(place, frame.top), (place, frame.bottom)], hair(style::GRID));

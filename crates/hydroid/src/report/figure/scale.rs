@@ -28,16 +28,16 @@ impl Scale {
         self.from + (self.to - self.from) * share.clamp(-1e4, 1e4)
     }
 
-    /// About `wanted` ticks at round numbers.
-    pub(crate) fn ticks(&self, wanted: usize) -> Ticks {
+    /// About `wanted` ticks at round numbers, at least two and at most `most`.
+    pub(crate) fn ticks(&self, wanted: usize, most: usize) -> Ticks {
         let width = self.high - self.low;
         let rough = width / wanted.max(1) as f64;
         let power = 10f64.powf(rough.log10().floor());
         let far = |step: &f64| (step / rough).ln().abs();
-        let mut steps = [0.5, 1.0, 2.0, 5.0, 10.0].map(|m| m * power);
+        let mut steps = [0.2, 0.5, 1.0, 2.0, 5.0, 10.0].map(|m| m * power);
         steps.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        // The nearest round step that leaves at least two ticks.
-        let step = steps.into_iter().find(|step| self.span(*step).1 >= 2).unwrap_or(steps[0]);
+        let step =
+            steps.into_iter().find(|step| (2..=most).contains(&self.span(*step).1)).unwrap_or(steps[0]);
         let (first, count) = self.span(step);
         let values = (0..count).map(|i| (first + i as f64) * step).collect();
         Ticks::new(values, step)
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
 
     fn labels(low: f64, high: f64, wanted: usize) -> Vec<String> {
-        let ticks = Scale::new((low, high), 0.0, 1.0).ticks(wanted);
+        let ticks = Scale::new((low, high), 0.0, 1.0).ticks(wanted, 9);
         ticks.values.iter().map(|v| ticks.label(*v)).collect()
     }
 
@@ -162,10 +162,10 @@ mod tests {
 
     #[test]
     fn tiny_and_huge_numbers_leave_their_power_to_the_axis() {
-        let ticks = Scale::new((-2e-5, 2e-5), 0.0, 1.0).ticks(4);
+        let ticks = Scale::new((-2e-5, 2e-5), 0.0, 1.0).ticks(4, 9);
         assert_eq!(ticks.factor(), "×10⁻⁶");
         assert_eq!(ticks.label(ticks.values[0]), "−20");
-        assert_eq!(Scale::new((0.0, 3e9), 0.0, 1.0).ticks(3).factor(), "×10⁹");
+        assert_eq!(Scale::new((0.0, 3e9), 0.0, 1.0).ticks(3, 9).factor(), "×10⁹");
     }
 
     #[test]
@@ -182,7 +182,7 @@ mod tests {
         ] {
             let scale = Scale::new(range, 100.0, 0.0);
             assert!(scale.place(0.5).is_finite(), "{range:?}");
-            let ticks = scale.ticks(5);
+            let ticks = scale.ticks(5, 9);
             assert!((1..=20).contains(&ticks.values.len()), "{range:?}: {ticks:?}");
         }
         assert!(Scale::new((0.0, 1.0), 0.0, 1.0).place(f64::NAN).is_nan());
