@@ -35,7 +35,7 @@ pub(super) fn section(candidate: &Candidate) -> Section {
             @for i in 0..outputs.len() { (formula(&names, i, &parts(candidate, i))) }
         }
         (unidentifiable(candidate, &names))
-        details {
+        details.printed {
             summary { "Coefficients and what each term contributes" }
             p.small {
                 "Contribution: root mean square of the term over the training runs, in standard deviations of the output per second; "
@@ -97,8 +97,8 @@ fn where_clause(candidate: &Candidate) -> Markup {
             @for (i, name) in names.iter().enumerate() { @if i > 0 { ", " } (variable(name)) }
             @if unit.is_empty() { " without a stated unit" } @else { " in " (number::unit(unit)) }
         }
-        ". Commands are held over a sample of " (number::seconds_text(description.dt))
-        " s; the largest contribution stands first."
+        ". Commands are held over a sample of " (number::duration(description.dt))
+        "; the largest contribution stands first."
     }
 }
 
@@ -213,14 +213,16 @@ fn coefficients(
     let residual = candidate.found.fit.residual_rms.get(index).copied().unwrap_or(f64::NAN);
     let unit = &candidate.model.description.outputs[index].channel.unit;
     let rate = if unit.is_empty() { "1/s".to_owned() } else { format!("{} per second", number::unit(unit)) };
+    let largest = parts.first().map_or(1.0, |part| part.share).max(f64::MIN_POSITIVE);
     let rows: Vec<Vec<Markup>> = parts
         .iter()
         .map(|part| {
             let percent = 100.0 * part.share;
+            let bar = 100.0 * part.share / largest;
             vec![
                 term(names, part.term),
                 cell(number::text(part.coefficient, 4)),
-                html! { span.share { span style={ "width:" (format!("{percent:.1}")) "%" } {} } (number::fixed(percent, 1)) " %" },
+                html! { span.share { span style={ "width:" (format!("{bar:.0}")) "%" } {} } (number::fixed(percent, 1)) " %" },
             ]
         })
         .collect();
@@ -245,9 +247,9 @@ fn unidentifiable(candidate: &Candidate, names: &[&str]) -> Markup {
     html! {
         @if !lost.is_empty() {
             p.caution {
-                "Cannot be identified from these runs (never moved, or the same as others): "
+                "These runs cannot tell some terms from others, because they never move or move together: "
                 @for (i, lost) in lost.iter().enumerate() { @if i > 0 { ", " } (term(names, lost)) }
-                "."
+                ". Where one of them stands in an equation, its coefficient is not its own."
             }
         }
         @if !idle.is_empty() {

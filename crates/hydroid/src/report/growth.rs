@@ -52,9 +52,10 @@ fn chart(candidate: &Candidate) -> Figure {
             std::iter::once(start).chain(points).collect()
         };
         let lines = [
-            Line::new(curve(test, &test.persistence.nrmse), style::PERSISTENCE_LINE).labelled("last value"),
             Line::new(curve(validation, &validation.nrmse), style::VALIDATION_LINE).labelled("validation"),
             Line::new(curve(test, &test.nrmse), style::MODEL_LINE).labelled("model, test"),
+            // Above the model, of which its dashes leave enough to see where the two are one.
+            Line::new(curve(test, &test.persistence.nrmse), style::PERSISTENCE_LINE).labelled("last value"),
         ];
         let highest = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(|v| v.is_finite());
         // An error far beyond trivial needs no exact place; the others should stay legible.
@@ -89,8 +90,8 @@ fn windows(candidate: &Candidate) -> Markup {
         "Each window starts from a measured sample and rolls the model on under the true commands, without looking again. "
         "Test: " (told(test)) ". Validation, where settings were chosen: " (told(validation)) "."
         @if let Some(first) = test.divergences.first() {
-            " The first to diverge: " (first.run) " from " (seconds_text(first.origin_s)) " s, in " (first.channel)
-            " after " (seconds_text(first.horizon as f64 * test.dt)) " s."
+            " The first to diverge: " (first.run) " from " (number::seconds_text(first.origin_s)) "\u{a0}s, in " (first.channel)
+            " after " (number::duration(first.horizon as f64 * test.dt)) "."
         }
     }
 }

@@ -96,13 +96,13 @@ pub(crate) fn duration(seconds: f64) -> String {
     if !seconds.is_finite() {
         NONE.to_owned()
     } else if seconds >= 60.0 && seconds < 120.0 {
-        format!("{} s", fixed(seconds, 0))
+        format!("{}\u{a0}s", fixed(seconds, 0))
     } else if seconds < 120.0 {
-        format!("{} s", seconds_text(seconds))
+        format!("{}\u{a0}s", seconds_text(seconds))
     } else if seconds < 7200.0 {
-        format!("{} min", fixed(seconds / 60.0, 1))
+        format!("{}\u{a0}min", fixed(seconds / 60.0, 1))
     } else {
-        format!("{} h", fixed(seconds / 3600.0, 1))
+        format!("{}\u{a0}h", fixed(seconds / 3600.0, 1))
     }
 }
 
@@ -177,10 +177,10 @@ mod tests {
 
     #[test]
     fn times_read_well() {
-        assert_eq!(duration(5.0), "5 s");
-        assert_eq!(duration(64.35), "64 s");
-        assert_eq!(duration(705.0), "11.8 min");
-        assert_eq!(duration(36_000.0), "10.0 h");
+        assert_eq!(duration(5.0), "5\u{a0}s");
+        assert_eq!(duration(64.35), "64\u{a0}s");
+        assert_eq!(duration(705.0), "11.8\u{a0}min");
+        assert_eq!(duration(36_000.0), "10.0\u{a0}h");
         assert_eq!(seconds_text(0.05), "0.05");
         assert_eq!(duration(f64::NAN), "–");
     }

@@ -36,8 +36,8 @@ pub(crate) fn page(title: &str, sections: &[Section]) -> String {
                         }
                         @if i == 0 { (contents(&sections[1..])) }
                     }
+                    footer { "Made by hydroid. This page is complete in itself and can be sent and kept as one file." }
                 }
-                footer { "Made by hydroid. This page is complete in itself and can be sent and kept as one file." }
             }
         }
     }
@@ -111,10 +111,23 @@ pub(crate) fn notes(notes: &[&Note]) -> Markup {
     }
 }
 
+/// The text with a minus instead of a hyphen where a number follows; options such as `-c` stay.
+fn proper_minus(text: &str) -> String {
+    let mut proper = String::with_capacity(text.len());
+    let mut before = ' ';
+    let mut chars = text.chars().peekable();
+    while let Some(c) = chars.next() {
+        let number = c == '-' && before == ' ' && chars.peek().is_some_and(char::is_ascii_digit);
+        proper.push(if number { '−' } else { c });
+        before = c;
+    }
+    proper
+}
+
 /// With a capital and a full stop, as a sentence on a page has them. What starts with a name or a path
 /// keeps its first letter.
 fn sentence(text: &str) -> String {
-    let text = text.trim().replace(" -", " −").replace(" − ", " - ").replace(" −−", " --");
+    let text = proper_minus(text.trim());
     let first_word = text.split([' ', ',']).next().unwrap_or_default();
     let plain = !first_word.is_empty() && first_word.chars().all(|c| c.is_ascii_lowercase());
     let mut chars = text.chars();
@@ -122,8 +135,21 @@ fn sentence(text: &str) -> String {
         Some(c) if plain => format!("{}{}", c.to_ascii_uppercase(), chars.as_str()),
         _ => text.clone(),
     };
-    if !sentence.ends_with(['.', '!', '?', ')']) || sentence.ends_with(')') {
+    if !sentence.is_empty() && !sentence.ends_with(['.', '!', '?']) {
         sentence.push('.');
     }
     sentence
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_become_sentences() {
+        assert_eq!(sentence("two runs: -0.5 to 1"), "Two runs: −0.5 to 1.");
+        assert_eq!(sentence("a<1>.csv: cut (see --dt and -c)"), "a<1>.csv: cut (see --dt and -c).");
+        assert_eq!(sentence("'u' is late!"), "'u' is late!");
+        assert_eq!(sentence(""), "");
+    }
 }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::figure::{Figure, Key, Line, Mark, Panel, Points, Sign, Stroke, cover, envelope};
-use super::number::{self, seconds_text};
+use super::number;
 use super::page::{Section, columns, figure, nothing};
 use super::rollouts::{Rollout, Walk};
 use super::series::{self, BINS, COMMAND, held_points, points};
@@ -27,14 +27,14 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
         let why = "No test run is long enough for a rollout over the horizon: there is nothing to compare.";
         return Ok(Section { id, heading, body: nothing(why) });
     };
-    let over = seconds_text(walk.horizon as f64 * walk.run.dt);
+    let over = number::duration(walk.horizon as f64 * walk.run.dt);
     let overview = walk.liveliest(OVERVIEW);
     let mut blocks = vec![block(
         walk,
         overview,
         &html! {
             "The stretch of " b { (walk.run.name) } " over which the outputs move most: "
-            (overview.len()) " rollouts of " (over) " s, each restarted from the measurement (circles)."
+            (overview.len()) " rollouts of " (over) ", each restarted from the measurement (circles)."
         },
     )?];
     if walk.rollouts.len() > CLOSER {

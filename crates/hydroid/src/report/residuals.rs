@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::figure::{Figure, Line, Mark, Panel};
-use super::number::{self, fixed, seconds_text, with_unit};
+use super::number::{self, duration, fixed, with_unit};
 use super::page::{Section, columns, figure, nothing};
 use super::rollouts::Walk;
 use super::{ReportError, style};
@@ -46,7 +46,7 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
     }
     let body = html! {
         p {
-            "Measured less predicted one sample (" (seconds_text(dt)) " s) before, on the test runs. "
+            "Measured less predicted one sample (" (duration(dt)) ") before, on the test runs. "
             "Residuals of a model that has learned all there is are noise: bell-shaped, and uncorrelated from sample to sample."
         }
         @if !missing.is_empty() {

@@ -129,25 +129,47 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
     let mut order: Vec<usize> = (0..trials.len()).collect();
     let key = |i: usize| trials[i].score.unwrap_or(f64::INFINITY);
     order.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then((a != chosen).cmp(&(b != chosen))));
-    let heads = ["library", "regression", "selection", "ridge", "terms", "score"].map(cell);
+    let heads = ["library", "rows over", "selection", "ridge", "terms", "score"].map(cell);
     let rows: Vec<Vec<Markup>> = order
         .into_iter()
         .take(BEST)
         .map(|i| {
             let trial = &trials[i];
-            vec![
-                html! { (short(trial.library)) @if i == chosen { " " b { "chosen" } } },
-                cell(regression(trial.regression, dt)),
-                cell(optimizer(trial.optimizer)),
-                cell(ridge(trial.ridge)),
-                cell(number::count(trial.terms)),
-                cell(trial.score.map_or_else(|| "diverged".to_owned(), |s| fixed(s, 4))),
+            let score = trial.score.map_or_else(|| "diverged".to_owned(), |s| fixed(s, 4));
+            [
+                short(trial.library),
+                match trial.regression {
+                    Regression::Midpoint { intervals } => {
+                        format!("{} s", seconds_text(intervals as f64 * dt))
+                    }
+                    Regression::Central => "central".to_owned(),
+                },
+                match trial.optimizer {
+                    Optimizer::Stepwise(tolerance) => format!("{} %", trimmed(100.0 * tolerance)),
+                    Optimizer::Stlsq(threshold) => format!("≥ {}", trimmed(threshold)),
+                },
+                ridge(trial.ridge),
+                number::count(trial.terms),
+                score,
             ]
+            .map(|text| {
+                if i == chosen {
+                    html! { b { (text) } }
+                } else {
+                    cell(text)
+                }
+            })
+            .into()
         })
         .collect();
     html! {
-        (table(&heads, &rows, 3))
-        p.small { "The best " (rows.len()) " of " (number::count(trials.len())) ", by the mean NRMSE on the validation runs." }
+        (table(&heads, &rows, 1))
+        p.small {
+            "The best " (rows.len()) " of " (number::count(trials.len())) "; the chosen one in bold. "
+            "Rows over: the time over which an increment was taken (“central”: central differences). "
+            "Selection: a term leaves if the residual then grows by less than the percentage, or (≥) if its contribution is below the number. "
+            "Score: mean NRMSE on the validation runs."
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::number::{self, seconds_text};
-use super::page::{Section, cell, table};
+use super::page::Section;
 use super::{Subject, selection};
 use crate::identify::Candidate;
 
@@ -29,13 +29,12 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
         }
     }
     rows.extend(context.settings.iter().cloned());
-    let cells: Vec<Vec<Markup>> = rows.iter().map(|(name, value)| vec![cell(name), cell(value)]).collect();
     let body = html! {
         @if !context.command.is_empty() {
             p { "This page is made by" }
-            pre.copy { (context.command) }
+            pre.copy.wrap { (context.command) }
         }
-        (table(&[cell("setting"), cell("value")], &cells, 2))
+        dl.facts { @for (name, value) in &rows { dt { (name) } dd { (value) } } }
         @if !context.sources.is_empty() {
             details {
                 summary { "Files (" (context.sources.len()) ")" }

@@ -37,8 +37,8 @@ pub const SERIES: [RGBColor; 6] = [
 /// Colour of the parts of a split: training, validation, test.
 pub const PARTS: [RGBColor; 3] = [PERSISTENCE, RGBColor(0x56, 0xb4, 0xe9), MODEL];
 
-/// Width of a figure \[px\]: half a desktop page, and readable when a phone shrinks it to two thirds.
-pub const WIDTH: f64 = 520.0;
+/// Width of a figure \[px\]: half a desktop page, and readable when a phone shrinks it to three quarters.
+pub const WIDTH: f64 = 480.0;
 /// Size of the text in figures \[px\].
 pub const TEXT: f64 = 14.0;
 /// Size of tick labels \[px\].

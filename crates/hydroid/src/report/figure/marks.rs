@@ -136,15 +136,13 @@ pub(super) fn sign(canvas: &mut Canvas<'_>, sign: Sign, (x, y): Point, r: f64, c
     }
 }
 
-/// A label beside a point, on the side where there is room.
+/// A label below a point, or above it where there is no room below.
 fn beside(canvas: &mut Canvas<'_>, label: &str, (x, y): Point, radius: f64, frame: Frame) {
-    let width = text::width(label, style::TEXT);
-    let right = x + radius + 5.0;
-    if right + width < style::WIDTH.min(frame.right + 12.0) {
-        canvas.bold((right, y), label, style::TEXT, style::INK, Align::Start);
-    } else {
-        canvas.bold((x - radius - 5.0, y), label, style::TEXT, style::INK, Align::End);
-    }
+    let half = 0.55 * text::width(label, style::TEXT);
+    let x = x.clamp(frame.left + half, (frame.right - half).max(frame.left + half));
+    let off = radius + 12.0;
+    let y = if y + off + 8.0 < frame.bottom { y + off } else { y - off };
+    canvas.bold((x, y), label, style::TEXT, style::INK, Align::Middle);
 }
 
 /// A label beside the end of a line.

@@ -82,7 +82,7 @@ impl Ticks {
         let largest = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         // Exponents of floats are small integers.
         #[allow(clippy::cast_possible_truncation)]
-        let power = if largest > 0.0 && !(2e-3..1e5).contains(&largest) {
+        let power = if largest > 0.0 && !(1e-3..1e5).contains(&largest) {
             3 * (largest.log10() / 3.0).floor() as i32
         } else {
             0
