@@ -11,6 +11,7 @@ pub mod identify;
 pub mod log;
 pub mod model;
 pub mod progress;
+pub mod report;
 pub mod simulate;
 pub mod sindy;
 pub mod toml_file;

@@ -1,0 +1,177 @@
+//! Where axes, ticks, labels and legend of a figure go.
+
+use super::canvas::{self, Align, Canvas};
+use super::clip::{Frame, Point};
+use super::marks;
+use super::scale::{Scale, Ticks, cover, padded};
+use super::{Figure, FigureError, Key, Mark, Panel, Sign, style, text};
+
+/// Space above a panel for its label.
+const HEAD: f64 = 31.0;
+/// Space below the last panel for tick labels and the axis' name.
+const FOOT: f64 = 42.0;
+/// Height of a row of the legend.
+const LEGEND: f64 = 22.0;
+/// Space between the frame and its tick labels.
+const GAP: f64 = 7.0;
+/// Most room for labels beside the lines.
+const LABELS: f64 = 130.0;
+
+/// A panel with its place on the page.
+struct Placed<'a> {
+    panel: &'a Panel,
+    frame: Frame,
+    y: Scale,
+    ticks: Ticks,
+}
+
+pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
+    let scales: Vec<(Scale, Ticks)> = figure.panels.iter().map(vertical).collect();
+    let tick_width = scales
+        .iter()
+        .flat_map(|(_, ticks)| ticks.values.iter().map(|v| text::width(&ticks.label(*v), style::SMALL)))
+        .fold(0.0, f64::max);
+    let left = (tick_width + GAP + 4.0).max(34.0);
+    let label_width = labels(figure).map(|l| text::width(l, style::TEXT)).fold(0.0, f64::max);
+    let right = style::WIDTH - if label_width > 0.0 { (label_width + 12.0).min(LABELS) } else { 14.0 };
+    let legend = legend_rows(&figure.legend);
+    let mut top = LEGEND * legend.len() as f64;
+    let mut placed = Vec::with_capacity(figure.panels.len());
+    for (panel, (scale, ticks)) in figure.panels.iter().zip(scales) {
+        let frame = Frame { left, top: top + HEAD, right, bottom: top + HEAD + panel.height };
+        top = frame.bottom + 4.0;
+        placed.push(Placed { panel, frame, y: Scale::new(scale.range(), frame.bottom, frame.top), ticks });
+    }
+    let x = Scale::new(horizontal(figure), left, right);
+    let size = (style::WIDTH, top + FOOT);
+    canvas::draw(size, &figure.title, |canvas| {
+        for (row, keys) in legend.iter().enumerate() {
+            draw_legend(canvas, keys, LEGEND * (row as f64 + 0.5));
+        }
+        let x_ticks = x.ticks(6, 9);
+        for (i, panel) in placed.iter().enumerate() {
+            let last = i + 1 == placed.len();
+            draw_axes(canvas, panel, &x, &x_ticks, last.then_some(figure.x_label.as_str()));
+            if marks::draw(canvas, &panel.panel.marks, panel.frame, &x, &panel.y) == 0 {
+                let middle = (0.5 * (left + right), 0.5 * (panel.frame.top + panel.frame.bottom));
+                canvas.text(middle, "no data", style::TEXT, style::MUTED, Align::Middle);
+            }
+        }
+    })
+}
+
+/// Labels beside the ends of lines.
+fn labels(figure: &Figure) -> impl Iterator<Item = &str> {
+    figure.panels.iter().flat_map(|p| &p.marks).filter_map(|mark| match mark {
+        Mark::Line(line) => line.label.as_deref(),
+        _ => None,
+    })
+}
+
+/// The vertical scale of a panel (places still unknown) and its ticks.
+fn vertical(panel: &Panel) -> (Scale, Ticks) {
+    let range = panel.range.unwrap_or_else(|| {
+        let covered = cover(panel.marks.iter().flat_map(marks::heights)).unwrap_or((0.0, 1.0));
+        let has_bars = panel.marks.iter().any(|m| matches!(m, Mark::Bars { .. }));
+        let (low, high) = padded(covered, 0.06);
+        // Bars stand on the axis.
+        if has_bars && covered.0 >= 0.0 { (0.0, high) } else { (low, high) }
+    });
+    let scale = Scale::new(range, panel.height, 0.0);
+    // Labels need 17 pixels each; the count is small and positive.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let room = |pixels: f64| (panel.height / pixels).clamp(2.0, 9.0) as usize;
+    let ticks = scale.ticks(room(28.0), room(17.0) + 1);
+    (scale, ticks)
+}
+
+fn horizontal(figure: &Figure) -> (f64, f64) {
+    figure.x_range.unwrap_or_else(|| {
+        let all = figure.panels.iter().flat_map(|p| &p.marks).flat_map(marks::places);
+        cover(all).unwrap_or((0.0, 1.0))
+    })
+}
+
+fn draw_axes(
+    canvas: &mut Canvas<'_>,
+    placed: &Placed<'_>,
+    x: &Scale,
+    x_ticks: &Ticks,
+    x_label: Option<&str>,
+) {
+    let Frame { left, top, right, bottom } = placed.frame;
+    let hair = |colour| super::Stroke { colour, width: 1.0, dash: super::Dash::Solid };
+    for &value in &placed.ticks.values {
+        let y = placed.y.place(value);
+        canvas.line(&[(left, y), (right, y)], hair(style::GRID));
+        let label = placed.ticks.label(value);
+        canvas.text((left - GAP, y), &label, style::SMALL, style::MUTED, Align::End);
+    }
+    for &value in &x_ticks.values {
+        let at = x.place(value);
+        canvas.line(&[(at, top), (at, bottom)], hair(style::GRID));
+    }
+    let (low, high) = placed.y.range();
+    let zero = if low <= 0.0 && high >= 0.0 { placed.y.place(0.0) } else { bottom };
+    canvas.line(&[(left, zero), (right, zero)], hair(style::AXIS));
+    let factor = placed.ticks.factor();
+    let room = style::WIDTH - 8.0 - text::width(&factor, style::SMALL);
+    let label = text::fit(&placed.panel.label, style::TEXT, room);
+    canvas.bold((2.0, top - 18.0), &label, style::TEXT, style::INK, Align::Start);
+    if !factor.is_empty() {
+        let after = 2.0 + 1.08 * text::width(&label, style::TEXT) + 8.0;
+        canvas.text((after, top - 18.0), &factor, style::SMALL, style::MUTED, Align::Start);
+    }
+    let Some(x_label) = x_label else { return };
+    canvas.line(&[(left, bottom), (right, bottom)], hair(style::AXIS));
+    for &value in &x_ticks.values {
+        let at = x.place(value);
+        canvas.line(&[(at, bottom), (at, bottom + 4.0)], hair(style::AXIS));
+        canvas.text((at, bottom + 14.0), &x_ticks.label(value), style::SMALL, style::MUTED, Align::Middle);
+    }
+    let label = format!("{x_label} {}", x_ticks.factor());
+    canvas.text((0.5 * (left + right), bottom + 33.0), label.trim(), style::TEXT, style::INK, Align::Middle);
+}
+
+/// Width of a key with its text and the space behind it.
+fn key_width(label: &str) -> f64 {
+    32.0 + text::width(label, style::TEXT) + 14.0
+}
+
+fn legend_rows(legend: &[(Key, String)]) -> Vec<Vec<(f64, Key, &str)>> {
+    let mut rows: Vec<Vec<(f64, Key, &str)>> = Vec::new();
+    let mut at = f64::INFINITY;
+    for (key, label) in legend {
+        let width = key_width(label);
+        if at + width - 14.0 > style::WIDTH {
+            rows.push(Vec::new());
+            at = 2.0;
+        }
+        if let Some(row) = rows.last_mut() {
+            row.push((at, *key, label));
+        }
+        at += width;
+    }
+    rows
+}
+
+fn draw_legend(canvas: &mut Canvas<'_>, keys: &[(f64, Key, &str)], y: f64) {
+    for &(x, key, label) in keys {
+        match key {
+            Key::Line(stroke) => canvas.line(&[(x, y), (x + 26.0, y)], stroke),
+            Key::Sign(sign, colour) => marks::sign(canvas, sign, (x + 13.0, y), key_radius(sign), colour),
+            Key::Area(colour) => {
+                use plotters::style::Color as _;
+                let corner: Point = (x + 4.0, y - 5.0);
+                canvas.rectangle(corner, (x + 22.0, y + 5.0), colour.mix(1.0));
+            }
+        }
+        let room = style::WIDTH - x - 32.0;
+        let label = text::fit(label, style::TEXT, room);
+        canvas.text((x + 32.0, y), &label, style::TEXT, style::INK, Align::Start);
+    }
+}
+
+fn key_radius(sign: Sign) -> f64 {
+    if sign == Sign::Disc { 4.5 } else { 4.0 }
+}

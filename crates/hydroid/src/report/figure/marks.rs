@@ -1,0 +1,215 @@
+//! Lines, points, bands and bars within a frame, and the labels beside them.
+
+use plotters::style::{Color as _, RGBColor};
+
+use super::canvas::{Align, Canvas};
+use super::clip::{Frame, Point, clip};
+use super::scale::Scale;
+use super::{Dash, Line, Mark, Sign, Stroke, style, text};
+
+/// Least distance between two labels \[px\].
+const APART: f64 = 16.0;
+
+/// Values that a mark covers on the vertical axis.
+pub(super) fn heights(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
+    match mark {
+        Mark::Line(line) => Box::new(line.points.iter().map(|p| p.1)),
+        Mark::Points(points) => Box::new(points.points.iter().map(|p| p.1)),
+        Mark::Band { points, .. } => Box::new(points.iter().flat_map(|p| [p.1, p.2])),
+        Mark::Bars { bars, .. } => Box::new(bars.iter().flat_map(|b| [0.0, b.2])),
+        Mark::Level { at, .. } => Box::new(std::iter::once(*at)),
+        Mark::Verticals { .. } => Box::new(std::iter::empty()),
+    }
+}
+
+/// Values that a mark covers on the horizontal axis.
+pub(super) fn places(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
+    match mark {
+        Mark::Line(line) => Box::new(line.points.iter().map(|p| p.0)),
+        Mark::Points(points) => Box::new(points.points.iter().map(|p| p.0)),
+        Mark::Band { points, .. } => Box::new(points.iter().map(|p| p.0)),
+        Mark::Bars { bars, .. } => Box::new(bars.iter().flat_map(|b| [b.0, b.1])),
+        Mark::Verticals { at, .. } => Box::new(at.iter().copied()),
+        Mark::Level { .. } => Box::new(std::iter::empty()),
+    }
+}
+
+/// Draws marks; gives how many of them hold any data.
+pub(super) fn draw(canvas: &mut Canvas<'_>, marks: &[Mark], frame: Frame, x: &Scale, y: &Scale) -> usize {
+    let place = |p: &(f64, f64)| (x.place(p.0), y.place(p.1));
+    let mut labels = Vec::new();
+    let mut shown = 0;
+    for mark in marks {
+        shown += usize::from(holds_data(mark));
+        match mark {
+            Mark::Line(line) => {
+                let points: Vec<Point> = line.points.iter().map(place).collect();
+                draw_line(canvas, &points, frame, line.stroke);
+                labels.extend(label(line, &points, frame));
+            }
+            Mark::Points(set) => {
+                for &point in &set.points {
+                    let at = place(&point);
+                    if at.0.is_finite() && at.1.is_finite() && inside(at, frame) {
+                        sign(canvas, set.sign, at, set.radius, set.colour);
+                    }
+                }
+                if let (Some(label), Some(first)) = (&set.label, set.points.first()) {
+                    beside(canvas, label, place(first), set.radius, frame);
+                }
+            }
+            Mark::Band { points, colour, opacity } => {
+                let finite = |p: &&(f64, f64, f64)| p.0.is_finite() && p.1.is_finite() && p.2.is_finite();
+                let clamp = |v: f64| y.place(v).clamp(frame.top, frame.bottom);
+                let upper = points.iter().filter(finite).map(|p| (x.place(p.0), clamp(p.2)));
+                let lower = points.iter().filter(finite).rev().map(|p| (x.place(p.0), clamp(p.1)));
+                let outline: Vec<Point> = upper.chain(lower).collect();
+                canvas.area(&outline, colour.mix(*opacity));
+            }
+            Mark::Bars { bars, colour } => {
+                let base = y.place(0.0).clamp(frame.top, frame.bottom);
+                for &(from, to, height) in bars.iter().filter(|b| b.2.is_finite() && b.2 != 0.0) {
+                    let (left, right) = (x.place(from).max(frame.left), x.place(to).min(frame.right));
+                    let end = y.place(height).clamp(frame.top, frame.bottom);
+                    // A hair of white keeps neighbours apart.
+                    let inset = (0.1 * (right - left)).min(0.6);
+                    let (top, bottom) = (end.min(base), end.max(base));
+                    canvas.rectangle((left + inset, top), (right - inset, bottom), colour.mix(1.0));
+                }
+            }
+            Mark::Level { at, stroke } => {
+                let h = y.place(*at);
+                draw_line(canvas, &[(frame.left, h), (frame.right, h)], frame, *stroke);
+            }
+            Mark::Verticals { at, stroke } => {
+                for &v in at {
+                    let v = x.place(v);
+                    draw_line(canvas, &[(v, frame.top), (v, frame.bottom)], frame, *stroke);
+                }
+            }
+        }
+    }
+    spread(&mut labels, frame);
+    for label in &labels {
+        let words = text::fit(&label.words, style::TEXT, style::WIDTH - label.at.0);
+        canvas.text(label.at, &words, style::TEXT, label.colour, Align::Start);
+    }
+    shown
+}
+
+fn holds_data(mark: &Mark) -> bool {
+    match mark {
+        Mark::Line(line) => line.points.iter().any(|p| p.0.is_finite() && p.1.is_finite()),
+        Mark::Points(set) => set.points.iter().any(|p| p.0.is_finite() && p.1.is_finite()),
+        Mark::Band { points, .. } => points.iter().any(|p| p.1.is_finite() && p.2.is_finite()),
+        Mark::Bars { bars, .. } => bars.iter().any(|b| b.2.is_finite()),
+        Mark::Level { .. } | Mark::Verticals { .. } => false,
+    }
+}
+
+fn inside((x, y): Point, frame: Frame) -> bool {
+    let slack = 0.5;
+    x >= frame.left - slack && x <= frame.right + slack && y >= frame.top - slack && y <= frame.bottom + slack
+}
+
+fn draw_line(canvas: &mut Canvas<'_>, points: &[Point], frame: Frame, stroke: Stroke) {
+    for part in clip(points, frame) {
+        if let [alone] = part[..] {
+            canvas.disc(alone, 0.5 * stroke.width + 0.4, stroke.colour.mix(1.0));
+        } else {
+            canvas.line(&part, stroke);
+        }
+    }
+}
+
+/// Draws a sign.
+pub(super) fn sign(canvas: &mut Canvas<'_>, sign: Sign, (x, y): Point, r: f64, colour: RGBColor) {
+    let stroke = Stroke { colour, width: 1.6, dash: Dash::Solid };
+    match sign {
+        Sign::Disc => canvas.disc((x, y), r, colour.mix(1.0)),
+        Sign::Ring => canvas.ring((x, y), r, stroke),
+        Sign::Cross => {
+            canvas.line(&[(x - r, y - r), (x + r, y + r)], stroke);
+            canvas.line(&[(x - r, y + r), (x + r, y - r)], stroke);
+        }
+        Sign::Up => canvas.area(&[(x - r, y + r), (x, y - r), (x + r, y + r)], colour.mix(1.0)),
+    }
+}
+
+/// A label below a point, or above it where there is no room below.
+fn beside(canvas: &mut Canvas<'_>, label: &str, (x, y): Point, radius: f64, frame: Frame) {
+    let half = 0.55 * text::width(label, style::TEXT);
+    let x = x.clamp(frame.left + half, (frame.right - half).max(frame.left + half));
+    let off = radius + 12.0;
+    let y = if y + off + 8.0 < frame.bottom { y + off } else { y - off };
+    canvas.bold((x, y), label, style::TEXT, style::INK, Align::Middle);
+}
+
+/// A label beside the end of a line.
+struct Label {
+    at: Point,
+    words: String,
+    colour: RGBColor,
+}
+
+fn label(line: &Line, points: &[Point], frame: Frame) -> Option<Label> {
+    let words = line.label.clone()?;
+    let last = points.iter().rev().find(|p| p.0.is_finite() && p.1.is_finite())?;
+    let y = last.1.clamp(frame.top + 6.0, frame.bottom - 6.0);
+    Some(Label { at: (frame.right + 7.0, y), words, colour: darker(line.stroke.colour) })
+}
+
+/// Text needs more contrast than a line.
+fn darker(colour: RGBColor) -> RGBColor {
+    // A share of 8 bits stays within 8 bits.
+    let part = |c: u8| u8::try_from(u16::from(c) * 4 / 5).unwrap_or(c);
+    RGBColor(part(colour.0), part(colour.1), part(colour.2))
+}
+
+/// Moves labels apart, in their order from top to bottom, as little as it takes.
+fn spread(labels: &mut [Label], frame: Frame) {
+    labels.sort_by(|a, b| a.at.1.total_cmp(&b.at.1));
+    // Groups of touching labels are centred on where their members want to be.
+    let mut groups: Vec<(f64, usize)> = Vec::new();
+    for label in labels.iter() {
+        let mut group = (label.at.1, 1);
+        while let Some(&(centre, count)) = groups.last() {
+            let reach = 0.5 * APART * (count + group.1) as f64;
+            if group.0 - centre >= reach {
+                break;
+            }
+            groups.pop();
+            let total = count + group.1;
+            group = ((centre * count as f64 + group.0 * group.1 as f64) / total as f64, total);
+        }
+        groups.push(group);
+    }
+    let mut index = 0;
+    for (centre, count) in groups {
+        let half = 0.5 * APART * (count - 1) as f64;
+        let low = frame.top + 4.0 + half;
+        let high = (frame.bottom - 4.0 - half).max(low);
+        let centre = centre.clamp(low, high);
+        for i in 0..count {
+            labels[index].at.1 = centre - half + APART * i as f64;
+            index += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_moved_apart_and_stay_in_the_frame() {
+        let frame = Frame { left: 0.0, top: 0.0, right: 100.0, bottom: 100.0 };
+        let mut labels: Vec<Label> = [50.0, 52.0, 51.0, 10.0]
+            .map(|y| Label { at: (0.0, y), words: y.to_string(), colour: style::INK })
+            .into();
+        spread(&mut labels, frame);
+        let y: Vec<f64> = labels.iter().map(|l| l.at.1).collect();
+        assert_eq!(y, [10.0, 35.0, 51.0, 67.0]);
+        assert_eq!(labels[1].words, "50");
+    }
+}

@@ -1,0 +1,191 @@
+//! From numbers to places on the page, and the round numbers in between that become ticks.
+
+/// A linear map from an interval of values to an interval of pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Scale {
+    low: f64,
+    high: f64,
+    from: f64,
+    to: f64,
+}
+
+impl Scale {
+    /// Maps `range` to the pixels `from..to` (which may run downwards). A range without an inside, or that
+    /// is not finite, is widened to one that has.
+    pub(crate) fn new(range: (f64, f64), from: f64, to: f64) -> Self {
+        let (low, high) = widened(range);
+        Self { low, high, from, to }
+    }
+
+    /// The interval of values.
+    pub(crate) const fn range(&self) -> (f64, f64) {
+        (self.low, self.high)
+    }
+
+    /// Place of a value; values beyond any page stay at a finite distance. NaN stays NaN.
+    pub(crate) fn place(&self, value: f64) -> f64 {
+        let share = (value - self.low) / (self.high - self.low);
+        self.from + (self.to - self.from) * share.clamp(-1e4, 1e4)
+    }
+
+    /// About `wanted` ticks at round numbers, at least two and at most `most`.
+    pub(crate) fn ticks(&self, wanted: usize, most: usize) -> Ticks {
+        let width = self.high - self.low;
+        let rough = width / wanted.max(1) as f64;
+        let power = 10f64.powf(rough.log10().floor());
+        let far = |step: &f64| (step / rough).ln().abs();
+        let mut steps = [0.2, 0.5, 1.0, 2.0, 5.0, 10.0].map(|m| m * power);
+        steps.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        let step =
+            steps.into_iter().find(|step| (2..=most).contains(&self.span(*step).1)).unwrap_or(steps[0]);
+        let (first, count) = self.span(step);
+        let values = (0..count).map(|i| (first + i as f64) * step).collect();
+        Ticks::new(values, step)
+    }
+
+    /// First multiple of a step within the range, and how many there are.
+    fn span(&self, step: f64) -> (f64, usize) {
+        let first = (self.low / step - 1e-9).ceil();
+        let last = (self.high / step + 1e-9).floor();
+        // A range has some ten steps; far more would be rounding gone wrong.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let count = ((last - first).clamp(-1.0, 100.0) + 1.0) as usize;
+        (first, count)
+    }
+}
+
+fn widened((low, high): (f64, f64)) -> (f64, f64) {
+    if !(low.is_finite() && high.is_finite() && (high - low).is_finite()) {
+        return (0.0, 1.0);
+    }
+    let middle = 0.5 * (low + high);
+    if high - low > 1e-9 * middle.abs() && high - low > 1e-300 {
+        (low, high)
+    } else {
+        let half = if middle == 0.0 { 1.0 } else { 0.1 * middle.abs() };
+        (middle - half, middle + half)
+    }
+}
+
+/// Values at the ticks of an axis and how they are written.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Ticks {
+    /// Where the ticks are.
+    pub(crate) values: Vec<f64>,
+    /// Power of ten that the labels leave out, to be told at the axis; 0 for none.
+    pub(crate) power: i32,
+    decimals: usize,
+}
+
+impl Ticks {
+    fn new(values: Vec<f64>, step: f64) -> Self {
+        let largest = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        // Exponents of floats are small integers.
+        #[allow(clippy::cast_possible_truncation)]
+        let power = if largest > 0.0 && !(1e-3..1e5).contains(&largest) {
+            3 * (largest.log10() / 3.0).floor() as i32
+        } else {
+            0
+        };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let decimals = (-(step / 10f64.powi(power)).log10() - 1e-9).ceil().clamp(0.0, 9.0) as usize;
+        Self { values, power, decimals }
+    }
+
+    /// The label of a tick, with a proper minus.
+    pub(crate) fn label(&self, value: f64) -> String {
+        let scaled = value / 10f64.powi(self.power);
+        let text = format!("{:.*}", self.decimals, scaled);
+        match text.strip_prefix('-') {
+            Some(digits) if digits.bytes().any(|b| (b'1'..=b'9').contains(&b)) => format!("−{digits}"),
+            Some(digits) => digits.to_owned(),
+            None => text,
+        }
+    }
+
+    /// `×10⁻³` where the labels leave a power out; empty otherwise.
+    pub(crate) fn factor(&self) -> String {
+        if self.power == 0 { String::new() } else { format!("×10{}", superscript(self.power)) }
+    }
+}
+
+/// An integer in superscript digits.
+pub(crate) fn superscript(n: i32) -> String {
+    n.to_string()
+        .chars()
+        .map(|c| match c {
+            '-' => '⁻',
+            '1' => '¹',
+            '2' => '²',
+            '3' => '³',
+            '4' => '⁴',
+            '5' => '⁵',
+            '6' => '⁶',
+            '7' => '⁷',
+            '8' => '⁸',
+            '9' => '⁹',
+            _ => '⁰',
+        })
+        .collect()
+}
+
+/// The finite interval that values cover; none if there is no finite value.
+pub(crate) fn cover(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    values.filter(|v| v.is_finite()).fold(None, |range, v| match range {
+        None => Some((v, v)),
+        Some((low, high)) => Some((v.min(low), v.max(high))),
+    })
+}
+
+/// A range with a margin of a share of its width on both sides.
+pub(crate) fn padded((low, high): (f64, f64), share: f64) -> (f64, f64) {
+    let (low, high) = widened((low, high));
+    let margin = share * (high - low);
+    (low - margin, high + margin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(low: f64, high: f64, wanted: usize) -> Vec<String> {
+        let ticks = Scale::new((low, high), 0.0, 1.0).ticks(wanted, 9);
+        ticks.values.iter().map(|v| ticks.label(*v)).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_and_written_shortly() {
+        assert_eq!(labels(-0.42, 0.41, 4), ["−0.4", "−0.2", "0.0", "0.2", "0.4"].map(String::from)[..]);
+        assert_eq!(labels(0.0, 5.0, 5), ["0", "1", "2", "3", "4", "5"]);
+        assert_eq!(labels(1400.0, 1600.0, 2), ["1400", "1500", "1600"]);
+    }
+
+    #[test]
+    fn tiny_and_huge_numbers_leave_their_power_to_the_axis() {
+        let ticks = Scale::new((-2e-5, 2e-5), 0.0, 1.0).ticks(4, 9);
+        assert_eq!(ticks.factor(), "×10⁻⁶");
+        assert_eq!(ticks.label(ticks.values[0]), "−20");
+        assert_eq!(Scale::new((0.0, 3e9), 0.0, 1.0).ticks(3, 9).factor(), "×10⁹");
+    }
+
+    #[test]
+    fn degenerate_ranges_have_a_scale_all_the_same() {
+        for range in [
+            (0.0, 0.0),
+            (3.0, 3.0),
+            (f64::NAN, 1.0),
+            (0.0, f64::INFINITY),
+            (-1e308, 1e308),
+            (2.0, 1.0),
+            (0.0, 1e-320),
+            (1e9, 1e9 + 1e-7),
+        ] {
+            let scale = Scale::new(range, 100.0, 0.0);
+            assert!(scale.place(0.5).is_finite(), "{range:?}");
+            let ticks = scale.ticks(5, 9);
+            assert!((1..=20).contains(&ticks.values.len()), "{range:?}: {ticks:?}");
+        }
+        assert!(Scale::new((0.0, 1.0), 0.0, 1.0).place(f64::NAN).is_nan());
+        assert!(Scale::new((0.0, 1.0), 0.0, 1.0).place(1e300).is_finite());
+    }
+}

@@ -1,0 +1,49 @@
+//! How wide a text will be, without the font: the reader's browser chooses it.
+
+/// Width of a text in a Helvetica-like font of the given size; an estimate, on the wide side.
+pub(crate) fn width(text: &str, size: f64) -> f64 {
+    size * text.chars().map(advance).sum::<f64>()
+}
+
+/// Width of a character in ems.
+fn advance(c: char) -> f64 {
+    match c {
+        'i' | 'j' | 'l' | '|' | '\'' | '.' | ',' | ':' | ';' | '!' | 'I' => 0.29,
+        ' ' | 'f' | 't' | 'r' | '(' | ')' | '[' | ']' | '/' | '-' => 0.35,
+        'm' | 'w' | 'M' | 'W' | '@' | '%' => 0.9,
+        c if c.is_ascii_uppercase() => 0.7,
+        c if u32::from(c) >= 0x2e80 => 1.05,
+        _ => 0.57,
+    }
+}
+
+/// The text, shortened with an ellipsis to fit a width.
+pub(crate) fn fit(text: &str, size: f64, room: f64) -> String {
+    if width(text, size) <= room {
+        return text.to_owned();
+    }
+    let mut short = String::new();
+    let mut used = size;
+    for c in text.chars() {
+        used += size * advance(c);
+        if used > room {
+            break;
+        }
+        short.push(c);
+    }
+    short.push('…');
+    short
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_too_long_is_shortened() {
+        assert_eq!(fit("surge", 14.0, 100.0), "surge");
+        let short = fit("a very long name of a channel", 14.0, 100.0);
+        assert!(short.ends_with('…') && width(&short, 14.0) <= 100.0, "{short}");
+        assert_eq!(fit("surge", 14.0, 0.0), "…");
+    }
+}

@@ -1,0 +1,200 @@
+//! How the model was chosen: everything that was tried, and how it did on the validation runs.
+
+use maud::{Markup, html};
+use plotters::style::RGBColor;
+
+use super::figure::{Figure, Key, Mark, Panel, Points, Sign};
+use super::number::{self, fixed, seconds_text};
+use super::page::{Section, cell, columns, figure, notes, nothing, table};
+use super::{ReportError, Subject, style};
+use crate::identify::Candidate;
+use crate::log::Note;
+use crate::sindy::{Library, Optimizer, Regression, Trial};
+
+/// Rows of the table.
+const BEST: usize = 12;
+/// The chart shows scores up to this multiple of the best.
+const SHOWN: f64 = 3.0;
+
+pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
+    let (heading, id) = ("How the model was chosen", "selection");
+    let split: Vec<&Note> = subject.split.notes.iter().collect();
+    let body = html! {
+        @if !split.is_empty() { (notes(&split)) }
+        @match subject.candidate {
+            Some(candidate) => (choice(candidate)?),
+            None => (nothing("No settings were tried.")),
+        }
+    };
+    Ok(Section { id, heading, body })
+}
+
+fn choice(candidate: &Candidate) -> Result<Markup, ReportError> {
+    let found = &candidate.found;
+    let dt = candidate.model.description.dt;
+    if found.trials.is_empty() {
+        return Ok(nothing("No settings were tried."));
+    }
+    let diverged = found.trials.iter().filter(|t| t.score.is_none()).count();
+    let (drawing, above) = chart(&found.trials, found.chosen);
+    let caption = html! {
+        "Each sign is one setting; lower is better, fewer terms are simpler."
+        @if above > 0 { " Triangles at the top: " (number::count(above)) " with larger errors." }
+        @if diverged > 0 { " Crosses at the top: " (number::count(diverged)) " that diverged." }
+    };
+    let chart = figure(&drawing.svg()?, &caption);
+    let (rows, skipped) = found.rows;
+    Ok(html! {
+        p {
+            "Every setting was fitted to the training runs and rolled out on the validation runs; the one with the least mean NRMSE over outputs and horizons was taken. "
+            "The test runs had no say. "
+            (number::count(found.trials.len())) " settings were tried"
+            @if diverged > 0 { ", of which " (number::count(diverged)) " diverged" }
+            "; the chosen regression has " (number::count(usize::try_from(rows).unwrap_or(usize::MAX))) " rows"
+            @if skipped > 0 { " (" (number::count(usize::try_from(skipped).unwrap_or(usize::MAX))) " left out for missing samples)" }
+            " and a library of condition number " (number::text(found.condition, 2)) "."
+        }
+        (columns(&[chart, best(&found.trials, found.chosen, dt)]))
+    })
+}
+
+/// Libraries in the order in which they were tried.
+fn libraries(trials: &[Trial]) -> Vec<Library> {
+    let mut list: Vec<Library> = Vec::new();
+    for trial in trials {
+        if !list.contains(&trial.library) {
+            list.push(trial.library);
+        }
+    }
+    list
+}
+
+fn short(library: Library) -> String {
+    let squares = if library.signed_squares { " + x|x|" } else { "" };
+    format!("degree {}{squares}", library.degree)
+}
+
+fn colour(index: usize) -> RGBColor {
+    // The model's blue, then the colours of series from the darker ones on.
+    const ORDER: [RGBColor; 4] = [style::SERIES[0], style::MODEL, style::SERIES[2], style::SERIES[3]];
+    ORDER[index % ORDER.len()]
+}
+
+/// The chart, and how many finite scores lie above it.
+fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
+    let scores = || trials.iter().filter_map(|t| t.score).filter(|s| s.is_finite());
+    let best = scores().fold(f64::INFINITY, f64::min);
+    let worst = scores().fold(0.0, f64::max);
+    let (bottom, top) =
+        if best.is_finite() { (0.0, (SHOWN * best).min(1.15 * worst).max(1e-9)) } else { (0.0, 1.0) };
+    let most = trials.iter().map(|t| t.terms).max().unwrap_or(1) as f64;
+    let mut panel = Panel::new("validation score (mean NRMSE)").height(250.0).range(bottom, top);
+    let mut figure =
+        Figure::new("Validation score against number of terms, all settings", "terms in all equations")
+            .x_range(0.0, 1.05 * most + 1.0);
+    let mut above = 0;
+    for (i, library) in libraries(trials).into_iter().enumerate() {
+        let (mut inside, mut over, mut lost) = (Vec::new(), Vec::new(), Vec::new());
+        for trial in trials.iter().filter(|t| t.library == library) {
+            let terms = trial.terms as f64;
+            match trial.score {
+                Some(score) if score <= top => inside.push((terms, score)),
+                Some(_) => over.push((terms, 0.975 * top)),
+                None => lost.push((terms, 0.925 * top)),
+            }
+        }
+        above += over.len();
+        for (points, sign, radius) in
+            [(inside, Sign::Disc, 3.4), (over, Sign::Up, 3.6), (lost, Sign::Cross, 3.2)]
+        {
+            panel = panel.mark(Mark::Points(Points { points, sign, colour: colour(i), radius, label: None }));
+        }
+        figure = figure.key(Key::Sign(Sign::Disc, colour(i)), short(library));
+    }
+    let winner = trials.get(chosen).and_then(|t| t.score.map(|s| (t.terms as f64, s)));
+    if let Some(winner) = winner {
+        let points = Points {
+            points: vec![winner],
+            sign: Sign::Ring,
+            colour: style::INK,
+            radius: 7.0,
+            label: Some("chosen".to_owned()),
+        };
+        panel = panel.mark(Mark::Points(points));
+    }
+    (figure.panel(panel), above)
+}
+
+fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
+    let mut order: Vec<usize> = (0..trials.len()).collect();
+    let key = |i: usize| trials[i].score.unwrap_or(f64::INFINITY);
+    order.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then((a != chosen).cmp(&(b != chosen))));
+    let heads = ["library", "rows over", "selection", "ridge", "terms", "score"].map(cell);
+    let rows: Vec<Vec<Markup>> = order
+        .into_iter()
+        .take(BEST)
+        .map(|i| {
+            let trial = &trials[i];
+            let score = trial.score.map_or_else(|| "diverged".to_owned(), |s| fixed(s, 4));
+            [
+                short(trial.library),
+                match trial.regression {
+                    Regression::Midpoint { intervals } => {
+                        format!("{} s", seconds_text(intervals as f64 * dt))
+                    }
+                    Regression::Central => "central".to_owned(),
+                },
+                match trial.optimizer {
+                    Optimizer::Stepwise(tolerance) => format!("{} %", trimmed(100.0 * tolerance)),
+                    Optimizer::Stlsq(threshold) => format!("≥ {}", trimmed(threshold)),
+                },
+                ridge(trial.ridge),
+                number::count(trial.terms),
+                score,
+            ]
+            .map(|text| {
+                if i == chosen {
+                    html! { b { (text) } }
+                } else {
+                    cell(text)
+                }
+            })
+            .into()
+        })
+        .collect();
+    html! {
+        (table(&heads, &rows, 1))
+        p.small {
+            "The best " (rows.len()) " of " (number::count(trials.len())) "; the chosen one in bold. "
+            "Rows over: the time over which an increment was taken (“central”: central differences). "
+            "Selection: a term leaves if the residual then grows by less than the percentage, or (≥) if its contribution is below the number. "
+            "Score: mean NRMSE on the validation runs."
+        }
+    }
+}
+
+pub(super) fn regression(regression: Regression, dt: f64) -> String {
+    match regression {
+        Regression::Midpoint { intervals } => {
+            format!("increments, {} s", seconds_text(intervals as f64 * dt))
+        }
+        Regression::Central => "central differences".to_owned(),
+    }
+}
+
+pub(super) fn optimizer(optimizer: Optimizer) -> String {
+    match optimizer {
+        Optimizer::Stepwise(tolerance) => format!("elimination, {} %", trimmed(100.0 * tolerance)),
+        Optimizer::Stlsq(threshold) => format!("threshold {}", trimmed(threshold)),
+    }
+}
+
+pub(super) fn ridge(value: f64) -> String {
+    if value == 0.0 || value >= 1e-3 { trimmed(value) } else { number::text(value, 1) }
+}
+
+/// The shortest decimal that means the number.
+fn trimmed(value: f64) -> String {
+    let rounded = format!("{value:.6}");
+    rounded.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
