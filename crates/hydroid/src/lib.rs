@@ -2,7 +2,8 @@
 //!
 //! The modules in the order of dependence: [`log`] knows nothing of the others; [`excitation`] makes
 //! commands and [`simulate`] turns them into logs; [`evaluate`] judges any model; [`sindy`] finds equations;
-//! [`model`] is what was found, and its file.
+//! [`model`] is what was found, and its file; [`identify`] is the whole way from runs to a judged model, and
+//! [`report`] the page that shows it.
 
 pub mod atomic;
 pub mod evaluate;

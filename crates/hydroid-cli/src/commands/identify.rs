@@ -7,6 +7,7 @@ use hydroid::excitation::Excitation;
 use hydroid::identify::{self, Grade, Identified, Job};
 use hydroid::log::{Note, Split, split_named};
 use hydroid::model::{self, Reading};
+use hydroid::report::{self, Context};
 use hydroid::simulate::Options;
 use hydroid::{atomic, log};
 use hydroid_core::vessel::VesselParams;
@@ -44,7 +45,7 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         files = demonstration(&args.output, seed, global)?;
     }
     let reading = logs::reading(logs::configured(log), &args.log)?;
-    let (split, reading, mut notes) = files.split(&reading)?;
+    let (split, reading, notes) = files.split(&reading)?;
     ui::tell(&notes, global);
     sindy.degree = args.degree.or(sindy.degree);
     sindy.threshold = args.threshold.or(sindy.threshold);
@@ -62,8 +63,8 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let identified = identify::identify(&job, &mut bar.callback())?;
     drop(bar);
     ui::tell(&identified.warnings, global);
-    notes.extend(identified.warnings.iter().cloned());
-    let summary = write(&args.output, &identified, &notes)?;
+    let page = page(&files, &job, &identified, &notes)?;
+    let summary = write(&args.output, &identified, &notes, &page)?;
     if global.json {
         super::print_json(&summary)?;
     } else {
@@ -135,8 +136,43 @@ fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Fil
     Ok(Files { train: vec![train], validate: vec![validate], test: vec![test] })
 }
 
-/// Writes model and summary; gives the summary.
-fn write(folder: &Path, identified: &Identified, notes: &[Note]) -> anyhow::Result<serde_json::Value> {
+/// The page, as text.
+fn page(files: &Files, job: &Job, identified: &Identified, notes: &[Note]) -> anyhow::Result<String> {
+    let all = files.train.iter().chain(&files.validate).chain(&files.test);
+    let sources: Vec<String> = all.map(|file| file.display().to_string()).collect();
+    let quoted = |word: String| {
+        if word.contains([' ', '[', '*', '$', '"', '\'', ';', '&', '(', '|']) {
+            format!("'{}'", word.replace('\'', "'\\''"))
+        } else {
+            word
+        }
+    };
+    let command: Vec<String> =
+        std::iter::once(String::from("hydroid")).chain(std::env::args().skip(1)).map(quoted).collect();
+    let context = Context {
+        title: title(&sources),
+        command: command.join(" "),
+        sources,
+        notes: notes.to_vec(),
+        seed: job.seed,
+        ..Context::default()
+    };
+    Ok(report::identification(identified, &job.split, &context)?)
+}
+
+/// A heading from the folder of the logs: the vessel's name more often than not.
+fn title(sources: &[String]) -> String {
+    let folder = sources.first().and_then(|source| Path::new(source).parent()?.file_name()?.to_str());
+    folder.map_or_else(|| String::from("Identification"), |name| format!("Identification: {name}"))
+}
+
+/// Writes model, page and summary; gives the summary.
+fn write(
+    folder: &Path,
+    identified: &Identified,
+    notes: &[Note],
+    page: &str,
+) -> anyhow::Result<serde_json::Value> {
     let mut models = Vec::new();
     for candidate in &identified.candidates {
         let file = model_file(folder, &candidate.model.description.name);
@@ -155,8 +191,9 @@ fn write(folder: &Path, identified: &Identified, notes: &[Note]) -> anyhow::Resu
         "models": models,
         "best": identified.best.map(|i| identified.candidates[i].model.description.name.clone()),
         "verdicts": identified.verdicts,
-        "warnings": notes,
+        "warnings": notes.iter().chain(&identified.warnings).collect::<Vec<_>>(),
     });
+    atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;
     let text = serde_json::to_string_pretty(&summary)?;
     atomic::write(&folder.join("identify.json"), |out| writeln!(out, "{text}"))?;
     Ok(summary)
