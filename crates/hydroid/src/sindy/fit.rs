@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::assemble::{Assembled, assemble};
 use super::kernel::Regression;
+use super::library::Library;
 use super::stepwise::stepwise;
 use super::stlsq::{SparseSolution, Stlsq, stlsq};
 use super::triangle::Triangle;
@@ -58,6 +59,18 @@ pub enum FitError {
         rows: u64,
         /// Terms of the library.
         terms: usize,
+    },
+    /// The library is too large to work with.
+    #[error(
+        "the {library} has {terms} terms in these variables; {most} are the most. Choose a smaller degree"
+    )]
+    TooManyTerms {
+        /// The library asked for.
+        library: Library,
+        /// Its terms.
+        terms: u128,
+        /// The most that are worked with.
+        most: u128,
     },
     /// An output that does not vary has no equation.
     #[error("output '{0}' does not vary in the training runs: there is nothing to identify. Leave it out")]

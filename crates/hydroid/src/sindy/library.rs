@@ -19,6 +19,17 @@ impl Library {
         Self { degree, signed_squares: false }
     }
 
+    /// Number of terms over `variables` variables, without making them: a slip in the degree asks for more
+    /// than any memory holds.
+    pub fn size(self, variables: u16) -> u128 {
+        // C(variables + degree, degree), at most C(65790, 255), which saturates.
+        let monomials = (1..=u128::from(self.degree)).try_fold(1u128, |count, degree| {
+            Some(count.checked_mul(u128::from(variables) + degree)? / degree)
+        });
+        let squares = if self.signed_squares { u128::from(variables) } else { 0 };
+        monomials.unwrap_or(u128::MAX).saturating_add(squares)
+    }
+
     /// The terms over `variables` variables, in the order of rising degree and then of the variables
     /// (PySINDy's order), signed squares last.
     pub fn terms(self, variables: u16) -> Vec<Term> {
@@ -69,6 +80,9 @@ mod tests {
     fn number_of_monomials_is_the_binomial_coefficient() {
         for (variables, degree, count) in [(6u16, 2, 28), (8, 3, 165), (5, 0, 1), (1, 4, 5), (0, 3, 1)] {
             assert_eq!(Library::polynomial(degree).terms(variables).len(), count);
+            assert_eq!(Library::polynomial(degree).size(variables), count as u128);
+            let squares = Library { degree, signed_squares: true };
+            assert_eq!(squares.size(variables), squares.terms(variables).len() as u128);
         }
     }
 }

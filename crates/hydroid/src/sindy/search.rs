@@ -82,6 +82,9 @@ pub enum SearchError {
     Cancelled(#[from] Cancelled),
 }
 
+/// The largest library that is tried: time grows with the square of the terms, for each row.
+const MOST_TERMS: u128 = 2_000;
+
 /// Integration steps that keep the inner step at or below 0.1 s, the range in which RK4 is exact to the
 /// accuracy of any log.
 pub fn substeps(dt: f64) -> usize {
@@ -114,8 +117,12 @@ pub fn search(
     for (index, (&library, &regression)) in
         grid.libraries.iter().flat_map(|l| grid.regressions.iter().map(move |r| (l, r))).enumerate()
     {
-        let regression_of =
-            Prepared::new(training, library.terms(variables), regression, &Scaling::Contribution);
+        let terms = library.size(variables);
+        let regression_of = if terms > MOST_TERMS {
+            Err(FitError::TooManyTerms { library, terms, most: MOST_TERMS })
+        } else {
+            Prepared::new(training, library.terms(variables), regression, &Scaling::Contribution)
+        };
         let equations_of = match regression_of {
             Ok(prepared) => prepared,
             Err(error) => {
