@@ -414,6 +414,65 @@ fn a_session_sees_each_run_from_its_start() {
     assert!(y.iter().all(|y| y.is_finite()), "the caller's session is where it was");
 }
 
+/// Remembers how often it observed and advanced since it was reset, and predicts both numbers.
+#[derive(Clone)]
+struct Memory {
+    observed: f64,
+    advanced: f64,
+}
+
+impl Predictor for Memory {
+    fn outputs(&self) -> usize {
+        2
+    }
+    fn inputs(&self) -> usize {
+        1
+    }
+    fn reset(&mut self) {
+        (self.observed, self.advanced) = (0.0, 0.0);
+    }
+    fn observe(&mut self, _y: &[f64]) {
+        self.observed += 1.0;
+    }
+    fn advance(&mut self, c: &[f64]) {
+        assert_eq!(c[0], self.advanced, "each command once, in order");
+        self.advanced += 1.0;
+    }
+    fn output(&self, y: &mut [f64]) {
+        y.copy_from_slice(&[self.observed, self.advanced]);
+    }
+    fn rollout(&self, _commands: &[f64], _work: &mut Workspace, y: &mut [f64]) {
+        for row in y.chunks_exact_mut(2) {
+            self.output(row);
+        }
+    }
+    fn snapshot_len(&self) -> usize {
+        2
+    }
+    fn snapshot(&self, into: &mut [f64]) {
+        self.output(into);
+    }
+    fn restore(&mut self, from: &[f64]) {
+        (self.observed, self.advanced) = (from[0], from[1]);
+    }
+    fn fork(&self) -> Box<dyn Predictor> {
+        Box::new(self.clone())
+    }
+}
+
+#[test]
+fn at_origin_k_a_session_has_observed_k_and_was_commanded_up_to_k_less_one() {
+    // At origin k: k + 1 observations, k commands. The run says just that, one sample later.
+    let outputs: Vec<Vec<f64>> = (0..3_000).map(|k| vec![f64::from(k), f64::from(k - 1)]).collect();
+    let range = [DesignRange { low: 0.0, high: 3_000.0 }; 2];
+    let used = Memory { observed: 7.0, advanced: 3.0 };
+    let (a, b) = (run("a", &outputs), run("b", &outputs[..2_000]));
+    let silent = &mut |_| ControlFlow::Continue(());
+    let result = evaluate("memory", &used, &range, &[&a, &b], &options(2), silent).unwrap();
+    assert_eq!((result.windows, result.diverged), (2_998 + 1_998, 0));
+    assert_eq!(result.max, [[0.0, 0.0], [1.0, 1.0]]);
+}
+
 fn keys(value: &serde_json::Value) -> BTreeSet<&str> {
     value.as_object().unwrap().keys().map(String::as_str).collect()
 }

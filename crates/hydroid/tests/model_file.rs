@@ -223,6 +223,9 @@ fn other_things_are_told_apart() {
     );
     assert!(nowhere.to_string().contains("nowhere.safetensors"));
     assert!(matches!(read(&log.join("below")), Err(ModelError::Read { .. })));
+    // A device has no length and no end.
+    #[cfg(unix)]
+    assert!(matches!(read(Path::new("/dev/zero")), Err(ModelError::NotAModel { .. })));
     // Sparse: a gigabyte and a byte that is not there. It is refused by its size.
     let huge = put("huge.safetensors", b"");
     std::fs::OpenOptions::new().write(true).open(&huge).unwrap().set_len((1 << 30) + 1).unwrap();

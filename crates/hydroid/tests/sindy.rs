@@ -3,11 +3,13 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
+use hydroid::evaluate::{self, DesignRange};
 use hydroid::excitation::Excitation;
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Assembled, Fit, FitError, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, assemble,
+    Assembled, Fit, FitError, FitOptions, Found, Grid, Library, Optimizer, Prepared, Regression, Scaling,
+    SearchError, assemble, search,
 };
 use hydroid_core::model::sparse::{Program, Term};
 use hydroid_core::vessel::VesselParams;
@@ -354,6 +356,54 @@ fn the_residual_of_a_ridge_fit_is_that_of_the_data() {
         let got = fit.residual_rms[0];
         assert!((got / expected - 1.0).abs() < 1e-9, "{got} for {expected} ({optimizer:?}, ridge {ridge})");
     }
+}
+
+fn grid(degree: u8) -> Grid {
+    Grid {
+        libraries: vec![Library::polynomial(degree)],
+        regressions: vec![MIDPOINT],
+        optimizers: vec![Optimizer::Stepwise(0.01), Optimizer::Stepwise(0.02)],
+        ridges: vec![0.0, 1e-6],
+    }
+}
+
+fn search_of(data: &Trajectory, grid: &Grid) -> Result<Found, SearchError> {
+    let options = evaluate::Options { horizon: 10, ..evaluate::Options::default() };
+    search(&[data], &[data], &[DesignRange { low: -3.0, high: 3.0 }], grid, &options, &mut |_| {
+        ControlFlow::Continue(())
+    })
+}
+
+#[test]
+fn the_search_chooses_what_predicts_and_says_what_it_tried() {
+    let mut data = linear(1_000);
+    add_noise(&mut data, 0.01);
+    let mut both = grid(1);
+    both.libraries.push(Library::polynomial(0));
+    let found = search_of(&data, &both).unwrap();
+    let chosen = &found.trials[found.chosen];
+    assert_eq!(chosen.library, Library::polynomial(1), "a constant predicts nothing");
+    assert!(found.trials.iter().all(|t| t.score.unwrap() >= chosen.score.unwrap()));
+    assert!(found.trials.len() < 8, "a setting that changes nothing is not judged again");
+    assert_eq!((found.rows, found.unidentifiable.len()), ((999, 0), 0));
+    assert!((found.fit.equations.coefficient(0, 1) + 1.0).abs() < 0.05);
+    assert!(matches!(search_of(&data, &Grid { ridges: Vec::new(), ..grid(1) }), Err(SearchError::Empty)));
+}
+
+/// `--degree 50` once asked for some hundred gigabytes.
+#[test]
+fn a_library_beyond_all_measure_is_refused_before_it_is_made() {
+    let data = linear(100);
+    for degree in [100, 255] {
+        let refused = search_of(&data, &grid(degree)).unwrap_err();
+        let SearchError::LibraryTooLarge { terms, .. } = refused else { panic!("{refused}") };
+        // Monomials in two variables up to degree d: (d + 1)(d + 2)/2.
+        assert_eq!(terms, (usize::from(degree) + 1) * (usize::from(degree) + 2) / 2);
+    }
+    // Beside a library that is small enough it is passed over.
+    let mut both = grid(1);
+    both.libraries.push(Library::polynomial(255));
+    assert_eq!(search_of(&data, &both).unwrap().trials[0].library, Library::polynomial(1));
 }
 
 /// The true coefficients of the simple plant, `[equation][term]`, in physical units; the reference has forces

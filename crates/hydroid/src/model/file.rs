@@ -128,6 +128,10 @@ pub fn read(path: &Path) -> Result<Model, ModelError> {
     if metadata.is_dir() {
         return Err(ModelError::NotAModel { path: path.to_owned(), reason: String::from("it is a folder") });
     }
+    if !metadata.is_file() {
+        let reason = String::from("it is a device or a pipe");
+        return Err(ModelError::NotAModel { path: path.to_owned(), reason });
+    }
     if metadata.len() > LARGEST {
         let reason = format!("{} bytes are too many for a model", metadata.len());
         return Err(ModelError::NotAModel { path: path.to_owned(), reason });

@@ -95,7 +95,7 @@ pub enum SearchError {
 }
 
 /// Terms of a library at the most: the cost of selecting among them grows with their cube.
-const MOST_TERMS: usize = 600;
+const MOST_TERMS: usize = 1_000;
 
 /// Integration steps that keep the inner step at or below 0.1 s, the range in which RK4 is exact to the
 /// accuracy of any log.
@@ -121,12 +121,6 @@ pub fn search(
     let run = training.first().ok_or(SearchError::Empty)?;
     let variables = run.outputs.width() + run.inputs.width();
     let variables = u16::try_from(variables).map_err(|_| SearchError::Empty)?;
-    for &library in &grid.libraries {
-        let terms = library.count(variables);
-        if terms > MOST_TERMS {
-            return Err(SearchError::LibraryTooLarge { library, variables, terms });
-        }
-    }
     let mut trials: Vec<Trial> = Vec::new();
     let mut fits: Vec<(Fit, usize)> = Vec::new();
     let mut prepared: Vec<Prepared> = Vec::new();
@@ -135,13 +129,18 @@ pub fn search(
     for (index, (&library, &regression)) in
         grid.libraries.iter().flat_map(|l| grid.regressions.iter().map(move |r| (l, r))).enumerate()
     {
+        // Larger libraries may be beyond these runs; the first refusal is the plainest.
+        let terms = library.count(variables);
+        if terms > MOST_TERMS {
+            refusal.get_or_insert(SearchError::LibraryTooLarge { library, variables, terms });
+            continue;
+        }
         let regression_of =
             Prepared::new(training, library.terms(variables), regression, &Scaling::Contribution);
         let equations_of = match regression_of {
             Ok(prepared) => prepared,
             Err(error) => {
-                // Larger libraries may ask for more rows than there are; the first refusal is the plainest.
-                refusal.get_or_insert(error);
+                refusal.get_or_insert(error.into());
                 continue;
             }
         };
@@ -150,7 +149,14 @@ pub fn search(
             progress::report(progress, done)?;
             let mut last: Option<Fit> = None;
             for &optimizer in &grid.optimizers {
-                let fit = equations_of.fit(&FitOptions { optimizer, ridge, substeps: substeps(run.dt) })?;
+                let options_of = FitOptions { optimizer, ridge, substeps: substeps(run.dt) };
+                let fit = match equations_of.fit(&options_of) {
+                    Ok(fit) => fit,
+                    Err(error) => {
+                        refusal.get_or_insert(error.into());
+                        continue;
+                    }
+                };
                 // A stricter setting that changes nothing need not be judged again.
                 if last.as_ref().is_some_and(|last| last.scaled == fit.scaled) {
                     continue;
@@ -174,7 +180,7 @@ pub fn search(
     }
     let Some(best) = trials.iter().filter_map(|t| t.score).min_by(f64::total_cmp) else {
         return Err(match refusal {
-            Some(error) if trials.is_empty() => error.into(),
+            Some(error) if trials.is_empty() => error,
             _ if trials.is_empty() => SearchError::Empty,
             _ => SearchError::AllDiverged(trials.len()),
         });

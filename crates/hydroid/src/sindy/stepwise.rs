@@ -12,6 +12,10 @@ use super::triangle::Triangle;
 /// the error that the discretisation of the derivative leaves in noise-free data.
 const NEGLIGIBLE: f64 = 1e-5;
 
+/// Where an element of the inverse has fallen to less than this share of itself, so many of its digits are
+/// lost that the inverse is made anew.
+const CANCELLED: f64 = 1e-6;
+
 /// Solves one equation: terms leave until none can leave without raising the residual sum of squares by
 /// more than the fraction `tolerance`. Columns `0..terms` are the library, column `target` the right-hand
 /// side; the final coefficients are those of the given (possibly ridged) triangle on the remaining terms.
@@ -23,6 +27,8 @@ pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) 
     let total = ridged.column_norm(target).powi(2);
     let mut residual = full.residual.powi(2);
     let (mut inverse, mut x) = inverse_and_solution(ridged, &support, target);
+    // Diagonal of the inverse when it was last made from the triangle.
+    let mut fresh: Vec<f64> = diagonal(&inverse, support.len()).collect();
     loop {
         let n = support.len();
         let rise = |k: usize| x[k] * x[k] / inverse[k * n + k];
@@ -31,7 +37,8 @@ pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) 
         if cost > tolerance * residual + NEGLIGIBLE * total {
             break;
         }
-        // Schur complements take the row and column of the weakest term out of the inverse.
+        // Schur complements take the row and column of the weakest term out of the inverse. Where a near
+        // twin of another term leaves, nearly all of an element cancels, and only the triangle knows the rest.
         let pivot = inverse[weakest * n + weakest];
         let others: Vec<usize> = (0..n).filter(|&k| k != weakest).collect();
         x = others.iter().map(|&k| x[k] - inverse[k * n + weakest] * x[weakest] / pivot).collect();
@@ -42,6 +49,12 @@ pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) 
             .collect();
         residual += cost;
         support.remove(weakest);
+        fresh.remove(weakest);
+        if fresh.iter().zip(diagonal(&inverse, n - 1)).any(|(fresh, now)| now <= CANCELLED * fresh) {
+            (inverse, x) = inverse_and_solution(ridged, &support, target);
+            fresh = diagonal(&inverse, n - 1).collect();
+            residual = ridged.solve(&support, target).residual.powi(2);
+        }
     }
     let solution = ridged.solve(&support, target);
     let mut coefficients = vec![0.0; terms];
@@ -49,6 +62,10 @@ pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) 
         coefficients[j] = c;
     }
     SparseSolution { coefficients, dependent, residual: solution.residual }
+}
+
+fn diagonal(matrix: &[f64], n: usize) -> impl Iterator<Item = f64> + '_ {
+    matrix.iter().step_by(n + 1).copied()
 }
 
 /// Inverse of the normal matrix of some columns, row by row, and the least-squares coefficients.

@@ -113,7 +113,6 @@ impl Triangle {
         }
         let mut ridged = self.clone();
         ridged.merge(&diagonal);
-        ridged.rows = self.rows;
         ridged
     }
 
