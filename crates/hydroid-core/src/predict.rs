@@ -57,7 +57,8 @@ pub trait Predictor: Send + Sync {
         1
     }
 
-    /// Forgets the run; what was learned from it too, where weights are adapted.
+    /// Back to the start of a run: outputs, hidden and lag states are forgotten. Whether a session that
+    /// learns also drops what it learned is its own setting; evaluation resets before every run.
     fn reset(&mut self);
 
     /// Takes the measurement `y_k`. A NaN is a missing value: the session keeps what it predicted for

@@ -59,6 +59,14 @@ pub enum FitError {
         /// Terms of the library.
         terms: usize,
     },
+    /// Runs that do not belong together.
+    #[error("runs '{first}' and '{second}' differ in sample time or channels: prepare them together")]
+    DifferentRuns {
+        /// The first run.
+        first: String,
+        /// The run that differs from it.
+        second: String,
+    },
     /// An output that does not vary has no equation.
     #[error("output '{0}' does not vary in the training runs: there is nothing to identify. Leave it out")]
     Constant(String),
@@ -100,7 +108,7 @@ impl Prepared {
     /// Streams the runs through the library into a triangle.
     ///
     /// # Errors
-    /// If there are too few rows for the terms, or an output does not vary.
+    /// If there are too few rows for the terms, an output does not vary, or the runs do not belong together.
     pub fn new(
         runs: &[&Trajectory],
         terms: Vec<Term>,
@@ -111,6 +119,13 @@ impl Prepared {
             return Err(FitError::TooFewRows { rows: 0, terms: terms.len() });
         };
         let (outputs, inputs) = (first.outputs.width(), first.inputs.width());
+        let alike = |run: &&&Trajectory| {
+            (run.outputs.width(), run.inputs.width()) == (outputs, inputs)
+                && (run.dt / first.dt - 1.0).abs() <= 1e-6
+        };
+        if let Some(other) = runs.iter().find(|run| !alike(run)) {
+            return Err(FitError::DifferentRuns { first: first.name.clone(), second: other.name.clone() });
+        }
         let program = Program::new(&terms, outputs + inputs)?;
         let Assembled { triangle, skipped } = assemble(&program, runs, regression);
         if triangle.rows() <= terms.len() as u64 {

@@ -50,10 +50,26 @@ impl From<Term> for Vec<Factor> {
 }
 
 impl Term {
-    /// A product of factors, in any order.
+    /// A product of factors, in any order; powers of one variable are joined.
     pub fn new(mut factors: Vec<Factor>) -> Self {
         factors.sort_unstable();
-        Self { factors }
+        let mut joined: Vec<Factor> = Vec::with_capacity(factors.len());
+        for factor in factors {
+            let sum = match (joined.last(), factor.shape) {
+                (Some(Factor { variable, shape: Shape::Power(a) }), Shape::Power(b))
+                    if *variable == factor.variable =>
+                {
+                    // Beyond what an exponent holds the two stay apart, which is as true.
+                    a.checked_add(b)
+                }
+                _ => None,
+            };
+            match (joined.last_mut(), sum) {
+                (Some(last), Some(sum)) => last.shape = Shape::Power(sum),
+                _ => joined.push(factor),
+            }
+        }
+        Self { factors: joined }
     }
 
     /// The constant 1.
@@ -61,18 +77,9 @@ impl Term {
         Self { factors: Vec::new() }
     }
 
-    /// The monomial `prod x_i^{n_i}`, given as pairs of variable and exponent; a variable may repeat.
+    /// The product of some variables; one that is named `n` times stands to the power `n`.
     pub fn monomial(variables: &[u16]) -> Self {
-        let mut factors: Vec<Factor> = Vec::new();
-        let mut sorted = variables.to_vec();
-        sorted.sort_unstable();
-        for variable in sorted {
-            match factors.last_mut() {
-                Some(Factor { variable: v, shape: Shape::Power(n) }) if *v == variable => *n += 1,
-                _ => factors.push(Factor { variable, shape: Shape::Power(1) }),
-            }
-        }
-        Self { factors }
+        Self::new(variables.iter().map(|&variable| Factor { variable, shape: Shape::Power(1) }).collect())
     }
 
     /// The signed product `x |y|`; with `y = x` the signed square.
@@ -147,5 +154,26 @@ impl Shape {
             Self::Power(n) => usize::from(n),
             Self::Abs => 1,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+
+    #[test]
+    fn powers_of_one_variable_are_joined_however_they_are_given() {
+        let power = |variable, n| Factor { variable, shape: Shape::Power(n) };
+        let abs = |variable| Factor { variable, shape: Shape::Abs };
+        assert_eq!(
+            Term::new(vec![power(1, 1), power(0, 2), power(1, 1)]).factors(),
+            [power(0, 2), power(1, 2)]
+        );
+        assert_eq!(Term::monomial(&[1, 0, 1, 0]), Term::new(vec![power(0, 2), power(1, 2)]));
+        assert_eq!(Term::new(vec![abs(0), power(0, 1), power(0, 1)]).factors(), [power(0, 2), abs(0)]);
+        // More than an exponent holds.
+        let large = Term::new(vec![power(0, 200), power(0, 100)]);
+        assert_eq!((large.degree(), large.value(&[1.01])), (300, 1.01f64.powi(200) * 1.01f64.powi(100)));
     }
 }
