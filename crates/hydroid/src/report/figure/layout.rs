@@ -48,7 +48,7 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
         for (row, keys) in legend.iter().enumerate() {
             draw_legend(canvas, keys, LEGEND * (row as f64 + 0.5));
         }
-        let x_ticks = x.ticks(6, 9);
+        let x_ticks = roomy(&x, right - left);
         for (i, panel) in placed.iter().enumerate() {
             let last = i + 1 == placed.len();
             draw_axes(canvas, panel, &x, &x_ticks, last.then_some(figure.x_label.as_str()));
@@ -58,6 +58,22 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
             }
         }
     })
+}
+
+/// Ticks whose labels do not touch over a width.
+fn roomy(x: &Scale, width: f64) -> Ticks {
+    let fits = |ticks: &Ticks| {
+        let widest =
+            ticks.values.iter().map(|v| text::width(&ticks.label(*v), style::SMALL)).fold(0.0, f64::max);
+        let (low, high) = x.range();
+        let apart = match ticks.values[..] {
+            [a, b, ..] => (b - a) / (high - low) * width,
+            _ => width,
+        };
+        widest + 14.0 <= apart
+    };
+    let candidates = || [6, 5, 4, 3, 2].map(|wanted| x.ticks(wanted, wanted + 3)).into_iter();
+    candidates().find(fits).unwrap_or_else(|| x.ticks(2, 3))
 }
 
 /// Labels beside the ends of lines.
