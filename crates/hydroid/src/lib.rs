@@ -2,7 +2,7 @@
 //!
 //! The modules in the order of dependence: [`log`] knows nothing of the others; [`excitation`] makes
 //! commands and [`simulate`] turns them into logs; [`evaluate`] judges any model; [`sindy`] finds equations;
-//! [`model`] is what was found, and its file.
+//! [`model`] is what was found, and its file; [`identify`] does it all, and [`report`] tells it as a page.
 
 pub mod atomic;
 pub mod evaluate;
