@@ -7,7 +7,7 @@ use super::scale::{Scale, Ticks, cover, padded};
 use super::{Figure, FigureError, Key, Mark, Panel, Sign, style, text};
 
 /// Space above a panel for its label.
-const HEAD: f64 = 31.0;
+const HEAD: f64 = 30.0;
 /// Space below the last panel for tick labels and the axis' name.
 const FOOT: f64 = 42.0;
 /// Height of a row of the legend.
@@ -39,7 +39,7 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
     let mut placed = Vec::with_capacity(figure.panels.len());
     for (panel, (scale, ticks)) in figure.panels.iter().zip(scales) {
         let frame = Frame { left, top: top + HEAD, right, bottom: top + HEAD + panel.height };
-        top = frame.bottom + 4.0;
+        top = frame.bottom + 7.0;
         placed.push(Placed { panel, frame, y: Scale::new(scale.range(), frame.bottom, frame.top), ticks });
     }
     let x = Scale::new(horizontal(figure), left, right);
@@ -145,8 +145,12 @@ fn draw_axes(
         canvas.line(&[(at, bottom), (at, bottom + 4.0)], hair(style::AXIS));
         canvas.text((at, bottom + 14.0), &x_ticks.label(value), style::SMALL, style::MUTED, Align::Middle);
     }
-    let label = format!("{x_label} {}", x_ticks.factor());
-    canvas.text((0.5 * (left + right), bottom + 33.0), label.trim(), style::TEXT, style::INK, Align::Middle);
+    let factor = x_ticks.factor();
+    let room = style::WIDTH - 20.0 - text::width(&factor, style::TEXT);
+    let label = format!("{} {factor}", text::fit(x_label, style::TEXT, room));
+    let half = 0.5 * text::width(label.trim(), style::TEXT);
+    let middle = (0.5 * (left + right)).min(style::WIDTH - half - 4.0).max(half + 2.0);
+    canvas.text((middle, bottom + 33.0), label.trim(), style::TEXT, style::INK, Align::Middle);
 }
 
 /// Width of a key with its text and the space behind it.
