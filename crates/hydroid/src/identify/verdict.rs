@@ -60,11 +60,12 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
 pub(super) fn warnings(candidate: &Candidate, verdicts: &[Verdict], data: &[ChannelSummary]) -> Vec<Note> {
     let mut notes = Vec::new();
     let test = &candidate.test;
-    let horizon_s = test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt);
+    // Rounded to a millisecond, so that the product of steps and step reads as what it is.
+    let horizon_s = (1e3 * test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt)).round() / 1e3;
     for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
         notes.push(
             Note::warning(format!(
-                "'{}' is not identified: over {horizon_s:.3} s its error is {:.2} of its own variation, keeping the last value gives {:.2}",
+                "'{}' is not identified: over {horizon_s} s its error is {:.2} of its own variation, keeping the last value gives {:.2}",
                 verdict.channel, verdict.nrmse, verdict.persistence
             ))
             .with_remedy(
@@ -89,18 +90,16 @@ pub(super) fn warnings(candidate: &Candidate, verdicts: &[Verdict], data: &[Chan
             );
         }
     }
+    let mut outside = Vec::new();
     for summary in data {
         let [train, _, test] = summary.parts;
         let width = train.max - train.min;
         let beyond = (train.min - test.min).max(test.max - train.max);
         if width > 0.0 && beyond > 0.1 * width {
-            notes.push(
-                Note::warning(format!(
-                    "the test runs leave the range of the training runs in '{}': {:.3} to {:.3} against {:.3} to {:.3}",
-                    summary.channel.name, test.min, test.max, train.min, train.max
-                ))
-                .with_remedy("equations are not to be trusted outside the range they were fitted on: train on runs that cover it"),
-            );
+            outside.push(format!(
+                "{} ({:.3} to {:.3} against {:.3} to {:.3})",
+                summary.channel.name, test.min, test.max, train.min, train.max
+            ));
         }
         if summary.input && width == 0.0 {
             notes.push(
@@ -111,6 +110,12 @@ pub(super) fn warnings(candidate: &Candidate, verdicts: &[Verdict], data: &[Chan
                 .with_remedy("leave it out, or log a run in which it moves"),
             );
         }
+    }
+    if !outside.is_empty() {
+        notes.push(
+            Note::warning(format!("the test runs leave the range of the training runs in {}", outside.join(", ")))
+                .with_remedy("equations are not to be trusted outside the range they were fitted on: train on runs that cover it"),
+        );
     }
     if candidate.found.condition > 1e6 {
         notes.push(

@@ -106,7 +106,7 @@ fn channel_table(channels: &[ChannelSummary]) -> Markup {
         .map(|summary| {
             let [train, validation, test] = summary.parts;
             vec![
-                cell(with_unit(&summary.channel.name, &summary.channel.unit)),
+                html! { span.name { (with_unit(&summary.channel.name, &summary.channel.unit)) } },
                 span(train.min, train.max),
                 span(validation.min, validation.max),
                 span(test.min, test.max),

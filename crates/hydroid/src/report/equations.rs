@@ -106,11 +106,12 @@ fn where_clause(candidate: &Candidate) -> Markup {
 fn formula(names: &[&str], output: usize, parts: &[Part<'_>]) -> Markup {
     let cut = if parts.len() > SHOWN + 2 { SHOWN } else { parts.len() };
     let rest = &parts[cut..];
+    let name = names.get(output).copied().unwrap_or("?");
     let left: f64 = rest.iter().map(|part| part.share).sum();
     html! {
         div.equation {
             span.lhs {
-                span.frac { span { "d" (variable(names.get(output).unwrap_or(&"?"))) } span { "d" i { "t" } } }
+                span.frac { span { "d" @if name.chars().nth(1).is_some_and(|c| c != '_') { "\u{202f}" } (variable(name)) } span { "d" i { "t" } } }
                 span.eq { "=" }
             }
             div.rhs {
@@ -220,7 +221,7 @@ fn coefficients(
             let percent = 100.0 * part.share;
             let bar = 100.0 * part.share / largest;
             vec![
-                term(names, part.term),
+                html! { span.name { (term(names, part.term)) } },
                 cell(number::text(part.coefficient, 4)),
                 html! { span.share { span style={ "width:" (format!("{bar:.0}")) "%" } {} } (number::fixed(percent, 1)) " %" },
             ]

@@ -90,7 +90,7 @@ fn windows(candidate: &Candidate) -> Markup {
         "Each window starts from a measured sample and rolls the model on under the true commands, without looking again. "
         "Test: " (told(test)) ". Validation, where settings were chosen: " (told(validation)) "."
         @if let Some(first) = test.divergences.first() {
-            " The first to diverge: " (first.run) " from " (number::seconds_text(first.origin_s)) "\u{a0}s, in " (first.channel)
+            " The first to diverge: " (first.run) " from " (seconds_text(first.origin_s)) "\u{a0}s, in " (first.channel)
             " after " (number::duration(first.horizon as f64 * test.dt)) "."
         }
     }

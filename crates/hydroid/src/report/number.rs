@@ -95,7 +95,7 @@ pub(crate) fn count(n: usize) -> String {
 pub(crate) fn duration(seconds: f64) -> String {
     if !seconds.is_finite() {
         NONE.to_owned()
-    } else if seconds >= 60.0 && seconds < 120.0 {
+    } else if (60.0..120.0).contains(&seconds) {
         format!("{}\u{a0}s", fixed(seconds, 0))
     } else if seconds < 120.0 {
         format!("{}\u{a0}s", seconds_text(seconds))
@@ -134,12 +134,11 @@ pub(crate) fn unit(unit: &str) -> String {
             .char_indices()
             .find(|&(i, c)| !(c.is_ascii_digit() || i == 0 && c == '-'))
             .map_or(piece.len(), |(i, _)| i);
-        match piece[..end].parse::<i32>() {
-            Ok(power) => text.push_str(&superscript(power)),
-            Err(_) => {
-                text.push('^');
-                text.push_str(&piece[..end]);
-            }
+        if let Ok(power) = piece[..end].parse::<i32>() {
+            text.push_str(&superscript(power));
+        } else {
+            text.push('^');
+            text.push_str(&piece[..end]);
         }
         text.push_str(&piece[end..]);
     }

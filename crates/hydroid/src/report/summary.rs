@@ -86,6 +86,10 @@ fn headline(subject: &Subject<'_>) -> Markup {
     }
     if subject.result.best.is_none() {
         let diverged = test.diverged + validation.diverged;
+        if diverged == 0 {
+            let why = html! { "None was good enough to be called best; what follows is the first of them." };
+            return banner("bad", "No model is recommended.", &why);
+        }
         let text = html! {
             (number::count(diverged)) " of " (number::count(test.windows + validation.windows))
             " rollouts over " (over) " run away. The figures below leave these out and flatter it."
@@ -106,13 +110,13 @@ fn headline(subject: &Subject<'_>) -> Markup {
     }
     if usable.is_empty() {
         let text = html! {
-            "On runs that it has not seen, " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
+            "On data that it has not seen, " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
             " predicted over " (over) " with at most half of the error that trivial means leave."
         };
         return banner("good", "A good model.", &text);
     }
     let text = html! {
-        "On runs that it has not seen, all outputs are predicted over " (over) " better than by trivial means"
+        "On data that it has not seen, all outputs are predicted over " (over) " better than by trivial means"
         @if !good.is_empty() { "; " (list(&good)) " with at most half of their error" } "."
     };
     banner("usable", "A usable model.", &text)

@@ -168,6 +168,7 @@ fn a_useless_or_diverging_model_is_called_that_first() {
 
     let mut diverged = result.clone();
     diverged.best = None;
+    assert!(page(&diverged, &job.split).contains("No model is recommended."));
     diverged.candidates[0].test.diverged = 3;
     let text = page(&diverged, &job.split);
     assert!(text.contains("Do not use this model: it diverges."));
@@ -231,6 +232,23 @@ fn errors_that_are_not_finite_are_told_as_such() {
     wild.verdicts = verdicts(&candidate.test);
     let text = page(&wild, &job.split);
     assert!(text.contains('∞') && text.contains("cannot tell some terms"));
+}
+
+#[test]
+fn rollouts_that_blow_up_are_drawn_as_far_as_the_panel_goes() {
+    use hydroid_core::model::sparse::{Equations, Term};
+    let (job, result) = identified();
+    let mut wild = result.clone();
+    let candidate = &mut wild.candidates[0];
+    // du/dt = 1e6 u^2, and so on: not finite within a few samples.
+    let terms = vec![Term::constant(), Term::monomial(&[0, 0])];
+    let equations = Equations::new(terms, [1.0, 1e6].repeat(3), 3, 2, job.split.test[0].dt, 1).unwrap();
+    candidate.found.fit.equations = equations.clone();
+    candidate.found.fit.scaled = vec![0.5; 6];
+    candidate.model.body = crate::model::Body::Equations(std::sync::Arc::new(equations));
+    let text = page(&wild, &job.split);
+    assert!(text.contains("it runs away there"));
+    assert!(text.contains("Too few finite residuals") || text.contains("residual of u"));
 }
 
 #[test]

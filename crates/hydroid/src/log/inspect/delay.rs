@@ -62,7 +62,8 @@ impl DelayEstimate {
                     .with_remedy("record a few clear steps of each command"),
             );
         }
-        if self.samples == 0 || self.better_than_zero < 0.005 {
+        // No delay explains the log nearly as well: nothing to tell.
+        if (self.range.0..=self.range.1).contains(&0) || self.better_than_zero < 0.005 {
             return None;
         }
         let told: Vec<_> = own.iter().filter(|(_, d)| d.confidence != Confidence::None).collect();

@@ -7,7 +7,7 @@ use super::scale::{Scale, Ticks, cover, padded};
 use super::{Figure, FigureError, Key, Mark, Panel, Sign, style, text};
 
 /// Space above a panel for its label.
-const HEAD: f64 = 31.0;
+const HEAD: f64 = 30.0;
 /// Space below the last panel for tick labels and the axis' name.
 const FOOT: f64 = 42.0;
 /// Height of a row of the legend.
@@ -39,7 +39,7 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
     let mut placed = Vec::with_capacity(figure.panels.len());
     for (panel, (scale, ticks)) in figure.panels.iter().zip(scales) {
         let frame = Frame { left, top: top + HEAD, right, bottom: top + HEAD + panel.height };
-        top = frame.bottom + 4.0;
+        top = frame.bottom + 7.0;
         placed.push(Placed { panel, frame, y: Scale::new(scale.range(), frame.bottom, frame.top), ticks });
     }
     let x = Scale::new(horizontal(figure), left, right);
@@ -48,7 +48,7 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
         for (row, keys) in legend.iter().enumerate() {
             draw_legend(canvas, keys, LEGEND * (row as f64 + 0.5));
         }
-        let x_ticks = x.ticks(6, 9);
+        let x_ticks = roomy(&x, right - left);
         for (i, panel) in placed.iter().enumerate() {
             let last = i + 1 == placed.len();
             draw_axes(canvas, panel, &x, &x_ticks, last.then_some(figure.x_label.as_str()));
@@ -58,6 +58,22 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
             }
         }
     })
+}
+
+/// Ticks whose labels do not touch over a width.
+fn roomy(x: &Scale, width: f64) -> Ticks {
+    let fits = |ticks: &Ticks| {
+        let widest =
+            ticks.values.iter().map(|v| text::width(&ticks.label(*v), style::SMALL)).fold(0.0, f64::max);
+        let (low, high) = x.range();
+        let apart = match ticks.values[..] {
+            [a, b, ..] => (b - a) / (high - low) * width,
+            _ => width,
+        };
+        widest + 14.0 <= apart
+    };
+    let candidates = || [6, 5, 4, 3, 2].map(|wanted| x.ticks(wanted, wanted + 3)).into_iter();
+    candidates().find(fits).unwrap_or_else(|| x.ticks(2, 3))
 }
 
 /// Labels beside the ends of lines.
@@ -129,8 +145,12 @@ fn draw_axes(
         canvas.line(&[(at, bottom), (at, bottom + 4.0)], hair(style::AXIS));
         canvas.text((at, bottom + 14.0), &x_ticks.label(value), style::SMALL, style::MUTED, Align::Middle);
     }
-    let label = format!("{x_label} {}", x_ticks.factor());
-    canvas.text((0.5 * (left + right), bottom + 33.0), label.trim(), style::TEXT, style::INK, Align::Middle);
+    let factor = x_ticks.factor();
+    let room = style::WIDTH - 20.0 - text::width(&factor, style::TEXT);
+    let label = format!("{} {factor}", text::fit(x_label, style::TEXT, room));
+    let half = 0.5 * text::width(label.trim(), style::TEXT);
+    let middle = (0.5 * (left + right)).min(style::WIDTH - half - 4.0).max(half + 2.0);
+    canvas.text((middle, bottom + 33.0), label.trim(), style::TEXT, style::INK, Align::Middle);
 }
 
 /// Width of a key with its text and the space behind it.

@@ -36,8 +36,10 @@ impl Scale {
         let far = |step: &f64| (step / rough).ln().abs();
         let mut steps = [0.2, 0.5, 1.0, 2.0, 5.0, 10.0].map(|m| m * power);
         steps.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        let step =
-            steps.into_iter().find(|step| (2..=most).contains(&self.span(*step).1)).unwrap_or(steps[0]);
+        // Quarters read less well than fifths, but better than a single tick.
+        let quarters = [0.25, 2.5].map(|m| m * power);
+        let fits = |step: &f64| (2..=most).contains(&self.span(*step).1);
+        let step = steps.into_iter().chain(quarters).find(fits).unwrap_or(steps[0]);
         let (first, count) = self.span(step);
         let values = (0..count).map(|i| (first + i as f64) * step).collect();
         Ticks::new(values, step)
@@ -87,8 +89,12 @@ impl Ticks {
         } else {
             0
         };
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let decimals = (-(step / 10f64.powi(power)).log10() - 1e-9).ceil().clamp(0.0, 9.0) as usize;
+        let scaled = step / 10f64.powi(power);
+        let exact = |decimals: &usize| {
+            let shifted = scaled * 10f64.powf(*decimals as f64);
+            (shifted - shifted.round()).abs() < 1e-6 * shifted
+        };
+        let decimals = (0..9).find(exact).unwrap_or(9);
         Self { values, power, decimals }
     }
 
@@ -156,6 +162,11 @@ mod tests {
     #[test]
     fn ticks_are_round_and_written_shortly() {
         assert_eq!(labels(-0.42, 0.41, 4), ["−0.4", "−0.2", "0.0", "0.2", "0.4"].map(String::from)[..]);
+        let few = Scale::new((-0.0985, -0.005), 0.0, 1.0).ticks(2, 3);
+        assert_eq!(
+            few.values.iter().map(|v| few.label(*v)).collect::<Vec<_>>(),
+            ["−0.075", "−0.050", "−0.025"]
+        );
         assert_eq!(labels(0.0, 5.0, 5), ["0", "1", "2", "3", "4", "5"]);
         assert_eq!(labels(1400.0, 1600.0, 2), ["1400", "1500", "1600"]);
     }

@@ -32,7 +32,7 @@ fn everything(values: &[f64]) -> Figure {
 #[test]
 fn what_is_drawn_is_escaped_and_repeats() {
     let svg = everything(&[0.0, 1.0, f64::NAN, 2.0, 3.0]).svg().unwrap();
-    assert!(svg.starts_with("<svg viewBox=\"0 0 5200 "));
+    assert!(svg.starts_with("<svg viewBox=\"0 0 4800 "));
     assert!(svg.ends_with("</svg>\n") || svg.ends_with("</svg>"), "{}", &svg[svg.len() - 20..]);
     assert!(svg.contains("aria-label=\"A &quot;title&quot; with &lt;tags&gt;\""), "{}", &svg[..200]);
     for text in ["&lt;b&gt; [m/s]", "model &amp; co", "persistence", "chosen", "time [s]"] {
