@@ -4,8 +4,8 @@
 
 // A binary has no outside: `pub` says which module offers what to which.
 #![allow(unreachable_pub)]
-// The comments of `args` are printed as help, where backticks and escaped brackets would stand as they are.
-#![allow(clippy::doc_markdown, rustdoc::broken_intra_doc_links)]
+// The comments of `args` are printed as help, where backticks would stand as they are.
+#![allow(clippy::doc_markdown)]
 
 mod args;
 mod commands;

@@ -62,8 +62,7 @@ impl DelayEstimate {
                     .with_remedy("record a few clear steps of each command"),
             );
         }
-        // No delay explains the log nearly as well: nothing to tell.
-        if (self.range.0..=self.range.1).contains(&0) || self.better_than_zero < 0.005 {
+        if self.samples == 0 || self.better_than_zero < 0.005 {
             return None;
         }
         let told: Vec<_> = own.iter().filter(|(_, d)| d.confidence != Confidence::None).collect();
@@ -79,6 +78,10 @@ impl DelayEstimate {
             );
         }
         let Self { samples, seconds, range, better_than_zero, .. } = self;
+        if (range.0..=range.1).contains(&0) {
+            // No delay explains the log nearly as well: nothing to tell.
+            return None;
+        }
         let share = 100.0 * better_than_zero;
         let trusted = if self.confidence == Confidence::High { "" } else { ", with little certainty" };
         if *samples < 0 {
