@@ -34,6 +34,7 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         if said.is_empty() { configured } else { said.to_vec() }
     };
     let mut files = Files {
+        note: None,
         train: pick(&args.logs, split.train),
         validate: pick(&args.validate, split.validate),
         test: pick(&args.test, split.test),
@@ -75,6 +76,8 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
 
 /// Log files by their use.
 struct Files {
+    /// What the user should know of them.
+    note: Option<Note>,
     train: Vec<PathBuf>,
     validate: Vec<PathBuf>,
     test: Vec<PathBuf>,
@@ -85,7 +88,7 @@ impl Files {
     fn split(&self, reading: &Reading) -> anyhow::Result<(Split, Reading, Vec<Note>)> {
         let all: Vec<PathBuf> = self.train.iter().chain(&self.validate).chain(&self.test).cloned().collect();
         let (raw, prepared) = logs::prepare(&all, reading)?;
-        let mut notes = prepared.notes;
+        let mut notes: Vec<Note> = self.note.clone().into_iter().chain(prepared.notes).collect();
         for log in &raw {
             for note in log::inspect(log, &reading.selection)?.notes {
                 // What the preparation told already, perhaps with another step in brackets, is not said twice.
@@ -125,15 +128,12 @@ fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Fil
         atomic::write(&path, |out| record.write_csv(out))?;
         files.push(path);
     }
-    ui::tell(
-        &[Note::info(format!(
-            "no log was given: simulated the built-in hydrofoil (1 h to train on, 10 min each to validate and test on, seed {seed}); the logs are in {}",
-            folder.display()
-        ))],
-        global,
-    );
+    let note = Note::info(format!(
+        "no log was given: simulated the built-in hydrofoil (1 h to train on, 10 min each to validate and test on, seed {seed}); the logs are in {}",
+        folder.display()
+    ));
     let [train, validate, test] = files.try_into().unwrap_or_default();
-    Ok(Files { train: vec![train], validate: vec![validate], test: vec![test] })
+    Ok(Files { note: Some(note), train: vec![train], validate: vec![validate], test: vec![test] })
 }
 
 /// The page, as text.
@@ -150,7 +150,11 @@ fn page(files: &Files, job: &Job, identified: &Identified, notes: &[Note]) -> an
     let command: Vec<String> =
         std::iter::once(String::from("hydroid")).chain(std::env::args().skip(1)).map(quoted).collect();
     let context = Context {
-        title: title(&sources),
+        title: if files.note.is_some() {
+            String::from("Identification: the built-in hydrofoil, simulated")
+        } else {
+            title(&sources)
+        },
         command: command.join(" "),
         sources,
         notes: notes.to_vec(),
