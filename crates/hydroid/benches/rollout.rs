@@ -97,9 +97,15 @@ fn evaluate_7300_samples_at_horizon_100(bencher: Bencher, active: usize) {
     };
     let ranges = [DesignRange { low: -2.0, high: 2.0 }; OUTPUTS];
     bencher.counter(ItemsCount::new(7_200usize * 100)).bench_local(|| {
-        let result =
-            evaluate("bench", &session, &ranges, &[&run], &Options::default(), &mut progress::silent())
-                .unwrap();
+        let result = evaluate(
+            "bench",
+            &mut session.clone(),
+            &ranges,
+            &[&run],
+            &Options::default(),
+            &mut progress::silent(),
+        )
+        .unwrap();
         assert_eq!((result.windows, result.diverged), (7_200, 0));
         result
     });

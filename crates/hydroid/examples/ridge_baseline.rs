@@ -273,7 +273,7 @@ pub fn baseline(ship: &Ship, data: &Path) -> Vec<Row> {
             let model = Ridge::fit(&train, lambda);
             let judge = |runs: &[Trajectory]| {
                 let runs: Vec<&Trajectory> = runs.iter().collect();
-                evaluate("ridge", &model, &ranges, &runs, &options, &mut silent()).unwrap()
+                evaluate("ridge", &mut model.clone(), &ranges, &runs, &options, &mut silent()).unwrap()
             };
             rows.push(Row { held, lambda, validation: judge(&validation).score(), test: judge(&test) });
         }

@@ -97,7 +97,7 @@ fn judge(
     runs: &[&Trajectory],
     options: &Options,
 ) -> Result<Evaluation, EvaluateError> {
-    evaluate("double", predictor, &RANGES, runs, options, &mut |_| ControlFlow::Continue(()))
+    evaluate("double", predictor.fork().as_mut(), &RANGES, runs, options, &mut |_| ControlFlow::Continue(()))
 }
 
 fn near(a: f64, b: f64) -> bool {
@@ -311,8 +311,10 @@ fn runs_are_judged_together_and_never_joined() {
     let wide = [DesignRange { low: 0.0, high: 200.0 }, DesignRange { low: -1.0, high: 1.0 }];
     let (first, second) = (run("a", &a), run("b", &b));
     let judge = |runs: &[&Trajectory]| {
-        evaluate("p", &Persistence::new(2, 1), &wide, runs, &options(4), &mut |_| ControlFlow::Continue(()))
-            .unwrap()
+        evaluate("p", &mut Persistence::new(2, 1), &wide, runs, &options(4), &mut |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap()
     };
     let (both, one, two) = (judge(&[&first, &second]), judge(&[&first]), judge(&[&second]));
     assert_eq!((one.windows, two.windows, both.windows), (26, 37, 63));
@@ -368,14 +370,16 @@ fn what_cannot_be_evaluated_says_why() {
     let other = |outputs, inputs| {
         let ranges = vec![RANGES[0]; outputs];
         let silent = &mut |_| ControlFlow::Continue(());
-        evaluate("p", &Persistence::new(outputs, inputs), &ranges, &[&log], &options(1), silent).unwrap_err()
+        evaluate("p", &mut Persistence::new(outputs, inputs), &ranges, &[&log], &options(1), silent)
+            .unwrap_err()
     };
     assert_eq!(other(3, 1), channels("outputs", 3, 2));
     assert_eq!(other(2, 4), channels("inputs", 4, 1));
     let slow = Trajectory { dt: 1.0, name: String::from("slow"), ..log.clone() };
     let mixed = EvaluateError::SampleTime { run: String::from("slow"), expected: 0.5, given: 1.0 };
     assert_eq!(error(&[&log, &slow], &options(1)), mixed);
-    let stopped = evaluate("p", &model, &RANGES, &[&log], &options(1), &mut |_| ControlFlow::Break(()));
+    let stopped =
+        evaluate("p", &mut model.clone(), &RANGES, &[&log], &options(1), &mut |_| ControlFlow::Break(()));
     assert_eq!(stopped.unwrap_err(), EvaluateError::Cancelled(hydroid::progress::Cancelled));
 }
 
@@ -465,12 +469,97 @@ fn at_origin_k_a_session_has_observed_k_and_was_commanded_up_to_k_less_one() {
     // At origin k: k + 1 observations, k commands. The run says just that, one sample later.
     let outputs: Vec<Vec<f64>> = (0..3_000).map(|k| vec![f64::from(k), f64::from(k - 1)]).collect();
     let range = [DesignRange { low: 0.0, high: 3_000.0 }; 2];
-    let used = Memory { observed: 7.0, advanced: 3.0 };
+    let mut used = Memory { observed: 7.0, advanced: 3.0 };
     let (a, b) = (run("a", &outputs), run("b", &outputs[..2_000]));
     let silent = &mut |_| ControlFlow::Continue(());
-    let result = evaluate("memory", &used, &range, &[&a, &b], &options(2), silent).unwrap();
+    let result = evaluate("memory", &mut used, &range, &[&a, &b], &options(2), silent).unwrap();
     assert_eq!((result.windows, result.diverged), (2_998 + 1_998, 0));
     assert_eq!(result.max, [[0.0, 0.0], [1.0, 1.0]]);
+}
+
+/// Learns the slope of a ramp on the way; its forks know what it learned and learn no more.
+#[derive(Clone)]
+struct Learner {
+    last: f64,
+    slope: f64,
+    learns: bool,
+}
+
+impl Predictor for Learner {
+    fn outputs(&self) -> usize {
+        1
+    }
+    fn inputs(&self) -> usize {
+        1
+    }
+    fn reset(&mut self) {
+        self.last = f64::NAN;
+    }
+    fn observe(&mut self, y: &[f64]) {
+        if self.learns && !self.last.is_nan() {
+            self.slope = y[0] - self.last;
+        }
+        self.last = y[0];
+    }
+    fn advance(&mut self, _c: &[f64]) {}
+    fn output(&self, y: &mut [f64]) {
+        y[0] = self.last;
+    }
+    fn rollout(&self, _commands: &[f64], _work: &mut Workspace, y: &mut [f64]) {
+        for (step, y) in (1u32..).zip(y.iter_mut()) {
+            *y = self.last + self.slope * f64::from(step);
+        }
+    }
+    fn snapshot_len(&self) -> usize {
+        2
+    }
+    fn snapshot(&self, into: &mut [f64]) {
+        into.copy_from_slice(&[self.last, self.slope]);
+    }
+    fn restore(&mut self, from: &[f64]) {
+        (self.last, self.slope) = (from[0], from[1]);
+    }
+    fn fork(&self) -> Box<dyn Predictor> {
+        Box::new(Self { learns: false, ..self.clone() })
+    }
+}
+
+/// A review found that a fork was walked in place of the session, and forks need not learn.
+#[test]
+fn a_session_that_learns_learns_on_the_way_and_keeps_it_for_the_next_run() {
+    let ramp = |name, len: u32| {
+        let channel = |c: &str| vec![Channel::new(c, "")];
+        Trajectory {
+            name: String::from(name),
+            t0: 0.0,
+            dt: 1.0,
+            outputs: Table::new(channel("y"), (0..len).map(f64::from).collect()),
+            inputs: Table::new(channel("c"), vec![0.0; len as usize]),
+            truth: None,
+        }
+    };
+    // The first run is too short to be judged on, but not to learn from.
+    let (short, long) = (ramp("short", 5), ramp("long", 60));
+    let range = [DesignRange { low: 0.0, high: 100.0 }];
+    let judge = |runs: &[&Trajectory], learns| {
+        let mut session = Learner { last: f64::NAN, slope: 0.0, learns };
+        let silent = &mut |_| ControlFlow::Continue(());
+        evaluate("learner", &mut session, &range, runs, &options(10), silent).unwrap()
+    };
+    assert_eq!(judge(&[&short, &long], false).mae[9], [10.0]);
+    let learned = judge(&[&short, &long], true);
+    assert_eq!(learned.max[9], [0.0]);
+    assert_eq!((learned.runs.used, learned.runs.unused, learned.runs.unused_samples), (1, 1, 5));
+    // Without a run before it, the very first origin knows no slope yet.
+    assert_eq!(judge(&[&long], true).max[9], [10.0]);
+}
+
+/// 2^64 - 1 once overflowed a sum and a capacity.
+#[test]
+fn an_endless_horizon_is_an_error() {
+    let log = run("a", &wave(30));
+    let error = judge(&Persistence::new(2, 1), &[&log], &options(usize::MAX)).unwrap_err();
+    assert!(matches!(error, EvaluateError::TooShort { .. }), "{error}");
 }
 
 fn keys(value: &serde_json::Value) -> BTreeSet<&str> {
@@ -504,7 +593,7 @@ fn json_has_the_keys_and_shapes_of_the_contract() {
         "persistence",
     ]);
     // Beyond the contract: where it diverged.
-    contract.insert("divergences");
+    contract.extend(["divergences", "runs"]);
     assert_eq!(keys(&json), contract);
     assert_eq!(keys(&json["persistence"]), BTreeSet::from(["mae", "rmse", "nrmse"]));
     assert_eq!(keys(&json["divergences"][0]), BTreeSet::from(["run", "origin_s", "horizon", "channel"]));

@@ -269,9 +269,9 @@ fn a_run_too_short_for_a_row_gives_none() {
     }
     let terms = Library::polynomial(1).terms(2);
     let refused = Prepared::new(&[&linear(4)], terms.clone(), MIDPOINT, &Scaling::Contribution);
-    assert_eq!(refused.unwrap_err(), FitError::TooFewRows { rows: 3, terms: 3 });
+    assert_eq!(refused.unwrap_err(), FitError::TooFewRows { rows: 3, skipped: 0, terms: 3 });
     let none = Prepared::new(&[], terms, MIDPOINT, &Scaling::Contribution);
-    assert_eq!(none.unwrap_err(), FitError::TooFewRows { rows: 0, terms: 3 });
+    assert_eq!(none.unwrap_err(), FitError::TooFewRows { rows: 0, skipped: 0, terms: 3 });
 }
 
 #[test]
@@ -284,7 +284,7 @@ fn an_output_that_stands_still_or_was_never_measured_is_refused() {
         if constant {
             assert_eq!(refused, FitError::Constant(String::from("y0")));
         } else {
-            assert_eq!(refused, FitError::TooFewRows { rows: 0, terms: 3 });
+            assert_eq!(refused, FitError::TooFewRows { rows: 0, skipped: 49, terms: 3 });
         }
     }
 }

@@ -347,3 +347,26 @@ fn backward_elimination_survives_columns_that_are_nearly_the_same() {
         }
     }
 }
+
+/// A decaying velocity is 1e-80, its square 1e-160: the reflector of such a column once was infinite, and
+/// every coefficient became NaN and then zero.
+#[test]
+fn a_column_that_starts_vanishingly_small_poisons_nothing() {
+    for tiny in [1e-80, 1e-145, 1e-160, 1e-200, 1e-310] {
+        let mut triangle = Triangle::new(3);
+        let mut block = vec![0.0; 3 * BLOCK_ROWS];
+        for i in 0..BLOCK_ROWS {
+            (block[i], block[BLOCK_ROWS + i]) = (tiny * (i as f64 + 1.0).sin(), 1.0 + i as f64);
+            block[2 * BLOCK_ROWS + i] = 3.0 * block[BLOCK_ROWS + i];
+        }
+        triangle.absorb(&mut block, BLOCK_ROWS);
+        assert!(triangle.is_finite(), "{tiny:e}");
+        for i in 0..BLOCK_ROWS {
+            (block[i], block[BLOCK_ROWS + i]) = ((i as f64).cos(), (0.3 * i as f64).sin());
+            block[2 * BLOCK_ROWS + i] = 2.0 * block[i] + 3.0 * block[BLOCK_ROWS + i];
+        }
+        triangle.absorb(&mut block, BLOCK_ROWS);
+        let x = triangle.solve(&[0, 1], 2).coefficients;
+        assert!((x[0] - 2.0).abs() < 1e-9 && (x[1] - 3.0).abs() < 1e-9, "{tiny:e}: {x:?}");
+    }
+}

@@ -31,7 +31,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let bar = ui::Bar::new("evaluating", global);
     let evaluation = evaluate::evaluate(
         &model.description.name,
-        model.session().as_ref(),
+        model.session().as_mut(),
         &model.output_ranges(),
         &runs,
         &options,

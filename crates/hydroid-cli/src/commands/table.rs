@@ -63,6 +63,13 @@ pub fn errors(evaluation: &Evaluation) -> String {
         word(&evaluation.origin),
         word(&evaluation.against)
     );
+    if evaluation.runs.unused > 0 {
+        let _ = writeln!(
+            text,
+            "{} runs ({} samples) are too short for the horizon and were not judged",
+            evaluation.runs.unused, evaluation.runs.unused_samples
+        );
+    }
     for d in &evaluation.divergences {
         let _ = writeln!(
             text,

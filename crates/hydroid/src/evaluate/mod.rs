@@ -98,6 +98,18 @@ pub struct Divergence {
     pub channel: String,
 }
 
+/// How many of the runs were judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunCount {
+    /// Runs that gave at least one window.
+    pub used: usize,
+    /// Runs that gave none: shorter than warm-up and horizon, or with an output that is missing until
+    /// near their end.
+    pub unused: usize,
+    /// Samples of the unused runs.
+    pub unused_samples: usize,
+}
+
 /// Errors of persistence on the same windows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
@@ -132,6 +144,8 @@ pub struct Evaluation {
     pub horizons: Vec<usize>,
     /// Windows rolled out, diverged ones included.
     pub windows: usize,
+    /// Runs that gave windows, and those that did not.
+    pub runs: RunCount,
     /// Windows that diverged.
     pub diverged: usize,
     /// The first few places where that happened.

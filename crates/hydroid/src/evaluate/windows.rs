@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use super::sums::Sums;
 use super::{
-    Against, Baseline, DesignRange, Divergence, EvaluateError, Evaluation, Options, Origin, describe,
-    mean_finite,
+    Against, Baseline, DesignRange, Divergence, EvaluateError, Evaluation, Options, Origin, RunCount,
+    describe, mean_finite,
 };
 use crate::log::{Table, Trajectory};
 use crate::progress::{self, Progress};
@@ -23,8 +23,10 @@ const TOLD: usize = 10;
 
 /// Evaluates a session on runs; `ranges` holds the design range of each output.
 ///
-/// The session is walked over each run once, in the caller's thread; rollouts run in parallel on the
-/// current rayon pool. The result does not depend on the number of threads.
+/// The session itself is reset and walked over each run once, to its end, in the caller's thread, so that
+/// one that learns learns on the way; rollouts run from snapshots in forks of it, in parallel on the current
+/// rayon pool. The result does not depend on the number of threads. A run that is too short for an origin is
+/// walked all the same, and counted.
 ///
 /// # Errors
 /// If the runs do not fit the model or are too short, an output or truth is missing, or the work was
@@ -34,16 +36,16 @@ const TOLD: usize = 10;
 /// If there is not one design range for each output.
 pub fn evaluate(
     name: &str,
-    predictor: &dyn Predictor,
+    session: &mut dyn Predictor,
     ranges: &[DesignRange],
     runs: &[&Trajectory],
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<Evaluation, EvaluateError> {
-    let (n, h) = (predictor.outputs(), options.horizon);
-    let warm_up = options.warm_up.max(predictor.warm_up()).max(1);
+    let (n, h) = (session.outputs(), options.horizon);
+    let warm_up = options.warm_up.max(session.warm_up()).max(1);
     assert_eq!(ranges.len(), n, "one design range for each output");
-    check(predictor, runs, options, warm_up)?;
+    check(session, runs, options, warm_up)?;
     let targets: Vec<&Table> = runs
         .iter()
         .map(|run| match options.against {
@@ -53,14 +55,27 @@ pub fn evaluate(
         .collect();
     let shift: Vec<f64> =
         (0..n).map(|c| mean_finite(targets.iter().flat_map(|t| t.column(c))).unwrap_or(0.0)).collect();
-    let mut tally = Tally { sums: Sums::new(h * n), windows: 0, diverged: 0, divergences: Vec::new() };
+    let mut tally = Tally {
+        sums: Sums::new(h * n),
+        windows: 0,
+        diverged: 0,
+        divergences: Vec::new(),
+        runs: RunCount::default(),
+    };
     let total: usize = runs.iter().map(|run| run.len()).sum();
     let mut before = 0;
     for (run, target) in runs.iter().zip(&targets) {
         let walk = Walk { run, target, ranges, shift: &shift, options, warm_up };
-        walk.go(predictor, &mut tally, &mut |done| {
+        let windows = tally.windows;
+        walk.go(session, &mut tally, &mut |done| {
             progress::report(progress, (before + done) as f64 / total as f64)
         })?;
+        if tally.windows > windows {
+            tally.runs.used += 1;
+        } else {
+            tally.runs.unused += 1;
+            tally.runs.unused_samples += run.len();
+        }
         before += run.len();
     }
     if tally.windows == 0 {
@@ -79,7 +94,7 @@ fn check(
     if options.horizon == 0 || options.origin_stride == 0 {
         return Err(EvaluateError::NoHorizon);
     }
-    let needed = warm_up + options.horizon;
+    let needed = warm_up.saturating_add(options.horizon);
     let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0);
     if longest < needed {
         return Err(EvaluateError::TooShort { needed, warm_up, horizon: options.horizon, longest });
@@ -130,6 +145,7 @@ struct Tally {
     windows: usize,
     diverged: usize,
     divergences: Vec<Divergence>,
+    runs: RunCount,
 }
 
 /// One run being evaluated.
@@ -151,21 +167,21 @@ struct Pending {
 impl Walk<'_> {
     fn go(
         &self,
-        predictor: &dyn Predictor,
+        session: &mut dyn Predictor,
         tally: &mut Tally,
         report: &mut dyn FnMut(usize) -> Result<(), progress::Cancelled>,
     ) -> Result<(), EvaluateError> {
         let seen = seen(self.run, self.options);
-        let Some(last) = self.run.len().checked_sub(self.options.horizon + 1) else { return Ok(()) };
-        let mut session = predictor.fork();
+        // Origins are samples before this one: each needs a whole horizon behind it.
+        let end = self.run.len().saturating_sub(self.options.horizon);
         session.reset();
         let size = session.snapshot_len();
         let batch = (SNAPSHOTS / size.max(1)).clamp(TASK, 64 * TASK);
-        let mut pending: Vec<Pending> = Vec::with_capacity(batch);
-        let mut snapshots: Vec<f64> = Vec::with_capacity(batch * size);
+        let mut pending: Vec<Pending> = Vec::new();
+        let mut snapshots: Vec<f64> = Vec::new();
         let mut kept = vec![f64::NAN; seen.width()];
         let mut first_origin = None;
-        for k in 0..=last {
+        for k in 0..self.run.len() {
             session.observe(seen.row(k));
             for (kept, &y) in kept.iter_mut().zip(seen.row(k)) {
                 if !y.is_nan() {
@@ -176,14 +192,15 @@ impl Walk<'_> {
             if first_origin.is_none() && k + 1 >= self.warm_up && kept.iter().all(|y| !y.is_nan()) {
                 first_origin = Some(k);
             }
-            if first_origin.is_some_and(|first| (k - first).is_multiple_of(self.options.origin_stride)) {
+            let due = |first: usize| (k - first).is_multiple_of(self.options.origin_stride);
+            if k < end && first_origin.is_some_and(due) {
                 pending.push(Pending { origin: k, kept: kept.clone() });
                 let at = snapshots.len();
                 snapshots.resize(at + size, 0.0);
                 session.snapshot(&mut snapshots[at..]);
             }
-            if pending.len() == batch || k == last {
-                self.roll_out(session.as_ref(), &pending, &snapshots, tally);
+            if pending.len() == batch || k + 1 == self.run.len() {
+                self.roll_out(session, &pending, &snapshots, tally);
                 pending.clear();
                 snapshots.clear();
                 report(k)?;
@@ -265,6 +282,7 @@ fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> E
         units,
         horizons: (1..=options.horizon).collect(),
         windows: tally.windows,
+        runs: tally.runs,
         diverged: tally.diverged,
         divergences: tally.divergences.clone(),
         mae: table(|f| f.mae),

@@ -214,10 +214,10 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
         origin_stride: job.origin_stride,
         ..evaluate::Options::default()
     };
-    let session = model.session();
+    let mut session = model.session();
     let mut judge = |part, runs: &[&Trajectory], from: f64| {
         let mut report = |f: f64| progress(from + 0.1 * f);
-        evaluate(&model.description.name, session.as_ref(), &ranges, runs, &full, &mut report).map_err(
+        evaluate(&model.description.name, session.as_mut(), &ranges, runs, &full, &mut report).map_err(
             |error| match error {
                 EvaluateError::Cancelled(c) => IdentifyError::Sindy(SearchError::Cancelled(c)),
                 error => IdentifyError::Evaluate { part, error },

@@ -74,6 +74,15 @@ pub(super) fn warnings(candidate: &Candidate, verdicts: &[Verdict], data: &[Chan
         );
     }
     for (evaluation, part) in [(&candidate.validation, "validation"), (test, "test")] {
+        if evaluation.runs.unused > 0 {
+            notes.push(
+                Note::warning(format!(
+                    "{} of the {part} runs ({} samples) are too short for a horizon of {horizon_s} s and are not judged",
+                    evaluation.runs.unused, evaluation.runs.unused_samples
+                ))
+                .with_remedy("choose a shorter --horizon, or a longer --max-gap where gaps cut the log"),
+            );
+        }
         if evaluation.diverged > 0 {
             let place = evaluation.divergences.first().map_or_else(String::new, |d| {
                 format!(

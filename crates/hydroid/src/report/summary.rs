@@ -192,7 +192,10 @@ fn facts(subject: &Subject<'_>) -> Markup {
                 dt { "Judged by" }
                 dd {
                     (number::count(candidate.test.windows)) " rollouts of " (horizon(candidate)) " on "
-                    (runs_text(split.test.len())) " that played no part in fitting or choosing"
+                    (runs_text(candidate.test.runs.used)) " that played no part in fitting or choosing"
+                    @if candidate.test.runs.unused > 0 {
+                        "; " (runs_text(candidate.test.runs.unused)) " too short for the horizon and not judged"
+                    }
                     @if candidate.test.diverged > 0 { "; " (number::count(candidate.test.diverged)) " of them diverged" }
                 }
             }

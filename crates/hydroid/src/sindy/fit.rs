@@ -28,7 +28,9 @@ pub enum Scaling {
 #[serde(rename_all = "snake_case")]
 pub enum Optimizer {
     /// Backward elimination: a term leaves when that raises the residual sum of squares by less than this
-    /// fraction. Coefficients are the ridge solution on the terms that remain.
+    /// fraction, or by less than 1e-5 of the whole right-hand side: in noise-free data the discretisation of
+    /// the derivative leaves that much, and terms would be kept to explain it. Coefficients are the ridge
+    /// solution on the terms that remain.
     Stepwise(f64),
     /// Sequentially thresholded least squares: coefficients below this, in the units of [`Scaling`], are
     /// removed. Ridge acts on the selection only, coefficients are plain least squares.
@@ -51,11 +53,20 @@ pub struct FitOptions {
 pub enum FitError {
     /// Fewer rows than unknowns.
     #[error(
-        "{rows} usable regression rows for {terms} terms: too few. Give longer logs, fill fewer gaps with blanks, or choose a smaller library (degree)"
+        "{rows} usable regression rows for {terms} terms: too few{}",
+        if *skipped > *rows {
+            format!(
+                " ({skipped} more touch a missing value). Put sensors of different rates on one clock with --dt, the step of the slowest; or shorten the window"
+            )
+        } else {
+            String::from(". Give longer logs, a shorter window, or a smaller library (degree)")
+        }
     )]
     TooFewRows {
         /// Rows that touch no missing sample.
         rows: u64,
+        /// Rows that do.
+        skipped: u64,
         /// Terms of the library.
         terms: usize,
     },
@@ -67,6 +78,11 @@ pub enum FitError {
         /// The run that differs from it.
         second: String,
     },
+    /// Numbers that cannot be computed with.
+    #[error(
+        "products of the channels leave the range of floating-point numbers: bring the channels to sensible units, or choose a smaller degree"
+    )]
+    Overflow,
     /// An output that does not vary has no equation.
     #[error("output '{0}' does not vary in the training runs: there is nothing to identify. Leave it out")]
     Constant(String),
@@ -116,7 +132,7 @@ impl Prepared {
         scaling: &Scaling,
     ) -> Result<Self, FitError> {
         let Some(first) = runs.first() else {
-            return Err(FitError::TooFewRows { rows: 0, terms: terms.len() });
+            return Err(FitError::TooFewRows { rows: 0, skipped: 0, terms: terms.len() });
         };
         let (outputs, inputs) = (first.outputs.width(), first.inputs.width());
         let alike = |run: &&&Trajectory| {
@@ -129,7 +145,11 @@ impl Prepared {
         let program = Program::new(&terms, outputs + inputs)?;
         let Assembled { triangle, skipped } = assemble(&program, runs, regression);
         if triangle.rows() <= terms.len() as u64 {
-            return Err(FitError::TooFewRows { rows: triangle.rows(), terms: terms.len() });
+            let (rows, terms) = (triangle.rows(), terms.len());
+            return Err(FitError::TooFewRows { rows, skipped, terms });
+        }
+        if !triangle.is_finite() {
+            return Err(FitError::Overflow);
         }
         let rms = |column| triangle.column_norm(column) / (triangle.rows() as f64).sqrt();
         let (term_scale, output_scale): (Vec<f64>, Vec<f64>) = match scaling {

@@ -212,8 +212,8 @@ fn judge(
     ranges: &[DesignRange],
     options: &evaluate::Options,
 ) -> Result<evaluate::Evaluation, SearchError> {
-    let session = EquationsSession::new(Arc::new(equations.clone()));
-    evaluate("sindy", &session, ranges, validation, options, &mut progress::silent()).map_err(|error| {
+    let mut session = EquationsSession::new(Arc::new(equations.clone()));
+    evaluate("sindy", &mut session, ranges, validation, options, &mut progress::silent()).map_err(|error| {
         match error {
             EvaluateError::Cancelled(cancelled) => SearchError::Cancelled(cancelled),
             other => SearchError::Validation(other),

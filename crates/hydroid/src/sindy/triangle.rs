@@ -56,6 +56,11 @@ impl Triangle {
         self.r[row * self.width + column]
     }
 
+    /// Whether all elements are finite numbers: not so where rows held values whose squares overflow.
+    pub fn is_finite(&self) -> bool {
+        self.r.iter().all(|x| x.is_finite())
+    }
+
     /// 2-norm of a column of the matrix seen so far.
     pub fn column_norm(&self, column: usize) -> f64 {
         (0..=column).map(|row| self.get(row, column).powi(2)).sum::<f64>().sqrt()
@@ -277,7 +282,9 @@ impl WithSimd for Absorb<'_> {
             let (head, tail) = block.split_at_mut((j + 1) * BLOCK_ROWS);
             let v = S::as_simd_f64s(&head[j * BLOCK_ROWS..]).0;
             let norm2 = dot(simd, v, v);
-            if norm2 == 0.0 {
+            // Below this the reflector's scale would leave the range of doubles; a column that small in a
+            // block (1e-140 in size) is zero beside any measurement.
+            if norm2 < 1e-280 {
                 continue;
             }
             let row = &mut r[j * width..(j + 1) * width];
