@@ -87,7 +87,7 @@ impl SindySettings {
                 Some(threshold) => vec![Optimizer::Stlsq(threshold)],
                 None => [0.005, 0.01, 0.02, 0.05].map(Optimizer::Stepwise).to_vec(),
             },
-            ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3], |ridge| vec![ridge]),
+            ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
         }
     }
 }
@@ -137,7 +137,7 @@ pub struct Candidate {
 pub struct Identified {
     /// The models, in the order of the methods asked for.
     pub candidates: Vec<Candidate>,
-    /// The best on the test-blind validation score; none where every model diverged somewhere.
+    /// The best; none where every model diverged somewhere on validation or test runs.
     pub best: Option<usize>,
     /// What each output of the best model (the first, if there is none) is worth on the test runs.
     pub verdicts: Vec<Verdict>,

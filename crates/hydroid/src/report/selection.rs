@@ -46,7 +46,7 @@ fn choice(candidate: &Candidate) -> Result<Markup, ReportError> {
     let (rows, skipped) = found.rows;
     Ok(html! {
         p {
-            "Every setting was fitted to the training runs and rolled out on the validation runs; the one with the least mean NRMSE over outputs and horizons was taken. "
+            "Every setting was fitted to the training runs and rolled out on the validation runs and on excerpts of the training runs; the one with the least mean NRMSE over both, all outputs and all horizons was taken. "
             "The test runs had no say. "
             (number::count(found.trials.len())) " settings were tried"
             @if diverged > 0 { ", of which " (number::count(diverged)) " diverged" }
@@ -71,7 +71,8 @@ fn libraries(trials: &[Trial]) -> Vec<Library> {
 
 fn short(library: Library) -> String {
     let squares = if library.signed_squares { " + x|x|" } else { "" };
-    format!("degree {}{squares}", library.degree)
+    let constant = if library.constant { "" } else { ", no constant" };
+    format!("degree {}{squares}{constant}", library.degree)
 }
 
 fn colour(index: usize) -> RGBColor {
@@ -88,10 +89,9 @@ fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
     let (bottom, top) =
         if best.is_finite() { (0.0, (SHOWN * best).min(1.15 * worst).max(1e-9)) } else { (0.0, 1.0) };
     let most = trials.iter().map(|t| t.terms).max().unwrap_or(1) as f64;
-    let mut panel = Panel::new("validation score (mean NRMSE)").height(250.0).range(bottom, top);
-    let mut figure =
-        Figure::new("Validation score against number of terms, all settings", "terms in all equations")
-            .x_range(0.0, 1.05 * most + 1.0);
+    let mut panel = Panel::new("score (mean NRMSE)").height(250.0).range(bottom, top);
+    let mut figure = Figure::new("Score against number of terms, all settings", "terms in all equations")
+        .x_range(0.0, 1.05 * most + 1.0);
     let mut above = 0;
     for (i, library) in libraries(trials).into_iter().enumerate() {
         let (mut inside, mut over, mut lost) = (Vec::new(), Vec::new(), Vec::new());
@@ -168,7 +168,7 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
             "The best " (rows.len()) " of " (number::count(trials.len())) "; the chosen one in bold. "
             "Rows over: the time over which an increment was taken (“central”: central differences). "
             "Selection: a term leaves if the residual then grows by less than the percentage, or (≥) if its contribution is below the number. "
-            "Score: mean NRMSE on the validation runs."
+            "Score: mean of the NRMSE on validation runs and on excerpts of the training runs."
         }
     }
 }

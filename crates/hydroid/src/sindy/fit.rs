@@ -101,8 +101,9 @@ pub struct Prepared {
     outputs: usize,
     inputs: usize,
     dt: f64,
-    /// Factor with scaled columns.
+    /// Factor with scaled columns; those of unidentifiable terms are zero.
     plain: Triangle,
+    unidentifiable: Vec<usize>,
     /// Physical coefficient = scaled coefficient x `output_scale[i]` / `term_scale[j]`.
     term_scale: Vec<f64>,
     output_scale: Vec<f64>,
@@ -167,8 +168,15 @@ impl Prepared {
             }
         };
         let inverse: Vec<f64> = term_scale.iter().chain(&output_scale).map(|s| 1.0 / s).collect();
-        let plain = triangle.scaled(&inverse);
-        Ok(Self { terms, outputs, inputs, dt: first.dt, plain, term_scale, output_scale, skipped })
+        let scaled = triangle.scaled(&inverse);
+        let unidentifiable = unidentifiable(&scaled, terms.len());
+        // What the data cannot tell from earlier terms takes no part: a ridge would share a coefficient
+        // out among twins, and a vessel that leaves the training range would tell them apart.
+        let mask: Vec<f64> =
+            (0..scaled.width()).map(|j| if unidentifiable.contains(&j) { 0.0 } else { 1.0 }).collect();
+        let plain = scaled.scaled(&mask);
+        let dt = first.dt;
+        Ok(Self { terms, outputs, inputs, dt, plain, unidentifiable, term_scale, output_scale, skipped })
     }
 
     /// The library.
@@ -187,16 +195,9 @@ impl Prepared {
     }
 
     /// Terms that are zero throughout or depend on earlier terms to rounding: nobody can identify them
-    /// from these runs.
-    pub fn unidentifiable(&self) -> Vec<usize> {
-        let present: Vec<usize> =
-            (0..self.terms.len()).filter(|&j| self.plain.column_norm(j) > 0.0).collect();
-        let mut missing: Vec<usize> =
-            (0..self.terms.len()).filter(|&j| self.plain.column_norm(j) == 0.0).collect();
-        let dependent = self.plain.solve(&present, self.terms.len()).dependent;
-        missing.extend(dependent.into_iter().map(|position| present[position]));
-        missing.sort_unstable();
-        missing
+    /// from these runs, and no equation has them.
+    pub fn unidentifiable(&self) -> &[usize] {
+        &self.unidentifiable
     }
 
     /// Condition number of some terms with columns of unit norm.
@@ -253,6 +254,16 @@ impl Prepared {
         let equations = Equations::new(terms, coefficients, self.outputs, self.inputs, self.dt, substeps)?;
         Ok(Fit { equations, residual_rms, scaled })
     }
+}
+
+/// Columns among the first `terms` that are zero or depend on earlier ones.
+fn unidentifiable(triangle: &Triangle, terms: usize) -> Vec<usize> {
+    let (present, mut missing): (Vec<usize>, Vec<usize>) =
+        (0..terms).partition(|&j| triangle.column_norm(j) > 0.0);
+    let dependent = triangle.solve(&present, terms).dependent;
+    missing.extend(dependent.into_iter().map(|position| present[position]));
+    missing.sort_unstable();
+    missing
 }
 
 /// Scale of a term whose variables are divided by their scales.

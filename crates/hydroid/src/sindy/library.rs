@@ -35,14 +35,23 @@ impl Library {
     }
 
     /// The terms over `variables` variables, in the order of rising degree and then of the variables
-    /// (PySINDy's order), signed squares last.
+    /// (PySINDy's order). Signed squares stand before the terms of degree 2: where a log tells the two not
+    /// apart, because a propeller never turned astern, the earlier one stays, and `n |n|` is thrust.
     pub fn terms(self, variables: u16) -> Vec<Term> {
         let mut terms = Vec::new();
         if self.constant {
             terms.push(Term::constant());
         }
         let highest = if variables == 0 { 0 } else { self.degree };
+        let squares = |terms: &mut Vec<Term>| {
+            if self.signed_squares {
+                terms.extend((0..variables).map(|v| Term::signed_square(v, v)));
+            }
+        };
         for degree in 1..=highest {
+            if degree == 2 {
+                squares(&mut terms);
+            }
             let mut monomial = vec![0; usize::from(degree)];
             loop {
                 terms.push(Term::monomial(&monomial));
@@ -52,8 +61,8 @@ impl Library {
                 monomial[last..].fill(next);
             }
         }
-        if self.signed_squares {
-            terms.extend((0..variables).map(|v| Term::signed_square(v, v)));
+        if highest < 2 {
+            squares(&mut terms);
         }
         terms
     }
@@ -82,7 +91,7 @@ mod tests {
         let text = |l: Library| l.terms(3).iter().map(|t| t.name(&names)).collect::<Vec<_>>().join(", ");
         assert_eq!(
             text(Library { degree: 2, constant: true, signed_squares: true }),
-            "1, x, y, z, x^2, x y, x z, y^2, y z, z^2, x |x|, y |y|, z |z|"
+            "1, x, y, z, x |x|, y |y|, z |z|, x^2, x y, x z, y^2, y z, z^2"
         );
     }
 

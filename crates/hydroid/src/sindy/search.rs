@@ -1,4 +1,8 @@
-//! Settings chosen by what the equations predict on validation runs.
+//! Settings chosen by what the equations predict.
+//!
+//! The score of a setting is the mean of two errors: of rollouts on the validation runs, and of rollouts on
+//! excerpts of the training runs. Validation alone is at the mercy of chance where it is short: on a log of
+//! ten minutes it chose equations that run away on the very data they were fitted to.
 
 use serde::{Deserialize, Serialize};
 
@@ -37,9 +41,14 @@ pub struct Trial {
     pub ridge: f64,
     /// Non-zero coefficients.
     pub terms: usize,
-    /// Mean NRMSE over channels and horizons on the validation runs; null where a rollout diverged.
+    /// What it was chosen by: the mean of the next two, or the first where the training runs are too short
+    /// for the horizon; null where a rollout diverged.
     pub score: Option<f64>,
-    /// Validation windows that diverged.
+    /// Mean NRMSE over channels and horizons on the validation runs.
+    pub validation: Option<f64>,
+    /// The same on excerpts of the training runs.
+    pub training: Option<f64>,
+    /// Windows that diverged on either.
     pub diverged: usize,
 }
 
@@ -71,7 +80,7 @@ pub enum SearchError {
     Validation(EvaluateError),
     /// Every setting diverged on the validation runs.
     #[error(
-        "all {0} settings that were tried gave equations whose rollouts diverge on the validation runs, so none is offered. Give training runs that cover the speeds and commands of the validation runs, a smaller degree, or a shorter horizon"
+        "all {0} settings that were tried gave equations whose rollouts diverge on the validation or the training runs, so none is offered. Give training runs that cover the speeds and commands of the validation runs, a smaller degree, or a shorter horizon"
     )]
     AllDiverged(usize),
     /// A library that nobody can search, let alone read.
@@ -106,7 +115,8 @@ pub fn substeps(dt: f64) -> usize {
     steps
 }
 
-/// Fits every setting of the grid to the training runs and chooses by the rollouts on the validation runs.
+/// Fits every setting of the grid to the training runs and chooses by rollouts on the validation runs and on
+/// excerpts of the training runs.
 ///
 /// # Errors
 /// If nothing could be fitted, everything diverged, or the work was interrupted.
@@ -121,6 +131,9 @@ pub fn search(
     let run = training.first().ok_or(SearchError::Empty)?;
     let variables = run.outputs.width() + run.inputs.width();
     let variables = u16::try_from(variables).map_err(|_| SearchError::Empty)?;
+    let excerpts = excerpts(training, options.horizon);
+    let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
+    let long_enough = excerpts.iter().any(|run| run.len() > options.horizon);
     let mut trials: Vec<Trial> = Vec::new();
     let mut fits: Vec<(Fit, usize)> = Vec::new();
     let mut prepared: Vec<Prepared> = Vec::new();
@@ -161,16 +174,28 @@ pub fn search(
                 if last.as_ref().is_some_and(|last| last.scaled == fit.scaled) {
                     continue;
                 }
-                let evaluation = judge(&fit.equations, validation, ranges, options)?;
-                let score = evaluation.score();
+                let on_validation = judge(&fit.equations, validation, ranges, options)?;
+                let mut diverged = on_validation.diverged;
+                let validation_score = on_validation.score();
+                let mut training_score = None;
+                // What fails on the validation runs need not be tried on the training runs.
+                if long_enough && validation_score.is_finite() {
+                    let on_training = judge(&fit.equations, &excerpts, ranges, options)?;
+                    diverged += on_training.diverged;
+                    training_score = Some(on_training.score());
+                }
+                let score = training_score.map_or(validation_score, |t| 0.5 * (t + validation_score));
+                let finite = |x: f64| x.is_finite().then_some(x);
                 trials.push(Trial {
                     library,
                     regression,
                     optimizer,
                     ridge,
                     terms: fit.equations.active_terms(),
-                    score: score.is_finite().then_some(score),
-                    diverged: evaluation.diverged,
+                    score: finite(score),
+                    validation: finite(validation_score),
+                    training: training_score.and_then(finite),
+                    diverged,
                 });
                 last = Some(fit.clone());
                 fits.push((fit, prepared.len()));
@@ -194,7 +219,7 @@ pub fn search(
     let (fit, library) = fits.swap_remove(chosen);
     let library = &prepared[library];
     let all: Vec<usize> = (0..library.terms().len()).collect();
-    let unidentifiable = library.unidentifiable();
+    let unidentifiable = library.unidentifiable().to_vec();
     let independent: Vec<usize> = all.into_iter().filter(|j| !unidentifiable.contains(j)).collect();
     Ok(Found {
         fit,
@@ -204,6 +229,29 @@ pub fn search(
         unidentifiable,
         rows: (library.rows(), library.skipped()),
     })
+}
+
+/// Samples of the training runs that take part in the score; more change no choice.
+const EXCERPT_SAMPLES: usize = 15_000;
+
+/// The training runs, or evenly spread parts of three horizons each where they are long.
+fn excerpts(runs: &[&Trajectory], horizon: usize) -> Vec<Trajectory> {
+    let total: usize = runs.iter().map(|run| run.len()).sum();
+    let length = 3 * horizon + 1;
+    if total <= EXCERPT_SAMPLES.max(2 * length) {
+        return runs.iter().map(|&run| run.clone()).collect();
+    }
+    let count = (EXCERPT_SAMPLES / length).max(2);
+    let mut parts = Vec::new();
+    for run in runs.iter().filter(|run| run.len() >= length) {
+        let share = (count * run.len()).div_ceil(total);
+        let room = run.len() - length;
+        for i in 0..share {
+            let from = if share == 1 { room / 2 } else { room * i / (share - 1) };
+            parts.push(run.slice(from, from + length));
+        }
+    }
+    parts
 }
 
 fn judge(
