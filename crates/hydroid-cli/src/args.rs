@@ -1,6 +1,7 @@
 //! What can be said on the command line.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use hydroid::log::{CommandTiming, InputDelay};
@@ -34,7 +35,7 @@ pub struct Global {
     /// Threads to use (default: one for each core). The result does not depend on it
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// No progress bar and no notes, only results and errors
+    /// No progress bar and no notes; results, warnings and errors remain
     #[arg(long, short, global = true)]
     pub quiet: bool,
 }
@@ -65,25 +66,25 @@ pub struct Simulate {
     #[arg(long, default_value = "mixed", value_name = "KIND|FILE")]
     pub excitation: String,
     /// Duration [s] (default: 7200, or as long as the commands of a file last)
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub duration: Option<f64>,
     /// Sample time [s]
-    #[arg(long, default_value_t = 0.1, value_name = "S")]
+    #[arg(long, default_value_t = 0.1, value_name = "S", allow_negative_numbers = true)]
     pub dt: f64,
     /// Integration step [s]; the sample time is a whole number of them
-    #[arg(long, default_value_t = 0.01, value_name = "S")]
+    #[arg(long, default_value_t = 0.01, value_name = "S", allow_negative_numbers = true)]
     pub step: f64,
     /// Seed of commands and noise; the same seed gives the same bytes
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Scale of the vessel's measurement noise; 0 for none
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_negative_numbers = true)]
     pub noise: f64,
     /// Lawn-mower: length of a leg [m]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub leg: Option<f64>,
     /// Lawn-mower: distance between legs [m]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub spacing: Option<f64>,
     /// Lawn-mower: speed of each leg [m/s], separated by commas (default: drawn)
     #[arg(long, value_delimiter = ',', value_name = "M_S")]
@@ -92,10 +93,10 @@ pub struct Simulate {
     #[arg(long)]
     pub sharp_turns: bool,
     /// Circle: radius [m]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub radius: Option<f64>,
     /// Circle: speed [m/s]. Low-speed: speed that is never reached [m/s]
-    #[arg(long, value_name = "M_S")]
+    #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
     pub speed: Option<f64>,
     /// Where to write the log; - for standard output (default: named after plant, excitation and seed)
     #[arg(long, short, value_name = "FILE")]
@@ -130,7 +131,7 @@ pub struct Inspect {
 
 A configuration file can hold all of it; what the command line says goes before:
   [log]                                  [split]                     [identify]
-  time = \"t_s\"                           train = [\"a.csv\"]           horizon = 100
+  time = \"t_s\"                           train = [\"a.csv\"]           horizon = \"10s\"
   outputs = [\"u=u_mps [m/s]\", \"v\"]       validate = [\"b.csv\"]
   inputs = [\"n\", \"delta [deg]\"]          test = [\"c.csv\"]            [sindy]
   wind = { speed = \"ws\", direction = \"wd\" }                         degree = 2")]
@@ -138,7 +139,7 @@ pub struct Identify {
     /// Training logs, or all logs where none is named for validation and test
     #[arg(value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// Configuration file
+    /// Configuration file (default: hydroid.toml, if there is one in this folder)
     #[arg(long, short, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Logs on which settings are chosen
@@ -152,9 +153,9 @@ pub struct Identify {
     /// Methods, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "sindy")]
     pub methods: Vec<Method>,
-    /// Longest prediction horizon [samples] (default: 100)
-    #[arg(long, value_name = "N")]
-    pub horizon: Option<usize>,
+    /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)
+    #[arg(long, value_name = "N|Ns")]
+    pub horizon: Option<Horizon>,
     /// Samples between the origins of the final evaluation (default: 1)
     #[arg(long, value_name = "N")]
     pub origin_stride: Option<usize>,
@@ -163,13 +164,13 @@ pub struct Identify {
     pub degree: Option<u8>,
     /// Select terms by thresholded least squares: drop those that move an output by less than this many of
     /// its standard deviations per second (default: backward elimination)
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
     pub threshold: Option<f64>,
     /// Regress increments over this time [s] (default: one sample and shares of the horizon are tried)
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub window: Option<f64>,
     /// Ridge penalty (default: several are tried)
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
     pub ridge: Option<f64>,
     /// Seed of everything random (default: 0)
     #[arg(long)]
@@ -182,7 +183,7 @@ pub struct Identify {
 /// Judge a model on logs: errors by horizon and channel beside persistence
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
-  hydroid evaluate out/sindy.safetensors test.csv --horizon 100
+  hydroid evaluate out/sindy.safetensors test.csv --horizon 10s
   hydroid evaluate out/sindy.safetensors run.csv --origin true --against truth    simulated logs
   hydroid evaluate out/sindy.safetensors test.csv --json > errors.json")]
 pub struct Evaluate {
@@ -192,9 +193,9 @@ pub struct Evaluate {
     /// Logs; each is a run, or several where it has gaps
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// Longest horizon [samples]
-    #[arg(long, default_value_t = 100, value_name = "N")]
-    pub horizon: usize,
+    /// Longest horizon: samples (100) or seconds (10s)
+    #[arg(long, default_value = "100", value_name = "N|Ns")]
+    pub horizon: Horizon,
     /// Samples between two origins
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub origin_stride: usize,
@@ -209,7 +210,7 @@ pub struct Evaluate {
 }
 
 /// How to read logs.
-#[derive(Clone, Debug, Default, ClapArgs)]
+#[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
 #[command(next_help_heading = "Reading logs")]
 pub struct LogArgs {
     /// Time column, with its unit unless seconds: `timestamp [ms]` (default: t, time, t_s, timestamp)
@@ -224,17 +225,18 @@ pub struct LogArgs {
     /// Wind speed and direction columns; become the inputs U^2 cos and U^2 sin
     #[arg(long, value_name = "SPEED,DIRECTION")]
     pub wind: Option<String>,
-    /// Whether the command in a row acts before (until) or after its measurement
-    #[arg(long, value_name = "WHEN", value_parser = parse_timing)]
+    /// Which comes first. before: row k holds the command that acts from its measurement on, until row k+1
+    /// (default). after: row k holds the command that led to its measurement, since row k-1
+    #[arg(long, value_name = "before|after", value_parser = parse_timing)]
     pub command_timing: Option<CommandTiming>,
     /// How much later a command acts than it is logged: samples (3) or seconds (0.3s), may be negative
     #[arg(long, value_name = "DELAY", allow_hyphen_values = true)]
     pub input_delay: Option<InputDelay>,
     /// Longest time [s] that an output may be missing before the run is cut
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub max_gap: Option<f64>,
     /// Step [s] to resample to (default: the log's own)
-    #[arg(long = "dt", value_name = "S")]
+    #[arg(long = "dt", value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,
 }
 
@@ -245,6 +247,40 @@ fn parse_timing(text: &str) -> Result<CommandTiming, String> {
         _ => Err(String::from(
             "write before (a row's command acts from that row on) or after (it acted until that row)",
         )),
+    }
+}
+
+/// A horizon in samples or in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Horizon {
+    Samples(usize),
+    Seconds(f64),
+}
+
+impl Horizon {
+    /// In samples of `dt` seconds; a time that is not a whole number of samples is rounded.
+    pub fn samples(self, dt: f64) -> usize {
+        match self {
+            Self::Samples(n) => n,
+            // Positive by parsing; larger than any log saturates, and is refused as too long.
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            Self::Seconds(s) => (s / dt).round() as usize,
+        }
+    }
+}
+
+impl FromStr for Horizon {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let bad = || format!("'{text}' is neither a number of samples (100) nor of seconds (10s)");
+        match text.strip_suffix('s') {
+            Some(seconds) => {
+                let seconds: f64 = seconds.trim().parse().map_err(|_| bad())?;
+                if seconds.is_finite() && seconds > 0.0 { Ok(Self::Seconds(seconds)) } else { Err(bad()) }
+            }
+            None => text.parse().map(Self::Samples).map_err(|_| bad()),
+        }
     }
 }
 

@@ -8,6 +8,11 @@ use hydroid::log::{ChannelSpec, CommandTiming, InputDelay, Wind};
 use hydroid::toml_file;
 use serde::Deserialize;
 
+use crate::args::Horizon;
+
+/// The file that is read where none is named.
+pub const DEFAULT: &str = "hydroid.toml";
+
 /// `hydroid.toml`. Everything may be left out.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -46,6 +51,21 @@ impl Default for Delay {
     }
 }
 
+impl<'de> Deserialize<'de> for Horizon {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged, expecting = "a number of samples (100) or a time (\"10s\")")]
+        enum Written {
+            Samples(usize),
+            Text(String),
+        }
+        match Written::deserialize(deserializer)? {
+            Written::Samples(n) => Ok(Self::Samples(n)),
+            Written::Text(text) => text.parse().map_err(serde::de::Error::custom),
+        }
+    }
+}
+
 /// Logs by their use; paths are relative to the file.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -59,7 +79,7 @@ pub struct Split {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Identify {
-    pub horizon: Option<usize>,
+    pub horizon: Option<Horizon>,
     pub origin_stride: Option<usize>,
     pub seed: Option<u64>,
 }

@@ -11,6 +11,7 @@ mod args;
 mod commands;
 mod config;
 mod logs;
+#[macro_use]
 mod ui;
 
 use std::process::ExitCode;
@@ -30,7 +31,7 @@ fn main() -> ExitCode {
         Err(error) => {
             if json {
                 // A program that asked for JSON gets the reason as JSON too.
-                println!("{}", serde_json::json!({ "error": format!("{error:#}") }));
+                outln!("{}", serde_json::json!({ "error": ui::explain(&error) }));
             }
             ui::complain(&error);
             ExitCode::from(2)

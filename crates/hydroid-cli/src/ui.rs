@@ -1,6 +1,6 @@
 //! What the user sees besides results: progress, notes, complaints. All of it goes to standard error.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write as _};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -79,5 +79,38 @@ pub fn tell(notes: &[Note], global: Global) {
 
 /// Tells an error.
 pub fn complain(error: &anyhow::Error) {
-    eprintln!("error: {error:#}");
+    eprintln!("error: {}", explain(error));
+}
+
+/// An error with its causes, none of them told twice: many messages hold the words of their cause.
+pub fn explain(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+/// Writes results to standard output. A reader that has seen enough (`| head`) ends the program quietly.
+pub fn write_out(text: std::fmt::Arguments<'_>) {
+    if let Err(error) = std::io::stdout().lock().write_fmt(text) {
+        if error.kind() == std::io::ErrorKind::BrokenPipe {
+            std::process::exit(0);
+        }
+        eprintln!("error: standard output cannot be written: {error}");
+        std::process::exit(2);
+    }
+}
+
+/// `println!` for results.
+#[macro_export]
+macro_rules! outln {
+    () => { $crate::ui::write_out(format_args!("\n")) };
+    ($format:literal $($arguments:tt)*) => {
+        $crate::ui::write_out(format_args!(concat!($format, "\n") $($arguments)*))
+    };
 }

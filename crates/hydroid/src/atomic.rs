@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// A file could not be written; nothing half-written stays behind.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {source}. Is the folder writable and is there room on the disk?", path.display())]
+#[error("cannot write {}: {source}; name a place in a folder that can be written", path.display())]
 pub struct WriteError {
     /// The file that was to be written.
     pub path: PathBuf,
@@ -20,6 +20,14 @@ pub struct WriteError {
 /// If a folder or the file cannot be written, or the content gives an error.
 pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
     let attempt = || -> io::Result<()> {
+        // A link stays one: what it points to is replaced. A device or a pipe cannot be replaced at all.
+        let resolved = path.canonicalize();
+        let path = resolved.as_deref().unwrap_or(path);
+        if path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+            let mut out = io::BufWriter::new(std::fs::OpenOptions::new().write(true).open(path)?);
+            content(&mut out)?;
+            return out.flush();
+        }
         let folder = match path.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
@@ -54,4 +62,24 @@ pub fn probe(folder: &Path) -> Result<(), WriteError> {
         tempfile::Builder::new().prefix(".hydroid-").tempfile_in(folder).map(drop)
     };
     attempt().map_err(|source| WriteError { path: folder.to_owned(), source })
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    /// A review found that writing to a link or a device replaced it.
+    #[test]
+    fn links_and_devices_stay_what_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let (target, link) = (folder.path().join("target"), folder.path().join("link"));
+        std::fs::write(&target, "old").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        write(&link, |out| out.write_all(b"new")).unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(std::fs::read_to_string(&target).unwrap(), "new");
+        write(Path::new("/dev/null"), |out| out.write_all(b"gone")).unwrap();
+        assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
 }

@@ -15,7 +15,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     ui::tell(&prepared.notes, global);
     model.check(&prepared.runs)?;
     let options = Options {
-        horizon: args.horizon,
+        horizon: args.horizon.samples(model.description.dt),
         origin_stride: args.origin_stride,
         origin: match args.origin {
             Origin::Measured => evaluate::Origin::Measured,
@@ -42,7 +42,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     if global.json {
         super::print_json(&evaluation)?;
     } else {
-        print!("{}", table::errors(&evaluation));
+        ui::write_out(format_args!("{}", table::errors(&evaluation)));
     }
     Ok(if evaluation.diverged > 0 { Outcome::Missed } else { Outcome::Done })
 }

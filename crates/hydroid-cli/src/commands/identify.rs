@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{self, Grade, Identified, Job};
-use hydroid::log::{Note, Split, split_named};
+use hydroid::log::{InputDelay, Note, Split, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::report::{self, Context};
 use hydroid::simulate::Options;
@@ -14,7 +14,7 @@ use hydroid_core::vessel::VesselParams;
 use serde_json::json;
 
 use super::{Outcome, simulate, table};
-use crate::args::{Global, Identify};
+use crate::args::{Global, Identify, LogArgs};
 use crate::config::{self, Config};
 use crate::{logs, ui};
 
@@ -27,7 +27,14 @@ const DEMO_S: [(&str, f64); 3] = [("train", 3_600.0), ("validate", 600.0), ("tes
 pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     // A folder that cannot be written is better known before the work than after.
     atomic::probe(&args.output)?;
-    let config = args.config.as_deref().map(config::read).transpose()?.unwrap_or_default();
+    let config = match &args.config {
+        Some(file) => config::read(file)?,
+        None if Path::new(config::DEFAULT).exists() => {
+            ui::tell(&[Note::info(format!("settings from {} in this folder", config::DEFAULT))], global);
+            config::read(Path::new(config::DEFAULT))?
+        }
+        None => Config::default(),
+    };
     let seed = args.seed.or(config.identify.seed).unwrap_or(0);
     let Config { log, split, identify, mut sindy } = config;
     let pick = |said: &[PathBuf], configured: Vec<PathBuf>| {
@@ -43,6 +50,9 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         if !(files.validate.is_empty() && files.test.is_empty()) {
             bail!("there are logs to validate or test on, but none to train on: name them first");
         }
+        if args.log != LogArgs::default() {
+            bail!("there are options for reading a log, but no log: name the logs first");
+        }
         files = demonstration(&args.output, seed, global)?;
     }
     let reading = logs::reading(logs::configured(log), &args.log)?;
@@ -52,10 +62,12 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     sindy.threshold = args.threshold.or(sindy.threshold);
     sindy.window_s = args.window.or(sindy.window_s);
     sindy.ridge = args.ridge.or(sindy.ridge);
+    let dt = split.train.first().map_or(1.0, |run| run.dt);
+    let horizon = args.horizon.or(identify.horizon).map_or(HORIZON, |horizon| horizon.samples(dt));
     let job = Job {
         split,
         reading,
-        horizon: args.horizon.or(identify.horizon).unwrap_or(HORIZON),
+        horizon,
         origin_stride: args.origin_stride.or(identify.origin_stride).unwrap_or(1),
         seed,
         sindy,
@@ -88,9 +100,12 @@ impl Files {
     fn split(&self, reading: &Reading) -> anyhow::Result<(Split, Reading, Vec<Note>)> {
         let all: Vec<PathBuf> = self.train.iter().chain(&self.validate).chain(&self.test).cloned().collect();
         let (raw, prepared) = logs::prepare(&all, reading)?;
+        let mut steps = Vec::new();
         let mut notes: Vec<Note> = self.note.clone().into_iter().chain(prepared.notes).collect();
         for log in &raw {
-            for note in log::inspect(log, &reading.selection)?.notes {
+            let inspection = log::inspect(log, &reading.selection, &reading.options)?;
+            steps.extend(inspection.clock.map(|clock| clock.step_s));
+            for note in inspection.notes {
                 // What the preparation told already, perhaps with another step in brackets, is not said twice.
                 let start = |note: &Note| note.message.split(" (").next().unwrap_or_default().to_owned();
                 let said = notes.iter().any(|other| start(other) == start(&note));
@@ -99,7 +114,8 @@ impl Files {
                 }
             }
         }
-        let reading = Reading { selection: prepared.selection, ..reading.clone() };
+        let mut reading = Reading { selection: prepared.selection, ..reading.clone() };
+        reading.options.input_delay = in_seconds(reading.options.input_delay, &steps)?;
         let [mut train, mut validate, mut test] = [(); 3].map(|()| Vec::new());
         for (run, source) in prepared.runs.into_iter().zip(prepared.sources) {
             if source < self.train.len() {
@@ -112,6 +128,18 @@ impl Files {
         }
         Ok((split_named(train, validate, test)?, reading, notes))
     }
+}
+
+/// A delay in samples is one of these logs: a model keeps it in seconds, for logs of any rate.
+fn in_seconds(delay: InputDelay, steps: &[f64]) -> anyhow::Result<InputDelay> {
+    let (InputDelay::Samples(n), Some(&step)) = (delay, steps.first()) else { return Ok(delay) };
+    if n == 0 {
+        return Ok(delay);
+    }
+    if steps.iter().any(|other| (other / step - 1.0).abs() > 0.01) {
+        bail!("the logs have different steps, so that --input-delay {n} means different times: write it in seconds, as in --input-delay 0.3s");
+    }
+    Ok(InputDelay::Seconds(n as f64 * step))
 }
 
 /// Without a log: three runs of the built-in hydrofoil.
@@ -210,7 +238,7 @@ fn model_file(folder: &Path, name: &str) -> PathBuf {
 fn show(folder: &Path, identified: &Identified) {
     for candidate in &identified.candidates {
         let model = &candidate.model;
-        println!(
+        outln!(
             "{}: {} coefficients, chosen among {} settings in {:.2} s",
             model.description.name,
             model.weights(),
@@ -218,22 +246,22 @@ fn show(folder: &Path, identified: &Identified) {
             candidate.train_seconds
         );
         for equation in model.equations_text() {
-            println!("  {equation}");
+            outln!("  {equation}");
         }
-        println!("\non the test runs:");
-        print!("{}", table::errors(&candidate.test));
+        outln!("\non the test runs:");
+        ui::write_out(format_args!("{}", table::errors(&candidate.test)));
     }
-    println!();
+    outln!();
     for verdict in &identified.verdicts {
         let grade = match verdict.grade {
             Grade::Good => "good",
             Grade::Usable => "usable",
             Grade::NotIdentified => "NOT IDENTIFIED",
         };
-        println!(
+        outln!(
             "{}: {grade} (NRMSE {:.3} at the longest horizon; persistence {:.3})",
             verdict.channel, verdict.nrmse, verdict.persistence
         );
     }
-    println!("\nwritten to {}: model, report.html, identify.json", folder.display());
+    outln!("\nwritten to {}: model, report.html, identify.json", folder.display());
 }

@@ -25,7 +25,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
                 show_model(file, &model);
             }
         } else {
-            let inspection = log::inspect(&log::read(file)?, &reading.selection)?;
+            let inspection = log::inspect(&log::read(file)?, &reading.selection, &reading.options)?;
             if global.json {
                 documents.push(serde_json::to_value(&inspection)?);
             } else {
@@ -49,6 +49,10 @@ fn is_model(path: &Path) -> bool {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("safetensors")) {
         return true;
     }
+    // A pipe gives its bytes once: only the log reader may take them.
+    if !path.metadata().is_ok_and(|m| m.is_file()) {
+        return false;
+    }
     let mut head = [0; 9];
     File::open(path).and_then(|mut file| file.read_exact(&mut head)).is_ok()
         && head[8] == b'{'
@@ -67,22 +71,22 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
 
 fn show_model(file: &Path, model: &Model) {
     let d = &model.description;
-    println!("{}: {} model '{}', {} coefficients", file.display(), model.kind(), d.name, model.weights());
-    println!("sample time {} s", d.dt);
+    outln!("{}: {} model '{}', {} coefficients", file.display(), model.kind(), d.name, model.weights());
+    outln!("sample time {} s", d.dt);
     for (what, ports) in [("output", &d.outputs), ("input", &d.inputs)] {
         for port in ports {
-            println!(
+            outln!(
                 "{what:<7} {:<12} {:<8} trained from {:.4} to {:.4}",
                 port.channel.name, port.channel.unit, port.range.low, port.range.high
             );
         }
     }
-    println!("equations:");
+    outln!("equations:");
     for equation in model.equations_text() {
-        println!("  {equation}");
+        outln!("  {equation}");
     }
     let p = &d.provenance;
-    println!(
+    outln!(
         "made by hydroid {} with seed {} from {}, chosen on {}",
         p.hydroid,
         p.seed,
@@ -93,10 +97,10 @@ fn show_model(file: &Path, model: &Model) {
 
 fn show_log(inspection: &Inspection) {
     let duration = inspection.duration_s.map_or_else(String::new, |s| format!(", {s:.1} s"));
-    println!("{}: {} rows{duration}", inspection.path, inspection.rows);
+    outln!("{}: {} rows{duration}", inspection.path, inspection.rows);
     if let Some(clock) = &inspection.clock {
         let kind = if clock.regular { "regular" } else { "irregular" };
-        println!(
+        outln!(
             "clock: {kind}, step {} s (shortest {:.4}, longest {:.4}); {} longer gaps; {:.0} % of the rows repeat the one before",
             clock.step_s,
             clock.shortest_s,
@@ -105,13 +109,13 @@ fn show_log(inspection: &Inspection) {
             100.0 * inspection.repeated_rows
         );
     }
-    println!(
+    outln!(
         "\n{:<26} {:<8} {:>11} {:>11} {:>11} {:>11} {:>8} {:>8}",
         "column", "unit", "min", "max", "mean", "std", "missing", "repeats"
     );
     for c in &inspection.columns {
         let number = |x: Option<f64>| x.map_or_else(|| String::from("-"), |x| format!("{x:.5}"));
-        println!(
+        outln!(
             "{:<26} {:<8} {:>11} {:>11} {:>11} {:>11} {:>8} {:>6.0} %",
             c.name,
             c.unit,
@@ -124,19 +128,19 @@ fn show_log(inspection: &Inspection) {
         );
     }
     if !inspection.outputs.is_empty() {
-        println!("\noutputs:");
+        outln!("\noutputs:");
     }
     for o in &inspection.outputs {
-        let noise = o.noise_std.map_or_else(String::new, |s| format!(", noise about {s:.4} {}", o.unit));
+        let noise = o.noise_std.map_or_else(String::new, |s| format!(" noise about {s:.4} {};", o.unit));
         let smooth =
-            o.smoothing_window.map_or_else(String::new, |w| format!(", smoothed over about {w} samples"));
-        println!("  {:<12}{noise}{smooth}", o.name);
+            o.smoothing_window.map_or_else(String::new, |w| format!(" smoothed over about {w} samples"));
+        outln!("  {:<12}{noise}{smooth}", o.name);
     }
     if !inspection.inputs.is_empty() {
-        println!("inputs:");
+        outln!("inputs:");
     }
     for i in &inspection.inputs {
-        println!(
+        outln!(
             "  {:<12} {} levels, {:.1} moves a minute, {:.0} % of the time at a limit{}",
             i.name,
             i.levels,
@@ -146,9 +150,9 @@ fn show_log(inspection: &Inspection) {
         );
     }
     if let Some(d) = &inspection.input_delay {
-        println!("all inputs together: {}", delay(d));
+        outln!("all inputs together: {}", delay(d));
     }
-    println!();
+    outln!();
 }
 
 fn delay(d: &DelayEstimate) -> String {

@@ -48,6 +48,6 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 
 /// Prints a JSON document on standard output.
 fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
-    println!("{}", serde_json::to_string_pretty(value)?);
+    outln!("{}", serde_json::to_string_pretty(value)?);
     Ok(())
 }

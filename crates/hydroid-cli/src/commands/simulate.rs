@@ -18,7 +18,11 @@ use crate::ui;
 pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     let vessel = vessel(&args.plant)?;
     if args.print_vessel {
-        print!("{}", simulate::vessel_toml(&vessel)?);
+        if global.json {
+            super::print_json(&vessel)?;
+            return Ok(Outcome::Done);
+        }
+        ui::write_out(format_args!("{}", simulate::vessel_toml(&vessel)?));
         return Ok(Outcome::Done);
     }
     let (excitation, label) = excitation(args, &vessel)?;
@@ -27,6 +31,9 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
         .output
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("{}-{label}-seed{}.csv", vessel.name, args.seed)));
+    if global.json && path == Path::new("-") {
+        bail!("--json and -o - would both write to standard output: give the log a file with -o");
+    }
     let options = Options {
         duration_s,
         dt_s: args.dt,
@@ -60,7 +67,7 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
             "u_max": high,
         }))?;
     } else {
-        println!(
+        outln!(
             "{}: {} samples of {} s, {} under {label}, u from {low:.2} to {high:.2} m/s, seed {}",
             path.display(),
             record.len(),

@@ -31,6 +31,14 @@ pub enum ExcitationError {
         /// Top speed \[m/s\].
         top: f64,
     },
+    /// Legs so short that the plan would have no end.
+    #[error("a leg of {leg} m is sailed a million times in this duration; {shortest:.3} m is the shortest")]
+    LegTooShort {
+        /// Length asked for \[m\].
+        leg: f64,
+        /// Shortest length \[m\].
+        shortest: f64,
+    },
     /// No commands given.
     #[error("the commands have no rows")]
     NoRows,

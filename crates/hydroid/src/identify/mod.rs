@@ -151,6 +151,16 @@ pub enum IdentifyError {
     /// A part of the split has no runs.
     #[error("there are no {0} runs: give more logs, or name some with --{0}")]
     NoRuns(&'static str),
+    /// The same samples would be learned from and judged on.
+    #[error(
+        "'{first}' and '{second}' hold the same measurements: a model judged on what it was fitted to or chosen on is judged by nobody. Name each log once"
+    )]
+    SameRun {
+        /// One run.
+        first: String,
+        /// The other.
+        second: String,
+    },
     /// A setting that makes no sense.
     #[error("the {what} of {value} cannot be used: it must be {needed}")]
     Setting {
@@ -196,6 +206,7 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
             return Err(IdentifyError::NoRuns(part));
         }
     }
+    apart(&[&train, &validation, &test])?;
     let ranges = ranges(&train);
     let longest = validation.iter().map(|run| run.len()).max().unwrap_or(0);
     let quick = evaluate::Options {
@@ -262,6 +273,25 @@ fn describe(job: &Job, train: &[&Trajectory], ranges: &[DesignRange], found: &Fo
         },
         body: Body::Equations(std::sync::Arc::new(found.fit.equations.clone())),
     }
+}
+
+/// Refuses a run that stands in two parts, under whatever name.
+fn apart(parts: &[&Vec<&Trajectory>]) -> Result<(), IdentifyError> {
+    // Bit by bit, so that missing values compare too.
+    let same = |a: &Trajectory, b: &Trajectory| {
+        let values = |run: &Trajectory| run.outputs.rows(0, run.len()).iter().map(|y| y.to_bits());
+        a.len() == b.len() && values(a).eq(values(b))
+    };
+    for (i, part) in parts.iter().enumerate() {
+        for other in &parts[i + 1..] {
+            for a in *part {
+                if let Some(b) = other.iter().find(|b| same(a, b)) {
+                    return Err(IdentifyError::SameRun { first: a.name.clone(), second: b.name.clone() });
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The reading of the training logs with their step written out: a model has one step, whatever the log.

@@ -32,8 +32,8 @@ pub(crate) struct Counts {
     pub(crate) substeps: u32,
 }
 
-/// More samples than anyone has memory for: a slip in a unit.
-const MOST_SAMPLES: f64 = 1e9;
+/// More samples than fit in memory, at some hundred bytes each: a slip in a unit.
+const MOST_SAMPLES: f64 = 5e7;
 
 impl Options {
     /// The thesis's record: 7,200 s, 0.1 s samples, 10 ms integration, noise as the vessel has it, seed 0.
@@ -74,7 +74,7 @@ impl Options {
             return Err(SimulateError::Option {
                 what: "the duration",
                 value: self.duration_s,
-                needed: "it must hold between one and 10^9 samples",
+                needed: "it must hold between one and 50 million samples",
             });
         }
         Ok(Counts { samples: samples as usize, substeps: substeps as u32 })

@@ -45,6 +45,11 @@ pub(super) fn lawn_mower(
 ) -> Result<Vec<Stage>, ExcitationError> {
     let leg =
         positive("the length of a leg", plan.leg.unwrap_or(10.0 * envelope.top_speed * envelope.time_s))?;
+    // A slip in a unit would plan more legs than anyone sails.
+    let shortest = 1e-6 * envelope.top_speed * duration_s;
+    if leg < shortest {
+        return Err(ExcitationError::LegTooShort { leg, shortest });
+    }
     let spacing = positive("the distance between legs", plan.spacing.unwrap_or(0.25 * leg))?;
     let between = match plan.turn {
         Turn::Arc => None,
