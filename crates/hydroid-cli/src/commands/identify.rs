@@ -90,7 +90,7 @@ impl Files {
         let (raw, prepared) = logs::prepare(&all, reading)?;
         let mut notes: Vec<Note> = self.note.clone().into_iter().chain(prepared.notes).collect();
         for log in &raw {
-            for note in log::inspect(log, &reading.selection)?.notes {
+            for note in log::inspect(log, &reading.selection, &reading.options)?.notes {
                 // What the preparation told already, perhaps with another step in brackets, is not said twice.
                 let start = |note: &Note| note.message.split(" (").next().unwrap_or_default().to_owned();
                 let said = notes.iter().any(|other| start(other) == start(&note));

@@ -25,7 +25,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
                 show_model(file, &model);
             }
         } else {
-            let inspection = log::inspect(&log::read(file)?, &reading.selection)?;
+            let inspection = log::inspect(&log::read(file)?, &reading.selection, &reading.options)?;
             if global.json {
                 documents.push(serde_json::to_value(&inspection)?);
             } else {
