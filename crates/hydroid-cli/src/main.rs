@@ -7,12 +7,13 @@
 // The comments of `args` are printed as help, where backticks would stand as they are.
 #![allow(clippy::doc_markdown)]
 
+#[macro_use]
+mod ui;
+
 mod args;
 mod commands;
 mod config;
 mod logs;
-#[macro_use]
-mod ui;
 
 use std::process::ExitCode;
 

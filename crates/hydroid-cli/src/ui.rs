@@ -107,10 +107,8 @@ pub fn write_out(text: std::fmt::Arguments<'_>) {
 }
 
 /// `println!` for results.
-#[macro_export]
 macro_rules! outln {
-    () => { $crate::ui::write_out(format_args!("\n")) };
-    ($format:literal $($arguments:tt)*) => {
-        $crate::ui::write_out(format_args!(concat!($format, "\n") $($arguments)*))
+    ($($text:tt)*) => {
+        $crate::ui::write_out(format_args!("{}\n", format_args!($($text)*)))
     };
 }

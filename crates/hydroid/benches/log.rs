@@ -66,5 +66,5 @@ fn resampled(bencher: divan::Bencher<'_, '_>) {
 #[divan::bench]
 fn inspected(bencher: divan::Bencher<'_, '_>) {
     let log = record();
-    bencher.bench_local(|| inspect(&log, &Selection::default()));
+    bencher.bench_local(|| inspect(&log, &Selection::default(), &PrepareOptions::default()));
 }

@@ -137,7 +137,9 @@ fn in_seconds(delay: InputDelay, steps: &[f64]) -> anyhow::Result<InputDelay> {
         return Ok(delay);
     }
     if steps.iter().any(|other| (other / step - 1.0).abs() > 0.01) {
-        bail!("the logs have different steps, so that --input-delay {n} means different times: write it in seconds, as in --input-delay 0.3s");
+        bail!(
+            "the logs have different steps, so that --input-delay {n} means different times: write it in seconds, as in --input-delay 0.3s"
+        );
     }
     Ok(InputDelay::Seconds(n as f64 * step))
 }
@@ -251,7 +253,7 @@ fn show(folder: &Path, identified: &Identified) {
         outln!("\non the test runs:");
         ui::write_out(format_args!("{}", table::errors(&candidate.test)));
     }
-    outln!();
+    outln!("");
     for verdict in &identified.verdicts {
         let grade = match verdict.grade {
             Grade::Good => "good",
@@ -260,7 +262,9 @@ fn show(folder: &Path, identified: &Identified) {
         };
         outln!(
             "{}: {grade} (NRMSE {:.3} at the longest horizon; persistence {:.3})",
-            verdict.channel, verdict.nrmse, verdict.persistence
+            verdict.channel,
+            verdict.nrmse,
+            verdict.persistence
         );
     }
     outln!("\nwritten to {}: model, report.html, identify.json", folder.display());

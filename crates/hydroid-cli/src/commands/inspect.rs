@@ -77,7 +77,10 @@ fn show_model(file: &Path, model: &Model) {
         for port in ports {
             outln!(
                 "{what:<7} {:<12} {:<8} trained from {:.4} to {:.4}",
-                port.channel.name, port.channel.unit, port.range.low, port.range.high
+                port.channel.name,
+                port.channel.unit,
+                port.range.low,
+                port.range.high
             );
         }
     }
@@ -111,7 +114,14 @@ fn show_log(inspection: &Inspection) {
     }
     outln!(
         "\n{:<26} {:<8} {:>11} {:>11} {:>11} {:>11} {:>8} {:>8}",
-        "column", "unit", "min", "max", "mean", "std", "missing", "repeats"
+        "column",
+        "unit",
+        "min",
+        "max",
+        "mean",
+        "std",
+        "missing",
+        "repeats"
     );
     for c in &inspection.columns {
         let number = |x: Option<f64>| x.map_or_else(|| String::from("-"), |x| format!("{x:.5}"));
@@ -152,7 +162,7 @@ fn show_log(inspection: &Inspection) {
     if let Some(d) = &inspection.input_delay {
         outln!("all inputs together: {}", delay(d));
     }
-    outln!();
+    outln!("");
 }
 
 fn delay(d: &DelayEstimate) -> String {

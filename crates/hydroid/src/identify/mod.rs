@@ -279,8 +279,8 @@ fn describe(job: &Job, train: &[&Trajectory], ranges: &[DesignRange], found: &Fo
 fn apart(parts: &[&Vec<&Trajectory>]) -> Result<(), IdentifyError> {
     // Bit by bit, so that missing values compare too.
     let same = |a: &Trajectory, b: &Trajectory| {
-        let values = |run: &Trajectory| run.outputs.rows(0, run.len()).iter().map(|y| y.to_bits());
-        a.len() == b.len() && values(a).eq(values(b))
+        let (x, y) = (a.outputs.rows(0, a.len()), b.outputs.rows(0, b.len()));
+        x.len() == y.len() && x.iter().zip(y).all(|(x, y)| x.to_bits() == y.to_bits())
     };
     for (i, part) in parts.iter().enumerate() {
         for other in &parts[i + 1..] {

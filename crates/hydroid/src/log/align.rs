@@ -96,8 +96,11 @@ impl InputDelay {
         }
     }
 
-    /// The delay in seconds on a clock with this step.
-    pub(crate) fn seconds(self, step: f64) -> f64 {
+    /// The delay in seconds in a log with this step \[s\].
+    ///
+    /// Samples are those of the log, whatever it is resampled to: who reads another log in the same way, one
+    /// with another step perhaps, wants the seconds.
+    pub fn seconds_at(self, step: f64) -> f64 {
         match self {
             Self::Samples(n) => n as f64 * step,
             Self::Seconds(s) => s,
@@ -181,5 +184,11 @@ mod tests {
             assert!(bad.parse::<InputDelay>().is_err(), "{bad}");
         }
         assert_eq!(InputDelay::Seconds(0.26).samples(0.1), 3);
+    }
+
+    #[test]
+    fn a_delay_in_samples_is_so_many_steps_of_the_log() {
+        assert_eq!(InputDelay::Samples(-3).seconds_at(0.5), -1.5);
+        assert_eq!(InputDelay::Seconds(0.26).seconds_at(0.5), 0.26);
     }
 }

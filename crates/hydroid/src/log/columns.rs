@@ -71,6 +71,7 @@ impl Columns {
         }
         if let Some([speed, direction]) = &resolved.wind {
             let (speeds, directions) = (take(speed)?, take(direction)?);
+            check_direction(log, direction, &lines, &directions)?;
             let part = |f: fn(f64) -> f64| -> Vec<f64> {
                 speeds.iter().zip(&directions).map(|(s, d)| s * s * f(*d)).collect()
             };
@@ -110,6 +111,25 @@ pub fn rows(log: &RawLog, selection: &Selection) -> Result<Vec<(f64, Vec<f64>)>,
     let columns = Columns::new(log, &resolved, &mut Vec::new())?;
     let row = |k: usize| columns.outputs.iter().chain(&columns.inputs).map(|values| values[k]).collect();
     Ok((0..columns.rows()).map(|k| (columns.t[k], row(k))).collect())
+}
+
+/// Refuses a wind direction in degrees that does not say so: taken as radians it would be a random number.
+fn check_direction(log: &RawLog, source: &Source, lines: &[u64], directions: &[f64]) -> Result<(), LogError> {
+    let name = &log.columns[source.column].name;
+    let turn = std::f64::consts::TAU + 0.01;
+    match directions.iter().position(|x| x.abs() > turn) {
+        Some(k) if source.channel.unit.is_empty() => Err(LogError::Absurd {
+            path: log.path.clone(),
+            line: lines[k],
+            column: name.clone(),
+            value: format!(
+                "a wind direction of {} without a unit is more than a turn in radians and looks like degrees: write `{name} [deg]`",
+                directions[k]
+            ),
+            remedy: "in the header or in --wind SPEED,DIRECTION; if it counts radians over several turns, write [rad]",
+        }),
+        _ => Ok(()),
+    }
 }
 
 fn missing(log: &RawLog, column: &RawColumn) -> LogError {

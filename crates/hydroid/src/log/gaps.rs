@@ -9,34 +9,64 @@ const SAMPLES: f64 = 10.0;
 /// The least gap limit \[s\] where none is given.
 const SECONDS: f64 = 1.0;
 
-/// The gap limit of a log where the user gives none: 1 s or 10 samples, whichever is longer. The samples
-/// are those of the slowest output if it has a value in less than half of the rows.
-pub(crate) fn default_limit(columns: &Columns, step: f64, notes: &mut Vec<Note>) -> f64 {
-    let mut spacing = step;
-    for (channel, values) in columns.output_channels.iter().zip(&columns.outputs) {
-        let times: Vec<f64> =
-            values.iter().zip(&columns.t).filter(|(x, _)| !x.is_nan()).map(|(_, t)| *t).collect();
-        if 2 * times.len() >= values.len() {
-            continue;
+/// How far apart the values of the slowest output of a log are \[s\], and the gap limit that follows from it:
+/// 1 s or 10 samples, whichever is longer. What is slower than the log is told, unless `dt` is as slow.
+pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes: &mut Vec<Note>) -> f64 {
+    let slow: Vec<(usize, f64, usize)> = columns
+        .outputs
+        .iter()
+        .enumerate()
+        .filter_map(|(i, values)| {
+            let times: Vec<f64> =
+                values.iter().zip(&columns.t).filter(|(x, _)| !x.is_nan()).map(|(_, t)| *t).collect();
+            // Half of the rows, or one more where a sensor that is in every other row has the first and last.
+            if 2 * times.len() > values.len() + 1 {
+                return None;
+            }
+            // A sensor that fell silent half-way is dense where it has values: that is no slow sensor.
+            let own = median(times.windows(2).map(|p| p[1] - p[0]).collect()).unwrap_or(step);
+            (own >= 1.5 * step).then_some((i, own, times.len()))
+        })
+        .collect();
+    let spacing = slow.iter().map(|(_, own, _)| *own).fold(step, f64::max);
+    let resampled = dt.is_some_and(|dt| dt >= 0.99 * spacing);
+    let path = &columns.path;
+    if !resampled {
+        for (i, own, values) in &slow {
+            notes.push(
+                Note::info(format!(
+                    "{path}: `{}` has values in {values} of {} rows, about every {own:.3} s",
+                    columns.output_channels[*i].name,
+                    columns.rows(),
+                ))
+                .with_remedy(format!("--dt {spacing:.3} puts all channels on the clock of the slowest")),
+            );
         }
-        // A sensor that fell silent half-way is dense where it has values: that is no slow sensor.
-        let own = median(times.windows(2).map(|p| p[1] - p[0]).collect()).unwrap_or(step);
-        if own < 1.5 * step {
-            continue;
-        }
+    }
+    // What bursts of a sensor leave open on the average, where no spacing is usual.
+    let apart = if slow.is_empty() { mean_spacing(columns).max(step) } else { spacing };
+    if never_together(&columns.outputs) && dt.is_none_or(|dt| dt < 0.99 * apart) {
         notes.push(
-            Note::info(format!(
-                "{}: `{}` has values in {} of {} rows, about every {own:.3} s",
-                columns.path,
-                channel.name,
-                times.len(),
-                values.len(),
+            Note::warning(format!(
+                "{path}: no two outputs ever have a value in the same row, so that no row tells the state of the vessel"
             ))
-            .with_remedy(format!("--dt {own:.3} puts all channels on the clock of the slowest")),
+            .with_remedy(format!("--dt {apart:.3} puts all channels on the clock of the slowest")),
         );
-        spacing = spacing.max(own);
     }
     SECONDS.max(SAMPLES * spacing)
+}
+
+/// Whether there are several outputs, and none has a value where another has.
+fn never_together(outputs: &[Vec<f64>]) -> bool {
+    let rows = outputs.first().map_or(0, Vec::len);
+    outputs.len() > 1 && (0..rows).all(|k| outputs.iter().filter(|values| !values[k].is_nan()).count() < 2)
+}
+
+/// Mean time between the values of the output with the fewest \[s\].
+fn mean_spacing(columns: &Columns) -> f64 {
+    let fewest = columns.outputs.iter().map(|v| v.iter().filter(|x| !x.is_nan()).count()).min();
+    let (Some(first), Some(last)) = (columns.t.first(), columns.t.last()) else { return 0.0 };
+    (last - first) / fewest.unwrap_or(1).max(1) as f64
 }
 
 /// Parts `from..to` of rows on a regular clock that can be used.

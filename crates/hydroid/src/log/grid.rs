@@ -24,7 +24,8 @@ pub(crate) struct Grid {
 
 impl Grid {
     /// Rows `from..to` of a log with a regular clock, each at its place; rows that the log leaves out are
-    /// missing measurements, commands hold across them.
+    /// missing measurements, commands act across them: on from the row before, or since it
+    /// ([`CommandTiming::After`]).
     pub(crate) fn native(
         columns: &Columns,
         (from, to): (usize, usize),
@@ -42,7 +43,7 @@ impl Grid {
             places.push(whole(place));
         }
         let rows = places.last().map_or(0, |p| p + 1);
-        let put = |values: &Vec<f64>| {
+        let put = |values: &Vec<f64>, places: &[usize]| {
             let values = &values[from..to];
             if rows == values.len() {
                 return values.to_vec();
@@ -53,7 +54,16 @@ impl Grid {
             }
             placed
         };
-        let mut inputs: Vec<Vec<f64>> = columns.inputs.iter().map(put).collect();
+        let measured = |values: &Vec<f64>| put(values, &places);
+        // The command that acted until a row acted since the row before, across all rows left out in between:
+        // it stands one place after that row until the shift below brings it to the row itself.
+        let begins: Vec<usize> = match timing {
+            CommandTiming::Before => places.clone(),
+            CommandTiming::After => {
+                std::iter::once(0).chain(places.iter().take(t.len() - 1).map(|p| p + 1)).collect()
+            }
+        };
+        let mut inputs: Vec<Vec<f64>> = columns.inputs.iter().map(|values| put(values, &begins)).collect();
         let by = delay.samples(step).saturating_sub(i64::from(timing == CommandTiming::After));
         let mut held = Vec::with_capacity(inputs.len());
         for (values, raw) in inputs.iter_mut().zip(&columns.inputs) {
@@ -61,7 +71,7 @@ impl Grid {
             held.push(
                 raw[from..to]
                     .iter()
-                    .zip(&places)
+                    .zip(&begins)
                     .filter(|(x, p)| x.is_nan() && !values[**p].is_nan())
                     .count(),
             );
@@ -71,9 +81,9 @@ impl Grid {
             t0: t[0],
             dt: step,
             rows,
-            outputs: columns.outputs.iter().map(put).collect(),
+            outputs: columns.outputs.iter().map(measured).collect(),
             inputs,
-            truth: columns.truth.as_ref().map(|t| t.iter().map(put).collect()),
+            truth: columns.truth.as_ref().map(|t| t.iter().map(measured).collect()),
             held,
             absent: rows - t.len(),
         })
@@ -118,4 +128,79 @@ pub(crate) fn check_size(rows: f64, step: f64, columns: &Columns) -> Result<(), 
 )]
 pub(crate) fn whole(x: f64) -> usize {
     x as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::resample::Resampling;
+    use super::super::trajectory::Channel;
+    use super::*;
+
+    const STEP: f64 = 0.1;
+
+    /// A log with rows at some places of a regular clock; every command is its own.
+    fn columns(places: &[usize], inputs: Vec<f64>) -> Columns {
+        Columns {
+            path: String::from("log.csv"),
+            t: places.iter().map(|p| *p as f64 * STEP).collect(),
+            lines: (2..).take(places.len()).collect(),
+            output_channels: vec![Channel::new("u", "m/s")],
+            input_channels: vec![Channel::new("n", "rps")],
+            outputs: vec![places.iter().map(|p| *p as f64).collect()],
+            inputs: vec![inputs],
+            truth: None,
+        }
+    }
+
+    fn native(columns: &Columns, timing: CommandTiming, delay: InputDelay) -> Vec<f64> {
+        Grid::native(columns, (0, columns.rows()), STEP, timing, delay).unwrap().inputs.remove(0)
+    }
+
+    fn resampled(columns: &Columns, timing: CommandTiming, delay: InputDelay) -> Vec<f64> {
+        let resampling = Resampling { dt: STEP, step: STEP, max_gap_s: 1e9, timing, delay };
+        resampling.run(columns, (0, columns.rows())).unwrap().inputs.remove(0)
+    }
+
+    /// The numbers with -1 for what is missing.
+    fn plain(values: &[f64]) -> Vec<f64> {
+        values.iter().map(|x| if x.is_nan() { -1.0 } else { *x }).collect()
+    }
+
+    #[test]
+    fn a_command_that_acted_until_its_row_fills_the_gap_before_it() {
+        let places = [0, 1, 2, 3, 4, 8, 9, 10, 11];
+        let columns = columns(&places, vec![0.0, 1.0, 2.0, 3.0, 4.0, 100.0, 9.0, 10.0, 11.0]);
+        let after = native(&columns, CommandTiming::After, InputDelay::default());
+        assert_eq!(plain(&after), [1.0, 2.0, 3.0, 4.0, 100.0, 100.0, 100.0, 100.0, 9.0, 10.0, 11.0, -1.0]);
+        let before = native(&columns, CommandTiming::Before, InputDelay::default());
+        assert_eq!(plain(&before), [0.0, 1.0, 2.0, 3.0, 4.0, 4.0, 4.0, 4.0, 100.0, 9.0, 10.0, 11.0]);
+    }
+
+    #[test]
+    fn a_blank_command_after_a_gap_holds_the_one_before_the_gap() {
+        let columns = columns(&[0, 1, 5, 6], vec![0.0, 1.0, f64::NAN, 6.0]);
+        let after = native(&columns, CommandTiming::After, InputDelay::default());
+        assert_eq!(plain(&after), [1.0, 1.0, 1.0, 1.0, 1.0, 6.0, -1.0]);
+    }
+
+    proptest! {
+        #[test]
+        fn commands_of_a_log_with_gaps_are_those_of_the_log_resampled_to_its_own_step(
+            rows in prop::collection::vec((1..5_usize, prop::option::weighted(0.8, 0..100_i32)), 2..40),
+            after in any::<bool>(),
+            delay in -6..7_i64,
+        ) {
+            let places: Vec<usize> = rows.iter().scan(0, |at, (step, _)| { *at += step; Some(*at) }).collect();
+            let commands = rows.iter().map(|(_, c)| c.map_or(f64::NAN, f64::from)).collect();
+            let columns = columns(&places, commands);
+            let timing = if after { CommandTiming::After } else { CommandTiming::Before };
+            let delay = InputDelay::Samples(delay);
+            prop_assert_eq!(
+                plain(&native(&columns, timing, delay)),
+                plain(&resampled(&columns, timing, delay))
+            );
+        }
+    }
 }

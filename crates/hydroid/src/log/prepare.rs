@@ -21,11 +21,16 @@ use super::trajectory::{Channel, Table, Trajectory};
 /// Fewest samples of a run.
 pub(crate) const FEWEST_SAMPLES: usize = 3;
 
+/// Below this share of the log's step a step is warned of.
+const FINER: f64 = 0.99;
+/// Below this share of the log's step (a half, but for rounding) a step is refused.
+const FINEST: f64 = 0.4999;
+
 /// How logs are put on a clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PrepareOptions {
-    /// Step \[s\] to resample to. Without it: the log's own.
+    /// Step \[s\] to resample to, half the log's at least. Without it: the log's own.
     pub dt: Option<f64>,
     /// Longest time \[s\] that an output may be missing. Without it: 1 s or 10 samples of the slowest
     /// output, whichever is longer.
@@ -171,8 +176,10 @@ impl File {
             return Err(too_short(&columns));
         }
         let usual = Clock::usual_step(&columns.t).ok_or_else(|| too_short(&columns))?;
-        let max_gap_s = options.max_gap_s.unwrap_or_else(|| gaps::default_limit(&columns, usual, notes));
+        let default_s = gaps::default_limit(&columns, usual, options.dt, notes);
+        let max_gap_s = options.max_gap_s.unwrap_or(default_s);
         let clock = Clock::of(&columns.t, max_gap_s).ok_or_else(|| too_short(&columns))?;
+        check_step(&columns, &clock, options)?;
         Ok(Self { columns, clock, max_gap_s })
     }
 
@@ -194,6 +201,7 @@ impl File {
             delay: options.input_delay,
         };
         self.note_resampling(native, dt, notes);
+        self.note_finer(dt, notes);
         let parts = self.parts(notes);
         let mut found: Vec<(Grid, Vec<(usize, usize)>)> = Vec::new();
         let mut held = vec![0; self.columns.inputs.len()];
@@ -309,6 +317,20 @@ impl File {
         }
     }
 
+    /// Warns of a step below the log's: its values are made of measurements from after them.
+    fn note_finer(&self, dt: f64, notes: &mut Vec<Note>) {
+        let (path, step) = (&self.columns.path, self.clock.step_s);
+        if dt < FINER * step {
+            notes.push(
+                Note::warning(format!(
+                    "{path}: the step of {dt} s is shorter than the log's ({step} s): values between samples are interpolated from the next measurement, \
+                     so that predictions over less than {step} s look better than they are"
+                ))
+                .with_remedy(format!("leave --dt at {step} or above, or judge horizons from {step} s on only")),
+            );
+        }
+    }
+
     fn note_missing(&self, runs: &[Trajectory], notes: &mut Vec<Note>) {
         for (i, channel) in self.columns.output_channels.iter().enumerate() {
             let missing: usize =
@@ -321,6 +343,24 @@ impl File {
                 )));
             }
         }
+    }
+}
+
+/// Refuses a step of which most samples would be interpolated.
+fn check_step(columns: &Columns, clock: &Clock, options: &PrepareOptions) -> Result<(), LogError> {
+    let step = clock.step_s;
+    match options.dt {
+        Some(dt) if dt < FINEST * step => Err(LogError::BadOption {
+            what: "a step",
+            value: format!("{dt} s"),
+            reason: format!(
+                "{} has a sample every {step} s, and most of the samples would only be interpolated between measurements; \
+                 leave --dt out or give {} at least",
+                columns.path,
+                0.5 * step
+            ),
+        }),
+        _ => Ok(()),
     }
 }
 

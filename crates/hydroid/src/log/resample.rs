@@ -6,6 +6,11 @@
 //! model would be told a part of what it is to predict, and a part of the command of the neighbouring
 //! interval. The price is aliasing: what oscillates faster than twice per new step appears as noise.
 //!
+//! Interpolation leaks in the same way, if less: the value at an instant between two samples is made of the
+//! later one too, up to one step of the log ahead. A model that starts there knows a part of what it is to
+//! predict. With a new step that is several times the log's this is next to nothing; with one that is
+//! shorter, all horizons within the log's step are flattered, which the preparation warns of.
+//!
 //! **Commands** are the last value before the new instant. Where the new step is clearly longer than the
 //! log's (1.5 times and more), they are the mean of the held command over the new interval instead: what
 //! the vessel received in it, and known when it begins to act.
@@ -80,7 +85,7 @@ impl Resampling {
 
     /// When each command of the log begins to act.
     fn command_times(&self, t: &[f64]) -> Vec<f64> {
-        let delay = self.delay.seconds(self.step);
+        let delay = self.delay.seconds_at(self.step);
         match self.timing {
             CommandTiming::Before => t.iter().map(|t| t + delay).collect(),
             CommandTiming::After => std::iter::once(t[0] - self.step)
@@ -139,7 +144,7 @@ impl Resampling {
             stamps.iter().copied().zip(values.iter().copied()).filter(|(_, x)| !x.is_nan()).collect();
         // Beyond the last row's own interval nothing is known of the command.
         let lag = if self.timing == CommandTiming::After { 0.0 } else { self.step };
-        let end = last + lag + self.delay.seconds(self.step);
+        let end = last + lag + self.delay.seconds_at(self.step);
         let average = self.dt >= COARSER * self.step;
         let mut next = 0;
         instants

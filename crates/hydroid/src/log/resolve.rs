@@ -20,6 +20,14 @@ pub(crate) struct Source {
     pub(crate) channel: Channel,
 }
 
+/// What a column is taken as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    Time,
+    Output,
+    Input,
+}
+
 /// A selection applied to one log.
 #[derive(Clone, Debug)]
 pub(crate) struct Resolved {
@@ -36,10 +44,10 @@ impl Resolved {
     /// Applies a selection to a log; what was guessed or converted goes to `notes`.
     pub(crate) fn new(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<Self, LogError> {
         let time = time(log, selection, notes)?;
-        let outputs = sources(log, &outputs_or_default(log, selection)?, notes)?;
+        let outputs = sources(log, &outputs_or_default(log, selection)?, Role::Output, notes)?;
         let wind = selection.wind.as_ref().map(|w| wind_sources(log, w, notes)).transpose()?;
         let inputs = match inputs_or_default(log, selection, &outputs) {
-            Ok(specs) => sources(log, &specs, notes)?,
+            Ok(specs) => sources(log, &specs, Role::Input, notes)?,
             Err(_) if wind.is_some() => Vec::new(),
             Err(e) => return Err(e),
         };
@@ -138,7 +146,7 @@ fn time(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<So
             .ok_or_else(|| LogError::NoTime { path: log.path.clone(), columns: all_names(log) })?;
         ChannelSpec::named(name)
     };
-    let source = source(log, &spec, true, notes)?;
+    let source = source(log, &spec, Role::Time, notes)?;
     let unit = &source.channel.unit;
     if unit.is_empty() {
         notes.push(
@@ -157,7 +165,7 @@ fn time(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<So
 
 fn wind_sources(log: &RawLog, wind: &Wind, notes: &mut Vec<Note>) -> Result<[Source; 2], LogError> {
     let check = |spec: &ChannelSpec, to: &str, notes: &mut Vec<Note>| {
-        let s = source(log, spec, false, notes)?;
+        let s = source(log, spec, Role::Input, notes)?;
         if s.channel.unit == to || s.channel.unit.is_empty() {
             return Ok(s);
         }
@@ -189,11 +197,16 @@ fn truth(log: &RawLog, outputs: &[Source]) -> Result<Option<Vec<Source>>, LogErr
     Ok(Some(truth))
 }
 
-fn sources(log: &RawLog, specs: &[ChannelSpec], notes: &mut Vec<Note>) -> Result<Vec<Source>, LogError> {
-    specs.iter().map(|spec| source(log, spec, false, notes)).collect()
+fn sources(
+    log: &RawLog,
+    specs: &[ChannelSpec],
+    role: Role,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<Source>, LogError> {
+    specs.iter().map(|spec| source(log, spec, role, notes)).collect()
 }
 
-fn source(log: &RawLog, spec: &ChannelSpec, clock: bool, notes: &mut Vec<Note>) -> Result<Source, LogError> {
+fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -> Result<Source, LogError> {
     let column = find(log, &spec.column).ok_or_else(|| unknown(log, &spec.column))?;
     let raw = &log.columns[column];
     if raw.name != spec.column {
@@ -203,13 +216,19 @@ fn source(log: &RawLog, spec: &ChannelSpec, clock: bool, notes: &mut Vec<Note>) 
         )));
     }
     let failed = |source| LogError::Unit { column: raw.name.clone(), source };
+    let stated = spec.unit.as_deref().map(|text| Unit::parse(text).map_err(failed)).transpose()?;
     let header = match &raw.unit {
-        Some(text) => Some(Unit::parse(text).map_err(failed)?),
-        None => units::from_name(&raw.name, clock)
+        // What the header means is no question where the user says it.
+        Some(text) => match Unit::parse(text) {
+            Err(_) if stated.is_some() => None,
+            parsed => Some(parsed.map_err(failed)?),
+        },
+        None => units::from_name(&raw.name, role == Role::Time)
             .map(|(_, text)| Unit::parse(text).map_err(failed))
             .transpose()?,
     };
-    let stated = spec.unit.as_deref().map(|text| Unit::parse(text).map_err(failed)).transpose()?;
+    let vague = |h: &Unit| h.is_doubtful() || !h.is_known();
+    let header = header.filter(|h| !(vague(h) && stated.as_ref().is_some_and(Unit::is_known)));
     let unit = match (header, stated) {
         (Some(header), Some(stated)) => {
             let same = header.to(&stated).map_err(failed)?;
@@ -227,19 +246,34 @@ fn source(log: &RawLog, spec: &ChannelSpec, clock: bool, notes: &mut Vec<Note>) 
         let channel = Channel::new(&spec.name, "");
         return Ok(Source { column, factor: spec.scale, scale: spec.scale, channel });
     };
-    if !unit.is_known() {
-        notes.push(Note::info(format!(
-            "{}: the unit {} of `{}` is kept as it is",
-            log.path, unit.text, raw.name
-        )));
-    } else if unit.factor != 1.0 && unit.quantity != Some(Quantity::Time) {
-        notes.push(Note::info(format!(
-            "{}: `{}` is converted from {} to {}",
-            log.path, raw.name, unit.text, unit.si
-        )));
-    }
+    note_unit(log, &raw.name, &unit, role, notes);
     let factor = spec.scale * unit.factor;
     Ok(Source { column, factor, scale: spec.scale, channel: Channel::new(&spec.name, unit.si) })
+}
+
+/// Tells what was made of a unit.
+fn note_unit(log: &RawLog, column: &str, unit: &Unit, role: Role, notes: &mut Vec<Note>) {
+    let path = &log.path;
+    if unit.is_doubtful() {
+        notes.push(
+            Note::warning(format!("{path}: the unit {} of `{column}` is taken as knots", unit.text))
+                .with_remedy(format!("if it is kilonewtons, say so: `{column} [kN]`; knots are `[kn]`")),
+        );
+    } else if !unit.is_known() && role == Role::Output {
+        notes.push(
+            Note::warning(format!(
+                "{path}: the unit {} of `{column}` is not known: its numbers are taken as they are, and SI units are assumed",
+                unit.text
+            ))
+            .with_remedy(format!(
+                "state a unit that is known, as in `{column} [deg/s]`, or a scale, as in `{column} * 0.01`"
+            )),
+        );
+    } else if !unit.is_known() {
+        notes.push(Note::info(format!("{path}: the unit {} of `{column}` is kept as it is", unit.text)));
+    } else if unit.factor != 1.0 && unit.quantity != Some(Quantity::Time) {
+        notes.push(Note::info(format!("{path}: `{column}` is converted from {} to {}", unit.text, unit.si)));
+    }
 }
 
 /// The column that a name means: exactly, or apart from case, or apart from a unit at its end (`u` for

@@ -3,6 +3,11 @@
 //! Inside hydroid everything is metre, second, radian, newton, volt. The one exception is the rate of
 //! rotation of a shaft, which stays in revolutions per second (`rps`) where the log counts revolutions:
 //! propeller coefficients are given that way. A unit that is not known is kept, with factor 1.
+//!
+//! Logs write units in many ways: `/sec` and `/second` are `/s`, and case counts only where it tells two units
+//! apart (`Nm`, `NM`, `nm`; `Ns`, `ns`; `mV` and a megavolt). `kn` is knots and `kN` is kilonewtons; any other
+//! spelling of the two (`KN`, `Kn`) is taken as knots, since speeds are what nearly every log holds, and
+//! [`Unit::is_doubtful`] says that it was a guess.
 
 use std::f64::consts::TAU;
 
@@ -40,6 +45,16 @@ pub enum UnitError {
     /// `nm`: nautical miles, nanometres or newton metres?
     #[error("the unit `nm` may mean nautical miles or newton metres; write `NM`, `N m` or `m`")]
     Ambiguous,
+    /// Written in a case that could be either of two units.
+    #[error("the unit `{text}` may mean {one} or {other}; write it in the usual case")]
+    AmbiguousCase {
+        /// The unit as it was written.
+        text: String,
+        /// One meaning.
+        one: &'static str,
+        /// Another.
+        other: &'static str,
+    },
     /// The two units measure different things.
     #[error("`{from}` cannot be converted to `{to}`: they measure different things")]
     Incompatible {
@@ -79,18 +94,24 @@ const fn known(quantity: Quantity, si: &'static str, base: f64, names: &'static 
 
 const DEGREE: f64 = TAU / 360.0;
 
-// Names are compared after removing spaces, `*`, `·` and `.`; `^` likewise.
+// Names are compared after removing spaces, `*`, `·` and `.`, `^` likewise, and writing `/sec` as `/s`: first
+// as they stand, then without regard to case.
 const TABLE: &[Known] = &[
-    known(Quantity::Speed, "m/s", 1.0, &["m/s", "mps", "ms-1", "meter/s", "metre/s"]),
+    known(Quantity::Speed, "m/s", 1.0, &["m/s", "mps", "ms-1", "meter/s", "metre/s", "meters/s", "metres/s"]),
     known(Quantity::Speed, "m/s", 1852.0 / 3600.0, &["kn", "knot", "knots", "kt", "kts"]),
-    known(Quantity::Speed, "m/s", 1.0 / 3.6, &["km/h", "kmh", "kph"]),
+    known(Quantity::Speed, "m/s", 1.0 / 3.6, &["km/h", "kmh", "kph", "km/hr"]),
     known(Quantity::Speed, "m/s", 0.01, &["cm/s", "cmps"]),
     known(Quantity::Speed, "m/s", 0.001, &["mm/s", "mmps"]),
     known(Quantity::Speed, "m/s", 0.3048, &["ft/s", "fps"]),
     known(Quantity::Acceleration, "m/s^2", 1.0, &["m/s2", "m/s/s", "ms-2"]),
-    known(Quantity::Rotation, "rad/s", 1.0, &["rad/s", "radps", "rads-1"]),
-    known(Quantity::Rotation, "rad/s", DEGREE, &["deg/s", "degps", "°/s", "dps"]),
-    known(Quantity::Rotation, "rad/s", DEGREE / 60.0, &["deg/min", "°/min"]),
+    known(Quantity::Rotation, "rad/s", 1.0, &["rad/s", "radps", "rads-1", "radian/s", "radians/s"]),
+    known(
+        Quantity::Rotation,
+        "rad/s",
+        DEGREE,
+        &["deg/s", "degps", "°/s", "dps", "degs/s", "degree/s", "degrees/s"],
+    ),
+    known(Quantity::Rotation, "rad/s", DEGREE / 60.0, &["deg/min", "°/min", "degree/min", "degrees/min"]),
     Known {
         names: &["rps", "rev/s", "1/s"],
         quantity: Quantity::Rotation,
@@ -99,14 +120,14 @@ const TABLE: &[Known] = &[
         si_base: TAU,
     },
     Known {
-        names: &["rpm", "RPM", "rev/min", "1/min"],
+        names: &["rpm", "rev/min", "1/min"],
         quantity: Quantity::Rotation,
         si: "rps",
         base: TAU / 60.0,
         si_base: TAU,
     },
-    known(Quantity::Angle, "rad", 1.0, &["rad"]),
-    known(Quantity::Angle, "rad", DEGREE, &["deg", "°", "degree", "degrees"]),
+    known(Quantity::Angle, "rad", 1.0, &["rad", "radian", "radians"]),
+    known(Quantity::Angle, "rad", DEGREE, &["deg", "degs", "°", "degree", "degrees"]),
     known(Quantity::Length, "m", 1.0, &["m", "meter", "metre", "meters", "metres"]),
     known(Quantity::Length, "m", 0.01, &["cm"]),
     known(Quantity::Length, "m", 0.001, &["mm"]),
@@ -134,7 +155,7 @@ impl Unit {
     /// Reads a unit as it stands in a header.
     ///
     /// # Errors
-    /// For `nm`, which means two things on a ship.
+    /// For `nm`, which means two things on a ship, and for a spelling such as `NS` that could be two units.
     pub fn parse(text: &str) -> Result<Self, UnitError> {
         let text = text.trim();
         let squeezed: String = text
@@ -144,7 +165,7 @@ impl Unit {
         if squeezed == "nm" {
             return Err(UnitError::Ambiguous);
         }
-        let found = TABLE.iter().find(|k| k.names.contains(&squeezed.as_str()));
+        let found = find(&squeezed, text)?;
         Ok(match found {
             Some(k) => Self {
                 text: text.to_owned(),
@@ -164,6 +185,12 @@ impl Unit {
         self.quantity.is_some()
     }
 
+    /// Whether it is written in a case that could be another unit as well, and was taken as the likelier one:
+    /// `KN` as knots.
+    pub fn is_doubtful(&self) -> bool {
+        self.text.eq_ignore_ascii_case("kn") && !matches!(self.text.as_str(), "kn" | "kN")
+    }
+
     /// Factor from this unit to another.
     ///
     /// # Errors
@@ -179,6 +206,29 @@ impl Unit {
     }
 }
 
+/// The entry of a unit whose text was squeezed: as it stands, else without regard to case where that leaves one.
+fn find(squeezed: &str, text: &str) -> Result<Option<&'static Known>, UnitError> {
+    let exact = |name: &str| TABLE.iter().find(|k| k.names.contains(&name));
+    if let Some(known) = exact(squeezed) {
+        return Ok(Some(known));
+    }
+    let lower = squeezed.to_lowercase();
+    let plain = ["/seconds", "/second", "/sec"].iter().fold(lower, |name, long| name.replace(long, "/s"));
+    match plain.as_str() {
+        // Knots (see the module); a unit whose prefix is a million times another's is nothing to guess.
+        "kn" => return Ok(exact("kn")),
+        "mv" if squeezed.starts_with('M') => return Ok(None),
+        _ => {}
+    }
+    let mut found = TABLE.iter().filter(|k| k.names.iter().any(|name| name.to_lowercase() == plain));
+    match (found.next(), found.next()) {
+        (Some(one), Some(other)) => {
+            Err(UnitError::AmbiguousCase { text: text.to_owned(), one: one.names[0], other: other.names[0] })
+        }
+        (found, _) => Ok(found),
+    }
+}
+
 /// The unit that the end of a bare column name states (`u_mps`, `heading_deg`), if any, and the name
 /// without it.
 ///
@@ -191,6 +241,7 @@ pub(crate) fn from_name(name: &str, clock: bool) -> Option<(&str, &'static str)>
         ("degps", "deg/s"),
         ("kn", "kn"),
         ("knots", "kn"),
+        ("kts", "kn"),
         ("kmh", "km/h"),
         ("rad", "rad"),
         ("deg", "deg"),
@@ -208,7 +259,9 @@ pub(crate) fn from_name(name: &str, clock: bool) -> Option<(&str, &'static str)>
         return None;
     }
     let clock_endings = if clock { CLOCK } else { &[] };
-    ENDINGS.iter().chain(clock_endings).find(|(e, _)| *e == ending).map(|(_, unit)| (stem, *unit))
+    // Case tells the short ones apart (`N`, `n`); the long ones are what they are.
+    let fits = |e: &str| e == ending || e.len() > 2 && e.eq_ignore_ascii_case(ending);
+    ENDINGS.iter().chain(clock_endings).find(|(e, _)| fits(e)).map(|(_, unit)| (stem, *unit))
 }
 
 #[cfg(test)]
@@ -256,6 +309,50 @@ mod tests {
     }
 
     #[test]
+    fn units_are_understood_as_loggers_write_them() {
+        for (text, expected, si) in [
+            ("deg/sec", 0.017_453_293, "rad/s"),
+            ("Deg/Second", 0.017_453_293, "rad/s"),
+            ("degrees/second", 0.017_453_293, "rad/s"),
+            ("Deg", 0.017_453_293, "rad"),
+            ("DEGREES", 0.017_453_293, "rad"),
+            ("KN", 0.514_444_444, "m/s"),
+            ("Kn", 0.514_444_444, "m/s"),
+            ("kts", 0.514_444_444, "m/s"),
+            ("KTS", 0.514_444_444, "m/s"),
+            ("Knots", 0.514_444_444, "m/s"),
+            ("m/sec", 1.0, "m/s"),
+            ("M/S", 1.0, "m/s"),
+            ("m/sec^2", 1.0, "m/s^2"),
+            ("m/sec/sec", 1.0, "m/s^2"),
+            ("Km/h", 0.277_777_778, "m/s"),
+            ("RPM", 1.0 / 60.0, "rps"),
+            ("Rad", 1.0, "rad"),
+            ("RAD/S", 1.0, "rad/s"),
+            ("Sec", 1.0, "s"),
+            ("KNM", 1000.0, "N m"),
+            ("mv", 0.001, "V"),
+        ] {
+            let (f, s) = factor(text);
+            assert!((f - expected).abs() < 1e-9 * expected.max(1.0), "{text}: {f}");
+            assert_eq!(s, si, "{text}");
+        }
+    }
+
+    #[test]
+    fn case_counts_where_it_tells_units_apart() {
+        assert_eq!((factor("Nm").1, factor("NM").1), (String::from("N m"), String::from("m")));
+        assert_eq!((factor("Ns").1, factor("ns").1), (String::from("N s"), String::from("s")));
+        assert_eq!((factor("kN").1, factor("kn").1), (String::from("N"), String::from("m/s")));
+        assert!(!Unit::parse("MV").unwrap().is_known());
+        for text in ["nM", "NS", "nS"] {
+            assert!(matches!(Unit::parse(text), Err(UnitError::AmbiguousCase { .. })), "{text}");
+        }
+        let doubtful = |text: &str| Unit::parse(text).unwrap().is_doubtful();
+        assert!(doubtful("KN") && doubtful("Kn") && !doubtful("kN") && !doubtful("kn") && !doubtful("kts"));
+    }
+
+    #[test]
     fn unknown_units_stay() {
         let u = Unit::parse("furlong/fortnight").unwrap();
         assert!(!u.is_known());
@@ -282,6 +379,9 @@ mod tests {
         assert_eq!(from_name("v_from_pos_mps", false), Some(("v_from_pos", "m/s")));
         assert_eq!(from_name("pwm_left_us", false), None);
         assert_eq!(from_name("t_ms", true), Some(("t", "ms")));
+        assert_eq!(from_name("YAW_RATE_DEGPS", false), Some(("YAW_RATE", "deg/s")));
+        assert_eq!(from_name("shaft_RPM", false), Some(("shaft", "rpm")));
+        assert_eq!(from_name("motor_n", false), None);
         assert_eq!(from_name("gap", false), None);
         assert_eq!(from_name("_m", false), None);
     }

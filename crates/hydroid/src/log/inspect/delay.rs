@@ -6,7 +6,9 @@
 //! the same few samples, which leaves the delay between them as it is. The estimate is an *effective* delay:
 //! dead time and the lag of an actuator look alike here.
 
+use super::super::align::{CommandTiming, InputDelay};
 use super::super::note::Note;
+use super::super::prepare::PrepareOptions;
 use super::super::trajectory::Trajectory;
 
 /// Delays that are tried, in samples.
@@ -34,7 +36,7 @@ pub enum Confidence {
 /// The delay that explains the outputs best.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct DelayEstimate {
-    /// Delay in samples; negative if the log shows commands late.
+    /// Delay in samples of the runs; negative if the log shows commands late.
     pub samples: i64,
     /// The same in seconds.
     pub seconds: f64,
@@ -53,9 +55,31 @@ pub(super) struct Delays {
     pub(super) per_input: Vec<Option<DelayEstimate>>,
 }
 
+/// How the runs that were looked at were made.
+pub(super) struct Applied<'a> {
+    pub(super) options: &'a PrepareOptions,
+    /// Step of the log \[s\], whose samples an input delay counts.
+    pub(super) step_s: f64,
+}
+
+impl Applied<'_> {
+    /// The input delay to give instead of the one in force, if that leaves a delay of so many samples of the
+    /// runs, or of so many seconds.
+    fn with(&self, samples: i64, seconds: f64) -> InputDelay {
+        let same_step = self.options.dt.is_none_or(|dt| (dt - self.step_s).abs() <= 1e-3 * dt);
+        match self.options.input_delay {
+            InputDelay::Samples(n) if same_step => InputDelay::Samples(n.saturating_add(samples)),
+            delay => {
+                let total = delay.seconds_at(self.step_s) + seconds;
+                InputDelay::Seconds((total * 1e3).round() / 1e3)
+            }
+        }
+    }
+}
+
 impl DelayEstimate {
     /// What the user should know of the common delay, beside the delays of the inputs by themselves.
-    pub(super) fn note(&self, path: &str, own: &[(&str, &Self)]) -> Option<Note> {
+    pub(super) fn note(&self, path: &str, own: &[(&str, &Self)], applied: &Applied) -> Option<Note> {
         if self.confidence == Confidence::None {
             return Some(
                 Note::info(format!("{path}: the input delay cannot be told from this log"))
@@ -74,10 +98,11 @@ impl DelayEstimate {
                 told.iter().map(|(name, d)| format!("{} for `{name}`", d.samples)).collect();
             return Some(
                 Note::info(format!("{path}: commands seem to act later than they are logged, each by its own number of samples: {}", list.join(", ")))
-                    .with_remedy("this looks like the lag of actuators, not like a delay of the log: leave --input-delay at 0 and let the model learn it"),
+                    .with_remedy(format!("this looks like the lag of actuators, not like a delay of the log: leave --input-delay at {} and let the model learn it", applied.options.input_delay)),
             );
         }
         let Self { samples, seconds, range, better_than_zero, .. } = self;
+        let right = applied.with(*samples, *seconds);
         if (range.0..=range.1).contains(&0) {
             // No delay explains the log nearly as well: nothing to tell.
             return None;
@@ -85,14 +110,20 @@ impl DelayEstimate {
         let share = 100.0 * better_than_zero;
         let trusted = if self.confidence == Confidence::High { "" } else { ", with little certainty" };
         if *samples < 0 {
+            let after = if applied.options.command_timing == CommandTiming::Before {
+                format!(
+                    "if the row holds the command that led to its measurement, --command-timing after; else --input-delay={right}"
+                )
+            } else {
+                format!("try --input-delay={right}")
+            };
             return Some(
                 Note::warning(format!(
                     "{path}: commands seem to be logged {} samples after they act ({} to {}; {share:.1} % less residual{trusted})",
                     -samples, -range.1, -range.0
                 ))
                 .with_remedy(format!(
-                    "if the row holds the command that led to its measurement, --command-timing after; else --input-delay={samples}. \
-                     In closed loop the command follows the measurement, and this may mislead"
+                    "{after}. In closed loop the command follows the measurement, and this may mislead"
                 )),
             );
         }
@@ -101,7 +132,7 @@ impl DelayEstimate {
                 "{path}: commands seem to act {samples} samples ({seconds:.2} s) after they are logged ({} to {}; {share:.1} % less residual{trusted})",
                 range.0, range.1
             ))
-            .with_remedy(format!("try --input-delay {samples} and compare on validation runs; an actuator's lag looks like a delay too")),
+            .with_remedy(format!("try --input-delay {right} and compare on validation runs; an actuator's lag looks like a delay too")),
         )
     }
 }

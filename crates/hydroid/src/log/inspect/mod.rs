@@ -46,7 +46,8 @@ pub struct Inspection {
     pub inputs: Vec<InputReport>,
     /// Share of rows in which every output that repeats at all repeats the row before.
     pub repeated_rows: f64,
-    /// By how many samples the commands act later than they are logged, all together.
+    /// By how many samples the commands act later than they are logged, all together, beyond what the options
+    /// shift them by.
     pub input_delay: Option<DelayEstimate>,
     /// Pairs of columns that should show the same and do not.
     pub disagreements: Vec<Disagreement>,
@@ -54,7 +55,8 @@ pub struct Inspection {
     pub notes: Vec<Note>,
 }
 
-/// Looks at a log.
+/// Looks at a log as it is read with these options: what they put right (a late command, an input delay, a
+/// slow sensor) is not told of any more, and delays are those that are left.
 ///
 /// Outputs and inputs that neither the selection nor the names of the columns tell are left out of the
 /// report, with a note; a log that cannot be prepared is reported as far as it goes, with the reason among
@@ -62,7 +64,11 @@ pub struct Inspection {
 ///
 /// # Errors
 /// If the selection names a column that does not exist, or a channel that cannot be understood.
-pub fn inspect(log: &RawLog, selection: &Selection) -> Result<Inspection, LogError> {
+pub fn inspect(
+    log: &RawLog,
+    selection: &Selection,
+    options: &PrepareOptions,
+) -> Result<Inspection, LogError> {
     let mut inspection = Inspection {
         path: log.path.clone(),
         rows: log.rows(),
@@ -105,7 +111,7 @@ pub fn inspect(log: &RawLog, selection: &Selection) -> Result<Inspection, LogErr
         }
         Err(e) => return Err(e),
     };
-    look(&mut inspection, log, &selection, &resolved);
+    look(&mut inspection, log, &selection, options, &resolved);
     if without_inputs {
         let own = |n: &Note| !n.message.contains("(no input)");
         inspection.notes.retain(own);
@@ -117,13 +123,19 @@ pub fn inspect(log: &RawLog, selection: &Selection) -> Result<Inspection, LogErr
 }
 
 /// The parts that need time, outputs and inputs.
-fn look(inspection: &mut Inspection, log: &RawLog, selection: &Selection, resolved: &Resolved) {
+fn look(
+    inspection: &mut Inspection,
+    log: &RawLog,
+    selection: &Selection,
+    options: &PrepareOptions,
+    resolved: &Resolved,
+) {
     let mut unused = Vec::new();
     if let Ok(columns) = Columns::new(log, resolved, &mut unused) {
-        clock_report(inspection, &columns);
+        clock_report(inspection, &columns, options);
         repeats(inspection, &columns);
     }
-    let prepared = match prepare(std::slice::from_ref(log), selection, &PrepareOptions::default()) {
+    let prepared = match prepare(std::slice::from_ref(log), selection, options) {
         Ok(prepared) => prepared,
         Err(e) => {
             inspection.notes.push(Note::warning(e.to_string()));
@@ -144,11 +156,12 @@ fn look(inspection: &mut Inspection, log: &RawLog, selection: &Selection, resolv
     if let Some(d) = &inspection.input_delay {
         let own: Vec<_> =
             inspection.inputs.iter().filter_map(|i| Some((i.name.as_str(), i.delay.as_ref()?))).collect();
-        inspection.notes.extend(d.note(&log.path, &own));
+        let step_s = inspection.clock.map_or(prepared.runs[0].dt, |c| c.step_s);
+        inspection.notes.extend(d.note(&log.path, &own, &delay::Applied { options, step_s }));
     }
 }
 
-fn clock_report(inspection: &mut Inspection, columns: &Columns) {
+fn clock_report(inspection: &mut Inspection, columns: &Columns, options: &PrepareOptions) {
     let t = &columns.t;
     if let (Some(first), Some(last)) = (t.first(), t.last()) {
         inspection.duration_s = Some(last - first);
@@ -157,7 +170,8 @@ fn clock_report(inspection: &mut Inspection, columns: &Columns) {
         return;
     }
     let Some(step) = Clock::usual_step(t) else { return };
-    let limit = super::gaps::default_limit(columns, step, &mut Vec::new());
+    let default_s = super::gaps::default_limit(columns, step, None, &mut Vec::new());
+    let limit = options.max_gap_s.unwrap_or(default_s);
     inspection.clock = Clock::of(t, limit);
     inspection.jumps = t.windows(2).filter(|p| p[1] - p[0] > limit).map(|p| (p[0], p[1] - p[0])).collect();
 }

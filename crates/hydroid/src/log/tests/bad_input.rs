@@ -165,3 +165,27 @@ fn options_that_make_no_sense() {
     let twice = Selection::of("u,u", "n").unwrap();
     says(&error_of(prepare(&[log], &twice, &PrepareOptions::default())), &["`u` is asked for twice"]);
 }
+
+#[test]
+fn a_step_far_below_the_logs() {
+    let selection = Selection::of("u", "n").unwrap();
+    let options = PrepareOptions { dt: Some(0.04), ..PrepareOptions::default() };
+    let message = error_of(prepare(&[log(&table(20, u, n))], &selection, &options));
+    says(&message, &["a step of 0.04 s", "log.csv has a sample every 0.1 s", "leave --dt out or give 0.05"]);
+}
+
+#[test]
+fn a_wind_direction_in_degrees_without_its_unit() {
+    let with = |header: &str, wind: &str| {
+        let log = log(&format!("t,u,n,ws,{header}\n0,1,1,2,3\n1,2,2,2,\n2,1,3,3,-180\n3,1,3,3,180\n"));
+        let selection = Selection { wind: Some(wind.parse().unwrap()), ..Selection::of("u", "n").unwrap() };
+        prepare(&[log], &selection, &PrepareOptions::default())
+    };
+    let message = error_of(with("DIR", "ws,DIR"));
+    says(&message, &["log.csv, line 4", "column `DIR`", "-180", "looks like degrees", "`DIR [deg]`"]);
+    for (header, wind) in
+        [("DIR", "ws,DIR [deg]"), ("DIR [Deg]", "ws,DIR"), ("DIR", "ws,DIR [rad]"), ("DIR", "ws,DIR * 0.01")]
+    {
+        assert!(with(header, wind).is_ok(), "{header} {wind}");
+    }
+}

@@ -1,8 +1,12 @@
 //! What `inspect` finds in logs made to hold it.
 
 use super::super::inspect::Confidence;
-use super::super::{Inspection, Selection, inspect};
+use super::super::{CommandTiming, InputDelay, Inspection, LogError, PrepareOptions, RawLog, Selection};
 use super::{log, table};
+
+fn inspect(log: &RawLog, selection: &Selection) -> Result<Inspection, LogError> {
+    super::super::inspect(log, selection, &PrepareOptions::default())
+}
 
 /// Numbers from -0.5 to 0.5, the same every time.
 fn noise(seed: u64) -> impl FnMut() -> f64 {
@@ -122,4 +126,44 @@ fn a_log_that_cannot_be_prepared_is_looked_at_all_the_same() {
     assert_eq!(report.columns.len(), 2);
     let unknown = inspect(&log("t,u,n\n0,1,2\n"), &Selection::of("x", "n").unwrap());
     assert!(unknown.is_err());
+}
+
+#[test]
+fn a_log_that_is_read_as_it_should_be_is_not_warned_of() {
+    let looked_at = |text: &str, options: &PrepareOptions| {
+        super::super::inspect(&log(text), &Selection::of("u", "n").unwrap(), options).unwrap()
+    };
+    let advised = |found: &Inspection, part: &str| {
+        found.notes.iter().any(|n| n.remedy.as_ref().is_some_and(|r| r.contains(part)))
+    };
+    // Each row with the command that led to it: what was logged a row before.
+    let timely = boat(3000, 0, 0.0);
+    let mut before = String::from("0");
+    let late: String = timely
+        .lines()
+        .enumerate()
+        .map(|(i, line)| {
+            let (front, command) = line.rsplit_once(',').unwrap();
+            let now =
+                if i == 0 { command.to_owned() } else { std::mem::replace(&mut before, command.to_owned()) };
+            format!("{front},{now}\n")
+        })
+        .collect();
+    let default = PrepareOptions::default();
+    let after = PrepareOptions { command_timing: CommandTiming::After, ..default };
+    assert!(advised(&looked_at(&late, &default), "--command-timing after"));
+    let found = looked_at(&late, &after);
+    assert!(!advised(&found, "--command-timing") && !advised(&found, "--input-delay"), "{:?}", found.notes);
+    assert_eq!(found.input_delay.unwrap().samples, 0);
+
+    let delayed = boat(3000, 5, 0.0);
+    let by = |n: i64| PrepareOptions { input_delay: InputDelay::Samples(n), ..default };
+    assert!(advised(&looked_at(&delayed, &default), "--input-delay 5 "));
+    // What is left of the delay adds to what is shifted already.
+    assert!(advised(&looked_at(&delayed, &by(2)), "--input-delay 5 "));
+    assert!(!advised(&looked_at(&delayed, &by(5)), "--input-delay"));
+    // Samples of runs on another step are not those of the log.
+    let coarse = PrepareOptions { dt: Some(0.2), ..by(2) };
+    let found = looked_at(&boat(3000, 6, 0.0), &coarse);
+    assert!(advised(&found, "--input-delay 0.6s "), "{:?}", found.notes);
 }

@@ -67,7 +67,7 @@ proptest! {
         }
         let Ok(log) = read_from(text.as_bytes(), "x") else { return Ok(()) };
         let selection = Selection::of("u,v", "n").unwrap();
-        let _ = inspect(&log, &selection);
+        let _ = inspect(&log, &selection, &options);
         if let Ok(prepared) = prepare(&[log], &selection, &options) {
             prop_assert!(!prepared.runs.is_empty());
             for run in &prepared.runs {

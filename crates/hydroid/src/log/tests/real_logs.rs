@@ -29,7 +29,7 @@ fn usv() -> Selection {
 }
 
 fn looked_at(log: &RawLog, selection: &Selection) -> Inspection {
-    let found = inspect(log, selection).unwrap();
+    let found = inspect(log, selection, &PrepareOptions::default()).unwrap();
     println!("{}", serde_json::to_string_pretty(&found).unwrap());
     found
 }

@@ -224,9 +224,9 @@ fn headings_are_interpolated_the_short_way() {
     let log = log("t,psi [deg],n\n0,350,1\n1,10,2\n2,30,2\n3,50,2\n");
     let selection = Selection::of("psi", "n").unwrap();
     let p =
-        prepare(&[log], &selection, &PrepareOptions { dt: Some(0.25), ..PrepareOptions::default() }).unwrap();
+        prepare(&[log], &selection, &PrepareOptions { dt: Some(0.5), ..PrepareOptions::default() }).unwrap();
     let degrees: Vec<f64> = output(&p, 0, 0).iter().map(|x| x.to_degrees().round()).collect();
-    assert_eq!(&degrees[..6], [350.0, 355.0, 0.0, 5.0, 10.0, 15.0]);
+    assert_eq!(&degrees[..5], [350.0, 0.0, 10.0, 20.0, 30.0]);
 }
 
 #[test]
@@ -288,4 +288,91 @@ fn notes_are_data() {
     let p = prepared(&table(20, u, |_| "5".into()));
     let json = serde_json::to_string(&p.notes).unwrap();
     assert!(json.contains(r#""severity":"warning""#), "{json}");
+}
+
+#[test]
+fn units_of_other_loggers_are_converted() {
+    let log = log("t [Sec],u [KTS],r [deg/sec],n [RPM]\n0,1,90,60\n1,2,180,120\n2,3,45,60\n");
+    let p = prepare(&[log], &Selection::of("u,r", "n").unwrap(), &PrepareOptions::default()).unwrap();
+    assert!((p.runs[0].outputs.row(0)[0] - 0.514_444_444).abs() < 1e-8);
+    assert!((p.runs[0].outputs.row(1)[1] - std::f64::consts::PI).abs() < 1e-12);
+    assert_eq!(p.runs[0].inputs.row(1), [2.0]);
+    assert!(p.notes.iter().all(|n| !n.is_warning()), "{:?}", p.notes);
+}
+
+#[test]
+fn an_unknown_unit_of_an_output_is_warned_of_until_one_is_stated() {
+    let with = |u: &str| {
+        let log = log("t,u [furlong/h],n [clicks]\n0,1,60\n1,2,120\n2,3,60\n");
+        prepare(&[log], &Selection::of(u, "n").unwrap(), &PrepareOptions::default()).unwrap()
+    };
+    let p = with("u");
+    let warnings: Vec<&str> = p.notes.iter().filter(|n| n.is_warning()).map(|n| n.message.as_str()).collect();
+    assert!(warnings.len() == 1 && warnings[0].contains("SI units are assumed"), "{:?}", p.notes);
+    assert_eq!(output(&p, 0, 0), [1.0, 2.0, 3.0]);
+    let p = with("u [km/h]");
+    assert!(p.notes.iter().all(|n| !n.is_warning()), "{:?}", p.notes);
+    assert!((output(&p, 0, 0)[0] - 1.0 / 3.6).abs() < 1e-12);
+}
+
+#[test]
+fn capital_knots_are_taken_as_knots_with_a_warning_and_may_be_kilonewtons() {
+    let with = |n: &str| {
+        let log = log("t,u [KN],F [KN]\n0,1,1\n1,2,2\n2,3,1\n");
+        prepare(&[log], &Selection::of("u [kn]", n).unwrap(), &PrepareOptions::default()).unwrap()
+    };
+    let p = with("F [kN]");
+    assert_eq!(input(&p, 0, 0), [1000.0, 2000.0, 1000.0]);
+    assert!((output(&p, 0, 0)[0] - 0.514_444_444).abs() < 1e-8);
+    assert!(p.notes.iter().all(|n| !n.is_warning()), "{:?}", p.notes);
+    let p = with("F");
+    assert_eq!(p.runs[0].inputs.channels()[0].unit, "m/s");
+    assert!(p.notes.iter().any(|n| n.is_warning() && n.message.contains("taken as knots")), "{:?}", p.notes);
+}
+
+#[test]
+fn a_step_below_the_logs_is_warned_of() {
+    let finer = |dt: f64| {
+        let p =
+            prepared_with(&table(20, u, n), &PrepareOptions { dt: Some(dt), ..PrepareOptions::default() });
+        p.notes.iter().any(|n| n.is_warning() && n.message.contains("interpolated from the next measurement"))
+    };
+    assert!(finer(0.05) && finer(0.09));
+    assert!(!finer(0.0995) && !finer(0.1) && !finer(0.2));
+}
+
+#[test]
+fn alternating_sensors_are_told_to_use_the_clock_of_the_slowest() {
+    for rows in [40, 41] {
+        let mut text = "t,u,v,n\n".to_owned();
+        for k in 0..rows {
+            let (a, b) = if k % 2 == 0 { (u(k), String::new()) } else { (String::new(), u(k)) };
+            text += &format!("{:.1},{a},{b},{k}\n", k as f64 * 0.1);
+        }
+        let with = |options: &PrepareOptions| {
+            prepare(&[log(&text)], &Selection::of("u,v", "n").unwrap(), options).unwrap()
+        };
+        let p = with(&PrepareOptions::default());
+        let advised = |part: &str| {
+            p.notes.iter().any(|n| {
+                n.message.contains(part) && n.remedy.as_ref().is_some_and(|r| r.contains("--dt 0.200"))
+            })
+        };
+        assert!(advised("`u` has values in") && advised("`v` has values in"), "{:?}", p.notes);
+        assert!(advised("no two outputs ever"), "{:?}", p.notes);
+        let p = with(&PrepareOptions { dt: Some(0.2), ..PrepareOptions::default() });
+        assert!(!has_note(&p, "has values in") && !has_note(&p, "no two outputs"), "{:?}", p.notes);
+    }
+}
+
+#[test]
+fn outputs_that_are_never_measured_together_are_warned_of() {
+    let mut text = "t,u,v,n\n".to_owned();
+    for k in 0..50 {
+        let (a, b) = if k % 5 < 3 { (u(k), String::new()) } else { (String::new(), u(k)) };
+        text += &format!("{:.1},{a},{b},{k}\n", k as f64 * 0.1);
+    }
+    let p = prepare(&[log(&text)], &Selection::of("u,v", "n").unwrap(), &PrepareOptions::default()).unwrap();
+    let warned = p.notes.iter().find(|n| n.is_warning() && n.message.contains("no two outputs")).unwrap();
+    assert!(warned.remedy.as_ref().unwrap().contains("--dt 0.2"), "{warned:?}");
 }
