@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use hydroid::evaluate::{self, Options};
+use hydroid::identify::{Grade, verdicts};
 use hydroid::model;
 
 use super::{Outcome, table};
@@ -14,6 +15,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let (_, prepared) = logs::prepare(&args.logs, &reading)?;
     ui::tell(&prepared.notes, global);
     model.check(&prepared.runs)?;
+    ui::tell(model.outside(&prepared.runs).as_slice(), global);
     let options = Options {
         horizon: args.horizon.samples(model.description.dt),
         origin_stride: args.origin_stride,
@@ -39,10 +41,13 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     )
     .context("the logs cannot be evaluated")?;
     drop(bar);
+    let verdicts = verdicts(&evaluation);
     if global.json {
         super::print_json(&evaluation)?;
     } else {
-        ui::write_out(format_args!("{}", table::errors(&evaluation)));
+        ui::write_out(format_args!("{}\n", table::errors(&evaluation)));
+        table::show_verdicts(&verdicts);
     }
-    Ok(if evaluation.diverged > 0 { Outcome::Missed } else { Outcome::Done })
+    let sound = verdicts.iter().all(|v| v.grade != Grade::NotIdentified);
+    Ok(if sound && evaluation.diverged == 0 { Outcome::Done } else { Outcome::Missed })
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use hydroid::excitation::Excitation;
-use hydroid::identify::{self, Grade, Identified, Job};
+use hydroid::identify::{self, Identified, Job};
 use hydroid::log::{InputDelay, Note, Split, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::report::{self, Context};
@@ -254,18 +254,6 @@ fn show(folder: &Path, identified: &Identified) {
         ui::write_out(format_args!("{}", table::errors(&candidate.test)));
     }
     outln!("");
-    for verdict in &identified.verdicts {
-        let grade = match verdict.grade {
-            Grade::Good => "good",
-            Grade::Usable => "usable",
-            Grade::NotIdentified => "NOT IDENTIFIED",
-        };
-        outln!(
-            "{}: {grade} (NRMSE {:.3} at the longest horizon; persistence {:.3})",
-            verdict.channel,
-            verdict.nrmse,
-            verdict.persistence
-        );
-    }
+    table::show_verdicts(&identified.verdicts);
     outln!("\nwritten to {}: model, report.html, identify.json", folder.display());
 }

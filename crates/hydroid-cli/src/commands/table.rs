@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use hydroid::evaluate::Evaluation;
+use hydroid::identify::{Grade, Verdict};
 
 /// Horizons worth a row: about five from the first to the last, at round times.
 pub fn horizons(evaluation: &Evaluation) -> Vec<usize> {
@@ -78,6 +79,23 @@ pub fn errors(evaluation: &Evaluation) -> String {
         );
     }
     text
+}
+
+/// What each output is worth, a line each.
+pub fn show_verdicts(verdicts: &[Verdict]) {
+    for verdict in verdicts {
+        let grade = match verdict.grade {
+            Grade::Good => "good",
+            Grade::Usable => "usable",
+            Grade::NotIdentified => "NOT IDENTIFIED",
+        };
+        outln!(
+            "{}: {grade} (NRMSE {:.3} at the longest horizon; persistence {:.3})",
+            verdict.channel,
+            verdict.nrmse,
+            verdict.persistence
+        );
+    }
 }
 
 /// Three or four figures, whatever the size.

@@ -241,7 +241,7 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
     let candidate = Candidate { model, found, train_seconds, validation, test };
     let best = (candidate.test.diverged == 0 && candidate.validation.diverged == 0).then_some(0);
     let mut warnings = job.split.notes.clone();
-    warnings.extend(verdict::warnings(&candidate, &verdicts, &overview(&job.split)));
+    warnings.extend(verdict::warnings(&candidate, &verdicts, &overview(&job.split), &job.split.test));
     Ok(Identified { candidates: vec![candidate], best, verdicts, warnings })
 }
 

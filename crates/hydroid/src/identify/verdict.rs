@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::Candidate;
 use super::overview::ChannelSummary;
 use crate::evaluate::Evaluation;
-use crate::log::Note;
+use crate::log::{Note, Trajectory};
 
 /// How well an output is predicted at the longest horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,7 +57,12 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
 }
 
 /// What the user should know before using the model.
-pub(super) fn warnings(candidate: &Candidate, verdicts: &[Verdict], data: &[ChannelSummary]) -> Vec<Note> {
+pub(super) fn warnings(
+    candidate: &Candidate,
+    verdicts: &[Verdict],
+    data: &[ChannelSummary],
+    test_runs: &[Trajectory],
+) -> Vec<Note> {
     let mut notes = Vec::new();
     let test = &candidate.test;
     // Rounded to a millisecond, so that the product of steps and step reads as what it is.
@@ -65,7 +70,7 @@ pub(super) fn warnings(candidate: &Candidate, verdicts: &[Verdict], data: &[Chan
     for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
         notes.push(
             Note::warning(format!(
-                "'{}' is not identified: over {horizon_s} s its error is {:.2} of its own variation, keeping the last value gives {:.2}",
+                "'{}' is not identified: over {horizon_s} s its error is {:.2} of its own variation, keeping the last value gives {:.2}, and a tenth less than the better of the latter and 1 is the least that counts",
                 verdict.channel, verdict.nrmse, verdict.persistence
             ))
             .with_remedy(
@@ -99,17 +104,9 @@ pub(super) fn warnings(candidate: &Candidate, verdicts: &[Verdict], data: &[Chan
             );
         }
     }
-    let mut outside = Vec::new();
+    notes.extend(candidate.model.outside(test_runs));
     for summary in data {
-        let [train, _, test] = summary.parts;
-        let width = train.max - train.min;
-        let beyond = (train.min - test.min).max(test.max - train.max);
-        if width > 0.0 && beyond > 0.1 * width {
-            outside.push(format!(
-                "{} ({:.3} to {:.3} against {:.3} to {:.3})",
-                summary.channel.name, test.min, test.max, train.min, train.max
-            ));
-        }
+        let width = summary.parts[0].max - summary.parts[0].min;
         if summary.input && width == 0.0 {
             notes.push(
                 Note::warning(format!(
@@ -120,10 +117,17 @@ pub(super) fn warnings(candidate: &Candidate, verdicts: &[Verdict], data: &[Chan
             );
         }
     }
-    if !outside.is_empty() {
+    let ridges = || candidate.found.trials.iter().map(|trial| trial.ridge);
+    let (largest, smallest) = (ridges().fold(0.0, f64::max), ridges().fold(f64::INFINITY, f64::min));
+    if let Some(chosen) = candidate.found.trials.get(candidate.found.chosen)
+        && chosen.ridge == largest
+        && largest > smallest
+    {
         notes.push(
-            Note::warning(format!("the test runs leave the range of the training runs in {}", outside.join(", ")))
-                .with_remedy("equations are not to be trusted outside the range they were fitted on: train on runs that cover it"),
+            Note::warning(format!(
+                "the ridge that was chosen ({largest}) is the largest that was tried: the coefficients are shrunk to half, and these logs do not tell how much is right"
+            ))
+            .with_remedy("log runs that move every input by itself; compare with --ridge 0.1"),
         );
     }
     if candidate.found.condition > 1e6 {

@@ -10,7 +10,7 @@ use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::DesignRange;
-use crate::log::{Channel, PrepareOptions, Selection, Trajectory};
+use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
 pub use file::{ModelError, decode, read, write};
 
@@ -137,6 +137,41 @@ impl Model {
             }
         }
         Ok(())
+    }
+
+    /// A warning where runs leave the range that the model is meant for by more than a tenth of its width.
+    pub fn outside(&self, runs: &[Trajectory]) -> Option<Note> {
+        let beyond = |port: &Port, values: &mut dyn Iterator<Item = f64>| {
+            let range = port.range;
+            let (low, high) = values.fold((f64::NAN, f64::NAN), |(a, b), x| (a.min(x), b.max(x)));
+            let far = (range.low - low).max(high - range.high) > 0.1 * (range.high - range.low);
+            let name = &port.channel.name;
+            far.then(|| {
+                format!("{name} ({low:.3} to {high:.3} against {:.3} to {:.3})", range.low, range.high)
+            })
+        };
+        let outputs = self
+            .description
+            .outputs
+            .iter()
+            .enumerate()
+            .filter_map(|(c, port)| beyond(port, &mut runs.iter().flat_map(|run| run.outputs.column(c))));
+        let inputs = self
+            .description
+            .inputs
+            .iter()
+            .enumerate()
+            .filter_map(|(c, port)| beyond(port, &mut runs.iter().flat_map(|run| run.inputs.column(c))));
+        let outside: Vec<String> = outputs.chain(inputs).collect();
+        (!outside.is_empty()).then(|| {
+            Note::warning(format!(
+                "these runs leave the range that the model was trained on, in {}",
+                outside.join(", ")
+            ))
+            .with_remedy(
+                "it is not to be trusted there; where a channel is off by a factor, look at its unit",
+            )
+        })
     }
 
     /// Design ranges of the outputs.

@@ -85,19 +85,19 @@ fn headline(subject: &Subject<'_>) -> Markup {
         return banner("bad", "This model was not judged.", &why);
     }
     if subject.result.best.is_none() {
-        let diverged = test.diverged + validation.diverged;
-        if diverged == 0 {
+        if test.diverged + validation.diverged == 0 {
             let why = html! { "None was good enough to be called best; what follows is the first of them." };
             return banner("bad", "No model is recommended.", &why);
         }
         let text = html! {
-            (number::count(diverged)) " of " (number::count(test.windows + validation.windows))
-            " rollouts over " (over) " run away. The figures below leave these out and flatter it."
+            (number::count(test.diverged)) " of " (number::count(test.windows)) " test rollouts and "
+            (number::count(validation.diverged)) " of " (number::count(validation.windows))
+            " validation rollouts over " (over) " run away. The figures below leave these out and flatter it."
         };
         return banner("bad", "Do not use this model: it diverges.", &text);
     }
     if sound.is_empty() {
-        let text = html! { "Over " (over) " no output is predicted better than by keeping the last value or the mean." };
+        let text = html! { "Over " (over) " no output is predicted at least a tenth better than by keeping the last value or the mean." };
         return banner("bad", "This model is of no use.", &text);
     }
     if !bad.is_empty() {

@@ -127,13 +127,15 @@ impl DelayEstimate {
                 )),
             );
         }
-        Some(
-            Note::info(format!(
-                "{path}: commands seem to act {samples} samples ({seconds:.2} s) after they are logged ({} to {}; {share:.1} % less residual{trusted})",
-                range.0, range.1
-            ))
-            .with_remedy(format!("try --input-delay {right} and compare on validation runs; an actuator's lag looks like a delay too")),
-        )
+        let message = format!(
+            "{path}: commands seem to act {samples} samples ({seconds:.2} s) after they are logged ({} to {}; {share:.1} % less residual{trusted})",
+            range.0, range.1
+        );
+        let note =
+            if self.confidence == Confidence::High { Note::warning(message) } else { Note::info(message) };
+        Some(note.with_remedy(format!(
+            "try --input-delay {right} and compare on validation runs; an actuator's lag looks like a delay too"
+        )))
     }
 }
 

@@ -62,12 +62,12 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
                     "the change of `{}` from sample to sample is mostly noise (standard deviation about {std:.2e} {})",
                     channel.name, channel.unit
                 ))
-                .with_remedy("identify over longer steps (a longer --dt, or the weak form)"),
+                .with_remedy("identify regresses increments over several windows and chooses; --window fixes one"),
             );
         }
         if let Some(window) = smoothing_window {
             notes.push(
-                Note::info(format!(
+                Note::warning(format!(
                     "`{}` seems to have been smoothed over about {window} samples ({:.2} s)",
                     channel.name,
                     window as f64 * dt
