@@ -244,7 +244,7 @@ fn show(folder: &Path, identified: &Identified) {
             "{}: {} coefficients, chosen among {} settings in {:.2} s",
             model.description.name,
             model.weights(),
-            candidate.found.trials.len(),
+            candidate.found().trials.len(),
             candidate.train_seconds
         );
         for equation in model.equations_text() {

@@ -122,14 +122,30 @@ pub struct Job {
 pub struct Candidate {
     /// The model.
     pub model: Model,
-    /// How its settings were chosen.
-    pub found: Found,
+    /// How it came about.
+    pub training: Training,
     /// Time for fitting and choosing \[s\].
     pub train_seconds: f64,
     /// Errors on the validation runs.
     pub validation: Evaluation,
     /// Errors on the test runs.
     pub test: Evaluation,
+}
+
+impl Candidate {
+    /// The search that found its equations.
+    pub fn found(&self) -> &Found {
+        match &self.training {
+            Training::Sindy(found) => found,
+        }
+    }
+}
+
+/// How a model came about, by method.
+#[derive(Clone, Debug)]
+pub enum Training {
+    /// A search for sparse equations.
+    Sindy(Box<Found>),
 }
 
 /// The result of a job.
@@ -238,7 +254,8 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
     let validation = judge("validation", &validation, 0.8)?;
     let test = judge("test", &test, 0.9)?;
     let verdicts = verdicts(&test);
-    let candidate = Candidate { model, found, train_seconds, validation, test };
+    let training = Training::Sindy(Box::new(found));
+    let candidate = Candidate { model, training, train_seconds, validation, test };
     let best = (candidate.test.diverged == 0 && candidate.validation.diverged == 0).then_some(0);
     let mut warnings = job.split.notes.clone();
     warnings.extend(verdict::warnings(&candidate, &verdicts, &overview(&job.split), &job.split.test));

@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Candidate;
 use super::overview::ChannelSummary;
+use super::{Candidate, Training};
 use crate::evaluate::Evaluation;
 use crate::log::{Note, Trajectory};
+use crate::sindy::Found;
 
 /// How well an output is predicted at the longest horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,7 +71,7 @@ pub(super) fn warnings(
     for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
         notes.push(
             Note::warning(format!(
-                "'{}' is not identified: over {horizon_s} s its error is {:.2} of its own variation, keeping the last value gives {:.2}, and a tenth less than the better of the latter and 1 is the least that counts",
+                "'{}' is not identified: over {horizon_s} s its error is {:.2} of its own variation, keeping the last value gives {:.2}, the mean 1",
                 verdict.channel, verdict.nrmse, verdict.persistence
             ))
             .with_remedy(
@@ -117,9 +118,17 @@ pub(super) fn warnings(
             );
         }
     }
-    let ridges = || candidate.found.trials.iter().map(|trial| trial.ridge);
+    match &candidate.training {
+        Training::Sindy(found) => search_warnings(found, &mut notes),
+    }
+    notes
+}
+
+/// What the search for equations has to say.
+fn search_warnings(found: &Found, notes: &mut Vec<Note>) {
+    let ridges = || found.trials.iter().map(|trial| trial.ridge);
     let (largest, smallest) = (ridges().fold(0.0, f64::max), ridges().fold(f64::INFINITY, f64::min));
-    if let Some(chosen) = candidate.found.trials.get(candidate.found.chosen)
+    if let Some(chosen) = found.trials.get(found.chosen)
         && chosen.ridge == largest
         && largest > smallest
     {
@@ -130,14 +139,13 @@ pub(super) fn warnings(
             .with_remedy("log runs that move every input by itself; compare with --ridge 0.1"),
         );
     }
-    if candidate.found.condition > 1e6 {
+    if found.condition > 1e6 {
         notes.push(
             Note::warning(format!(
                 "the library is nearly collinear on the training runs (condition number {:.1e}): coefficients may be large and cancel",
-                candidate.found.condition
+                found.condition
             ))
             .with_remedy("choose a smaller degree, or log runs in which the inputs move independently"),
         );
     }
-    notes
 }

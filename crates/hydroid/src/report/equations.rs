@@ -62,9 +62,10 @@ fn names(candidate: &Candidate) -> Vec<&str> {
 
 /// Terms of an equation, the largest contribution first.
 fn parts(candidate: &Candidate, output: usize) -> Vec<Part<'_>> {
-    let equations = &candidate.found.fit.equations;
+    let equations = &candidate.found().fit.equations;
     let terms = equations.terms();
-    let scaled = |j: usize| candidate.found.fit.scaled.get(output * terms.len() + j).map_or(0.0, |s| s.abs());
+    let scaled =
+        |j: usize| candidate.found().fit.scaled.get(output * terms.len() + j).map_or(0.0, |s| s.abs());
     let total: f64 = (0..terms.len()).map(scaled).sum();
     let mut parts: Vec<Part<'_>> = terms
         .iter()
@@ -211,7 +212,7 @@ fn coefficients(
     if parts.is_empty() {
         return nothing(&format!("The equation of {output} has no terms."));
     }
-    let residual = candidate.found.fit.residual_rms.get(index).copied().unwrap_or(f64::NAN);
+    let residual = candidate.found().fit.residual_rms.get(index).copied().unwrap_or(f64::NAN);
     let unit = &candidate.model.description.outputs[index].channel.unit;
     let rate = if unit.is_empty() { "1/s".to_owned() } else { format!("{} per second", number::unit(unit)) };
     let largest = parts.first().map_or(1.0, |part| part.share).max(f64::MIN_POSITIVE);
@@ -236,9 +237,9 @@ fn coefficients(
 
 /// What nobody can tell from these runs.
 fn unidentifiable(candidate: &Candidate, names: &[&str]) -> Markup {
-    let terms = candidate.found.fit.equations.terms();
-    let lost: Vec<&Term> = candidate.found.unidentifiable.iter().filter_map(|&j| terms.get(j)).collect();
-    let used: HashSet<u16> = (0..candidate.found.fit.equations.outputs())
+    let terms = candidate.found().fit.equations.terms();
+    let lost: Vec<&Term> = candidate.found().unidentifiable.iter().filter_map(|&j| terms.get(j)).collect();
+    let used: HashSet<u16> = (0..candidate.found().fit.equations.outputs())
         .flat_map(|i| parts(candidate, i))
         .flat_map(|part| part.term.factors().iter().map(|f| f.variable).collect::<Vec<_>>())
         .collect();

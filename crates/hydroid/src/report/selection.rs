@@ -30,7 +30,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
 }
 
 fn choice(candidate: &Candidate) -> Result<Markup, ReportError> {
-    let found = &candidate.found;
+    let found = candidate.found();
     let dt = candidate.model.description.dt;
     if found.trials.is_empty() {
         return Ok(nothing("No settings were tried."));

@@ -190,7 +190,7 @@ fn without_windows_trials_or_variation_there_is_a_page() {
     let (job, result) = identified();
     let mut poor = result.clone();
     let candidate = &mut poor.candidates[0];
-    candidate.found.trials.clear();
+    found_mut(candidate).trials.clear();
     candidate.test.windows = 0;
     candidate.test.horizons.clear();
     for table in [&mut candidate.test.nrmse, &mut candidate.test.mae, &mut candidate.test.rmse] {
@@ -222,13 +222,13 @@ fn errors_that_are_not_finite_are_told_as_such() {
         row[0] = if h % 2 == 0 { f64::NAN } else { f64::INFINITY };
         row[1] = 1e200;
     }
-    for trial in &mut candidate.found.trials {
+    for trial in &mut found_mut(candidate).trials {
         trial.score = Some(f64::INFINITY);
     }
-    candidate.found.trials[0].score = None;
-    candidate.found.condition = f64::INFINITY;
-    candidate.found.fit.scaled.clear();
-    candidate.found.unidentifiable = vec![0, 1, 10_000];
+    found_mut(candidate).trials[0].score = None;
+    found_mut(candidate).condition = f64::INFINITY;
+    found_mut(candidate).fit.scaled.clear();
+    found_mut(candidate).unidentifiable = vec![0, 1, 10_000];
     wild.verdicts = verdicts(&candidate.test);
     let text = page(&wild, &job.split);
     assert!(text.contains('∞') && text.contains("cannot tell some terms"));
@@ -243,8 +243,8 @@ fn rollouts_that_blow_up_are_drawn_as_far_as_the_panel_goes() {
     // du/dt = 1e6 u^2, and so on: not finite within a few samples.
     let terms = vec![Term::constant(), Term::monomial(&[0, 0])];
     let equations = Equations::new(terms, [1.0, 1e6].repeat(3), 3, 2, job.split.test[0].dt, 1).unwrap();
-    candidate.found.fit.equations = equations.clone();
-    candidate.found.fit.scaled = vec![0.5; 6];
+    found_mut(candidate).fit.equations = equations.clone();
+    found_mut(candidate).fit.scaled = vec![0.5; 6];
     candidate.model.body = crate::model::Body::Equations(std::sync::Arc::new(equations));
     let text = page(&wild, &job.split);
     assert!(text.contains("it runs away there"));
@@ -258,4 +258,11 @@ fn runs_of_another_vessel_are_refused() {
     split.test[0].outputs = Table::new(vec![Channel::new("u", "m/s")], vec![0.0; 10]);
     let refused = identification(result, &split, &context());
     assert!(matches!(refused, Err(ReportError::OtherRuns { .. })));
+}
+
+/// The search behind a candidate, to spoil it.
+fn found_mut(candidate: &mut crate::identify::Candidate) -> &mut crate::sindy::Found {
+    match &mut candidate.training {
+        crate::identify::Training::Sindy(found) => found,
+    }
 }
