@@ -91,7 +91,7 @@ fn the_ugly_log_is_not_made_to_look_good() {
     let raw: Vec<_> = files.iter().map(|file| log::read(file).unwrap()).collect();
     let selection =
         Selection::of("u=u_mps,v=v_mps,r=r_radps", "left=pwm_left_us,right=pwm_right_us").unwrap();
-    let doubts = log::inspect(&raw[1], &selection, &log::PrepareOptions::default()).unwrap().notes;
+    let doubts = log::inspect(&raw[1], &selection, &PrepareOptions::default()).unwrap().notes;
     assert!(doubts.iter().any(|note| note.message.contains("the sway is not to be trusted")));
     let prepared = log::prepare(&raw, &selection, &PrepareOptions::default()).unwrap();
     let split = split_named(prepared.runs, Vec::new(), Vec::new()).unwrap();
