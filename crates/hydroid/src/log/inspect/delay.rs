@@ -31,6 +31,8 @@ const MOST_INPUTS: usize = 100;
 const ROWS_PER_TERM: usize = 5;
 /// Commands must explain this share of what the state alone does not.
 const EXPLAINED: f64 = 0.01;
+/// So many rows' worth of residual the best of all delays explains by chance.
+const CHANCE: f64 = 8.0;
 /// Samples that noisy outputs and their commands are averaged over.
 const AVERAGED: usize = 10;
 
@@ -158,7 +160,7 @@ pub(super) fn estimate(runs: &[Trajectory], noisy: bool) -> Delays {
     let Some(problem) = Problem::new(runs, if noisy { AVERAGED } else { 1 }) else { return none() };
     let scores: Vec<f64> = (EARLIEST..=LATEST).map(|d| problem.residual(&vec![Some(d); inputs])).collect();
     let alone = problem.residual(&vec![None; inputs]);
-    let common = judge(&scores, alone, problem.rows.len(), first.dt);
+    let common = judge(&scores, alone, problem.free(), first.dt);
     if inputs == 1 {
         return Delays { per_input: vec![common.clone()], common };
     }
@@ -167,14 +169,14 @@ pub(super) fn estimate(runs: &[Trajectory], noisy: bool) -> Delays {
     let per_input = (0..inputs)
         .map(|input| {
             let (scores, without) = fixed.scan(&problem, input);
-            judge(&scores, without, problem.rows.len(), first.dt)
+            judge(&scores, without, problem.free(), first.dt)
         })
         .collect();
     Delays { common, per_input }
 }
 
-/// The best of the residuals of all delays.
-fn judge(scores: &[f64], without: f64, rows: usize, dt: f64) -> Option<DelayEstimate> {
+/// The best of the residuals of all delays, with so many rows more than terms.
+fn judge(scores: &[f64], without: f64, free: f64, dt: f64) -> Option<DelayEstimate> {
     let best = scores.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
     let zero = scores.get(usize::try_from(-EARLIEST).ok()?)?;
     let lowest = *best.1;
@@ -183,13 +185,13 @@ fn judge(scores: &[f64], without: f64, rows: usize, dt: f64) -> Option<DelayEsti
     }
     let delay = |i: usize| EARLIEST + i64::try_from(i).unwrap_or(0);
     // What chance and the slow change of commands leave open: neighbours whose residual is as low.
-    let open = lowest + (0.1 * (without - lowest)).max(8.0 * lowest / rows as f64);
+    let open = lowest + (0.1 * (without - lowest)).max(CHANCE * lowest / free);
     let near = |i: &usize| scores[*i] <= open;
     let from = (0..=best.0).rev().take_while(near).last().unwrap_or(best.0);
     let to = (best.0..scores.len()).take_while(near).last().unwrap_or(best.0);
     let explained = 1.0 - lowest / without;
     let at_edge = best.0 == 0 || best.0 + 1 == scores.len();
-    let confidence = if explained < EXPLAINED || (from == 0 && to + 1 == scores.len()) {
+    let confidence = if explained < EXPLAINED.max(CHANCE / free) || (from == 0 && to + 1 == scores.len()) {
         Confidence::None
     } else if at_edge || to - from > 6 {
         Confidence::Low
@@ -242,6 +244,12 @@ impl Problem {
         let stride = rows.len().div_ceil(most).max(1);
         let rows: Vec<_> = rows.into_iter().step_by(stride).collect();
         (rows.len() >= fewest).then_some(Self { outputs, inputs, rows })
+    }
+
+    /// Number of rows beyond that of the terms.
+    fn free(&self) -> f64 {
+        let terms = 1 + 2 * self.outputs[0].len() + 2 * self.inputs[0].len();
+        self.rows.len().saturating_sub(terms).max(1) as f64
     }
 
     /// Residual with each input at a delay of its own, or left out: the mean over the outputs of the residual's
