@@ -167,3 +167,35 @@ fn a_log_that_is_read_as_it_should_be_is_not_warned_of() {
     let found = looked_at(&boat(3000, 6, 0.0), &coarse);
     assert!(advised(&found, "--input-delay 0.6s "), "{:?}", found.notes);
 }
+
+#[test]
+fn a_log_with_forty_inputs_is_looked_at_quickly() {
+    let mut draw = noise(5);
+    let mut text = String::from("t,u,v,r");
+    for i in 0..40 {
+        text += &format!(",n{i}_cmd");
+    }
+    let mut levels = [0.0; 40];
+    let mut state = [0.0; 3];
+    for k in 0..4000 {
+        text += &format!("\n{:.1},{},{},{}", k as f64 * 0.1, state[0], state[1], state[2]);
+        for (i, level) in levels.iter_mut().enumerate() {
+            if (k + i) % 17 == 0 {
+                *level = draw();
+            }
+            text += &format!(",{level:.3}");
+        }
+        for (i, x) in state.iter_mut().enumerate() {
+            *x += 0.1 * (levels[i] + levels[i + 3] - 0.5 * *x);
+        }
+    }
+    let log = log(&text);
+    let start = std::time::Instant::now();
+    let found = inspect(&log, &Selection::default()).unwrap();
+    let took = start.elapsed().as_secs_f64();
+    println!("{took:.3} s");
+    // Six seconds once; this leaves room for a machine that does something else at the same time.
+    assert!(took < 3.0, "{took} s");
+    assert_eq!(found.input_delay.unwrap().samples, 0);
+    assert!(found.inputs[..6].iter().all(|i| i.delay.as_ref().is_some_and(|d| d.samples == 0)));
+}
