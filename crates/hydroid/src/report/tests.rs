@@ -261,7 +261,7 @@ fn runs_of_another_vessel_are_refused() {
 }
 
 /// The search behind a candidate, to spoil it.
-fn found_mut(candidate: &mut crate::identify::Candidate) -> &mut crate::sindy::Found {
+fn found_mut(candidate: &mut Candidate) -> &mut crate::sindy::Found {
     match &mut candidate.training {
         crate::identify::Training::Sindy(found) => found,
     }
