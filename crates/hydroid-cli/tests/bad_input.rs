@@ -259,6 +259,42 @@ fn plants_and_excitations_that_do_not_exist() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
+/// The same samples in two parts of the split would certify what was never tested.
+#[test]
+fn a_log_that_would_judge_itself() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(400));
+    write(&folder, "copy.csv", &good(400));
+    let words = ["same measurements", "bad.csv"];
+    for rest in [&["--test", "bad.csv"][..], &["--validate", "bad.csv", "--test", "copy.csv"]] {
+        refused(folder.path(), &[IDENTIFY, &["--horizon", "20"], rest].concat(), &words);
+    }
+    let thrice = ["identify", "bad.csv", "copy.csv", "bad.csv", "-o", "out", "--outputs", "u,r"];
+    refused(folder.path(), &[&thrice[..], &["--inputs", "n_cmd,d_cmd"]].concat(), &["same measurements"]);
+}
+
+#[test]
+fn options_for_a_log_without_a_log() {
+    let folder = TempDir::new().unwrap();
+    refused(folder.path(), &["identify", "-o", "out", "--inputs", "n_cmd"], &["no log"]);
+    refused(folder.path(), &["identify", "-o", "out", "--test", "a.csv"], &["none to train on"]);
+    let both = hydroid(folder.path(), &["simulate", "simple", "--duration", "5", "-o", "-", "--json"]);
+    assert_eq!(both.status.code(), Some(2));
+    let document: serde_json::Value = serde_json::from_slice(&both.stdout).unwrap();
+    assert!(document["error"].as_str().unwrap().contains("standard output"));
+    refused(folder.path(), &["simulate", "simple", "--duration", "1e9"], &["duration", "samples"]);
+    let slip = ["simulate", "simple", "--excitation", "lawn-mower", "--leg", "1e-7"];
+    refused(folder.path(), &slip, &["leg", "shortest"]);
+}
+
+#[test]
+fn causes_are_told_once() {
+    let folder = TempDir::new().unwrap();
+    let output = hydroid(folder.path(), &["inspect", "nowhere.safetensors"]);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(message.matches("No such file").count(), 1, "{message}");
+}
+
 #[test]
 fn a_program_that_asked_for_json_gets_the_reason_as_json() {
     let folder = TempDir::new().unwrap();

@@ -1,5 +1,6 @@
 //! The commands from end to end on simulated logs, and the documents that they promise.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use std::process::Output;
@@ -152,6 +153,91 @@ fn commands_from_a_file_are_sailed_again() {
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let bytes = |file: &str| fs::read(folder.path().join(file)).unwrap();
     assert_eq!(bytes("first.csv"), bytes("second.csv"));
+}
+
+/// 0.3 s of delay are three samples at 10 Hz and six at 20 Hz: a model keeps the time, not the number.
+#[test]
+fn a_delay_in_samples_means_the_same_time_on_a_log_of_another_rate() {
+    let folder = TempDir::new().unwrap();
+    let log = |name: &str, halves: u32, rows: u32, seed: f64| {
+        let dt = 0.05 * f64::from(halves);
+        let command = |t: f64| (0.9 * t + seed).sin() + (0.31 * t).cos();
+        let mut text = String::from("t [s],u [m/s],n_cmd [1]\n");
+        let mut u = 0.0;
+        for k in 0..rows {
+            let t = f64::from(k) * dt;
+            writeln!(text, "{t:.3},{u},{}", command(t)).unwrap();
+            // The command acts 0.3 s after it is logged, held over a step of the finer log.
+            for half in 0..halves {
+                let at = t + 0.05 * f64::from(half) - 0.3;
+                let held = (at / dt + 1e-9).floor() * dt;
+                u += 0.05 * (-0.5 * u + command(held));
+            }
+        }
+        fs::write(folder.path().join(name), text).unwrap();
+    };
+    log("slow.csv", 2, 3_000, 0.0);
+    log("fast.csv", 1, 3_000, 1.0);
+    let args =
+        ["identify", "slow.csv", "--outputs", "u", "--input-delay", "3", "-o", "out", "--horizon", "5s"];
+    assert_eq!(hydroid(folder.path(), &args).status.code(), Some(0));
+    let evaluate = |delay: &[&str]| {
+        let args = ["evaluate", "out/sindy.safetensors", "fast.csv", "--horizon", "5s", "--json"];
+        json(&hydroid(folder.path(), &[&args[..], delay].concat()))["nrmse"][49][0].as_f64().unwrap()
+    };
+    let (kept, none) = (evaluate(&[]), evaluate(&["--input-delay", "0"]));
+    assert!(kept < 0.02 && kept < 0.3 * none, "{kept} {none}");
+}
+
+#[test]
+fn evaluate_says_when_a_model_is_of_no_use_on_a_log() {
+    let folder = TempDir::new().unwrap();
+    for (plant, file) in [("simple", "a.csv"), ("hydrofoil", "b.csv")] {
+        simulate(folder.path(), plant, "3", file, "300");
+    }
+    let args = ["identify", "a.csv", "-o", "out", "--horizon", "2s"];
+    assert_eq!(hydroid(folder.path(), &args).status.code(), Some(0));
+    // A log of another vessel that calls its rudder angle what the model calls a moment.
+    let log = fs::read_to_string(folder.path().join("b.csv")).unwrap();
+    fs::write(folder.path().join("b.csv"), log.replace("RD_ang [rad]", "RD_cmd [N s]")).unwrap();
+    let args = ["evaluate", "out/sindy.safetensors", "b.csv"];
+    let output = hydroid(folder.path(), &[&args[..], &["--horizon", "10s"]].concat());
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("NOT IDENTIFIED"));
+    assert!(
+        String::from_utf8_lossy(&output.stderr).contains("leave the range that the model was trained on")
+    );
+}
+
+#[test]
+fn settings_in_this_folder_are_read_without_being_named() {
+    let folder = TempDir::new().unwrap();
+    simulate(folder.path(), "simple", "1", "a.csv", "300");
+    fs::write(
+        folder.path().join("hydroid.toml"),
+        "[split]\ntrain = [\"a.csv\"]\n[identify]\nhorizon = \"2s\"\n[sindy]\ndegree = 1\n",
+    )
+    .unwrap();
+    let document = json(&hydroid(folder.path(), &["identify", "-o", "out", "--json"]));
+    assert_eq!(document["models"][0]["test"]["horizons"].as_array().unwrap().len(), 20);
+    assert!(!folder.path().join("out/hydrofoil-train.csv").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_has_seen_enough_is_no_error() {
+    let folder = TempDir::new().unwrap();
+    simulate(folder.path(), "simple", "1", "a.csv", "120");
+    let program = assert_cmd::cargo::cargo_bin("hydroid");
+    for command in
+        ["simulate simple --duration 600 -o -", "simulate hydrofoil --print-vessel", "inspect a.csv"]
+    {
+        let line = format!("'{}' {command} 2>err | head -c 1 >/dev/null; cat err", program.display());
+        let output =
+            std::process::Command::new("sh").args(["-c", &line]).current_dir(folder.path()).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(!text.contains("panicked") && !text.contains("error"), "{command}: {text}");
+    }
 }
 
 #[test]

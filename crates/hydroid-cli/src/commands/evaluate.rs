@@ -12,7 +12,9 @@ use crate::{logs, ui};
 pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
-    let (_, prepared) = logs::prepare(&args.logs, &reading)?;
+    let (_, prepared) = logs::prepare(&args.logs, &reading).with_context(|| {
+        format!("a log for {}, which steps {} s, cannot be used", args.model.display(), model.description.dt)
+    })?;
     ui::tell(&prepared.notes, global);
     model.check(&prepared.runs)?;
     ui::tell(model.outside(&prepared.runs).as_slice(), global);

@@ -1,5 +1,6 @@
 //! From runs to a judged model: fit on training runs, choose on validation runs, judge on test runs.
 
+mod apart;
 mod overview;
 mod verdict;
 
@@ -169,7 +170,7 @@ pub enum IdentifyError {
     NoRuns(&'static str),
     /// The same samples would be learned from and judged on.
     #[error(
-        "'{first}' and '{second}' hold the same measurements: a model judged on what it was fitted to or chosen on is judged by nobody. Name each log once"
+        "'{first}' and '{second}' hold the same measurements, in whole or in part: a model judged on what it was fitted to or chosen on is judged by nobody. Name each log once"
     )]
     SameRun {
         /// One run.
@@ -222,7 +223,7 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
             return Err(IdentifyError::NoRuns(part));
         }
     }
-    apart(&[&train, &validation, &test])?;
+    apart::check([&train, &validation, &test])?;
     let ranges = ranges(&train);
     let longest = validation.iter().map(|run| run.len()).max().unwrap_or(0);
     let quick = evaluate::Options {
@@ -290,25 +291,6 @@ fn describe(job: &Job, train: &[&Trajectory], ranges: &[DesignRange], found: &Fo
         },
         body: Body::Equations(std::sync::Arc::new(found.fit.equations.clone())),
     }
-}
-
-/// Refuses a run that stands in two parts, under whatever name.
-fn apart(parts: &[&Vec<&Trajectory>]) -> Result<(), IdentifyError> {
-    // Bit by bit, so that missing values compare too.
-    let same = |a: &Trajectory, b: &Trajectory| {
-        let (x, y) = (a.outputs.rows(0, a.len()), b.outputs.rows(0, b.len()));
-        x.len() == y.len() && x.iter().zip(y).all(|(x, y)| x.to_bits() == y.to_bits())
-    };
-    for (i, part) in parts.iter().enumerate() {
-        for other in &parts[i + 1..] {
-            for a in *part {
-                if let Some(b) = other.iter().find(|b| same(a, b)) {
-                    return Err(IdentifyError::SameRun { first: a.name.clone(), second: b.name.clone() });
-                }
-            }
-        }
-    }
-    Ok(())
 }
 
 /// The reading of the training logs with their step written out: a model has one step, whatever the log.

@@ -1,0 +1,73 @@
+//! No sample may be learned from and judged on.
+
+use super::IdentifyError;
+use crate::log::Trajectory;
+
+/// Rows that must agree to the last bit before two runs count as the same: no two measurements do by chance.
+const ROWS: usize = 50;
+
+/// Comparisons at the most for a pair of runs; only runs that repeat themselves endlessly need more.
+const COMPARISONS: usize = 20_000_000;
+
+/// Refuses runs of different parts that share a stretch of measurements, under whatever name.
+pub(super) fn check(parts: [&[&Trajectory]; 3]) -> Result<(), IdentifyError> {
+    for (i, part) in parts.iter().enumerate() {
+        for a in *part {
+            for b in parts[i + 1..].iter().copied().flatten() {
+                if overlap(a, b) || overlap(b, a) {
+                    return Err(IdentifyError::SameRun { first: a.name.clone(), second: b.name.clone() });
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether the first rows of `a` that are not all alike stand somewhere in `b`.
+fn overlap(a: &Trajectory, b: &Trajectory) -> bool {
+    let same = |i: usize, j: usize, other: &Trajectory| {
+        a.outputs.row(i).iter().zip(other.outputs.row(j)).all(|(x, y)| x.to_bits() == y.to_bits())
+    };
+    // A vessel at rest without noise measures the same again and again: begin where something happens.
+    let Some(start) = (1..a.len()).find(|&i| !same(i, 0, a)) else { return false };
+    let rows = ROWS.min(a.len() - start);
+    if a.outputs.width() != b.outputs.width() || rows < ROWS.min(a.len() / 2) {
+        return false;
+    }
+    let mut left = COMPARISONS;
+    (0..(b.len() + 1).saturating_sub(rows)).any(|j| {
+        let alike = (0..rows).take_while(|&k| same(start + k, j + k, b)).count();
+        left = left.saturating_sub(alike + 1);
+        left > 0 && alike == rows
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::log::{Channel, Table};
+
+    fn run(name: &str, values: Vec<f64>) -> Trajectory {
+        let table = |name: &str, values| Table::new(vec![Channel::new(name, "")], values);
+        let inputs = table("c", vec![0.0; values.len()]);
+        Trajectory { name: name.into(), t0: 0.0, dt: 1.0, outputs: table("y", values), inputs, truth: None }
+    }
+
+    #[test]
+    fn shared_stretches_are_found_and_idle_boats_are_not() {
+        let wave =
+            |n: u32, shift: f64| (0..n).map(|k| (0.1 * f64::from(k) + shift).sin()).collect::<Vec<_>>();
+        let whole = run("whole", wave(400, 0.0));
+        let (front, back) = (whole.slice(0, 300), whole.slice(300, 400));
+        let other = run("other", wave(400, 0.5));
+        let refused = |a: &Trajectory, b: &Trajectory| check([&[a], &[b], &[]]).is_err();
+        assert!(refused(&whole, &whole.clone()));
+        assert!(refused(&front, &whole) && refused(&whole, &back) && refused(&back, &whole));
+        assert!(!refused(&front, &back) && !refused(&whole, &other));
+        // Both lie still before they move.
+        let idle = |rest: Vec<f64>| run("idle", [vec![0.0; 5_000], rest].concat());
+        assert!(!refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.7))));
+        assert!(refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.1))));
+        assert!(!refused(&idle(vec![]), &idle(wave(400, 0.7))));
+    }
+}
