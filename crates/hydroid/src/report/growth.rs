@@ -23,6 +23,9 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
     let caption = html! {
         "NRMSE of open-loop predictions: the error in standard deviations of the output. "
         "At 1 the prediction is worth no more than the mean."
+        @if test.nrmse.iter().chain(&candidate.validation.nrmse).flatten().any(|nrmse| *nrmse > TOP) {
+            " A curve that leaves its panel goes on beyond " (TOP) "; the tables have its values."
+        }
     };
     let chart = figure(&chart(candidate).svg()?, &caption);
     let tables = html! {
@@ -38,6 +41,9 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
     };
     Ok(Section { id, heading, body })
 }
+
+/// NRMSE at which the panels end.
+const TOP: f64 = 3.0;
 
 fn chart(candidate: &Candidate) -> Figure {
     let (test, validation) = (&candidate.test, &candidate.validation);
@@ -59,7 +65,7 @@ fn chart(candidate: &Candidate) -> Figure {
         ];
         let highest = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(|v| v.is_finite());
         // An error far beyond trivial needs no exact place; the others should stay legible.
-        let top = highest.fold(1.1, f64::max).min(3.0);
+        let top = highest.fold(1.1, f64::max).min(TOP);
         let level =
             Mark::Level { at: 1.0, stroke: Stroke { colour: style::AXIS, width: 1.4, dash: Dash::Solid } };
         let mut panel =

@@ -132,9 +132,12 @@ fn horizon(candidate: &Candidate) -> String {
     duration(test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt))
 }
 
+/// NRMSE at which the bars of the tiles end.
+const BAR_END: f64 = 1.5;
+
 fn tile(verdict: &Verdict, candidate: &Candidate) -> Markup {
     let (word, symbol, class) = style::grade(verdict.grade);
-    let scale = 1.5;
+    let scale = BAR_END;
     let share = |value: f64| {
         let percent = if value.is_nan() { 0.0 } else { 100.0 * (value / scale).clamp(0.0, 1.0) };
         format!("width:{percent:.1}%")
@@ -154,11 +157,15 @@ fn tile(verdict: &Verdict, candidate: &Candidate) -> Markup {
 }
 
 fn legend(candidate: &Candidate) -> Markup {
+    let test = &candidate.test;
+    let last = test.nrmse.last().into_iter().chain(test.persistence.nrmse.last());
+    let beyond = last.flatten().any(|nrmse| *nrmse > BAR_END);
     html! {
         p.small {
             "Error of open-loop predictions " (horizon(candidate)) " ahead on the test runs, in standard deviations of the output (NRMSE): "
             "0 is perfect, 1 is what predicting the mean gives; “last value” keeps what was measured at the start. "
             "Good: at most half of the better trivial prediction. Usable: at most nine tenths."
+            @if beyond { " A full bar stands for " (BAR_END) " and all that is beyond it." }
         }
     }
 }

@@ -106,8 +106,8 @@ pub enum SearchError {
 /// Terms of a library at the most: the cost of selecting among them grows with their cube.
 const MOST_TERMS: usize = 1_000;
 
-/// Integration steps that keep the inner step at or below 0.1 s, the range in which RK4 is exact to the
-/// accuracy of any log.
+/// Integration steps that keep the inner step at or below 0.1 s: RK4 is then exact to the accuracy of a log
+/// for motions slower than some ten per second, which a vessel's are.
 pub fn substeps(dt: f64) -> usize {
     // A step count, far below 2^32 for any sample time that a log can have.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
