@@ -9,6 +9,9 @@ const TOLERANCE: f64 = 0.01;
 /// written in milliseconds).
 const ROUNDING: f64 = 0.05;
 
+/// How many steps back are more than rows in the wrong order.
+const RESTART: f64 = 3.0;
+
 /// What the time stamps of one log say.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Clock {
@@ -32,10 +35,22 @@ pub(crate) fn check_order(columns: &Columns) -> Result<(), LogError> {
             return Err(LogError::SameTime { path: path(), line, before: columns.lines[k], time: pair[0] });
         }
         if pair[1] < pair[0] {
-            return Err(LogError::Backwards { path: path(), line, from: pair[0], to: pair[1] });
+            let remedy = if restarts(&columns.t, k) {
+                "the clock starts anew there, as after a reboot: split the file at that line into two logs, each with the header"
+            } else {
+                "sort the rows by time, or put each recording into a file of its own if several were joined"
+            };
+            return Err(LogError::Backwards { path: path(), line, from: pair[0], to: pair[1], remedy });
         }
     }
     Ok(())
+}
+
+/// Whether time runs forwards but for one long way back after row `k`; a row in the wrong place goes a step
+/// back.
+fn restarts(t: &[f64], k: usize) -> bool {
+    let once = t[k + 1..].windows(2).all(|p| p[0] <= p[1]);
+    once && Clock::usual_step(t).is_some_and(|step| t[k] - t[k + 1] > RESTART * step)
 }
 
 /// The middle one of some numbers (the upper middle of an even count).

@@ -1,10 +1,11 @@
 //! The selected columns of one log as SI numbers, checked cell by cell.
 
-use super::csv::{RawColumn, RawLog};
+use super::csv::{BadCell, RawColumn, RawLog};
 use super::error::LogError;
 use super::note::{Note, count};
-use super::resolve::{Resolved, Source};
+use super::resolve::{self, Resolved, Source, Time};
 use super::selection::Selection;
+use super::stamp;
 use super::trajectory::Channel;
 
 /// Rows of a log that have a time stamp, column by column, in SI units.
@@ -14,6 +15,8 @@ pub(crate) struct Columns {
     pub(crate) path: String,
     /// Time \[s\] of each row, finite.
     pub(crate) t: Vec<f64>,
+    /// The time column, if nobody says its unit.
+    pub(crate) unstated: Option<String>,
     /// Line of each row.
     pub(crate) lines: Vec<u64>,
     pub(crate) output_channels: Vec<Channel>,
@@ -32,20 +35,9 @@ const LONGEST_TIME_S: f64 = 1e12;
 impl Columns {
     /// Takes the selected columns out of a log.
     pub(crate) fn new(log: &RawLog, resolved: &Resolved, notes: &mut Vec<Note>) -> Result<Self, LogError> {
-        let time = checked(log, &resolved.time)?;
-        let rows: Vec<usize> = (0..log.rows()).filter(|&k| !time.values[k].is_nan()).collect();
+        let times = times(log, &resolved.time, notes)?;
+        let rows = usable_rows(log, &times, matches!(resolved.time, Time::Column { .. }), notes);
         let all = rows.len() == log.rows();
-        if rows.is_empty() {
-            return Err(missing(log, time));
-        }
-        if !all {
-            let note = format!(
-                "{}: {} without a time stamp dropped",
-                log.path,
-                count(log.rows() - rows.len(), "row")
-            );
-            notes.push(Note::warning(note));
-        }
         let take = |source: &Source| -> Result<Vec<f64>, LogError> {
             let raw = checked(log, source)?;
             Ok(if all {
@@ -55,7 +47,7 @@ impl Columns {
             })
         };
         let take_all = |sources: &[Source]| sources.iter().map(take).collect::<Result<Vec<_>, _>>();
-        let t = take(&resolved.time)?;
+        let t: Vec<f64> = rows.iter().map(|&k| times[k]).collect();
         let lines: Vec<u64> = rows.iter().map(|&k| log.lines[k]).collect();
         if let Some(k) = t.iter().position(|t| t.abs() > LONGEST_TIME_S) {
             return Err(LogError::AbsurdTime { path: log.path.clone(), line: lines[k], time: t[k] });
@@ -86,6 +78,10 @@ impl Columns {
         Ok(Self {
             path: log.path.clone(),
             t,
+            unstated: match &resolved.time {
+                Time::Column { source, stated: false } => Some(log.columns[source.column].name.clone()),
+                _ => None,
+            },
             lines,
             output_channels: resolved.output_channels(),
             input_channels: resolved.input_channels(),
@@ -101,13 +97,78 @@ impl Columns {
     }
 }
 
+/// The time \[s\] of every row of the log, NaN where it has none; since the first of them where they are
+/// stamps: of seconds since 1970 nobody reads an axis.
+fn times(log: &RawLog, time: &Time, notes: &mut Vec<Note>) -> Result<Vec<f64>, LogError> {
+    let source = match time {
+        Time::Even(dt) => return Ok((0..log.rows()).map(|k| k as f64 * dt).collect()),
+        Time::Column { source, .. } => source,
+    };
+    let column = &log.columns[source.column];
+    if let Some(bad) = &column.bad {
+        return Err(not_a_number(log, column, bad));
+    }
+    if column.values.iter().all(|x| x.is_nan()) {
+        return Err(missing(log, column));
+    }
+    if let Some(k) = resolve::only_value(column) {
+        let value = match &column.stamps {
+            Some(first) => first.text.clone(),
+            None => column.values[k].to_string(),
+        };
+        let (path, line, column) = (log.path.clone(), log.lines[k], column.name.clone());
+        return Err(LogError::OneTime { path, line, column, value });
+    }
+    let Some(first) = &column.stamps else {
+        return Ok(column.values.iter().map(|x| x * source.factor).collect());
+    };
+    let zone = if first.zoned { "" } else { " (no zone is given: taken as UTC)" };
+    notes.push(Note::info(format!("{}: times are seconds since {}{zone}", log.path, first.text)));
+    let start = column.values.iter().copied().find(|x| !x.is_nan()).unwrap_or(0.0);
+    // Seconds since 1970 resolve a quarter of a microsecond: what was written in microseconds comes back.
+    Ok(column.values.iter().map(|x| ((x - start) * 1e6).round() / 1e6).collect())
+}
+
+/// Rows with a time, without those that repeat the row before in every column.
+fn usable_rows(log: &RawLog, times: &[f64], stamped: bool, notes: &mut Vec<Note>) -> Vec<usize> {
+    let mut rows: Vec<usize> = (0..log.rows()).filter(|&k| !times[k].is_nan()).collect();
+    if rows.len() < log.rows() {
+        let dropped = count(log.rows() - rows.len(), "row");
+        notes.push(Note::warning(format!("{}: {dropped} without a time stamp dropped", log.path)));
+    }
+    if !stamped {
+        return rows;
+    }
+    let before = rows.len();
+    let mut first = None;
+    rows.dedup_by(|b, a| {
+        let same = times[*a] == times[*b]
+            && log.columns.iter().all(|c| {
+                let (x, y) = (c.values[*a], c.values[*b]);
+                x == y || x.is_nan() && y.is_nan()
+            });
+        if same {
+            first.get_or_insert(log.lines[*b]);
+        }
+        same
+    });
+    if let Some(line) = first {
+        let dropped = count(before - rows.len(), "row");
+        notes.push(Note::warning(format!(
+            "{}: {dropped} dropped that repeat the row before with its time and all its values (the first in line {line})",
+            log.path
+        )));
+    }
+    rows
+}
+
 /// The selected columns row by row as they stand, in SI units: time \[s\], then outputs and inputs. For files
 /// that are no runs, such as a list of commands.
 ///
 /// # Errors
 /// If a column is missing or holds text.
 pub fn rows(log: &RawLog, selection: &Selection) -> Result<Vec<(f64, Vec<f64>)>, LogError> {
-    let resolved = Resolved::new(log, selection, &mut Vec::new())?;
+    let resolved = Resolved::new(log, selection, None, &mut Vec::new())?;
     let columns = Columns::new(log, &resolved, &mut Vec::new())?;
     let row = |k: usize| columns.outputs.iter().chain(&columns.inputs).map(|values| values[k]).collect();
     Ok((0..columns.rows()).map(|k| (columns.t[k], row(k))).collect())
@@ -139,16 +200,36 @@ fn missing(log: &RawLog, column: &RawColumn) -> LogError {
 /// The column of a source, if all its cells are numbers or blank.
 fn checked<'a>(log: &'a RawLog, source: &Source) -> Result<&'a RawColumn, LogError> {
     let column = &log.columns[source.column];
-    let Some(bad) = &column.bad else {
-        return Ok(column);
-    };
+    match (&column.bad, &column.stamps) {
+        (bad, Some(stamp)) if bad.as_ref().is_none_or(|bad| bad.line > stamp.line) => {
+            Err(LogError::TextInNumbers {
+                path: log.path.clone(),
+                line: stamp.line,
+                column: column.name.clone(),
+                text: stamp.text.clone(),
+                remedy: "only the time column may hold dates: choose another one",
+            })
+        }
+        (Some(bad), _) => Err(not_a_number(log, column, bad)),
+        _ => Ok(column),
+    }
+}
+
+fn not_a_number(log: &RawLog, column: &RawColumn, bad: &BadCell) -> LogError {
     let (path, line, name, text) = (log.path.clone(), bad.line, column.name.clone(), bad.text.clone());
     if bad.infinite {
-        return Err(LogError::Infinite { path, line, column: name, text });
+        return LogError::Infinite { path, line, column: name, text };
+    }
+    // A stamp where numbers came before is a bad cell, and so is a number where stamps came before.
+    let stamp = stamp::parse(&text).is_some();
+    if stamp && column.values.iter().any(|x| !x.is_nan()) || column.stamps.is_some() && is_number(&text) {
+        return LogError::MixedTime { path, line, column: name, text };
     }
     let dated = text.bytes().filter(|&b| b == b':' || b == b'-' || b == b'/').count() >= 2;
-    let remedy = if dated {
-        "write the time as seconds, for example since the start of the recording"
+    let remedy = if stamp::looks_like(&text) {
+        "a time stamp is a date and a time of day that exist, as in 2020-08-03T11:04:37.125Z"
+    } else if dated {
+        "write the time as 2020-08-03T11:04:37.125Z, or as seconds since the start of the recording"
     } else if column.bad_cells == column.values.len() {
         "the column holds text in every row: choose another one"
     } else if log.lines.first() == Some(&line) {
@@ -158,5 +239,9 @@ fn checked<'a>(log: &'a RawLog, source: &Source) -> Result<&'a RawColumn, LogErr
     } else {
         "correct it, or leave the cell blank if nothing was measured"
     };
-    Err(LogError::TextInNumbers { path, line, column: name, text, remedy })
+    LogError::TextInNumbers { path, line, column: name, text, remedy }
+}
+
+fn is_number(text: &str) -> bool {
+    text.replacen(',', ".", 1).parse::<f64>().is_ok()
 }

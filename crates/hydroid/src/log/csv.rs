@@ -5,13 +5,14 @@
 //!
 //! Understood are commas, semicolons and tabs as separators (found by counting them in the header), quotes,
 //! a byte order mark, line ends of every system, spaces around cells, a comma as decimal mark where the
-//! separator is another, and a `#` before the header. Blank, `NaN`, `NA`, `null` and `-` are missing.
+//! separator is another, a `#` before the header, and ISO 8601 time stamps. Blank, `NaN`, `NA`, `null` and `-` are missing.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use super::error::LogError;
+use super::stamp;
 
 /// A log as read, before any selection.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,12 +32,26 @@ pub struct RawColumn {
     pub name: String,
     /// Unit from the header (`name [unit]`).
     pub unit: Option<String>,
-    /// One number per row in the unit of the file; NaN where the cell is blank or no finite number.
+    /// One number per row in the unit of the file; NaN where the cell is blank or no finite number. Time
+    /// stamps are seconds since 1970 (UTC).
     pub values: Vec<f64>,
     /// The first cell that is neither blank nor a finite number.
     pub bad: Option<BadCell>,
     /// How many cells are neither blank nor a finite number.
     pub bad_cells: usize,
+    /// The first cell, where the column holds time stamps: its values are then no numbers of the file.
+    pub stamps: Option<FirstStamp>,
+}
+
+/// The first cell of a column of time stamps.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FirstStamp {
+    /// Line in the file, from 1.
+    pub line: u64,
+    /// Its text.
+    pub text: String,
+    /// Whether it says its zone; without one it is taken as UTC.
+    pub zoned: bool,
 }
 
 /// A cell that is neither blank nor a finite number.
@@ -217,9 +232,18 @@ impl<'a> LineCounter<'a> {
 impl RawColumn {
     fn push(&mut self, cell: &[u8], line: u64, decimal_comma: bool) {
         let value = match number(text(cell), decimal_comma) {
-            Cell::Number(x) => x,
+            Cell::Number(x) if self.stamps.is_none() => x,
+            Cell::Stamp(stamp) if self.takes_stamps() => {
+                self.stamps.get_or_insert_with(|| FirstStamp {
+                    line,
+                    text: text(cell).to_owned(),
+                    zoned: stamp.zoned,
+                });
+                stamp.seconds
+            }
             Cell::Missing => f64::NAN,
-            Cell::Bad { infinite } => {
+            bad => {
+                let infinite = matches!(bad, Cell::Bad { infinite: true });
                 self.bad_cells += 1;
                 if self.bad.is_none() {
                     self.bad = Some(BadCell { line, text: text(cell).chars().take(40).collect(), infinite });
@@ -229,10 +253,16 @@ impl RawColumn {
         };
         self.values.push(value);
     }
+
+    /// Whether nothing else than stamps stands in the column so far: they do not mix with numbers.
+    fn takes_stamps(&self) -> bool {
+        self.stamps.is_some() || self.bad_cells == 0 && self.values.iter().all(|x| x.is_nan())
+    }
 }
 
 enum Cell {
     Number(f64),
+    Stamp(stamp::Stamp),
     Missing,
     Bad { infinite: bool },
 }
@@ -252,6 +282,9 @@ fn number(cell: &str, decimal_comma: bool) -> Cell {
         Ok(x) if x.is_nan() => Cell::Missing,
         Ok(_) => Cell::Bad { infinite: true },
         Err(_) if is_missing(cell) => Cell::Missing,
+        Err(_) if stamp::looks_like(cell) => {
+            stamp::parse(cell).map_or(Cell::Bad { infinite: false }, Cell::Stamp)
+        }
         Err(_) => Cell::Bad { infinite: false },
     }
 }
@@ -295,7 +328,7 @@ fn has_decimal_comma(bytes: &[u8], delimiter: u8) -> bool {
 }
 
 fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogError> {
-    if header.iter().all(|h| h.is_empty() || h.parse::<f64>().is_ok()) {
+    if header.iter().all(|h| h.is_empty() || h.parse::<f64>().is_ok() || stamp::parse(h).is_some()) {
         let first_row =
             header.iter().take(4).map(|h| h.chars().take(20).collect()).collect::<Vec<String>>().join(", ");
         return Err(LogError::NoHeader { path: path.to_owned(), first_row });
@@ -322,6 +355,7 @@ fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogEr
             values: Vec::new(),
             bad: None,
             bad_cells: 0,
+            stamps: None,
         });
     }
     Ok(columns)

@@ -164,7 +164,7 @@ pub enum LogError {
     },
     /// No column looks like the time.
     #[error(
-        "{path}: no column is called t, time, t_s, time_s or timestamp; say which one is the time with --time COLUMN. Its columns are: {columns}"
+        "{path}: no time column, as none is called t, time, t_s, time_s or timestamp: name it with --time COLUMN, or give the step of equally spaced rows with --dt SECONDS. Its columns are: {columns}"
     )]
     NoTime {
         /// File.
@@ -271,9 +271,7 @@ pub enum LogError {
         time: f64,
     },
     /// Time running backwards.
-    #[error(
-        "{path}, line {line}: time runs backwards, from {from} s to {to} s; sort the rows by time, or put each recording into a file of its own if several were joined"
-    )]
+    #[error("{path}, line {line}: time runs backwards, from {from} s to {to} s; {remedy}")]
     Backwards {
         /// File.
         path: String,
@@ -283,6 +281,48 @@ pub enum LogError {
         from: f64,
         /// Time after.
         to: f64,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A time column with a single value.
+    #[error(
+        "{path}, line {line}, column `{column}`: {value} is the only time in the whole column; name another one with --time COLUMN, or, if the rows are equally spaced, leave --time out and give their step with --dt SECONDS"
+    )]
+    OneTime {
+        /// File.
+        path: String,
+        /// Line of the first cell that is not blank.
+        line: u64,
+        /// Column.
+        column: String,
+        /// The value.
+        value: String,
+    },
+    /// Numbers and time stamps in one column.
+    #[error(
+        "{path}, line {line}, column `{column}`: `{text}` stands among times of another kind; write all as dates (2020-08-03T11:04:37.125Z) or all as numbers"
+    )]
+    MixedTime {
+        /// File.
+        path: String,
+        /// Line.
+        line: u64,
+        /// Column.
+        column: String,
+        /// The cell.
+        text: String,
+    },
+    /// Steps too long for seconds, in a column that does not say its unit.
+    #[error(
+        "{path}, column `{column}`: the usual step is {step}, too long for a moving vessel if it counts seconds, and no unit is stated; if it counts milliseconds say --time \"{column} [ms]\", if it does count seconds --time \"{column} [s]\""
+    )]
+    SlowClock {
+        /// File.
+        path: String,
+        /// Column.
+        column: String,
+        /// The usual step, as it stands in the file.
+        step: f64,
     },
     /// A time that cannot be seconds.
     #[error(

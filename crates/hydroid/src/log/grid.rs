@@ -143,6 +143,7 @@ mod tests {
     /// A log with rows at some places of a regular clock; every command is its own.
     fn columns(places: &[usize], inputs: Vec<f64>) -> Columns {
         Columns {
+            unstated: None,
             path: String::from("log.csv"),
             t: places.iter().map(|p| *p as f64 * STEP).collect(),
             lines: (2..).take(places.len()).collect(),

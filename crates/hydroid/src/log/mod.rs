@@ -21,13 +21,14 @@ mod resolve;
 mod sanity;
 mod selection;
 mod split;
+mod stamp;
 mod trajectory;
 pub mod units;
 
 pub use align::{CommandTiming, InputDelay};
 pub use clock::Clock;
 pub use columns::rows;
-pub use csv::{BadCell, RawColumn, RawLog, read, read_from};
+pub use csv::{BadCell, FirstStamp, RawColumn, RawLog, read, read_from};
 pub use error::LogError;
 pub use inspect::{Inspection, inspect};
 pub use note::{Note, Severity};

@@ -21,6 +21,9 @@ use super::trajectory::{Channel, Table, Trajectory};
 /// Fewest samples of a run.
 pub(crate) const FEWEST_SAMPLES: usize = 3;
 
+/// Longest usual step \[s\] of a clock that does not say that it counts seconds.
+const LONGEST_UNSTATED_S: f64 = 30.0;
+
 /// Below this share of the log's step a step is warned of.
 const FINER: f64 = 0.99;
 /// Below this share of the log's step (a half, but for rounding) a step is refused.
@@ -30,7 +33,8 @@ const FINEST: f64 = 0.4999;
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PrepareOptions {
-    /// Step \[s\] to resample to, half the log's at least. Without it: the log's own.
+    /// Step \[s\] to resample to, half the log's at least. Without it: the log's own. Of a log without a time
+    /// column it is the step between the rows.
     pub dt: Option<f64>,
     /// Longest time \[s\] that an output may be missing. Without it: 1 s or 10 samples of the slowest
     /// output, whichever is longer.
@@ -66,7 +70,7 @@ pub fn prepare(
     check(options)?;
     let first = logs.first().ok_or(LogError::NoFiles)?;
     let mut notes = Vec::new();
-    let (resolved, selection) = resolve_all(logs, selection, &mut notes)?;
+    let (resolved, selection) = resolve_all(logs, selection, options.dt, &mut notes)?;
     let mut files = Vec::with_capacity(logs.len());
     for (log, resolved) in logs.iter().zip(&resolved) {
         let columns = Columns::new(log, resolved, &mut notes)?;
@@ -112,9 +116,10 @@ fn check(options: &PrepareOptions) -> Result<(), LogError> {
 fn resolve_all(
     logs: &[RawLog],
     selection: &Selection,
+    dt: Option<f64>,
     notes: &mut Vec<Note>,
 ) -> Result<(Vec<Resolved>, Selection), LogError> {
-    let first = Resolved::new(&logs[0], selection, notes)?;
+    let first = Resolved::new(&logs[0], selection, dt, notes)?;
     let column = |s: &resolve::Source| logs[0].columns[s.column].name.clone();
     // What was guessed from the first log holds for all.
     let mut concrete = selection.clone();
@@ -137,7 +142,7 @@ fn resolve_all(
                 });
             }
         }
-        let other = Resolved::new(log, &concrete, notes)?;
+        let other = Resolved::new(log, &concrete, dt, notes)?;
         all[0].agrees(&logs[0], &other, log)?;
         all.push(other);
     }
@@ -176,6 +181,9 @@ impl File {
             return Err(too_short(&columns));
         }
         let usual = Clock::usual_step(&columns.t).ok_or_else(|| too_short(&columns))?;
+        if let Some(column) = columns.unstated.clone().filter(|_| usual > LONGEST_UNSTATED_S) {
+            return Err(LogError::SlowClock { path: columns.path.clone(), column, step: usual });
+        }
         let default_s = gaps::default_limit(&columns, usual, options.dt, notes);
         let max_gap_s = options.max_gap_s.unwrap_or(default_s);
         let clock = Clock::of(&columns.t, max_gap_s).ok_or_else(|| too_short(&columns))?;

@@ -1,6 +1,6 @@
 //! From a selection and a log to positions, units and factors of columns.
 
-use super::csv::RawLog;
+use super::csv::{RawColumn, RawLog};
 use super::error::LogError;
 use super::note::Note;
 use super::selection::{ChannelSpec, Selection, Wind};
@@ -28,10 +28,19 @@ enum Role {
     Input,
 }
 
+/// Where the times of a log come from.
+#[derive(Clone, Debug)]
+pub(crate) enum Time {
+    /// A column, and whether it or the user says its unit.
+    Column { source: Source, stated: bool },
+    /// No column: rows a step \[s\] apart.
+    Even(f64),
+}
+
 /// A selection applied to one log.
 #[derive(Clone, Debug)]
 pub(crate) struct Resolved {
-    pub(crate) time: Source,
+    pub(crate) time: Time,
     pub(crate) outputs: Vec<Source>,
     pub(crate) inputs: Vec<Source>,
     /// Speed and direction.
@@ -41,9 +50,15 @@ pub(crate) struct Resolved {
 }
 
 impl Resolved {
-    /// Applies a selection to a log; what was guessed or converted goes to `notes`.
-    pub(crate) fn new(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<Self, LogError> {
-        let time = time(log, selection, notes)?;
+    /// Applies a selection to a log; what was guessed or converted goes to `notes`. `dt` is the step of a log
+    /// without time.
+    pub(crate) fn new(
+        log: &RawLog,
+        selection: &Selection,
+        dt: Option<f64>,
+        notes: &mut Vec<Note>,
+    ) -> Result<Self, LogError> {
+        let time = time(log, selection, dt, notes)?;
         let outputs = sources(log, &outputs_or_default(log, selection)?, Role::Output, notes)?;
         let wind = selection.wind.as_ref().map(|w| wind_sources(log, w, notes)).transpose()?;
         let inputs = match inputs_or_default(log, selection, &outputs) {
@@ -135,19 +150,39 @@ pub(crate) fn is_command_name(name: &str) -> bool {
     name.ends_with("_cmd") || name.ends_with("_ang")
 }
 
-fn time(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<Source, LogError> {
+pub(crate) fn time(
+    log: &RawLog,
+    selection: &Selection,
+    dt: Option<f64>,
+    notes: &mut Vec<Note>,
+) -> Result<Time, LogError> {
     let spec = if let Some(text) = &selection.time {
         text.parse::<ChannelSpec>()?
     } else {
-        let name = ["t", "time", "t_s", "timestamp", "time_s"]
+        let guessed = ["t", "time", "t_s", "timestamp", "time_s"]
             .into_iter()
-            .find_map(|name| log.columns.iter().find(|c| c.name.eq_ignore_ascii_case(name)))
-            .map(|c| c.name.clone())
-            .ok_or_else(|| LogError::NoTime { path: log.path.clone(), columns: all_names(log) })?;
-        ChannelSpec::named(name)
+            .find_map(|name| log.columns.iter().find(|c| c.name.eq_ignore_ascii_case(name)));
+        match (guessed, dt) {
+            // A guess that tells no time is none where the step is known.
+            (Some(column), Some(dt)) if only_value(column).is_some() => return Ok(even(log, dt, notes)),
+            (Some(column), _) => ChannelSpec::named(&column.name),
+            (None, Some(dt)) => return Ok(even(log, dt, notes)),
+            (None, None) => {
+                return Err(LogError::NoTime { path: log.path.clone(), columns: all_names(log) });
+            }
+        }
     };
+    // Stamps are seconds, whatever unit the header gives them.
+    if let Some(column) = find(log, &spec.column).filter(|&i| log.columns[i].stamps.is_some()) {
+        let channel = Channel::new(&spec.name, "s");
+        return Ok(Time::Column {
+            source: Source { column, factor: 1.0, scale: 1.0, channel },
+            stated: true,
+        });
+    }
     let source = source(log, &spec, Role::Time, notes)?;
     let unit = &source.channel.unit;
+    let stated = !unit.is_empty() || spec.scale != 1.0;
     if unit.is_empty() {
         notes.push(
             Note::info(format!(
@@ -160,7 +195,24 @@ fn time(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<So
         let error = UnitError::Incompatible { from: unit.clone(), to: "s".to_owned() };
         return Err(LogError::Unit { column: spec.column, source: error });
     }
-    Ok(source)
+    Ok(Time::Column { source, stated })
+}
+
+fn even(log: &RawLog, dt: f64, notes: &mut Vec<Note>) -> Time {
+    notes.push(
+        Note::warning(format!("{}: no time column; the rows are taken as {dt} s apart", log.path))
+            .with_remedy("if a column tells the time, name it with --time COLUMN"),
+    );
+    Time::Even(dt)
+}
+
+/// Position of the first value of a column whose values are all the same.
+pub(crate) fn only_value(column: &RawColumn) -> Option<usize> {
+    let first = column.values.iter().position(|x| !x.is_nan())?;
+    let value = column.values[first];
+    let several = column.values.len() > 1;
+    (several && column.bad.is_none() && column.values.iter().all(|x| x.is_nan() || *x == value))
+        .then_some(first)
 }
 
 fn wind_sources(log: &RawLog, wind: &Wind, notes: &mut Vec<Note>) -> Result<[Source; 2], LogError> {

@@ -139,8 +139,8 @@ impl FromStr for Wind {
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Selection {
-    /// Time column, with its unit if that is not seconds: `timestamp [ms]`. Without it the first of `t`,
-    /// `time`, `t_s`, `timestamp`, `time_s`.
+    /// Time column, with its unit if that is not seconds: `timestamp [ms]`; ISO 8601 stamps need
+    /// none. Without it the first of `t`, `time`, `t_s`, `timestamp`, `time_s`.
     pub time: Option<String>,
     /// Outputs. Empty: `u`, `v` and `r`, those that exist.
     pub outputs: Vec<ChannelSpec>,

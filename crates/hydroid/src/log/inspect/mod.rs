@@ -87,10 +87,14 @@ pub fn inspect(
     let mut selection = selection.clone();
     if let Err(e) = resolve::outputs_or_default(log, &selection) {
         inspection.notes.push(Note::warning(e.to_string()));
+        if let Err(e @ LogError::NoTime { .. }) = resolve::time(log, &selection, options.dt, &mut Vec::new())
+        {
+            inspection.notes.push(Note::warning(e.to_string()));
+        }
         disagree(&mut inspection);
         return Ok(inspection);
     }
-    let mut resolved = Resolved::new(log, &selection, &mut guessed);
+    let mut resolved = Resolved::new(log, &selection, options.dt, &mut guessed);
     let mut without_inputs = false;
     if let Err(e @ LogError::NoInputs { .. }) = &resolved {
         inspection.notes.push(Note::warning(e.to_string()));
@@ -100,7 +104,7 @@ pub fn inspect(
         stand_in.name.push_str(" (no input)");
         selection.inputs = vec![stand_in];
         guessed.clear();
-        resolved = Resolved::new(log, &selection, &mut guessed);
+        resolved = Resolved::new(log, &selection, options.dt, &mut guessed);
     }
     let resolved = match resolved {
         Ok(resolved) => resolved,

@@ -66,6 +66,9 @@ impl ColumnReport {
 }
 
 fn unit_of(column: &RawColumn) -> String {
+    if column.stamps.is_some() {
+        return "s".to_owned();
+    }
     let ending = || units::from_name(&column.name, false).map(|(_, unit)| unit.to_owned());
     column.unit.clone().or_else(ending).unwrap_or_default()
 }

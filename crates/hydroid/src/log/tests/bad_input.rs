@@ -59,7 +59,7 @@ fn text_elsewhere_is_no_error() {
 #[test]
 fn a_row_of_units_and_dates_get_their_own_remedy() {
     says(&error("t,u,n\ns,m/s,rpm\n0,1,2\n1,2,2\n2,1,3\n"), &["line 2", "`name [unit]`"]);
-    let dated = "t,u,n\n2020-08-03 11:04:37,1,2\n2020-08-03 11:04:38,2,2\n";
+    let dated = "t,u,n\n03/08/2020 11:04:37,1,2\n03/08/2020 11:04:38,2,2\n";
     says(&error(dated), &["line 2", "column `t`", "as seconds"]);
 }
 
@@ -96,6 +96,15 @@ fn two_identical_time_stamps() {
 fn time_running_backwards() {
     let message = error("t,u,n\n0,1,0\n2,2,0\n1,3,0\n3,4,1\n");
     says(&message, &["log.csv, line 4", "time runs backwards", "from 2 s to 1 s", "sort the rows"]);
+    let rows =
+        |from: usize| (from..from + 20).map(|k| format!("{}.5,{},{}\n", k, u(k), n(k))).collect::<String>();
+    let reboot = error(&format!("t,u,n\n{}{}", rows(900), rows(3)));
+    says(
+        &reboot,
+        &["log.csv, line 22", "from 919.5 s to 3.5 s", "split the file at that line into two logs"],
+    );
+    let thrice = error(&format!("t,u,n\n{}{}{}", rows(900), rows(3), rows(3)));
+    says(&thrice, &["log.csv, line 22", "file of its own"]);
 }
 
 #[test]
@@ -146,6 +155,7 @@ fn no_time_outputs_or_inputs_to_guess() {
     let guess =
         |text: &str| error_of(prepare(&[log(text)], &Selection::default(), &PrepareOptions::default()));
     says(&guess("when,u,n_cmd\n0,1,2\n"), &["--time COLUMN", "when, u, n_cmd"]);
+    says(&guess("when,u,n_cmd\n0,1,2\n"), &["no time column", "--dt SECONDS"]);
     says(&guess("t,speed,n_cmd\n0,1,2\n"), &["--outputs", "t, speed, n_cmd"]);
     says(&guess("t,u,n\n0,1,2\n"), &["--inputs", "t, u, n"]);
 }

@@ -199,3 +199,27 @@ fn a_log_with_forty_inputs_is_looked_at_quickly() {
     assert_eq!(found.input_delay.unwrap().samples, 0);
     assert!(found.inputs[..6].iter().all(|i| i.delay.as_ref().is_some_and(|d| d.samples == 0)));
 }
+
+#[test]
+fn a_log_without_a_time_column_says_so() {
+    let text = "when,u,speed,n_cmd\n0,1,1,2\n1,2,2,2\n2,1,1,3\n";
+    for selection in [Selection::default(), Selection::of("u", "n_cmd").unwrap()] {
+        let found = inspect(&log(text), &selection).unwrap();
+        assert!(found.notes.iter().any(|n| n.message.contains("no time column")), "{:?}", found.notes);
+        assert_eq!(found.duration_s, None);
+    }
+    // Neither outputs nor a time.
+    let found = inspect(&log("when,speed\n0,1\n1,2\n2,1\n"), &Selection::default()).unwrap();
+    assert!(found.notes.iter().any(|n| n.message.contains("no time column")), "{:?}", found.notes);
+    let options = PrepareOptions { dt: Some(0.5), ..PrepareOptions::default() };
+    let found = super::super::inspect(&log(text), &Selection::default(), &options).unwrap();
+    assert_eq!((found.duration_s, found.clock.unwrap().step_s), (Some(1.0), 0.5));
+}
+
+#[test]
+fn a_column_of_time_stamps_is_seconds() {
+    let text = "t,u,n_cmd\n2020-08-03T11:04:37Z,1,2\n2020-08-03T11:04:38Z,2,2\n2020-08-03T11:04:39Z,1,3\n";
+    let found = inspect(&log(text), &Selection::default()).unwrap();
+    assert_eq!((found.duration_s, found.columns[0].not_numbers), (Some(2.0), 0));
+    assert_eq!(found.columns[0].unit, "s");
+}

@@ -9,6 +9,7 @@
 )]
 
 mod bad_input;
+mod clocks;
 mod inspecting;
 mod properties;
 mod reading;

@@ -121,3 +121,20 @@ fn every_real_log_can_be_prepared_or_says_why() {
         assert!(p.runs.len() >= logs.len());
     }
 }
+
+#[test]
+fn the_tanks_have_a_step_and_no_clock() {
+    let Some(path) = data("benchmarks/cascaded_tanks.csv") else { return };
+    let log = read(&path).unwrap();
+    let selection = Selection::of("y=yEst", "u=uEst").unwrap();
+    let options = PrepareOptions { dt: Some(4.0), ..PrepareOptions::default() };
+    let p = prepare(std::slice::from_ref(&log), &selection, &options).unwrap();
+    assert_eq!((p.runs.len(), p.runs[0].len(), p.runs[0].dt), (1, 1024, 4.0));
+    assert!(p.notes.iter().any(|n| n.message.contains("rows are taken as 4 s apart")), "{:?}", p.notes);
+    let timed = Selection { time: Some("Ts".into()), ..selection };
+    let message = prepare(&[log], &timed, &PrepareOptions::default()).unwrap_err().to_string();
+    assert!(
+        message.contains("line 2, column `Ts`: 4 is the only time") && message.contains("--dt"),
+        "{message}"
+    );
+}
