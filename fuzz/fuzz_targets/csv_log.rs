@@ -5,6 +5,7 @@ use hydroid::log::{PrepareOptions, Selection, inspect, prepare, read_from};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let Ok(log) = read_from(bytes, "fuzz.csv") else { return };
-    let _ = inspect(&log, &Selection::default());
-    let _ = prepare(&[log], &Selection::default(), &PrepareOptions::default());
+    let (selection, options) = (Selection::default(), PrepareOptions::default());
+    let _ = inspect(&log, &selection, &options);
+    let _ = prepare(&[log], &selection, &options);
 });

@@ -127,7 +127,7 @@ fn proper_minus(text: &str) -> String {
 /// With a capital and a full stop, as a sentence on a page has them. What starts with a name or a path
 /// keeps its first letter.
 fn sentence(text: &str) -> String {
-    let text = proper_minus(text.trim());
+    let text = quoted(&proper_minus(text.trim()));
     let first_word = text.split([' ', ',']).next().unwrap_or_default();
     let plain = !first_word.is_empty() && first_word.chars().all(|c| c.is_ascii_lowercase());
     let mut chars = text.chars();
@@ -141,6 +141,12 @@ fn sentence(text: &str) -> String {
     sentence
 }
 
+/// Backquotes are for terminals; a page has quotation marks.
+fn quoted(text: &str) -> String {
+    let mut marks = ['‘', '’'].into_iter().cycle();
+    text.chars().map(|c| if c == '`' { marks.next().unwrap_or(c) } else { c }).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,6 +156,7 @@ mod tests {
         assert_eq!(sentence("two runs: -0.5 to 1"), "Two runs: −0.5 to 1.");
         assert_eq!(sentence("a<1>.csv: cut (see --dt and -c)"), "a<1>.csv: cut (see --dt and -c).");
         assert_eq!(sentence("'u' is late!"), "'u' is late!");
+        assert_eq!(sentence("`u` and `v` differ"), "‘u’ and ‘v’ differ.");
         assert_eq!(sentence(""), "");
     }
 }
