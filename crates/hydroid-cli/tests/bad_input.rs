@@ -221,7 +221,12 @@ fn an_output_folder_that_cannot_be_written() {
     let args = ["identify", "bad.csv", "-o", "file/out", "--outputs", "u", "--inputs", "n_cmd"];
     refused(folder.path(), &args, &["file"]);
     refused(folder.path(), &["simulate", "simple", "--duration", "10", "-o", "file/run.csv"], &["file"]);
+    let args = ["identify", "bad.csv", "-o", "file", "--outputs", "u", "--inputs", "n_cmd"];
+    refused(folder.path(), &args, &["it is a file"]);
     assert_eq!(fs::read_to_string(folder.path().join("file")).unwrap(), "in the way");
+    // A run that fails leaves no folder that it made itself.
+    refused(folder.path(), &["identify", "nowhere.csv", "-o", "new"], &["nowhere.csv"]);
+    assert!(!folder.path().join("new").exists());
 }
 
 #[test]
@@ -255,7 +260,8 @@ fn plants_and_excitations_that_do_not_exist() {
     refused(folder.path(), &["simulate", "simple", "--excitation", "wild"], &["wild", "lawn-mower"]);
     refused(folder.path(), &["simulate", "mine.toml"], &["mine.toml"]);
     refused(folder.path(), &["simulate", "simple", "--dt", "0.015"], &["0.015"]);
-    refused(folder.path(), &["simulate", "simple", "--duration", "-5"], &["-5"]);
+    refused(folder.path(), &["simulate", "simple", "--duration", "-5"], &["duration", "-5"]);
+    refused(folder.path(), &["simulate", "simple", "--radius", "5"], &["--radius", "circle", "mixed"]);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 

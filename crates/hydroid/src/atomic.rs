@@ -58,6 +58,9 @@ pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
 /// If the folder cannot be made or written.
 pub fn probe(folder: &Path) -> Result<(), WriteError> {
     let attempt = || -> io::Result<()> {
+        if folder.is_file() {
+            return Err(io::Error::new(io::ErrorKind::NotADirectory, "it is a file, and a folder is needed"));
+        }
         std::fs::create_dir_all(folder)?;
         tempfile::Builder::new().prefix(".hydroid-").tempfile_in(folder).map(drop)
     };

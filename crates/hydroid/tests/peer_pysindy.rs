@@ -21,7 +21,10 @@ fn python() -> Option<String> {
         .status()
         .is_ok_and(|status| status.success());
     if !there {
-        println!("skipped: no PySINDy (pip install pysindy, or name a Python that has it in HYDROID_PYTHON)");
+        let _ = writeln!(
+            std::io::stderr(),
+            "skipped: no PySINDy (pip install pysindy, or name a Python that has it in HYDROID_PYTHON)"
+        );
     }
     there.then_some(python)
 }

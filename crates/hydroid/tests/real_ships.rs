@@ -6,6 +6,7 @@
 #[allow(dead_code)]
 mod ridge_baseline;
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use hydroid::evaluate::Evaluation;
@@ -18,7 +19,7 @@ use ridge_baseline::{CYBERSHIP, ESSO, Row, Ship, baseline, last};
 fn data() -> Option<PathBuf> {
     let data = std::env::var_os("HYDROID_DATA").map(PathBuf::from);
     if data.is_none() {
-        println!("skipped: no HYDROID_DATA");
+        let _ = writeln!(std::io::stderr(), "skipped: no HYDROID_DATA");
     }
     data
 }
@@ -90,7 +91,7 @@ fn esso_is_no_worse_than_ridge_in_the_mean_of_outputs() {
 fn a_short_log_is_not_at_the_mercy_of_a_short_validation() {
     let Some(path) = data().map(|data| data.join("../reference/records/both_val.csv")) else { return };
     if !path.exists() {
-        println!("skipped: no simulated records beside HYDROID_DATA");
+        let _ = writeln!(std::io::stderr(), "skipped: no simulated records beside HYDROID_DATA");
         return;
     }
     let selection = Selection::of("u,v,r", "PP_cmd,RD_ang").unwrap();

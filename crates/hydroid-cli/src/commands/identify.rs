@@ -25,8 +25,18 @@ const HORIZON: usize = 100;
 const DEMO_S: [(&str, f64); 3] = [("train", 3_600.0), ("validate", 600.0), ("test", 600.0)];
 
 pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
+    let existed = args.output.exists();
     // A folder that cannot be written is better known before the work than after.
     atomic::probe(&args.output)?;
+    identify_into(args, global).inspect_err(|_| {
+        if !existed {
+            // Only an empty folder goes; what is in it, if anything, is whole.
+            let _ = std::fs::remove_dir(&args.output);
+        }
+    })
+}
+
+fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let config = match &args.config {
         Some(file) => config::read(file)?,
         None if Path::new(config::DEFAULT).exists() => {

@@ -99,6 +99,20 @@ fn vessel(name: &str) -> anyhow::Result<VesselParams> {
 
 fn excitation(args: &Simulate, vessel: &VesselParams) -> anyhow::Result<(Excitation, String)> {
     let kind = args.excitation.as_str();
+    let lawn_mower = args.leg.is_some() || args.spacing.is_some() || !args.leg_speeds.is_empty();
+    for (option, given, kinds) in [
+        (
+            "--leg, --spacing, --leg-speeds and --sharp-turns",
+            lawn_mower || args.sharp_turns,
+            &["lawn-mower"][..],
+        ),
+        ("--radius", args.radius.is_some(), &["circle"]),
+        ("--speed", args.speed.is_some(), &["circle", "low-speed", "lawn-mower"]),
+    ] {
+        if given && !kinds.contains(&kind) {
+            bail!("{option} are for --excitation {}, not for {kind}", kinds.join(", "));
+        }
+    }
     let excitation = match kind {
         "mixed" => Excitation::Mixed,
         "low-speed" => {

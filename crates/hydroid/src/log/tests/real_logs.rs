@@ -1,5 +1,6 @@
 //! The real logs, where `HYDROID_DATA` says they are.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use super::super::inspect::Confidence;
@@ -8,7 +9,7 @@ use super::super::{Inspection, PrepareOptions, RawLog, Selection, inspect, prepa
 fn data(file: &str) -> Option<PathBuf> {
     let found = std::env::var_os("HYDROID_DATA").map(|d| PathBuf::from(d).join(file));
     if found.is_none() {
-        println!("skipped: no HYDROID_DATA");
+        let _ = writeln!(std::io::stderr(), "skipped: no HYDROID_DATA");
     }
     found
 }
@@ -86,7 +87,7 @@ fn the_ugly_log_is_called_ugly() {
 fn simulated_logs_show_their_noise_and_no_delay() {
     let Some(path) = data("../reference/records/both_train.csv") else { return };
     if !path.exists() {
-        println!("skipped: no simulated record");
+        let _ = writeln!(std::io::stderr(), "skipped: no simulated record");
         return;
     }
     let log = read(&path).unwrap();
