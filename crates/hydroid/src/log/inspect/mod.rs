@@ -5,6 +5,7 @@
 
 mod delay;
 mod excitation;
+mod lags;
 mod noise;
 mod stats;
 

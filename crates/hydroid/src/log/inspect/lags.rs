@@ -1,0 +1,386 @@
+//! The regressions behind the estimate of delays: one for all inputs together, one for each by itself.
+//!
+//! All of the regression of one input but its own two columns is the same at every delay: its sums of products
+//! are taken once, those of the columns of all delays with the rest in one pass per input. The work grows with
+//! the square of the number of inputs, and rows are thinned where there are many.
+
+use super::super::trajectory::{Table, Trajectory};
+
+/// Delays that are tried, in samples.
+pub(super) const EARLIEST: i64 = -10;
+pub(super) const LATEST: i64 = 40;
+/// Number of them.
+const DELAYS: usize = 51;
+/// Most rows of a regression; more are thinned evenly.
+const MOST_ROWS: usize = 8_000;
+/// Most products that the sums of one regression are made of: with many inputs, fewer rows have to do.
+const MOST_PRODUCTS: usize = 40_000_000;
+/// With more inputs no delays are looked for: there is no telling them apart.
+const MOST_INPUTS: usize = 100;
+/// Fewest rows for each term of a regression.
+const ROWS_PER_TERM: usize = 5;
+
+/// The regression at one delay after another: rows, columns and what stays the same.
+pub(super) struct Problem {
+    /// Averaged outputs and inputs of each run, one vector per channel, all of one length.
+    outputs: Vec<Vec<Vec<f64>>>,
+    inputs: Vec<Vec<Vec<f64>>>,
+    /// Run and sample of each row.
+    rows: Vec<(usize, usize)>,
+}
+
+impl Problem {
+    pub(super) fn new(runs: &[Trajectory], window: usize) -> Option<Self> {
+        let averaged = |t: &Table| -> Vec<Vec<f64>> {
+            (0..t.width()).map(|c| average(&standard(t.column(c).collect()), window)).collect()
+        };
+        let outputs: Vec<_> = runs.iter().map(|r| averaged(&r.outputs)).collect();
+        let inputs: Vec<_> = runs.iter().map(|r| averaged(&r.inputs)).collect();
+        let (before, after) = (usize::try_from(LATEST).ok()?, usize::try_from(-EARLIEST).ok()?);
+        let mut rows = Vec::new();
+        for (i, run) in outputs.iter().enumerate() {
+            let length = run.first().map_or(0, Vec::len);
+            for k in before..length.saturating_sub(after.max(1)) {
+                if run.iter().all(|y| !y[k].is_nan() && !y[k + 1].is_nan()) {
+                    rows.push((i, k));
+                }
+            }
+        }
+        let states = outputs[0].len();
+        let terms = 1 + 2 * states + 2 * inputs[0].len();
+        if inputs[0].len() > MOST_INPUTS {
+            return None;
+        }
+        let fewest = 200.max(ROWS_PER_TERM * terms);
+        let most = (MOST_PRODUCTS / (terms + states).pow(2)).max(2 * fewest).min(MOST_ROWS);
+        let stride = rows.len().div_ceil(most).max(1);
+        let rows: Vec<_> = rows.into_iter().step_by(stride).collect();
+        (rows.len() >= fewest).then_some(Self { outputs, inputs, rows })
+    }
+
+    /// Number of rows beyond that of the terms.
+    pub(super) fn free(&self) -> f64 {
+        let terms = 1 + 2 * self.outputs[0].len() + 2 * self.inputs[0].len();
+        self.rows.len().saturating_sub(terms).max(1) as f64
+    }
+
+    /// Residual with each input at a delay of its own, or left out: the mean over the outputs of the residual's
+    /// share of the increments' variance.
+    pub(super) fn residual(&self, delays: &[Option<i64>]) -> f64 {
+        let (design, terms, width) = self.design(delays);
+        residual_share(&mut gram(&design, width), width, terms)
+    }
+
+    /// The rows of the regression, one after the other: terms, then increments. Also the number of terms and
+    /// of all columns.
+    pub(super) fn design(&self, delays: &[Option<i64>]) -> (Vec<f64>, usize, usize) {
+        let states = self.outputs[0].len();
+        let used: Vec<(usize, i64)> =
+            delays.iter().enumerate().filter_map(|(i, d)| d.map(|d| (i, d))).collect();
+        let terms = 1 + 2 * states + 2 * used.len();
+        let width = terms + states;
+        let mut design = Vec::with_capacity(width * self.rows.len());
+        for &(run, k) in &self.rows {
+            design.push(1.0);
+            for y in &self.outputs[run] {
+                design.extend([y[k], y[k] * y[k].abs()]);
+            }
+            for &(i, d) in &used {
+                // Rows keep clear of both ends, so that the index is within the run.
+                let j = usize::try_from(i64::try_from(k).unwrap_or(0) - d).unwrap_or(0);
+                let x = self.inputs[run][i][j];
+                design.extend([x, x * x.abs()]);
+            }
+            design.extend(self.outputs[run].iter().map(|y| y[k + 1] - y[k]));
+        }
+        (design, terms, width)
+    }
+}
+
+/// The regression with all inputs at one delay, of which one input at a time leaves for another.
+pub(super) struct Fixed {
+    design: Vec<f64>,
+    gram: Vec<f64>,
+    terms: usize,
+    width: usize,
+}
+
+impl Fixed {
+    pub(super) fn new(problem: &Problem, delay: i64) -> Self {
+        let inputs = problem.inputs[0].len();
+        let (design, terms, width) = problem.design(&vec![Some(delay); inputs]);
+        let gram = gram(&design, width);
+        Self { design, gram, terms, width }
+    }
+
+    /// Residuals with one input at every delay in turn, and without it.
+    pub(super) fn scan(&self, problem: &Problem, input: usize) -> (Vec<f64>, f64) {
+        let (terms, width) = (self.terms, self.width);
+        let states = width - terms;
+        let own = terms - 2 * problem.inputs[0].len() + 2 * input;
+        let (cross, moving) = self.cross(problem, input);
+        // The terms that stay, then the two of every delay, then the increments; of the latter two, products
+        // among the columns of one delay are all that is needed.
+        let kept: Vec<usize> = (0..terms).filter(|a| *a != own && *a != own + 1).collect();
+        let columns = kept.len() + 2 * DELAYS + states;
+        let (delays_at, targets_at) = (kept.len(), kept.len() + 2 * DELAYS);
+        let mut stays = vec![0.0; kept.len() * columns];
+        for (row, &a) in kept.iter().enumerate() {
+            let line = &mut stays[row * columns..(row + 1) * columns];
+            for (to, &b) in kept.iter().enumerate().skip(row) {
+                line[to] = self.gram[a * width + b];
+            }
+            for n in 0..2 * DELAYS {
+                line[delays_at + n] = cross[n * width + a];
+            }
+            line[targets_at..].copy_from_slice(&self.gram[a * width + terms..(a + 1) * width]);
+        }
+        // One small Gram matrix per delay: two columns of the input, then the increments.
+        let small = 2 + states;
+        let target = |i: usize| self.gram[(terms + i) * (width + 1)];
+        let mut parts = vec![0.0; DELAYS * small * small];
+        for (d, part) in parts.chunks_exact_mut(small * small).enumerate() {
+            (part[0], part[1], part[small + 1]) = moving[d];
+            for i in 0..states {
+                for n in 0..2 {
+                    part[n * small + 2 + i] = cross[(2 * d + n) * width + terms + i];
+                }
+                part[(2 + i) * (small + 1)] = target(i);
+            }
+        }
+        let sizes: Vec<f64> = parts
+            .chunks_exact(small * small)
+            .flat_map(|part| (0..small).map(|a| part[a * (small + 1)]))
+            .collect();
+        let before: Vec<f64> = (0..kept.len()).map(|row| stays[row * columns + row]).collect();
+        let mut pivot_row = vec![0.0; columns];
+        for p in 0..kept.len() {
+            pivot_row.copy_from_slice(&stays[p * columns..(p + 1) * columns]);
+            let pivot = pivot_row[p];
+            if pivot <= NOTHING_NEW * before[p] {
+                continue;
+            }
+            for a in p + 1..kept.len() {
+                let factor = pivot_row[a] / pivot;
+                let line = &mut stays[a * columns + a..(a + 1) * columns];
+                for (x, y) in line.iter_mut().zip(&pivot_row[a..]) {
+                    *x -= factor * y;
+                }
+            }
+            for (d, part) in parts.chunks_exact_mut(small * small).enumerate() {
+                let of = |a: usize| pivot_row[if a < 2 { delays_at + 2 * d + a } else { targets_at + a - 2 }];
+                for a in 0..small {
+                    let factor = of(a) / pivot;
+                    for b in a..small {
+                        part[a * small + b] -= factor * of(b);
+                    }
+                }
+            }
+        }
+        let without: Vec<f64> = (2..small).map(|a| parts[a * (small + 1)]).collect();
+        let without = mean_share(without.into_iter().zip((0..states).map(target)));
+        let scores = parts
+            .chunks_exact_mut(small * small)
+            .zip(sizes.chunks_exact(small))
+            .map(|(part, before)| {
+                eliminate(part, small, 2, before);
+                mean_share((2..small).map(|a| (part[a * (small + 1)], before[a])))
+            })
+            .collect();
+        (scores, without)
+    }
+
+    /// Products of an input's two columns at every delay with all columns, row by row; and those of the two
+    /// with each other: square, mixed, square.
+    pub(super) fn cross(&self, problem: &Problem, input: usize) -> (Vec<f64>, Vec<(f64, f64, f64)>) {
+        let width = self.width;
+        let mut cross = vec![0.0; 2 * DELAYS * width];
+        let mut moving = vec![(0.0, 0.0, 0.0); DELAYS];
+        let mut block = vec![[0.0; TOGETHER]; 2 * DELAYS];
+        for (rows, places) in self.design.chunks(TOGETHER * width).zip(problem.rows.chunks(TOGETHER)) {
+            for (r, &(run, k)) in places.iter().enumerate() {
+                let command = &problem.inputs[run][input];
+                let latest = usize::try_from(-EARLIEST).map_or(k, |ahead| k + ahead);
+                // From the earliest delay, which is farthest ahead, back in time.
+                for (d, x) in command[..=latest].iter().rev().take(DELAYS).enumerate() {
+                    let square = x * x.abs();
+                    (block[2 * d][r], block[2 * d + 1][r]) = (*x, square);
+                    moving[d].0 += x * x;
+                    moving[d].1 += x * square;
+                    moving[d].2 += square * square;
+                }
+            }
+            for (x, sums) in block.iter().zip(cross.chunks_exact_mut(width)) {
+                add_products(sums, x, rows, width, 0);
+            }
+        }
+        (cross, moving)
+    }
+}
+
+/// Rows whose products are added together.
+const TOGETHER: usize = 4;
+
+/// Adds to `sums` the products of one column with the columns `from..` of a few rows.
+fn add_products(sums: &mut [f64], column: &[f64; TOGETHER], rows: &[f64], width: usize, from: usize) {
+    if rows.len() == TOGETHER * width {
+        let [p, q, r, s] = [0, 1, 2, 3].map(|i| &rows[i * width + from..(i + 1) * width]);
+        for ((((sum, p), q), r), s) in sums.iter_mut().zip(p).zip(q).zip(r).zip(s) {
+            *sum += (column[0] * p + column[1] * q) + (column[2] * r + column[3] * s);
+        }
+    } else {
+        for (row, x) in rows.chunks_exact(width).zip(column) {
+            for (sum, y) in sums.iter_mut().zip(&row[from..]) {
+                *sum += x * y;
+            }
+        }
+    }
+}
+
+/// The upper Gram matrix of the columns of a design.
+fn gram(design: &[f64], width: usize) -> Vec<f64> {
+    let mut gram = vec![0.0; width * width];
+    for rows in design.chunks(TOGETHER * width) {
+        for a in 0..width {
+            let mut column = [0.0; TOGETHER];
+            for (x, row) in column.iter_mut().zip(rows.chunks_exact(width)) {
+                *x = row[a];
+            }
+            add_products(&mut gram[a * width + a..(a + 1) * width], &column, rows, width, a);
+        }
+    }
+    gram
+}
+
+/// A term of which this share is left adds nothing to the terms before (a constant input, say).
+const NOTHING_NEW: f64 = 1e-9;
+
+/// Eliminates the first `terms` variables from an upper Gram matrix whose diagonal once was `before`.
+fn eliminate(gram: &mut [f64], width: usize, terms: usize, before: &[f64]) {
+    for p in 0..terms {
+        let pivot = gram[p * width + p];
+        if pivot <= NOTHING_NEW * before[p] {
+            continue;
+        }
+        for a in p + 1..width {
+            let factor = gram[p * width + a] / pivot;
+            for b in a..width {
+                gram[a * width + b] -= factor * gram[p * width + b];
+            }
+        }
+    }
+}
+
+/// What the first `terms` variables of an upper Gram matrix leave of the others' diagonal, as a share of its
+/// value before, averaged.
+fn residual_share(gram: &mut [f64], width: usize, terms: usize) -> f64 {
+    let before: Vec<f64> = (0..width).map(|i| gram[i * width + i]).collect();
+    eliminate(gram, width, terms, &before);
+    mean_share((terms..width).map(|i| (gram[i * width + i], before[i])))
+}
+
+/// Mean of what is left as a share of what was there before, where there was anything.
+fn mean_share(left_and_before: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let shares = left_and_before.filter(|(_, before)| *before > 0.0).map(|(left, b)| left.max(0.0) / b);
+    let (sum, n) = shares.fold((0.0, 0_usize), |(sum, n), x| (sum + x, n + 1));
+    sum / n.max(1) as f64
+}
+
+/// Scaled to unit size, so that squares of small and large channels weigh alike.
+fn standard(mut values: Vec<f64>) -> Vec<f64> {
+    let known = || values.iter().filter(|x| !x.is_nan());
+    let n = known().count().max(1) as f64;
+    let size = (known().map(|x| x * x).sum::<f64>() / n).sqrt();
+    if size > 0.0 && size.is_finite() {
+        for x in &mut values {
+            *x /= size;
+        }
+    }
+    values
+}
+
+/// Means over `window` samples, from each sample on.
+fn average(values: &[f64], window: usize) -> Vec<f64> {
+    values.windows(window).map(|w| w.iter().sum::<f64>() / window as f64).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::trajectory::Channel;
+    use super::super::delay::estimate;
+    use super::*;
+
+    /// Two outputs that three inputs drive, each by a delay of its own; the third input is the second again.
+    fn run(rows: usize) -> Trajectory {
+        let mut state = 88_172_645_463_325_252_u64;
+        let mut draw = move || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        let mut levels = [0.0; 2];
+        let commands: Vec<[f64; 2]> = (0..rows)
+            .map(|k| {
+                if k % 7 == 0 {
+                    levels = [draw(), draw()];
+                }
+                levels
+            })
+            .collect();
+        let mut state = [0.0, 0.0];
+        let mut outputs = Vec::new();
+        for k in 0..rows {
+            outputs.extend(state);
+            let (a, b) = (commands[k.saturating_sub(3)][0], commands[k.saturating_sub(9)][1]);
+            state = [0.9 * state[0] + a + 0.3 * b, 0.8 * state[1] - 0.2 * a * a.abs() + b + 0.01 * draw()];
+        }
+        let inputs = commands.iter().flat_map(|c| [c[0], c[1], c[1]]).collect();
+        let channels = |names: &[&str]| names.iter().map(|n| Channel::new(*n, "")).collect::<Vec<_>>();
+        Trajectory {
+            name: String::from("run"),
+            t0: 0.0,
+            dt: 0.1,
+            outputs: Table::new(channels(&["u", "v"]), outputs),
+            inputs: Table::new(channels(&["a", "b", "c"]), inputs),
+            truth: None,
+        }
+    }
+
+    #[test]
+    fn trying_one_input_at_a_time_is_the_regression_with_only_that_input_moved() {
+        // Not a multiple of the rows that are added together.
+        let problem = Problem::new(&[run(1_003)], 1).unwrap();
+        assert!(!problem.rows.len().is_multiple_of(TOGETHER));
+        let fixed = Fixed::new(&problem, 3);
+        for input in 0..3 {
+            let (scores, without) = fixed.scan(&problem, input);
+            assert_eq!(scores.len(), DELAYS);
+            let moved = |to: Option<i64>| {
+                let delays: Vec<_> = (0..3).map(|j| if j == input { to } else { Some(3) }).collect();
+                problem.residual(&delays)
+            };
+            assert!((without - moved(None)).abs() < 1e-9, "{without}");
+            for (delay, score) in (EARLIEST..=LATEST).zip(scores) {
+                let expected = moved(Some(delay));
+                assert!((score - expected).abs() < 1e-9, "{input} at {delay}: {score} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn each_input_has_its_own_delay() {
+        let found = estimate(&[run(3_000)], false);
+        assert_eq!(found.per_input[0].as_ref().unwrap().samples, 3);
+    }
+
+    #[test]
+    fn more_inputs_than_a_log_can_tell_apart_have_no_delay() {
+        let mut run = run(400);
+        let channels: Vec<Channel> = (0..60).map(|i| Channel::new(format!("n{i}"), "")).collect();
+        let values = (0..400 * 60).map(|i| f64::from(i % 97)).collect();
+        run.inputs = Table::new(channels, values);
+        let found = estimate(&[run], false);
+        assert!(found.common.is_none() && found.per_input.len() == 60);
+    }
+}
