@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use hydroid::identify;
 use hydroid::log::{CommandTiming, InputDelay};
 
 /// Learns how a surface vessel moves from its own log.
@@ -213,7 +214,8 @@ pub struct Evaluate {
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
 #[command(next_help_heading = "Reading logs")]
 pub struct LogArgs {
-    /// Time column, with its unit unless seconds: `timestamp [ms]` (default: t, time, t_s, timestamp)
+    /// Time column: seconds, ISO 8601 stamps, or with its unit: `timestamp [ms]` (default: t, time, t_s,
+    /// timestamp, time_s)
     #[arg(long, value_name = "COLUMN")]
     pub time: Option<String>,
     /// Outputs: NAME, NAME=COLUMN, with [unit] and * scale where needed (default: u,v,r)
@@ -235,7 +237,7 @@ pub struct LogArgs {
     /// Longest time [s] that an output may be missing before the run is cut
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub max_gap: Option<f64>,
-    /// Step [s] to resample to (default: the log's own)
+    /// Step [s] to resample to (default: the log's own), or of the rows of a log without a time column
     #[arg(long = "dt", value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,
 }
@@ -289,6 +291,14 @@ impl FromStr for Horizon {
 pub enum Method {
     /// Sparse equations of motion
     Sindy,
+}
+
+impl From<Method> for identify::Method {
+    fn from(method: Method) -> Self {
+        match method {
+            Method::Sindy => Self::Sindy,
+        }
+    }
 }
 
 /// What the model sees before it predicts.

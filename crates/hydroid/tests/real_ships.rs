@@ -3,14 +3,14 @@
 //! The logs are found through `HYDROID_DATA`; without it the tests say so and pass.
 
 #[path = "../examples/ridge_baseline.rs"]
-#[allow(dead_code)]
+#[allow(dead_code)] // what the example prints, and no test needs
 mod ridge_baseline;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use hydroid::evaluate::Evaluation;
-use hydroid::identify::{Grade, Identified, Job, SindySettings, identify};
+use hydroid::identify::{Grade, Identified, Job, Method, SindySettings, identify};
 use hydroid::log::{self, PrepareOptions, Selection, Split, split_named};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
@@ -26,6 +26,7 @@ fn data() -> Option<PathBuf> {
 
 fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
     Job {
+        methods: vec![Method::Sindy],
         split,
         reading: Reading::default(),
         horizon,

@@ -75,6 +75,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let dt = split.train.first().map_or(1.0, |run| run.dt);
     let horizon = args.horizon.or(identify.horizon).map_or(HORIZON, |horizon| horizon.samples(dt));
     let job = Job {
+        methods: args.methods.iter().map(|&method| method.into()).collect(),
         split,
         reading,
         horizon,

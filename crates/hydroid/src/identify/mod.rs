@@ -101,9 +101,19 @@ fn intervals(count: f64) -> usize {
     whole.max(1)
 }
 
+/// A way to a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// A search for sparse equations of motion.
+    Sindy,
+}
+
 /// What to do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
+    /// Methods to try, each once; the model with the least validation error is called best.
+    pub methods: Vec<Method>,
     /// Runs by their use.
     pub split: Split,
     /// How they were read; goes into the model file.
@@ -224,19 +234,56 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
         }
     }
     apart::check([&train, &validation, &test])?;
+    let mut methods = Vec::new();
+    for &method in &job.methods {
+        if !methods.contains(&method) {
+            methods.push(method);
+        }
+    }
+    if methods.is_empty() {
+        let (what, value, needed) = ("list of methods", String::from("nothing"), "one method at least");
+        return Err(IdentifyError::Setting { what, value, needed });
+    }
     let ranges = ranges(&train);
-    let longest = validation.iter().map(|run| run.len()).max().unwrap_or(0);
-    let quick = evaluate::Options {
-        horizon: job.horizon,
-        origin_stride: (longest / SEARCH_ORIGINS).max(job.origin_stride),
-        ..evaluate::Options::default()
-    };
+    let parts = Parts { train, validation, test, ranges };
+    let mut candidates = Vec::new();
+    for (i, &method) in methods.iter().enumerate() {
+        let mut share = |f: f64| progress((i as f64 + f) / methods.len() as f64);
+        candidates.push(candidate(method, job, &parts, &mut share)?);
+    }
+    let best = (0..candidates.len())
+        .filter(|&i| candidates[i].test.diverged == 0 && candidates[i].validation.diverged == 0)
+        .min_by(|&a, &b| candidates[a].validation.score().total_cmp(&candidates[b].validation.score()));
+    let shown: &Candidate = &candidates[best.unwrap_or(0)];
+    let verdicts = verdicts(&shown.test);
+    let mut warnings = job.split.notes.clone();
+    warnings.extend(verdict::warnings(shown, &verdicts, &overview(&job.split), &job.split.test));
+    Ok(Identified { candidates, best, verdicts, warnings })
+}
+
+/// Runs by their use, and the ranges of the training runs.
+struct Parts<'a> {
+    train: Vec<&'a Trajectory>,
+    validation: Vec<&'a Trajectory>,
+    test: Vec<&'a Trajectory>,
+    ranges: Vec<DesignRange>,
+}
+
+/// Trains and judges by one method.
+fn candidate(
+    method: Method,
+    job: &Job,
+    parts: &Parts<'_>,
+    progress: Progress<'_>,
+) -> Result<Candidate, IdentifyError> {
+    let Parts { validation, test, ranges, .. } = parts;
     let clock = Instant::now();
-    let grid = job.sindy.grid(train[0].dt, job.horizon);
     // The final evaluations take about a fifth of the time.
-    let found = search(&train, &validation, &ranges, &grid, &quick, &mut |f| progress(0.8 * f))?;
+    let (training, body, settings) = match method {
+        Method::Sindy => equations(job, parts, &mut |f| progress(0.8 * f))?,
+    };
     let train_seconds = clock.elapsed().as_secs_f64();
-    let model = describe(job, &train, &ranges, &found);
+    let model = describe(job, parts, body, settings);
     let full = evaluate::Options {
         horizon: job.horizon,
         origin_stride: job.origin_stride,
@@ -245,40 +292,55 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
     let mut session = model.session();
     let mut judge = |part, runs: &[&Trajectory], from: f64| {
         let mut report = |f: f64| progress(from + 0.1 * f);
-        evaluate(&model.description.name, session.as_mut(), &ranges, runs, &full, &mut report).map_err(
+        evaluate(&model.description.name, session.as_mut(), ranges, runs, &full, &mut report).map_err(
             |error| match error {
                 EvaluateError::Cancelled(c) => IdentifyError::Sindy(SearchError::Cancelled(c)),
                 error => IdentifyError::Evaluate { part, error },
             },
         )
     };
-    let validation = judge("validation", &validation, 0.8)?;
-    let test = judge("test", &test, 0.9)?;
-    let verdicts = verdicts(&test);
-    let training = Training::Sindy(Box::new(found));
-    let candidate = Candidate { model, training, train_seconds, validation, test };
-    let best = (candidate.test.diverged == 0 && candidate.validation.diverged == 0).then_some(0);
-    let mut warnings = job.split.notes.clone();
-    warnings.extend(verdict::warnings(&candidate, &verdicts, &overview(&job.split), &job.split.test));
-    Ok(Identified { candidates: vec![candidate], best, verdicts, warnings })
+    let validation = judge("validation", validation, 0.8)?;
+    let test = judge("test", test, 0.9)?;
+    Ok(Candidate { model, training, train_seconds, validation, test })
 }
 
-fn describe(job: &Job, train: &[&Trajectory], ranges: &[DesignRange], found: &Found) -> Model {
-    let run = train[0];
-    let port =
-        |(channel, &range): (&crate::log::Channel, &DesignRange)| Port { channel: channel.clone(), range };
-    let input_ranges = overview::input_ranges(train);
-    let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
+/// A search for equations: how it went, what it found, and its settings for the model file.
+fn equations(
+    job: &Job,
+    parts: &Parts<'_>,
+    progress: Progress<'_>,
+) -> Result<(Training, Body, serde_json::Value), IdentifyError> {
+    let longest = parts.validation.iter().map(|run| run.len()).max().unwrap_or(0);
+    let quick = evaluate::Options {
+        horizon: job.horizon,
+        origin_stride: (longest / SEARCH_ORIGINS).max(job.origin_stride),
+        ..evaluate::Options::default()
+    };
+    let grid = job.sindy.grid(parts.train[0].dt, job.horizon);
+    let found = search(&parts.train, &parts.validation, &parts.ranges, &grid, &quick, progress)?;
     let settings = serde_json::json!({
         "chosen": found.trials[found.chosen],
         "asked": job.sindy,
         "horizon": job.horizon,
     });
+    let body = Body::Equations(std::sync::Arc::new(found.fit.equations.clone()));
+    Ok((Training::Sindy(Box::new(found)), body, settings))
+}
+
+fn describe(job: &Job, parts: &Parts<'_>, body: Body, settings: serde_json::Value) -> Model {
+    let run = parts.train[0];
+    let port =
+        |(channel, &range): (&crate::log::Channel, &DesignRange)| Port { channel: channel.clone(), range };
+    let input_ranges = overview::input_ranges(&parts.train);
+    let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
+    let name = match body {
+        Body::Equations(_) => "sindy",
+    };
     Model {
         description: Description {
-            name: String::from("sindy"),
+            name: name.to_owned(),
             dt: run.dt,
-            outputs: run.outputs.channels().iter().zip(ranges).map(port).collect(),
+            outputs: run.outputs.channels().iter().zip(&parts.ranges).map(port).collect(),
             inputs: run.inputs.channels().iter().zip(&input_ranges).map(port).collect(),
             reading: reading(job, run.dt),
             provenance: Provenance {
@@ -289,7 +351,7 @@ fn describe(job: &Job, train: &[&Trajectory], ranges: &[DesignRange], found: &Fo
                 settings,
             },
         },
-        body: Body::Equations(std::sync::Arc::new(found.fit.equations.clone())),
+        body,
     }
 }
 

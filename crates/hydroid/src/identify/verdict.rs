@@ -134,7 +134,8 @@ fn search_warnings(found: &Found, notes: &mut Vec<Note>) {
     {
         notes.push(
             Note::warning(format!(
-                "the ridge that was chosen ({largest}) is the largest that was tried: the coefficients are shrunk to half, and these logs do not tell how much is right"
+                "the ridge that was chosen ({largest}) is the largest that was tried: the coefficients are shrunk to about {:.0} %, and these logs do not tell how much is right",
+                100.0 / (1.0 + largest)
             ))
             .with_remedy("log runs that move every input by itself; compare with --ridge 0.1"),
         );

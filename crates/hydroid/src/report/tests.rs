@@ -5,7 +5,7 @@ use hydroid_core::vessel::VesselParams;
 
 use super::*;
 use crate::excitation::Excitation;
-use crate::identify::{Grade, Job, SindySettings, identify, verdicts};
+use crate::identify::{Grade, Job, Method, SindySettings, identify, verdicts};
 use crate::log::{Channel, Table};
 use crate::model::Reading;
 use crate::progress::silent;
@@ -39,6 +39,7 @@ fn job() -> Job {
     values[3 * 400..3 * 430].fill(f64::NAN);
     test.outputs = Table::new(channels, values);
     Job {
+        methods: vec![Method::Sindy],
         split: Split {
             train: vec![run(1)],
             validation: vec![run(2)],
