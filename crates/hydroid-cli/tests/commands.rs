@@ -218,7 +218,11 @@ fn settings_in_this_folder_are_read_without_being_named() {
         "[split]\ntrain = [\"a.csv\"]\n[identify]\nhorizon = \"2s\"\n[sindy]\ndegree = 1\n",
     )
     .unwrap();
-    let document = json(&hydroid(folder.path(), &["identify", "-o", "out", "--json"]));
+    let document =
+        json(&hydroid(folder.path(), &["identify", "-o", "out", "--json", "--methods", "sindy,sindy"]));
+    assert_eq!(document["models"].as_array().unwrap().len(), 1, "a method said twice is tried once");
+    let unknown = hydroid(folder.path(), &["identify", "-o", "out", "--methods", "crystal-ball"]);
+    assert_eq!(unknown.status.code(), Some(2));
     assert_eq!(document["models"][0]["test"]["horizons"].as_array().unwrap().len(), 20);
     assert!(!folder.path().join("out/hydrofoil-train.csv").exists());
 }
