@@ -143,14 +143,12 @@ pub struct Identify {
     /// Configuration file (default: hydroid.toml, if there is one in this folder)
     #[arg(long, short, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Logs on which settings are chosen
+    /// Logs on which, beside the training logs, settings are chosen
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub validate: Vec<PathBuf>,
     /// Logs on which the chosen model is judged
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub test: Vec<PathBuf>,
-    #[command(flatten)]
-    pub log: LogArgs,
     /// Methods, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "sindy")]
     pub methods: Vec<Method>,
@@ -179,6 +177,8 @@ pub struct Identify {
     /// Folder for the model, report.html and identify.json
     #[arg(long, short, value_name = "DIR")]
     pub output: PathBuf,
+    #[command(flatten)]
+    pub log: LogArgs,
 }
 
 /// Judge a model on logs: errors by horizon and channel beside persistence
