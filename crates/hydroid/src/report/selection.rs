@@ -143,6 +143,12 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
                         format!("{} s", seconds_text(intervals as f64 * dt))
                     }
                     Regression::Central => "central".to_owned(),
+                    Regression::Weak { intervals } => {
+                        format!("weak, {} s", seconds_text(intervals as f64 * dt))
+                    }
+                    Regression::Smoothed { half } => {
+                        format!("smoothed, {} s", seconds_text(2.0 * half as f64 * dt))
+                    }
                 },
                 match trial.optimizer {
                     Optimizer::Stepwise(tolerance) => format!("{} %", trimmed(100.0 * tolerance)),
@@ -179,6 +185,10 @@ pub(super) fn regression(regression: Regression, dt: f64) -> String {
             format!("increments, {} s", seconds_text(intervals as f64 * dt))
         }
         Regression::Central => "central differences".to_owned(),
+        Regression::Weak { intervals } => format!("weak form, {} s", seconds_text(intervals as f64 * dt)),
+        Regression::Smoothed { half } => {
+            format!("smoothed differences, {} s", seconds_text(2.0 * half as f64 * dt))
+        }
     }
 }
 
