@@ -9,7 +9,7 @@ use super::page::{Section, cell, columns, figure, notes, nothing, table};
 use super::{ReportError, Subject, style};
 use crate::identify::Candidate;
 use crate::log::Note;
-use crate::sindy::{Library, Optimizer, Regression, Trial};
+use crate::sindy::{Criterion, Library, Optimizer, Regression, Trial};
 
 /// Rows of the table.
 const BEST: usize = 12;
@@ -153,6 +153,8 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
                 match trial.optimizer {
                     Optimizer::Stepwise(tolerance) => format!("{} %", trimmed(100.0 * tolerance)),
                     Optimizer::Stlsq(threshold) => format!("≥ {}", trimmed(threshold)),
+                    Optimizer::Criterion(Criterion::Aic) => "AIC".to_owned(),
+                    Optimizer::Criterion(Criterion::Bic) => "BIC".to_owned(),
                 },
                 ridge(trial.ridge),
                 number::count(trial.terms),
@@ -196,6 +198,8 @@ pub(super) fn optimizer(optimizer: Optimizer) -> String {
     match optimizer {
         Optimizer::Stepwise(tolerance) => format!("elimination, {} %", trimmed(100.0 * tolerance)),
         Optimizer::Stlsq(threshold) => format!("threshold {}", trimmed(threshold)),
+        Optimizer::Criterion(Criterion::Aic) => "stepwise, AIC".to_owned(),
+        Optimizer::Criterion(Criterion::Bic) => "stepwise, BIC".to_owned(),
     }
 }
 
