@@ -12,7 +12,7 @@ use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{Found, Grid, Library, Optimizer, Regression, SearchError, search};
+use crate::sindy::{Family, Found, Grid, Library, Optimizer, Regression, SearchError, search};
 
 pub use overview::{ChannelSummary, overview, ranges};
 pub use verdict::{Grade, Verdict, verdicts};
@@ -69,7 +69,11 @@ impl SindySettings {
         let constant = self.constant.unwrap_or(true);
         let libraries = shapes
             .into_iter()
-            .map(|(degree, signed_squares)| Library { degree, constant, signed_squares })
+            .map(|(degree, signed_squares)| {
+                let library = Library::polynomial(degree);
+                let library = if constant { library } else { library.without_constant() };
+                if signed_squares { library.with(Family::SignedSquares) } else { library }
+            })
             .collect();
         let regressions = match (self.central_differences, self.window_s) {
             (true, _) => vec![Regression::Central],

@@ -63,16 +63,10 @@ fn libraries(trials: &[Trial]) -> Vec<Library> {
     let mut list: Vec<Library> = Vec::new();
     for trial in trials {
         if !list.contains(&trial.library) {
-            list.push(trial.library);
+            list.push(trial.library.clone());
         }
     }
     list
-}
-
-fn short(library: Library) -> String {
-    let squares = if library.signed_squares { " + x|x|" } else { "" };
-    let constant = if library.constant { "" } else { ", no constant" };
-    format!("degree {}{squares}{constant}", library.degree)
 }
 
 fn colour(index: usize) -> RGBColor {
@@ -109,7 +103,7 @@ fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
         {
             panel = panel.mark(Mark::Points(Points { points, sign, colour: colour(i), radius, label: None }));
         }
-        figure = figure.key(Key::Sign(Sign::Disc, colour(i)), short(library));
+        figure = figure.key(Key::Sign(Sign::Disc, colour(i)), library.to_string());
     }
     let winner = trials.get(chosen).and_then(|t| t.score.map(|s| (t.terms as f64, s)));
     if let Some(winner) = winner {
@@ -137,7 +131,7 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
             let trial = &trials[i];
             let score = trial.score.map_or_else(|| "diverged".to_owned(), |s| fixed(s, 4));
             [
-                short(trial.library),
+                trial.library.to_string(),
                 match trial.regression {
                     Regression::Midpoint { intervals } => {
                         format!("{} s", seconds_text(intervals as f64 * dt))

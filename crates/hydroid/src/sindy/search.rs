@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fit::{Fit, FitError, FitOptions, Optimizer, Prepared, Scaling};
 use super::kernel::Regression;
-use super::library::Library;
+use super::library::{Library, Variables};
 use crate::evaluate::{self, DesignRange, EvaluateError, evaluate};
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
@@ -85,13 +85,13 @@ pub enum SearchError {
     AllDiverged(usize),
     /// A library that nobody can search, let alone read.
     #[error(
-        "a {library} over {variables} outputs and inputs has {terms} terms; more than {MOST_TERMS} are not searched. Choose a smaller degree or fewer inputs"
+        "the library '{library}' over {variables} outputs and inputs has {terms} terms; more than {MOST_TERMS} are not searched. Choose a smaller degree or fewer inputs"
     )]
     LibraryTooLarge {
         /// The library.
         library: Library,
         /// Variables of the terms.
-        variables: u16,
+        variables: usize,
         /// Number of terms.
         terms: usize,
     },
@@ -129,8 +129,7 @@ pub fn search(
     progress: Progress<'_>,
 ) -> Result<Found, SearchError> {
     let run = training.first().ok_or(SearchError::Empty)?;
-    let variables = run.outputs.width() + run.inputs.width();
-    let variables = u16::try_from(variables).map_err(|_| SearchError::Empty)?;
+    let variables = Variables::of(run);
     let excerpts = excerpts(training, options.horizon);
     let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
     let mut trials: Vec<Trial> = Vec::new();
@@ -138,17 +137,18 @@ pub fn search(
     let mut prepared: Vec<Prepared> = Vec::new();
     let mut refusal = None;
     let pairs = grid.libraries.len() * grid.regressions.len();
-    for (index, (&library, &regression)) in
+    for (index, (library, &regression)) in
         grid.libraries.iter().flat_map(|l| grid.regressions.iter().map(move |r| (l, r))).enumerate()
     {
         // Larger libraries may be beyond these runs; the first refusal is the plainest.
-        let terms = library.count(variables);
+        let terms = library.count(&variables);
         if terms > MOST_TERMS {
+            let (library, variables) = (library.clone(), variables.len());
             refusal.get_or_insert(SearchError::LibraryTooLarge { library, variables, terms });
             continue;
         }
         let regression_of =
-            Prepared::new(training, library.terms(variables), regression, &Scaling::Contribution);
+            Prepared::new(training, library.terms(&variables), regression, &Scaling::Contribution);
         let equations_of = match regression_of {
             Ok(prepared) => prepared,
             Err(error) => {
@@ -186,7 +186,7 @@ pub fn search(
                 let score = training_score.map_or(validation_score, |t| 0.5 * (t + validation_score));
                 let finite = |x: f64| x.is_finite().then_some(x);
                 trials.push(Trial {
-                    library,
+                    library: library.clone(),
                     regression,
                     optimizer,
                     ridge,
