@@ -13,7 +13,7 @@ use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{Found, Judge, Regression, SearchError, discover, search};
+use crate::sindy::{Found, Judge, Regression, SearchError, UnknownLibrary, discover, search};
 
 pub use overview::{ChannelSummary, overview, ranges};
 pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};
@@ -93,6 +93,9 @@ pub struct Identified {
 /// Why nothing was identified.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
+    /// A library that there is not.
+    #[error(transparent)]
+    Library(UnknownLibrary),
     /// A gate that is given splits nothing.
     #[error(
         "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, give runs that visit both modes, or let it be found (--gate auto)",
@@ -252,9 +255,10 @@ fn equations(
     let regression = Regression::Weak { intervals: settings::intervals(0.2 * job.horizon as f64).max(4) };
     let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
     let share = &mut |f: f64| progress(0.3 * f);
-    let structures = discover(train, &job.sindy.reference(), regression, &lags, &gate, share)
+    let libraries = job.sindy.libraries()?;
+    let structures = discover(train, &settings::reference(&libraries), regression, &lags, &gate, share)
         .map_err(SearchError::Cancelled)?;
-    let grid = job.sindy.grid(dt, job.horizon, &structures);
+    let grid = job.sindy.grid(dt, job.horizon, &libraries, &structures);
     let inputs = overview::input_ranges(train);
     let judge = Judge {
         validation: &parts.validation,

@@ -6,12 +6,16 @@ use serde::{Deserialize, Serialize};
 
 use super::IdentifyError;
 use crate::log::Trajectory;
-use crate::sindy::{Constraints, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted};
+use crate::sindy::{
+    Constraints, Family, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted,
+};
 
 /// Settings of the search for equations. What is not given is chosen on the validation runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SindySettings {
+    /// The one library to use, in words: `marine`, `degree 2 + x|x|`, `marine + rational` ...
+    pub library: Option<String>,
     /// Degree of the polynomial library; without it 1 and 2 are tried, beside Fossen's terms.
     pub degree: Option<u8>,
     /// Whether the library has signed squares `x |x|`; without it both are tried.
@@ -143,9 +147,9 @@ impl std::str::FromStr for GateSetting {
             let (centre, slope) = (centre.trim().parse().ok()?, slope.trim().parse().ok()?);
             Some(GivenGate { output: output.trim().to_owned(), centre, slope })
         };
-        gate().map(Self::Given).ok_or_else(|| {
-            format!("'{text}' is not auto, none, or output=centre/slope like u=2.5/12")
-        })
+        gate()
+            .map(Self::Given)
+            .ok_or_else(|| format!("'{text}' is not auto, none, or output=centre/slope like u=2.5/12"))
     }
 }
 
@@ -182,7 +186,8 @@ impl SindySettings {
         let mut lags = Vec::new();
         for (name, &time_constant_s) in given {
             let needed = "an input, with a positive number of seconds";
-            let wrong = || IdentifyError::Setting { what: "lag", value: format!("{name}={time_constant_s}"), needed };
+            let wrong =
+                || IdentifyError::Setting { what: "lag", value: format!("{name}={time_constant_s}"), needed };
             let input = run.inputs.channels().iter().position(|c| c.name == *name).ok_or_else(wrong)?;
             if !(time_constant_s.is_finite() && time_constant_s > 0.0) {
                 return Err(wrong());
@@ -221,32 +226,34 @@ impl SindySettings {
     }
 
     /// The libraries of one mode to try, the simplest first.
-    pub fn libraries(&self) -> Vec<Library> {
+    ///
+    /// # Errors
+    /// If there is no library of the name that is given.
+    pub fn libraries(&self) -> Result<Vec<Library>, IdentifyError> {
+        let libraries = if let Some(name) = &self.library {
+            vec![name.parse::<Library>().map_err(IdentifyError::Library)?]
+        } else {
+            let polynomial = |degree, squares| {
+                let plain = Library::polynomial(degree);
+                if squares { plain.with(Family::SignedSquares) } else { plain }
+            };
+            match (self.degree, self.signed_squares) {
+                (Some(degree), Some(squares)) => vec![polynomial(degree, squares)],
+                (Some(degree), None) => vec![polynomial(degree, false), polynomial(degree, true)],
+                (None, Some(squares)) => vec![polynomial(1, squares), polynomial(2, squares)],
+                (None, None) => {
+                    vec![polynomial(1, true), Library::marine(), polynomial(2, false), polynomial(2, true)]
+                }
+            }
+        };
         let constant = self.constant.unwrap_or(true);
-        let polynomial =
-            |degree, signed_squares| Library { degree, constant, signed_squares, marine: false };
-        match (self.degree, self.signed_squares) {
-            (Some(degree), Some(squares)) => vec![polynomial(degree, squares)],
-            (Some(degree), None) => vec![polynomial(degree, false), polynomial(degree, true)],
-            (None, Some(squares)) => vec![polynomial(1, squares), polynomial(2, squares)],
-            (None, None) => vec![
-                polynomial(1, true),
-                Library { marine: true, ..polynomial(1, true) },
-                polynomial(2, false),
-                polynomial(2, true),
-            ],
-        }
-    }
-
-    /// The library that lags and gates are looked for with.
-    pub fn reference(&self) -> Library {
-        let libraries = self.libraries();
-        let marine = libraries.iter().find(|library| library.marine);
-        marine.or(libraries.last()).cloned().unwrap_or_else(|| Library::polynomial(2))
+        let wanted = |library: Library| if constant { library } else { library.without_constant() };
+        Ok(libraries.into_iter().map(wanted).collect())
     }
 
     /// What to try, for a sample time and a horizon in samples, with what was found about lags and modes.
-    pub fn grid(&self, dt: f64, horizon: usize, found: &[Structure]) -> Grid {
+    /// These are combined with the richer libraries alone.
+    pub fn grid(&self, dt: f64, horizon: usize, libraries: &[Library], found: &[Structure]) -> Grid {
         let share = |part: f64| intervals(part * horizon as f64);
         let regressions = match (self.central_differences, self.window_s) {
             (true, _) => vec![Regression::Central],
@@ -257,11 +264,11 @@ impl SindySettings {
                 list.into_iter().map(|intervals| Regression::Weak { intervals }).collect()
             }
         };
-        let libraries = self.libraries();
         let mut structures: Vec<Structure> = libraries.iter().cloned().map(Structure::from).collect();
         for structure in found {
-            let rich = libraries.iter().filter(|l| l.marine || l.signed_squares && l.degree > 1 || libraries.len() < 3);
-            structures.extend(rich.map(|library| Structure { library: library.clone(), ..structure.clone() }));
+            let rich = libraries.iter().filter(|library| libraries.len() < 3 || is_rich(library));
+            structures
+                .extend(rich.map(|library| Structure { library: library.clone(), ..structure.clone() }));
         }
         Grid {
             structures,
@@ -275,6 +282,18 @@ impl SindySettings {
             constraints: Constraints::default(),
         }
     }
+}
+
+/// The library that lags and gates are looked for with.
+pub(super) fn reference(libraries: &[Library]) -> Library {
+    let marine = libraries.iter().find(|library| library.families().contains(&Family::Marine));
+    marine.or(libraries.last()).cloned().unwrap_or_else(Library::marine)
+}
+
+/// Whether a library has both products and quadratic drag.
+fn is_rich(library: &Library) -> bool {
+    let has = |family: &Family| library.families().contains(family);
+    has(&Family::Marine) || has(&Family::SignedSquares) && has(&Family::Polynomial { degree: 2 })
 }
 
 /// A number of intervals, at least one.

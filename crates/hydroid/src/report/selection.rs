@@ -9,7 +9,7 @@ use super::page::{Section, cell, columns, figure, notes, nothing, table};
 use super::{ReportError, Subject, style};
 use crate::identify::Candidate;
 use crate::log::Note;
-use crate::sindy::{Criterion, Library, Optimizer, Regression, Structure, Trial};
+use crate::sindy::{Criterion, Optimizer, Regression, Structure, Trial};
 
 /// Rows of the table.
 const BEST: usize = 12;

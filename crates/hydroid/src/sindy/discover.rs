@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::fit::Prepared;
 use super::kernel::Regression;
-use super::library::{Library, Variables};
+use super::library::{Kind, Library, Variables};
 use super::options::Preparation;
 use super::simplex::{Stop, minimise};
 use super::structure::{Lag, Schedule, Structure};
@@ -120,7 +120,7 @@ impl Scan<'_> {
     fn is_worth(&self, before: f64, after: f64, added: usize) -> bool {
         let samples: usize = self.runs.iter().map(Trajectory::len).sum();
         let windows = (samples as f64 / self.regression.window() as f64).max(2.0);
-        let outputs = self.variables.outputs() as f64;
+        let outputs = self.variables.outputs().count() as f64;
         let gain = before - after;
         gain > WORTH * outputs && windows * gain > 0.5 * added as f64 * windows.ln()
     }
@@ -132,7 +132,9 @@ impl Scan<'_> {
         before: f64,
         progress: Progress<'_>,
     ) -> Result<Option<Structure>, Cancelled> {
-        let inputs: Vec<usize> = (0..self.variables.inputs()).filter(|&i| self.variables.acts(i)).collect();
+        let commands = self.variables.inputs().map(|(_, kind)| kind).enumerate();
+        // No actuator stands between the wind and the vessel.
+        let inputs: Vec<usize> = commands.filter(|(_, kind)| *kind != Kind::Wind).map(|(i, _)| i).collect();
         let shortest = self.runs[0].dt;
         let steps = 7;
         let times: Vec<f64> = (0..=steps)
@@ -172,7 +174,7 @@ impl Scan<'_> {
     fn gate(&self, base: &Structure, progress: Progress<'_>) -> Result<Option<Structure>, Cancelled> {
         let Some(before) = self.cost(base) else { return Ok(None) };
         let mut tries = Vec::new();
-        for output in 0..self.variables.outputs() {
+        for output in 0..self.variables.outputs().count() {
             let mut values: Vec<f64> = self
                 .runs
                 .iter()
@@ -207,7 +209,7 @@ impl Scan<'_> {
             .min_by(|a, b| a.0.total_cmp(&b.0));
         progress::report(progress, 1.0)?;
         let Some((after, structure)) = best else { return Ok(None) };
-        let added = (base.count(&self.variables) * self.variables.outputs()) + 2;
+        let added = base.count(&self.variables) * self.variables.outputs().count() + 2;
         Ok(self.is_worth(before, after, added).then_some(structure))
     }
 

@@ -55,9 +55,8 @@ pub fn screen(
             |(session, work), index| {
                 let mut rng = ChaCha8Rng::seed_from_u64(screen.seed);
                 rng.set_stream(index as u64);
-                let mut within = |range: &DesignRange| {
-                    range.low + (range.high - range.low) * rng.random::<f64>()
-                };
+                let mut within =
+                    |range: &DesignRange| range.low + (range.high - range.low) * rng.random::<f64>();
                 let state: Vec<f64> = outputs.iter().map(&mut within).collect();
                 let mut commands = Vec::with_capacity(screen.steps * inputs.len());
                 let mut held: Vec<f64> = inputs.iter().map(&mut within).collect();

@@ -396,7 +396,7 @@ impl Bench<'_> {
     /// For each output in turn the equations of other trials are tried in place of the chosen one; one that
     /// does better beyond the noise, in the rollouts of the whole, stays.
     fn by_output(&self, chosen: usize, preference: &[usize]) -> Result<(Vec<usize>, Fit, f64), SearchError> {
-        let outputs = self.variables.outputs();
+        let outputs = self.variables.outputs().count();
         let mut rows = vec![chosen; outputs];
         let mut fit = self.tried[chosen].fit.clone();
         let mut losses = self.tried[chosen].losses.clone();

@@ -5,8 +5,8 @@ use std::fmt;
 use hydroid_core::model::sparse::{Gate, Real, Signal, Term};
 use serde::{Deserialize, Serialize};
 
-use super::gating::{gated, replaced};
 use super::library::{Library, Variables};
+use super::rewrite::{gated, replaced};
 use crate::log::Trajectory;
 
 /// A library with the hidden states and modes that its terms are made of.
@@ -75,7 +75,7 @@ impl From<Library> for Structure {
 impl Structure {
     /// The signals, in the order of their variables, which follow those of outputs and inputs.
     pub fn signals(&self, variables: &Variables) -> Vec<Signal> {
-        let (outputs, inputs) = (variables.outputs(), variables.inputs());
+        let (outputs, inputs) = (variables.outputs().count(), variables.inputs().count());
         let lags = self.lags.iter().map(|lag| Signal::Lag {
             input: index(outputs + lag.input),
             time_constant_s: Real(lag.time_constant_s),
@@ -88,10 +88,10 @@ impl Structure {
 
     /// The terms, over outputs, inputs and signals.
     pub fn terms(&self, variables: &Variables) -> Vec<Term> {
-        let first = variables.outputs() + variables.inputs();
+        let (outputs, first) = (variables.outputs().count(), variables.len());
         let mut terms = self.library.terms(variables);
         for (position, lag) in self.lags.iter().enumerate() {
-            let from = index(variables.outputs() + lag.input);
+            let from = index(outputs + lag.input);
             let to = index(first + position);
             terms = terms.iter().map(|term| replaced(term, from, to)).collect();
         }
@@ -105,7 +105,7 @@ impl Structure {
 
     /// Number of terms, without making them; saturates.
     pub fn count(&self, variables: &Variables) -> usize {
-        let past = self.past.len() * (variables.outputs() + variables.inputs());
+        let past = self.past.len() * variables.len();
         let modes = if self.gate.is_some() { 2 } else { 1 };
         self.library.count(variables).saturating_add(past).saturating_mul(modes)
     }
