@@ -148,7 +148,9 @@ fn split(active: &[Active], normal: &[f64]) -> (Vec<f64>, Vec<f64>) {
     for (column, a) in active.iter().enumerate() {
         let (mut rest, shares) = orthogonal(&basis, &a.normal);
         let length = dot(&rest, &rest).sqrt();
-        rest.iter_mut().for_each(|value| *value /= length);
+        for value in &mut rest {
+            *value /= length;
+        }
         for (row, share) in shares.iter().enumerate() {
             factor[row * k + column] = *share;
         }
