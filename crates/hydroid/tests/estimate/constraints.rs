@@ -170,7 +170,7 @@ proptest! {
                     let terms: Vec<f64> =
                         weights.iter().zip(found.equations.coefficients()).map(|(a, x)| a * x).collect();
                     let size = value.abs() + terms.iter().map(|t| t.abs()).sum::<f64>();
-                    prop_assert!((terms.iter().sum::<f64>() - value).abs() <= 1e-11 * size);
+                    prop_assert!((terms.iter().sum::<f64>() - value).abs() <= 1e-11 * size + 1e-12 * scale);
                 }
             }
             (Err(FitError::Constraints(ConstraintError::Contradiction { .. })), None) => {}

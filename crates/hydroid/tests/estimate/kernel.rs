@@ -22,10 +22,11 @@ fn weights_are_exact_on_straight_lines() {
         for regression in all(size) {
             let dt = 0.05;
             let Kernel { outputs, library } = regression.kernel(dt);
-            let line =
-                |slope: f64| outputs.iter().enumerate().map(|(j, g)| g * (3.0 + slope * dt * j as f64));
-            assert!(line(0.0).sum::<f64>().abs() < 1e-11, "{regression:?}");
-            assert!((line(2.0).sum::<f64>() - 2.0).abs() < 1e-10, "{regression:?}");
+            let line = |slope: f64| -> f64 {
+                outputs.iter().enumerate().map(|(j, g)| g * (3.0 + slope * dt * j as f64)).sum()
+            };
+            assert!(line(0.0).abs() < 1e-11, "{regression:?}");
+            assert!((line(2.0) - 2.0).abs() < 1e-10, "{regression:?}");
             assert!((library.iter().sum::<f64>() - 1.0).abs() < 1e-14, "{regression:?}");
             assert_eq!(outputs.len(), regression.window() + 1);
             // Both sides speak of the same moment: the middle of the window.

@@ -6,7 +6,9 @@ use hydroid_core::model::sparse::Program;
 
 use crate::made::{Normal, driven, options};
 
-/// Measurement noise, and spikes of so many deviations on one sample in a hundred.
+/// Measurement noise, and spikes of so many deviations on one sample in a hundred: where the command steps,
+/// towards its side, as a switching drive disturbs a sensor. (Spikes to either side at random are no truth to
+/// test with: they pull on coefficients in second order only, and hardly hurt least squares.)
 fn measured(run: &Trajectory, noise: f64, spike: f64, seed: u64) -> (Trajectory, Vec<f64>) {
     let mut normal = Normal::new(seed);
     let mut weights = vec![1.0; run.len()];
@@ -15,8 +17,9 @@ fn measured(run: &Trajectory, noise: f64, spike: f64, seed: u64) -> (Trajectory,
         .column(0)
         .enumerate()
         .map(|(k, y)| {
-            let extra = if k % 100 == 37 && spike > 0.0 { spike * normal.next().signum() } else { 0.0 };
-            weights[k] = if extra == 0.0 { 1.0 } else { 0.0 };
+            let spiked = k % 100 == 40 && spike > 0.0;
+            let extra = if spiked { spike * run.inputs.row(k)[0].signum() } else { 0.0 };
+            weights[k] = if spiked { 0.0 } else { 1.0 };
             y + noise * (normal.next() + extra)
         })
         .collect();
@@ -24,7 +27,7 @@ fn measured(run: &Trajectory, noise: f64, spike: f64, seed: u64) -> (Trajectory,
 }
 
 fn error(run: &Trajectory, preparation: &Preparation<'_>) -> f64 {
-    let regression = Regression::Weak { intervals: 10 };
+    let regression = Regression::Midpoint { intervals: 1 };
     let prepared = Prepared::with(&[run], Library::polynomial(1).terms(2), regression, preparation).unwrap();
     let fit = prepared.fit(&options(Optimizer::Stlsq(0.0))).unwrap();
     let truth = [0.0, -1.0, 1.0];
