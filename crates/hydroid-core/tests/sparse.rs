@@ -4,16 +4,30 @@ use std::sync::Arc;
 
 use hydroid_core::model::Persistence;
 use hydroid_core::model::sparse::{
-    Equations, EquationsError, EquationsSession, Factor, Program, ProgramError, Shape, Term,
+    Equations, EquationsError, EquationsSession, Factor, Gate, Jacobian, Program, ProgramError, Real, Shape,
+    Term,
 };
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
 const VARIABLES: u16 = 4;
 
+fn shapes() -> impl Strategy<Value = Shape> {
+    let gate = || (-2.0..2.0f64, 0.5..6.0f64).prop_map(|(c, k)| Gate { centre: Real(c), slope: Real(k) });
+    prop_oneof![
+        3 => (1u8..4).prop_map(Shape::Power),
+        2 => Just(Shape::Abs),
+        1 => Just(Shape::Sign),
+        1 => Just(Shape::Sin),
+        1 => Just(Shape::Cos),
+        1 => Just(Shape::Reciprocal),
+        1 => gate().prop_map(Shape::Above),
+        1 => gate().prop_map(Shape::Below),
+    ]
+}
+
 fn any_term() -> impl Strategy<Value = Term> {
-    let shape = prop_oneof![(1u8..4).prop_map(Shape::Power), Just(Shape::Abs)];
-    let factor = (0..VARIABLES, shape).prop_map(|(variable, shape)| Factor { variable, shape });
+    let factor = (0..VARIABLES, shapes()).prop_map(|(variable, shape)| Factor { variable, shape });
     prop::collection::vec(factor, 0..4).prop_map(Term::new)
 }
 
@@ -22,7 +36,9 @@ fn library() -> impl Strategy<Value = Vec<Term>> {
 }
 
 fn point() -> impl Strategy<Value = Vec<f64>> {
-    prop::collection::vec(-3.0..3.0f64, usize::from(VARIABLES))
+    // Away from 0, where signs and reciprocals have no value.
+    let away = (0.05..3.0f64, prop::bool::ANY).prop_map(|(x, minus)| if minus { -x } else { x });
+    prop::collection::vec(away, usize::from(VARIABLES))
 }
 
 /// All terms at one point, by the compiled program.
@@ -48,13 +64,20 @@ fn by_hand(term: &Term, point: &[f64]) -> f64 {
                     x
                 }
             }
+            Shape::Sign => x.signum(),
+            Shape::Sin => x.sin(),
+            Shape::Cos => x.cos(),
+            Shape::Reciprocal => x.recip(),
+            Shape::Log => x.ln(),
+            Shape::Above(g) => 0.5 * (1.0 + (0.5 * g.slope.0 * (x - g.centre.0)).tanh()),
+            Shape::Below(g) => 0.5 * (1.0 - (0.5 * g.slope.0 * (x - g.centre.0)).tanh()),
         };
     }
     product
 }
 
 fn close(a: f64, b: f64, scale: f64) -> bool {
-    (a - b).abs() <= 1e-13 * scale.abs().max(1.0)
+    (a - b).abs() <= 1e-12 * scale.abs().max(1.0)
 }
 
 proptest! {
@@ -137,6 +160,61 @@ proptest! {
                 terms.iter().enumerate().map(|(j, t)| coefficients[i * terms.len() + j] * by_hand(t, &point)).collect();
             let scale: f64 = products.iter().map(|p| p.abs()).sum();
             prop_assert!(close(dy[i], products.iter().sum(), scale));
+        }
+    }
+
+    #[test]
+    fn joining_factors_keeps_the_value(
+        factors in prop::collection::vec((0..VARIABLES, shapes()), 0..7),
+        point in point(),
+    ) {
+        let factors: Vec<Factor> =
+            factors.into_iter().map(|(variable, shape)| Factor { variable, shape }).collect();
+        let product: f64 = factors.iter().map(|f| by_hand(&Term::new(vec![*f]), &point)).product();
+        let term = Term::new(factors);
+        prop_assert!((term.value(&point) - product).abs() <= 1e-9 * product.abs(), "{term:?}");
+        prop_assert_eq!(&Term::new(term.factors().to_vec()), &term, "the normal form is its own");
+    }
+
+    #[test]
+    fn derivatives_are_those_of_finite_differences(term in any_term(), point in point()) {
+        let h = 1e-6;
+        for v in 0..VARIABLES {
+            let at = |x: f64| {
+                let mut p = point.clone();
+                p[usize::from(v)] += x;
+                by_hand(&term, &p)
+            };
+            let exact: f64 = term.derivative(v).iter().map(|(scale, t)| scale * by_hand(t, &point)).sum();
+            let quotient = (at(h) - at(-h)) / (2.0 * h);
+            // Truncation by the third derivative and rounding eps f / h, with room for steep reciprocals.
+            let scale = at(0.0).abs() * 1e3 + exact.abs();
+            prop_assert!((exact - quotient).abs() <= 1e-6 * scale + 1e-9, "{term:?}: {exact} for {quotient}");
+        }
+    }
+
+    #[test]
+    fn the_jacobian_is_that_of_the_derivative(
+        terms in library(),
+        point in point(),
+        seed in prop::collection::vec(-2.0..2.0f64, 24),
+    ) {
+        let coefficients: Vec<f64> = (0..2 * terms.len()).map(|k| seed[k % 24]).collect();
+        let equations = Equations::new(terms.clone(), coefficients.clone(), 2, 2, 0.1, 1).unwrap();
+        let (a, b) = Jacobian::new(&equations).unwrap().matrices(&point[..2], &point[2..]);
+        for i in 0..2 {
+            for v in 0..4u16 {
+                let mut products = Vec::new();
+                for (j, term) in terms.iter().enumerate() {
+                    for (scale, derivative) in term.derivative(v) {
+                        products.push(coefficients[i * terms.len() + j] * scale * by_hand(&derivative, &point));
+                    }
+                }
+                let column = usize::from(v);
+                let got = if column < 2 { a[i * 2 + column] } else { b[i * 2 + column - 2] };
+                let scale: f64 = products.iter().map(|p| p.abs()).sum();
+                prop_assert!(close(got, products.iter().sum(), scale), "{got}");
+            }
         }
     }
 }

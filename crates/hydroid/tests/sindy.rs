@@ -171,7 +171,7 @@ proptest! {
                 let variables: Vec<u16> = term
                     .factors()
                     .iter()
-                    .flat_map(|f| std::iter::repeat_n(image(f.variable), f.shape.degree()))
+                    .flat_map(|f| std::iter::repeat_n(image(f.variable), usize::try_from(f.shape.degree()).unwrap()))
                     .collect();
                 let twin = terms.iter().position(|t| *t == Term::monomial(&variables)).unwrap();
                 for i in 0..2 {
@@ -197,7 +197,7 @@ fn linear(samples: usize) -> Trajectory {
 
 fn assembled(runs: &[&Trajectory], regression: Regression) -> Assembled {
     let program = Program::new(&Library::polynomial(1).terms(2), 2).unwrap();
-    assemble(&program, runs, regression)
+    assemble(&program, runs, &[], regression)
 }
 
 #[test]

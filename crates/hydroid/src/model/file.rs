@@ -7,7 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use hydroid_core::model::sparse::{Equations, EquationsError, Term};
+use hydroid_core::model::sparse::{Equations, EquationsError, Signal, Term};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
@@ -89,7 +89,13 @@ struct Head {
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 enum Structure {
     /// Tensor `coefficients`, `outputs x terms`, in physical units.
-    SparseEquations { terms: Vec<Term>, substeps: usize },
+    SparseEquations {
+        terms: Vec<Term>,
+        /// Variables beyond outputs and inputs.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        signals: Vec<Signal>,
+        substeps: usize,
+    },
 }
 
 /// Writes a model file, whole or not at all. The same model gives the same bytes.
@@ -107,6 +113,7 @@ fn encode(model: &Model) -> io::Result<Vec<u8>> {
         description: model.description.clone(),
         structure: Structure::SparseEquations {
             terms: equations.terms().to_vec(),
+            signals: equations.signals().to_vec(),
             substeps: equations.substeps(),
         },
     };
@@ -171,10 +178,11 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     if description.outputs.is_empty() {
         return Err(inconsistent(String::from("it has no outputs")));
     }
-    let Structure::SparseEquations { terms, substeps } = head.structure;
+    let Structure::SparseEquations { terms, signals, substeps } = head.structure;
     let (outputs, inputs) = (description.outputs.len(), description.inputs.len());
     let coefficients = numbers(&tensors, "coefficients", &[outputs, terms.len()]).map_err(inconsistent)?;
-    let equations = Equations::new(terms, coefficients, outputs, inputs, description.dt, substeps)
+    let dt = description.dt;
+    let equations = Equations::with_signals(terms, coefficients, outputs, inputs, signals, dt, substeps)
         .map_err(|e: EquationsError| inconsistent(e.to_string()))?;
     Ok(Model { description, body: Body::Equations(Arc::new(equations)) })
 }

@@ -3,12 +3,22 @@
 use super::{Body, Model};
 
 impl Model {
+    /// Names of the variables that terms are of: outputs, inputs, signals.
+    pub fn variable_names(&self) -> Vec<String> {
+        let d = &self.description;
+        let mut names: Vec<String> =
+            d.outputs.iter().chain(&d.inputs).map(|port| port.channel.name.clone()).collect();
+        let Body::Equations(equations) = &self.body;
+        let signals: Vec<String> = equations.signals().iter().map(|s| s.name(&names, d.dt)).collect();
+        names.extend(signals);
+        names
+    }
+
     /// The equations of motion, one line for each output, in physical units: `du/dt = -0.907 u + ...`.
     /// Largest exponents last, as the library has them; empty for models without equations.
     pub fn equations_text(&self) -> Vec<String> {
         let Body::Equations(equations) = &self.body;
-        let d = &self.description;
-        let names: Vec<&str> = d.outputs.iter().chain(&d.inputs).map(|p| p.channel.name.as_str()).collect();
+        let names = self.variable_names();
         (0..equations.outputs())
             .map(|i| {
                 let mut text = format!("d{}/dt =", names[i]);
@@ -27,7 +37,7 @@ impl Model {
                     first = false;
                     text.push_str(sign);
                     text.push_str(&significant(c.abs()));
-                    if term.degree() > 0 {
+                    if !term.factors().is_empty() {
                         text.push(' ');
                         text.push_str(&term.name(&names));
                     }

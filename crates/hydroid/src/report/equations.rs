@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::fmt::Write as _;
 
-use hydroid_core::model::sparse::{Shape, Term};
+use hydroid_core::model::sparse::{Gate, Shape, Term};
 use maud::{Markup, html};
 
 use super::number;
@@ -27,7 +27,8 @@ struct Part<'a> {
 
 pub(super) fn section(candidate: &Candidate) -> Section {
     let outputs = &candidate.model.description.outputs;
-    let names = names(candidate);
+    let names = candidate.model.variable_names();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let text = (0..outputs.len()).map(|i| plain(&names, i, &parts(candidate, i))).collect::<String>();
     let body = html! {
         p { (where_clause(candidate)) }
@@ -53,11 +54,6 @@ pub(super) fn section(candidate: &Candidate) -> Section {
         }
     };
     Section { id: "equations", heading: "Equations", body }
-}
-
-fn names(candidate: &Candidate) -> Vec<&str> {
-    let description = &candidate.model.description;
-    description.outputs.iter().chain(&description.inputs).map(|port| port.channel.name.as_str()).collect()
 }
 
 /// Terms of an equation, the largest contribution first.
@@ -158,8 +154,24 @@ fn term(names: &[&str], term: &Term) -> Markup {
                 Shape::Power(1) => (variable(name)),
                 Shape::Power(n) => { (variable(name)) sup { (n) } },
                 Shape::Abs => { "|" (variable(name)) "|" },
+                Shape::Sign => { "sgn " (variable(name)) },
+                Shape::Sin => { "sin " (variable(name)) },
+                Shape::Cos => { "cos " (variable(name)) },
+                Shape::Reciprocal => { (variable(name)) sup { "−1" } },
+                Shape::Log => { "ln " (variable(name)) },
+                Shape::Above(gate) => { "σ(" (gate_argument(name, gate)) ")" },
+                Shape::Below(gate) => { "(1 − σ(" (gate_argument(name, gate)) "))" },
             }
         }
+    }
+}
+
+/// `k (x - s0)`.
+fn gate_argument(name: &str, gate: Gate) -> Markup {
+    let centre = gate.centre.0;
+    html! {
+        (number::text(gate.slope.0, DIGITS)) "(" (variable(name))
+        @if centre != 0.0 { @if centre < 0.0 { " + " } @else { " − " } (number::magnitude(centre, DIGITS)) } ")"
     }
 }
 
@@ -239,11 +251,17 @@ fn coefficients(
 fn unidentifiable(candidate: &Candidate, names: &[&str]) -> Markup {
     let terms = candidate.found().fit.equations.terms();
     let lost: Vec<&Term> = candidate.found().unidentifiable.iter().filter_map(|&j| terms.get(j)).collect();
-    let used: HashSet<u16> = (0..candidate.found().fit.equations.outputs())
+    let equations = &candidate.found().fit.equations;
+    let visible = equations.outputs() + equations.inputs();
+    // An input is used as well where a signal that is made from it is.
+    let source = |variable: u16| {
+        usize::from(variable).checked_sub(visible).map_or(variable, |s| equations.signals()[s].source())
+    };
+    let used: HashSet<u16> = (0..equations.outputs())
         .flat_map(|i| parts(candidate, i))
-        .flat_map(|part| part.term.factors().iter().map(|f| f.variable).collect::<Vec<_>>())
+        .flat_map(|part| part.term.factors().iter().map(|f| source(f.variable)).collect::<Vec<_>>())
         .collect();
-    let inputs = candidate.model.description.outputs.len()..names.len();
+    let inputs = equations.outputs()..visible;
     let idle: Vec<&str> =
         inputs.filter(|&i| !u16::try_from(i).is_ok_and(|i| used.contains(&i))).map(|i| names[i]).collect();
     html! {

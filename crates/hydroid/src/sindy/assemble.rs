@@ -1,6 +1,6 @@
 //! Streams runs through a library and a regression into a [`Triangle`].
 
-use hydroid_core::model::sparse::Program;
+use hydroid_core::model::sparse::{Program, Signal};
 use rayon::prelude::*;
 
 use super::kernel::{Nodes, Regression, Rows};
@@ -26,11 +26,19 @@ pub struct Assembled {
     pub skipped: u64,
 }
 
-/// Folds all runs into one triangle. Rows that touch a missing sample are left out.
-pub fn assemble(program: &Program, runs: &[&Trajectory], regression: Regression) -> Assembled {
+/// Folds all runs into one triangle. Rows that touch a missing sample, or one at which a signal is not warmed
+/// up yet, are left out. The variables of the program are outputs, inputs and signals.
+pub fn assemble(
+    program: &Program,
+    runs: &[&Trajectory],
+    signals: &[Signal],
+    regression: Regression,
+) -> Assembled {
     let outputs = runs.first().map_or(0, |run| run.outputs.width());
+    let sources: Vec<Source<'_>> = runs.iter().map(|run| Source::new(run, signals)).collect();
     let mut pieces = Vec::new();
-    for &run in runs {
+    for source in &sources {
+        let run = source.run;
         for rows in regression.rows(run.len(), run.dt) {
             for start in (0..rows.count).step_by(PIECE_ROWS) {
                 let piece = Rows {
@@ -38,7 +46,7 @@ pub fn assemble(program: &Program, runs: &[&Trajectory], regression: Regression)
                     count: PIECE_ROWS.min(rows.count - start),
                     ..rows.clone()
                 };
-                pieces.push((run, piece));
+                pieces.push((source, piece));
             }
         }
     }
@@ -48,7 +56,7 @@ pub fn assemble(program: &Program, runs: &[&Trajectory], regression: Regression)
             .par_iter()
             .map_init(
                 || Piece::new(program, regression.nodes(), outputs),
-                |scratch, (run, rows)| scratch.run(run, rows),
+                |scratch, (source, rows)| scratch.run(source, rows),
             )
             .collect();
         for part in parts {
@@ -57,6 +65,29 @@ pub fn assemble(program: &Program, runs: &[&Trajectory], regression: Regression)
         }
     }
     total
+}
+
+/// A run and the signals made from it.
+struct Source<'a> {
+    run: &'a Trajectory,
+    /// Values at the samples, and whether they are held over an interval.
+    signals: Vec<(Vec<f64>, bool)>,
+}
+
+impl<'a> Source<'a> {
+    fn new(run: &'a Trajectory, signals: &[Signal]) -> Self {
+        let outputs = run.outputs.width();
+        let series = |signal: &Signal| {
+            let variable = usize::from(signal.source());
+            let source: Vec<f64> = if variable < outputs {
+                run.outputs.column(variable).collect()
+            } else {
+                run.inputs.column(variable - outputs).collect()
+            };
+            (signal.series(&source, run.dt), signal.is_held(outputs))
+        };
+        Self { run, signals: signals.iter().map(series).collect() }
+    }
 }
 
 /// Scratch of one task.
@@ -84,13 +115,13 @@ impl<'a> Piece<'a> {
         }
     }
 
-    fn run(&mut self, run: &Trajectory, rows: &Rows) -> Assembled {
+    fn run(&mut self, source: &Source<'_>, rows: &Rows) -> Assembled {
         let mut part = Assembled { triangle: Triangle::new(self.program.len() + self.outputs), skipped: 0 };
         for start in (0..rows.count).step_by(BLOCK_ROWS) {
             let count = BLOCK_ROWS.min(rows.count - start);
             let first = rows.first + start * rows.stride;
-            self.evaluate(run, first, (count - 1) * rows.stride + rows.kernel.library.len());
-            let good = self.fill_block(run, rows, first, count);
+            self.evaluate(source, first, (count - 1) * rows.stride + rows.kernel.library.len());
+            let good = self.fill_block(source.run, rows, first, count);
             part.triangle.absorb(&mut self.block, good);
             part.skipped += (count - good) as u64;
         }
@@ -98,7 +129,8 @@ impl<'a> Piece<'a> {
     }
 
     /// The library at `points` points from `first` on, term by term, into `self.library`.
-    fn evaluate(&mut self, run: &Trajectory, first: usize, points: usize) {
+    fn evaluate(&mut self, source: &Source<'_>, first: usize, points: usize) {
+        let run = source.run;
         let terms = self.program.len();
         if self.library.len() < terms * points {
             self.library.resize(terms * points, 0.0);
@@ -134,6 +166,16 @@ impl<'a> Piece<'a> {
                     let column = &mut self.slots[(1 + n + channel) * count..][..count];
                     for (value, row) in column.iter_mut().zip(c.chunks_exact(m)) {
                         *value = row[channel];
+                    }
+                }
+            }
+            for (index, (values, held)) in source.signals.iter().enumerate() {
+                let column = &mut self.slots[(1 + n + m + index) * count..][..count];
+                if *held || self.nodes == Nodes::Samples {
+                    column.copy_from_slice(&values[at..at + count]);
+                } else {
+                    for (value, pair) in column.iter_mut().zip(values[at..=at + count].windows(2)) {
+                        *value = 0.5 * (pair[0] + pair[1]);
                     }
                 }
             }

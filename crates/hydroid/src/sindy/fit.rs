@@ -1,6 +1,6 @@
 //! From runs to equations: scaling, thresholded regression, and back to physical units.
 
-use hydroid_core::model::sparse::{Equations, EquationsError, Program, ProgramError, Term};
+use hydroid_core::model::sparse::{Equations, EquationsError, Program, ProgramError, Signal, Term};
 use serde::{Deserialize, Serialize};
 
 use super::assemble::{Assembled, assemble};
@@ -100,6 +100,7 @@ pub struct Prepared {
     terms: Vec<Term>,
     outputs: usize,
     inputs: usize,
+    signals: Vec<Signal>,
     dt: f64,
     /// Factor with scaled columns; those of unidentifiable terms are zero.
     plain: Triangle,
@@ -132,6 +133,20 @@ impl Prepared {
         regression: Regression,
         scaling: &Scaling,
     ) -> Result<Self, FitError> {
+        Self::with_signals(runs, terms, &[], regression, scaling)
+    }
+
+    /// The same with signals, whose variables come after outputs and inputs.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_signals(
+        runs: &[&Trajectory],
+        terms: Vec<Term>,
+        signals: &[Signal],
+        regression: Regression,
+        scaling: &Scaling,
+    ) -> Result<Self, FitError> {
         let Some(first) = runs.first() else {
             return Err(FitError::TooFewRows { rows: 0, skipped: 0, terms: terms.len() });
         };
@@ -143,8 +158,8 @@ impl Prepared {
         if let Some(other) = runs.iter().find(|run| !alike(run)) {
             return Err(FitError::DifferentRuns { first: first.name.clone(), second: other.name.clone() });
         }
-        let program = Program::new(&terms, outputs + inputs)?;
-        let Assembled { triangle, skipped } = assemble(&program, runs, regression);
+        let program = Program::new(&terms, outputs + inputs + signals.len())?;
+        let Assembled { triangle, skipped } = assemble(&program, runs, signals, regression);
         if triangle.rows() <= terms.len() as u64 {
             let (rows, terms) = (triangle.rows(), terms.len());
             return Err(FitError::TooFewRows { rows, skipped, terms });
@@ -175,8 +190,18 @@ impl Prepared {
         let mask: Vec<f64> =
             (0..scaled.width()).map(|j| if unidentifiable.contains(&j) { 0.0 } else { 1.0 }).collect();
         let plain = scaled.scaled(&mask);
-        let dt = first.dt;
-        Ok(Self { terms, outputs, inputs, dt, plain, unidentifiable, term_scale, output_scale, skipped })
+        Ok(Self {
+            terms,
+            outputs,
+            inputs,
+            signals: signals.to_vec(),
+            dt: first.dt,
+            plain,
+            unidentifiable,
+            term_scale,
+            output_scale,
+            skipped,
+        })
     }
 
     /// The library.
@@ -251,7 +276,15 @@ impl Prepared {
             residual_rms.push(residual * scale / (self.rows() as f64).sqrt());
         }
         let terms = self.terms.clone();
-        let equations = Equations::new(terms, coefficients, self.outputs, self.inputs, self.dt, substeps)?;
+        let equations = Equations::with_signals(
+            terms,
+            coefficients,
+            self.outputs,
+            self.inputs,
+            self.signals.clone(),
+            self.dt,
+            substeps,
+        )?;
         Ok(Fit { equations, residual_rms, scaled })
     }
 }
@@ -268,10 +301,7 @@ fn unidentifiable(triangle: &Triangle, terms: usize) -> Vec<usize> {
 
 /// Scale of a term whose variables are divided by their scales.
 fn term_scale(term: &Term, scales: &[f64]) -> f64 {
-    term.factors()
-        .iter()
-        .map(|f| (0..f.shape.degree()).fold(1.0, |p, _| p * scales[usize::from(f.variable)]))
-        .product()
+    term.factors().iter().map(|f| scales[usize::from(f.variable)].powi(f.shape.degree())).product()
 }
 
 /// Standard deviation of each output over all runs; zero where it does not vary beyond rounding.

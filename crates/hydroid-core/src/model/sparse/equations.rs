@@ -2,7 +2,9 @@
 
 use alloc::vec::Vec;
 
+use super::memory::Memory;
 use super::program::{Program, ProgramError, is_held};
+use super::signal::Signal;
 use super::term::Term;
 
 /// Integration steps in one sample at the most: more is a mistake, and would look like a hang.
@@ -29,6 +31,11 @@ pub enum EquationsError {
     },
     /// The sample time is not a positive number, or the number of integration steps in it is absurd.
     Step,
+    /// A signal is of no input or output that there is, or its time is not positive.
+    Signal {
+        /// Its place in the list.
+        index: usize,
+    },
 }
 
 impl core::fmt::Display for EquationsError {
@@ -45,28 +52,40 @@ impl core::fmt::Display for EquationsError {
                     "the sample time must be positive, with 1 to {MOST_SUBSTEPS} integration steps in it"
                 )
             }
+            Self::Signal { index } => {
+                write!(
+                    f,
+                    "signal {index} is of no input or output that there is, or its time is not positive"
+                )
+            }
         }
     }
 }
 
 impl core::error::Error for EquationsError {}
 
-/// `dy/dt = Xi theta(y, c)`: one row of coefficients for each output, in physical units, over the terms
-/// `theta` in the variables `[y, c]` (outputs first, then inputs). The command is held over a sample, which
-/// is integrated by the classical Runge-Kutta method of order 4 in `substeps` equal steps.
+/// `dy/dt = Xi theta(y, c, s)`: one row of coefficients for each output, in physical units, over the terms
+/// `theta` in the variables `[y, c, s]`: outputs, inputs, and signals that the model makes from them (lag
+/// states of actuators, past values). The command is held over a sample, which is integrated by the classical
+/// Runge-Kutta method of order 4 in `substeps` equal steps.
+///
+/// The state that a step moves is flat: the outputs, then what the signals remember
+/// ([`state_len`](Self::state_len) numbers). A NaN in the memory is a past that is not known yet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Equations {
     terms: Vec<Term>,
     coefficients: Vec<f64>,
     outputs: usize,
     inputs: usize,
+    signals: Vec<Signal>,
     dt: f64,
     substeps: usize,
     program: Program,
-    /// Coefficients of terms in inputs alone, the constant among them: held over a sample.
+    /// Coefficients of terms in held variables alone, the constant among them.
     held: Sparse,
     /// Coefficients of all other terms.
     moving: Sparse,
+    memory: Memory,
 }
 
 /// Rows of non-zero coefficients, each with the slot that it multiplies.
@@ -112,6 +131,22 @@ impl Equations {
         dt: f64,
         substeps: usize,
     ) -> Result<Self, EquationsError> {
+        Self::with_signals(terms, coefficients, outputs, inputs, Vec::new(), dt, substeps)
+    }
+
+    /// The same with signals.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), or if a signal cannot be made.
+    pub fn with_signals(
+        terms: Vec<Term>,
+        coefficients: Vec<f64>,
+        outputs: usize,
+        inputs: usize,
+        signals: Vec<Signal>,
+        dt: f64,
+        substeps: usize,
+    ) -> Result<Self, EquationsError> {
         if !(dt.is_finite() && dt > 0.0 && (1..=MOST_SUBSTEPS).contains(&substeps)) {
             return Err(EquationsError::Step);
         }
@@ -127,9 +162,16 @@ impl Equations {
             .filter(|j| (0..outputs).any(|i| coefficients[i * terms.len() + j] != 0.0))
             .collect();
         let compiled: Vec<Term> = used.iter().map(|&j| terms[j].clone()).collect();
+        if let Some(index) = signals.iter().position(|signal| !signal.is_valid(outputs, inputs)) {
+            return Err(EquationsError::Signal { index });
+        }
         // All terms are checked, also those that no equation uses.
-        Program::new(&terms, outputs + inputs).map_err(EquationsError::Program)?;
-        let program = Program::with_held(&compiled, outputs, inputs).map_err(EquationsError::Program)?;
+        Program::new(&terms, outputs + inputs + signals.len()).map_err(EquationsError::Program)?;
+        let held_variables: Vec<bool> = (0..outputs + inputs)
+            .map(|v| v >= outputs)
+            .chain(signals.iter().map(|signal| signal.is_held(outputs)))
+            .collect();
+        let program = Program::with_held(&compiled, &held_variables).map_err(EquationsError::Program)?;
         let (mut held, mut moving) = (Sparse::default(), Sparse::default());
         for i in 0..outputs {
             for (index, &j) in used.iter().enumerate() {
@@ -137,7 +179,8 @@ impl Equations {
                 if coefficient != 0.0 {
                     let slot = u16::try_from(program.slot(index))
                         .map_err(|_| EquationsError::Program(ProgramError::TooLarge))?;
-                    let rows = if is_held(&compiled[index], outputs) { &mut held } else { &mut moving };
+                    let rows =
+                        if is_held(&compiled[index], &held_variables) { &mut held } else { &mut moving };
                     rows.entries.push((slot, coefficient));
                     rows.places.push(i * terms.len() + j);
                 }
@@ -145,7 +188,20 @@ impl Equations {
             held.ends.push(held.entries.len());
             moving.ends.push(moving.entries.len());
         }
-        Ok(Self { terms, coefficients, outputs, inputs, dt, substeps, program, held, moving })
+        let memory = Memory::new(&signals, outputs, inputs, dt / substeps as f64);
+        Ok(Self {
+            terms,
+            coefficients,
+            outputs,
+            inputs,
+            signals,
+            dt,
+            substeps,
+            program,
+            held,
+            moving,
+            memory,
+        })
     }
 
     /// The library's terms.
@@ -188,6 +244,26 @@ impl Equations {
         self.inputs
     }
 
+    /// Signals, in the order of their variables, which follow those of outputs and inputs.
+    pub fn signals(&self) -> &[Signal] {
+        &self.signals
+    }
+
+    /// Number of variables that terms can be of: outputs, inputs, signals.
+    pub fn variables(&self) -> usize {
+        self.outputs + self.inputs + self.signals.len()
+    }
+
+    /// Numbers of the state: the outputs, then what the signals remember.
+    pub fn state_len(&self) -> usize {
+        self.outputs + self.memory.len()
+    }
+
+    /// Samples from the start of a run until all signals are what they would be with all of the past known.
+    pub fn warm_up(&self) -> usize {
+        1 + self.signals.iter().map(|signal| signal.warm_up(self.dt)).max().unwrap_or(0)
+    }
+
     /// Number of non-zero coefficients.
     pub fn active_terms(&self) -> usize {
         self.held.entries.len() + self.moving.entries.len()
@@ -210,10 +286,10 @@ impl Equations {
 
     /// Numbers of scratch that [`step`](Self::step) needs.
     pub fn scratch(&self) -> usize {
-        self.program.slots() + 3 * self.outputs
+        self.program.slots() + 4 * self.outputs
     }
 
-    /// `dy = Xi theta(y, c)`, where `y` and `c` stand in `slots[1..]`, outputs first.
+    /// `dy = Xi theta(y, c, s)`, where the variables stand in `slots[1..]`: outputs, inputs, signals.
     #[inline]
     pub fn derivative(&self, slots: &mut [f64], dy: &mut [f64]) {
         self.program.evaluate(slots);
@@ -221,27 +297,48 @@ impl Equations {
         self.moving.times(slots, |i, sum| dy[i] += sum);
     }
 
-    /// One sample: `y` becomes the outputs after `dt` seconds under the held command `c`.
+    /// Puts the variables of this moment into `slots[1..]`, where [`derivative`](Self::derivative) expects
+    /// them; `state` as [`step`](Self::step) moves it.
+    pub fn load(&self, state: &[f64], c: &[f64], slots: &mut [f64]) {
+        let (n, m) = (self.outputs, self.inputs);
+        slots[1..=n].copy_from_slice(&state[..n]);
+        slots[1 + n..=n + m].copy_from_slice(&c[..m]);
+        self.memory.load_held(state, slots);
+        self.memory.load_moving(state, &state[..n], c, slots, (0, 0.0));
+    }
+
+    /// One sample: the outputs in `state` become those after `dt` seconds under the held command `c`, and
+    /// the memory behind them follows.
     ///
     /// # Panics
-    /// If a slice is shorter than documented: `y` outputs, `c` inputs, `scratch` [`scratch`](Self::scratch).
+    /// If a slice is shorter than documented: `state` [`state_len`](Self::state_len), `c` inputs, `scratch`
+    /// [`scratch`](Self::scratch).
     #[inline]
-    pub fn step(&self, y: &mut [f64], c: &[f64], scratch: &mut [f64]) {
+    pub fn step(&self, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
         let n = self.outputs;
         let (slots, rest) = scratch.split_at_mut(self.program.slots());
         let (k, rest) = rest.split_at_mut(n);
         let (sum, rest) = rest.split_at_mut(n);
-        let held = &mut rest[..n];
+        let (held, rest) = rest.split_at_mut(n);
+        let before = &mut rest[..n];
+        before.copy_from_slice(&state[..n]);
         slots[1 + n..=n + self.inputs].copy_from_slice(&c[..self.inputs]);
+        self.memory.load_held(state, slots);
         self.program.evaluate_held(slots);
         self.held.times(slots, |i, sum| held[i] = sum);
         let h = self.dt / self.substeps as f64;
-        for _ in 0..self.substeps {
-            // Stages of the classical Runge-Kutta method: where each starts, and its weight.
+        let share = 0.5 / self.substeps as f64;
+        for substep in 0..self.substeps {
+            // Stages of the classical Runge-Kutta method: where each starts in half steps, and its weight.
             sum.fill(0.0);
-            for (offset, weight) in [(0.0, 1.0), (0.5 * h, 2.0), (0.5 * h, 2.0), (h, 1.0)] {
+            for (halves, weight) in [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)] {
+                let offset = halves as f64 * 0.5 * h;
                 for i in 0..n {
-                    slots[1 + i] = if offset == 0.0 { y[i] } else { y[i] + offset * k[i] };
+                    slots[1 + i] = if halves == 0 { state[i] } else { state[i] + offset * k[i] };
+                }
+                if !self.memory.is_empty() {
+                    let time = (2 * substep + halves) as f64 * share;
+                    self.memory.load_moving(state, before, c, slots, (halves, time));
                 }
                 self.program.evaluate_moving(slots);
                 self.moving.times(slots, |i, rate| k[i] = held[i] + rate);
@@ -250,8 +347,20 @@ impl Equations {
                 }
             }
             for i in 0..n {
-                y[i] += h / 6.0 * sum[i];
+                state[i] += h / 6.0 * sum[i];
             }
+            self.memory.decay(state, c);
         }
+        self.memory.shift(state, before, c);
+    }
+
+    /// What a sample of `dt` seconds does to the memory when the outputs are not known: commands are.
+    pub fn wait(&self, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
+        let before = &mut scratch[..self.outputs];
+        before.copy_from_slice(&state[..self.outputs]);
+        for _ in 0..self.substeps {
+            self.memory.decay(state, c);
+        }
+        self.memory.shift(state, before, c);
     }
 }

@@ -1,11 +1,18 @@
-//! Sparse equations `dy/dt = Xi theta(y, c)`: terms, their evaluation, and the session that rolls them out.
+//! Sparse equations `dy/dt = Xi theta(y, c, s)`: terms, their evaluation, and the session that rolls them out.
 
 mod equations;
+mod jacobian;
+mod memory;
 mod program;
 mod session;
+mod shape;
+mod signal;
 mod term;
 
 pub use equations::{Equations, EquationsError};
+pub use jacobian::Jacobian;
 pub use program::{Program, ProgramError};
 pub use session::EquationsSession;
-pub use term::{Factor, Shape, Term};
+pub use shape::{Gate, Real, Shape};
+pub use signal::Signal;
+pub use term::{Factor, Term};

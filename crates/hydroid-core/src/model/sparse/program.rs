@@ -1,10 +1,13 @@
 //! A list of terms compiled to a flat program that evaluates shared sub-products once.
 
-use alloc::collections::{BTreeMap, BTreeSet};
+use alloc::collections::BTreeMap;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::term::{Factor, Shape, Term};
+use num_traits::Float;
+
+use super::shape::{Gate, Shape, sign};
+use super::term::{Factor, Term};
 
 /// Why a list of terms cannot be compiled.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,6 +21,11 @@ pub enum ProgramError {
         /// How many variables there are.
         variables: usize,
     },
+    /// A term has a parameter that is not a finite number.
+    Parameter {
+        /// Index of the term in the list.
+        term: usize,
+    },
     /// More sub-products than the instruction format can address (65,535).
     TooLarge,
 }
@@ -28,6 +36,7 @@ impl core::fmt::Display for ProgramError {
             Self::UnknownVariable { term, variable, variables } => {
                 write!(f, "term {term} uses variable {variable}, but there are only {variables} variables")
             }
+            Self::Parameter { term } => write!(f, "term {term} has a parameter that is not a finite number"),
             Self::TooLarge => write!(f, "the library needs more than 65,535 sub-products"),
         }
     }
@@ -38,21 +47,53 @@ impl core::error::Error for ProgramError {}
 /// Terms compiled for evaluation.
 ///
 /// Memory layout of the slots: slot 0 holds the constant 1, slots `1..=n` the `n` variables, then come the
-/// absolute values of variables and the products, each of two earlier slots. Every term is a slot. A
+/// functions of single variables, and the products, each of two earlier slots. Every term is a slot. A
 /// degree-3 monomial costs one multiplication, because its degree-2 part is there already.
 ///
-/// The variables from some point on may be *held*: products of these alone come before the others, so that
-/// an integrator which moves the other variables several times under the same command evaluates them once.
+/// Some variables may be *held*: functions and products of these alone come before the others, so that an
+/// integrator which moves the other variables several times under the same command evaluates them once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     variables: usize,
-    /// Slots whose absolute values are taken.
-    absolutes: Vec<u16>,
+    /// Functions of earlier slots.
+    functions: Vec<(Function, u16)>,
     /// Pairs of slots to multiply.
     products: Vec<(u16, u16)>,
-    /// How many of the products are of held variables alone.
-    held: usize,
+    /// How many of the functions are of held variables alone.
+    held_functions: usize,
+    /// How many of the products are.
+    held_products: usize,
     terms: Vec<u16>,
+}
+
+/// A function of one slot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Function {
+    Abs,
+    Sign,
+    Sin,
+    Cos,
+    Reciprocal,
+    Log,
+    Above(Gate),
+    /// `1 - x`: the mode below a gate, from the mode above.
+    Complement,
+}
+
+impl Function {
+    #[inline]
+    fn of(self, x: f64) -> f64 {
+        match self {
+            Self::Abs => x.abs(),
+            Self::Sign => sign(x),
+            Self::Sin => Float::sin(x),
+            Self::Cos => Float::cos(x),
+            Self::Reciprocal => 1.0 / x,
+            Self::Log => Float::ln(x),
+            Self::Above(gate) => gate.above(x),
+            Self::Complement => 1.0 - x,
+        }
+    }
 }
 
 impl Program {
@@ -61,31 +102,43 @@ impl Program {
     /// # Errors
     /// If a term names a variable that there is not, or the program grows too large.
     pub fn new(terms: &[Term], variables: usize) -> Result<Self, ProgramError> {
-        Self::with_held(terms, variables, 0)
+        Self::with_held(terms, &vec![false; variables])
     }
 
-    /// Compiles terms over `moving` variables and, after them, `held` ones.
+    /// Compiles terms over variables of which some are held.
     ///
     /// # Errors
     /// If a term names a variable that there is not, or the program grows too large.
-    pub fn with_held(terms: &[Term], moving: usize, held: usize) -> Result<Self, ProgramError> {
-        let variables = moving + held;
+    pub fn with_held(terms: &[Term], held: &[bool]) -> Result<Self, ProgramError> {
+        let variables = held.len();
         for (index, term) in terms.iter().enumerate() {
             if let Some(variable) = term.highest_variable().filter(|&v| usize::from(v) >= variables) {
                 return Err(ProgramError::UnknownVariable { term: index, variable, variables });
             }
+            if term.factors().iter().any(|factor| !factor.shape.is_finite()) {
+                return Err(ProgramError::Parameter { term: index });
+            }
         }
-        let mut builder = Builder::new(terms, variables);
+        let mut builder = Builder { variables, ..Builder::default() };
+        // Functions first, those of held variables in front: products refer to their slots.
+        let factors = || terms.iter().flat_map(Term::factors);
+        for factor in factors().filter(|f| held[usize::from(f.variable)]) {
+            builder.function_of(*factor)?;
+        }
+        let held_functions = builder.functions.len();
+        for factor in factors() {
+            builder.function_of(*factor)?;
+        }
         let mut slots = vec![0; terms.len()];
-        for (slot, term) in slots.iter_mut().zip(terms).filter(|(_, term)| is_held(term, moving)) {
+        for (slot, term) in slots.iter_mut().zip(terms).filter(|(_, term)| is_held(term, held)) {
             *slot = builder.term(term)?;
         }
-        let held = builder.products.len();
-        for (slot, term) in slots.iter_mut().zip(terms).filter(|(_, term)| !is_held(term, moving)) {
+        let held_products = builder.products.len();
+        for (slot, term) in slots.iter_mut().zip(terms).filter(|(_, term)| !is_held(term, held)) {
             *slot = builder.term(term)?;
         }
-        let Builder { absolutes, products, .. } = builder;
-        Ok(Self { variables, absolutes, products, held, terms: slots })
+        let Builder { functions, products, .. } = builder;
+        Ok(Self { variables, functions, products, held_functions, held_products, terms: slots })
     }
 
     /// Number of variables.
@@ -114,7 +167,7 @@ impl Program {
     }
 
     fn first_product(&self) -> usize {
-        1 + self.variables + self.absolutes.len()
+        1 + self.variables + self.functions.len()
     }
 
     /// Evaluates all terms at one point. The variables stand in `slots[1..=n]`.
@@ -134,8 +187,8 @@ impl Program {
     #[inline]
     pub fn evaluate_held(&self, slots: &mut [f64]) {
         slots[0] = 1.0;
-        self.take_absolutes(slots);
-        self.multiply(slots, 0, self.held);
+        self.take_functions(slots, 0, self.held_functions);
+        self.multiply(slots, 0, self.held_products);
     }
 
     /// The other part; the held part must have been evaluated before.
@@ -144,15 +197,15 @@ impl Program {
     /// If `slots` is shorter than [`slots`](Self::slots).
     #[inline]
     pub fn evaluate_moving(&self, slots: &mut [f64]) {
-        self.take_absolutes(slots);
-        self.multiply(slots, self.held, self.products.len());
+        self.take_functions(slots, self.held_functions, self.functions.len());
+        self.multiply(slots, self.held_products, self.products.len());
     }
 
     #[inline]
-    fn take_absolutes(&self, slots: &mut [f64]) {
+    fn take_functions(&self, slots: &mut [f64], from: usize, to: usize) {
         let first = 1 + self.variables;
-        for (index, &a) in self.absolutes.iter().enumerate() {
-            slots[first + index] = slots[usize::from(a)].abs();
+        for (index, &(function, a)) in (from..to).zip(&self.functions[from..to]) {
+            slots[first + index] = function.of(slots[usize::from(a)]);
         }
     }
 
@@ -173,10 +226,10 @@ impl Program {
     pub fn evaluate_block(&self, slots: &mut [f64], rows: usize) {
         let slots = &mut slots[..self.slots() * rows];
         slots[..rows].fill(1.0);
-        for (index, &a) in self.absolutes.iter().enumerate() {
+        for (index, &(function, a)) in self.functions.iter().enumerate() {
             let (known, rest) = slots.split_at_mut((1 + self.variables + index) * rows);
             for (r, x) in rest[..rows].iter_mut().zip(&known[usize::from(a) * rows..][..rows]) {
-                *r = x.abs();
+                *r = function.of(*x);
             }
         }
         for (index, &(a, b)) in self.products.iter().enumerate() {
@@ -190,44 +243,54 @@ impl Program {
 }
 
 /// Whether a term depends on held variables alone; the constant does.
-pub(super) fn is_held(term: &Term, moving: usize) -> bool {
-    term.factors().iter().all(|factor| usize::from(factor.variable) >= moving)
+pub(super) fn is_held(term: &Term, held: &[bool]) -> bool {
+    term.factors().iter().all(|factor| held[usize::from(factor.variable)])
 }
 
+#[derive(Default)]
 struct Builder {
     variables: usize,
-    absolutes: Vec<u16>,
+    functions: Vec<(Function, u16)>,
     products: Vec<(u16, u16)>,
+    /// Slots of functions of variables.
+    known_functions: BTreeMap<Factor, u16>,
     known: BTreeMap<(u16, u16), u16>,
 }
 
 impl Builder {
-    /// A program that takes the absolute values which the terms need, and multiplies nothing yet. The
-    /// variables of the terms are checked before.
-    fn new(terms: &[Term], variables: usize) -> Self {
-        let factors = terms.iter().flat_map(Term::factors);
-        let variables_of: BTreeSet<u16> =
-            factors.filter(|f| f.shape == Shape::Abs).map(|f| f.variable).collect();
-        // A variable too high for a slot is refused where its term is compiled.
-        let absolutes = variables_of.into_iter().map(|v| v.saturating_add(1)).collect();
-        Self { variables, absolutes, products: Vec::new(), known: BTreeMap::new() }
+    /// The slot of a function of a variable; a power is made of products of the variable itself.
+    fn function_of(&mut self, factor: Factor) -> Result<u16, ProgramError> {
+        let x = factor.variable.checked_add(1).ok_or(ProgramError::TooLarge)?;
+        if let Some(&known) = self.known_functions.get(&factor) {
+            return Ok(known);
+        }
+        let (function, of) = match factor.shape {
+            Shape::Power(_) => return Ok(x),
+            Shape::Abs => (Function::Abs, x),
+            Shape::Sign => (Function::Sign, x),
+            Shape::Sin => (Function::Sin, x),
+            Shape::Cos => (Function::Cos, x),
+            Shape::Reciprocal => (Function::Reciprocal, x),
+            Shape::Log => (Function::Log, x),
+            Shape::Above(gate) => (Function::Above(gate), x),
+            Shape::Below(gate) => {
+                let above = Factor { variable: factor.variable, shape: Shape::Above(gate) };
+                (Function::Complement, self.function_of(above)?)
+            }
+        };
+        let slot = slot_number(1 + self.variables + self.functions.len())?;
+        self.functions.push((function, of));
+        self.known_functions.insert(factor, slot);
+        Ok(slot)
     }
 
     fn term(&mut self, term: &Term) -> Result<u16, ProgramError> {
         let mut slot: Option<u16> = None;
-        for &Factor { variable, shape } in term.factors() {
-            let x = variable.checked_add(1).ok_or(ProgramError::TooLarge)?;
-            match shape {
-                Shape::Power(n) => {
-                    for _ in 0..n {
-                        slot = Some(self.times(slot, x)?);
-                    }
-                }
-                Shape::Abs => {
-                    let index = self.absolutes.binary_search(&x).map_err(|_| ProgramError::TooLarge)?;
-                    let absolute = slot_number(1 + self.variables + index)?;
-                    slot = Some(self.times(slot, absolute)?);
-                }
+        for &factor in term.factors() {
+            let of = self.function_of(factor)?;
+            let times = if let Shape::Power(n) = factor.shape { n } else { 1 };
+            for _ in 0..times {
+                slot = Some(self.times(slot, of)?);
             }
         }
         Ok(slot.unwrap_or(0))
@@ -238,7 +301,7 @@ impl Builder {
         if let Some(&known) = self.known.get(&(slot, factor)) {
             return Ok(known);
         }
-        let next = slot_number(1 + self.variables + self.absolutes.len() + self.products.len())?;
+        let next = slot_number(1 + self.variables + self.functions.len() + self.products.len())?;
         self.products.push((slot, factor));
         self.known.insert((slot, factor), next);
         Ok(next)

@@ -1,4 +1,4 @@
-//! The session of sparse equations: its memory is the present outputs.
+//! The session of sparse equations: its memory is the present outputs and what the signals remember.
 
 use alloc::boxed::Box;
 use alloc::sync::Arc;
@@ -16,6 +16,7 @@ use crate::predict::{Predictor, Workspace, rollout_steps};
 #[derive(Clone, Debug)]
 pub struct EquationsSession {
     equations: Arc<Equations>,
+    /// As [`Equations::step`] moves it.
     state: Vec<f64>,
     scratch: Vec<f64>,
 }
@@ -23,7 +24,7 @@ pub struct EquationsSession {
 impl EquationsSession {
     /// A session at the start of a run.
     pub fn new(equations: Arc<Equations>) -> Self {
-        let state = vec![f64::NAN; equations.outputs()];
+        let state = vec![f64::NAN; equations.state_len()];
         let scratch = vec![0.0; equations.scratch()];
         Self { equations, state, scratch }
     }
@@ -49,33 +50,40 @@ impl Predictor for EquationsSession {
         self.equations.inputs()
     }
 
+    fn warm_up(&self) -> usize {
+        self.equations.warm_up()
+    }
+
     fn reset(&mut self) {
         self.state.fill(f64::NAN);
     }
 
     fn observe(&mut self, y: &[f64]) {
-        take_measured(&mut self.state, y);
+        let outputs = self.equations.outputs();
+        take_measured(&mut self.state[..outputs], y);
     }
 
     fn advance(&mut self, c: &[f64]) {
-        if self.state.iter().any(|y| y.is_nan()) {
-            return;
+        if self.state[..self.equations.outputs()].iter().any(|y| y.is_nan()) {
+            self.equations.wait(&mut self.state, c, &mut self.scratch);
+        } else {
+            self.equations.step(&mut self.state, c, &mut self.scratch);
         }
-        self.equations.step(&mut self.state, c, &mut self.scratch);
     }
 
     fn output(&self, y: &mut [f64]) {
-        y.copy_from_slice(&self.state);
+        y.copy_from_slice(&self.state[..self.equations.outputs()]);
     }
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         let (n, m) = (self.outputs(), self.inputs());
         let steps = rollout_steps(commands, m, y, n);
-        let (state, scratch) = work.take(n + self.equations.scratch()).split_at_mut(n);
+        let len = self.state.len();
+        let (state, scratch) = work.take(len + self.equations.scratch()).split_at_mut(len);
         state.copy_from_slice(&self.state);
         for step in 0..steps {
             self.equations.step(state, &commands[step * m..(step + 1) * m], scratch);
-            y[step * n..(step + 1) * n].copy_from_slice(state);
+            y[step * n..(step + 1) * n].copy_from_slice(&state[..n]);
         }
     }
 

@@ -4,24 +4,14 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt::Write;
 
-/// The function of one variable in a factor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
-pub enum Shape {
-    /// `x^n`, `n >= 1`.
-    Power(u8),
-    /// `|x|`; with `Power(1)` of the same variable the signed square `x |x|` of quadratic drag
-    /// (Fossen 2021, section 6.4).
-    Abs,
-}
+use super::shape::{Gate, Shape};
 
 /// A function of one variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Factor {
-    /// Index of the variable: outputs first, then inputs.
+    /// Index of the variable: outputs first, then inputs, then signals.
     pub variable: u16,
     /// The function applied to it.
     pub shape: Shape,
@@ -29,7 +19,7 @@ pub struct Factor {
 
 /// A product of factors; without factors the constant 1.
 ///
-/// The factors are kept sorted by variable, so that equal terms compare equal.
+/// The factors are kept in a normal form, sorted by variable, so that equal terms compare equal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(from = "Vec<Factor>", into = "Vec<Factor>"))]
@@ -50,31 +40,25 @@ impl From<Term> for Vec<Factor> {
 }
 
 impl Term {
-    /// A product of factors, in any order; powers of one variable are joined.
+    /// A product of factors, in any order. What can be joined is: powers of one variable to one power,
+    /// `|x| |x|` to `x^2`, `x sgn x` to `|x|`.
     pub fn new(mut factors: Vec<Factor>) -> Self {
         factors.sort_unstable();
-        let mut joined: Vec<Factor> = Vec::with_capacity(factors.len());
-        for factor in factors {
-            let sum = match (joined.last(), factor.shape) {
-                (Some(Factor { variable, shape: Shape::Power(a) }), Shape::Power(b))
-                    if *variable == factor.variable =>
-                {
-                    // Beyond what an exponent holds the two stay apart, which is as true.
-                    a.checked_add(b)
-                }
-                _ => None,
-            };
-            match (joined.last_mut(), sum) {
-                (Some(last), Some(sum)) => last.shape = Shape::Power(sum),
-                _ => joined.push(factor),
-            }
+        let mut normal = Vec::with_capacity(factors.len());
+        for of_one in factors.chunk_by(|a, b| a.variable == b.variable) {
+            join(of_one, &mut normal);
         }
-        Self { factors: joined }
+        Self { factors: normal }
     }
 
     /// The constant 1.
     pub const fn constant() -> Self {
         Self { factors: Vec::new() }
+    }
+
+    /// One function of one variable.
+    pub fn of(variable: u16, shape: Shape) -> Self {
+        Self::new(alloc::vec![Factor { variable, shape }])
     }
 
     /// The product of some variables; one that is named `n` times stands to the power `n`.
@@ -90,14 +74,25 @@ impl Term {
         ])
     }
 
+    /// The product of two terms.
+    #[must_use]
+    pub fn times(&self, other: &Self) -> Self {
+        Self::new(self.factors.iter().chain(&other.factors).copied().collect())
+    }
+
+    /// The two terms that stand for this one in the modes below and above a gate on a variable.
+    #[must_use]
+    pub fn gated(&self, variable: u16, gate: Gate) -> [Self; 2] {
+        [Shape::Below(gate), Shape::Above(gate)].map(|shape| self.times(&Self::of(variable, shape)))
+    }
+
     /// The factors, sorted by variable.
     pub fn factors(&self) -> &[Factor] {
         &self.factors
     }
 
-    /// Sum of the powers; `|x|` counts as one. The unit of the term is the product of its variables'
-    /// units to these powers.
-    pub fn degree(&self) -> usize {
+    /// Sum of the degrees of the factors ([`Shape::degree`]).
+    pub fn degree(&self) -> i32 {
         self.factors.iter().map(|f| f.shape.degree()).sum()
     }
 
@@ -117,13 +112,12 @@ impl Term {
         self.factors.iter().map(|f| f.shape.value(variables[usize::from(f.variable)])).product()
     }
 
-    /// The term in words that a person and PySINDy's users read: `1`, `u`, `u^2`, `u v`, `u |u|`.
+    /// The term in words that a person and PySINDy's users read: `1`, `u`, `u^2`, `u v`, `u |u|`,
+    /// `u sin(delta)`, `r/u`, `u above(u, 2.5, 12)`.
     pub fn name(&self, names: &[impl AsRef<str>]) -> String {
-        if self.factors.is_empty() {
-            return String::from("1");
-        }
         let mut text = String::new();
-        for factor in &self.factors {
+        let below = |shape: &Shape| matches!(shape, Shape::Reciprocal);
+        for factor in self.factors.iter().filter(|f| !below(&f.shape)) {
             if !text.is_empty() {
                 text.push(' ');
             }
@@ -133,28 +127,108 @@ impl Term {
                 Shape::Power(1) => write!(text, "{name}"),
                 Shape::Power(n) => write!(text, "{name}^{n}"),
                 Shape::Abs => write!(text, "|{name}|"),
+                Shape::Sign => write!(text, "sgn({name})"),
+                Shape::Sin => write!(text, "sin({name})"),
+                Shape::Cos => write!(text, "cos({name})"),
+                Shape::Log => write!(text, "ln({name})"),
+                Shape::Above(g) => write!(text, "above({name}, {}, {})", g.centre.0, g.slope.0),
+                Shape::Below(g) => write!(text, "below({name}, {}, {})", g.centre.0, g.slope.0),
+                Shape::Reciprocal => Ok(()),
             };
         }
+        if text.is_empty() {
+            text.push('1');
+        }
+        for factor in self.factors.iter().filter(|f| below(&f.shape)) {
+            let name = names.get(usize::from(factor.variable)).map_or("?", AsRef::as_ref);
+            let _ = write!(text, "/{name}");
+        }
         text
+    }
+
+    /// Derivative with respect to a variable, as a sum of multiples of terms; empty where the term does not
+    /// depend on it. At the kink of `|x|` the derivative is taken as 0.
+    pub fn derivative(&self, variable: u16) -> Vec<(f64, Self)> {
+        let mut sum: Vec<(f64, Self)> = Vec::new();
+        for (position, factor) in self.factors.iter().enumerate().filter(|(_, f)| f.variable == variable) {
+            let Some((scale, shapes)) = factor.shape.derivative() else { continue };
+            let mut factors = self.factors.clone();
+            factors.remove(position);
+            factors.extend(shapes.iter().map(|&shape| Factor { variable, shape }));
+            let term = Self::new(factors);
+            match sum.iter_mut().find(|(_, known)| *known == term) {
+                Some((known, _)) => *known += scale,
+                None => sum.push((scale, term)),
+            }
+        }
+        sum.retain(|(scale, _)| *scale != 0.0);
+        sum
     }
 }
 
 impl Shape {
-    /// The function's value.
-    pub fn value(self, x: f64) -> f64 {
+    /// The derivative as a multiple of a product of functions of the same variable; none where it is zero.
+    fn derivative(self) -> Option<(f64, Vec<Self>)> {
+        use alloc::vec;
         match self {
-            Self::Power(n) => (0..n).fold(1.0, |p, _| p * x),
-            Self::Abs => x.abs(),
+            Self::Power(0) | Self::Sign => None,
+            Self::Power(1) => Some((1.0, vec![])),
+            Self::Power(n) => Some((f64::from(n), vec![Self::Power(n - 1)])),
+            Self::Abs => Some((1.0, vec![Self::Sign])),
+            Self::Sin => Some((1.0, vec![Self::Cos])),
+            Self::Cos => Some((-1.0, vec![Self::Sin])),
+            Self::Reciprocal => Some((-1.0, vec![Self::Reciprocal, Self::Reciprocal])),
+            Self::Log => Some((1.0, vec![Self::Reciprocal])),
+            Self::Above(gate) => Some((gate.slope.0, vec![self, Self::Below(gate)])),
+            Self::Below(gate) => Some((-gate.slope.0, vec![self, Self::Above(gate)])),
         }
     }
+}
 
-    /// How it scales with its variable: `f(s x) = s^degree f(x)` for `s > 0`.
-    pub fn degree(self) -> usize {
-        match self {
-            Self::Power(n) => usize::from(n),
-            Self::Abs => 1,
+/// Normal form of a product of functions of one variable.
+fn join(factors: &[Factor], normal: &mut Vec<Factor>) {
+    let Some(&Factor { variable, .. }) = factors.first() else { return };
+    let (mut power, mut abs, mut sign, mut reciprocal) = (0usize, 0usize, 0usize, 0usize);
+    let mut others = Vec::new();
+    for factor in factors {
+        match factor.shape {
+            Shape::Power(n) => power += usize::from(n),
+            Shape::Abs => abs += 1,
+            Shape::Sign => sign += 1,
+            Shape::Reciprocal => reciprocal += 1,
+            _ => others.push(*factor),
         }
     }
+    // |x| |x| = x^2, and of signs only whether their number is odd matters (but for 0, where a term with a
+    // sign in it is a derivative that does not exist).
+    power += abs - abs % 2;
+    (abs, sign) = (abs % 2, sign % 2);
+    if sign == 1 && abs == 1 {
+        (abs, sign, power) = (0, 0, power + 1);
+    } else if sign == 1 && power > 0 {
+        (abs, sign, power) = (1, 0, power - 1);
+    }
+    let common = power.min(reciprocal);
+    (power, reciprocal) = (power - common, reciprocal - common);
+    let mut push = |shape| normal.push(Factor { variable, shape });
+    while power > 0 {
+        // An exponent holds no more than 255; beyond, powers stand side by side.
+        let part = u8::try_from(power).unwrap_or(u8::MAX);
+        push(Shape::Power(part));
+        power -= usize::from(part);
+    }
+    for (count, shape) in [(abs, Shape::Abs), (sign, Shape::Sign)] {
+        if count > 0 {
+            push(shape);
+        }
+    }
+    let (mut before, mut after) = (Vec::new(), Vec::new());
+    for factor in others {
+        if factor.shape < Shape::Reciprocal { before.push(factor) } else { after.push(factor) }
+    }
+    normal.extend(before);
+    normal.extend((0..reciprocal).map(|_| Factor { variable, shape: Shape::Reciprocal }));
+    normal.extend(after);
 }
 
 #[cfg(test)]
@@ -162,9 +236,16 @@ mod tests {
     use super::*;
     use alloc::vec;
 
+    fn power(variable: u16, n: u8) -> Factor {
+        Factor { variable, shape: Shape::Power(n) }
+    }
+
+    fn factor(shape: Shape) -> Factor {
+        Factor { variable: 0, shape }
+    }
+
     #[test]
     fn powers_of_one_variable_are_joined_however_they_are_given() {
-        let power = |variable, n| Factor { variable, shape: Shape::Power(n) };
         let abs = |variable| Factor { variable, shape: Shape::Abs };
         assert_eq!(
             Term::new(vec![power(1, 1), power(0, 2), power(1, 1)]).factors(),
@@ -172,8 +253,25 @@ mod tests {
         );
         assert_eq!(Term::monomial(&[1, 0, 1, 0]), Term::new(vec![power(0, 2), power(1, 2)]));
         assert_eq!(Term::new(vec![abs(0), power(0, 1), power(0, 1)]).factors(), [power(0, 2), abs(0)]);
+        assert_eq!(Term::new(vec![abs(0), abs(0), abs(0)]).factors(), [power(0, 2), abs(0)]);
         // More than an exponent holds.
         let large = Term::new(vec![power(0, 200), power(0, 100)]);
-        assert_eq!((large.degree(), large.value(&[1.01])), (300, 1.01f64.powi(200) * 1.01f64.powi(100)));
+        assert_eq!(large.degree(), 300);
+        assert!((large.value(&[1.01]) / 1.01f64.powi(300) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn signs_and_reciprocals_cancel() {
+        assert_eq!(Term::new(vec![power(0, 1), factor(Shape::Sign)]), Term::of(0, Shape::Abs));
+        assert_eq!(Term::new(vec![factor(Shape::Abs), factor(Shape::Sign)]), Term::monomial(&[0]));
+        assert_eq!(Term::new(vec![power(0, 2), factor(Shape::Reciprocal)]), Term::monomial(&[0]));
+        assert_eq!(Term::new(vec![power(0, 1), factor(Shape::Reciprocal)]), Term::constant());
+    }
+
+    #[test]
+    fn the_derivative_of_quadratic_drag_is_one_term() {
+        let drag = Term::signed_square(0, 0);
+        assert_eq!(drag.derivative(0), [(2.0, Term::of(0, Shape::Abs))]);
+        assert!(drag.derivative(1).is_empty());
     }
 }

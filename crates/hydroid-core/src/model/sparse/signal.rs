@@ -1,0 +1,127 @@
+//! Variables that a model makes for itself from inputs and past samples.
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+
+use num_traits::Float;
+
+use super::shape::Real;
+
+/// A variable beyond outputs and inputs. Signals come after these in the order of variables, in the order
+/// in which a model lists them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case", deny_unknown_fields))]
+pub enum Signal {
+    /// What an actuator makes of its command: `T da/dt = c - a`, a first-order lag that no sensor sees.
+    /// The command being held over a sample, `a(t + h) = c + (a(t) - c) exp(-h/T)` holds exactly.
+    Lag {
+        /// The input `c`.
+        input: u16,
+        /// The time constant `T` \[s\].
+        time_constant_s: Real,
+    },
+    /// The value that an output or input had some samples ago. Between samples a past output is
+    /// interpolated linearly, a past input is held.
+    Past {
+        /// The output or input.
+        variable: u16,
+        /// How many samples ago, at least 1.
+        samples: u16,
+    },
+}
+
+/// Lags settle to `exp(-7)`, a thousandth, of a wrong first guess before they count.
+const SETTLING: f64 = 7.0;
+
+impl Signal {
+    /// The signal in words: `lag(n, 1.5 s)`, `u(-0.5 s)`; `names` are those of outputs and inputs.
+    pub fn name(&self, names: &[impl AsRef<str>], dt: f64) -> String {
+        let name = |variable: u16| names.get(usize::from(variable)).map_or("?", AsRef::as_ref);
+        match *self {
+            Self::Lag { input, time_constant_s } => {
+                format!("lag({}, {} s)", name(input), rounded(time_constant_s.0))
+            }
+            Self::Past { variable, samples } => {
+                format!("{}(-{} s)", name(variable), rounded(f64::from(samples) * dt))
+            }
+        }
+    }
+
+    /// The output or input that it is made from; it has the same unit.
+    pub fn source(&self) -> u16 {
+        match *self {
+            Self::Lag { input, .. } => input,
+            Self::Past { variable, .. } => variable,
+        }
+    }
+
+    /// Whether it keeps its value over a sample: past inputs do.
+    pub fn is_held(&self, outputs: usize) -> bool {
+        match *self {
+            Self::Lag { .. } => false,
+            Self::Past { variable, .. } => usize::from(variable) >= outputs,
+        }
+    }
+
+    /// Samples from the start of a run until its value is what it would be with all of the past known.
+    pub fn warm_up(&self, dt: f64) -> usize {
+        match *self {
+            Self::Lag { time_constant_s, .. } => {
+                // Bounded below any usize; a NaN becomes 0.
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                let samples = Float::ceil(SETTLING * time_constant_s.0 / dt).clamp(0.0, 1e9) as usize;
+                samples
+            }
+            Self::Past { samples, .. } => usize::from(samples),
+        }
+    }
+
+    /// The signal at each sample of a run, from its source; NaN until it is warmed up.
+    pub fn series(&self, source: &[f64], dt: f64) -> Vec<f64> {
+        let mut values = Vec::with_capacity(source.len());
+        match *self {
+            Self::Lag { time_constant_s, .. } => {
+                let decay = Float::exp(-dt / time_constant_s.0);
+                let mut state = f64::NAN;
+                for &command in source {
+                    values.push(state);
+                    state = lagged(state, command, decay);
+                }
+            }
+            Self::Past { samples, .. } => {
+                let known = source.len().saturating_sub(usize::from(samples));
+                values.resize(source.len() - known, f64::NAN);
+                values.extend_from_slice(&source[..known]);
+            }
+        }
+        let warm_up = self.warm_up(dt).min(values.len());
+        values[..warm_up].fill(f64::NAN);
+        values
+    }
+
+    /// Whether it can be made for so many outputs and inputs.
+    pub(super) fn is_valid(&self, outputs: usize, inputs: usize) -> bool {
+        match *self {
+            Self::Lag { input, time_constant_s } => {
+                (outputs..outputs + inputs).contains(&usize::from(input))
+                    && time_constant_s.0.is_finite()
+                    && time_constant_s.0 > 0.0
+            }
+            Self::Past { variable, samples } => usize::from(variable) < outputs + inputs && samples > 0,
+        }
+    }
+}
+
+/// A lag state after a time in which it decays by `decay` towards the held command. At the start of a run,
+/// where it is not known (NaN), the actuator is taken to be at rest under its first command.
+#[inline]
+pub(super) fn lagged(state: f64, command: f64, decay: f64) -> f64 {
+    if state.is_nan() { command } else { command + (state - command) * decay }
+}
+
+/// Rounded to a millisecond, for names.
+fn rounded(seconds: f64) -> f64 {
+    Float::round(seconds * 1e3) / 1e3
+}
