@@ -38,7 +38,7 @@ pub enum SettingsError {
     Time(&'static str),
     /// A window without samples.
     Window,
-    /// There is not one range for each variable, or one is not finite.
+    /// There is not one range for each output and input, or one is not finite.
     Ranges,
     /// No equation has a term.
     Nothing,
@@ -51,7 +51,7 @@ impl core::fmt::Display for SettingsError {
         match self {
             Self::Time(what) => write!(f, "{what} must be a positive number of seconds"),
             Self::Window => write!(f, "a window needs at least one sample"),
-            Self::Ranges => write!(f, "one finite range is needed for each variable of the equations"),
+            Self::Ranges => write!(f, "one finite range is needed for each output and input of the equations"),
             Self::Nothing => write!(f, "the equations have no term to adapt"),
             Self::Equations(error) => error.fmt(f),
         }
@@ -75,12 +75,13 @@ struct Group {
 
 /// An [`Adapter`] of sparse equations: recursive SINDy.
 ///
-/// `dy/dt = Xi theta(y, c)` is linear in the coefficients. The rows of the regression are increments over a
+/// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients. The rows of the regression are increments over a
 /// window of samples against the library averaged over the same window (see `sindy::kernel` on shore: the
 /// `Midpoint` rows, every quarter of a window), and each row takes one step of [`RecursiveLeastSquares`].
 /// Rows overlap, so that each counts for the share of it that is new.
 ///
-/// A missing value breaks the window that it stands in, and nothing else.
+/// A missing value breaks the window that it stands in, and nothing else. Signals (lag states, past values) are
+/// averaged over an interval like the outputs, as the shore does; nothing is learned before they are warmed up.
 ///
 /// Columns are scaled by the root mean square of their term over the design ranges ([`rms_over_range`]), so
 /// that the prior means the same for every term.
@@ -109,18 +110,21 @@ struct Library {
     /// One over the scale of each term.
     inverse: Vec<f64>,
     slots: Vec<f64>,
-    last: Vec<f64>,
-    command: Vec<f64>,
-    /// Whether `last` was measured, and `command` held since.
+    /// Outputs, inputs and signals at the start of the interval, and which of them are held over it.
+    start: Vec<f64>,
+    holds: Vec<bool>,
+    /// Whether the last sample was measured, and one command given since.
     known: bool,
     held: bool,
+    /// Samples since the start of the run.
+    seen: usize,
     /// A row, before it goes to the groups.
     phi: Vec<f64>,
     z: Vec<f64>,
 }
 
 impl RecursiveEquations {
-    /// From equations fitted on shore, and the design range `(low, high)` of each of their variables.
+    /// From equations fitted on shore, and the design range `(low, high)` of each output, then each input.
     ///
     /// # Errors
     /// If the settings make no sense, or there is nothing to adapt.
@@ -138,9 +142,15 @@ impl RecursiveEquations {
         if places.is_empty() {
             return Err(SettingsError::Nothing);
         }
-        let program = Program::new(&terms, n + m).map_err(|e| SettingsError::Equations(EquationsError::Program(e)))?;
-        let mut point = vec![0.0; n + m];
-        let scales: Vec<f64> = terms.iter().map(|t| rms_over_range(t, ranges, &mut point)).collect();
+        let program = Program::new(&terms, equations.variables())
+            .map_err(|e| SettingsError::Equations(EquationsError::Program(e)))?;
+        let mut ranges = ranges.to_vec();
+        let mut holds: Vec<bool> = (0..n + m).map(|v| v >= n).collect();
+        for signal in equations.signals() {
+            ranges.push(ranges[usize::from(signal.source())]);
+            holds.push(signal.is_held(n));
+        }
+        let scales: Vec<f64> = terms.iter().map(|t| rms_over_range(t, &ranges)).collect();
         let rows = Increments::new(settings.window, n, terms.len(), equations.dt());
         let window_s = rows.samples() as f64 * equations.dt();
         let information = settings.prior_s / window_s;
@@ -178,10 +188,11 @@ impl RecursiveEquations {
                 slots: vec![0.0; program.slots()],
                 program,
                 inverse: scales.iter().map(|s| 1.0 / s).collect(),
-                last: vec![f64::NAN; n],
-                command: vec![0.0; m],
+                start: vec![f64::NAN; holds.len()],
+                holds,
                 known: false,
                 held: false,
+                seen: 0,
                 phi: vec![0.0; terms.len()],
                 z: vec![0.0; n],
             },
@@ -202,15 +213,17 @@ impl RecursiveEquations {
 
     /// Takes the measurement into the window; says whether a row is ready.
     fn collect(&mut self, y: &[f64]) -> bool {
-        let Library { program, inverse, slots, last, command, known, held, phi, z } = &mut self.library;
-        let (complete, interval) = (y.iter().all(|y| !y.is_nan()), *known && *held);
+        let Library { program, inverse, slots, start, holds, known, held, seen, phi, z } = &mut self.library;
+        *seen += 1;
+        let complete = y.iter().all(|y| !y.is_nan()) && *seen >= self.session.warm_up();
+        let interval = *known && *held;
         let mut ready = false;
         if complete && interval {
             let n = y.len();
-            for (slot, (a, b)) in slots[1..=n].iter_mut().zip(last.iter().zip(y)) {
-                *slot = 0.5 * (a + b);
+            self.session.load(&start[n..], slots);
+            for ((slot, a), holds) in slots[1..].iter_mut().zip(&*start).zip(&*holds) {
+                *slot = if *holds { *a } else { 0.5 * (a + *slot) };
             }
-            slots[1 + n..][..command.len()].copy_from_slice(command);
             program.evaluate(slots);
             let theta = |j: usize| slots[program.slot(j)] * inverse[j];
             ready = self.rows.push(theta, y, phi, z);
@@ -219,7 +232,6 @@ impl RecursiveEquations {
         }
         *known = complete;
         *held = false;
-        last.copy_from_slice(y);
         ready
     }
 
@@ -309,11 +321,12 @@ fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, Setti
     for &place in places {
         ones[place] = 1.0;
     }
-    let mut own = Equations::new(
+    let mut own = Equations::with_signals(
         equations.terms().to_vec(),
         ones,
         equations.outputs(),
         equations.inputs(),
+        equations.signals().to_vec(),
         equations.dt(),
         equations.substeps(),
     )
@@ -339,6 +352,7 @@ impl Predictor for RecursiveEquations {
         self.session.reset();
         self.library.known = false;
         self.library.held = false;
+        self.library.seen = 0;
     }
 
     fn observe(&mut self, y: &[f64]) {
@@ -350,9 +364,13 @@ impl Predictor for RecursiveEquations {
 
     fn advance(&mut self, c: &[f64]) {
         // Two commands without a sample between them: the interval is not one that rows are made of.
-        self.library.known &= !self.library.held;
-        self.library.command.copy_from_slice(c);
-        self.library.held = true;
+        let Library { slots, start, known, held, .. } = &mut self.library;
+        *known &= !*held;
+        *held = true;
+        self.session.load(c, slots);
+        for (start, slot) in start.iter_mut().zip(&slots[1..]) {
+            *start = *slot;
+        }
         self.session.advance(c);
     }
 

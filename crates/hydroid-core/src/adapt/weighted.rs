@@ -30,6 +30,11 @@ impl WeightedSession {
         self.session.equations()
     }
 
+    /// Writes outputs, inputs and signals of the moment into `slots[1..]` (see [`Equations::load`]).
+    pub(super) fn load(&self, c: &[f64], slots: &mut [f64]) {
+        self.session.equations().load(self.session.state(), c, slots);
+    }
+
     /// Where the adapted coefficients stand in `outputs x terms`.
     pub fn places(&self) -> &[usize] {
         &self.places

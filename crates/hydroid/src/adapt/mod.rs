@@ -42,7 +42,7 @@ pub struct Options {
 pub const FORGETTING_S: f64 = 60.0;
 
 /// What the model from shore is worth \[s\] where nothing else is asked for.
-pub const PRIOR_S: f64 = 30.0;
+pub const PRIOR_S: f64 = 10.0;
 
 impl Default for Options {
     fn default() -> Self {

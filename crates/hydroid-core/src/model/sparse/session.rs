@@ -34,6 +34,11 @@ impl EquationsSession {
         &self.equations
     }
 
+    /// The state of the moment, as [`Equations::step`] moves it.
+    pub fn state(&self) -> &[f64] {
+        &self.state
+    }
+
     /// The same run with equations of its own, which change from sample to sample without touching those
     /// of other sessions.
     pub(crate) fn equations_mut(&mut self) -> &mut Equations {
