@@ -39,8 +39,8 @@ fn settings() -> Settings {
 }
 
 fn command(k: usize) -> [f64; 2] {
-    // Long enough for the speed to follow: only then does drag differ from less thrust.
-    ([0.2, 1.8, 1.0, 0.0][(k / 50) % 4], 0.4 * (0.11 * k as f64).sin()).into()
+    // Transients: between these, more drag cannot be told from less thrust.
+    ([0.2, 1.8, 1.0, 0.0][(k / 12) % 4], 0.4 * (0.11 * k as f64).sin()).into()
 }
 
 /// White noise, the same on every machine.
