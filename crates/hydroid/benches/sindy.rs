@@ -81,5 +81,5 @@ fn regression_50_terms_3_outputs(bencher: Bencher, (samples, intervals): (usize,
     let run = run(samples, 3, 2);
     bencher
         .counter(ItemsCount::new(samples))
-        .bench_local(|| assemble(&program, &[&run], &[], Regression::Midpoint { intervals }));
+        .bench_local(|| assemble(&program, &[&run], Regression::Midpoint { intervals }));
 }

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use hydroid::excitation::Excitation;
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
-use hydroid::sindy::{FitOptions, Library, Optimizer, Prepared, Regression, Scaling};
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling};
 use hydroid_core::vessel::VesselParams;
 
 fn python() -> Option<String> {
@@ -47,6 +47,7 @@ fn thresholded_least_squares_equals_pysindy_on_the_hydrofoil() {
             optimizer: Optimizer::Stlsq(threshold),
             ridge: alpha / prepared.rows() as f64,
             substeps: 1,
+            constraints: Constraints::default(),
         };
         let ours = prepared.fit(&fit).unwrap().scaled;
 

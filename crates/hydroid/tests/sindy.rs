@@ -8,8 +8,8 @@ use hydroid::excitation::Excitation;
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Assembled, Fit, FitError, FitOptions, Found, Grid, Library, Optimizer, Prepared, Regression, Scaling,
-    SearchError, assemble, search,
+    Assembled, Constraints, Fit, FitError, FitOptions, Found, Grid, Library, Optimizer, Prepared, Regression,
+    Scaling, SearchError, assemble, search,
 };
 use hydroid_core::model::sparse::{Program, Term};
 use hydroid_core::vessel::VesselParams;
@@ -79,7 +79,7 @@ fn obeying_the_midpoint_rule(
 fn fit(runs: &[&Trajectory], terms: &[Term], regression: Regression, optimizer: Optimizer) -> Fit {
     Prepared::new(runs, terms.to_vec(), regression, &Scaling::Contribution)
         .unwrap()
-        .fit(&FitOptions { optimizer, ridge: 0.0, substeps: 1 })
+        .fit(&FitOptions { optimizer, ridge: 0.0, substeps: 1, constraints: Constraints::default() })
         .unwrap()
 }
 
@@ -197,7 +197,7 @@ fn linear(samples: usize) -> Trajectory {
 
 fn assembled(runs: &[&Trajectory], regression: Regression) -> Assembled {
     let program = Program::new(&Library::polynomial(1).terms(2), 2).unwrap();
-    assemble(&program, runs, &[], regression)
+    assemble(&program, runs, regression)
 }
 
 #[test]
@@ -343,7 +343,9 @@ fn the_residual_of_a_ridge_fit_is_that_of_the_data() {
     for (optimizer, ridge) in
         [(Optimizer::Stepwise(0.01), 0.0), (Optimizer::Stepwise(0.01), 0.3), (Optimizer::Stlsq(0.01), 0.3)]
     {
-        let fit = prepared.fit(&FitOptions { optimizer, ridge, substeps: 1 }).unwrap();
+        let fit = prepared
+            .fit(&FitOptions { optimizer, ridge, substeps: 1, constraints: Constraints::default() })
+            .unwrap();
         let [constant, y, c] = [0, 1, 2].map(|j| fit.equations.coefficient(0, j));
         let rows = data.len() - 1;
         let squares: f64 = (0..rows)

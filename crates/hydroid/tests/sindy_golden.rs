@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use hydroid::log::{Channel, Table, Trajectory};
-use hydroid::sindy::{FitOptions, Library, Optimizer, Prepared, Regression, Scaling};
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling};
 use serde_json::Value;
 
 fn golden(name: &str) -> String {
@@ -60,8 +60,14 @@ fn scaled(
     let count = terms.len();
     let prepared = Prepared::new(&[run], terms, regression, &Scaling::Variables(scales.to_vec())).unwrap();
     let ridge = alpha / prepared.rows() as f64;
-    let fit =
-        prepared.fit(&FitOptions { optimizer: Optimizer::Stlsq(threshold), ridge, substeps: 1 }).unwrap();
+    let fit = prepared
+        .fit(&FitOptions {
+            optimizer: Optimizer::Stlsq(threshold),
+            ridge,
+            substeps: 1,
+            constraints: Constraints::default(),
+        })
+        .unwrap();
     fit.scaled.chunks_exact(count).map(<[f64]>::to_vec).collect()
 }
 

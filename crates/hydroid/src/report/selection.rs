@@ -9,7 +9,7 @@ use super::page::{Section, cell, columns, figure, notes, nothing, table};
 use super::{ReportError, Subject, style};
 use crate::identify::Candidate;
 use crate::log::Note;
-use crate::sindy::{Library, Optimizer, Regression, Trial};
+use crate::sindy::{Criterion, Library, Optimizer, Regression, Trial};
 
 /// Rows of the table.
 const BEST: usize = 12;
@@ -143,10 +143,18 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
                         format!("{} s", seconds_text(intervals as f64 * dt))
                     }
                     Regression::Central => "central".to_owned(),
+                    Regression::Weak { intervals } => {
+                        format!("weak, {} s", seconds_text(intervals as f64 * dt))
+                    }
+                    Regression::Smoothed { half } => {
+                        format!("smoothed, {} s", seconds_text(2.0 * half as f64 * dt))
+                    }
                 },
                 match trial.optimizer {
                     Optimizer::Stepwise(tolerance) => format!("{} %", trimmed(100.0 * tolerance)),
                     Optimizer::Stlsq(threshold) => format!("≥ {}", trimmed(threshold)),
+                    Optimizer::Criterion(Criterion::Aic) => "AIC".to_owned(),
+                    Optimizer::Criterion(Criterion::Bic) => "BIC".to_owned(),
                 },
                 ridge(trial.ridge),
                 number::count(trial.terms),
@@ -179,6 +187,10 @@ pub(super) fn regression(regression: Regression, dt: f64) -> String {
             format!("increments, {} s", seconds_text(intervals as f64 * dt))
         }
         Regression::Central => "central differences".to_owned(),
+        Regression::Weak { intervals } => format!("weak form, {} s", seconds_text(intervals as f64 * dt)),
+        Regression::Smoothed { half } => {
+            format!("smoothed differences, {} s", seconds_text(2.0 * half as f64 * dt))
+        }
     }
 }
 
@@ -186,6 +198,8 @@ pub(super) fn optimizer(optimizer: Optimizer) -> String {
     match optimizer {
         Optimizer::Stepwise(tolerance) => format!("elimination, {} %", trimmed(100.0 * tolerance)),
         Optimizer::Stlsq(threshold) => format!("threshold {}", trimmed(threshold)),
+        Optimizer::Criterion(Criterion::Aic) => "stepwise, AIC".to_owned(),
+        Optimizer::Criterion(Criterion::Bic) => "stepwise, BIC".to_owned(),
     }
 }
 

@@ -4,6 +4,7 @@ use hydroid_core::model::sparse::{Program, Signal};
 use rayon::prelude::*;
 
 use super::kernel::{Nodes, Regression, Rows};
+use super::robust::{Huber, Sizes};
 use super::triangle::{BLOCK_ROWS, Triangle};
 use crate::log::Trajectory;
 
@@ -22,49 +23,107 @@ const POINTS: usize = 256;
 pub struct Assembled {
     /// Factor of `[theta | dy/dt]`.
     pub triangle: Triangle,
+    /// The same of as many contiguous groups of rows as were asked for; empty where fewer than two were.
+    /// Rows of the same group are neighbours in time, so that groups drawn with replacement keep what
+    /// neighbours share.
+    pub groups: Vec<Triangle>,
     /// Rows left out because a sample in them was missing.
     pub skipped: u64,
+    /// Sizes of the residuals of each output, where [`Streaming::robust`] asks for them.
+    pub residuals: Vec<Sizes>,
 }
 
-/// Folds all runs into one triangle. Rows that touch a missing sample, or one at which a signal is not warmed
-/// up yet, are left out. The variables of the program are outputs, inputs and signals.
-pub fn assemble(
+/// How rows are streamed.
+#[derive(Clone, Debug, Default)]
+pub struct Streaming<'a> {
+    /// Variables of the program beyond outputs and inputs.
+    pub signals: &'a [Signal],
+    /// Number of groups whose triangles are kept beside the total.
+    pub groups: usize,
+    /// Weight of each sample of each run; empty for 1 throughout. A row has the smallest weight of its
+    /// samples, and is left out where that is zero.
+    pub samples: &'a [Vec<f64>],
+    /// Rows that depart from these equations lose weight.
+    pub robust: Option<Huber>,
+}
+
+/// Folds all runs into one triangle. Rows that touch a missing sample are left out.
+pub fn assemble(program: &Program, runs: &[&Trajectory], regression: Regression) -> Assembled {
+    assemble_with(program, runs, regression, &Streaming::default())
+}
+
+/// Folds all runs into one triangle, with signals, weights and groups. Rows that touch a sample at which a
+/// signal is not warmed up yet are left out like those that touch a missing one.
+///
+/// # Panics
+/// If sample weights are given and are not those of these runs.
+pub fn assemble_with(
     program: &Program,
     runs: &[&Trajectory],
-    signals: &[Signal],
     regression: Regression,
+    streaming: &Streaming<'_>,
 ) -> Assembled {
     let outputs = runs.first().map_or(0, |run| run.outputs.width());
-    let sources: Vec<Source<'_>> = runs.iter().map(|run| Source::new(run, signals)).collect();
-    let mut pieces = Vec::new();
-    for source in &sources {
-        let run = source.run;
-        for rows in regression.rows(run.len(), run.dt) {
-            for start in (0..rows.count).step_by(PIECE_ROWS) {
-                let piece = Rows {
-                    first: rows.first + start * rows.stride,
-                    count: PIECE_ROWS.min(rows.count - start),
-                    ..rows.clone()
-                };
-                pieces.push((source, piece));
+    let width = program.len() + outputs;
+    let count = streaming.groups.max(1);
+    let pieces = pieces(runs, regression, count);
+    let sources: Vec<Source<'_>> = runs.iter().map(|run| Source::new(run, streaming.signals)).collect();
+    let mut groups = vec![Triangle::new(width); count];
+    let mut skipped = 0;
+    let mut residuals = vec![Sizes::default(); if streaming.robust.is_some() { outputs } else { 0 }];
+    for batch in pieces.chunks(BATCH) {
+        let parts: Vec<Part> = batch
+            .par_iter()
+            .map_init(
+                || Piece::new(program, regression.nodes(), outputs, streaming),
+                |scratch, (index, rows, _)| scratch.run(*index, &sources[*index], rows),
+            )
+            .collect();
+        for (part, (_, _, group)) in parts.into_iter().zip(batch) {
+            groups[*group].merge(&part.triangle);
+            skipped += part.skipped;
+            for (all, more) in residuals.iter_mut().zip(&part.residuals) {
+                all.merge(more);
             }
         }
     }
-    let mut total = Assembled { triangle: Triangle::new(program.len() + outputs), skipped: 0 };
-    for batch in pieces.chunks(BATCH) {
-        let parts: Vec<Assembled> = batch
-            .par_iter()
-            .map_init(
-                || Piece::new(program, regression.nodes(), outputs),
-                |scratch, (source, rows)| scratch.run(source, rows),
-            )
-            .collect();
-        for part in parts {
-            total.triangle.merge(&part.triangle);
-            total.skipped += part.skipped;
+    if count == 1 {
+        return Assembled { triangle: groups.swap_remove(0), groups, skipped, residuals };
+    }
+    let mut triangle = Triangle::new(width);
+    for group in &groups {
+        triangle.merge(group);
+    }
+    Assembled { triangle, groups, skipped, residuals }
+}
+
+/// Index of the run, rows and group of every piece, in order. A piece is in one group.
+fn pieces(runs: &[&Trajectory], regression: Regression, groups: usize) -> Vec<(usize, Rows, usize)> {
+    let all: Vec<(usize, Rows)> = runs
+        .iter()
+        .enumerate()
+        .flat_map(|(index, run)| {
+            regression.rows(run.len(), run.dt).into_iter().map(move |rows| (index, rows))
+        })
+        .collect();
+    let total: usize = all.iter().map(|(_, rows)| rows.count).sum();
+    let mut pieces = Vec::new();
+    let (mut group, mut done) = (0, 0);
+    for (index, rows) in all {
+        let mut start = 0;
+        while start < rows.count {
+            while total * (group + 1) / groups <= done {
+                group += 1;
+            }
+            let room = total * (group + 1) / groups - done;
+            let count = PIECE_ROWS.min(rows.count - start).min(room);
+            let first = rows.first + start * rows.stride;
+            pieces.push((index, Rows { first, count, ..rows.clone() }, group));
+            start += count;
+            done += count;
         }
     }
-    total
+    pieces
 }
 
 /// A run and the signals made from it.
@@ -90,6 +149,13 @@ impl<'a> Source<'a> {
     }
 }
 
+/// What one task gives.
+struct Part {
+    triangle: Triangle,
+    skipped: u64,
+    residuals: Vec<Sizes>,
+}
+
 /// Scratch of one task.
 struct Piece<'a> {
     program: &'a Program,
@@ -101,10 +167,11 @@ struct Piece<'a> {
     library: Vec<f64>,
     /// Rows waiting to be folded in, column by column.
     block: Vec<f64>,
+    streaming: &'a Streaming<'a>,
 }
 
 impl<'a> Piece<'a> {
-    fn new(program: &'a Program, nodes: Nodes, outputs: usize) -> Self {
+    fn new(program: &'a Program, nodes: Nodes, outputs: usize, streaming: &'a Streaming<'a>) -> Self {
         Self {
             program,
             nodes,
@@ -112,20 +179,49 @@ impl<'a> Piece<'a> {
             slots: vec![0.0; program.slots() * POINTS],
             library: Vec::new(),
             block: vec![0.0; (program.len() + outputs) * BLOCK_ROWS],
+            streaming,
         }
     }
 
-    fn run(&mut self, source: &Source<'_>, rows: &Rows) -> Assembled {
-        let mut part = Assembled { triangle: Triangle::new(self.program.len() + self.outputs), skipped: 0 };
+    fn run(&mut self, index: usize, source: &Source<'_>, rows: &Rows) -> Part {
+        let mut part = Part {
+            triangle: Triangle::new(self.program.len() + self.outputs),
+            skipped: 0,
+            residuals: vec![Sizes::default(); self.outputs],
+        };
         for start in (0..rows.count).step_by(BLOCK_ROWS) {
             let count = BLOCK_ROWS.min(rows.count - start);
             let first = rows.first + start * rows.stride;
             self.evaluate(source, first, (count - 1) * rows.stride + rows.kernel.library.len());
-            let good = self.fill_block(source.run, rows, first, count);
-            part.triangle.absorb(&mut self.block, good);
+            let mut good = self.fill_block(source.run, rows, first, count);
             part.skipped += (count - good) as u64;
+            if let Some(huber) = &self.streaming.robust {
+                huber.weigh(&mut self.block, self.program.len(), &mut part.residuals);
+            }
+            if let Some(weights) = self.streaming.samples.get(index) {
+                good -= self.weigh(weights, rows, first, count);
+            }
+            part.triangle.absorb(&mut self.block, good);
         }
         part
+    }
+
+    /// Multiplies the rows of the block by the square roots of their weights and gives the number of those
+    /// that had a say and lose it.
+    fn weigh(&mut self, weights: &[f64], rows: &Rows, first: usize, count: usize) -> usize {
+        let mut lost = 0;
+        for i in 0..count {
+            let at = first + i * rows.stride;
+            let samples = &weights[at..at + rows.kernel.outputs.len()];
+            let weight = samples.iter().copied().fold(f64::INFINITY, f64::min);
+            let mut zero = true;
+            for column in self.block.chunks_exact_mut(BLOCK_ROWS) {
+                zero &= column[i] == 0.0;
+                column[i] *= weight.sqrt();
+            }
+            lost += usize::from(weight == 0.0 && !zero);
+        }
+        lost
     }
 
     /// The library at `points` points from `first` on, term by term, into `self.library`.

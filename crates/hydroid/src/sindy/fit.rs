@@ -1,98 +1,18 @@
 //! From runs to equations: scaling, thresholded regression, and back to physical units.
 
-use hydroid_core::model::sparse::{Equations, EquationsError, Program, ProgramError, Signal, Term};
-use serde::{Deserialize, Serialize};
+use hydroid_core::model::sparse::{Equations, Program, Shape, Signal, Term};
 
-use super::assemble::{Assembled, assemble};
+use super::assemble::{Streaming, assemble_with};
+use super::constraints::fit_constrained;
+use super::criterion::stepwise_both_ways;
+use super::error::FitError;
 use super::kernel::Regression;
+use super::options::{FitOptions, Optimizer, Preparation, Scaling};
+use super::robust::{Loss, assemble_huber};
 use super::stepwise::stepwise;
 use super::stlsq::{SparseSolution, Stlsq, stlsq};
 use super::triangle::Triangle;
 use crate::log::Trajectory;
-
-/// What a coefficient is measured by when it is compared with the threshold.
-#[derive(Clone, Debug, PartialEq, Default)]
-pub enum Scaling {
-    /// A term counts by what it contributes: the RMS of `xi theta` over the training data in standard
-    /// deviations of the output per second. The same threshold then means the same for every channel,
-    /// whatever the units (a propeller in newtons has coefficients of 0.005 that matter).
-    #[default]
-    Contribution,
-    /// Every variable is divided by a scale of its own, and the coefficients of the scaled equations are
-    /// compared as they are. One scale for each output, then for each input.
-    Variables(Vec<f64>),
-}
-
-/// How terms are selected.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Optimizer {
-    /// Backward elimination: a term leaves when that raises the residual sum of squares by less than this
-    /// fraction, or by less than 1e-5 of the whole right-hand side: in noise-free data the discretisation of
-    /// the derivative leaves that much, and terms would be kept to explain it. Coefficients are the ridge
-    /// solution on the terms that remain.
-    Stepwise(f64),
-    /// Sequentially thresholded least squares: coefficients below this, in the units of [`Scaling`], are
-    /// removed. Ridge acts on the selection only, coefficients are plain least squares.
-    Stlsq(f64),
-}
-
-/// How to fit.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FitOptions {
-    /// How terms are selected.
-    pub optimizer: Optimizer,
-    /// Ridge penalty for each row of the regression, on scaled columns.
-    pub ridge: f64,
-    /// Integration steps in one sample of the resulting equations.
-    pub substeps: usize,
-}
-
-/// Why no equations could be fitted.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum FitError {
-    /// Fewer rows than unknowns.
-    #[error(
-        "{rows} usable regression rows for {terms} terms: too few{}",
-        if *skipped > *rows {
-            format!(
-                " ({skipped} more touch a missing value). Put sensors of different rates on one clock with --dt, the step of the slowest; or shorten the window"
-            )
-        } else {
-            String::from(". Give longer logs, a shorter window, or a smaller library (degree)")
-        }
-    )]
-    TooFewRows {
-        /// Rows that touch no missing sample.
-        rows: u64,
-        /// Rows that do.
-        skipped: u64,
-        /// Terms of the library.
-        terms: usize,
-    },
-    /// Runs that do not belong together.
-    #[error("runs '{first}' and '{second}' differ in sample time or channels: prepare them together")]
-    DifferentRuns {
-        /// The first run.
-        first: String,
-        /// The run that differs from it.
-        second: String,
-    },
-    /// Numbers that cannot be computed with.
-    #[error(
-        "products of the channels leave the range of floating-point numbers: bring the channels to sensible units, or choose a smaller degree"
-    )]
-    Overflow,
-    /// An output that does not vary has no equation.
-    #[error("output '{0}' does not vary in the training runs: there is nothing to identify. Leave it out")]
-    Constant(String),
-    /// The library is too large.
-    #[error(transparent)]
-    Program(#[from] ProgramError),
-    /// The fit gave no usable equations.
-    #[error("the fit gave unusable equations: {0}")]
-    Equations(#[from] EquationsError),
-}
 
 /// A regression that has been streamed once and can be solved for many thresholds.
 #[derive(Clone, Debug)]
@@ -104,6 +24,10 @@ pub struct Prepared {
     dt: f64,
     /// Factor with scaled columns; those of unidentifiable terms are zero.
     plain: Triangle,
+    /// The same of groups of rows.
+    groups: Vec<Triangle>,
+    /// Rows, counted as independent ones.
+    effective: f64,
     unidentifiable: Vec<usize>,
     /// Physical coefficient = scaled coefficient x `output_scale[i]` / `term_scale[j]`.
     term_scale: Vec<f64>,
@@ -133,19 +57,20 @@ impl Prepared {
         regression: Regression,
         scaling: &Scaling,
     ) -> Result<Self, FitError> {
-        Self::with_signals(runs, terms, &[], regression, scaling)
+        let preparation = Preparation { scaling: scaling.clone(), ..Preparation::default() };
+        Self::with(runs, terms, regression, &preparation)
     }
 
-    /// The same with signals, whose variables come after outputs and inputs.
+    /// Streams the runs through the library into a triangle, with weights, a robust loss, and groups for an
+    /// ensemble.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_signals(
+    /// As [`Prepared::new`]; if the weights are not those of the runs, or the loss has no sense.
+    pub fn with(
         runs: &[&Trajectory],
         terms: Vec<Term>,
-        signals: &[Signal],
         regression: Regression,
-        scaling: &Scaling,
+        preparation: &Preparation<'_>,
     ) -> Result<Self, FitError> {
         let Some(first) = runs.first() else {
             return Err(FitError::TooFewRows { rows: 0, skipped: 0, terms: terms.len() });
@@ -158,8 +83,20 @@ impl Prepared {
         if let Some(other) = runs.iter().find(|run| !alike(run)) {
             return Err(FitError::DifferentRuns { first: first.name.clone(), second: other.name.clone() });
         }
+        let signals = preparation.signals;
         let program = Program::new(&terms, outputs + inputs + signals.len())?;
-        let Assembled { triangle, skipped } = assemble(&program, runs, signals, regression);
+        check_defined(runs, &terms)?;
+        check_weights(runs, preparation.weights)?;
+        let streaming =
+            Streaming { signals, groups: preparation.groups, samples: preparation.weights, robust: None };
+        let assembled = match preparation.loss {
+            Loss::Squares => assemble_with(&program, runs, regression, &streaming),
+            Loss::Huber(k) if k > 0.0 => assemble_huber(&program, runs, regression, &streaming, k),
+            Loss::Huber(k) => {
+                return Err(FitError::Setting(format!("a Huber loss needs a positive bound, not {k}")));
+            }
+        };
+        let (triangle, skipped) = (assembled.triangle, assembled.skipped);
         if triangle.rows() <= terms.len() as u64 {
             let (rows, terms) = (triangle.rows(), terms.len());
             return Err(FitError::TooFewRows { rows, skipped, terms });
@@ -168,7 +105,7 @@ impl Prepared {
             return Err(FitError::Overflow);
         }
         let rms = |column| triangle.column_norm(column) / (triangle.rows() as f64).sqrt();
-        let (term_scale, output_scale): (Vec<f64>, Vec<f64>) = match scaling {
+        let (term_scale, output_scale): (Vec<f64>, Vec<f64>) = match &preparation.scaling {
             Scaling::Contribution => {
                 let deviations = deviations(runs);
                 if let Some(constant) = deviations.iter().position(|d| *d == 0.0) {
@@ -190,13 +127,16 @@ impl Prepared {
         let mask: Vec<f64> =
             (0..scaled.width()).map(|j| if unidentifiable.contains(&j) { 0.0 } else { 1.0 }).collect();
         let plain = scaled.scaled(&mask);
+        let groups = assembled.groups.iter().map(|group| group.scaled(&inverse).scaled(&mask)).collect();
         Ok(Self {
             terms,
             outputs,
             inputs,
             signals: signals.to_vec(),
             dt: first.dt,
+            effective: regression.effective_rows(plain.rows()),
             plain,
+            groups,
             unidentifiable,
             term_scale,
             output_scale,
@@ -230,34 +170,91 @@ impl Prepared {
         self.plain.condition(terms)
     }
 
+    /// Rows, counted as independent ones: [`Regression::effective_rows`].
+    pub fn effective_rows(&self) -> f64 {
+        self.effective
+    }
+
+    /// Triangles of the groups of rows, scaled as the total is.
+    pub(super) fn groups(&self) -> &[Triangle] {
+        &self.groups
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// Physical unit of coefficient `(equation, term)` in scaled ones.
+    pub(super) fn unit(&self, equation: usize, term: usize) -> f64 {
+        self.output_scale[equation] / self.term_scale[term]
+    }
+
+    /// RMS of the residual that least squares on all terms leaves of each equation, in standard deviations
+    /// of the output per second.
+    pub fn least_squares_rms(&self) -> Vec<f64> {
+        let columns: Vec<usize> =
+            (0..self.terms.len()).filter(|j| !self.unidentifiable.contains(j)).collect();
+        let rows = (self.rows() as f64).sqrt();
+        (0..self.outputs).map(|i| self.plain.solve(&columns, self.terms.len() + i).residual / rows).collect()
+    }
+
     /// Solves for sparse equations.
     ///
     /// # Errors
-    /// If the coefficients are not finite numbers.
+    /// If no coefficients obey the constraints, or the coefficients are not finite numbers.
     pub fn fit(&self, options: &FitOptions) -> Result<Fit, FitError> {
-        let ridged = self.ridged(options.ridge);
-        let count = self.terms.len();
-        let solutions = (0..self.outputs)
-            .map(|i| match options.optimizer {
-                Optimizer::Stepwise(tolerance) => stepwise(&ridged, count, count + i, tolerance),
-                Optimizer::Stlsq(threshold) => {
-                    let settings = Stlsq { threshold, ..Stlsq::default() };
-                    stlsq(&self.plain, &ridged, count, count + i, settings)
-                }
-            })
-            .collect();
+        let solutions = self.solve(&self.plain, options)?;
         self.finish(solutions, options.substeps)
     }
 
-    fn ridged(&self, ridge: f64) -> Triangle {
+    /// Scaled coefficients of all equations from a triangle with the columns of this regression.
+    pub(super) fn solve(
+        &self,
+        plain: &Triangle,
+        options: &FitOptions,
+    ) -> Result<Vec<SparseSolution>, FitError> {
+        let ridged = self.ridged(plain, options.ridge);
+        if options.constraints.is_empty() {
+            return Ok((0..self.outputs)
+                .map(|i| self.select(plain, &ridged, i, options.optimizer))
+                .collect());
+        }
+        Ok(fit_constrained(self, plain, &ridged, options)?)
+    }
+
+    /// Scaled coefficients of one equation.
+    pub(super) fn select(
+        &self,
+        plain: &Triangle,
+        ridged: &Triangle,
+        equation: usize,
+        optimizer: Optimizer,
+    ) -> SparseSolution {
+        let count = self.terms.len();
+        let target = count + equation;
+        match optimizer {
+            Optimizer::Stepwise(tolerance) => stepwise(ridged, count, target, tolerance),
+            Optimizer::Criterion(criterion) => {
+                stepwise_both_ways(ridged, count, target, criterion.tolerance(self.effective))
+            }
+            Optimizer::Stlsq(threshold) => {
+                stlsq(plain, ridged, count, target, Stlsq { threshold, ..Stlsq::default() })
+            }
+        }
+    }
+
+    fn ridged(&self, plain: &Triangle, ridge: f64) -> Triangle {
         if ridge == 0.0 {
-            return self.plain.clone();
+            return plain.clone();
         }
         let weight = (ridge * self.rows() as f64).sqrt();
         let count = self.terms.len();
-        let weights: Vec<f64> =
-            (0..self.plain.width()).map(|j| if j < count { weight } else { 0.0 }).collect();
-        self.plain.with_ridge(&weights)
+        // What takes no part is not brought back by its penalty.
+        let weights: Vec<f64> = (0..plain.width())
+            .map(|j| if j < count && plain.column_norm(j) > 0.0 { weight } else { 0.0 })
+            .collect();
+        plain.with_ridge(&weights)
     }
 
     /// Back to physical units.
@@ -287,6 +284,64 @@ impl Prepared {
         )?;
         Ok(Fit { equations, residual_rms, scaled })
     }
+}
+
+/// A term that has no value on the data is told from a sample that is missing.
+fn check_defined(runs: &[&Trajectory], terms: &[Term]) -> Result<(), FitError> {
+    for term in terms {
+        for factor in term.factors() {
+            let bad = |value: f64| match factor.shape {
+                Shape::Reciprocal => value == 0.0,
+                Shape::Log => value <= 0.0,
+                _ => false,
+            };
+            if !matches!(factor.shape, Shape::Reciprocal | Shape::Log) {
+                continue;
+            }
+            for run in runs {
+                let (n, m) = (run.outputs.width(), run.inputs.width());
+                let variable = usize::from(factor.variable);
+                let at = if variable < n {
+                    run.outputs.column(variable).position(bad)
+                } else if variable < n + m {
+                    run.inputs.column(variable - n).position(bad)
+                } else {
+                    None
+                };
+                if let Some(k) = at {
+                    let names: Vec<&str> = run
+                        .outputs
+                        .channels()
+                        .iter()
+                        .chain(run.inputs.channels())
+                        .map(|c| c.name.as_str())
+                        .collect();
+                    return Err(FitError::Undefined {
+                        term: term.name(&names),
+                        channel: names[variable].to_owned(),
+                        run: run.name.clone(),
+                        time_s: run.t0 + k as f64 * run.dt,
+                    });
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_weights(runs: &[&Trajectory], weights: &[Vec<f64>]) -> Result<(), FitError> {
+    if weights.is_empty() {
+        return Ok(());
+    }
+    let sound = |run: &Trajectory, weights: &[f64]| {
+        weights.len() == run.len() && weights.iter().all(|w| w.is_finite() && *w >= 0.0)
+    };
+    for (index, run) in runs.iter().enumerate() {
+        if !weights.get(index).is_some_and(|weights| sound(run, weights)) {
+            return Err(FitError::Weights(run.name.clone()));
+        }
+    }
+    Ok(())
 }
 
 /// Columns among the first `terms` that are zero or depend on earlier ones.

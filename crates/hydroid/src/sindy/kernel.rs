@@ -46,6 +46,32 @@ pub enum Regression {
     /// the ends of a run: what PySINDy does by default. It spans two held commands and sees one; here for
     /// comparison.
     Central,
+    /// The weak form: both sides are averaged over a window of `intervals` under the test function
+    /// `phi(s) = (1 - s^2)^4`, which goes smoothly to zero at both ends of the window (Messenger and Bortz,
+    /// J. Comput. Phys. 443 (2021) 110525):
+    ///
+    /// ```text
+    /// sum_k phi_k (y_{k+1} - y_k)/dt  =  Xi sum_k phi_k theta((y_k + y_{k+1})/2, c_k),   sum_k phi_k = 1
+    /// ```
+    ///
+    /// with `phi_k` at the middle of interval `k`. Summed by parts, the samples on the left are weighted with
+    /// differences of `phi`: nothing is differentiated but the test function. White noise of deviation
+    /// `sigma` leaves about `5.9 sigma / (T sqrt(intervals))` of the row, where `T = intervals dt`. Unlike an
+    /// increment, which hangs on its two end samples, every sample of the window averages. Data that obey
+    /// the midpoint rule satisfy every row exactly, and every interval sees the command held over it.
+    Weak {
+        /// Number of intervals in a window, at least 1.
+        intervals: usize,
+    },
+    /// Derivative of the parabola fitted to `2 half + 1` samples, against the
+    /// library at the middle one (Savitzky and Golay, Anal. Chem. 36 (1964) 1627). Here for comparison: the
+    /// left side is averaged and the right side is not, so that the full noise of one sample stands in every
+    /// product of the library and pulls coefficients towards zero; and a derivative averaged over commands
+    /// that changed meets the one command of the middle. [`Regression::Weak`] averages both sides alike.
+    Smoothed {
+        /// Samples on either side of the middle one, at least 1.
+        half: usize,
+    },
 }
 
 impl Default for Regression {
@@ -71,43 +97,93 @@ impl Regression {
     /// Where the library is evaluated.
     pub fn nodes(self) -> Nodes {
         match self {
-            Self::Midpoint { .. } => Nodes::Midpoints,
-            Self::Central => Nodes::Samples,
+            Self::Midpoint { .. } | Self::Weak { .. } => Nodes::Midpoints,
+            Self::Central | Self::Smoothed { .. } => Nodes::Samples,
+        }
+    }
+
+    /// Intervals that a row reaches over.
+    pub fn window(self) -> usize {
+        match self {
+            Self::Midpoint { intervals } | Self::Weak { intervals } => intervals.max(1),
+            Self::Central => 2,
+            Self::Smoothed { half } => 2 * half.max(1),
+        }
+    }
+
+    /// Samples between the starts of two rows: rows that overlap by three quarters (increments) or seven
+    /// eighths (the weak form, whose windows count little near their ends) use nearly all that the samples
+    /// say.
+    pub fn stride(self) -> usize {
+        match self {
+            Self::Midpoint { intervals } => (intervals / 4).max(1),
+            Self::Weak { intervals } => (intervals / 8).max(1),
+            Self::Central | Self::Smoothed { .. } => 1,
+        }
+    }
+
+    /// What `rows` overlapping rows are worth in independent ones: `rows stride / window`, as many as stand
+    /// side by side. Neighbouring rows share their samples and with them their noise; taken for independent
+    /// they would make every junk term look significant.
+    pub fn effective_rows(self, rows: u64) -> f64 {
+        (rows as f64 * self.stride() as f64 / self.window() as f64).max(1.0)
+    }
+
+    /// The weights of a row inside a run.
+    pub fn kernel(self, dt: f64) -> Kernel {
+        match self {
+            Self::Midpoint { .. } => {
+                let m = self.window();
+                let mut outputs = vec![0.0; m + 1];
+                outputs[0] = -1.0 / (m as f64 * dt);
+                outputs[m] = -outputs[0];
+                Kernel { outputs, library: vec![1.0 / m as f64; m] }
+            }
+            Self::Weak { .. } => {
+                let m = self.window();
+                let middle = |k: usize| (2 * k + 1) as f64 / m as f64 - 1.0;
+                let bump: Vec<f64> = (0..m).map(|k| (1.0 - middle(k).powi(2)).powi(4)).collect();
+                let sum: f64 = bump.iter().sum();
+                let library: Vec<f64> = bump.iter().map(|phi| phi / sum).collect();
+                let before = |j: usize| j.checked_sub(1).map_or(0.0, |k| library[k]);
+                let after = |j: usize| library.get(j).copied().unwrap_or(0.0);
+                let outputs = (0..=m).map(|j| (before(j) - after(j)) / dt).collect();
+                Kernel { outputs, library }
+            }
+            Self::Central => Kernel { outputs: vec![-0.5 / dt, 0.0, 0.5 / dt], library: vec![0.0, 1.0] },
+            Self::Smoothed { .. } => {
+                let half = self.window() / 2;
+                let offset = |j: usize| j as f64 - half as f64;
+                let squares: f64 = (0..=2 * half).map(|j| offset(j).powi(2)).sum();
+                let mut library = vec![0.0; half + 1];
+                library[half] = 1.0;
+                Kernel { outputs: (0..=2 * half).map(|j| offset(j) / (squares * dt)).collect(), library }
+            }
         }
     }
 
     /// All rows that a run of `len` samples with sample time `dt` gives; empty where it is too short.
     pub fn rows(self, len: usize, dt: f64) -> Vec<Rows> {
-        match self {
-            Self::Midpoint { intervals } => {
-                let m = intervals.max(1);
-                if len <= m {
-                    return Vec::new();
-                }
-                let mut outputs = vec![0.0; m + 1];
-                outputs[0] = -1.0 / (m as f64 * dt);
-                outputs[m] = -outputs[0];
-                let kernel = Kernel { outputs, library: vec![1.0 / m as f64; m] };
-                // Increments that overlap by three quarters use nearly all that the samples say.
-                let stride = (m / 4).max(1);
-                vec![Rows { kernel, first: 0, count: (len - m - 1) / stride + 1, stride }]
-            }
-            Self::Central => {
-                if len < 3 {
-                    return Vec::new();
-                }
-                let h = 0.5 / dt;
-                let kernel = |outputs: [f64; 3], library: &[f64]| Kernel {
-                    outputs: outputs.to_vec(),
-                    library: library.to_vec(),
-                };
-                let row = |kernel, first, count| Rows { kernel, first, count, stride: 1 };
-                vec![
-                    row(kernel([-3.0 * h, 4.0 * h, -h], &[1.0]), 0, 1),
-                    row(kernel([-h, 0.0, h], &[0.0, 1.0]), 0, len - 2),
-                    row(kernel([h, -4.0 * h, 3.0 * h], &[0.0, 0.0, 1.0]), len - 3, 1),
-                ]
-            }
+        let (window, stride) = (self.window(), self.stride());
+        if len <= window {
+            return Vec::new();
         }
+        let inner =
+            Rows { kernel: self.kernel(dt), first: 0, count: (len - window - 1) / stride + 1, stride };
+        if self != Self::Central {
+            return vec![inner];
+        }
+        let h = 0.5 / dt;
+        let end = |outputs: [f64; 3], library: &[f64], first| Rows {
+            kernel: Kernel { outputs: outputs.to_vec(), library: library.to_vec() },
+            first,
+            count: 1,
+            stride,
+        };
+        vec![
+            end([-3.0 * h, 4.0 * h, -h], &[1.0], 0),
+            inner,
+            end([h, -4.0 * h, 3.0 * h], &[0.0, 0.0, 1.0], len - 3),
+        ]
     }
 }

@@ -6,9 +6,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::fit::{Fit, FitError, FitOptions, Optimizer, Prepared, Scaling};
+use super::constraints::Constraints;
+use super::error::FitError;
+use super::fit::{Fit, Prepared};
 use super::kernel::Regression;
 use super::library::Library;
+use super::options::{FitOptions, Optimizer, Scaling};
 use crate::evaluate::{self, DesignRange, EvaluateError, evaluate};
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
@@ -161,7 +164,12 @@ pub fn search(
             progress::report(progress, done)?;
             let mut last: Option<Fit> = None;
             for &optimizer in &grid.optimizers {
-                let options_of = FitOptions { optimizer, ridge, substeps: substeps(run.dt) };
+                let options_of = FitOptions {
+                    optimizer,
+                    ridge,
+                    substeps: substeps(run.dt),
+                    constraints: Constraints::default(),
+                };
                 let fit = match equations_of.fit(&options_of) {
                     Ok(fit) => fit,
                     Err(error) => {

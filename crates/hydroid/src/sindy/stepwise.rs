@@ -10,7 +10,7 @@ use super::triangle::Triangle;
 
 /// A term that explains less than this share of the whole right-hand side leaves in any case: it is below
 /// the error that the discretisation of the derivative leaves in noise-free data.
-const NEGLIGIBLE: f64 = 1e-5;
+pub(super) const NEGLIGIBLE: f64 = 1e-5;
 
 /// Where an element of the inverse has fallen to less than this share of itself, so many of its digits are
 /// lost that the inverse is made anew.
@@ -20,13 +20,17 @@ const CANCELLED: f64 = 1e-6;
 /// more than the fraction `tolerance`. Columns `0..terms` are the library, column `target` the right-hand
 /// side; the final coefficients are those of the given (possibly ridged) triangle on the remaining terms.
 pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
-    let present: Vec<usize> = (0..terms).filter(|&j| ridged.column_norm(j) > 0.0).collect();
-    let full = ridged.solve(&present, target);
-    let dependent: Vec<usize> = full.dependent.iter().map(|&position| present[position]).collect();
-    let mut support: Vec<usize> = present.into_iter().filter(|j| !dependent.contains(j)).collect();
+    let (mut support, dependent) = independent(ridged, terms, target);
+    eliminate(ridged, &mut support, target, tolerance);
+    solution_on(ridged, &support, dependent, terms, target)
+}
+
+/// Removes terms from a support without dependent columns until each that is left is worth more than
+/// `tolerance` of the residual sum of squares.
+pub(super) fn eliminate(ridged: &Triangle, support: &mut Vec<usize>, target: usize, tolerance: f64) {
     let total = ridged.column_norm(target).powi(2);
-    let mut residual = full.residual.powi(2);
-    let (mut inverse, mut x) = inverse_and_solution(ridged, &support, target);
+    let mut residual = ridged.solve(support, target).residual.powi(2);
+    let (mut inverse, mut x) = inverse_and_solution(ridged, support, target);
     // Diagonal of the inverse when it was last made from the triangle.
     let mut fresh: Vec<f64> = diagonal(&inverse, support.len()).collect();
     loop {
@@ -51,17 +55,36 @@ pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) 
         support.remove(weakest);
         fresh.remove(weakest);
         if fresh.iter().zip(diagonal(&inverse, n - 1)).any(|(fresh, now)| now <= CANCELLED * fresh) {
-            (inverse, x) = inverse_and_solution(ridged, &support, target);
+            (inverse, x) = inverse_and_solution(ridged, support, target);
             fresh = diagonal(&inverse, n - 1).collect();
-            residual = ridged.solve(&support, target).residual.powi(2);
+            residual = ridged.solve(support, target).residual.powi(2);
         }
     }
-    let solution = ridged.solve(&support, target);
+}
+
+/// Least squares on a support, as a row of coefficients.
+pub(super) fn solution_on(
+    triangle: &Triangle,
+    support: &[usize],
+    dependent: Vec<usize>,
+    terms: usize,
+    target: usize,
+) -> SparseSolution {
+    let solution = triangle.solve(support, target);
     let mut coefficients = vec![0.0; terms];
     for (&j, &c) in support.iter().zip(&solution.coefficients) {
         coefficients[j] = c;
     }
     SparseSolution { coefficients, dependent, residual: solution.residual }
+}
+
+/// The columns among `0..terms` that are neither zero nor dependent on earlier ones, and those that are
+/// dependent.
+pub(super) fn independent(triangle: &Triangle, terms: usize, target: usize) -> (Vec<usize>, Vec<usize>) {
+    let present: Vec<usize> = (0..terms).filter(|&j| triangle.column_norm(j) > 0.0).collect();
+    let dependent = triangle.solve(&present, target).dependent;
+    let dependent: Vec<usize> = dependent.into_iter().map(|position| present[position]).collect();
+    (present.into_iter().filter(|j| !dependent.contains(j)).collect(), dependent)
 }
 
 fn diagonal(matrix: &[f64], n: usize) -> impl Iterator<Item = f64> + '_ {

@@ -1,0 +1,208 @@
+//! Least squares under linear equalities and signs: the dual active-set method of Goldfarb and Idnani (Math.
+//! Programming 27 (1983) 1).
+//!
+//! `min |R x - d|^2` with `R` upper triangular, `a_e . x = b_e` for every equality, and `s_j x_j >= 0` for
+//! some `j`. It starts from the least-squares solution and makes one violated constraint after another
+//! active; a constraint whose multiplier would turn negative is let go. Every step raises the minimum under the
+//! active constraints, so that none comes back and the method ends; where a violated constraint cannot be
+//! obeyed beside the active ones, nothing can obey them all.
+
+use super::triangle::Triangle;
+
+/// The part of a constraint's normal that is independent of the active ones may be rounding below this.
+const DEPENDENT: f64 = 1e-10;
+
+/// A constraint counts as obeyed within this share of the size of what it constrains.
+const OBEYED: f64 = 1e-12;
+
+/// A least-squares problem: the last column of the triangle is the right-hand side.
+pub(super) struct Problem<'a> {
+    /// Factor of `[R d]`, without dependent columns.
+    pub(super) triangle: &'a Triangle,
+    /// Weights of all coefficients and what their sum must be.
+    pub(super) equalities: &'a [(Vec<f64>, f64)],
+    /// For each coefficient the sign that it must have: 1, -1, or 0 for any.
+    pub(super) signs: &'a [f64],
+}
+
+/// No coefficients obey all constraints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Infeasible;
+
+/// A constraint `n . x >= b` (or `= b`), with the normal as the metric of `R` sees it: `R^-T n`.
+struct Active {
+    /// The coefficient at its bound; none for an equality.
+    bound: Option<usize>,
+    normal: Vec<f64>,
+    multiplier: f64,
+}
+
+/// Coefficients that solve the problem; those at their bound are exactly zero.
+pub(super) fn solve(problem: &Problem<'_>) -> Result<Vec<f64>, Infeasible> {
+    let triangle = problem.triangle;
+    let n = triangle.width() - 1;
+    let right: Vec<f64> = (0..n).map(|i| triangle.get(i, n)).collect();
+    let mut x = back(triangle, &right);
+    let mut active: Vec<Active> = Vec::new();
+    for (weights, value) in problem.equalities {
+        let size = weights.iter().zip(&x).map(|(a, x)| (a * x).abs()).sum::<f64>() + value.abs();
+        let violation = dot(weights, &x) - value;
+        let normal = forward(triangle, weights);
+        let (free, _) = split(&active, &normal);
+        let length = dot(&free, &free);
+        if length.sqrt() <= DEPENDENT * dot(&normal, &normal).sqrt() {
+            // It follows from the others, or speaks against them.
+            if violation.abs() > 1e-9 * size {
+                return Err(Infeasible);
+            }
+            continue;
+        }
+        step(&mut x, &back(triangle, &free), -violation / length);
+        active.push(Active { bound: None, normal, multiplier: 0.0 });
+    }
+    let normals: Vec<Vec<f64>> = (0..n)
+        .map(|j| {
+            let mut unit = vec![0.0; n];
+            unit[j] = problem.signs[j];
+            forward(triangle, &unit)
+        })
+        .collect();
+    // What a right-hand side of this size can do to a coefficient, in its standard deviations.
+    let scale = dot(&right, &right).sqrt();
+    // Far more than there are steps: what does not end is not offered as a solution.
+    for _ in 0..100 * (n + 1) {
+        let violated = |j: usize| problem.signs[j] * x[j] / dot(&normals[j], &normals[j]).sqrt();
+        let worst = (0..n)
+            .filter(|&j| problem.signs[j] != 0.0 && active.iter().all(|a| a.bound != Some(j)))
+            .min_by(|&a, &b| violated(a).total_cmp(&violated(b)));
+        let Some(worst) = worst.filter(|&j| violated(j) < -OBEYED * scale) else {
+            for a in &active {
+                if let Some(j) = a.bound {
+                    x[j] = 0.0;
+                }
+            }
+            // Rounding is no push.
+            for (x, sign) in x.iter_mut().zip(problem.signs) {
+                if *x * sign < 0.0 {
+                    *x = 0.0;
+                }
+            }
+            return Ok(x);
+        };
+        activate(problem, &mut x, &mut active, worst, &normals[worst])?;
+    }
+    Err(Infeasible)
+}
+
+/// Moves to where the violated sign of `x_j` is obeyed, and lets go what stands in the way.
+fn activate(
+    problem: &Problem<'_>,
+    x: &mut [f64],
+    active: &mut Vec<Active>,
+    j: usize,
+    normal: &[f64],
+) -> Result<(), Infeasible> {
+    let mut multiplier = 0.0;
+    loop {
+        let (free, shares) = split(active, normal);
+        let length = dot(&free, &free);
+        let blocking = active
+            .iter()
+            .zip(&shares)
+            .enumerate()
+            .filter(|(_, (a, share))| a.bound.is_some() && **share > 0.0)
+            .map(|(k, (a, share))| (k, a.multiplier / share))
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let full = if length.sqrt() <= DEPENDENT * dot(normal, normal).sqrt() {
+            f64::INFINITY
+        } else {
+            -problem.signs[j] * x[j] / length
+        };
+        let length_of_step = blocking.map_or(full, |(_, partial)| partial.min(full));
+        if length_of_step.is_infinite() {
+            return Err(Infeasible);
+        }
+        if full.is_finite() {
+            step(x, &back(problem.triangle, &free), length_of_step);
+        }
+        for (a, share) in active.iter_mut().zip(&shares) {
+            a.multiplier -= length_of_step * share;
+        }
+        multiplier += length_of_step;
+        match blocking {
+            Some((k, partial)) if partial < full => drop(active.remove(k)),
+            _ => {
+                active.push(Active { bound: Some(j), normal: normal.to_vec(), multiplier });
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// The part of a normal that is orthogonal to the active ones, and the shares of those in the rest.
+fn split(active: &[Active], normal: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let k = active.len();
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(k);
+    // Upper triangular: the active normals in the basis.
+    let mut factor = vec![0.0; k * k];
+    for (column, a) in active.iter().enumerate() {
+        let (mut rest, shares) = orthogonal(&basis, &a.normal);
+        let length = dot(&rest, &rest).sqrt();
+        for value in rest.iter_mut() {
+            *value /= length;
+        }
+        for (row, share) in shares.iter().enumerate() {
+            factor[row * k + column] = *share;
+        }
+        factor[column * k + column] = length;
+        basis.push(rest);
+    }
+    let (free, mut shares) = orthogonal(&basis, normal);
+    for row in (0..k).rev() {
+        let known: f64 = (row + 1..k).map(|column| factor[row * k + column] * shares[column]).sum();
+        shares[row] = (shares[row] - known) / factor[row * k + row];
+    }
+    (free, shares)
+}
+
+/// Gram-Schmidt, twice: once is not enough to rounding.
+fn orthogonal(basis: &[Vec<f64>], vector: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let mut rest = vector.to_vec();
+    let mut shares = vec![0.0; basis.len()];
+    for _ in 0..2 {
+        for (direction, share) in basis.iter().zip(&mut shares) {
+            let part = dot(direction, &rest);
+            *share += part;
+            step(&mut rest, direction, -part);
+        }
+    }
+    (rest, shares)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn step(x: &mut [f64], direction: &[f64], length: f64) {
+    x.iter_mut().zip(direction).for_each(|(x, d)| *x += length * d);
+}
+
+/// `R^-1 v`.
+fn back(triangle: &Triangle, v: &[f64]) -> Vec<f64> {
+    let mut x = v.to_vec();
+    for i in (0..v.len()).rev() {
+        let known: f64 = (i + 1..v.len()).map(|j| triangle.get(i, j) * x[j]).sum();
+        x[i] = (x[i] - known) / triangle.get(i, i);
+    }
+    x
+}
+
+/// `R^-T v`.
+fn forward(triangle: &Triangle, v: &[f64]) -> Vec<f64> {
+    let mut x = v.to_vec();
+    for i in 0..v.len() {
+        let known: f64 = (0..i).map(|j| triangle.get(j, i) * x[j]).sum();
+        x[i] = (x[i] - known) / triangle.get(i, i);
+    }
+    x
+}

@@ -1,0 +1,289 @@
+//! What is known of coefficients before any data: signs, and linear relations across equations.
+//!
+//! Drag must not push (`xi_u|u| <= 0`); a mass matrix is symmetric, so that coefficients of two equations
+//! are tied. Both hold in the coefficients that are found, signs exactly and relations to rounding.
+
+use super::active_set::{Problem, solve};
+use super::fit::Prepared;
+use super::options::{FitOptions, Optimizer};
+use super::stepwise::independent;
+use super::stlsq::SparseSolution;
+use super::triangle::{BLOCK_ROWS, Triangle};
+
+/// The coefficient of a term in an equation, both counted from 0 in the order of outputs and library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Coefficient {
+    /// The equation, that is, the output whose derivative it gives.
+    pub equation: usize,
+    /// The term of the library.
+    pub term: usize,
+}
+
+/// A sign that a coefficient must have, or be zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// `xi >= 0`.
+    NotNegative,
+    /// `xi <= 0`.
+    NotPositive,
+}
+
+/// `sum a xi = b`, in physical units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Equality {
+    /// Coefficients with their weights `a`.
+    pub weights: Vec<(Coefficient, f64)>,
+    /// The sum `b`.
+    pub value: f64,
+}
+
+/// What the coefficients must obey.
+///
+/// A term whose coefficient is at its bound of zero leaves, and the others are selected anew without it. The
+/// coefficients that an equality names are given by it: no selection removes them. Coefficients that the
+/// data cannot identify are zero in an equality. Equations that an equality ties together are solved
+/// together, each weighted by the inverse of its residual.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Constraints {
+    /// Signs of single coefficients.
+    pub signs: Vec<(Coefficient, Sign)>,
+    /// Linear relations.
+    pub equalities: Vec<Equality>,
+}
+
+/// Constraints that make no sense.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ConstraintError {
+    /// There is no such coefficient.
+    #[error(
+        "a constraint names term {} of equation {}, and there are {terms} terms and {equations} equations, counted from 0",
+        .at.term,
+        .at.equation
+    )]
+    OutOfRange {
+        /// What was named.
+        at: Coefficient,
+        /// Number of equations.
+        equations: usize,
+        /// Number of terms.
+        terms: usize,
+    },
+    /// A relation without a weight that counts, or with numbers that are none.
+    #[error("equality {0} (from 0) has no weight other than zero, or a number that is not finite")]
+    Empty(usize),
+    /// No coefficients obey them all.
+    #[error(
+        "no coefficients obey all constraints of equation {equation} (from 0) and those tied to it: look for an equality that asks for a sign that is forbidden, two that differ, or one on terms that the data cannot identify"
+    )]
+    Contradiction {
+        /// The first equation concerned.
+        equation: usize,
+    },
+}
+
+impl Constraints {
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.signs.is_empty() && self.equalities.is_empty()
+    }
+
+    fn check(&self, equations: usize, terms: usize) -> Result<(), ConstraintError> {
+        let named = self.equalities.iter().flat_map(|e| e.weights.iter().map(|(at, _)| at));
+        for at in self.signs.iter().map(|(at, _)| at).chain(named) {
+            if at.equation >= equations || at.term >= terms {
+                return Err(ConstraintError::OutOfRange { at: *at, equations, terms });
+            }
+        }
+        for (index, equality) in self.equalities.iter().enumerate() {
+            let finite = equality.value.is_finite() && equality.weights.iter().all(|(_, a)| a.is_finite());
+            if !finite || equality.weights.iter().all(|(_, a)| *a == 0.0) {
+                return Err(ConstraintError::Empty(index));
+            }
+        }
+        Ok(())
+    }
+
+    /// The sign asked of a coefficient: 1, -1, or 0 for any; none where both are, which is zero.
+    fn sign(&self, equation: usize, term: usize) -> Option<f64> {
+        let at = Coefficient { equation, term };
+        let mut signs = self.signs.iter().filter(|(other, _)| *other == at).map(|(_, sign)| match sign {
+            Sign::NotNegative => 1.0,
+            Sign::NotPositive => -1.0,
+        });
+        let first = signs.next().unwrap_or(0.0);
+        signs.all(|sign| sign == first).then_some(first)
+    }
+
+    /// Terms of an equation that equalities name.
+    fn tied(&self, equation: usize) -> impl Iterator<Item = usize> + '_ {
+        let named = self.equalities.iter().flat_map(|e| &e.weights);
+        named.filter(move |(at, _)| at.equation == equation).map(|(at, _)| at.term)
+    }
+
+    /// Equations that must be solved together, each list ascending.
+    fn systems(&self, equations: usize) -> Vec<Vec<usize>> {
+        let mut system: Vec<usize> = (0..equations).collect();
+        for equality in &self.equalities {
+            let members: Vec<usize> = equality.weights.iter().map(|(at, _)| system[at.equation]).collect();
+            let Some(&first) = members.iter().min() else { continue };
+            system.iter_mut().filter(|s| members.contains(s)).for_each(|s| *s = first);
+        }
+        (0..equations)
+            .map(|first| (0..equations).filter(|&i| system[i] == first).collect::<Vec<usize>>())
+            .filter(|members| !members.is_empty())
+            .collect()
+    }
+}
+
+/// Scaled coefficients of all equations under the constraints of the options.
+pub(super) fn fit_constrained(
+    prepared: &Prepared,
+    plain: &Triangle,
+    ridged: &Triangle,
+    options: &FitOptions,
+) -> Result<Vec<SparseSolution>, ConstraintError> {
+    let constraints = &options.constraints;
+    let terms = prepared.terms().len();
+    constraints.check(prepared.outputs(), terms)?;
+    let mut solutions: Vec<Option<SparseSolution>> = vec![None; prepared.outputs()];
+    for equations in constraints.systems(prepared.outputs()) {
+        for (equation, solution) in system(prepared, plain, ridged, options, &equations)? {
+            solutions[equation] = Some(solution);
+        }
+    }
+    Ok(solutions.into_iter().flatten().collect())
+}
+
+/// Solves equations that are tied together.
+fn system(
+    prepared: &Prepared,
+    plain: &Triangle,
+    ridged: &Triangle,
+    options: &FitOptions,
+    equations: &[usize],
+) -> Result<Vec<(usize, SparseSolution)>, ConstraintError> {
+    let constraints = &options.constraints;
+    let count = prepared.terms().len();
+    // Terms that no solution may have, by equation.
+    let mut banned: Vec<Vec<bool>> =
+        equations.iter().map(|&i| (0..count).map(|j| constraints.sign(i, j).is_none()).collect()).collect();
+    // The same triangle that gives the optimizer's own coefficients.
+    let source = if matches!(options.optimizer, Optimizer::Stlsq(_)) { plain } else { ridged };
+    loop {
+        let mut dependent = Vec::new();
+        let mut parts = Vec::new();
+        for (&i, banned) in equations.iter().zip(&banned) {
+            let mask: Vec<f64> = (0..plain.width())
+                .map(|j| if banned.get(j).copied().unwrap_or(false) { 0.0 } else { 1.0 })
+                .collect();
+            let (plain, ridged) = (plain.scaled(&mask), ridged.scaled(&mask));
+            let chosen = prepared.select(&plain, &ridged, i, options.optimizer);
+            let (identifiable, _) = independent(&plain, count, count + i);
+            let tied: Vec<usize> = constraints.tied(i).collect();
+            let support: Vec<usize> = identifiable
+                .into_iter()
+                .filter(|j| chosen.coefficients[*j] != 0.0 || tied.contains(j))
+                .collect();
+            dependent.push(chosen.dependent);
+            parts.push(Part { equation: i, support });
+        }
+        let stacked = Stacked::new(prepared, source, constraints, &parts);
+        let problem =
+            Problem { triangle: &stacked.triangle, equalities: &stacked.equalities, signs: &stacked.signs };
+        let x = solve(&problem).map_err(|_| ConstraintError::Contradiction { equation: equations[0] })?;
+        let mut left = false;
+        let mut position = 0;
+        let mut solutions = Vec::new();
+        for ((part, banned), dependent) in parts.iter().zip(&mut banned).zip(dependent) {
+            let own = &x[position..position + part.support.len()];
+            position += part.support.len();
+            let mut coefficients = vec![0.0; count];
+            for (&j, &x) in part.support.iter().zip(own) {
+                coefficients[j] = x;
+                // At its bound. Within an equality zero is a value as any other.
+                if x == 0.0 && !constraints.tied(part.equation).any(|tied| tied == j) {
+                    banned[j] = true;
+                    left = true;
+                }
+            }
+            let columns: Vec<usize> = (0..count).collect();
+            let residual = source.residual(&columns, &coefficients, count + part.equation);
+            solutions.push((part.equation, SparseSolution { coefficients, dependent, residual }));
+        }
+        if !left {
+            return Ok(solutions);
+        }
+    }
+}
+
+/// An equation and the terms that are solved for.
+struct Part {
+    equation: usize,
+    support: Vec<usize>,
+}
+
+/// Several equations as one problem, coefficients one after another.
+struct Stacked {
+    triangle: Triangle,
+    equalities: Vec<(Vec<f64>, f64)>,
+    signs: Vec<f64>,
+}
+
+impl Stacked {
+    fn new(prepared: &Prepared, source: &Triangle, constraints: &Constraints, parts: &[Part]) -> Self {
+        let count = prepared.terms().len();
+        let places: Vec<Coefficient> = parts
+            .iter()
+            .flat_map(|p| p.support.iter().map(|&term| Coefficient { equation: p.equation, term }))
+            .collect();
+        let n = places.len();
+        let mut triangle = Triangle::new(n + 1);
+        let mut block = vec![0.0; (n + 1) * BLOCK_ROWS];
+        let mut first = 0;
+        for part in parts {
+            let target = count + part.equation;
+            let columns: Vec<usize> = part.support.iter().copied().chain([target]).collect();
+            let own = source.select(&columns);
+            let k = part.support.len();
+            // Of exact data no equation counts infinitely more than another.
+            let floor = 1e-9 * own.column_norm(k);
+            let weight = if parts.len() == 1 {
+                1.0
+            } else {
+                1.0 / own.get(k, k).abs().max(floor).max(f64::MIN_POSITIVE)
+            };
+            for start in (0..=k).step_by(BLOCK_ROWS) {
+                block.fill(0.0);
+                for row in start..(start + BLOCK_ROWS).min(k + 1) {
+                    for column in row..=k {
+                        let place = if column == k { n } else { first + column };
+                        block[place * BLOCK_ROWS + row - start] = weight * own.get(row, column);
+                    }
+                }
+                triangle.absorb(&mut block, 0);
+            }
+            first += k;
+        }
+        let weights_of = |equality: &Equality| {
+            let mut weights = vec![0.0; n];
+            for (at, a) in &equality.weights {
+                if let Some(position) = places.iter().position(|place| place == at) {
+                    weights[position] += a * prepared.unit(at.equation, at.term);
+                }
+            }
+            weights
+        };
+        let concerned =
+            |e: &&Equality| e.weights.iter().any(|(at, _)| parts.iter().any(|p| p.equation == at.equation));
+        Self {
+            equalities: constraints
+                .equalities
+                .iter()
+                .filter(concerned)
+                .map(|e| (weights_of(e), e.value))
+                .collect(),
+            signs: places.iter().map(|at| constraints.sign(at.equation, at.term).unwrap_or(0.0)).collect(),
+            triangle,
+        }
+    }
+}

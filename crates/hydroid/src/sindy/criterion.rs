@@ -1,0 +1,73 @@
+//! Stepwise selection by an information criterion.
+//!
+//! Of `n` independent rows, a model with `k` terms and residual sum of squares `RSS` scores
+//! `n ln(RSS/n) + p k`, with `p = 2` (Akaike 1974) or `p = ln n` (Schwarz 1978); less is better. A term is
+//! worth its place where it lowers `RSS` by more than the fraction `exp(p/n) - 1` of what remains: the
+//! criterion is a tolerance of [`super::stepwise`] that knows how much the data can say.
+
+use serde::{Deserialize, Serialize};
+
+use super::stepwise::{NEGLIGIBLE, eliminate, independent, solution_on};
+use super::stlsq::SparseSolution;
+use super::triangle::Triangle;
+
+/// What a term must be worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Criterion {
+    /// Akaike's: the model that predicts best among many nearly right ones; keeps a junk term in six.
+    Aic,
+    /// Schwarz's: the right model, where it is in the library and the data are many.
+    Bic,
+}
+
+impl Criterion {
+    /// Fraction of the residual sum of squares that a term must explain among `rows` independent rows
+    /// ([`super::Regression::effective_rows`]).
+    pub fn tolerance(self, rows: f64) -> f64 {
+        let penalty = match self {
+            Self::Aic => 2.0,
+            Self::Bic => rows.ln(),
+        };
+        (penalty / rows).exp_m1()
+    }
+}
+
+/// Solves one equation as [`super::stepwise`] does, and lets terms that left come back where the departure
+/// of others has made them worth it, until neither happens.
+pub fn stepwise_both_ways(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
+    let (all, dependent) = independent(ridged, terms, target);
+    let total = ridged.column_norm(target).powi(2);
+    let mut support = all.clone();
+    // Rounding may make a term go and come for ever; each has its turn twice.
+    for _ in 0..2 * all.len() {
+        eliminate(ridged, &mut support, target, tolerance);
+        let outside: Vec<usize> = all.iter().copied().filter(|j| !support.contains(j)).collect();
+        let Some((best, gain, residual)) = best_addition(ridged, &support, &outside, target) else { break };
+        if gain <= tolerance * (residual - gain) + NEGLIGIBLE * total {
+            break;
+        }
+        support.push(best);
+        support.sort_unstable();
+    }
+    solution_on(ridged, &support, dependent, terms, target)
+}
+
+/// The term that lowers the residual sum of squares most, by how much, and the present sum.
+fn best_addition(
+    triangle: &Triangle,
+    support: &[usize],
+    outside: &[usize],
+    target: usize,
+) -> Option<(usize, f64, f64)> {
+    // Below the rows of the support stands what is orthogonal to it.
+    let order: Vec<usize> = support.iter().chain(outside).copied().chain([target]).collect();
+    let own = triangle.select(&order);
+    let below = support.len()..order.len();
+    let dot = |a: usize, b: usize| below.clone().map(|row| own.get(row, a) * own.get(row, b)).sum::<f64>();
+    let last = order.len() - 1;
+    let residual = dot(last, last);
+    (support.len()..last)
+        .map(|j| (order[j], dot(j, last).powi(2) / dot(j, j).max(f64::MIN_POSITIVE), residual))
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+}

@@ -1,0 +1,163 @@
+//! How sure the coefficients are: the same fit on many drawn samples of the data (bagging: Breiman, Machine
+//! Learning 24 (1996) 123; for sparse equations Fasel, Kutz, Brunton, Brunton, Proc. R. Soc. A 478 (2022)).
+//!
+//! Rows that are neighbours in time share their noise and the state of the vessel; drawn one by one they
+//! would promise far too much. So contiguous groups of rows are drawn (block bootstrap: Kuensch, Ann. Statist. 17
+//! (1989) 1217). A group drawn `w` times enters with weight `w`, its triangle times `sqrt(w)`: the runs are
+//! not read again.
+
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::error::FitError;
+use super::fit::Prepared;
+use super::options::FitOptions;
+use super::triangle::Triangle;
+
+/// How an ensemble is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bagging {
+    /// Number of members.
+    pub bags: usize,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Probability with which a member goes without a term, below 1: terms that stand in for others show.
+    pub leave_out: f64,
+    /// Lower and upper quantile of the intervals.
+    pub quantiles: (f64, f64),
+}
+
+impl Default for Bagging {
+    fn default() -> Self {
+        Self { bags: 100, seed: 0, leave_out: 0.0, quantiles: (0.05, 0.95) }
+    }
+}
+
+/// Many fits and what they have in common. All lists over coefficients are `outputs x terms`; coefficients
+/// are in physical units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ensemble {
+    /// Coefficients of each member.
+    pub members: Vec<Vec<f64>>,
+    /// Share of the members that have a term, among those to which it was offered.
+    pub inclusion: Vec<f64>,
+    /// Lower quantile of a coefficient among the members that have it; zero where none has.
+    pub low: Vec<f64>,
+    /// Upper quantile, likewise.
+    pub high: Vec<f64>,
+    /// Mean, likewise.
+    pub mean: Vec<f64>,
+    /// Median, likewise.
+    pub median: Vec<f64>,
+}
+
+impl Prepared {
+    /// Fits every bag of an ensemble. The same seed gives the same numbers on any number of threads.
+    ///
+    /// # Errors
+    /// If the regression was prepared without groups, a setting is out of its range, or a bag cannot be
+    /// fitted under the constraints.
+    pub fn ensemble(&self, options: &FitOptions, bagging: &Bagging) -> Result<Ensemble, FitError> {
+        let setting = |text: &str| Err(FitError::Setting(text.to_owned()));
+        let (low, high) = bagging.quantiles;
+        if self.groups().len() < 2 {
+            return setting("an ensemble draws from groups of rows: prepare the regression with two or more");
+        }
+        if bagging.bags == 0 {
+            return setting("an ensemble needs at least one bag");
+        }
+        if !(0.0..1.0).contains(&bagging.leave_out) {
+            return setting("the probability of leaving a term out is 0 or more and below 1");
+        }
+        if !(0.0 <= low && low <= high && high <= 1.0) {
+            return setting("quantiles of an interval ascend between 0 and 1");
+        }
+        let bags: Vec<Bag> = (0..bagging.bags)
+            .into_par_iter()
+            .map(|bag| self.bag(options, bagging, bag))
+            .collect::<Result<_, _>>()?;
+        Ok(summary(bags, self.outputs(), bagging.quantiles))
+    }
+
+    fn bag(&self, options: &FitOptions, bagging: &Bagging, bag: usize) -> Result<Bag, FitError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(bagging.seed);
+        // A stream for each bag: its draws do not depend on who draws before.
+        rng.set_stream(bag as u64);
+        let offered: Vec<bool> = self.terms().iter().map(|_| !chance(&mut rng, bagging.leave_out)).collect();
+        let triangle = self.draw(&mut rng, &offered);
+        let solutions = self.solve(&triangle, options)?;
+        let coefficients = solutions
+            .iter()
+            .enumerate()
+            .flat_map(|(i, s)| s.coefficients.iter().enumerate().map(move |(j, x)| x * self.unit(i, j)))
+            .collect();
+        Ok(Bag { coefficients, offered })
+    }
+
+    /// As many groups as there are, drawn with replacement; terms that are not offered are zero.
+    fn draw(&self, rng: &mut ChaCha8Rng, offered: &[bool]) -> Triangle {
+        let groups = self.groups();
+        let mut times = vec![0u32; groups.len()];
+        for _ in groups {
+            times[rng.random_range(0..groups.len())] += 1;
+        }
+        let width = groups[0].width();
+        let mut drawn = Triangle::new(width);
+        for (group, &times) in groups.iter().zip(&times).filter(|(_, times)| **times > 0) {
+            let weight = f64::from(times).sqrt();
+            let kept = |j: usize| offered.get(j).copied().unwrap_or(true);
+            let scale: Vec<f64> = (0..width).map(|j| if kept(j) { weight } else { 0.0 }).collect();
+            drawn.merge(&group.scaled(&scale));
+        }
+        drawn
+    }
+}
+
+fn chance(rng: &mut impl Rng, probability: f64) -> bool {
+    rng.random::<f64>() < probability
+}
+
+struct Bag {
+    coefficients: Vec<f64>,
+    offered: Vec<bool>,
+}
+
+fn summary(bags: Vec<Bag>, outputs: usize, (low, high): (f64, f64)) -> Ensemble {
+    let terms = bags.first().map_or(0, |bag| bag.offered.len());
+    let size = outputs * terms;
+    let zeros = || vec![0.0; size];
+    let mut ensemble = Ensemble {
+        members: Vec::new(),
+        inclusion: zeros(),
+        low: zeros(),
+        high: zeros(),
+        mean: zeros(),
+        median: zeros(),
+    };
+    for k in 0..size {
+        let offered = bags.iter().filter(|bag| bag.offered[k % terms]).count();
+        let mut values: Vec<f64> = bags.iter().map(|bag| bag.coefficients[k]).filter(|x| *x != 0.0).collect();
+        if values.is_empty() {
+            continue;
+        }
+        values.sort_by(f64::total_cmp);
+        ensemble.inclusion[k] = values.len() as f64 / offered as f64;
+        ensemble.low[k] = quantile(&values, low);
+        ensemble.high[k] = quantile(&values, high);
+        ensemble.median[k] = quantile(&values, 0.5);
+        ensemble.mean[k] = values.iter().sum::<f64>() / values.len() as f64;
+    }
+    ensemble.members = bags.into_iter().map(|bag| bag.coefficients).collect();
+    ensemble
+}
+
+/// Quantile of sorted values, linear between them.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let place = share * (sorted.len() - 1) as f64;
+    // Between 0 and the number of values.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let below = place as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (place - below as f64) * (sorted[above] - sorted[below])
+}
