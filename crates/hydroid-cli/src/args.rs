@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use hydroid::adapt::{FORGETTING_S as FORGETTING, PRIOR_S as PRIOR};
 use hydroid::identify;
 use hydroid::log::{CommandTiming, InputDelay};
 
@@ -17,6 +18,7 @@ use hydroid::log::{CommandTiming, InputDelay};
   hydroid inspect log.csv                       what is in a log, and where it will hurt
   hydroid identify a.csv b.csv c.csv -o out     equations, judgement and report.html from three runs
   hydroid evaluate out/sindy.safetensors d.csv --horizon 100
+  hydroid adapt out/sindy.safetensors d.csv     the same model learning on the way, beside it frozen
 
 Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted."
 )]
@@ -48,6 +50,7 @@ pub enum Command {
     Inspect(Inspect),
     Identify(Identify),
     Evaluate(Evaluate),
+    Adapt(Adapt),
 }
 
 /// Simulate a vessel and write its log
@@ -194,6 +197,15 @@ pub struct Evaluate {
     /// Logs; each is a run, or several where it has gaps
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub judging: Judging,
+    #[command(flatten)]
+    pub log: LogArgs,
+}
+
+/// How predictions are judged.
+#[derive(Clone, Copy, Debug, ClapArgs)]
+pub struct Judging {
     /// Longest horizon: samples (100) or seconds (10s)
     #[arg(long, default_value = "100", value_name = "N|Ns")]
     pub horizon: Horizon,
@@ -206,6 +218,53 @@ pub struct Evaluate {
     /// What predictions are compared with
     #[arg(long, default_value = "measurement")]
     pub against: Against,
+}
+
+/// Let a model learn along a log, and compare it with the same model frozen
+///
+/// Walks the log once, sample by sample. At every origin the adapted model predicts with what it had learned
+/// by then, and nothing later. The coefficients follow by recursive least squares with forgetting; the model
+/// itself stays the prior, to which coefficients return that the log says nothing about.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid adapt out/sindy.safetensors today.csv --horizon 20s
+  hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
+  cat today.csv | hydroid adapt out/sindy.safetensors - --json > adapted.json
+
+Exit status: 0 adapted is at least as good as frozen in the mean of outputs and horizons, and no rollout of it
+diverged; 1 otherwise; 2 wrong input.")]
+pub struct Adapt {
+    /// The model
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// The log; - for CSV on standard input, which is read to its end before anything is judged, because
+    /// predictions are compared with what came after them
+    #[arg(value_name = "LOG|-")]
+    pub run: PathBuf,
+    /// Where to write the model with the coefficients that it had at the end
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Time [s] after which a sample counts 1/e; inf to forget nothing
+    #[arg(long, value_name = "S", default_value_t = FORGETTING, allow_negative_numbers = true)]
+    pub forgetting: f64,
+    /// Learn from increments over this time [s] (default: what the model's identification chose, or 1)
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub window: Option<f64>,
+    /// Seconds of lively sailing that the model is worth: so long takes the log to count as much as it does
+    #[arg(long, value_name = "S", default_value_t = PRIOR, allow_negative_numbers = true)]
+    pub prior: f64,
+    /// Coefficients about which the log has long said nothing stay where they are, instead of returning to
+    /// the model's
+    #[arg(long)]
+    pub no_leak: bool,
+    /// Terms of the library that are not in an equation may enter it
+    #[arg(long)]
+    pub all_terms: bool,
+    /// Learn from outliers as from every other sample
+    #[arg(long)]
+    pub no_gate: bool,
+    #[command(flatten)]
+    pub judging: Judging,
     #[command(flatten)]
     pub log: LogArgs,
 }

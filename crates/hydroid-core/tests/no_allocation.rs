@@ -7,6 +7,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use hydroid_core::adapt::{Adapter, Gate, Outcome, RecursiveEquations, Settings};
 use hydroid_core::model::Persistence;
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -44,14 +45,43 @@ fn allocations(mut work: impl FnMut()) -> usize {
         .unwrap()
 }
 
+/// Hundreds of samples with a row at most of them.
+fn learning_allocates_nothing(mut adapter: RecursiveEquations) {
+    let mut learned = 0;
+    let count = allocations(|| {
+        for k in 0..500 {
+            let x = 0.01 * f64::from(k);
+            adapter.observe(&[x.sin(), (1.3 * x).cos(), (2.1 * x).sin()]);
+            adapter.advance(&[(0.7 * x).sin(), (0.4 * x).cos()]);
+            learned += usize::from(adapter.outcome() != Outcome::Waiting);
+        }
+    });
+    assert!(learned > 2000, "{learned}");
+    assert_eq!(count, 0, "allocations while learning");
+}
+
 #[test]
 fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
     let terms: Vec<Term> = (0..5).flat_map(|a| (a..5).map(move |b| Term::monomial(&[a, b]))).collect();
     let coefficients = (0..3 * terms.len()).map(|k| 0.01 * ((k % 5) as f64 - 2.0)).collect();
     let equations = Equations::new(terms, coefficients, 3, 2, 0.1, 2).unwrap();
-    let sessions: [Box<dyn Predictor>; 2] =
-        [Box::new(EquationsSession::new(Arc::new(equations))), Box::new(Persistence::new(3, 2))];
+    let settings = Settings {
+        forgetting_s: 60.0,
+        window: 4,
+        prior_s: 10.0,
+        leak: true,
+        all_terms: false,
+        gate: Gate::default(),
+    };
+    let adapter = RecursiveEquations::new(&equations, &[(-1.0, 1.0); 5], &settings).unwrap();
+    learning_allocates_nothing(adapter.clone());
+    let sessions: [Box<dyn Predictor>; 4] = [
+        adapter.fork(),
+        Box::new(adapter),
+        Box::new(EquationsSession::new(Arc::new(equations))),
+        Box::new(Persistence::new(3, 2)),
+    ];
     for mut session in sessions {
         let mut work = Workspace::new();
         let (commands, mut y) = ([0.1; 200], [0.0; 300]);

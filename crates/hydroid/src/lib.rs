@@ -5,6 +5,7 @@
 //! [`model`] is what was found, and its file; [`identify`] is the whole way from runs to a judged model, and
 //! [`report`] the page that shows it.
 
+pub mod adapt;
 pub mod atomic;
 pub mod evaluate;
 pub mod excitation;

@@ -6,7 +6,7 @@ use hydroid::identify::{Grade, verdicts};
 use hydroid::model;
 
 use super::{Outcome, table};
-use crate::args::{Against, Evaluate, Global, Origin};
+use crate::args::{Against, Evaluate, Global, Judging, Origin};
 use crate::{logs, ui};
 
 pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
@@ -18,19 +18,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     ui::tell(&prepared.notes, global);
     model.check(&prepared.runs)?;
     ui::tell(model.outside(&prepared.runs).as_slice(), global);
-    let options = Options {
-        horizon: args.horizon.samples(model.description.dt),
-        origin_stride: args.origin_stride,
-        origin: match args.origin {
-            Origin::Measured => evaluate::Origin::Measured,
-            Origin::True => evaluate::Origin::True,
-        },
-        against: match args.against {
-            Against::Measurement => evaluate::Against::Measurement,
-            Against::Truth => evaluate::Against::Truth,
-        },
-        ..Options::default()
-    };
+    let options = options(args.judging, model.description.dt);
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("evaluating", global);
     let evaluation = evaluate::evaluate(
@@ -52,4 +40,21 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     }
     let sound = verdicts.iter().all(|v| v.grade != Grade::NotIdentified);
     Ok(if sound && evaluation.diverged == 0 { Outcome::Done } else { Outcome::Missed })
+}
+
+/// What the command line says about judging, for a model that steps `dt` seconds.
+pub fn options(judging: Judging, dt: f64) -> Options {
+    Options {
+        horizon: judging.horizon.samples(dt),
+        origin_stride: judging.origin_stride,
+        origin: match judging.origin {
+            Origin::Measured => evaluate::Origin::Measured,
+            Origin::True => evaluate::Origin::True,
+        },
+        against: match judging.against {
+            Against::Measurement => evaluate::Against::Measurement,
+            Against::Truth => evaluate::Against::Truth,
+        },
+        ..Options::default()
+    }
 }

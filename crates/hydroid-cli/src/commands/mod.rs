@@ -1,5 +1,6 @@
 //! One file for each verb.
 
+mod adapt;
 mod evaluate;
 mod identify;
 mod inspect;
@@ -43,6 +44,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Command::Inspect(inspect) => inspect::run(&inspect, args.global),
         Command::Identify(identify) => identify::run(&identify, args.global),
         Command::Evaluate(evaluate) => evaluate::run(&evaluate, args.global),
+        Command::Adapt(adapt) => adapt::run(&adapt, args.global),
     }
 }
 

@@ -81,6 +81,54 @@ pub fn errors(evaluation: &Evaluation) -> String {
     text
 }
 
+/// Two evaluations of the same windows, ready to print: NRMSE of the model frozen and adapted.
+pub fn side_by_side(frozen: &Evaluation, adapted: &Evaluation) -> String {
+    let mut text = String::new();
+    let mut line = |cells: [&str; 7]| {
+        let [horizon, channel, rmse, rmse_adapted, nrmse, nrmse_adapted, kept] = cells;
+        let _ = writeln!(
+            text,
+            "{horizon:>10}  {channel:<16} {rmse:>12} {rmse_adapted:>12} {nrmse:>13} {nrmse_adapted:>13} {kept:>12}"
+        );
+    };
+    line([
+        "horizon",
+        "output",
+        "RMSE frozen",
+        "adapted",
+        "NRMSE frozen",
+        "adapted",
+        "persistence",
+    ]);
+    for horizon in horizons(frozen) {
+        let Some(h) = frozen.at(horizon) else { continue };
+        for (c, channel) in frozen.channels.iter().enumerate() {
+            let unit = &frozen.units[c];
+            let name = if unit.is_empty() { channel.clone() } else { format!("{channel} [{unit}]") };
+            let time = if c == 0 { format!("{:.4} s", horizon as f64 * frozen.dt) } else { String::new() };
+            line([
+                &trim(&time),
+                &name,
+                &figure(frozen.rmse[h][c]),
+                &figure(adapted.rmse[h][c]),
+                &format!("{:.3}", frozen.nrmse[h][c]),
+                &format!("{:.3}", adapted.nrmse[h][c]),
+                &format!("{:.3}", frozen.persistence.nrmse[h][c]),
+            ]);
+        }
+    }
+    let _ = writeln!(
+        text,
+        "{} windows; diverged: {} frozen, {} adapted; origin {}, against {}",
+        frozen.windows,
+        frozen.diverged,
+        adapted.diverged,
+        word(&frozen.origin),
+        word(&frozen.against)
+    );
+    text
+}
+
 /// What each output is worth, a line each.
 pub fn show_verdicts(verdicts: &[Verdict]) {
     for verdict in verdicts {

@@ -92,11 +92,20 @@ pub struct Equations {
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Sparse {
     entries: Vec<(u16, f64)>,
+    /// Where each entry stands in the table of all coefficients.
+    places: Vec<usize>,
     /// End of each row's part of `entries`.
     ends: Vec<usize>,
 }
 
 impl Sparse {
+    /// Takes the entries' coefficients from the table.
+    fn refresh(&mut self, coefficients: &[f64]) {
+        for ((_, xi), &place) in self.entries.iter_mut().zip(&self.places) {
+            *xi = coefficients[place];
+        }
+    }
+
     /// Calls `row` with each row's sum of coefficients times slots.
     #[inline]
     fn times(&self, slots: &[f64], mut row: impl FnMut(usize, f64)) {
@@ -173,6 +182,7 @@ impl Equations {
                     let rows =
                         if is_held(&compiled[index], &held_variables) { &mut held } else { &mut moving };
                     rows.entries.push((slot, coefficient));
+                    rows.places.push(i * terms.len() + j);
                 }
             }
             held.ends.push(held.entries.len());
@@ -202,6 +212,21 @@ impl Equations {
     /// All coefficients, `outputs x terms`, row by row; zero where a term is not in an equation.
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
+    }
+
+    /// Replaces the coefficients by others of the same sparsity, without allocating: what an adapter does
+    /// from sample to sample. Numbers at places that were zero when the equations were made are ignored.
+    ///
+    /// # Panics
+    /// If there are not `outputs x terms` numbers.
+    pub fn set_coefficients(&mut self, coefficients: &[f64]) {
+        assert_eq!(coefficients.len(), self.coefficients.len(), "one coefficient for each place");
+        for rows in [&mut self.held, &mut self.moving] {
+            rows.refresh(coefficients);
+            for &place in &rows.places {
+                self.coefficients[place] = coefficients[place];
+            }
+        }
     }
 
     /// Coefficient of a term in an output's equation.

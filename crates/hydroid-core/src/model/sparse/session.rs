@@ -28,6 +28,22 @@ impl EquationsSession {
         let scratch = vec![0.0; equations.scratch()];
         Self { equations, state, scratch }
     }
+
+    /// The equations of the moment.
+    pub fn equations(&self) -> &Equations {
+        &self.equations
+    }
+
+    /// The state of the moment, as [`Equations::step`] moves it.
+    pub fn state(&self) -> &[f64] {
+        &self.state
+    }
+
+    /// The same run with equations of its own, which change from sample to sample without touching those
+    /// of other sessions.
+    pub(crate) fn equations_mut(&mut self) -> &mut Equations {
+        Arc::make_mut(&mut self.equations)
+    }
 }
 
 impl Predictor for EquationsSession {

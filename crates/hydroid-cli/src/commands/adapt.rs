@@ -1,0 +1,80 @@
+//! `hydroid adapt`.
+
+use std::path::Path;
+
+use anyhow::Context;
+use hydroid::adapt::{self, Gate, Options, Report};
+use hydroid::log;
+use hydroid::model;
+
+use super::{Outcome, evaluate, table};
+use crate::args::{Adapt, Global};
+use crate::{logs, ui};
+
+pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
+    let model = model::read(&args.model)?;
+    let reading = logs::reading(model.description.reading.clone(), &args.log)?;
+    let raw = if args.run == Path::new("-") {
+        log::read_from(std::io::stdin().lock(), "standard input")?
+    } else {
+        log::read(&args.run)?
+    };
+    let prepared =
+        log::prepare(&[raw], &reading.selection, &reading.options).with_context(|| {
+            format!("a log for {}, which steps {} s, cannot be used", args.model.display(), model.description.dt)
+        })?;
+    ui::tell(&prepared.notes, global);
+    model.check(&prepared.runs)?;
+    ui::tell(model.outside(&prepared.runs).as_slice(), global);
+    let options = Options {
+        forgetting_s: args.forgetting,
+        window_s: args.window,
+        prior_s: args.prior,
+        leak: !args.no_leak,
+        all_terms: args.all_terms,
+        gate: if args.no_gate { Gate::OPEN } else { Gate::default() },
+        evaluate: evaluate::options(args.judging, model.description.dt),
+    };
+    let runs: Vec<_> = prepared.runs.iter().collect();
+    let bar = ui::Bar::new("adapting", global);
+    let adapted = adapt::adapt(&model, &runs, &options, &mut bar.callback())
+        .context("the log cannot be used to adapt the model")?;
+    drop(bar);
+    if let Some(path) = &args.output {
+        model::write(&adapted.model, path)?;
+    }
+    let report = &adapted.report;
+    if global.json {
+        super::print_json(report)?;
+    } else {
+        show(report, args.output.as_deref());
+    }
+    let better = report.adapted.score() <= report.frozen.score();
+    Ok(if better && report.adapted.diverged == 0 { Outcome::Done } else { Outcome::Missed })
+}
+
+fn show(report: &Report, written: Option<&Path>) {
+    ui::write_out(format_args!("{}\n", table::side_by_side(&report.frozen, &report.adapted)));
+    let (guard, times, coverage) = (report.guard, report.us_per_sample, report.coverage);
+    outln!(
+        "learned from {} rows ({} with less weight), rejected {}, rolled back {}",
+        guard.accepted + guard.inflated,
+        guard.inflated,
+        guard.rejected,
+        guard.rolled_back
+    );
+    outln!(
+        "innovations inside their 80 % band: {:.0} %, 95 % band: {:.0} %",
+        100.0 * coverage.of_80,
+        100.0 * coverage.of_95
+    );
+    outln!(
+        "{:.1} us for a sample (median), {:.1} (99 of 100), {:.1} (longest)",
+        times.median,
+        times.p99,
+        times.max
+    );
+    if let Some(path) = written {
+        outln!("adapted model: {}", path.display());
+    }
+}

@@ -1,0 +1,422 @@
+//! Sparse equations whose coefficients are adapted by recursive least squares.
+
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::gate::{Gate, Noise};
+use super::increments::Increments;
+use super::least_squares::RecursiveLeastSquares;
+use super::scale::rms_over_range;
+use super::weighted::WeightedSession;
+use super::{Adapter, Innovation, Outcome, Rejection};
+use crate::model::sparse::{Equations, EquationsError, Program, Term};
+use crate::predict::{Predictor, Workspace};
+
+/// How to adapt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Time \[s\] after which a row counts `1/e`; infinite to forget nothing.
+    pub forgetting_s: f64,
+    /// Intervals that an increment spans \[samples\], at least 1.
+    pub window: usize,
+    /// Seconds of lively sailing that the coefficients given are worth: with the design ranges fully used, so
+    /// long takes the log to count as much as they do.
+    pub prior_s: f64,
+    /// Whether coefficients about which the log has long said nothing return to those given.
+    pub leak: bool,
+    /// Whether terms that are not in an equation may enter it.
+    pub all_terms: bool,
+    /// What happens to rows that are far off.
+    pub gate: Gate,
+}
+
+/// Why equations cannot be adapted.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SettingsError {
+    /// A time is not positive.
+    Time(&'static str),
+    /// A window without samples.
+    Window,
+    /// There is not one range for each output and input, or one is not finite.
+    Ranges,
+    /// No equation has a term.
+    Nothing,
+    /// The terms do not compile.
+    Equations(EquationsError),
+}
+
+impl core::fmt::Display for SettingsError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Time(what) => write!(f, "{what} must be a positive number of seconds"),
+            Self::Window => write!(f, "a window needs at least one sample"),
+            Self::Ranges => write!(f, "one finite range is needed for each output and input of the equations"),
+            Self::Nothing => write!(f, "the equations have no term to adapt"),
+            Self::Equations(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for SettingsError {}
+
+/// Equations with the same terms in them share one regressor and one covariance.
+#[derive(Clone, Debug)]
+struct Group {
+    /// Terms, by their position in the program.
+    terms: Vec<usize>,
+    outputs: Vec<usize>,
+    /// Where each output's coefficients begin among the weights.
+    firsts: Vec<usize>,
+    kernel: RecursiveLeastSquares,
+    phi: Vec<f64>,
+    z: Vec<f64>,
+}
+
+/// An [`Adapter`] of sparse equations: recursive SINDy.
+///
+/// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients. The rows of the regression are increments over a
+/// window of samples against the library averaged over the same window (see `sindy::kernel` on shore: the
+/// `Midpoint` rows, every quarter of a window), and each row takes one step of [`RecursiveLeastSquares`].
+/// Rows overlap, so that each counts for the share of it that is new.
+///
+/// A missing value breaks the window that it stands in, and nothing else. Signals (lag states, past values) are
+/// averaged over an interval like the outputs, as the shore does; nothing is learned before they are warmed up.
+///
+/// Columns are scaled by the root mean square of their term over the design ranges ([`rms_over_range`]), so
+/// that the prior means the same for every term.
+#[derive(Clone, Debug)]
+pub struct RecursiveEquations {
+    session: WeightedSession,
+    library: Library,
+    groups: Vec<Group>,
+    rows: Increments,
+    noise: Noise,
+    /// Per row.
+    lambda: f64,
+    /// Of a row: the part of its window that no row before it had.
+    weight: f64,
+    frozen: bool,
+    outcome: Outcome,
+    innovations: Vec<Innovation>,
+    /// The weights in the layout of the session's places.
+    weights: Vec<f64>,
+}
+
+/// The library over the interval that ends now.
+#[derive(Clone, Debug)]
+struct Library {
+    program: Program,
+    /// One over the scale of each term.
+    inverse: Vec<f64>,
+    slots: Vec<f64>,
+    /// Outputs, inputs and signals at the start of the interval, and which of them are held over it.
+    start: Vec<f64>,
+    holds: Vec<bool>,
+    /// Whether the last sample was measured, and one command given since.
+    known: bool,
+    held: bool,
+    /// Samples since the start of the run.
+    seen: usize,
+    /// A row, before it goes to the groups.
+    phi: Vec<f64>,
+    z: Vec<f64>,
+}
+
+impl RecursiveEquations {
+    /// From equations fitted on shore, and the design range `(low, high)` of each output, then each input.
+    ///
+    /// # Errors
+    /// If the settings make no sense, or there is nothing to adapt.
+    pub fn new(
+        equations: &Equations,
+        ranges: &[(f64, f64)],
+        settings: &Settings,
+    ) -> Result<Self, SettingsError> {
+        let (n, m, count) = (equations.outputs(), equations.inputs(), equations.terms().len());
+        check(equations, ranges, settings)?;
+        let adapts = |i: usize, j: usize| settings.all_terms || equations.coefficient(i, j) != 0.0;
+        let used: Vec<usize> = (0..count).filter(|&j| (0..n).any(|i| adapts(i, j))).collect();
+        let terms: Vec<Term> = used.iter().map(|&j| equations.terms()[j].clone()).collect();
+        let places: Vec<usize> = (0..n * count).filter(|p| adapts(p / count, p % count)).collect();
+        if places.is_empty() {
+            return Err(SettingsError::Nothing);
+        }
+        let program = Program::new(&terms, equations.variables())
+            .map_err(|e| SettingsError::Equations(EquationsError::Program(e)))?;
+        let mut ranges = ranges.to_vec();
+        let mut holds: Vec<bool> = (0..n + m).map(|v| v >= n).collect();
+        for signal in equations.signals() {
+            ranges.push(ranges[usize::from(signal.source())]);
+            holds.push(signal.is_held(n));
+        }
+        let scales: Vec<f64> = terms.iter().map(|t| rms_over_range(t, &ranges)).collect();
+        let rows = Increments::new(settings.window, n, terms.len(), equations.dt());
+        let window_s = rows.samples() as f64 * equations.dt();
+        let information = settings.prior_s / window_s;
+        let mut shared: Vec<(Vec<usize>, Vec<usize>)> = Vec::new();
+        for i in 0..n {
+            let own: Vec<usize> = (0..used.len()).filter(|&t| adapts(i, used[t])).collect();
+            match shared.iter_mut().find(|(terms, _)| *terms == own) {
+                _ if own.is_empty() => {}
+                Some((_, outputs)) => outputs.push(i),
+                None => shared.push((own, vec![i])),
+            }
+        }
+        let group = |(terms, outputs): (Vec<usize>, Vec<usize>)| {
+            let scaled = |i: usize| {
+                let (terms, used, scales) = (&terms, &used, &scales);
+                terms.iter().map(move |&t| equations.coefficient(i, used[t]) * scales[t])
+            };
+            let theta: Vec<f64> = outputs.iter().flat_map(|&i| scaled(i)).collect();
+            // Places go output by output, and term by term within each.
+            let firsts = outputs.iter().map(|&i| places.partition_point(|p| p / count < i)).collect();
+            Group {
+                kernel: RecursiveLeastSquares::new(terms.len(), &theta, information, settings.leak),
+                phi: vec![0.0; terms.len()],
+                z: vec![0.0; outputs.len()],
+                firsts,
+                terms,
+                outputs,
+            }
+        };
+        Ok(Self {
+            lambda: num_traits::Float::exp(-(rows.stride() as f64) * equations.dt() / settings.forgetting_s),
+            weight: rows.stride() as f64 / rows.samples() as f64,
+            noise: Noise::new(n, settings.gate, rows.overlap()),
+            library: Library {
+                slots: vec![0.0; program.slots()],
+                program,
+                inverse: scales.iter().map(|s| 1.0 / s).collect(),
+                start: vec![f64::NAN; holds.len()],
+                holds,
+                known: false,
+                held: false,
+                seen: 0,
+                phi: vec![0.0; terms.len()],
+                z: vec![0.0; n],
+            },
+            groups: shared.into_iter().map(group).collect(),
+            rows,
+            frozen: false,
+            outcome: Outcome::Waiting,
+            innovations: Vec::with_capacity(n),
+            weights: places.iter().map(|&p| equations.coefficients()[p]).collect(),
+            session: WeightedSession::new(adaptable(equations, &places)?, places),
+        })
+    }
+
+    /// The equations of the moment.
+    pub fn equations(&self) -> &Equations {
+        self.session.equations()
+    }
+
+    /// Takes the measurement into the window; says whether a row is ready.
+    fn collect(&mut self, y: &[f64]) -> bool {
+        let Library { program, inverse, slots, start, holds, known, held, seen, phi, z } = &mut self.library;
+        *seen += 1;
+        let complete = y.iter().all(|y| !y.is_nan()) && *seen >= self.session.warm_up();
+        let interval = *known && *held;
+        let mut ready = false;
+        if complete && interval {
+            let n = y.len();
+            self.session.load(&start[n..], slots);
+            for ((slot, a), holds) in slots[1..].iter_mut().zip(&*start).zip(&*holds) {
+                *slot = if *holds { *a } else { 0.5 * (a + *slot) };
+            }
+            program.evaluate(slots);
+            let theta = |j: usize| slots[program.slot(j)] * inverse[j];
+            ready = self.rows.push(theta, y, phi, z);
+        } else if complete {
+            self.rows.restart(y);
+        }
+        *known = complete;
+        *held = false;
+        ready
+    }
+
+    fn learn(&mut self) -> Outcome {
+        let (phi, z) = (&self.library.phi, &self.library.z);
+        if !phi.iter().chain(z).all(|x| x.is_finite()) {
+            // The window holds it: away with all of it.
+            self.library.known = false;
+            return Outcome::Rejected(Rejection::NotFinite);
+        }
+        self.innovations.resize(z.len(), Innovation::default());
+        for group in &mut self.groups {
+            for (own, &t) in group.phi.iter_mut().zip(&group.terms) {
+                *own = phi[t];
+            }
+            for (own, &i) in group.z.iter_mut().zip(&group.outputs) {
+                *own = z[i];
+            }
+            let leverage = group.kernel.predict(&group.phi, &group.z);
+            for (&i, &value) in group.outputs.iter().zip(group.kernel.innovations()) {
+                self.innovations[i] = Innovation { value, deviation: leverage };
+            }
+        }
+        let outcome = self.noise.judge(&mut self.innovations, 1.0 - self.lambda);
+        let share = match outcome {
+            Outcome::Accepted => 1.0,
+            Outcome::Inflated { weight, .. } => weight,
+            _ => return outcome,
+        };
+        for group in &mut self.groups {
+            group.kernel.correct(share * self.weight);
+            // Forgotten is what the next row will be set against; a sample that is not learned from makes
+            // nothing forgotten.
+            group.kernel.forget(self.lambda);
+        }
+        self.publish();
+        outcome
+    }
+
+    /// Takes the kernels' coefficients into use, in physical units.
+    fn publish(&mut self) {
+        for group in &self.groups {
+            let n = group.terms.len();
+            for (theta, &first) in group.kernel.coefficients().chunks_exact(n).zip(&group.firsts) {
+                for ((weight, theta), &t) in self.weights[first..].iter_mut().zip(theta).zip(&group.terms) {
+                    *weight = theta * self.library.inverse[t];
+                }
+            }
+        }
+        self.session.set_weights(&self.weights);
+    }
+
+    /// The other way: the kernels go on from the session's coefficients.
+    fn adopt(&mut self) {
+        self.session.weights(&mut self.weights);
+        for group in &mut self.groups {
+            let n = group.terms.len();
+            for (theta, &first) in group.kernel.coefficients_mut().chunks_exact_mut(n).zip(&group.firsts) {
+                for ((theta, weight), &t) in theta.iter_mut().zip(&self.weights[first..]).zip(&group.terms) {
+                    *theta = weight / self.library.inverse[t];
+                }
+            }
+        }
+    }
+}
+
+fn check(equations: &Equations, ranges: &[(f64, f64)], settings: &Settings) -> Result<(), SettingsError> {
+    if !(settings.forgetting_s > 0.0) {
+        return Err(SettingsError::Time("the forgetting time"));
+    }
+    if !(settings.prior_s > 0.0 && settings.prior_s.is_finite()) {
+        return Err(SettingsError::Time("the time that the prior is worth"));
+    }
+    if settings.window == 0 {
+        return Err(SettingsError::Window);
+    }
+    let finite = ranges.iter().all(|(low, high)| low.is_finite() && high.is_finite());
+    if ranges.len() != equations.outputs() + equations.inputs() || !finite {
+        return Err(SettingsError::Ranges);
+    }
+    Ok(())
+}
+
+/// The same equations with a coefficient, if only a zero, at every place that is adapted.
+fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, SettingsError> {
+    let mut ones = vec![0.0; equations.coefficients().len()];
+    for &place in places {
+        ones[place] = 1.0;
+    }
+    let mut own = Equations::with_signals(
+        equations.terms().to_vec(),
+        ones,
+        equations.outputs(),
+        equations.inputs(),
+        equations.signals().to_vec(),
+        equations.dt(),
+        equations.substeps(),
+    )
+    .map_err(SettingsError::Equations)?;
+    own.set_coefficients(equations.coefficients());
+    Ok(own)
+}
+
+impl Predictor for RecursiveEquations {
+    fn outputs(&self) -> usize {
+        self.session.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.session.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        self.session.warm_up()
+    }
+
+    fn reset(&mut self) {
+        self.session.reset();
+        self.library.known = false;
+        self.library.held = false;
+        self.library.seen = 0;
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        self.session.observe(y);
+        self.innovations.clear();
+        let ready = self.collect(y);
+        self.outcome = if ready && !self.frozen { self.learn() } else { Outcome::Waiting };
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        // Two commands without a sample between them: the interval is not one that rows are made of.
+        let Library { slots, start, known, held, .. } = &mut self.library;
+        *known &= !*held;
+        *held = true;
+        self.session.load(c, slots);
+        for (start, slot) in start.iter_mut().zip(&slots[1..]) {
+            *start = *slot;
+        }
+        self.session.advance(c);
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        self.session.output(y);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.session.rollout(commands, work, y);
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.session.snapshot_len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        self.session.snapshot(into);
+    }
+
+    /// Puts state and coefficients back; the covariance stays, and the window starts anew.
+    fn restore(&mut self, from: &[f64]) {
+        self.session.restore(from);
+        self.library.known = false;
+        self.library.held = false;
+        self.adopt();
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        self.session.fork()
+    }
+}
+
+impl Adapter for RecursiveEquations {
+    fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+
+    fn innovations(&self) -> &[Innovation] {
+        &self.innovations
+    }
+
+    fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+    }
+}

@@ -1,0 +1,118 @@
+//! Rows of the regression: increments over a window of samples.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// Collects a run into rows
+///
+/// ```text
+/// z   = (y_k - y_{k-m}) / (m dt)
+/// phi = 1/m sum_{i=k-m}^{k-1} theta((y_i + y_{i+1})/2, c_i)
+/// ```
+///
+/// increments over `m` samples against the library at the mid-state and under the held command of each
+/// interval, averaged: the noise of `z` falls as `1/m`. A row is ready every `stride` samples.
+///
+/// The window is a ring of blocks of `stride` intervals, each summed from zero: nothing is ever subtracted,
+/// so that no rounding error and no spike outlives the window.
+#[derive(Clone, Debug)]
+pub(super) struct Increments {
+    outputs: usize,
+    terms: usize,
+    blocks: usize,
+    stride: usize,
+    dt: f64,
+    /// Outputs at the start of each block.
+    starts: Vec<f64>,
+    /// Sum of the library over each block.
+    sums: Vec<f64>,
+    /// The block that is being filled, how many intervals it has, and how many full ones there are.
+    current: usize,
+    filled: usize,
+    full: usize,
+}
+
+impl Increments {
+    /// For windows of `samples` intervals, shortened to a multiple of the stride, a quarter of it.
+    pub(super) fn new(samples: usize, outputs: usize, terms: usize, dt: f64) -> Self {
+        // Increments that overlap by three quarters use nearly all that the samples say.
+        let stride = (samples / 4).max(1);
+        let blocks = (samples / stride).max(1);
+        Self {
+            outputs,
+            terms,
+            blocks,
+            stride,
+            dt,
+            starts: vec![0.0; blocks * outputs],
+            sums: vec![0.0; blocks * terms],
+            current: 0,
+            filled: 0,
+            full: 0,
+        }
+    }
+
+    /// Intervals in a row.
+    pub(super) fn samples(&self) -> usize {
+        self.blocks * self.stride
+    }
+
+    /// Samples from row to row.
+    pub(super) fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Rows that share a sample with another one.
+    pub(super) fn overlap(&self) -> usize {
+        self.blocks + 1
+    }
+
+    /// Starts anew at a sample.
+    pub(super) fn restart(&mut self, y: &[f64]) {
+        self.full = 0;
+        self.begin(y);
+    }
+
+    fn begin(&mut self, y: &[f64]) {
+        self.filled = 0;
+        self.starts[self.current * self.outputs..][..self.outputs].copy_from_slice(y);
+        self.sums[self.current * self.terms..][..self.terms].fill(0.0);
+    }
+
+    /// Adds an interval: the library over it (number `j` is `theta(j)`) and the outputs at its end. If a row
+    /// is ready, writes it and says so.
+    pub(super) fn push(
+        &mut self,
+        theta: impl Fn(usize) -> f64,
+        y: &[f64],
+        phi: &mut [f64],
+        z: &mut [f64],
+    ) -> bool {
+        for (j, sum) in self.sums[self.current * self.terms..][..self.terms].iter_mut().enumerate() {
+            *sum += theta(j);
+        }
+        self.filled += 1;
+        if self.filled < self.stride {
+            return false;
+        }
+        self.full = (self.full + 1).min(self.blocks);
+        let ready = self.full == self.blocks;
+        // The block after this one is the oldest, and the next to be filled.
+        self.current = (self.current + 1) % self.blocks;
+        if ready {
+            let m = self.samples() as f64;
+            let start = &self.starts[self.current * self.outputs..][..self.outputs];
+            for ((z, y), start) in z.iter_mut().zip(y).zip(start) {
+                *z = (y - start) / (m * self.dt);
+            }
+            phi.fill(0.0);
+            for block in self.sums.chunks_exact(self.terms) {
+                for (phi, sum) in phi.iter_mut().zip(block) {
+                    *phi += sum / m;
+                }
+            }
+        }
+        self.begin(y);
+        ready
+    }
+}

@@ -1,0 +1,151 @@
+//! Recursive least squares with forgetting that cannot blow up.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::factor::Factor;
+
+/// Recursive least squares for several targets on one regressor.
+///
+/// At every row `phi` (n numbers), `z_i = phi' theta_i + noise` for each target `i`. The estimate minimises
+///
+/// ```text
+/// sum_k lambda^(t-k) w_k (z_k - phi_k' theta)^2  +  r0 |theta - theta_0|^2
+/// ```
+///
+/// with weights `w_k`, forgetting factor `lambda` per row, and a prior: the coefficients `theta_0` known
+/// from shore, worth `r0` rows of unit regressors in each direction. The data are forgotten, **the prior is
+/// not**. That is what bounds the covariance: exponential forgetting alone (Ljung, *System Identification*,
+/// 2nd ed., section 11.2) lets `P` grow as `lambda^-t` in directions that are not excited, until noise decides
+/// ("windup"; Fortescue, Kershenbaum, Ydstie 1981). Keeping the prior in the information matrix exactly,
+/// `R <- lambda R + (1 - lambda) r0 I + w phi phi'`, is regularization in the sense of Gunnarsson (*On
+/// covariance modification and regularization in recursive least squares identification*, IFAC SYSID 1994,
+/// who so reads the `beta I` of Salgado, Goodwin, Middleton 1988), and costs `n^3`. Here, one coefficient
+/// at a time, in turn, is given back what `n` rows have made the prior forget:
+///
+/// ```text
+/// R <- lambda R + n (1 - lambda) r0 e_j e_j' + w phi phi'        j = t mod n
+/// ```
+///
+/// a pseudo-measurement of `theta_j`, at the cost of half an ordinary row. By induction over the visits,
+/// `R >= r0 lambda^(n-1) I` always, so that **no eigenvalue of `P` ever exceeds `lambda^(1-n) / r0`**,
+/// whatever the data. The pseudo-measurement can say `theta_0` (a leak towards the shore-trained
+/// coefficients, which makes the estimate that of the sum above) or the present `theta` (only the bound).
+///
+/// With `lambda = 1` nothing is forgotten and the estimate is batch least squares with the ridge `r0`.
+///
+/// `P` is kept as `U D U'` ([`Factor`]): symmetric and positive whatever the rounding (Ljung, section 11.7).
+#[derive(Clone, Debug)]
+pub struct RecursiveLeastSquares {
+    factor: Factor,
+    /// Targets x coefficients.
+    theta: Vec<f64>,
+    prior: Vec<f64>,
+    information: f64,
+    leak: bool,
+    /// The coefficient whose prior is restored next.
+    turn: usize,
+    innovations: Vec<f64>,
+}
+
+impl RecursiveLeastSquares {
+    /// From coefficients (`targets x n`, row by row) that are worth `information > 0` rows of unit
+    /// regressors. `leak`: whether forgotten coefficients return to these, or stay where they are.
+    ///
+    /// # Panics
+    /// If the coefficients do not fill whole rows of `n`, or `information` is not a positive number.
+    pub fn new(n: usize, coefficients: &[f64], information: f64, leak: bool) -> Self {
+        assert!(n > 0 && coefficients.len().is_multiple_of(n), "coefficients do not fill whole rows");
+        assert!(information > 0.0 && information.is_finite(), "the prior must be worth something");
+        Self {
+            factor: Factor::new(n, 1.0 / information),
+            theta: coefficients.to_vec(),
+            prior: coefficients.to_vec(),
+            information,
+            leak,
+            turn: 0,
+            innovations: vec![0.0; coefficients.len() / n],
+        }
+    }
+
+    /// Number of coefficients of each target.
+    pub fn len(&self) -> usize {
+        self.factor.len()
+    }
+
+    /// Whether there are no targets.
+    pub fn is_empty(&self) -> bool {
+        self.theta.is_empty()
+    }
+
+    /// The coefficients, `targets x n`, row by row.
+    pub fn coefficients(&self) -> &[f64] {
+        &self.theta
+    }
+
+    /// The same, to go on from others.
+    pub fn coefficients_mut(&mut self) -> &mut [f64] {
+        &mut self.theta
+    }
+
+    /// `P_ij`, in units of the noise variance.
+    pub fn covariance(&self, i: usize, j: usize) -> f64 {
+        self.factor.covariance(i, j)
+    }
+
+    /// Forgets: the data's weight by `lambda`, the prior's not. Once for each row, before
+    /// [`predict`](Self::predict) or after [`correct`](Self::correct).
+    pub fn forget(&mut self, lambda: f64) {
+        if lambda >= 1.0 {
+            return;
+        }
+        let n = self.len();
+        self.factor.scale(1.0 / lambda);
+        let (j, weight) = (self.turn, n as f64 * (1.0 - lambda) * self.information);
+        self.turn = (j + 1) % n;
+        self.factor.project_unit(j);
+        let gain = self.factor.absorb(1.0 / weight);
+        if self.leak {
+            for (theta, prior) in self.theta.chunks_exact_mut(n).zip(self.prior.chunks_exact(n)) {
+                add(theta, prior[j] - theta[j], gain);
+            }
+        }
+    }
+
+    /// Meets a row: gives `phi' P phi` and keeps the innovations `z_i - phi' theta_i`. The variance of an
+    /// innovation is `noise variance x (1/w + phi' P phi)`.
+    ///
+    /// # Panics
+    /// If `phi` has not `n` numbers or `z` not one for each target.
+    pub fn predict(&mut self, phi: &[f64], z: &[f64]) -> f64 {
+        let n = self.len();
+        assert_eq!((phi.len(), z.len()), (n, self.innovations.len()), "a row of this regression");
+        for ((e, z), theta) in self.innovations.iter_mut().zip(z).zip(self.theta.chunks_exact(n)) {
+            *e = z - super::factor::dot(phi, theta);
+        }
+        self.factor.project(phi)
+    }
+
+    /// The innovations of the last [`predict`](Self::predict).
+    pub fn innovations(&self) -> &[f64] {
+        &self.innovations
+    }
+
+    /// Learns from the row that [`predict`](Self::predict) has met, with weight `w > 0`: `theta_i += K e_i`,
+    /// `K = P phi / (1/w + phi' P phi)`, `P -= K phi' P`. Without a new `predict` there is nothing to learn.
+    pub fn correct(&mut self, weight: f64) {
+        let n = self.len();
+        let gain = self.factor.absorb(1.0 / weight);
+        for (theta, e) in self.theta.chunks_exact_mut(n).zip(&mut self.innovations) {
+            add(theta, *e, gain);
+            *e = 0.0;
+        }
+    }
+}
+
+/// `theta += e gain`.
+fn add(theta: &mut [f64], e: f64, gain: &[f64]) {
+    for (theta, gain) in theta.iter_mut().zip(gain) {
+        *theta += e * gain;
+    }
+}

@@ -1,0 +1,89 @@
+//! Learning on board, sample by sample.
+//!
+//! An [`Adapter`] is a prediction session ([`Predictor`]) that owns a model and changes its weights as it
+//! walks along a run. Whoever can walk a session (evaluation, a controller) lets it learn on the way, and its
+//! snapshots carry the weights of the moment: a rollout from a snapshot is made by the model as it was then.
+//!
+//! | adapter | what it adapts, and how |
+//! | --- | --- |
+//! | [`RecursiveEquations`] | coefficients of sparse equations, by [`RecursiveLeastSquares`] on increments |
+
+mod equations;
+mod factor;
+mod gate;
+mod increments;
+mod least_squares;
+mod scale;
+mod weighted;
+
+use crate::predict::Predictor;
+
+pub use equations::{RecursiveEquations, Settings, SettingsError};
+pub use factor::Factor;
+pub use gate::Gate;
+pub use least_squares::RecursiveLeastSquares;
+pub use scale::rms_over_range;
+pub use weighted::WeightedSession;
+
+/// A session that learns on the way.
+///
+/// It learns in [`observe`](Predictor::observe), from all that it has seen up to this sample;
+/// [`outcome`](Self::outcome) tells what came of it. A [`reset`](Predictor::reset) starts a new run and keeps
+/// what was learned.
+pub trait Adapter: Predictor {
+    /// What the last observed sample did to the weights.
+    fn outcome(&self) -> Outcome;
+
+    /// What was predicted of the last observation, before it was learned from: innovation and its standard
+    /// deviation for each output, in the same unit. Empty where the outcome is [`Outcome::Waiting`].
+    fn innovations(&self) -> &[Innovation];
+
+    /// The weights of the moment, in the model's own units and layout.
+    fn weights(&self) -> &[f64];
+
+    /// Whether to learn at all. A frozen adapter predicts with the weights it has.
+    fn freeze(&mut self, frozen: bool);
+}
+
+/// What a sample did to the weights.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Outcome {
+    /// There was nothing to learn from at this sample: a window is filling, a value is missing, or the adapter
+    /// is frozen.
+    #[default]
+    Waiting,
+    /// Learned from with full weight.
+    Accepted,
+    /// Learned from with less weight, as from a noisier measurement.
+    Inflated {
+        /// The largest innovation, in standard deviations.
+        deviations: f64,
+        /// Share of the full weight.
+        weight: f64,
+    },
+    /// Not learned from.
+    Rejected(Rejection),
+    /// The weights went back to earlier ones.
+    RolledBack,
+}
+
+/// Why a sample was not learned from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rejection {
+    /// An innovation farther off than anything that noise explains.
+    Outlier {
+        /// The largest innovation, in standard deviations.
+        deviations: f64,
+    },
+    /// Infinite, or so large that the regression overflows.
+    NotFinite,
+}
+
+/// How far an observation was from what was expected.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Innovation {
+    /// Observed less expected.
+    pub value: f64,
+    /// Standard deviation expected of it: of the noise and of the weights together.
+    pub deviation: f64,
+}

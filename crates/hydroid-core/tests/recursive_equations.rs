@@ -1,0 +1,330 @@
+//! Recursive SINDy along runs whose equations are known.
+
+use hydroid_core::adapt::{Adapter, Gate, Outcome, RecursiveEquations, Rejection, Settings, SettingsError};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Signal, Term};
+use hydroid_core::predict::{Predictor, Workspace};
+use std::sync::Arc;
+
+const DT: f64 = 0.1;
+
+/// Surge under quadratic drag and a propeller, yaw rate under a rudder:
+/// `du/dt = -d u|u| + 0.5 n`, `dr/dt = -r + 0.8 delta`.
+fn vessel(drag: f64) -> Equations {
+    let terms = vec![
+        Term::signed_square(0, 0),
+        Term::monomial(&[1]),
+        Term::monomial(&[2]),
+        Term::monomial(&[3]),
+        Term::constant(),
+    ];
+    #[rustfmt::skip]
+    let coefficients = vec![
+        -drag, 0.0,  0.5, 0.0, 0.0,
+        0.0,   -1.0, 0.0, 0.8, 0.0,
+    ];
+    Equations::new(terms, coefficients, 2, 2, DT, 4).unwrap()
+}
+
+const RANGES: [(f64, f64); 4] = [(0.0, 2.0), (-0.5, 0.5), (0.0, 2.0), (-0.5, 0.5)];
+
+fn settings() -> Settings {
+    Settings {
+        forgetting_s: 30.0,
+        window: 8,
+        prior_s: 0.5,
+        leak: true,
+        all_terms: false,
+        gate: Gate::default(),
+    }
+}
+
+fn command(k: usize) -> [f64; 2] {
+    // Transients: between these, more drag cannot be told from less thrust.
+    ([0.2, 1.8, 1.0, 0.0][(k / 12) % 4], 0.4 * (0.11 * k as f64).sin()).into()
+}
+
+/// White noise, the same on every machine.
+fn noise(k: usize, channel: usize, size: f64) -> f64 {
+    let x = (k as f64 * 12.9898 + channel as f64 * 78.233).sin() * 43_758.545_3;
+    size * 2.0 * (x - x.floor() - 0.5)
+}
+
+/// Walks a vessel and whatever else `each` does with its measurements.
+fn sail(plant: &Equations, samples: usize, mut each: impl FnMut(usize, [f64; 2], [f64; 2])) {
+    let mut state = [0.5, 0.0];
+    let mut scratch = vec![0.0; plant.scratch()];
+    for k in 0..samples {
+        each(k, state, command(k));
+        plant.step(&mut state, &command(k), &mut scratch);
+    }
+}
+
+#[test]
+fn finds_the_drag_that_grew_on_the_way_and_leaves_the_rest() {
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    sail(&vessel(0.6), 3000, |k, y, c| {
+        adapter.observe(&[y[0] + noise(k, 0, 0.01), y[1] + noise(k, 1, 0.01)]);
+        adapter.advance(&c);
+    });
+    let [drag, thrust, damping, rudder] = *adapter.weights() else { panic!() };
+    // The prior pulls a little.
+    assert!((-0.6..-0.5).contains(&drag), "{drag}");
+    assert!((thrust - 0.5).abs() < 0.05 && (damping + 1.0).abs() < 0.1 && (rudder - 0.8).abs() < 0.08);
+    assert_eq!(adapter.equations().coefficient(0, 0), drag);
+    // Terms that were not in an equation are not now.
+    assert_eq!(adapter.equations().active_terms(), 4);
+}
+
+#[test]
+fn all_terms_may_enter_when_asked_for() {
+    let settings = Settings { all_terms: true, prior_s: 1.0, ..settings() };
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).unwrap();
+    // A current that the equations do not know.
+    let current = Equations::new(
+        vessel(0.3).terms().to_vec(),
+        vec![-0.3, 0.0, 0.5, 0.0, -0.1, 0.0, -1.0, 0.0, 0.8, 0.0],
+        2,
+        2,
+        DT,
+        4,
+    )
+    .unwrap();
+    sail(&current, 3000, |_, y, c| {
+        adapter.observe(&y);
+        adapter.advance(&c);
+    });
+    let found = adapter.equations().coefficient(0, 4);
+    assert!((found + 0.1).abs() < 0.02, "{found}");
+    assert_eq!(adapter.weights().len(), 10);
+}
+
+/// With nothing forgotten and next to no prior, the coefficients are those of least squares on the same rows.
+#[test]
+fn a_row_is_the_increment_over_a_window_against_the_averaged_library() {
+    let terms = vec![Term::monomial(&[0]), Term::monomial(&[1])];
+    let equations = Equations::new(terms, vec![-1.0, 1.0], 1, 1, DT, 1).unwrap();
+    let settings = Settings {
+        forgetting_s: f64::INFINITY,
+        window: 4,
+        prior_s: 1e-12,
+        gate: Gate::OPEN,
+        ..settings()
+    };
+    let mut adapter = RecursiveEquations::new(&equations, &[(-1.0, 1.0); 2], &settings).unwrap();
+    let y: Vec<f64> = (0..200).map(|k| (0.3 * k as f64).sin() + noise(k, 0, 0.1)).collect();
+    let c: Vec<f64> = (0..200).map(|k| noise(k, 1, 1.0)).collect();
+    let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
+    for k in 0..200 {
+        adapter.observe(&[y[k]]);
+        adapter.advance(&[c[k]]);
+        if k < 4 {
+            assert_eq!(adapter.outcome(), Outcome::Waiting);
+            continue;
+        }
+        assert_eq!(adapter.outcome(), Outcome::Accepted);
+        let phi = [
+            (k - 4..k).map(|i| 0.125 * (y[i] + y[i + 1])).sum::<f64>(),
+            (k - 4..k).map(|i| 0.25 * c[i]).sum::<f64>(),
+        ];
+        let z = (y[k] - y[k - 4]) / (4.0 * DT);
+        for i in 0..2 {
+            b[i] += phi[i] * z;
+            for j in 0..2 {
+                a[i][j] += phi[i] * phi[j];
+            }
+        }
+    }
+    let determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+    let batch = [
+        (a[1][1] * b[0] - a[0][1] * b[1]) / determinant,
+        (a[0][0] * b[1] - a[1][0] * b[0]) / determinant,
+    ];
+    for (found, batch) in adapter.weights().iter().zip(batch) {
+        assert!((found - batch).abs() < 1e-8, "{found} against {batch}");
+    }
+}
+
+#[test]
+fn a_missing_value_breaks_its_window_and_nothing_else() {
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    let mut learned = Vec::new();
+    sail(&vessel(0.3), 60, |k, mut y, c| {
+        if k == 30 {
+            y[1] = f64::NAN;
+        }
+        adapter.observe(&y);
+        adapter.advance(&c);
+        if adapter.outcome() != Outcome::Waiting {
+            learned.push(k);
+        }
+        assert!(adapter.weights().iter().all(|w| w.is_finite()));
+    });
+    // A window of 8 and a row every 2 samples; after the gap a whole window again.
+    let expected: Vec<usize> = (8..30).step_by(2).chain((39..60).step_by(2)).collect();
+    assert_eq!(learned, expected);
+    let mut now = [0.0; 2];
+    adapter.output(&mut now);
+    assert!(now.iter().all(|y| y.is_finite()));
+}
+
+/// Steady at last, then one spike: the gated session's coefficients hardly move.
+#[test]
+fn a_spike_is_rejected_and_a_change_is_believed() {
+    let spiked = |gate| {
+        let settings = Settings { gate, ..settings() };
+        let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).unwrap();
+        let mut rejected = 0;
+        sail(&vessel(0.3), 1500, |k, y, c| {
+            let spike = if k % 200 == 150 { 3.0 } else { 0.0 };
+            adapter.observe(&[y[0] + spike + noise(k, 0, 0.01), y[1] + noise(k, 1, 0.01)]);
+            adapter.advance(&c);
+            rejected += usize::from(matches!(
+                adapter.outcome(),
+                Outcome::Rejected(Rejection::Outlier { deviations }) if deviations > 10.0
+            ));
+        });
+        (rejected, (adapter.weights()[0] + 0.3).abs())
+    };
+    let (rejected, gated) = spiked(Gate::default());
+    let (none, open) = spiked(Gate::OPEN);
+    assert_eq!(none, 0);
+    assert!(rejected >= 7, "{rejected}");
+    assert!(gated < 0.02 && gated < 0.2 * open, "{gated} against {open}");
+
+    // Without any noise, a change of the vessel is beyond every gate; it is believed all the same.
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    for drag in [0.3, 0.6] {
+        adapter.reset();
+        sail(&vessel(drag), 3000, |_, y, c| {
+            adapter.observe(&y);
+            adapter.advance(&c);
+        });
+    }
+    assert!(adapter.weights()[0] < -0.5, "{}", adapter.weights()[0]);
+}
+
+#[test]
+fn infinite_measurements_are_rejected_and_leave_no_trace() {
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    let mut not_finite = 0;
+    sail(&vessel(0.3), 400, |k, mut y, c| {
+        if k == 200 {
+            y[0] = f64::INFINITY;
+        }
+        adapter.observe(&y);
+        adapter.advance(&c);
+        not_finite += usize::from(adapter.outcome() == Outcome::Rejected(Rejection::NotFinite));
+    });
+    assert!(not_finite > 0);
+    assert!((adapter.weights()[0] + 0.3).abs() < 0.01, "{}", adapter.weights()[0]);
+}
+
+#[test]
+fn snapshots_carry_the_weights_of_the_moment_and_frozen_learns_nothing() {
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    let mut early = vec![0.0; adapter.snapshot_len()];
+    let commands: Vec<f64> = (0..50).flat_map(command).collect();
+    let (mut work, mut before) = (Workspace::new(), vec![0.0; 100]);
+    sail(&vessel(0.6), 1000, |k, y, c| {
+        adapter.observe(&y);
+        if k == 200 {
+            adapter.snapshot(&mut early);
+            adapter.rollout(&commands, &mut work, &mut before);
+        }
+        adapter.advance(&c);
+    });
+    let mut fork = adapter.fork();
+    let mut y = vec![0.0; 100];
+    fork.restore(&early);
+    fork.rollout(&commands, &mut work, &mut y);
+    assert_eq!(y, before);
+    // The fork has weights of its own.
+    let weights = adapter.weights().to_vec();
+    assert_ne!(adapter.equations().coefficient(0, 0), early[2]);
+    assert_eq!(adapter.equations().coefficient(0, 0), weights[0]);
+    adapter.restore(&early);
+    assert_eq!(adapter.weights(), &early[2..]);
+    adapter.rollout(&commands, &mut work, &mut y);
+    assert_eq!(y, before);
+
+    adapter.freeze(true);
+    sail(&vessel(0.6), 200, |_, y, c| {
+        adapter.observe(&y);
+        adapter.advance(&c);
+        assert_eq!(adapter.outcome(), Outcome::Waiting);
+    });
+    assert_eq!(adapter.weights(), &early[2..]);
+}
+
+/// Nothing to learn: an adapter with nothing accepted predicts to the last bit as the frozen session does.
+#[test]
+fn without_learning_it_is_the_frozen_session() {
+    let equations = vessel(0.3);
+    let mut adapter = RecursiveEquations::new(&equations, &RANGES, &settings()).unwrap();
+    adapter.freeze(true);
+    let mut frozen = EquationsSession::new(Arc::new(equations));
+    sail(&vessel(0.6), 100, |_, y, c| {
+        adapter.observe(&y);
+        frozen.observe(&y);
+        adapter.advance(&c);
+        frozen.advance(&c);
+        let (mut a, mut b) = ([0.0; 2], [0.0; 2]);
+        adapter.output(&mut a);
+        frozen.output(&mut b);
+        assert_eq!(a, b);
+    });
+}
+
+#[test]
+fn signals_stand_in_the_rows_as_the_shore_has_them() {
+    // du/dt = -a u + b lag(n) + e u(-3 samples)
+    let terms = vec![Term::monomial(&[0]), Term::monomial(&[2]), Term::monomial(&[3])];
+    let signals = vec![
+        Signal::Lag { input: 1, time_constant_s: hydroid_core::model::sparse::Real(1.0) },
+        Signal::Past { variable: 0, samples: 3 },
+    ];
+    let with = |coefficients: Vec<f64>| {
+        Equations::with_signals(terms.clone(), coefficients, 1, 1, signals.clone(), DT, 2).unwrap()
+    };
+    let settings = Settings { window: 4, forgetting_s: f64::INFINITY, prior_s: 1e-6, ..settings() };
+    let shore = with(vec![-0.7, 1.0, 0.3]);
+    let mut adapter = RecursiveEquations::new(&shore, &[(-1.0, 1.0); 2], &settings).unwrap();
+    let truth = with(vec![-1.0, 1.5, 0.2]);
+    let mut plant = EquationsSession::new(Arc::new(truth));
+    let mut y = [0.0];
+    for k in 0..6000usize {
+        // Before it has a past, the vessel cannot move.
+        if k < 4 {
+            plant.observe(&[0.2]);
+        }
+        plant.output(&mut y);
+        adapter.observe(&y);
+        // Nothing is learned before lag and past are known.
+        assert!(k >= plant.warm_up() || adapter.outcome() == Outcome::Waiting);
+        let c = [if (k / 17) % 3 == 0 { 0.8 } else { -0.3 + 0.2 * (0.1 * k as f64).sin() }];
+        adapter.advance(&c);
+        plant.advance(&c);
+    }
+    for (found, truth) in adapter.weights().iter().zip([-1.0, 1.5, 0.2]) {
+        // The mean of a lag's ends is not its mean: an error of second order in the sample time.
+        assert!((found - truth).abs() < 0.06, "{:?}", adapter.weights());
+    }
+}
+
+#[test]
+fn settings_that_make_no_sense_are_refused() {
+    let new = |settings: Settings| RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).map(|_| ());
+    let bad = [
+        Settings { forgetting_s: 0.0, ..settings() },
+        Settings { forgetting_s: f64::NAN, ..settings() },
+        Settings { prior_s: f64::INFINITY, ..settings() },
+        Settings { prior_s: -1.0, ..settings() },
+    ];
+    assert!(bad.into_iter().all(|s| matches!(new(s), Err(SettingsError::Time(_)))));
+    assert_eq!(new(Settings { window: 0, ..settings() }), Err(SettingsError::Window));
+    let ranges = RecursiveEquations::new(&vessel(0.3), &RANGES[..3], &settings()).map(|_| ());
+    assert_eq!(ranges, Err(SettingsError::Ranges));
+    let empty = Equations::new(vec![Term::constant()], vec![0.0], 1, 0, DT, 1).unwrap();
+    let nothing = RecursiveEquations::new(&empty, &[(0.0, 1.0)], &settings()).map(|_| ());
+    assert_eq!(nothing, Err(SettingsError::Nothing));
+}

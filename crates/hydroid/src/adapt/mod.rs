@@ -1,0 +1,237 @@
+//! A model that learns along a log, judged beside the same model frozen.
+//!
+//! Both walk the same runs through [`evaluate`]; at each origin the adapted model predicts with the weights
+//! of that moment, learned from the samples up to it and none after.
+
+mod watch;
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::{RecursiveEquations, Settings, SettingsError};
+use serde::Serialize;
+
+use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
+use crate::log::Trajectory;
+use crate::model::{Body, Model};
+use crate::progress::Progress;
+use watch::Watched;
+
+pub use hydroid_core::adapt::Gate;
+pub use watch::{Counts, Coverage, Times};
+
+/// How to adapt, and how to judge it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Time \[s\] after which a sample counts `1/e`; infinite to forget nothing.
+    pub forgetting_s: f64,
+    /// Time \[s\] that an increment spans (default: what the model's own identification chose, or 1 s).
+    pub window_s: Option<f64>,
+    /// Seconds of lively sailing that the model from shore is worth.
+    pub prior_s: f64,
+    /// Whether coefficients about which the log has long said nothing return to the model from shore.
+    pub leak: bool,
+    /// Whether terms that are not in an equation may enter it.
+    pub all_terms: bool,
+    /// What happens to samples that are far off.
+    pub gate: Gate,
+    /// Horizons and origins.
+    pub evaluate: evaluate::Options,
+}
+
+/// Forgetting time \[s\] where none is asked for.
+pub const FORGETTING_S: f64 = 60.0;
+
+/// What the model from shore is worth \[s\] where nothing else is asked for.
+pub const PRIOR_S: f64 = 10.0;
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            forgetting_s: FORGETTING_S,
+            window_s: None,
+            prior_s: PRIOR_S,
+            leak: true,
+            all_terms: false,
+            gate: Gate::default(),
+            evaluate: evaluate::Options::default(),
+        }
+    }
+}
+
+/// Frozen beside adapted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// The model as it is, restarted from each measurement.
+    pub frozen: Evaluation,
+    /// The model with a filter on its state alone; none for models without a hidden state.
+    pub frozen_filtered: Option<Evaluation>,
+    /// The model that learns on the way.
+    pub adapted: Evaluation,
+    /// What became of the samples.
+    pub guard: Counts,
+    /// Time that the adapter took for a sample.
+    pub us_per_sample: Times,
+    /// How often its bands were right.
+    pub coverage: Coverage,
+    /// Settings, with what was chosen written out.
+    pub settings: Used,
+}
+
+/// The settings that were used; they stand in the adapted model's provenance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Used {
+    /// Forgetting time \[s\]; `null` where nothing is forgotten.
+    pub forgetting_s: f64,
+    /// Time that an increment spans \[s\].
+    pub window_s: f64,
+    /// What the prior is worth \[s\].
+    pub prior_s: f64,
+    /// Leak towards the model from shore.
+    pub leak: bool,
+    /// All terms of the library.
+    pub all_terms: bool,
+    /// Innovations beyond which samples weigh less, and are rejected \[standard deviations\].
+    pub gate: [f64; 2],
+}
+
+/// An adapted model and how it did.
+#[derive(Clone, Debug)]
+pub struct Adapted {
+    /// Frozen beside adapted.
+    pub report: Report,
+    /// The model with the weights that it had at the end of the last run.
+    pub model: Model,
+}
+
+/// Why a model cannot be adapted.
+#[derive(Debug, thiserror::Error)]
+pub enum AdaptError {
+    /// The settings make no sense.
+    #[error("the model cannot be adapted: {0}")]
+    Settings(SettingsError),
+    /// The window does not fit the log.
+    #[error(
+        "a window of {window_s} s does not fit: it must be at least one sample ({dt} s), and shorter than the longest run ({longest_s} s)"
+    )]
+    Window {
+        /// Asked for \[s\].
+        window_s: f64,
+        /// Sample time \[s\].
+        dt: f64,
+        /// Of the longest run \[s\].
+        longest_s: f64,
+    },
+    /// Frozen and adapted cannot be judged.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+}
+
+/// The session that adapts a model, and the settings that it was made with.
+///
+/// # Errors
+/// If the options do not fit the model.
+pub fn adapter(model: &Model, options: &Options) -> Result<(RecursiveEquations, Used), AdaptError> {
+    let dt = model.description.dt;
+    let wanted = options.window_s.unwrap_or_else(|| default_window_s(model));
+    let out_of_range = AdaptError::Window { window_s: wanted, dt, longest_s: f64::INFINITY };
+    if !(wanted >= 0.5 * dt && wanted / dt < 1e6) {
+        return Err(out_of_range);
+    }
+    // Between one and a million.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let window = (wanted / dt).round().max(1.0) as usize;
+    let Body::Equations(equations) = &model.body;
+    let d = &model.description;
+    let ranges: Vec<(f64, f64)> =
+        d.outputs.iter().chain(&d.inputs).map(|port| (port.range.low, port.range.high)).collect();
+    let settings = Settings {
+        forgetting_s: options.forgetting_s,
+        window,
+        prior_s: options.prior_s,
+        leak: options.leak,
+        all_terms: options.all_terms,
+        gate: options.gate,
+    };
+    let adapter = RecursiveEquations::new(equations, &ranges, &settings).map_err(AdaptError::Settings)?;
+    let used = Used {
+        forgetting_s: options.forgetting_s,
+        window_s: window as f64 * dt,
+        prior_s: options.prior_s,
+        leak: options.leak,
+        all_terms: options.all_terms,
+        gate: [options.gate.inflate, options.gate.reject],
+    };
+    Ok((adapter, used))
+}
+
+/// The window that the model's identification chose by rollouts, or a second.
+fn default_window_s(model: &Model) -> f64 {
+    let chosen = &model.description.provenance.settings["chosen"]["regression"]["midpoint"]["intervals"];
+    chosen.as_f64().map_or(1.0, |intervals| intervals * model.description.dt)
+}
+
+/// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
+///
+/// # Errors
+/// If the options do not fit the model, or the runs cannot be judged (see [`evaluate`]).
+pub fn adapt(
+    model: &Model,
+    runs: &[&Trajectory],
+    options: &Options,
+    progress: Progress<'_>,
+) -> Result<Adapted, AdaptError> {
+    let (mut adapter, used) = adapter(model, options)?;
+    let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
+    if used.window_s >= longest_s {
+        let dt = model.description.dt;
+        return Err(AdaptError::Window { window_s: used.window_s, dt, longest_s });
+    }
+    let ranges = model.output_ranges();
+    let name = &model.description.name;
+    let mut frozen_session = model.session();
+    let frozen = evaluate(
+        name,
+        frozen_session.as_mut(),
+        &ranges,
+        runs,
+        &options.evaluate,
+        &mut |done| progress(0.5 * done),
+    )?;
+    let mut watched = Watched::new(&mut adapter);
+    let adapted = evaluate(
+        &format!("{name}, adapted"),
+        &mut watched,
+        &ranges,
+        runs,
+        &options.evaluate,
+        &mut |done| progress(0.5 + 0.5 * done),
+    )?;
+    let report = Report {
+        frozen,
+        frozen_filtered: None,
+        adapted,
+        guard: watched.counts(),
+        us_per_sample: watched.times(),
+        coverage: watched.coverage(),
+        settings: used,
+    };
+    Ok(Adapted { model: with_weights(model, &adapter, runs, used), report })
+}
+
+/// The model with the adapter's equations; its provenance says from where and how.
+fn with_weights(model: &Model, adapter: &RecursiveEquations, runs: &[&Trajectory], used: Used) -> Model {
+    let mut model = model.clone();
+    model.body = Body::Equations(Arc::new(adapter.equations().clone()));
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
+    let entry = serde_json::json!({ "runs": names, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });
+    let settings = &mut model.description.provenance.settings;
+    if !settings.is_object() {
+        *settings = serde_json::json!({ "chosen": settings.take() });
+    }
+    // A model may be adapted again and again.
+    match settings["adapted"].as_array_mut() {
+        Some(before) => before.push(entry),
+        None => settings["adapted"] = serde_json::json!([entry]),
+    }
+    model
+}

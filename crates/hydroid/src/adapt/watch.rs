@@ -1,0 +1,158 @@
+//! An adapter under observation: what it did with each sample, how well it knew what would come, how long
+//! it took.
+
+use std::time::Instant;
+
+use hydroid_core::adapt::{Adapter, Outcome};
+use hydroid_core::predict::{Predictor, Workspace};
+use serde::Serialize;
+
+/// What became of the samples that there was something to learn from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Learned from with full weight.
+    pub accepted: usize,
+    /// Learned from with less weight.
+    pub inflated: usize,
+    /// Not learned from.
+    pub rejected: usize,
+    /// Undone.
+    pub rolled_back: usize,
+}
+
+/// Time for one sample, observed and advanced \[microseconds\].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Times {
+    /// Half of the samples took no longer.
+    pub median: f64,
+    /// 99 of 100 took no longer.
+    pub p99: f64,
+    /// None took longer.
+    pub max: f64,
+}
+
+/// Share of the innovations that lay inside the band that was predicted for them, over all outputs; NaN
+/// (`null`) where none was predicted.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Coverage {
+    /// Inside the 80 % band.
+    #[serde(rename = "80")]
+    pub of_80: f64,
+    /// Inside the 95 % band.
+    #[serde(rename = "95")]
+    pub of_95: f64,
+}
+
+/// Half-widths of the bands of a normal distribution \[standard deviations\].
+const BAND_80: f64 = 1.281_55;
+const BAND_95: f64 = 1.959_96;
+
+/// Passes everything on to the adapter, and watches.
+pub(super) struct Watched<'a> {
+    adapter: &'a mut dyn Adapter,
+    counts: Counts,
+    /// Innovations, those inside the 80 % band, and those inside the 95 % band.
+    banded: [usize; 3],
+    /// Of each sample \[microseconds\].
+    times: Vec<f32>,
+    observing_us: f64,
+}
+
+impl<'a> Watched<'a> {
+    pub(super) fn new(adapter: &'a mut dyn Adapter) -> Self {
+        Self { adapter, counts: Counts::default(), banded: [0; 3], times: Vec::new(), observing_us: 0.0 }
+    }
+
+    pub(super) fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    pub(super) fn coverage(&self) -> Coverage {
+        let [all, of_80, of_95] = self.banded.map(|n| n as f64);
+        Coverage { of_80: of_80 / all, of_95: of_95 / all }
+    }
+
+    pub(super) fn times(&self) -> Times {
+        let mut sorted = self.times.clone();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let at = |per_mille: usize| {
+            let index = (sorted.len().saturating_sub(1) * per_mille).div_ceil(1000);
+            sorted.get(index).map_or(f64::NAN, |&t| f64::from(t))
+        };
+        Times { median: at(500), p99: at(990), max: at(1000) }
+    }
+
+    fn watch(&mut self) {
+        match self.adapter.outcome() {
+            Outcome::Waiting => {}
+            Outcome::Accepted => self.counts.accepted += 1,
+            Outcome::Inflated { .. } => self.counts.inflated += 1,
+            Outcome::Rejected(_) => self.counts.rejected += 1,
+            Outcome::RolledBack => self.counts.rolled_back += 1,
+        }
+        for innovation in self.adapter.innovations().iter().filter(|i| i.deviation.is_finite()) {
+            self.banded[0] += 1;
+            for (count, band) in self.banded[1..].iter_mut().zip([BAND_80, BAND_95]) {
+                *count += usize::from(innovation.value.abs() <= band * innovation.deviation);
+            }
+        }
+    }
+}
+
+impl Predictor for Watched<'_> {
+    fn outputs(&self) -> usize {
+        self.adapter.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.adapter.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        self.adapter.warm_up()
+    }
+
+    fn reset(&mut self) {
+        self.adapter.reset();
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        let start = Instant::now();
+        self.adapter.observe(y);
+        self.observing_us = start.elapsed().as_secs_f64() * 1e6;
+        self.watch();
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        let start = Instant::now();
+        self.adapter.advance(c);
+        let us = self.observing_us + start.elapsed().as_secs_f64() * 1e6;
+        // Three digits are enough for a time.
+        #[allow(clippy::cast_possible_truncation)]
+        self.times.push(us as f32);
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        self.adapter.output(y);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.adapter.rollout(commands, work, y);
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.adapter.snapshot_len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        self.adapter.snapshot(into);
+    }
+
+    fn restore(&mut self, from: &[f64]) {
+        self.adapter.restore(from);
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        self.adapter.fork()
+    }
+}
