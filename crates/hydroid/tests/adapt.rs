@@ -42,9 +42,8 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
 
 /// Equations of the simple vessel from half an hour of it.
 fn simple_vessel() -> Model {
-    let run = |seed, duration_s| {
-        record(VesselParams::simple(), seed, duration_s).to_trajectory(&OUTPUTS).unwrap()
-    };
+    let run =
+        |seed, duration_s| record(VesselParams::simple(), seed, duration_s).to_trajectory(&OUTPUTS).unwrap();
     let (train, validation, test) = (vec![run(1, 1800.0)], vec![run(2, 300.0)], vec![run(3, 300.0)]);
     identified(Split { train, validation, test, notes: Vec::new() }, 100, 20)
 }
