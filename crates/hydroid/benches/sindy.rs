@@ -3,8 +3,8 @@
 use divan::{Bencher, counter::ItemsCount};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::sindy::{
-    BLOCK_ROWS, Bagging, Constraints, Criterion, FitOptions, Optimizer, Preparation, Prepared, Regression,
-    Streaming, Triangle, assemble, assemble_with,
+    BLOCK_ROWS, Bagging, Constraints, Criterion, FitOptions, Loss, Optimizer, Preparation, Prepared,
+    Regression, Streaming, Triangle, assemble, assemble_with,
 };
 use hydroid_core::model::sparse::{Program, Term};
 
@@ -104,6 +104,16 @@ fn regression_in_24_groups(bencher: Bencher, samples: usize) {
     bencher
         .counter(ItemsCount::new(samples))
         .bench_local(|| assemble_with(&program, &[&run], Regression::default(), &streaming));
+}
+
+/// Several rounds of streaming, with the residuals' sizes counted.
+#[divan::bench]
+fn huber_1_000_000_samples(bencher: Bencher) {
+    let run = run(1_000_000, 3, 2);
+    let preparation = Preparation { loss: Loss::Huber(1.345), ..Preparation::default() };
+    bencher.bench_local(|| {
+        Prepared::with(&[&run], fifty_terms(), Regression::default(), &preparation).unwrap().rows()
+    });
 }
 
 /// A hundred bags of 50 terms and 3 outputs, whatever the number of samples.

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! and less is better: `p = 2`, `s = 1` is Akaike's criterion as Hurvich and Tsai corrected it (Biometrika 76
-//! (1989) 297), `p = ln n`, `s = 2` Schwarz's as McQuarrie did (Statist. Probab. Lett. 44 (1999) 79). Without the
+//! (1989) 297), `p = ln n`, `s = 2` Schwarz's as corrected by `McQuarrie` (Statist. Probab. Lett. 44 (1999) 79). Without the
 //! correction a library that is not small beside `n` fits the noise so well that every junk term seems to
 //! matter. Leaving `k - 1` terms for `k` must pay in `RSS`: the criterion is a tolerance of
 //! [`super::stepwise`] that knows how much the data can say.
