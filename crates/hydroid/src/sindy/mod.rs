@@ -1,6 +1,7 @@
 //! Sparse identification of nonlinear dynamics: `dy/dt = Xi theta(y, c)` with few non-zero coefficients.
 
 mod assemble;
+mod expression;
 mod fit;
 mod kernel;
 mod library;
@@ -11,6 +12,7 @@ mod stlsq;
 mod triangle;
 
 pub use assemble::{Assembled, assemble};
+pub use expression::{Coefficient, Constraint, ExpressionError, Relation, Vocabulary};
 pub use fit::{Fit, FitError, FitOptions, Optimizer, Prepared, Scaling};
 pub use kernel::{Kernel, Nodes, Regression, Rows};
 pub use library::{Family, Kind, Library, UnknownLibrary, Variables};
