@@ -103,13 +103,8 @@ fn all_terms_may_enter_when_asked_for() {
 fn a_row_is_the_increment_over_a_window_against_the_averaged_library() {
     let terms = vec![Term::monomial(&[0]), Term::monomial(&[1])];
     let equations = Equations::new(terms, vec![-1.0, 1.0], 1, 1, DT, 1).unwrap();
-    let settings = Settings {
-        forgetting_s: f64::INFINITY,
-        window: 4,
-        prior_s: 1e-12,
-        gate: Gate::OPEN,
-        ..settings()
-    };
+    let settings =
+        Settings { forgetting_s: f64::INFINITY, window: 4, prior_s: 1e-12, gate: Gate::OPEN, ..settings() };
     let mut adapter = RecursiveEquations::new(&equations, &[(-1.0, 1.0); 2], &settings).unwrap();
     let y: Vec<f64> = (0..200).map(|k| (0.3 * k as f64).sin() + noise(k, 0, 0.1)).collect();
     let c: Vec<f64> = (0..200).map(|k| noise(k, 1, 1.0)).collect();
@@ -135,10 +130,8 @@ fn a_row_is_the_increment_over_a_window_against_the_averaged_library() {
         }
     }
     let determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0];
-    let batch = [
-        (a[1][1] * b[0] - a[0][1] * b[1]) / determinant,
-        (a[0][0] * b[1] - a[1][0] * b[0]) / determinant,
-    ];
+    let batch =
+        [(a[1][1] * b[0] - a[0][1] * b[1]) / determinant, (a[0][0] * b[1] - a[1][0] * b[0]) / determinant];
     for (found, batch) in adapter.weights().iter().zip(batch) {
         assert!((found - batch).abs() < 1e-8, "{found} against {batch}");
     }

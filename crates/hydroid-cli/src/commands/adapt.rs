@@ -19,10 +19,9 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     } else {
         log::read(&args.run)?
     };
-    let prepared =
-        log::prepare(&[raw], &reading.selection, &reading.options).with_context(|| {
-            format!("a log for {}, which steps {} s, cannot be used", args.model.display(), model.description.dt)
-        })?;
+    let prepared = log::prepare(&[raw], &reading.selection, &reading.options).with_context(|| {
+        format!("a log for {}, which steps {} s, cannot be used", args.model.display(), model.description.dt)
+    })?;
     ui::tell(&prepared.notes, global);
     model.check(&prepared.runs)?;
     ui::tell(model.outside(&prepared.runs).as_slice(), global);

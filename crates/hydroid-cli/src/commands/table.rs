@@ -91,15 +91,7 @@ pub fn side_by_side(frozen: &Evaluation, adapted: &Evaluation) -> String {
             "{horizon:>10}  {channel:<16} {rmse:>12} {rmse_adapted:>12} {nrmse:>13} {nrmse_adapted:>13} {kept:>12}"
         );
     };
-    line([
-        "horizon",
-        "output",
-        "RMSE frozen",
-        "adapted",
-        "NRMSE frozen",
-        "adapted",
-        "persistence",
-    ]);
+    line(["horizon", "output", "RMSE frozen", "adapted", "NRMSE frozen", "adapted", "persistence"]);
     for horizon in horizons(frozen) {
         let Some(h) = frozen.at(horizon) else { continue };
         for (c, channel) in frozen.channels.iter().enumerate() {

@@ -51,7 +51,9 @@ impl core::fmt::Display for SettingsError {
         match self {
             Self::Time(what) => write!(f, "{what} must be a positive number of seconds"),
             Self::Window => write!(f, "a window needs at least one sample"),
-            Self::Ranges => write!(f, "one finite range is needed for each output and input of the equations"),
+            Self::Ranges => {
+                write!(f, "one finite range is needed for each output and input of the equations")
+            }
             Self::Nothing => write!(f, "the equations have no term to adapt"),
             Self::Equations(error) => error.fmt(f),
         }

@@ -189,23 +189,14 @@ pub fn adapt(
     let ranges = model.output_ranges();
     let name = &model.description.name;
     let mut frozen_session = model.session();
-    let frozen = evaluate(
-        name,
-        frozen_session.as_mut(),
-        &ranges,
-        runs,
-        &options.evaluate,
-        &mut |done| progress(0.5 * done),
-    )?;
+    let frozen = evaluate(name, frozen_session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
+        progress(0.5 * done)
+    })?;
     let mut watched = Watched::new(&mut adapter);
-    let adapted = evaluate(
-        &format!("{name}, adapted"),
-        &mut watched,
-        &ranges,
-        runs,
-        &options.evaluate,
-        &mut |done| progress(0.5 + 0.5 * done),
-    )?;
+    let adapted =
+        evaluate(&format!("{name}, adapted"), &mut watched, &ranges, runs, &options.evaluate, &mut |done| {
+            progress(0.5 + 0.5 * done)
+        })?;
     let report = Report {
         frozen,
         frozen_filtered: None,
