@@ -6,7 +6,7 @@ use divan::{Bencher, counter::ItemsCount};
 use hydroid::evaluate::{DesignRange, Options, evaluate};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::progress;
-use hydroid::sindy::Library;
+use hydroid::sindy::{Library, Variables};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Program};
 use hydroid_core::predict::{Predictor, Workspace};
 
@@ -21,7 +21,7 @@ const STEPS: usize = 1000;
 /// Stable equations in three outputs and five inputs with this many non-zero coefficients, spread over
 /// terms of degree up to 3 as an identification would leave them.
 fn equations(active: usize) -> Equations {
-    let terms = Library::polynomial(3).terms(8);
+    let terms = Library::polynomial(3).terms(&Variables::plain(8, 0));
     let count = terms.len();
     let mut coefficients = vec![0.0; OUTPUTS * count];
     for i in 0..OUTPUTS {
@@ -59,7 +59,7 @@ fn step_3_outputs_5_inputs(bencher: Bencher, active: usize) {
 
 #[divan::bench]
 fn evaluate_full_library_of_165_terms_at_one_point(bencher: Bencher) {
-    let program = Program::new(&Library::polynomial(3).terms(8), 8).unwrap();
+    let program = Program::new(&Library::polynomial(3).terms(&Variables::plain(8, 0)), 8).unwrap();
     let mut slots = vec![0.5; program.slots()];
     bencher
         .counter(ItemsCount::new(program.len()))

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use hydroid::excitation::Excitation;
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling};
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
 use hydroid_core::vessel::VesselParams;
 
 fn python() -> Option<String> {
@@ -38,7 +38,7 @@ fn thresholded_least_squares_equals_pysindy_on_the_hydrofoil() {
     // PySINDy thresholds raw coefficients: bring the propeller to units of 100 N in which that makes sense.
     let scales = [1.0, 1.0, 1.0, 100.0, 1.0];
     for (degree, threshold) in [(1, 0.0), (2, 0.02), (2, 0.1), (3, 0.05)] {
-        let terms = Library::polynomial(degree).terms(5);
+        let terms = Library::polynomial(degree).terms(&Variables::plain(5, 0));
         let count = terms.len();
         let scaling = Scaling::Variables(scales.to_vec());
         let prepared = Prepared::new(&[&run], terms, Regression::Central, &scaling).unwrap();

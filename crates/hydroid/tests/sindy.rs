@@ -9,7 +9,7 @@ use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
     Assembled, Constraints, Fit, FitError, FitOptions, Found, Grid, Library, Optimizer, Prepared, Regression,
-    Scaling, SearchError, assemble, search,
+    Scaling, SearchError, Variables, assemble, search,
 };
 use hydroid_core::model::sparse::{Program, Term};
 use hydroid_core::vessel::VesselParams;
@@ -85,7 +85,7 @@ fn fit(runs: &[&Trajectory], terms: &[Term], regression: Regression, optimizer: 
 
 /// A stable system of degree 2: linear damping, both inputs, and up to two more terms in each equation.
 fn sparse_system() -> impl Strategy<Value = (Vec<Term>, Vec<f64>)> {
-    let terms = Library::polynomial(2).terms(4);
+    let terms = Library::polynomial(2).terms(&Variables::plain(4, 0));
     let count = terms.len();
     let strong = prop_oneof![0.3..0.8f64, -0.8..-0.3f64];
     let extra = prop::collection::vec((5..count, prop_oneof![0.15..0.3f64, -0.3..-0.15f64]), 0..3);
@@ -192,11 +192,17 @@ fn add_noise(run: &mut Trajectory, amplitude: f64) {
 
 /// One output and one input: `y' = -y + c`, nothing missing.
 fn linear(samples: usize) -> Trajectory {
-    obeying_the_midpoint_rule(&Library::polynomial(1).terms(2), &[0.0, -1.0, 1.0], (1, 1), samples, 3)
+    obeying_the_midpoint_rule(
+        &Library::polynomial(1).terms(&Variables::plain(2, 0)),
+        &[0.0, -1.0, 1.0],
+        (1, 1),
+        samples,
+        3,
+    )
 }
 
 fn assembled(runs: &[&Trajectory], regression: Regression) -> Assembled {
-    let program = Program::new(&Library::polynomial(1).terms(2), 2).unwrap();
+    let program = Program::new(&Library::polynomial(1).terms(&Variables::plain(2, 0)), 2).unwrap();
     assemble(&program, runs, regression)
 }
 
@@ -216,7 +222,7 @@ fn a_row_that_touches_a_missing_sample_is_left_out_and_counted() {
     let central = assembled(&[&data], Regression::Central);
     assert_eq!((central.triangle.rows(), central.skipped), (97, 3));
     // What is left is still exact.
-    let terms = Library::polynomial(1).terms(2);
+    let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
     let fit = fit(&[&data], &terms, MIDPOINT, Optimizer::Stlsq(0.0));
     for (got, expected) in fit.equations.coefficients().iter().zip([0.0, -1.0, 1.0]) {
         assert!((got - expected).abs() < 1e-10);
@@ -267,7 +273,7 @@ fn a_run_too_short_for_a_row_gives_none() {
             }
         }
     }
-    let terms = Library::polynomial(1).terms(2);
+    let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
     let refused = Prepared::new(&[&linear(4)], terms.clone(), MIDPOINT, &Scaling::Contribution);
     assert_eq!(refused.unwrap_err(), FitError::TooFewRows { rows: 3, skipped: 0, terms: 3 });
     let none = Prepared::new(&[], terms, MIDPOINT, &Scaling::Contribution);
@@ -276,7 +282,7 @@ fn a_run_too_short_for_a_row_gives_none() {
 
 #[test]
 fn an_output_that_stands_still_or_was_never_measured_is_refused() {
-    let terms = Library::polynomial(1).terms(2);
+    let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
     for (value, constant) in [(0.0, true), (0.1, true), (f64::NAN, false)] {
         let mut data = linear(50);
         data.outputs = Table::new(data.outputs.channels().to_vec(), vec![value; 50]);
@@ -310,7 +316,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
 #[test]
 fn a_library_over_outputs_alone() {
     // No inputs at all: a damped oscillator.
-    let terms = Library::polynomial(2).terms(2);
+    let terms = Library::polynomial(2).terms(&Variables::plain(2, 0));
     let truth = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, -0.1, 0.0, 0.0, 0.0];
     let mut data = obeying_the_midpoint_rule(&terms, &truth, (2, 0), 2, 0);
     let mut y = vec![1.0, 0.0];
@@ -338,7 +344,7 @@ fn a_library_over_outputs_alone() {
 fn the_residual_of_a_ridge_fit_is_that_of_the_data() {
     let mut data = linear(2_000);
     add_noise(&mut data, 0.01);
-    let terms = Library::polynomial(1).terms(2);
+    let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
     let prepared = Prepared::new(&[&data], terms, MIDPOINT, &Scaling::Contribution).unwrap();
     for (optimizer, ridge) in
         [(Optimizer::Stepwise(0.01), 0.0), (Optimizer::Stepwise(0.01), 0.3), (Optimizer::Stlsq(0.01), 0.3)]
@@ -457,7 +463,7 @@ fn compare(fit: &Fit, truth: &[f64]) -> Comparison {
 
 #[test]
 fn the_simple_plant_without_noise_is_found_exactly() {
-    let terms = Library::polynomial(2).terms(6);
+    let terms = Library::polynomial(2).terms(&Variables::plain(6, 0));
     let truth = simple_plant_truth(&terms);
     for seed in [0, 1] {
         let data = simple_plant(seed, 0.0);
@@ -472,7 +478,7 @@ fn the_simple_plant_without_noise_is_found_exactly() {
 
 #[test]
 fn the_simple_plant_with_noise_misses_nothing_and_adds_little() {
-    let terms = Library::polynomial(2).terms(6);
+    let terms = Library::polynomial(2).terms(&Variables::plain(6, 0));
     let truth = simple_plant_truth(&terms);
     for seed in 0..4 {
         let data = simple_plant(seed, 1.0);

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use hydroid::log::{Channel, Table, Trajectory};
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling};
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
 use serde_json::Value;
 
 fn golden(name: &str) -> String {
@@ -55,8 +55,7 @@ fn scaled(
     threshold: f64,
     alpha: f64,
 ) -> Vec<Vec<f64>> {
-    let variables = u16::try_from(run.outputs.width() + run.inputs.width()).unwrap();
-    let terms = Library::polynomial(2).terms(variables);
+    let terms = Library::polynomial(2).terms(&Variables::of(run));
     let count = terms.len();
     let prepared = Prepared::new(&[run], terms, regression, &Scaling::Variables(scales.to_vec())).unwrap();
     let ridge = alpha / prepared.rows() as f64;
@@ -74,7 +73,7 @@ fn scaled(
 fn names(run: &Trajectory) -> Vec<String> {
     let names: Vec<&str> =
         run.outputs.channels().iter().chain(run.inputs.channels()).map(|c| c.name.as_str()).collect();
-    Library::polynomial(2).terms(u16::try_from(names.len()).unwrap()).iter().map(|t| t.name(&names)).collect()
+    Library::polynomial(2).terms(&Variables::of(run)).iter().map(|t| t.name(&names)).collect()
 }
 
 /// Largest difference from the reference over all coefficients, those that either has at zero included.

@@ -167,7 +167,15 @@ pub struct Evaluation {
     pub r2: Vec<Vec<f64>>,
     /// "Nothing changes", on the same windows.
     pub persistence: Baseline,
+    /// Mean square error over the variance of the channel, in the mean over channels and horizons, for up to
+    /// [`BLOCKS`] consecutive parts of the windows: how much a comparison of two models on the same windows
+    /// is worth. Infinite where a rollout diverged.
+    #[serde(skip)]
+    pub blocks: Vec<f64>,
 }
+
+/// Parts of the windows at the most in [`Evaluation::blocks`].
+pub const BLOCKS: usize = 16;
 
 impl Evaluation {
     /// Mean over channels and horizons of the NRMSE: one figure to choose by. Channels or horizons without

@@ -68,6 +68,17 @@ impl Sums {
         }
     }
 
+    /// Mean over all comparisons of the square error over the variance of its channel.
+    pub(super) fn loss(&self, variance: &[f64]) -> f64 {
+        let mut sum = 0.0;
+        let mut count = 0.0;
+        for (cell, variance) in self.cells.iter().zip(variance.iter().cycle()) {
+            sum += cell.square / variance;
+            count += cell.count;
+        }
+        if count > 0.0 { sum / count } else { 0.0 }
+    }
+
     pub(super) fn figures(&self, cell: usize) -> Figures {
         let c = self.cells[cell];
         let mean = |sum: f64| if c.count > 0.0 { sum / c.count } else { f64::NAN };

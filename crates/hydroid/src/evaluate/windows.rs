@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::sums::Sums;
 use super::{
-    Against, Baseline, DesignRange, Divergence, EvaluateError, Evaluation, Options, Origin, RunCount,
+    Against, BLOCKS, Baseline, DesignRange, Divergence, EvaluateError, Evaluation, Options, Origin, RunCount,
     describe, mean_finite,
 };
 use crate::log::{Table, Trajectory};
@@ -55,8 +55,15 @@ pub fn evaluate(
         .collect();
     let shift: Vec<f64> =
         (0..n).map(|c| mean_finite(targets.iter().flat_map(|t| t.column(c))).unwrap_or(0.0)).collect();
+    let variance: Vec<f64> = (0..n)
+        .map(|c| {
+            let squares = targets.iter().flat_map(|t| t.column(c)).map(|y| (y - shift[c]).powi(2));
+            mean_finite(squares).filter(|v| *v > 0.0).unwrap_or(f64::INFINITY)
+        })
+        .collect();
     let mut tally = Tally {
         sums: Sums::new(h * n),
+        losses: Vec::new(),
         windows: 0,
         diverged: 0,
         divergences: Vec::new(),
@@ -65,7 +72,7 @@ pub fn evaluate(
     let total: usize = runs.iter().map(|run| run.len()).sum();
     let mut before = 0;
     for (run, target) in runs.iter().zip(&targets) {
-        let walk = Walk { run, target, ranges, shift: &shift, options, warm_up };
+        let walk = Walk { run, target, ranges, shift: &shift, variance: &variance, options, warm_up };
         let windows = tally.windows;
         walk.go(session, &mut tally, &mut |done| {
             progress::report(progress, (before + done) as f64 / total as f64)
@@ -142,6 +149,8 @@ fn latest(runs: &[&Trajectory], options: &Options) -> String {
 /// What all windows so far gave.
 struct Tally {
     sums: Sums,
+    /// Loss and number of windows of each task, in order.
+    losses: Vec<(f64, usize)>,
     windows: usize,
     diverged: usize,
     divergences: Vec<Divergence>,
@@ -154,6 +163,7 @@ struct Walk<'a> {
     target: &'a Table,
     ranges: &'a [DesignRange],
     shift: &'a [f64],
+    variance: &'a [f64],
     options: &'a Options,
     warm_up: usize,
 }
@@ -235,7 +245,9 @@ impl Walk<'_> {
             )
             .collect();
         tally.windows += pending.len();
-        for (sums, divergences) in parts {
+        for ((sums, divergences), origins) in parts.into_iter().zip(pending.chunks(TASK)) {
+            let loss = if divergences.is_empty() { sums.loss(self.variance) } else { f64::INFINITY };
+            tally.losses.push((loss, origins.len()));
             tally.sums.merge(&sums);
             tally.diverged += divergences.len();
             let room = TOLD.saturating_sub(tally.divergences.len());
@@ -295,5 +307,18 @@ fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> E
             rmse: table(|f| f.kept_rmse),
             nrmse: table(|f| f.kept_nrmse),
         },
+        blocks: blocks(&tally.losses),
     }
+}
+
+/// The losses of tasks put together to a few blocks of consecutive windows.
+fn blocks(losses: &[(f64, usize)]) -> Vec<f64> {
+    let size = losses.len().div_ceil(BLOCKS).max(1);
+    losses
+        .chunks(size)
+        .map(|part| {
+            let windows: usize = part.iter().map(|(_, count)| count).sum();
+            part.iter().map(|(loss, count)| loss * *count as f64).sum::<f64>() / windows as f64
+        })
+        .collect()
 }

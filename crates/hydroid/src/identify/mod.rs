@@ -2,6 +2,7 @@
 
 mod apart;
 mod overview;
+mod settings;
 mod verdict;
 
 use std::time::Instant;
@@ -12,94 +13,11 @@ use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{Found, Grid, Library, Optimizer, Regression, SearchError, search};
+use crate::sindy::{Found, Judge, Regression, SearchError, UnknownLibrary, discover, search};
 
 pub use overview::{ChannelSummary, overview, ranges};
+pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};
 pub use verdict::{Grade, Verdict, verdicts};
-
-/// Settings of the search for equations. What is not given is chosen on the validation runs.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SindySettings {
-    /// Degree of the polynomial library; without it 1 and 2 are tried.
-    pub degree: Option<u8>,
-    /// Whether the library has signed squares `x |x|`; without it both are tried.
-    pub signed_squares: Option<bool>,
-    /// Whether the library has the constant 1, a steady force or the offset of a sensor; without it yes.
-    pub constant: Option<bool>,
-    /// Increments over this time \[s\]; without it one sample and a fifth, a half and the whole of the
-    /// horizon are tried.
-    pub window_s: Option<f64>,
-    /// Central differences instead of increments.
-    pub central_differences: bool,
-    /// Thresholded least squares with this threshold, in standard deviations of the output per second;
-    /// without it backward elimination with several tolerances is tried.
-    pub threshold: Option<f64>,
-    /// Ridge penalty for each row, on columns of unit RMS; without it several are tried.
-    pub ridge: Option<f64>,
-}
-
-impl SindySettings {
-    /// Whether the settings make sense.
-    ///
-    /// # Errors
-    /// If one of them is not a number that it can be.
-    pub fn check(&self) -> Result<(), IdentifyError> {
-        let settings = [
-            ("window", "a positive number of seconds", self.window_s, f64::MIN_POSITIVE),
-            ("threshold", "a number from 0 on", self.threshold, 0.0),
-            ("ridge", "a number from 0 on", self.ridge, 0.0),
-        ];
-        for (what, needed, value, least) in settings {
-            if let Some(value) = value.filter(|v| !(v.is_finite() && *v >= least)) {
-                return Err(IdentifyError::Setting { what, value: value.to_string(), needed });
-            }
-        }
-        Ok(())
-    }
-
-    /// What to try, for a sample time and a horizon in samples.
-    pub fn grid(&self, dt: f64, horizon: usize) -> Grid {
-        let shapes = match (self.degree, self.signed_squares) {
-            (Some(degree), Some(signed_squares)) => vec![(degree, signed_squares)],
-            (Some(degree), None) => vec![(degree, false), (degree, true)],
-            (None, Some(signed_squares)) => vec![(1, signed_squares), (2, signed_squares)],
-            (None, None) => vec![(1, true), (2, false), (2, true)],
-        };
-        let constant = self.constant.unwrap_or(true);
-        let libraries = shapes
-            .into_iter()
-            .map(|(degree, signed_squares)| Library { degree, constant, signed_squares })
-            .collect();
-        let regressions = match (self.central_differences, self.window_s) {
-            (true, _) => vec![Regression::Central],
-            (false, Some(window)) => vec![Regression::Midpoint { intervals: intervals(window / dt) }],
-            (false, None) => {
-                let share = |part: f64| intervals(part * horizon as f64);
-                let mut list = vec![1, share(0.2), share(0.5), share(1.0)];
-                list.dedup();
-                list.into_iter().map(|intervals| Regression::Midpoint { intervals }).collect()
-            }
-        };
-        Grid {
-            libraries,
-            regressions,
-            optimizers: match self.threshold {
-                Some(threshold) => vec![Optimizer::Stlsq(threshold)],
-                None => [0.005, 0.01, 0.02, 0.05].map(Optimizer::Stepwise).to_vec(),
-            },
-            ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
-        }
-    }
-}
-
-/// A number of intervals, at least one.
-fn intervals(count: f64) -> usize {
-    // Bounded far below any usize; a NaN becomes 1.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let whole = count.round().clamp(1.0, 1e6) as usize;
-    whole.max(1)
-}
 
 /// A way to a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -175,6 +93,22 @@ pub struct Identified {
 /// Why nothing was identified.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
+    /// A library that there is not.
+    #[error(transparent)]
+    Library(UnknownLibrary),
+    /// A gate that is given splits nothing.
+    #[error(
+        "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, give runs that visit both modes, or let it be found (--gate auto)",
+        100.0 * share
+    )]
+    ModeNotVisited {
+        /// As given.
+        gate: String,
+        /// The mode.
+        side: &'static str,
+        /// Its share of the samples.
+        share: f64,
+    },
     /// A part of the split has no runs.
     #[error("there are no {0} runs: give more logs, or name some with --{0}")]
     NoRuns(&'static str),
@@ -316,8 +250,25 @@ fn equations(
         origin_stride: (longest / SEARCH_ORIGINS).max(job.origin_stride),
         ..evaluate::Options::default()
     };
-    let grid = job.sindy.grid(parts.train[0].dt, job.horizon);
-    let found = search(&parts.train, &parts.validation, &parts.ranges, &grid, &quick, progress)?;
+    let (dt, train) = (parts.train[0].dt, &parts.train);
+    // Windows of a fifth of the horizon average the noise and blur no actuator.
+    let regression = Regression::Weak { intervals: settings::intervals(0.2 * job.horizon as f64).max(4) };
+    let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
+    let share = &mut |f: f64| progress(0.3 * f);
+    let libraries = job.sindy.libraries()?;
+    let structures = discover(train, &settings::reference(&libraries), regression, &lags, &gate, share)
+        .map_err(SearchError::Cancelled)?;
+    let grid = job.sindy.grid(dt, job.horizon, &libraries, &structures);
+    let inputs = overview::input_ranges(train);
+    let judge = Judge {
+        validation: &parts.validation,
+        outputs: &parts.ranges,
+        inputs: &inputs,
+        options: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick },
+        seed: job.seed,
+        members: job.sindy.members.0,
+    };
+    let found = search(train, &judge, &grid, &mut |f| progress(0.3 + 0.7 * f))?;
     let settings = serde_json::json!({
         "chosen": found.trials[found.chosen],
         "asked": job.sindy,

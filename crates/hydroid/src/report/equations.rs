@@ -249,8 +249,7 @@ fn coefficients(
 
 /// What nobody can tell from these runs.
 fn unidentifiable(candidate: &Candidate, names: &[&str]) -> Markup {
-    let terms = candidate.found().fit.equations.terms();
-    let lost: Vec<&Term> = candidate.found().unidentifiable.iter().filter_map(|&j| terms.get(j)).collect();
+    let lost: Vec<&Term> = candidate.found().unidentifiable.iter().collect();
     let equations = &candidate.found().fit.equations;
     let visible = equations.outputs() + equations.inputs();
     // An input is used as well where a signal that is made from it is.

@@ -9,7 +9,7 @@ use super::page::{Section, cell, columns, figure, notes, nothing, table};
 use super::{ReportError, Subject, style};
 use crate::identify::Candidate;
 use crate::log::Note;
-use crate::sindy::{Criterion, Library, Optimizer, Regression, Trial};
+use crate::sindy::{Criterion, Optimizer, Regression, Structure, Trial};
 
 /// Rows of the table.
 const BEST: usize = 12;
@@ -59,20 +59,14 @@ fn choice(candidate: &Candidate) -> Result<Markup, ReportError> {
 }
 
 /// Libraries in the order in which they were tried.
-fn libraries(trials: &[Trial]) -> Vec<Library> {
-    let mut list: Vec<Library> = Vec::new();
+fn structures(trials: &[Trial]) -> Vec<Structure> {
+    let mut list: Vec<Structure> = Vec::new();
     for trial in trials {
-        if !list.contains(&trial.library) {
-            list.push(trial.library);
+        if !list.contains(&trial.structure) {
+            list.push(trial.structure.clone());
         }
     }
     list
-}
-
-fn short(library: Library) -> String {
-    let squares = if library.signed_squares { " + x|x|" } else { "" };
-    let constant = if library.constant { "" } else { ", no constant" };
-    format!("degree {}{squares}{constant}", library.degree)
 }
 
 fn colour(index: usize) -> RGBColor {
@@ -93,9 +87,9 @@ fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
     let mut figure = Figure::new("Score against number of terms, all settings", "terms in all equations")
         .x_range(0.0, 1.05 * most + 1.0);
     let mut above = 0;
-    for (i, library) in libraries(trials).into_iter().enumerate() {
+    for (i, library) in structures(trials).into_iter().enumerate() {
         let (mut inside, mut over, mut lost) = (Vec::new(), Vec::new(), Vec::new());
-        for trial in trials.iter().filter(|t| t.library == library) {
+        for trial in trials.iter().filter(|t| t.structure == library) {
             let terms = trial.terms as f64;
             match trial.score {
                 Some(score) if score <= top => inside.push((terms, score)),
@@ -109,7 +103,7 @@ fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
         {
             panel = panel.mark(Mark::Points(Points { points, sign, colour: colour(i), radius, label: None }));
         }
-        figure = figure.key(Key::Sign(Sign::Disc, colour(i)), short(library));
+        figure = figure.key(Key::Sign(Sign::Disc, colour(i)), library.to_string());
     }
     let winner = trials.get(chosen).and_then(|t| t.score.map(|s| (t.terms as f64, s)));
     if let Some(winner) = winner {
@@ -137,7 +131,7 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
             let trial = &trials[i];
             let score = trial.score.map_or_else(|| "diverged".to_owned(), |s| fixed(s, 4));
             [
-                short(trial.library),
+                trial.structure.to_string(),
                 match trial.regression {
                     Regression::Midpoint { intervals } => {
                         format!("{} s", seconds_text(intervals as f64 * dt))

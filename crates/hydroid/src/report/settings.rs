@@ -22,7 +22,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
         let seconds = seconds_text(horizon as f64 * test.dt);
         tell("horizon", format!("{} samples, {seconds} s", number::count(horizon)));
         if let Some(chosen) = candidate.found().trials.get(candidate.found().chosen) {
-            tell("library", chosen.library.to_string());
+            tell("library", chosen.structure.to_string());
             tell("regression", selection::regression(chosen.regression, description.dt));
             tell("selection of terms", selection::optimizer(chosen.optimizer));
             tell("ridge", selection::ridge(chosen.ridge));

@@ -60,36 +60,33 @@ pub(super) fn solve(problem: &Problem<'_>) -> Result<Vec<f64>, Infeasible> {
         step(&mut x, &back(triangle, &free), -violation / length);
         active.push(Active { bound: None, normal, multiplier: 0.0 });
     }
-    let normals: Vec<Vec<f64>> = (0..n)
+    let units: Vec<Vec<f64>> = (0..n)
         .map(|j| {
             let mut unit = vec![0.0; n];
-            unit[j] = problem.signs[j];
+            unit[j] = 1.0;
             forward(triangle, &unit)
         })
         .collect();
+    let deviations: Vec<f64> = units.iter().map(|unit| dot(unit, unit).sqrt()).collect();
     // What a right-hand side of this size can do to a coefficient, in its standard deviations.
     let scale = dot(&right, &right).sqrt();
     // Far more than there are steps: what does not end is not offered as a solution.
     for _ in 0..100 * (n + 1) {
-        let violated = |j: usize| problem.signs[j] * x[j] / dot(&normals[j], &normals[j]).sqrt();
+        let violated = |j: usize| problem.signs[j] * x[j] / deviations[j];
         let worst = (0..n)
             .filter(|&j| problem.signs[j] != 0.0 && active.iter().all(|a| a.bound != Some(j)))
             .min_by(|&a, &b| violated(a).total_cmp(&violated(b)));
         let Some(worst) = worst.filter(|&j| violated(j) < -OBEYED * scale) else {
-            for a in &active {
-                if let Some(j) = a.bound {
-                    x[j] = 0.0;
-                }
-            }
-            // Rounding is no push.
-            for (x, sign) in x.iter_mut().zip(problem.signs) {
-                if *x * sign < 0.0 {
+            // Rounding is neither a coefficient nor a push: what an equality ties to a zero is one.
+            for ((x, sign), deviation) in x.iter_mut().zip(problem.signs).zip(&deviations) {
+                if x.abs() <= OBEYED * scale * deviation || *x * sign < 0.0 {
                     *x = 0.0;
                 }
             }
             return Ok(x);
         };
-        activate(problem, &mut x, &mut active, worst, &normals[worst])?;
+        let normal: Vec<f64> = units[worst].iter().map(|value| problem.signs[worst] * value).collect();
+        activate(problem, &mut x, &mut active, worst, &normal)?;
     }
     Err(Infeasible)
 }
@@ -148,7 +145,7 @@ fn split(active: &[Active], normal: &[f64]) -> (Vec<f64>, Vec<f64>) {
     for (column, a) in active.iter().enumerate() {
         let (mut rest, shares) = orthogonal(&basis, &a.normal);
         let length = dot(&rest, &rest).sqrt();
-        for value in rest.iter_mut() {
+        for value in &mut rest {
             *value /= length;
         }
         for (row, share) in shares.iter().enumerate() {

@@ -169,10 +169,19 @@ fn system(
         equations.iter().map(|&i| (0..count).map(|j| constraints.sign(i, j).is_none()).collect()).collect();
     // The same triangle that gives the optimizer's own coefficients.
     let source = if matches!(options.optimizer, Optimizer::Stlsq(_)) { plain } else { ridged };
+    // By what each equation leaves with all terms; of exact data none counts infinitely more than another.
+    let weights: Vec<f64> = equations
+        .iter()
+        .map(|&i| {
+            let (all, _) = independent(plain, count, count + i);
+            let floor = 1e-9 * plain.column_norm(count + i);
+            1.0 / plain.solve(&all, count + i).residual.max(floor).max(f64::MIN_POSITIVE)
+        })
+        .collect();
     loop {
         let mut dependent = Vec::new();
         let mut parts = Vec::new();
-        for (&i, banned) in equations.iter().zip(&banned) {
+        for ((&i, &weight), banned) in equations.iter().zip(&weights).zip(&banned) {
             let mask: Vec<f64> = (0..plain.width())
                 .map(|j| if banned.get(j).copied().unwrap_or(false) { 0.0 } else { 1.0 })
                 .collect();
@@ -185,7 +194,7 @@ fn system(
                 .filter(|j| chosen.coefficients[*j] != 0.0 || tied.contains(j))
                 .collect();
             dependent.push(chosen.dependent);
-            parts.push(Part { equation: i, support });
+            parts.push(Part { equation: i, weight, support });
         }
         let stacked = Stacked::new(prepared, source, constraints, &parts);
         let problem =
@@ -219,6 +228,7 @@ fn system(
 /// An equation and the terms that are solved for.
 struct Part {
     equation: usize,
+    weight: f64,
     support: Vec<usize>,
 }
 
@@ -245,19 +255,12 @@ impl Stacked {
             let columns: Vec<usize> = part.support.iter().copied().chain([target]).collect();
             let own = source.select(&columns);
             let k = part.support.len();
-            // Of exact data no equation counts infinitely more than another.
-            let floor = 1e-9 * own.column_norm(k);
-            let weight = if parts.len() == 1 {
-                1.0
-            } else {
-                1.0 / own.get(k, k).abs().max(floor).max(f64::MIN_POSITIVE)
-            };
             for start in (0..=k).step_by(BLOCK_ROWS) {
                 block.fill(0.0);
                 for row in start..(start + BLOCK_ROWS).min(k + 1) {
                     for column in row..=k {
                         let place = if column == k { n } else { first + column };
-                        block[place * BLOCK_ROWS + row - start] = weight * own.get(row, column);
+                        block[place * BLOCK_ROWS + row - start] = part.weight * own.get(row, column);
                     }
                 }
                 triangle.absorb(&mut block, 0);

@@ -52,6 +52,42 @@ pub struct Ensemble {
     pub median: Vec<f64>,
 }
 
+impl Ensemble {
+    /// An ensemble of so many members without terms.
+    pub(super) fn zero(members: usize, outputs: usize, terms: usize) -> Self {
+        let zeros = || vec![0.0; outputs * terms];
+        Self {
+            members: vec![zeros(); members],
+            inclusion: zeros(),
+            low: zeros(),
+            high: zeros(),
+            mean: zeros(),
+            median: zeros(),
+        }
+    }
+
+    /// Takes the equation of one output from an ensemble over other terms: its term `j` is this one's term
+    /// `places[j]`.
+    pub(super) fn take_row(&mut self, output: usize, other: &Self, places: &[Option<usize>]) {
+        let terms = self.low.len() / (other.low.len() / places.len()).max(1);
+        for (j, place) in places.iter().enumerate().filter_map(|(j, p)| Some((j, (*p)?))) {
+            let (from, to) = (output * places.len() + j, output * terms + place);
+            for (own, others) in self.members.iter_mut().zip(&other.members) {
+                own[to] = others[from];
+            }
+            for (own, others) in [
+                (&mut self.inclusion, &other.inclusion),
+                (&mut self.low, &other.low),
+                (&mut self.high, &other.high),
+                (&mut self.mean, &other.mean),
+                (&mut self.median, &other.median),
+            ] {
+                own[to] = others[from];
+            }
+        }
+    }
+}
+
 impl Prepared {
     /// Fits every bag of an ensemble. The same seed gives the same numbers on any number of threads.
     ///

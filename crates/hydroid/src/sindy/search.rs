@@ -4,38 +4,75 @@
 //! excerpts of the training runs. Validation alone is at the mercy of chance where it is short: on a log of
 //! ten minutes it chose equations that run away on the very data they were fitted to.
 
+use std::sync::Arc;
+
+use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use serde::{Deserialize, Serialize};
 
+use super::choose::{Losses, compose};
 use super::constraints::Constraints;
+use super::ensemble::{Bagging, Ensemble};
 use super::error::FitError;
 use super::fit::{Fit, Prepared};
 use super::kernel::Regression;
-use super::library::Library;
-use super::options::{FitOptions, Optimizer, Scaling};
-use crate::evaluate::{self, DesignRange, EvaluateError, evaluate};
+use super::library::Variables;
+use super::options::{FitOptions, Optimizer, Preparation};
+use super::robust::Loss;
+use super::screen::{Screen, Screened, screen};
+use super::structure::Structure;
+use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
-use hydroid_core::model::sparse::{Equations, EquationsSession};
-use std::sync::Arc;
 
 /// What to try.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// Libraries.
-    pub libraries: Vec<Library>,
+    /// Libraries, with lags, gates and past.
+    pub structures: Vec<Structure>,
     /// Regressions.
     pub regressions: Vec<Regression>,
     /// How terms are selected.
     pub optimizers: Vec<Optimizer>,
     /// Ridge penalties, per row, on columns of unit RMS.
     pub ridges: Vec<f64>,
+    /// What residuals cost, in all trials.
+    pub loss: Loss,
+    /// What the coefficients must obey, in all trials.
+    pub constraints: Constraints,
+}
+
+impl Grid {
+    /// Samples that the slowest structure needs before it predicts: given to all, so that all are judged on
+    /// the same windows.
+    pub fn warm_up(&self, run: &Trajectory) -> usize {
+        let variables = Variables::of(run);
+        let signals = self.structures.iter().flat_map(|structure| structure.signals(&variables));
+        1 + signals.map(|signal| signal.warm_up(run.dt)).max().unwrap_or(0)
+    }
+}
+
+/// What trials are judged on.
+#[derive(Clone, Debug)]
+pub struct Judge<'a> {
+    /// Runs that nothing is fitted to.
+    pub validation: &'a [&'a Trajectory],
+    /// Design ranges of the outputs.
+    pub outputs: &'a [DesignRange],
+    /// Ranges of the inputs in the training runs.
+    pub inputs: &'a [DesignRange],
+    /// Rollouts that are compared.
+    pub options: evaluate::Options,
+    /// Seed of the stability screen and of the ensemble.
+    pub seed: u64,
+    /// Members of the ensemble that tells how sure the coefficients are; 0 for none.
+    pub members: usize,
 }
 
 /// One setting that was tried.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
-    /// The library.
-    pub library: Library,
+    /// The library, with lags, gate and past.
+    pub structure: Structure,
     /// The regression.
     pub regression: Regression,
     /// How terms were selected.
@@ -58,18 +95,27 @@ pub struct Trial {
 /// What the search found.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// The chosen fit.
+    /// The chosen equations.
     pub fit: Fit,
     /// All trials, in the order of the grid.
     pub trials: Vec<Trial>,
     /// Position of the chosen one.
     pub chosen: usize,
+    /// Position of the trial that each output's equation comes from: the chosen one but where another does
+    /// better for that output alone.
+    pub equations: Vec<usize>,
+    /// Score of the chosen equations put together.
+    pub score: f64,
     /// Condition number of the chosen library on the training runs.
     pub condition: f64,
     /// Terms of the chosen library that the training runs cannot tell apart or never move.
-    pub unidentifiable: Vec<usize>,
+    pub unidentifiable: Vec<Term>,
     /// Regression rows used, and left out because a sample was missing.
     pub rows: (u64, u64),
+    /// How the equations bear states and commands that no log has.
+    pub screened: Screened,
+    /// How sure the coefficients are; over the terms of `fit`.
+    pub ensemble: Option<Ensemble>,
 }
 
 /// Why the search found nothing.
@@ -88,13 +134,11 @@ pub enum SearchError {
     AllDiverged(usize),
     /// A library that nobody can search, let alone read.
     #[error(
-        "a {library} over {variables} outputs and inputs has {terms} terms; more than {MOST_TERMS} are not searched. Choose a smaller degree or fewer inputs"
+        "the library '{library}' has {terms} terms over these outputs and inputs; more than {MOST_TERMS} are not searched. Choose a smaller degree or fewer inputs"
     )]
     LibraryTooLarge {
         /// The library.
-        library: Library,
-        /// Variables of the terms.
-        variables: u16,
+        library: String,
         /// Number of terms.
         terms: usize,
     },
@@ -125,52 +169,33 @@ pub fn substeps(dt: f64) -> usize {
 /// If nothing could be fitted, everything diverged, or the work was interrupted.
 pub fn search(
     training: &[&Trajectory],
-    validation: &[&Trajectory],
-    ranges: &[DesignRange],
+    judge: &Judge<'_>,
     grid: &Grid,
-    options: &evaluate::Options,
     progress: Progress<'_>,
 ) -> Result<Found, SearchError> {
     let run = training.first().ok_or(SearchError::Empty)?;
-    let variables = run.outputs.width() + run.inputs.width();
-    let variables = u16::try_from(variables).map_err(|_| SearchError::Empty)?;
-    let excerpts = excerpts(training, options.horizon);
+    let excerpts = excerpts(training, judge.options.horizon);
     let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
-    let mut trials: Vec<Trial> = Vec::new();
-    let mut fits: Vec<(Fit, usize)> = Vec::new();
-    let mut prepared: Vec<Prepared> = Vec::new();
+    let mut bench = Bench { judge, excerpts: &excerpts, variables: Variables::of(run), tried: Vec::new() };
     let mut refusal = None;
-    let pairs = grid.libraries.len() * grid.regressions.len();
-    for (index, (&library, &regression)) in
-        grid.libraries.iter().flat_map(|l| grid.regressions.iter().map(move |r| (l, r))).enumerate()
+    let pairs = grid.structures.len() * grid.regressions.len();
+    for (index, (structure, &regression)) in
+        grid.structures.iter().flat_map(|s| grid.regressions.iter().map(move |r| (s, r))).enumerate()
     {
-        // Larger libraries may be beyond these runs; the first refusal is the plainest.
-        let terms = library.count(variables);
-        if terms > MOST_TERMS {
-            refusal.get_or_insert(SearchError::LibraryTooLarge { library, variables, terms });
-            continue;
-        }
-        let regression_of =
-            Prepared::new(training, library.terms(variables), regression, &Scaling::Contribution);
-        let equations_of = match regression_of {
-            Ok(prepared) => prepared,
+        let prepared = match bench.prepare(training, structure, regression, grid, 0) {
+            Ok(prepared) => Arc::new(prepared),
+            // Larger libraries may be beyond these runs; the first refusal is the plainest.
             Err(error) => {
-                refusal.get_or_insert(error.into());
+                refusal.get_or_insert(error);
                 continue;
             }
         };
         for (position, &ridge) in grid.ridges.iter().enumerate() {
             let done = (index as f64 + position as f64 / grid.ridges.len() as f64) / pairs as f64;
-            progress::report(progress, done)?;
-            let mut last: Option<Fit> = None;
+            progress::report(progress, 0.9 * done)?;
+            let mut last: Option<Vec<f64>> = None;
             for &optimizer in &grid.optimizers {
-                let options_of = FitOptions {
-                    optimizer,
-                    ridge,
-                    substeps: substeps(run.dt),
-                    constraints: Constraints::default(),
-                };
-                let fit = match equations_of.fit(&options_of) {
+                let fit = match prepared.fit(&options(optimizer, ridge, run.dt, grid)) {
                     Ok(fit) => fit,
                     Err(error) => {
                         refusal.get_or_insert(error.into());
@@ -178,64 +203,269 @@ pub fn search(
                     }
                 };
                 // A stricter setting that changes nothing need not be judged again.
-                if last.as_ref().is_some_and(|last| last.scaled == fit.scaled) {
-                    continue;
+                if last.as_ref() != Some(&fit.scaled) {
+                    last = Some(fit.scaled.clone());
+                    let setting = Setting { structure, regression, optimizer, ridge };
+                    bench.try_out(setting, fit, Arc::clone(&prepared))?;
                 }
-                let on_validation = judge(&fit.equations, validation, ranges, options)?;
-                let mut diverged = on_validation.diverged;
-                let validation_score = on_validation.score();
-                let mut training_score = None;
-                // What fails on the validation runs need not be tried on the training runs.
-                if !excerpts.is_empty() && validation_score.is_finite() {
-                    let on_training = judge(&fit.equations, &excerpts, ranges, options)?;
-                    diverged += on_training.diverged;
-                    training_score = Some(on_training.score());
-                }
-                let score = training_score.map_or(validation_score, |t| 0.5 * (t + validation_score));
-                let finite = |x: f64| x.is_finite().then_some(x);
-                trials.push(Trial {
-                    library,
-                    regression,
-                    optimizer,
-                    ridge,
-                    terms: fit.equations.active_terms(),
-                    score: finite(score),
-                    validation: finite(validation_score),
-                    training: training_score.and_then(finite),
-                    diverged,
-                });
-                last = Some(fit.clone());
-                fits.push((fit, prepared.len()));
             }
         }
-        prepared.push(equations_of);
     }
-    let Some(best) = trials.iter().filter_map(|t| t.score).min_by(f64::total_cmp) else {
+    if bench.tried.iter().all(|tried| tried.trial.score.is_none()) {
         return Err(match refusal {
-            Some(error) if trials.is_empty() => error,
-            _ if trials.is_empty() => SearchError::Empty,
-            _ => SearchError::AllDiverged(trials.len()),
+            Some(error) if bench.tried.is_empty() => error,
+            _ if bench.tried.is_empty() => SearchError::Empty,
+            _ => SearchError::AllDiverged(bench.tried.len()),
         });
-    };
-    // Among equals the one with the fewest terms. A wider tolerance for simplicity costs accuracy where two
-    // terms tell little apart on a noisy validation run: it drops true terms of the simple plant.
-    let chosen = (0..trials.len())
-        .filter(|&i| trials[i].score == Some(best))
-        .min_by_key(|&i| trials[i].terms)
-        .unwrap_or(0);
-    let (fit, library) = fits.swap_remove(chosen);
-    let library = &prepared[library];
-    let all: Vec<usize> = (0..library.terms().len()).collect();
-    let unidentifiable = library.unidentifiable().to_vec();
-    let independent: Vec<usize> = all.into_iter().filter(|j| !unidentifiable.contains(j)).collect();
-    Ok(Found {
-        fit,
-        chosen,
-        trials,
-        condition: library.condition(&independent),
-        unidentifiable,
-        rows: (library.rows(), library.skipped()),
-    })
+    }
+    let found = bench.choose(training, grid, run.dt)?;
+    progress::report(progress, 1.0)?;
+    Ok(found)
+}
+
+fn options(optimizer: Optimizer, ridge: f64, dt: f64, grid: &Grid) -> FitOptions {
+    FitOptions { optimizer, ridge, substeps: substeps(dt), constraints: grid.constraints.clone() }
+}
+
+/// The trials and what they are judged on.
+struct Bench<'a> {
+    judge: &'a Judge<'a>,
+    excerpts: &'a [&'a Trajectory],
+    variables: Variables,
+    tried: Vec<Tried>,
+}
+
+/// A setting.
+#[derive(Clone, Copy)]
+struct Setting<'a> {
+    structure: &'a Structure,
+    regression: Regression,
+    optimizer: Optimizer,
+    ridge: f64,
+}
+
+/// A trial with all that is needed to choose it.
+struct Tried {
+    trial: Trial,
+    fit: Fit,
+    losses: Losses,
+    prepared: Arc<Prepared>,
+}
+
+/// Rollouts of one model.
+struct Judged {
+    score: f64,
+    validation: f64,
+    training: Option<f64>,
+    diverged: usize,
+    losses: Losses,
+}
+
+/// Other trials whose equation of one output is tried in place of the chosen one.
+const SWAPS: usize = 12;
+
+/// A model that fails the screen gives way to one that passes and is worse by this factor at the most.
+const STABLE: f64 = 1.1;
+
+/// Groups of rows that the ensemble draws from.
+const GROUPS: usize = 24;
+
+impl Bench<'_> {
+    fn prepare(
+        &self,
+        training: &[&Trajectory],
+        structure: &Structure,
+        regression: Regression,
+        grid: &Grid,
+        groups: usize,
+    ) -> Result<Prepared, SearchError> {
+        let terms = structure.count(&self.variables);
+        if terms > MOST_TERMS {
+            let library = structure.library.to_string();
+            return Err(SearchError::LibraryTooLarge { library, terms });
+        }
+        let signals = structure.signals(&self.variables);
+        let preparation =
+            Preparation { signals: &signals, loss: grid.loss, groups, ..Preparation::default() };
+        let terms = structure.terms(&self.variables);
+        Ok(Prepared::with(training, terms, regression, &preparation)?)
+    }
+
+    fn try_out(
+        &mut self,
+        setting: Setting<'_>,
+        fit: Fit,
+        prepared: Arc<Prepared>,
+    ) -> Result<(), SearchError> {
+        let judged = self.judge(&fit.equations)?;
+        let finite = |x: f64| x.is_finite().then_some(x);
+        let trial = Trial {
+            structure: setting.structure.clone(),
+            regression: setting.regression,
+            optimizer: setting.optimizer,
+            ridge: setting.ridge,
+            terms: fit.equations.active_terms(),
+            score: finite(judged.score),
+            validation: finite(judged.validation),
+            training: judged.training.and_then(finite),
+            diverged: judged.diverged,
+        };
+        self.tried.push(Tried { trial, fit, losses: judged.losses, prepared });
+        Ok(())
+    }
+
+    fn judge(&self, equations: &Equations) -> Result<Judged, SearchError> {
+        let on_validation = self.evaluate(equations, self.judge.validation)?;
+        let validation = on_validation.score();
+        let mut judged = Judged {
+            score: validation,
+            validation,
+            training: None,
+            diverged: on_validation.diverged,
+            losses: Losses { validation: on_validation.blocks, training: Vec::new() },
+        };
+        // What fails on the validation runs need not be tried on the training runs.
+        if !self.excerpts.is_empty() && validation.is_finite() {
+            let on_training = self.evaluate(equations, self.excerpts)?;
+            judged.diverged += on_training.diverged;
+            judged.training = Some(on_training.score());
+            judged.score = 0.5 * (validation + on_training.score());
+            judged.losses.training = on_training.blocks;
+        }
+        Ok(judged)
+    }
+
+    fn evaluate(&self, equations: &Equations, runs: &[&Trajectory]) -> Result<Evaluation, SearchError> {
+        let mut session = EquationsSession::new(Arc::new(equations.clone()));
+        let silent = &mut progress::silent();
+        evaluate("sindy", &mut session, self.judge.outputs, runs, &self.judge.options, silent).map_err(
+            |error| match error {
+                EvaluateError::Cancelled(cancelled) => SearchError::Cancelled(cancelled),
+                other => SearchError::Validation(other),
+            },
+        )
+    }
+
+    fn screen(&self, equations: &Equations) -> Screened {
+        let steps = (5 * self.judge.options.horizon).clamp(300, 3_000);
+        let plan = Screen { rollouts: 64, steps, seed: self.judge.seed };
+        screen(equations, self.judge.outputs, self.judge.inputs, plan)
+    }
+
+    /// Trials that may be taken, the preferred ones first: those that the rollouts cannot tell from the best,
+    /// by simplicity, then all others by score.
+    fn preference(&self) -> Vec<usize> {
+        let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
+        let mut order: Vec<usize> = (0..self.tried.len()).filter(|&i| score(i).is_finite()).collect();
+        order.sort_by(|&a, &b| score(a).total_cmp(&score(b)));
+        let Some(&best) = order.first() else { return order };
+        let alike = |i: usize| self.tried[i].losses.is_as_good_as(&self.tried[best].losses);
+        let (mut simple, rest): (Vec<usize>, Vec<usize>) = order.into_iter().partition(|&i| alike(i));
+        simple.sort_by_key(|&i| self.tried[i].trial.terms + self.tried[i].trial.structure.parameters());
+        simple.extend(rest);
+        simple
+    }
+
+    fn choose(&self, training: &[&Trajectory], grid: &Grid, dt: f64) -> Result<Found, SearchError> {
+        let preference = self.preference();
+        let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
+        let best = preference.iter().map(|&i| score(i)).fold(f64::INFINITY, f64::min);
+        let bounded = |i: &&usize| self.screen(&self.tried[**i].fit.equations).is_bounded();
+        let near = preference.iter().filter(|&&i| score(i) <= STABLE * best);
+        let chosen = near.clone().find(bounded).or(preference.first()).copied().unwrap_or(0);
+        let (equations, fit, score) = self.by_output(chosen, &preference)?;
+        let winner = &self.tried[chosen];
+        let ensemble = self.ensemble(training, grid, dt, &equations, &fit)?;
+        let lost = winner.prepared.unidentifiable();
+        let independent: Vec<usize> =
+            (0..winner.prepared.terms().len()).filter(|j| !lost.contains(j)).collect();
+        Ok(Found {
+            screened: self.screen(&fit.equations),
+            chosen,
+            equations,
+            score,
+            condition: winner.prepared.condition(&independent),
+            unidentifiable: lost.iter().map(|&j| winner.prepared.terms()[j].clone()).collect(),
+            rows: (winner.prepared.rows(), winner.prepared.skipped()),
+            trials: self.tried.iter().map(|tried| tried.trial.clone()).collect(),
+            ensemble,
+            fit,
+        })
+    }
+
+    /// For each output in turn the equations of other trials are tried in place of the chosen one; one that
+    /// does better beyond the noise, in the rollouts of the whole, stays.
+    fn by_output(&self, chosen: usize, preference: &[usize]) -> Result<(Vec<usize>, Fit, f64), SearchError> {
+        let outputs = self.variables.outputs().count();
+        let mut rows = vec![chosen; outputs];
+        let mut fit = self.tried[chosen].fit.clone();
+        let mut losses = self.tried[chosen].losses.clone();
+        let mut score = self.tried[chosen].trial.score.unwrap_or(f64::INFINITY);
+        let signals = fit.equations.signals().to_vec();
+        for output in 0..outputs {
+            let mut known: Vec<Vec<f64>> = vec![self.row(chosen, output)];
+            let mut best: Option<(usize, Fit, Judged)> = None;
+            for &other in preference {
+                if known.len() > SWAPS {
+                    break;
+                }
+                let row = self.row(other, output);
+                if self.tried[other].fit.equations.signals() != signals || known.contains(&row) {
+                    continue;
+                }
+                known.push(row);
+                let mut next = rows.clone();
+                next[output] = other;
+                let fits: Vec<&Fit> = next.iter().map(|&i| &self.tried[i].fit).collect();
+                let Ok(composed) = compose(&fits) else { continue };
+                let judged = self.judge(&composed.equations)?;
+                let ahead = best.as_ref().map_or(score, |(_, _, best)| best.score);
+                if judged.score < ahead && judged.losses.is_better_than(&losses) {
+                    best = Some((other, composed, judged));
+                }
+            }
+            if let Some((other, composed, judged)) = best
+                && self.screen(&composed.equations).unbounded <= self.screen(&fit.equations).unbounded
+            {
+                rows[output] = other;
+                (fit, losses, score) = (composed, judged.losses, judged.score);
+            }
+        }
+        Ok((rows, fit, score))
+    }
+
+    fn row(&self, trial: usize, output: usize) -> Vec<f64> {
+        let fit = &self.tried[trial].fit;
+        let terms = fit.equations.terms().len();
+        fit.equations.coefficients()[output * terms..(output + 1) * terms].to_vec()
+    }
+
+    /// The ensemble of the settings that the equations come from, over the terms of the whole.
+    fn ensemble(
+        &self,
+        training: &[&Trajectory],
+        grid: &Grid,
+        dt: f64,
+        rows: &[usize],
+        fit: &Fit,
+    ) -> Result<Option<Ensemble>, SearchError> {
+        if self.judge.members == 0 {
+            return Ok(None);
+        }
+        let terms = fit.equations.terms();
+        let bagging = Bagging { bags: self.judge.members, seed: self.judge.seed, ..Bagging::default() };
+        let mut whole = Ensemble::zero(self.judge.members, rows.len(), terms.len());
+        for (output, &row) in rows.iter().enumerate() {
+            let trial = &self.tried[row].trial;
+            let prepared = self.prepare(training, &trial.structure, trial.regression, grid, GROUPS)?;
+            let options = options(trial.optimizer, trial.ridge, dt, grid);
+            let ensemble = prepared.ensemble(&options, &bagging)?;
+            let places: Vec<Option<usize>> =
+                prepared.terms().iter().map(|term| terms.iter().position(|known| known == term)).collect();
+            whole.take_row(output, &ensemble, &places);
+        }
+        Ok(Some(whole))
+    }
 }
 
 /// Samples of the training runs that take part in the score; more change no choice.
@@ -262,21 +492,6 @@ fn excerpts(runs: &[&Trajectory], horizon: usize) -> Vec<Trajectory> {
         }
     }
     parts
-}
-
-fn judge(
-    equations: &Equations,
-    validation: &[&Trajectory],
-    ranges: &[DesignRange],
-    options: &evaluate::Options,
-) -> Result<evaluate::Evaluation, SearchError> {
-    let mut session = EquationsSession::new(Arc::new(equations.clone()));
-    evaluate("sindy", &mut session, ranges, validation, options, &mut progress::silent()).map_err(|error| {
-        match error {
-            EvaluateError::Cancelled(cancelled) => SearchError::Cancelled(cancelled),
-            other => SearchError::Validation(other),
-        }
-    })
 }
 
 #[cfg(test)]

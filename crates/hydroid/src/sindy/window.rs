@@ -6,9 +6,10 @@ use crate::log::Trajectory;
 /// Share of a row's left side that noise may have. Smaller windows leave structure to chance, larger ones
 /// average the motion away and leave few independent rows.
 ///
-/// On the Lorenz system with 1 to 20 % noise and on the simple plant any share from 0.04 to 0.15 chooses a
-/// window that gives the true terms.
-pub const NOISE_SHARE: f64 = 0.1;
+/// Chosen on Lorenz records with 5 to 20 % noise (seeds that no test uses): shares from 0.05 to 0.1 find the
+/// true terms about equally often, 0.15 less often. `cargo test -p hydroid --test lorenz -- --ignored
+/// --nocapture many` prints how often.
+pub const NOISE_SHARE: f64 = 0.06;
 
 /// Window after window, a quarter longer: finer steps change no fit.
 const STEP: f64 = 1.25;

@@ -1,0 +1,305 @@
+//! Settings of the search for equations.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::IdentifyError;
+use crate::log::Trajectory;
+use crate::sindy::{
+    Constraints, Family, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted,
+};
+
+/// Settings of the search for equations. What is not given is chosen on the validation runs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SindySettings {
+    /// The one library to use, in words: `marine`, `degree 2 + x|x|`, `marine + rational` ...
+    pub library: Option<String>,
+    /// Degree of the polynomial library; without it 1 and 2 are tried, beside Fossen's terms.
+    pub degree: Option<u8>,
+    /// Whether the library has signed squares `x |x|`; without it both are tried.
+    pub signed_squares: Option<bool>,
+    /// Whether the library has the constant 1, a steady force or the offset of a sensor; without it yes.
+    pub constant: Option<bool>,
+    /// Actuators that follow their commands with a lag: `"auto"` (looked for, the default), `"none"`, or the
+    /// time constants \[s\] by input.
+    pub lag: Lags,
+    /// Where the equations change: `"auto"` (looked for, the default), `"none"`, or a gate on an output.
+    pub gate: GateSetting,
+    /// Window of the regression \[s\]; without it several are tried.
+    pub window_s: Option<f64>,
+    /// Central differences instead of the weak form.
+    pub central_differences: bool,
+    /// Thresholded least squares with this threshold, in standard deviations of the output per second;
+    /// without it backward elimination with several tolerances is tried.
+    pub threshold: Option<f64>,
+    /// Ridge penalty for each row, on columns of unit RMS; without it several are tried.
+    pub ridge: Option<f64>,
+    /// Residuals beyond so many standard deviations count linearly (Huber), so that spikes in a log hardly
+    /// move the coefficients; without it least squares.
+    pub huber: Option<f64>,
+    /// Members of the ensemble that tells how sure the coefficients are.
+    pub members: Members,
+}
+
+/// A number of members.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Members(pub usize);
+
+impl Default for Members {
+    fn default() -> Self {
+        Self(50)
+    }
+}
+
+/// A word in place of a value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Word {
+    /// Looked for.
+    #[default]
+    Auto,
+    /// None.
+    None,
+}
+
+/// Lags of actuators.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Lags {
+    /// Looked for, or none.
+    Word(Word),
+    /// Time constants \[s\] by the name of the input.
+    Given(BTreeMap<String, f64>),
+}
+
+impl Default for Lags {
+    fn default() -> Self {
+        Self::Word(Word::Auto)
+    }
+}
+
+/// A change of mode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum GateSetting {
+    /// Looked for, or none.
+    Word(Word),
+    /// On an output.
+    Given(GivenGate),
+}
+
+impl Default for GateSetting {
+    fn default() -> Self {
+        Self::Word(Word::Auto)
+    }
+}
+
+/// A gate `sigma(slope (y - centre))`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GivenGate {
+    /// Name of the output that decides the mode.
+    pub output: String,
+    /// Where the two modes weigh the same, in the output's unit.
+    pub centre: f64,
+    /// How sharp the change is, per unit.
+    pub slope: f64,
+}
+
+impl std::str::FromStr for Lags {
+    type Err = String;
+
+    /// `auto`, `none`, or `n=1.5,delta=0.3`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => return Ok(Self::Word(Word::Auto)),
+            "none" => return Ok(Self::Word(Word::None)),
+            _ => {}
+        }
+        let pair = |part: &str| {
+            let (name, seconds) = part.split_once('=')?;
+            Some((name.trim().to_owned(), seconds.trim().trim_end_matches('s').parse().ok()?))
+        };
+        text.split(',')
+            .map(pair)
+            .collect::<Option<BTreeMap<String, f64>>>()
+            .map(Self::Given)
+            .ok_or_else(|| format!("'{text}' is not auto, none, or a list like n=1.5,delta=0.3 (seconds)"))
+    }
+}
+
+impl std::str::FromStr for GateSetting {
+    type Err = String;
+
+    /// `auto`, `none`, or `u=2.5/12`: output, centre, slope.
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => return Ok(Self::Word(Word::Auto)),
+            "none" => return Ok(Self::Word(Word::None)),
+            _ => {}
+        }
+        let gate = || {
+            let (output, numbers) = text.split_once('=')?;
+            let (centre, slope) = numbers.split_once('/')?;
+            let (centre, slope) = (centre.trim().parse().ok()?, slope.trim().parse().ok()?);
+            Some(GivenGate { output: output.trim().to_owned(), centre, slope })
+        };
+        gate()
+            .map(Self::Given)
+            .ok_or_else(|| format!("'{text}' is not auto, none, or output=centre/slope like u=2.5/12"))
+    }
+}
+
+impl SindySettings {
+    /// Whether the settings make sense.
+    ///
+    /// # Errors
+    /// If one of them is not a number that it can be.
+    pub fn check(&self) -> Result<(), IdentifyError> {
+        let settings = [
+            ("window", "a positive number of seconds", self.window_s, f64::MIN_POSITIVE),
+            ("threshold", "a number from 0 on", self.threshold, 0.0),
+            ("ridge", "a number from 0 on", self.ridge, 0.0),
+            ("huber", "a positive number of standard deviations", self.huber, f64::MIN_POSITIVE),
+        ];
+        for (what, needed, value, least) in settings {
+            if let Some(value) = value.filter(|v| !(v.is_finite() && *v >= least)) {
+                return Err(IdentifyError::Setting { what, value: value.to_string(), needed });
+            }
+        }
+        Ok(())
+    }
+
+    /// Lags that are looked for or given, by the place of the input.
+    ///
+    /// # Errors
+    /// If an input does not exist, or a time constant is not positive.
+    pub fn lags(&self, run: &Trajectory) -> Result<Wanted<Vec<Lag>>, IdentifyError> {
+        let given = match &self.lag {
+            Lags::Word(Word::Auto) => return Ok(Wanted::Found),
+            Lags::Word(Word::None) => return Ok(Wanted::None),
+            Lags::Given(given) => given,
+        };
+        let mut lags = Vec::new();
+        for (name, &time_constant_s) in given {
+            let needed = "an input, with a positive number of seconds";
+            let wrong =
+                || IdentifyError::Setting { what: "lag", value: format!("{name}={time_constant_s}"), needed };
+            let input = run.inputs.channels().iter().position(|c| c.name == *name).ok_or_else(wrong)?;
+            if !(time_constant_s.is_finite() && time_constant_s > 0.0) {
+                return Err(wrong());
+            }
+            lags.push(Lag { input, time_constant_s });
+        }
+        Ok(Wanted::Given(lags))
+    }
+
+    /// A gate that is looked for or given.
+    ///
+    /// # Errors
+    /// If the output does not exist, a number is not one, or a mode has hardly a sample in the training runs.
+    pub fn gate(&self, training: &[&Trajectory]) -> Result<Wanted<Schedule>, IdentifyError> {
+        let given = match &self.gate {
+            GateSetting::Word(Word::Auto) => return Ok(Wanted::Found),
+            GateSetting::Word(Word::None) => return Ok(Wanted::None),
+            GateSetting::Given(given) => given,
+        };
+        let GivenGate { output: name, centre, slope } = given;
+        let value = || format!("{name}={centre}/{slope}");
+        let needed = "an output, with a finite centre and a positive slope";
+        let wrong = || IdentifyError::Setting { what: "gate", value: value(), needed };
+        let channels = training.first().map_or(&[][..], |run| run.outputs.channels());
+        let output = channels.iter().position(|c| c.name == *name).ok_or_else(wrong)?;
+        if !(centre.is_finite() && slope.is_finite() && *slope > 0.0) {
+            return Err(wrong());
+        }
+        let schedule = Schedule::new(output, *centre, *slope);
+        let share = schedule.share_above(training.iter().copied());
+        if !(0.01..=0.99).contains(&share) {
+            let side = if share < 0.5 { "above" } else { "below" };
+            return Err(IdentifyError::ModeNotVisited { gate: value(), side, share: share.min(1.0 - share) });
+        }
+        Ok(Wanted::Given(schedule))
+    }
+
+    /// The libraries of one mode to try, the simplest first.
+    ///
+    /// # Errors
+    /// If there is no library of the name that is given.
+    pub fn libraries(&self) -> Result<Vec<Library>, IdentifyError> {
+        let libraries = if let Some(name) = &self.library {
+            vec![name.parse::<Library>().map_err(IdentifyError::Library)?]
+        } else {
+            let polynomial = |degree, squares| {
+                let plain = Library::polynomial(degree);
+                if squares { plain.with(Family::SignedSquares) } else { plain }
+            };
+            match (self.degree, self.signed_squares) {
+                (Some(degree), Some(squares)) => vec![polynomial(degree, squares)],
+                (Some(degree), None) => vec![polynomial(degree, false), polynomial(degree, true)],
+                (None, Some(squares)) => vec![polynomial(1, squares), polynomial(2, squares)],
+                (None, None) => {
+                    vec![polynomial(1, true), Library::marine(), polynomial(2, false), polynomial(2, true)]
+                }
+            }
+        };
+        let constant = self.constant.unwrap_or(true);
+        let wanted = |library: Library| if constant { library } else { library.without_constant() };
+        Ok(libraries.into_iter().map(wanted).collect())
+    }
+
+    /// What to try, for a sample time and a horizon in samples, with what was found about lags and modes.
+    /// These are combined with the richer libraries alone.
+    pub fn grid(&self, dt: f64, horizon: usize, libraries: &[Library], found: &[Structure]) -> Grid {
+        let share = |part: f64| intervals(part * horizon as f64);
+        let regressions = match (self.central_differences, self.window_s) {
+            (true, _) => vec![Regression::Central],
+            (false, Some(window)) => vec![Regression::Weak { intervals: intervals(window / dt) }],
+            (false, None) => {
+                let mut list = vec![1, share(0.2), share(0.5), share(1.0), share(2.0)];
+                list.dedup();
+                list.into_iter().map(|intervals| Regression::Weak { intervals }).collect()
+            }
+        };
+        let mut structures: Vec<Structure> = libraries.iter().cloned().map(Structure::from).collect();
+        for structure in found {
+            let rich = libraries.iter().filter(|library| libraries.len() < 3 || is_rich(library));
+            structures
+                .extend(rich.map(|library| Structure { library: library.clone(), ..structure.clone() }));
+        }
+        Grid {
+            structures,
+            regressions,
+            optimizers: match self.threshold {
+                Some(threshold) => vec![Optimizer::Stlsq(threshold)],
+                None => [0.002, 0.005, 0.01, 0.02, 0.05].map(Optimizer::Stepwise).to_vec(),
+            },
+            ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
+            loss: self.huber.map_or(Loss::Squares, Loss::Huber),
+            constraints: Constraints::default(),
+        }
+    }
+}
+
+/// The library that lags and gates are looked for with.
+pub(super) fn reference(libraries: &[Library]) -> Library {
+    let marine = libraries.iter().find(|library| library.families().contains(&Family::Marine));
+    marine.or(libraries.last()).cloned().unwrap_or_else(Library::marine)
+}
+
+/// Whether a library has both products and quadratic drag.
+fn is_rich(library: &Library) -> bool {
+    let has = |family: &Family| library.families().contains(family);
+    has(&Family::Marine) || has(&Family::SignedSquares) && has(&Family::Polynomial { degree: 2 })
+}
+
+/// A number of intervals, at least one.
+pub(super) fn intervals(count: f64) -> usize {
+    // Bounded far below any usize; a NaN becomes 1.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let whole = count.round().clamp(1.0, 1e6) as usize;
+    whole.max(1)
+}

@@ -1,0 +1,127 @@
+//! Which of many fits to take: by rollouts, the simplest among those that the rollouts cannot tell apart,
+//! equation by equation.
+
+use hydroid_core::model::sparse::{Equations, EquationsError, Term};
+
+use super::fit::Fit;
+
+/// How one model did on the windows of validation and of training runs, part by part
+/// ([`Evaluation::blocks`](crate::evaluate::Evaluation::blocks)).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// On the validation runs.
+    pub validation: Vec<f64>,
+    /// On excerpts of the training runs; may be empty.
+    pub training: Vec<f64>,
+}
+
+/// A difference and how well it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Difference {
+    /// Mean of the differences.
+    pub mean: f64,
+    /// Its standard error.
+    pub error: f64,
+}
+
+impl Losses {
+    /// How much larger these losses are than others on the same windows. Pairs are compared: what makes a
+    /// window hard for both says nothing.
+    pub fn beyond(&self, other: &Self) -> Difference {
+        let parts = [(&self.validation, &other.validation), (&self.training, &other.training)];
+        let (mut mean, mut variance) = (0.0, 0.0);
+        for (a, b) in parts.into_iter().filter(|(a, _)| !a.is_empty()) {
+            let n = a.len() as f64;
+            let of = a.iter().zip(b).map(|(a, b)| a - b);
+            let average = of.clone().sum::<f64>() / n;
+            mean += average;
+            // One part alone has no spread to judge by: everything is beyond the noise then.
+            variance += of.map(|d| (d - average).powi(2)).sum::<f64>() / (n * (n - 1.0).max(1.0));
+        }
+        Difference { mean, error: variance.sqrt() }
+    }
+
+    /// Whether these losses are not larger than others by more than the noise of the comparison: one standard
+    /// error (the one-standard-error rule: Breiman et al., Classification and Regression Trees, 1984, section
+    /// 3.4.3).
+    pub fn is_as_good_as(&self, other: &Self) -> bool {
+        let difference = self.beyond(other);
+        difference.mean <= difference.error
+    }
+
+    /// Whether these losses are smaller by more than the noise.
+    pub fn is_better_than(&self, other: &Self) -> bool {
+        let difference = self.beyond(other);
+        difference.mean < -difference.error
+    }
+}
+
+/// Equations whose row `i` is row `i` of the `i`-th fit. The fits must have the same outputs, inputs and
+/// signals; their libraries may differ, and the result has the terms of all that it uses.
+///
+/// # Errors
+/// If the joint library is too large to compile.
+pub fn compose(rows: &[&Fit]) -> Result<Fit, EquationsError> {
+    let Some(first) = rows.first() else { return Err(EquationsError::Step) };
+    let mut terms: Vec<Term> = Vec::new();
+    for fit in rows {
+        for term in fit.equations.terms() {
+            if !terms.contains(term) {
+                terms.push(term.clone());
+            }
+        }
+    }
+    let mut coefficients = vec![0.0; rows.len() * terms.len()];
+    let mut scaled = coefficients.clone();
+    let mut residual_rms = Vec::with_capacity(rows.len());
+    for (i, fit) in rows.iter().enumerate() {
+        let own = fit.equations.terms();
+        for (j, term) in own.iter().enumerate() {
+            if let Some(at) = terms.iter().position(|known| known == term) {
+                coefficients[i * terms.len() + at] = fit.equations.coefficient(i, j);
+                scaled[i * terms.len() + at] = fit.scaled[i * own.len() + j];
+            }
+        }
+        residual_rms.push(fit.residual_rms[i]);
+    }
+    let e = &first.equations;
+    let signals = e.signals().to_vec();
+    let equations =
+        Equations::with_signals(terms, coefficients, e.outputs(), e.inputs(), signals, e.dt(), e.substeps())?;
+    Ok(Fit { equations, residual_rms, scaled })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn losses(validation: &[f64]) -> Losses {
+        Losses { validation: validation.to_vec(), training: Vec::new() }
+    }
+
+    #[test]
+    fn what_both_find_hard_is_not_noise() {
+        let best = losses(&[0.1, 5.0, 0.2, 9.0]);
+        let always_worse = losses(&[0.2, 5.1, 0.3, 9.1]);
+        assert!(!always_worse.is_as_good_as(&best) && best.is_better_than(&always_worse));
+        let now_and_then = losses(&[0.2, 4.9, 0.4, 8.9]);
+        assert!(now_and_then.is_as_good_as(&best) && !best.is_better_than(&now_and_then));
+        assert!(!losses(&[0.1, f64::INFINITY, 0.2, 9.0]).is_as_good_as(&best));
+    }
+
+    #[test]
+    fn rows_come_from_their_own_fits() {
+        let fit = |terms: Vec<Term>, coefficients: Vec<f64>| Fit {
+            scaled: coefficients.iter().map(|c| 10.0 * c).collect(),
+            equations: Equations::new(terms, coefficients, 2, 1, 0.1, 1).unwrap(),
+            residual_rms: vec![1.0, 2.0],
+        };
+        let a = fit(vec![Term::monomial(&[0]), Term::monomial(&[1])], vec![1.0, 2.0, 3.0, 4.0]);
+        let b = fit(vec![Term::monomial(&[2]), Term::monomial(&[1])], vec![5.0, 6.0, 7.0, 8.0]);
+        let both = compose(&[&a, &b]).unwrap();
+        let names: Vec<String> = both.equations.terms().iter().map(|t| t.name(&["x", "y", "c"])).collect();
+        assert_eq!(names, ["x", "y", "c"]);
+        assert_eq!(both.equations.coefficients(), [1.0, 2.0, 0.0, 0.0, 8.0, 7.0]);
+        assert_eq!(both.scaled, [10.0, 20.0, 0.0, 0.0, 80.0, 70.0]);
+    }
+}

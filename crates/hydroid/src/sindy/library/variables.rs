@@ -1,0 +1,117 @@
+//! What a library must know of the variables that its terms are of.
+
+use crate::log::{Channel, Trajectory};
+
+/// What a variable is, as far as terms depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// A speed, a rate, a force, a rate of rotation: anything that can stand to a power.
+    #[default]
+    Plain,
+    /// An angle \[rad\]: of a rudder, of roll. A force follows its sine.
+    Angle,
+    /// A component of the wind as `--wind` makes it, `U^2 cos` or `U^2 sin` \[m^2/s^2\]: a force of the wind is
+    /// linear in it (Fossen 2021, section 10.1).
+    Wind,
+}
+
+/// The variables of terms: outputs first, then inputs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Variables {
+    outputs: Vec<Kind>,
+    inputs: Vec<Kind>,
+    surge: Option<u16>,
+}
+
+impl Variables {
+    /// Variables of given kinds. The surge speed is taken to be the first of three or more outputs.
+    pub fn new(outputs: Vec<Kind>, inputs: Vec<Kind>) -> Self {
+        let surge = (outputs.len() >= 3).then_some(0);
+        Self { outputs, inputs, surge }
+    }
+
+    /// So many outputs and inputs of no special kind.
+    pub fn plain(outputs: usize, inputs: usize) -> Self {
+        Self::new(vec![Kind::Plain; outputs], vec![Kind::Plain; inputs])
+    }
+
+    /// Those of a run. An angle is what has the unit `rad`; components of the wind are known by the names and
+    /// the unit that the reader of logs gives them; the surge speed is the output `u`, else the first of
+    /// three or more.
+    pub fn of(run: &Trajectory) -> Self {
+        Self::of_channels(run.outputs.channels(), run.inputs.channels())
+    }
+
+    /// The same for the channels of outputs and inputs.
+    pub fn of_channels(outputs: &[Channel], inputs: &[Channel]) -> Self {
+        let kinds = |channels: &[Channel]| channels.iter().map(kind).collect();
+        let variables = Self::new(kinds(outputs), kinds(inputs));
+        let named = outputs.iter().position(|c| c.name.eq_ignore_ascii_case("u"));
+        let named = named.and_then(|u| u16::try_from(u).ok());
+        Self { surge: named.or(variables.surge), ..variables }
+    }
+
+    /// Number of variables, outputs and inputs together.
+    pub fn len(&self) -> usize {
+        self.outputs.len() + self.inputs.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The output that is the surge speed, if one is.
+    pub fn surge(&self) -> Option<u16> {
+        self.surge
+    }
+
+    /// All variables; those beyond the 65,536 that a term can name are left out, and no program compiles with
+    /// so many.
+    pub fn all(&self) -> impl Iterator<Item = (u16, Kind)> + Clone {
+        (0..=u16::MAX).zip(self.outputs.iter().chain(&self.inputs).copied())
+    }
+
+    /// The outputs.
+    pub fn outputs(&self) -> impl Iterator<Item = (u16, Kind)> + Clone {
+        self.all().take(self.outputs.len())
+    }
+
+    /// The inputs.
+    pub fn inputs(&self) -> impl Iterator<Item = (u16, Kind)> + Clone {
+        self.all().skip(self.outputs.len())
+    }
+}
+
+fn kind(channel: &Channel) -> Kind {
+    match (channel.unit.as_str(), channel.name.as_str()) {
+        ("rad", _) => Kind::Angle,
+        ("m^2/s^2", "wind_x" | "wind_y") => Kind::Wind,
+        _ => Kind::Plain,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_follow_units_and_the_names_of_the_wind() {
+        let channel = |name: &str, unit: &str| Channel::new(name, unit);
+        let outputs = [channel("v", "m/s"), channel("u", "m/s")];
+        let inputs = [
+            channel("n", "rps"),
+            channel("delta", "rad"),
+            channel("wind_x", "m^2/s^2"),
+            channel("wind_y", "m/s"),
+        ];
+        let variables = Variables::of_channels(&outputs, &inputs);
+        assert_eq!(variables.surge(), Some(1));
+        let kinds: Vec<Kind> = variables.inputs().map(|(_, kind)| kind).collect();
+        assert_eq!(kinds, [Kind::Plain, Kind::Angle, Kind::Wind, Kind::Plain]);
+        assert_eq!(variables.inputs().next(), Some((2, Kind::Plain)));
+        assert_eq!(Variables::plain(2, 1).surge(), None);
+        assert_eq!(Variables::plain(3, 1).surge(), Some(0));
+    }
+}

@@ -1,0 +1,116 @@
+//! Stability screen: what equations do where no log has been, inside the envelope of the training runs.
+
+use std::sync::Arc;
+
+use hydroid_core::model::sparse::{Equations, EquationsSession};
+use hydroid_core::predict::{Predictor, Workspace};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::evaluate::DesignRange;
+
+/// Random rollouts that a model must survive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Screen {
+    /// Number of rollouts.
+    pub rollouts: usize,
+    /// Their length \[samples\].
+    pub steps: usize,
+    /// Seed of states and commands.
+    pub seed: u64,
+}
+
+/// What a screen showed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Screened {
+    /// Rollouts made.
+    pub rollouts: usize,
+    /// Those that were not finite or left ten times the design range.
+    pub unbounded: usize,
+}
+
+impl Screened {
+    /// Whether every rollout stayed bounded.
+    pub fn is_bounded(self) -> bool {
+        self.unbounded == 0
+    }
+}
+
+/// Rolls equations out from states drawn evenly from the box of the outputs' ranges, under commands drawn
+/// from the box of the inputs' ranges and held for random times. The past before a rollout is its first
+/// command.
+pub fn screen(
+    equations: &Equations,
+    outputs: &[DesignRange],
+    inputs: &[DesignRange],
+    screen: Screen,
+) -> Screened {
+    let equations = Arc::new(equations.clone());
+    let unbounded = (0..screen.rollouts)
+        .into_par_iter()
+        .map_init(
+            || (EquationsSession::new(Arc::clone(&equations)), Workspace::new()),
+            |(session, work), index| {
+                let mut rng = ChaCha8Rng::seed_from_u64(screen.seed);
+                rng.set_stream(index as u64);
+                let mut within =
+                    |range: &DesignRange| range.low + (range.high - range.low) * rng.random::<f64>();
+                let state: Vec<f64> = outputs.iter().map(&mut within).collect();
+                let mut commands = Vec::with_capacity(screen.steps * inputs.len());
+                let mut held: Vec<f64> = inputs.iter().map(&mut within).collect();
+                for _ in 0..screen.steps {
+                    // Held for a twentieth of the rollout in the mean.
+                    let change = within(&DesignRange { low: 0.0, high: 1.0 });
+                    if change * (screen.steps as f64) < 20.0 {
+                        held = inputs.iter().map(&mut within).collect();
+                    }
+                    commands.extend_from_slice(&held);
+                }
+                session.reset();
+                for _ in 0..session.warm_up() {
+                    session.observe(&state);
+                    session.advance(&commands[..inputs.len()]);
+                }
+                session.observe(&state);
+                let mut y = vec![0.0; screen.steps * outputs.len()];
+                session.rollout(&commands, work, &mut y);
+                let lost = y
+                    .chunks_exact(outputs.len())
+                    .any(|row| row.iter().zip(outputs).any(|(value, range)| range.diverged(*value)));
+                usize::from(lost)
+            },
+        )
+        .sum();
+    Screened { rollouts: screen.rollouts, unbounded }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroid_core::model::sparse::Term;
+
+    const RANGE: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
+
+    fn screened(coefficients: [f64; 3]) -> Screened {
+        // y' = a y + b y^2 + c command.
+        let terms = vec![Term::monomial(&[0]), Term::monomial(&[0, 0]), Term::monomial(&[1])];
+        let equations = Equations::new(terms, coefficients.to_vec(), 1, 1, 0.1, 1).unwrap();
+        screen(&equations, &RANGE, &RANGE, Screen { rollouts: 64, steps: 500, seed: 7 })
+    }
+
+    #[test]
+    fn a_damped_vessel_stays_and_a_run_away_is_seen() {
+        assert!(screened([-1.0, 0.0, 1.0]).is_bounded());
+        // y' = -y + 2 y^2 runs away from every state above one half.
+        let some = screened([-1.0, 2.0, 0.0]);
+        assert!((8..=24).contains(&some.unbounded), "a quarter of the states: {some:?}");
+        assert_eq!(screened([0.1, 0.0, 0.0]).unbounded, 64);
+    }
+
+    #[test]
+    fn the_same_seed_draws_the_same() {
+        assert_eq!(screened([-1.0, 2.0, 0.3]), screened([-1.0, 2.0, 0.3]));
+    }
+}

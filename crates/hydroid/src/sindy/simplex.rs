@@ -1,0 +1,120 @@
+//! Minimum of a function of few variables without derivatives.
+//!
+//! The simplex of Nelder and Mead, Computer Journal 7 (1965) 308, with the standard coefficients. The time
+//! constants and gates of a structure are found with it: one to five numbers, and a residual that is smooth
+//! but has no cheap gradient, because the coefficients are eliminated for each value (variable projection:
+//! Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
+
+/// Where to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// When the values at the corners differ by less.
+    pub spread: f64,
+    /// After so many evaluations at the most.
+    pub evaluations: usize,
+}
+
+/// The minimum near `start`, from a simplex with edges `edge` along each variable: where, and its value.
+/// A value that is not finite counts as infinitely bad.
+pub fn minimise(
+    mut f: impl FnMut(&[f64]) -> f64,
+    start: &[f64],
+    edge: &[f64],
+    stop: Stop,
+) -> (Vec<f64>, f64) {
+    let n = start.len();
+    let mut count = 0;
+    let mut value = |x: &[f64]| {
+        count += 1;
+        let y = f(x);
+        (if y.is_finite() { y } else { f64::INFINITY }, count)
+    };
+    let mut corners: Vec<(f64, Vec<f64>)> = vec![(value(start).0, start.to_vec())];
+    if n == 0 {
+        return (Vec::new(), corners[0].0);
+    }
+    for (i, edge) in edge.iter().enumerate() {
+        let mut x = start.to_vec();
+        x[i] += edge;
+        corners.push((value(&x).0, x));
+    }
+    let mut evaluations = n + 1;
+    while evaluations < stop.evaluations {
+        corners.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if corners[n].0 - corners[0].0 < stop.spread {
+            break;
+        }
+        let centre: Vec<f64> =
+            (0..n).map(|j| corners[..n].iter().map(|(_, x)| x[j]).sum::<f64>() / n as f64).collect();
+        let worst = corners[n].clone();
+        let along = |share: f64| -> Vec<f64> {
+            centre.iter().zip(&worst.1).map(|(c, w)| c + share * (w - c)).collect()
+        };
+        let mut try_at = |share: f64| {
+            let x = along(share);
+            let (y, so_far) = value(&x);
+            evaluations = so_far;
+            (y, x)
+        };
+        let reflected = try_at(-1.0);
+        let better = if reflected.0 < corners[0].0 {
+            let expanded = try_at(-2.0);
+            Some(if expanded.0 < reflected.0 { expanded } else { reflected })
+        } else if reflected.0 < corners[n - 1].0 {
+            Some(reflected)
+        } else {
+            let contracted = try_at(if reflected.0 < worst.0 { -0.5 } else { 0.5 });
+            (contracted.0 < worst.0.min(reflected.0)).then_some(contracted)
+        };
+        if let Some(better) = better {
+            corners[n] = better;
+            continue;
+        }
+        // Nothing on the line is better: all corners move half way to the best.
+        let best = corners[0].1.clone();
+        for corner in &mut corners[1..] {
+            for (x, b) in corner.1.iter_mut().zip(&best) {
+                *x = 0.5 * (*x + b);
+            }
+            let (y, so_far) = value(&corner.1);
+            corner.0 = y;
+            evaluations = so_far;
+        }
+    }
+    corners.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (y, x) = corners.swap_remove(0);
+    (x, y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STOP: Stop = Stop { spread: 1e-14, evaluations: 2_000 };
+
+    #[test]
+    fn the_banana_valley_ends_at_one_and_one() {
+        let rosenbrock = |x: &[f64]| (1.0 - x[0]).powi(2) + 100.0 * (x[1] - x[0] * x[0]).powi(2);
+        let (x, y) = minimise(rosenbrock, &[-1.2, 1.0], &[0.3, 0.3], STOP);
+        assert!(y < 1e-10 && (x[0] - 1.0).abs() < 1e-4 && (x[1] - 1.0).abs() < 1e-4, "{x:?} {y}");
+    }
+
+    #[test]
+    fn one_variable_and_none() {
+        let (x, _) = minimise(|x| (x[0] - 3.0).powi(2), &[0.0], &[1.0], STOP);
+        assert!((x[0] - 3.0).abs() < 1e-6);
+        assert_eq!(minimise(|_| 7.0, &[], &[], STOP), (vec![], 7.0));
+    }
+
+    #[test]
+    fn what_is_not_finite_is_avoided_and_the_budget_kept() {
+        let mut calls = 0;
+        let wall = |x: &[f64]| {
+            calls += 1;
+            if x[0] < 1.0 { f64::NAN } else { x[0] + x[1] * x[1] }
+        };
+        let (x, y) = minimise(wall, &[4.0, 2.0], &[1.0, 1.0], Stop { spread: 0.0, evaluations: 200 });
+        assert!(x[0] >= 1.0 && y < 1.01, "{x:?} {y}");
+        assert!(calls <= 205);
+    }
+}

@@ -1,0 +1,139 @@
+//! What stands between a library and the terms of a regression: actuator lags, modes, and the past.
+
+use std::fmt;
+
+use hydroid_core::model::sparse::{Gate, Real, Signal, Term};
+use serde::{Deserialize, Serialize};
+
+use super::library::{Library, Variables};
+use super::rewrite::{gated, replaced};
+use crate::log::Trajectory;
+
+/// A library with the hidden states and modes that its terms are made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Structure {
+    /// The terms of one mode.
+    pub library: Library,
+    /// Inputs that act through a first-order lag: a lagged input takes the place of its command in every
+    /// term.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lags: Vec<Lag>,
+    /// Where the equations change: every term stands once for the mode below and once for that above.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gate: Option<Schedule>,
+    /// How many samples ago outputs and inputs also enter, linearly; empty for a model without memory.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub past: Vec<u16>,
+}
+
+/// An actuator that follows its command with a first-order lag.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lag {
+    /// Index among the inputs.
+    pub input: usize,
+    /// Time constant \[s\].
+    pub time_constant_s: f64,
+}
+
+/// A gate and the output that it is on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Schedule {
+    /// Index among the outputs.
+    pub output: usize,
+    /// Where and how sharply the mode changes.
+    pub gate: Gate,
+}
+
+impl Schedule {
+    /// A gate on an output.
+    pub fn new(output: usize, centre: f64, slope: f64) -> Self {
+        Self { output, gate: Gate { centre: Real(centre), slope: Real(slope) } }
+    }
+
+    /// Mean weight of the mode above over the samples of runs; NaN where there are none.
+    pub fn share_above<'a>(self, runs: impl Iterator<Item = &'a Trajectory>) -> f64 {
+        let (mut above, mut count) = (0.0, 0.0);
+        for run in runs {
+            for value in run.outputs.column(self.output).filter(|value| value.is_finite()) {
+                above += self.gate.above(value);
+                count += 1.0;
+            }
+        }
+        above / count
+    }
+}
+
+impl From<Library> for Structure {
+    fn from(library: Library) -> Self {
+        Self { library, lags: Vec::new(), gate: None, past: Vec::new() }
+    }
+}
+
+impl Structure {
+    /// The signals, in the order of their variables, which follow those of outputs and inputs.
+    pub fn signals(&self, variables: &Variables) -> Vec<Signal> {
+        let (outputs, inputs) = (variables.outputs().count(), variables.inputs().count());
+        let lags = self.lags.iter().map(|lag| Signal::Lag {
+            input: index(outputs + lag.input),
+            time_constant_s: Real(lag.time_constant_s),
+        });
+        let past = self.past.iter().flat_map(|&samples| {
+            (0..outputs + inputs).map(move |variable| Signal::Past { variable: index(variable), samples })
+        });
+        lags.chain(past).collect()
+    }
+
+    /// The terms, over outputs, inputs and signals.
+    pub fn terms(&self, variables: &Variables) -> Vec<Term> {
+        let (outputs, first) = (variables.outputs().count(), variables.len());
+        let mut terms = self.library.terms(variables);
+        for (position, lag) in self.lags.iter().enumerate() {
+            let from = index(outputs + lag.input);
+            let to = index(first + position);
+            terms = terms.iter().map(|term| replaced(term, from, to)).collect();
+        }
+        let signals = self.signals(variables).len();
+        terms.extend((self.lags.len()..signals).map(|signal| Term::monomial(&[index(first + signal)])));
+        match self.gate {
+            Some(schedule) => gated(&terms, index(schedule.output), schedule.gate),
+            None => terms,
+        }
+    }
+
+    /// Number of terms, without making them; saturates.
+    pub fn count(&self, variables: &Variables) -> usize {
+        let past = self.past.len() * variables.len();
+        let modes = if self.gate.is_some() { 2 } else { 1 };
+        self.library.count(variables).saturating_add(past).saturating_mul(modes)
+    }
+
+    /// Numbers beside the coefficients that were estimated: time constants, centre and slope of a gate.
+    pub fn parameters(&self) -> usize {
+        self.lags.len() + if self.gate.is_some() { 2 } else { 0 }
+    }
+}
+
+/// For tables, where the names of the channels are known from elsewhere.
+impl fmt::Display for Structure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.library.fmt(f)?;
+        if !self.lags.is_empty() {
+            write!(f, ", lag")?;
+        }
+        if self.gate.is_some() {
+            write!(f, ", two modes")?;
+        }
+        if !self.past.is_empty() {
+            write!(f, ", past")?;
+        }
+        Ok(())
+    }
+}
+
+/// Index of a variable; programs of more than 65,535 variables are refused where terms are compiled.
+fn index(variable: usize) -> u16 {
+    u16::try_from(variable).unwrap_or(u16::MAX)
+}
