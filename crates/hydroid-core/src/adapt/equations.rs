@@ -137,7 +137,7 @@ impl RecursiveEquations {
         Ok(Self {
             lambda: num_traits::Float::exp(-(rows.stride() as f64) * equations.dt() / settings.forgetting_s),
             weight: rows.stride() as f64 / rows.samples() as f64,
-            noise: Noise::new(n, settings.gate, rows.overlap()),
+            noise: Noise::new(n, settings.gate, rows.overlap(), rows.stride() as f64 * equations.dt()),
             library: Library {
                 slots: vec![0.0; program.slots()],
                 program,
@@ -209,7 +209,7 @@ impl RecursiveEquations {
                 self.innovations[i] = Innovation { value, deviation: leverage };
             }
         }
-        let outcome = self.noise.judge(&mut self.innovations, 1.0 - self.lambda);
+        let outcome = self.noise.judge(&mut self.innovations);
         let share = match outcome {
             Outcome::Accepted => 1.0,
             Outcome::Inflated { weight, .. } => weight,
