@@ -1,4 +1,4 @@
-//! Recursive SINDy along runs whose equations are known.
+//! Recursive sparse regression along runs whose equations are known.
 
 use hydroid_core::adapt::{Adapter, Gate, Outcome, RecursiveEquations, Rejection, Settings, SettingsError};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Signal, Term};

@@ -129,9 +129,9 @@ fn a_vessel_whose_drag_grows_on_the_way_is_followed_and_a_steady_one_is_left_alo
 #[test]
 fn what_cannot_be_adapted_is_refused() {
     let run = record(VesselParams::simple(), 1, 120.0).to_trajectory(&OUTPUTS).unwrap();
-    let parts = || vec![run.clone()];
-    let split = Split { train: parts(), validation: parts(), test: parts(), notes: Vec::new() };
-    let model = identified(split, 20, 20);
+    let part = |from, to| vec![run.slice(from, to)];
+    let (train, validation, test) = (part(0, 600), part(600, 900), part(900, 1200));
+    let model = identified(Split { train, validation, test, notes: Vec::new() }, 20, 20);
     let refused = |options: Options| adapt(&model, &[&run], &options, &mut silent()).unwrap_err();
     for window_s in [0.0, 0.01, -3.0, 120.0, f64::NAN, f64::INFINITY] {
         let error = refused(Options { window_s: Some(window_s), ..Options::default() });

@@ -4,63 +4,15 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::gate::{Gate, Noise};
+use super::gate::Noise;
 use super::increments::Increments;
 use super::least_squares::RecursiveLeastSquares;
 use super::scale::rms_over_range;
+use super::settings::{Settings, SettingsError};
 use super::weighted::WeightedSession;
 use super::{Adapter, Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
 use crate::predict::{Predictor, Workspace};
-
-/// How to adapt.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Time \[s\] after which a row counts `1/e`; infinite to forget nothing.
-    pub forgetting_s: f64,
-    /// Intervals that an increment spans \[samples\], at least 1.
-    pub window: usize,
-    /// Seconds of lively sailing that the coefficients given are worth: with the design ranges fully used, so
-    /// long takes the log to count as much as they do.
-    pub prior_s: f64,
-    /// Whether coefficients about which the log has long said nothing return to those given.
-    pub leak: bool,
-    /// Whether terms that are not in an equation may enter it.
-    pub all_terms: bool,
-    /// What happens to rows that are far off.
-    pub gate: Gate,
-}
-
-/// Why equations cannot be adapted.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SettingsError {
-    /// A time is not positive.
-    Time(&'static str),
-    /// A window without samples.
-    Window,
-    /// There is not one range for each output and input, or one is not finite.
-    Ranges,
-    /// No equation has a term.
-    Nothing,
-    /// The terms do not compile.
-    Equations(EquationsError),
-}
-
-impl core::fmt::Display for SettingsError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Time(what) => write!(f, "{what} must be a positive number of seconds"),
-            Self::Window => write!(f, "a window needs at least one sample"),
-            Self::Ranges => {
-                write!(f, "one finite range is needed for each output and input of the equations")
-            }
-            Self::Nothing => write!(f, "the equations have no term to adapt"),
-            Self::Equations(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for SettingsError {}
 
 /// Equations with the same terms in them share one regressor and one covariance.
 #[derive(Clone, Debug)]
@@ -75,7 +27,7 @@ struct Group {
     z: Vec<f64>,
 }
 
-/// An [`Adapter`] of sparse equations: recursive SINDy.
+/// An [`Adapter`] of sparse equations: what is called recursive `SINDy`.
 ///
 /// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients. The rows of the regression are increments over a
 /// window of samples against the library averaged over the same window (see `sindy::kernel` on shore: the
@@ -136,7 +88,7 @@ impl RecursiveEquations {
         settings: &Settings,
     ) -> Result<Self, SettingsError> {
         let (n, m, count) = (equations.outputs(), equations.inputs(), equations.terms().len());
-        check(equations, ranges, settings)?;
+        settings.check(equations, ranges)?;
         let adapts = |i: usize, j: usize| settings.all_terms || equations.coefficient(i, j) != 0.0;
         let used: Vec<usize> = (0..count).filter(|&j| (0..n).any(|i| adapts(i, j))).collect();
         let terms: Vec<Term> = used.iter().map(|&j| equations.terms()[j].clone()).collect();
@@ -185,7 +137,7 @@ impl RecursiveEquations {
         Ok(Self {
             lambda: num_traits::Float::exp(-(rows.stride() as f64) * equations.dt() / settings.forgetting_s),
             weight: rows.stride() as f64 / rows.samples() as f64,
-            noise: Noise::new(n, settings.gate, rows.overlap()),
+            noise: Noise::new(n, settings.gate, rows.overlap(), rows.stride() as f64 * equations.dt()),
             library: Library {
                 slots: vec![0.0; program.slots()],
                 program,
@@ -257,7 +209,7 @@ impl RecursiveEquations {
                 self.innovations[i] = Innovation { value, deviation: leverage };
             }
         }
-        let outcome = self.noise.judge(&mut self.innovations, 1.0 - self.lambda);
+        let outcome = self.noise.judge(&mut self.innovations);
         let share = match outcome {
             Outcome::Accepted => 1.0,
             Outcome::Inflated { weight, .. } => weight,
@@ -298,23 +250,6 @@ impl RecursiveEquations {
             }
         }
     }
-}
-
-fn check(equations: &Equations, ranges: &[(f64, f64)], settings: &Settings) -> Result<(), SettingsError> {
-    if !(settings.forgetting_s > 0.0) {
-        return Err(SettingsError::Time("the forgetting time"));
-    }
-    if !(settings.prior_s > 0.0 && settings.prior_s.is_finite()) {
-        return Err(SettingsError::Time("the time that the prior is worth"));
-    }
-    if settings.window == 0 {
-        return Err(SettingsError::Window);
-    }
-    let finite = ranges.iter().all(|(low, high)| low.is_finite() && high.is_finite());
-    if ranges.len() != equations.outputs() + equations.inputs() || !finite {
-        return Err(SettingsError::Ranges);
-    }
-    Ok(())
 }
 
 /// The same equations with a coefficient, if only a zero, at every place that is adapted.

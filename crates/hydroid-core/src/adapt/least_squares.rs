@@ -32,6 +32,16 @@ use super::factor::Factor;
 /// whatever the data. The pseudo-measurement can say `theta_0` (a leak towards the shore-trained
 /// coefficients, which makes the estimate that of the sum above) or the present `theta` (only the bound).
 ///
+/// Measured against the alternatives on six tuning records (geometric mean of adapted over frozen error, 1 is no
+/// gain; forgetting in 20 s and in 60 s; defaults of `hydroid adapt` otherwise):
+///
+/// | | 20 s | 60 s | rollouts diverged | vessel that does not change |
+/// | --- | --- | --- | --- | --- |
+/// | exponential forgetting, no bound | 0.811 | 0.764 | 30 and 1 | 2.14, 1.38 |
+/// | no forgetting beyond the first trace of `P` | 0.764 | 0.765 | 0 | 1.01, 1.01 |
+/// | this bound, no leak | 0.667 | 0.711 | 0 | 1.04, 1.01 |
+/// | this bound, leak | 0.730 | 0.716 | 0 | 0.995, 0.995 |
+///
 /// With `lambda = 1` nothing is forgotten and the estimate is batch least squares with the ridge `r0`.
 ///
 /// `P` is kept as `U D U'` ([`Factor`]): symmetric and positive whatever the rounding (Ljung, section 11.7).

@@ -14,15 +14,17 @@ mod gate;
 mod increments;
 mod least_squares;
 mod scale;
+mod settings;
 mod weighted;
 
 use crate::predict::Predictor;
 
-pub use equations::{RecursiveEquations, Settings, SettingsError};
+pub use equations::RecursiveEquations;
 pub use factor::Factor;
 pub use gate::Gate;
 pub use least_squares::RecursiveLeastSquares;
 pub use scale::rms_over_range;
+pub use settings::{Settings, SettingsError};
 pub use weighted::WeightedSession;
 
 /// A session that learns on the way.

@@ -1,0 +1,121 @@
+//! `hydroid adapt` from end to end.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn command(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::cargo_bin("hydroid").unwrap();
+    command.current_dir(folder).args(args);
+    command
+}
+
+fn hydroid(folder: &Path, args: &[&str]) -> Output {
+    command(folder, args).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A model of the simple vessel, and a log of the same vessel with other drag.
+fn prepared() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let vessel = text(&hydroid(at, &["simulate", "simple", "--print-vessel"]).stdout);
+    fs::write(at.join("fouled.toml"), vessel.replace("77.55", "124.0").replace("162.5", "260.0")).unwrap();
+    for (plant, seed, file) in [
+        ("simple", "1", "a.csv"),
+        ("simple", "2", "b.csv"),
+        ("fouled.toml", "3", "c.csv"),
+        ("simple", "4", "d.csv"),
+    ] {
+        let args = ["simulate", plant, "--seed", seed, "--duration", "600", "-o", file];
+        assert_eq!(hydroid(at, &args).status.code(), Some(0));
+    }
+    let args = "identify a.csv --validate b.csv --test d.csv --outputs u,v,r,P_f -o out -q";
+    let identified = hydroid(at, &args.split(' ').collect::<Vec<_>>());
+    assert_eq!(identified.status.code(), Some(0), "{}", text(&identified.stderr));
+    folder
+}
+
+const MODEL: &str = "out/sindy.safetensors";
+
+#[test]
+fn a_model_learns_along_a_log_and_is_written_with_its_history() {
+    let folder = prepared();
+    let at = folder.path();
+    let output = hydroid(at, &["adapt", MODEL, "c.csv", "-o", "adapted.safetensors", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(report["frozen_filtered"].is_null());
+    let nrmse = |part: &str| report[part]["nrmse"][99][0].as_f64().unwrap();
+    assert!(nrmse("adapted") < 0.7 * nrmse("frozen"), "{} {}", nrmse("adapted"), nrmse("frozen"));
+    assert_eq!(report["adapted"]["horizons"].as_array().unwrap().len(), 100);
+    for key in ["accepted", "inflated", "rejected", "rolled_back"] {
+        assert!(report["guard"][key].is_u64(), "{key}");
+    }
+    for key in ["median", "p99", "max"] {
+        assert!(report["us_per_sample"][key].as_f64().unwrap() > 0.0, "{key}");
+    }
+    for key in ["80", "95"] {
+        assert!((0.0..=1.0).contains(&report["coverage"][key].as_f64().unwrap()), "{key}");
+    }
+    // `frozen` is what `evaluate` says.
+    let evaluated = hydroid(at, &["evaluate", MODEL, "c.csv", "--json"]);
+    assert_eq!(serde_json::from_slice::<Value>(&evaluated.stdout).unwrap(), report["frozen"]);
+
+    let inspected = hydroid(at, &["inspect", "adapted.safetensors", "--json"]);
+    let model: Value = serde_json::from_slice(&inspected.stdout).unwrap();
+    let provenance = &model["description"]["provenance"];
+    assert_eq!(provenance["training"][0], "a.csv");
+    assert_eq!(provenance["settings"]["adapted"][0]["runs"][0], "c.csv");
+    assert_eq!(provenance["settings"]["adapted"][0]["settings"], report["settings"]);
+
+    // The same through a pipe, and for people.
+    let log = fs::read(at.join("c.csv")).unwrap();
+    let piped = command(at, &["adapt", MODEL, "-", "--horizon", "5s", "--forgetting", "inf"])
+        .write_stdin(log)
+        .output();
+    let piped = piped.unwrap();
+    assert_eq!(piped.status.code(), Some(0), "{}", text(&piped.stderr));
+    let table = text(&piped.stdout);
+    for words in ["RMSE frozen", "adapted", "persistence", "learned from", "80 % band", "us for a sample"] {
+        assert!(table.contains(words), "{words}: {table}");
+    }
+}
+
+#[test]
+fn adapting_that_makes_things_worse_says_so_with_its_exit_status() {
+    let folder = prepared();
+    // The vessel that it was made for, and hardly any memory: worse, if only a little.
+    let args =
+        ["adapt", MODEL, "b.csv", "--forgetting", "0.2", "--prior", "0.01", "--window", "0.1", "--no-gate"];
+    let output = hydroid(folder.path(), &args);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
+}
+
+#[test]
+fn wrong_input_is_told_with_a_remedy() {
+    let folder = prepared();
+    let at = folder.path();
+    let refused = |args: &[&str], words: &str| {
+        let output = hydroid(at, args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(text(&output.stderr).contains(words), "{args:?}: {}", text(&output.stderr));
+    };
+    refused(&["adapt", MODEL, "none.csv"], "none.csv");
+    refused(&["adapt", "c.csv", "c.csv"], "is not a hydroid model");
+    refused(&["adapt", MODEL, "c.csv", "--window", "0"], "window");
+    refused(&["adapt", MODEL, "c.csv", "--window", "900"], "shorter than the longest run");
+    refused(&["adapt", MODEL, "c.csv", "--forgetting", "-5"], "forgetting time");
+    refused(&["adapt", MODEL, "c.csv", "--prior", "0"], "prior");
+    refused(&["adapt", MODEL, "c.csv", "--outputs", "u,v,r"], "outputs");
+    let empty = command(at, &["adapt", MODEL, "-"]).write_stdin("").output().unwrap();
+    assert_eq!(empty.status.code(), Some(2));
+    assert!(text(&empty.stderr).contains("standard input"), "{}", text(&empty.stderr));
+}
