@@ -184,7 +184,7 @@ fn default_window_s(model: &Model) -> f64 {
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
 ///
 /// # Errors
-/// If the options do not fit the model, or the runs cannot be judged (see [`evaluate`]).
+/// If the options do not fit the model, or the runs cannot be judged (see [`mod@evaluate`]).
 pub fn adapt(
     model: &Model,
     runs: &[&Trajectory],
