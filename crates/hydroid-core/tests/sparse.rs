@@ -13,7 +13,7 @@ use proptest::prelude::*;
 const VARIABLES: u16 = 4;
 
 fn shapes() -> impl Strategy<Value = Shape> {
-    let gate = || (-2.0..2.0f64, 0.5..6.0f64).prop_map(|(c, k)| Gate { centre: Real(c), slope: Real(k) });
+    let gate = || (-2.0..2.0f64, 0.5..2.0f64).prop_map(|(c, k)| Gate { centre: Real(c), slope: Real(k) });
     prop_oneof![
         3 => (1u8..4).prop_map(Shape::Power),
         2 => Just(Shape::Abs),

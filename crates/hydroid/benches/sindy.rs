@@ -2,7 +2,10 @@
 
 use divan::{Bencher, counter::ItemsCount};
 use hydroid::log::{Channel, Table, Trajectory};
-use hydroid::sindy::{BLOCK_ROWS, Regression, Triangle, assemble};
+use hydroid::sindy::{
+    BLOCK_ROWS, Bagging, Constraints, Criterion, FitOptions, Loss, Optimizer, Preparation, Prepared,
+    Regression, Streaming, Triangle, assemble, assemble_with,
+};
 use hydroid_core::model::sparse::{Program, Term};
 
 fn main() {
@@ -82,4 +85,48 @@ fn regression_50_terms_3_outputs(bencher: Bencher, (samples, intervals): (usize,
     bencher
         .counter(ItemsCount::new(samples))
         .bench_local(|| assemble(&program, &[&run], Regression::Midpoint { intervals }));
+}
+
+#[divan::bench(args = [(72_000, 40), (1_000_000, 40), (1_000_000, 200)])]
+fn weak_form_50_terms_3_outputs(bencher: Bencher, (samples, intervals): (usize, usize)) {
+    let program = Program::new(&fifty_terms(), 5).unwrap();
+    let run = run(samples, 3, 2);
+    bencher
+        .counter(ItemsCount::new(samples))
+        .bench_local(|| assemble(&program, &[&run], Regression::Weak { intervals }));
+}
+
+#[divan::bench(args = [72_000, 1_000_000])]
+fn regression_in_24_groups(bencher: Bencher, samples: usize) {
+    let program = Program::new(&fifty_terms(), 5).unwrap();
+    let run = run(samples, 3, 2);
+    let streaming = Streaming { groups: 24, ..Streaming::default() };
+    bencher
+        .counter(ItemsCount::new(samples))
+        .bench_local(|| assemble_with(&program, &[&run], Regression::default(), &streaming));
+}
+
+/// Several rounds of streaming, with the residuals' sizes counted.
+#[divan::bench]
+fn huber_1_000_000_samples(bencher: Bencher) {
+    let run = run(1_000_000, 3, 2);
+    let preparation = Preparation { loss: Loss::Huber(1.345), ..Preparation::default() };
+    bencher.bench_local(|| {
+        Prepared::with(&[&run], fifty_terms(), Regression::default(), &preparation).unwrap().rows()
+    });
+}
+
+/// A hundred bags of 50 terms and 3 outputs, whatever the number of samples.
+#[divan::bench]
+fn ensemble_of_100(bencher: Bencher) {
+    let run = run(20_000, 3, 2);
+    let preparation = Preparation { groups: 24, ..Preparation::default() };
+    let prepared = Prepared::with(&[&run], fifty_terms(), Regression::default(), &preparation).unwrap();
+    let options = FitOptions {
+        optimizer: Optimizer::Criterion(Criterion::Bic),
+        ridge: 1e-6,
+        substeps: 1,
+        constraints: Constraints::default(),
+    };
+    bencher.bench_local(|| prepared.ensemble(&options, &Bagging::default()).unwrap());
 }

@@ -8,8 +8,8 @@ use hydroid::excitation::Excitation;
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Assembled, Constraints, Fit, FitError, FitOptions, Found, Grid, Library, Optimizer, Prepared, Regression,
-    Scaling, SearchError, Variables, assemble, search,
+    Assembled, Constraints, Fit, FitError, FitOptions, Found, Grid, Judge, Library, Loss, Optimizer,
+    Prepared, Regression, Scaling, SearchError, Variables, assemble, search,
 };
 use hydroid_core::model::sparse::{Program, Term};
 use hydroid_core::vessel::VesselParams;
@@ -368,18 +368,20 @@ fn the_residual_of_a_ridge_fit_is_that_of_the_data() {
 
 fn grid(degree: u8) -> Grid {
     Grid {
-        libraries: vec![Library::polynomial(degree)],
+        structures: vec![Library::polynomial(degree).into()],
         regressions: vec![MIDPOINT],
         optimizers: vec![Optimizer::Stepwise(0.01), Optimizer::Stepwise(0.02)],
         ridges: vec![0.0, 1e-6],
+        loss: Loss::Squares,
+        constraints: Constraints::default(),
     }
 }
 
 fn search_of(data: &Trajectory, grid: &Grid) -> Result<Found, SearchError> {
     let options = evaluate::Options { horizon: 10, ..evaluate::Options::default() };
-    search(&[data], &[data], &[DesignRange { low: -3.0, high: 3.0 }], grid, &options, &mut |_| {
-        ControlFlow::Continue(())
-    })
+    let range = [DesignRange { low: -3.0, high: 3.0 }];
+    let judge = Judge { validation: &[data], outputs: &range, inputs: &range, options, seed: 0, members: 10 };
+    search(&[data], &judge, grid, &mut |_| ControlFlow::Continue(()))
 }
 
 #[test]
@@ -387,11 +389,18 @@ fn the_search_chooses_what_predicts_and_says_what_it_tried() {
     let mut data = linear(1_000);
     add_noise(&mut data, 0.01);
     let mut both = grid(1);
-    both.libraries.push(Library::polynomial(0));
+    both.structures.push(Library::polynomial(0).into());
     let found = search_of(&data, &both).unwrap();
     let chosen = &found.trials[found.chosen];
-    assert_eq!(chosen.library, Library::polynomial(1), "a constant predicts nothing");
-    assert!(found.trials.iter().all(|t| t.score.unwrap() >= chosen.score.unwrap()));
+    assert_eq!(chosen.structure.library, Library::polynomial(1), "a constant predicts nothing");
+    let best = found.trials.iter().filter_map(|t| t.score).fold(f64::INFINITY, f64::min);
+    assert!(chosen.score.unwrap() <= 1.02 * best, "the simplest within the noise of the best");
+    let ensemble = found.ensemble.unwrap();
+    let decay = found.fit.equations.terms().iter().position(|t| *t == Term::monomial(&[0])).unwrap();
+    assert!(
+        (ensemble.low[decay]..=ensemble.high[decay]).contains(&found.fit.equations.coefficient(0, decay))
+    );
+    assert!(ensemble.inclusion[decay] == 1.0 && found.screened.is_bounded());
     assert!(found.trials.len() < 8, "a setting that changes nothing is not judged again");
     assert_eq!((found.rows, found.unidentifiable.len()), ((999, 0), 0));
     assert!((found.fit.equations.coefficient(0, 1) + 1.0).abs() < 0.05);
@@ -410,8 +419,8 @@ fn a_library_beyond_all_measure_is_refused_before_it_is_made() {
     }
     // Beside a library that is small enough it is passed over.
     let mut both = grid(1);
-    both.libraries.push(Library::polynomial(255));
-    assert_eq!(search_of(&data, &both).unwrap().trials[0].library, Library::polynomial(1));
+    both.structures.push(Library::polynomial(255).into());
+    assert_eq!(search_of(&data, &both).unwrap().trials[0].structure.library, Library::polynomial(1));
 }
 
 /// The true coefficients of the simple plant, `[equation][term]`, in physical units; the reference has forces

@@ -1,6 +1,7 @@
 use std::ops::ControlFlow;
 use std::sync::OnceLock;
 
+use hydroid_core::model::sparse::Term;
 use hydroid_core::vessel::VesselParams;
 
 use super::*;
@@ -229,7 +230,8 @@ fn errors_that_are_not_finite_are_told_as_such() {
     found_mut(candidate).trials[0].score = None;
     found_mut(candidate).condition = f64::INFINITY;
     found_mut(candidate).fit.scaled.clear();
-    found_mut(candidate).unidentifiable = vec![0, 1, 10_000];
+    found_mut(candidate).unidentifiable =
+        vec![Term::constant(), Term::monomial(&[0]), Term::monomial(&[10_000])];
     wild.verdicts = verdicts(&candidate.test);
     let text = page(&wild, &job.split);
     assert!(text.contains('∞') && text.contains("cannot tell some terms"));

@@ -289,15 +289,21 @@ impl<'a> Piece<'a> {
     fn fill_block(&mut self, run: &Trajectory, rows: &Rows, first: usize, count: usize) -> usize {
         let terms = self.program.len();
         let (library, outputs) = self.block.split_at_mut(terms * BLOCK_ROWS);
-        let points = (count - 1) * rows.stride + rows.kernel.library.len();
+        let weights = &rows.kernel.library;
+        let points = (count - 1) * rows.stride + weights.len();
+        let everywhere = weights.iter().all(|w| *w != 0.0);
         for (term, column) in library.chunks_exact_mut(BLOCK_ROWS).enumerate() {
             let values = &self.library[term * points..(term + 1) * points];
-            if rows.kernel.library == [1.0] && rows.stride == 1 {
+            if *weights == [1.0] && rows.stride == 1 {
                 column[..count].copy_from_slice(values);
             } else {
                 for (i, value) in column[..count].iter_mut().enumerate() {
-                    let window = &values[i * rows.stride..];
-                    *value = weighted(&rows.kernel.library, window.iter().copied());
+                    let window = &values[i * rows.stride..][..weights.len()];
+                    *value = if everywhere {
+                        dot(weights, window)
+                    } else {
+                        weighted(weights, window.iter().copied())
+                    };
                 }
             }
         }
@@ -325,6 +331,20 @@ impl<'a> Piece<'a> {
         }
         good
     }
+}
+
+/// Sum of products in eight lanes, which the compiler turns into vector instructions: the weak form of a million
+/// samples takes a third to a sixth of the time (`cargo bench -p hydroid --bench sindy -- weak`).
+fn dot(weights: &[f64], values: &[f64]) -> f64 {
+    let (weights, values) = (weights.chunks_exact(8), values.chunks_exact(8));
+    let rest = weights.remainder().iter().zip(values.remainder()).map(|(w, v)| w * v).sum::<f64>();
+    let mut lanes = [0.0; 8];
+    for (w, v) in weights.zip(values) {
+        for lane in 0..8 {
+            lanes[lane] += w[lane] * v[lane];
+        }
+    }
+    lanes.iter().sum::<f64>() + rest
 }
 
 /// Sum of the values under the non-zero weights: a missing value that has no weight does not matter.

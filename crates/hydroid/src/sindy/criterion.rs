@@ -1,9 +1,16 @@
 //! Stepwise selection by an information criterion.
 //!
 //! Of `n` independent rows, a model with `k` terms and residual sum of squares `RSS` scores
-//! `n ln(RSS/n) + p k`, with `p = 2` (Akaike 1974) or `p = ln n` (Schwarz 1978); less is better. A term is
-//! worth its place where it lowers `RSS` by more than the fraction `exp(p/n) - 1` of what remains: the
-//! criterion is a tolerance of [`super::stepwise`] that knows how much the data can say.
+//!
+//! ```text
+//! n ln RSS + p k n/(n - k - s)
+//! ```
+//!
+//! and less is better: `p = 2`, `s = 1` is Akaike's criterion as Hurvich and Tsai corrected it (Biometrika 76
+//! (1989) 297), `p = ln n`, `s = 2` Schwarz's as corrected by `McQuarrie` (Statist. Probab. Lett. 44 (1999) 79). Without the
+//! correction a library that is not small beside `n` fits the noise so well that every junk term seems to
+//! matter. Leaving `k - 1` terms for `k` must pay in `RSS`: the criterion is a tolerance of
+//! [`super::stepwise`] that knows how much the data can say.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,20 +29,29 @@ pub enum Criterion {
 }
 
 impl Criterion {
-    /// Fraction of the residual sum of squares that a term must explain among `rows` independent rows
-    /// ([`super::Regression::effective_rows`]).
-    pub fn tolerance(self, rows: f64) -> f64 {
-        let penalty = match self {
-            Self::Aic => 2.0,
-            Self::Bic => rows.ln(),
+    /// Fraction of what remains that the last of `terms` terms must explain among `rows` independent rows
+    /// ([`super::Regression::effective_rows`]); infinite where there are too few rows for so many terms.
+    pub fn tolerance(self, rows: f64, terms: usize) -> f64 {
+        let (each, slack) = match self {
+            Self::Aic => (2.0, 1.0),
+            Self::Bic => (rows.ln(), 2.0),
         };
-        (penalty / rows).exp_m1()
+        let penalty = |k: f64| each * k / (rows - k - slack);
+        let k = terms as f64;
+        if rows - k - slack <= 0.0 { f64::INFINITY } else { (penalty(k) - penalty(k - 1.0)).exp_m1() }
     }
 }
 
-/// Solves one equation as [`super::stepwise`] does, and lets terms that left come back where the departure
+/// Solves one equation from so many independent rows as [`super::stepwise`] does, and lets terms that left come back where the departure
 /// of others has made them worth it, until neither happens.
-pub fn stepwise_both_ways(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
+pub fn stepwise_both_ways(
+    ridged: &Triangle,
+    terms: usize,
+    target: usize,
+    criterion: Criterion,
+    rows: f64,
+) -> SparseSolution {
+    let tolerance = |k| criterion.tolerance(rows, k);
     let (all, dependent) = independent(ridged, terms, target);
     let total = ridged.column_norm(target).powi(2);
     let mut support = all.clone();
@@ -44,7 +60,9 @@ pub fn stepwise_both_ways(ridged: &Triangle, terms: usize, target: usize, tolera
         eliminate(ridged, &mut support, target, tolerance);
         let outside: Vec<usize> = all.iter().copied().filter(|j| !support.contains(j)).collect();
         let Some((best, gain, residual)) = best_addition(ridged, &support, &outside, target) else { break };
-        if gain <= tolerance * (residual - gain) + NEGLIGIBLE * total {
+        let worth = tolerance(support.len() + 1) * (residual - gain) + NEGLIGIBLE * total;
+        // Nor where there are too few rows to say.
+        if gain <= worth || worth.is_nan() {
             break;
         }
         support.push(best);

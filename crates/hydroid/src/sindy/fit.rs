@@ -236,7 +236,7 @@ impl Prepared {
         match optimizer {
             Optimizer::Stepwise(tolerance) => stepwise(ridged, count, target, tolerance),
             Optimizer::Criterion(criterion) => {
-                stepwise_both_ways(ridged, count, target, criterion.tolerance(self.effective))
+                stepwise_both_ways(ridged, count, target, criterion, self.effective)
             }
             Optimizer::Stlsq(threshold) => {
                 stlsq(plain, ridged, count, target, Stlsq { threshold, ..Stlsq::default() })

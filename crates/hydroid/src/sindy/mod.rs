@@ -8,6 +8,7 @@ mod criterion;
 mod discover;
 mod ensemble;
 mod error;
+pub mod expression;
 mod fit;
 mod kernel;
 mod library;

@@ -21,13 +21,18 @@ const CANCELLED: f64 = 1e-6;
 /// side; the final coefficients are those of the given (possibly ridged) triangle on the remaining terms.
 pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
     let (mut support, dependent) = independent(ridged, terms, target);
-    eliminate(ridged, &mut support, target, tolerance);
+    eliminate(ridged, &mut support, target, |_| tolerance);
     solution_on(ridged, &support, dependent, terms, target)
 }
 
 /// Removes terms from a support without dependent columns until each that is left is worth more than
-/// `tolerance` of the residual sum of squares.
-pub(super) fn eliminate(ridged: &Triangle, support: &mut Vec<usize>, target: usize, tolerance: f64) {
+/// a fraction of the residual sum of squares, which may depend on how many terms there are.
+pub(super) fn eliminate(
+    ridged: &Triangle,
+    support: &mut Vec<usize>,
+    target: usize,
+    tolerance: impl Fn(usize) -> f64,
+) {
     let total = ridged.column_norm(target).powi(2);
     let mut residual = ridged.solve(support, target).residual.powi(2);
     let (mut inverse, mut x) = inverse_and_solution(ridged, support, target);
@@ -38,7 +43,7 @@ pub(super) fn eliminate(ridged: &Triangle, support: &mut Vec<usize>, target: usi
         let rise = |k: usize| x[k] * x[k] / inverse[k * n + k];
         let Some(weakest) = (0..n).min_by(|&a, &b| rise(a).total_cmp(&rise(b))) else { break };
         let cost = rise(weakest);
-        if cost > tolerance * residual + NEGLIGIBLE * total {
+        if cost > tolerance(n) * residual + NEGLIGIBLE * total {
             break;
         }
         // Schur complements take the row and column of the weakest term out of the inverse. Where a near

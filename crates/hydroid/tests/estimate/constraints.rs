@@ -1,7 +1,7 @@
 use hydroid::log::Trajectory;
 use hydroid::sindy::{
     Coefficient, ConstraintError, Constraints, Criterion, Equality, Fit, FitError, FitOptions, Library,
-    Optimizer, Prepared, Regression, Scaling, Sign,
+    Optimizer, Prepared, Regression, Scaling, Sign, Variables,
 };
 use proptest::prelude::*;
 
@@ -21,9 +21,14 @@ fn noise(seed: u64) -> Trajectory {
 const TERMS: usize = 4;
 
 fn fit(data: &Trajectory, constraints: Constraints, optimizer: Optimizer) -> Result<Fit, FitError> {
-    let library = Library { degree: 1, constant: false, signed_squares: false };
-    let prepared =
-        Prepared::new(&[data], library.terms(4), Regression::default(), &Scaling::Contribution).unwrap();
+    let library = Library::polynomial(1).without_constant();
+    let prepared = Prepared::new(
+        &[data],
+        library.terms(&Variables::plain(4, 0)),
+        Regression::default(),
+        &Scaling::Contribution,
+    )
+    .unwrap();
     prepared.fit(&FitOptions { constraints, ..options(optimizer) })
 }
 
@@ -205,8 +210,13 @@ proptest! {
 fn a_term_at_its_bound_leaves() {
     let data = driven(3_000, 0.1, 2);
     let library = Library::polynomial(2);
-    let prepared =
-        Prepared::new(&[&data], library.terms(2), Regression::default(), &Scaling::Contribution).unwrap();
+    let prepared = Prepared::new(
+        &[&data],
+        library.terms(&Variables::plain(2, 0)),
+        Regression::default(),
+        &Scaling::Contribution,
+    )
+    .unwrap();
     for optimizer in [Optimizer::Stepwise(0.01), Optimizer::Criterion(Criterion::Bic), Optimizer::Stlsq(0.05)]
     {
         let with = |sign| {

@@ -14,9 +14,15 @@ fn residual(rows: &[Vec<f64>], support: &[usize]) -> f64 {
 
 #[test]
 fn tolerances_are_those_of_the_criteria() {
-    // n ln(RSS without / RSS with) = p at the limit.
-    assert!((Criterion::Aic.tolerance(50.0) - ((2.0f64 / 50.0).exp() - 1.0)).abs() < 1e-15);
-    assert!((Criterion::Bic.tolerance(50.0) - (50f64.powf(1.0 / 50.0) - 1.0)).abs() < 1e-15);
+    // Of very many rows the corrections vanish: n ln(RSS without / RSS with) = p at the limit.
+    let n = 1e7;
+    assert!((Criterion::Aic.tolerance(n, 3) * n - 2.0).abs() < 1e-5);
+    assert!((Criterion::Bic.tolerance(n, 3) * n - n.ln()).abs() < 1e-3);
+    // Of few, by hand: n = 10, k = 2 against 1: 2 (2/7 - 1/8), and ln 10 (2/6 - 1/7).
+    assert!((Criterion::Aic.tolerance(10.0, 2) - f64::exp_m1(2.0 * (2.0 / 7.0 - 1.0 / 8.0))).abs() < 1e-14);
+    let bic = 10f64.ln() * (2.0 / 6.0 - 1.0 / 7.0);
+    assert!((Criterion::Bic.tolerance(10.0, 2) - bic.exp_m1()).abs() < 1e-14);
+    assert_eq!(Criterion::Bic.tolerance(10.0, 8), f64::INFINITY);
 }
 
 proptest! {
@@ -45,10 +51,13 @@ proptest! {
         }
         triangle.absorb(&mut block, rows.len());
         let n = rows.len() as f64;
-        let solution = stepwise_both_ways(&triangle, columns, columns, criterion.tolerance(n));
+        let solution = stepwise_both_ways(&triangle, columns, columns, criterion, n);
         let support: Vec<usize> = (0..columns).filter(|&j| solution.coefficients[j] != 0.0).collect();
-        let penalty = if aic { 2.0 } else { n.ln() };
-        let score = |support: &[usize]| n * residual(&rows, support).ln() + penalty * support.len() as f64;
+        let (penalty, slack) = if aic { (2.0, 1.0) } else { (n.ln(), 2.0) };
+        let score = |support: &[usize]| {
+            let k = support.len() as f64;
+            n * residual(&rows, support).ln() + n * penalty * k / (n - k - slack)
+        };
         let own = score(&support);
         for j in 0..columns {
             let other: Vec<usize> = if support.contains(&j) {

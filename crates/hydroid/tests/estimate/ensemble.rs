@@ -1,7 +1,7 @@
 use hydroid::log::Trajectory;
 use hydroid::sindy::{
     Bagging, Criterion, Ensemble, FitError, Library, Optimizer, Preparation, Prepared, Regression, Streaming,
-    Triangle, assemble, assemble_with,
+    Triangle, Variables, assemble, assemble_with,
 };
 use hydroid_core::model::sparse::Program;
 
@@ -11,13 +11,14 @@ const MIDPOINT: Regression = Regression::Midpoint { intervals: 1 };
 
 fn prepared(runs: &[&Trajectory], degree: u8) -> Prepared {
     let preparation = Preparation { groups: 24, ..Preparation::default() };
-    Prepared::with(runs, Library::polynomial(degree).terms(2), MIDPOINT, &preparation).unwrap()
+    Prepared::with(runs, Library::polynomial(degree).terms(&Variables::plain(2, 0)), MIDPOINT, &preparation)
+        .unwrap()
 }
 
 #[test]
 fn groups_are_parts_of_the_whole() {
     let (one, two) = (driven(7_001, 0.3, 1), driven(503, 0.3, 2));
-    let program = Program::new(&Library::polynomial(2).terms(2), 2).unwrap();
+    let program = Program::new(&Library::polynomial(2).terms(&Variables::plain(2, 0)), 2).unwrap();
     for regression in [MIDPOINT, Regression::Weak { intervals: 20 }, Regression::Central] {
         let streaming = Streaming { groups: 24, ..Streaming::default() };
         let grouped = assemble_with(&program, &[&one, &two], regression, &streaming);
@@ -122,6 +123,11 @@ fn settings_out_of_range_are_refused() {
         let refused = prepared(&[&data], 1).ensemble(&fit, &bagging);
         assert!(matches!(refused, Err(FitError::Setting(_))), "{bagging:?}");
     }
-    let bare = Prepared::with(&[&data], Library::polynomial(1).terms(2), MIDPOINT, &Preparation::default());
+    let bare = Prepared::with(
+        &[&data],
+        Library::polynomial(1).terms(&Variables::plain(2, 0)),
+        MIDPOINT,
+        &Preparation::default(),
+    );
     assert!(matches!(bare.unwrap().ensemble(&fit, &good), Err(FitError::Setting(_))));
 }

@@ -1,4 +1,4 @@
-use hydroid::sindy::{Kernel, Library, Optimizer, Prepared, Regression, Scaling};
+use hydroid::sindy::{Kernel, Library, Optimizer, Prepared, Regression, Scaling, Variables};
 
 use crate::made::{driven, options, run};
 
@@ -83,7 +83,7 @@ fn rows_of_the_weak_form_cover_the_run() {
 fn data_that_obey_the_midpoint_rule_satisfy_the_weak_form_exactly() {
     let data = driven(600, 0.0, 1);
     for intervals in [1, 6, 13, 64] {
-        let terms = Library::polynomial(2).terms(2);
+        let terms = Library::polynomial(2).terms(&Variables::plain(2, 0));
         let prepared =
             Prepared::new(&[&data], terms, Regression::Weak { intervals }, &Scaling::Contribution).unwrap();
         let fit = prepared.fit(&options(Optimizer::Stepwise(1e-3))).unwrap();
@@ -100,7 +100,7 @@ fn the_weak_form_is_of_second_order() {
     let error = |samples: usize| {
         let dt = 4.0 / samples as f64;
         let rows: Vec<Vec<f64>> = (0..=samples).map(|k| vec![1.0 / (1.0 + k as f64 * dt)]).collect();
-        let terms = vec![Library::polynomial(2).terms(1)[2].clone()];
+        let terms = vec![Library::polynomial(2).terms(&Variables::plain(1, 0))[2].clone()];
         let regression = Regression::Weak { intervals: samples / 10 };
         let prepared =
             Prepared::new(&[&run(dt, &rows, &[])], terms, regression, &Scaling::Contribution).unwrap();

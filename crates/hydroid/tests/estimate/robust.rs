@@ -1,6 +1,7 @@
 use hydroid::log::{Table, Trajectory};
 use hydroid::sindy::{
-    FitError, Library, Loss, Optimizer, Preparation, Prepared, Regression, Streaming, assemble_with,
+    FitError, Library, Loss, Optimizer, Preparation, Prepared, Regression, Streaming, Variables,
+    assemble_with,
 };
 use hydroid_core::model::sparse::Program;
 
@@ -28,7 +29,13 @@ fn measured(run: &Trajectory, noise: f64, spike: f64, seed: u64) -> (Trajectory,
 
 fn error(run: &Trajectory, preparation: &Preparation<'_>) -> f64 {
     let regression = Regression::Midpoint { intervals: 1 };
-    let prepared = Prepared::with(&[run], Library::polynomial(1).terms(2), regression, preparation).unwrap();
+    let prepared = Prepared::with(
+        &[run],
+        Library::polynomial(1).terms(&Variables::plain(2, 0)),
+        regression,
+        preparation,
+    )
+    .unwrap();
     let fit = prepared.fit(&options(Optimizer::Stlsq(0.0))).unwrap();
     let truth = [0.0, -1.0, 1.0];
     fit.equations.coefficients().iter().zip(truth).map(|(x, t)| (x - t).abs()).fold(0.0, f64::max)
@@ -57,14 +64,19 @@ fn without_spikes_it_is_least_squares() {
     let nowhere = Preparation { loss: Loss::Huber(1e6), ..Preparation::default() };
     assert_eq!(error(&noisy, &nowhere), plain, "a bound that nothing reaches changes nothing");
     let wrong = Preparation { loss: Loss::Huber(0.0), ..Preparation::default() };
-    let refused = Prepared::with(&[&run], Library::polynomial(1).terms(2), Regression::default(), &wrong);
+    let refused = Prepared::with(
+        &[&run],
+        Library::polynomial(1).terms(&Variables::plain(2, 0)),
+        Regression::default(),
+        &wrong,
+    );
     assert!(matches!(refused, Err(FitError::Setting(_))));
 }
 
 #[test]
 fn a_sample_of_weight_zero_is_as_good_as_missing() {
     let (mut spiked, weights) = measured(&driven(5_000, 0.0, 3), 0.005, 50.0, 3);
-    let program = Program::new(&Library::polynomial(1).terms(2), 2).unwrap();
+    let program = Program::new(&Library::polynomial(1).terms(&Variables::plain(2, 0)), 2).unwrap();
     for regression in [Regression::Midpoint { intervals: 1 }, Regression::Weak { intervals: 10 }] {
         let samples = [weights.clone()];
         let streaming = Streaming { samples: &samples, ..Streaming::default() };
@@ -86,8 +98,12 @@ fn a_sample_of_weight_zero_is_as_good_as_missing() {
     spiked.name = String::from("log7");
     for wrong in [vec![1.0; 3], vec![-1.0; spiked.len()], vec![f64::NAN; spiked.len()]] {
         let preparation = Preparation { weights: &[wrong], ..Preparation::default() };
-        let refused =
-            Prepared::with(&[&spiked], Library::polynomial(1).terms(2), Regression::default(), &preparation);
+        let refused = Prepared::with(
+            &[&spiked],
+            Library::polynomial(1).terms(&Variables::plain(2, 0)),
+            Regression::default(),
+            &preparation,
+        );
         assert_eq!(refused.unwrap_err(), FitError::Weights(String::from("log7")));
     }
 }

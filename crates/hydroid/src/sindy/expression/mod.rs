@@ -1,0 +1,102 @@
+//! Terms and constraints as text, in the words in which `Term::name` and `Signal::name` print them.
+
+mod constraint;
+mod error;
+mod scanner;
+mod term;
+
+use hydroid_core::model::sparse::{Signal, Term};
+
+pub use constraint::{Coefficient, Constraint, Relation};
+pub use error::ExpressionError;
+
+use scanner::Scanner;
+
+/// What expressions can speak of: channels, and the signals that are made from them on the way.
+///
+/// A term is a product, written with spaces or `*`, and perhaps divided: `1`, `u`, `u^2`, `u v`, `u |u|`,
+/// `sin(delta)`, `cos(delta)`, `ln(u)`, `sgn(u)`, `v r/u`, `above(u, 2.5, 12)` and `below(u, 2.5, 12)` for the two
+/// modes of a gate at 2.5 with slope 12. In the place of a channel may stand a lag state, `lag(n, 1.5 s)`, or a
+/// past value, `u(-0.5 s)`.
+///
+/// ```
+/// use hydroid::sindy::Vocabulary;
+///
+/// let mut words = Vocabulary::new(["u", "v", "r", "n", "delta"], 3, 0.1);
+/// let term = words.term("u |u| sin(lag(delta, 1.5 s))").unwrap();
+/// assert_eq!(words.signals().len(), 1);
+/// assert_eq!(term.name(&words.names()), "u |u| sin(lag(delta, 1.5 s))");
+/// let wrong = words.term("u sin(delt)").unwrap_err();
+/// assert_eq!(
+///     wrong.to_string(),
+///     "'u sin(delt)', character 7: there is no channel 'delt', did you mean 'delta'? There are u, v, r, n, delta"
+/// );
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Vocabulary {
+    channels: Vec<String>,
+    outputs: usize,
+    dt: f64,
+    signals: Vec<Signal>,
+}
+
+impl Vocabulary {
+    /// Names of outputs, then inputs; how many are outputs; and the sample time \[s\], in which past values count.
+    pub fn new(channels: impl IntoIterator<Item = impl Into<String>>, outputs: usize, dt: f64) -> Self {
+        let channels = channels.into_iter().map(Into::into).collect();
+        Self { channels, outputs, dt, signals: Vec::new() }
+    }
+
+    /// The same with signals that there are already.
+    pub fn with_signals(self, signals: Vec<Signal>) -> Self {
+        Self { signals, ..self }
+    }
+
+    /// The signals that expressions have asked for so far, in the order of their variables.
+    pub fn signals(&self) -> &[Signal] {
+        &self.signals
+    }
+
+    /// Names of all variables: outputs, inputs, signals.
+    pub fn names(&self) -> Vec<String> {
+        let signals = self.signals.iter().map(|signal| signal.name(&self.channels, self.dt));
+        self.channels.iter().cloned().chain(signals).collect()
+    }
+
+    /// Reads a term. Signals that it needs and that are not there yet are added.
+    ///
+    /// # Errors
+    /// With the position, if the text is not a term of these channels; nothing is added then.
+    pub fn term(&mut self, text: &str) -> Result<Term, ExpressionError> {
+        self.whole(text, |words, scanner| words.product(scanner))
+    }
+
+    /// Reads a constraint on coefficients, `OUTPUT: TERM` being the coefficient of a term in the equation of an
+    /// output: `u: u |u| <= 0`, `v: u r = u: v r`, `v: r - 2 r: v >= 0.1`.
+    ///
+    /// # Errors
+    /// As [`term`](Self::term).
+    pub fn constraint(&mut self, text: &str) -> Result<Constraint, ExpressionError> {
+        self.whole(text, constraint::read)
+    }
+
+    fn whole<T>(
+        &mut self,
+        text: &str,
+        read: impl FnOnce(&mut Self, &mut Scanner<'_>) -> Result<T, ExpressionError>,
+    ) -> Result<T, ExpressionError> {
+        let known = self.signals.len();
+        let mut scanner = Scanner::new(text);
+        let done = read(self, &mut scanner).and_then(|done| {
+            scanner.skip_space();
+            if scanner.is_at_end() { Ok(done) } else { Err(scanner.expected("the end, or one more factor")) }
+        });
+        if done.is_err() {
+            self.signals.truncate(known);
+        }
+        done
+    }
+}
+
+#[cfg(test)]
+mod tests;
