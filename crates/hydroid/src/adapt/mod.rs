@@ -1,6 +1,6 @@
 //! A model that learns along a log, judged beside the same model frozen.
 //!
-//! Both walk the same runs through [`evaluate`]; at each origin the adapted model predicts with the weights
+//! Both walk the same runs through [`evaluate`](fn@evaluate); at each origin the adapted model predicts with the weights
 //! of that moment, learned from the samples up to it and none after.
 //!
 //! # How the defaults were chosen
@@ -184,7 +184,7 @@ fn default_window_s(model: &Model) -> f64 {
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
 ///
 /// # Errors
-/// If the options do not fit the model, or the runs cannot be judged (see [`evaluate`]).
+/// If the options do not fit the model, or the runs cannot be judged (see [`evaluate`](fn@evaluate)).
 pub fn adapt(
     model: &Model,
     runs: &[&Trajectory],
