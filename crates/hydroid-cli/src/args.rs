@@ -123,7 +123,7 @@ pub struct Inspect {
     #[arg(required = true, value_name = "LOG|MODEL")]
     pub files: Vec<PathBuf>,
     /// Print the equations of models in LaTeX and nothing else (--json has them too)
-    #[arg(long, conflicts_with = "json")]
+    #[arg(long)]
     pub latex: bool,
     #[command(flatten)]
     pub log: LogArgs,
