@@ -115,11 +115,16 @@ pub struct Simulate {
 #[command(after_help = "Examples:
   hydroid inspect log.csv
   hydroid inspect log.csv --outputs u=SOG_kn[kn],r=ROT[deg/min] --inputs n=rpm[rpm],delta=rudder[deg]
-  hydroid inspect out/sindy.safetensors")]
+  hydroid inspect out/sindy.safetensors
+  hydroid inspect out/sindy.safetensors --latex > equations.tex   for a document with the package amsmath
+  hydroid inspect out/sindy.safetensors --json                    also the Jacobian, entry by entry")]
 pub struct Inspect {
     /// Logs (CSV) or models (.safetensors)
     #[arg(required = true, value_name = "LOG|MODEL")]
     pub files: Vec<PathBuf>,
+    /// Print the equations of models in LaTeX and nothing else (--json has them too)
+    #[arg(long, conflicts_with = "json")]
+    pub latex: bool,
     #[command(flatten)]
     pub log: LogArgs,
 }

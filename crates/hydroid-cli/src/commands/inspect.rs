@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use anyhow::bail;
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection};
 use hydroid::model::{self, Model, Reading};
@@ -19,12 +20,17 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     for file in &args.files {
         if is_model(file) {
             let model = model::read(file)?;
-            if global.json {
+            if args.latex {
+                ui::write_out(format_args!("{}{}", model.equations_latex(), model.units_latex()));
+            } else if global.json {
                 documents.push(model_json(file, &model));
             } else {
                 show_model(file, &model);
             }
         } else {
+            if args.latex {
+                bail!("{} is a log: --latex prints the equations of models", file.display());
+            }
             let inspection = log::inspect(&log::read(file)?, &reading.selection, &reading.options)?;
             if global.json {
                 documents.push(serde_json::to_value(&inspection)?);
@@ -66,6 +72,10 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
         "weights": model.weights(),
         "description": model.description,
         "equations": model.equations_text(),
+        "latex": model.equations_latex(),
+        "latex_units": model.units_latex(),
+        "coefficients": model.coefficients(),
+        "jacobian": model.jacobian_text(),
     })
 }
 
@@ -87,6 +97,10 @@ fn show_model(file: &Path, model: &Model) {
     outln!("equations:");
     for equation in model.equations_text() {
         outln!("  {equation}");
+    }
+    outln!("units of the coefficients:");
+    for line in model.units_text() {
+        outln!("  {line}");
     }
     let p = &d.provenance;
     outln!(

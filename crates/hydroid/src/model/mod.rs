@@ -1,7 +1,10 @@
 //! Identified models: what they are, and their file.
 
 mod file;
+mod jacobian;
+mod latex;
 mod text;
+mod units;
 
 use std::sync::Arc;
 
@@ -13,6 +16,8 @@ use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
 pub use file::{ModelError, decode, read, write};
+pub use jacobian::{JacobianEntry, JacobianText};
+pub use units::{TermCoefficient, UnitProduct};
 
 /// A model with all that is needed to use it on another log.
 #[derive(Clone, Debug, PartialEq)]

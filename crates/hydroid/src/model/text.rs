@@ -1,6 +1,11 @@
 //! A model's equations as text.
 
+use hydroid_core::model::sparse::{Equations, Signal, Term};
+
 use super::{Body, Model};
+
+/// Significant digits of a coefficient for people.
+const DIGITS: usize = 4;
 
 impl Model {
     /// Names of the variables that terms are of: outputs, inputs, signals.
@@ -14,52 +19,117 @@ impl Model {
         names
     }
 
-    /// The equations of motion, one line for each output, in physical units: `du/dt = -0.907 u + ...`.
-    /// Largest exponents last, as the library has them; empty for models without equations.
+    /// The equations of motion, one line for each output, in physical units: `du/dt = -0.907 u + ...`, largest
+    /// exponents last, as the library has them; then one line for each signal that stands in them.
     pub fn equations_text(&self) -> Vec<String> {
         let Body::Equations(equations) = &self.body;
         let names = self.variable_names();
-        (0..equations.outputs())
-            .map(|i| {
-                let mut text = format!("d{}/dt =", names[i]);
-                let mut first = true;
-                for (j, term) in equations.terms().iter().enumerate() {
-                    let c = equations.coefficient(i, j);
-                    if c == 0.0 {
-                        continue;
-                    }
-                    let sign = match (c < 0.0, first) {
-                        (true, true) => " -",
-                        (false, true) => " ",
-                        (true, false) => " - ",
-                        (false, false) => " + ",
-                    };
-                    first = false;
-                    text.push_str(sign);
-                    text.push_str(&significant(c.abs()));
-                    if !term.factors().is_empty() {
-                        text.push(' ');
-                        text.push_str(&term.name(&names));
-                    }
+        let outputs = (0..equations.outputs())
+            .map(|i| format!("d{}/dt = {}", names[i], sum(active(equations, i), &names, DIGITS)));
+        outputs.chain(self.signals_text()).collect()
+    }
+
+    /// What the signals are that stand in the equations: `d lag(n, 1.5 s)/dt = (n - lag(n, 1.5 s)) / 1.5 s`.
+    pub fn signals_text(&self) -> Vec<String> {
+        let names = self.variable_names();
+        let text = |(variable, signal): (usize, Signal)| {
+            let (name, source) = (&names[variable], &names[usize::from(signal.source())]);
+            match signal {
+                Signal::Lag { time_constant_s, .. } => {
+                    format!("d {name}/dt = ({source} - {name}) / {} s", seconds(time_constant_s.0))
                 }
-                if first {
-                    text.push_str(" 0");
-                }
-                text
-            })
-            .collect()
+                Signal::Past { samples: 1, .. } => format!("{name} = {source} one sample ago"),
+                Signal::Past { samples, .. } => format!("{name} = {source} {samples} samples ago"),
+            }
+        };
+        self.used_signals().into_iter().map(text).collect()
+    }
+
+    /// The unit of each coefficient: a heading, then a line for each term that stands in an equation, with a
+    /// column for each output.
+    pub fn units_text(&self) -> Vec<String> {
+        let Body::Equations(equations) = &self.body;
+        let names = self.variable_names();
+        let mut rows = vec![vec![String::from("term")]];
+        rows[0].extend(names[..equations.outputs()].iter().map(|name| format!("d{name}/dt")));
+        for (j, term) in equations.terms().iter().enumerate() {
+            let unit = |i: usize| match equations.coefficient(i, j) {
+                0.0 => String::from("-"),
+                _ => self.coefficient_unit(i, term).to_string(),
+            };
+            let units: Vec<String> = (0..equations.outputs()).map(unit).collect();
+            if units.iter().any(|unit| unit != "-") {
+                rows.push(std::iter::once(term.name(&names)).chain(units).collect());
+            }
+        }
+        let width =
+            |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default();
+        let widths: Vec<usize> = (0..=equations.outputs()).map(width).collect();
+        let line = |row: &Vec<String>| {
+            let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:<width$}"));
+            cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+        };
+        rows.iter().map(line).collect()
+    }
+
+    /// The signals that stand in an equation, each with its variable.
+    pub(super) fn used_signals(&self) -> Vec<(usize, Signal)> {
+        let Body::Equations(equations) = &self.body;
+        let first = equations.outputs() + equations.inputs();
+        let is_used = |variable: usize| {
+            (0..equations.outputs())
+                .flat_map(|i| active(equations, i))
+                .any(|(_, term)| term.factors().iter().any(|factor| usize::from(factor.variable) == variable))
+        };
+        let signals = (first..).zip(equations.signals().iter().copied());
+        signals.filter(|(variable, _)| is_used(*variable)).collect()
     }
 }
 
-/// Four significant digits, without an exponent where that reads well.
-fn significant(x: f64) -> String {
+/// Terms of an output's equation with their coefficients.
+pub(super) fn active(equations: &Equations, output: usize) -> impl Iterator<Item = (f64, &Term)> {
+    let terms = equations.terms().iter().enumerate();
+    terms.map(move |(j, term)| (equations.coefficient(output, j), term)).filter(|(c, _)| *c != 0.0)
+}
+
+/// `-0.907 u + 0.1 u |u|`; 0 without terms.
+pub(super) fn sum<'a>(
+    terms: impl Iterator<Item = (f64, &'a Term)>,
+    names: &[String],
+    digits: usize,
+) -> String {
+    let mut text = String::new();
+    for (coefficient, term) in terms {
+        text.push_str(match (coefficient < 0.0, text.is_empty()) {
+            (true, true) => "-",
+            (false, true) => "",
+            (true, false) => " - ",
+            (false, false) => " + ",
+        });
+        text.push_str(&significant(coefficient.abs(), digits));
+        if !term.factors().is_empty() {
+            text.push(' ');
+            text.push_str(&term.name(names));
+        }
+    }
+    if text.is_empty() { String::from("0") } else { text }
+}
+
+/// Significant digits, without an exponent where that reads well: `0.9070`, `1.234e-7`.
+pub(super) fn significant(x: f64, digits: usize) -> String {
+    let mantissa = digits.saturating_sub(1);
     if (1e-4..1e5).contains(&x) {
-        // The exponent of such a number is a small integer.
-        #[allow(clippy::cast_possible_truncation)]
-        let exponent = x.log10().floor() as i32;
-        let decimals = usize::try_from(3 - exponent).unwrap_or(0);
+        // The exponent of such a number is a small integer, and so is the number of digits.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
+        let decimals = mantissa as i32 - x.log10().floor() as i32;
+        let decimals = usize::try_from(decimals).unwrap_or(0);
         format!("{x:.decimals$}")
     } else {
-        format!("{x:.3e}")
+        format!("{x:.mantissa$e}")
     }
+}
+
+/// A time without needless digits: `1.5`, to a millisecond.
+pub(super) fn seconds(value: f64) -> f64 {
+    (value * 1e3).round() / 1e3
 }

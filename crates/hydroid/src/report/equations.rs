@@ -30,11 +30,13 @@ pub(super) fn section(candidate: &Candidate) -> Section {
     let names = candidate.model.variable_names();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let text = (0..outputs.len()).map(|i| plain(&names, i, &parts(candidate, i))).collect::<String>();
+    let signals = candidate.model.signals_text();
     let body = html! {
         p { (where_clause(candidate)) }
         div.equations {
             @for i in 0..outputs.len() { (formula(&names, i, &parts(candidate, i))) }
         }
+        @if !signals.is_empty() { p { "Where " (signals.join("; ")) "." } }
         (unidentifiable(candidate, &names))
         details.printed {
             summary { "Coefficients and what each term contributes" }
@@ -50,7 +52,11 @@ pub(super) fn section(candidate: &Candidate) -> Section {
         }
         details {
             summary { "Equations as text, to copy" }
-            pre.copy { (text) }
+            pre.copy { (text) @for line in &signals { (line) "\n" } }
+        }
+        details {
+            summary { "Equations in LaTeX, to copy" }
+            pre.copy { (candidate.model.equations_latex()) (candidate.model.units_latex()) }
         }
     };
     Section { id: "equations", heading: "Equations", body }
@@ -236,13 +242,14 @@ fn coefficients(
             vec![
                 html! { span.name { (term(names, part.term)) } },
                 cell(number::text(part.coefficient, 4)),
+                cell(number::unit(&candidate.model.coefficient_unit(index, part.term).to_string())),
                 html! { span.share { span style={ "width:" (format!("{bar:.0}")) "%" } {} } (number::fixed(percent, 1)) " %" },
             ]
         })
         .collect();
     html! {
         h4 { "d" (variable(output)) "/d" i { "t" } }
-        (table(&[cell("term"), cell("coefficient"), cell("share")], &rows, 1))
+        (table(&[cell("term"), cell("coefficient"), cell("unit"), cell("share")], &rows, 1))
         p.small { "Residual of the regression: " (number::text(residual, 3)) " " (rate) " (RMS)." }
     }
 }

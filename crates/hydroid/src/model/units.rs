@@ -1,0 +1,218 @@
+//! Units of terms and coefficients, put together from those of the channels.
+
+use std::fmt;
+
+use hydroid_core::model::sparse::Term;
+use serde::Serialize;
+
+use super::text::active;
+use super::{Body, Model};
+
+/// A product of powers of unit symbols, in the order in which they come up: `m/s^2`, `kn/s/N`.
+///
+/// The radian is the number 1, as in SI, so that the coefficient of `v r` in the equation of surge has no unit.
+/// A channel of which no unit is known stands for its own: `m/s^2/[n]`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct UnitProduct {
+    powers: Vec<(String, i32)>,
+}
+
+impl UnitProduct {
+    /// The unit of a channel as its text says; a text that is not a product of symbols is a symbol itself.
+    pub fn of_channel(name: &str, unit: &str) -> Self {
+        let unit = unit.trim();
+        let mut product = Self::default();
+        if unit.is_empty() {
+            product.multiply(&format!("[{name}]"), 1);
+        } else if let Some(powers) = parse(unit) {
+            powers.iter().for_each(|(symbol, power)| product.multiply(symbol, *power));
+        } else {
+            product.multiply(&format!("({unit})"), 1);
+        }
+        product
+    }
+
+    /// Symbols with their powers, none of them 0.
+    pub fn powers(&self) -> &[(String, i32)] {
+        &self.powers
+    }
+
+    /// This times a power of another.
+    #[must_use]
+    pub fn times(mut self, other: &Self, power: i32) -> Self {
+        other.powers.iter().for_each(|(symbol, own)| self.multiply(symbol, own.saturating_mul(power)));
+        self
+    }
+
+    /// This per second.
+    #[must_use]
+    pub fn per_second(mut self) -> Self {
+        self.multiply("s", -1);
+        self
+    }
+
+    fn multiply(&mut self, symbol: &str, power: i32) {
+        match self.powers.iter_mut().find(|(known, _)| known == symbol) {
+            Some((_, known)) => *known = known.saturating_add(power),
+            None => self.powers.push((symbol.to_owned(), power)),
+        }
+        self.powers.retain(|(_, power)| *power != 0);
+    }
+}
+
+/// A coefficient of an equation, with all its digits.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TermCoefficient {
+    /// The output whose equation it stands in.
+    pub output: String,
+    /// The term that it multiplies.
+    pub term: String,
+    /// Its value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+}
+
+/// Symbols and powers of `m/s^2`, `N m`, `ms-1`; nothing for a text of another kind.
+fn parse(unit: &str) -> Option<Vec<(&str, i32)>> {
+    let mut powers = Vec::new();
+    for (i, part) in unit.split('/').enumerate() {
+        let mut factors = part.split([' ', '*', '·', '⋅']).filter(|factor| !factor.is_empty()).peekable();
+        factors.peek()?;
+        for factor in factors {
+            let end =
+                factor.find(|c: char| !(c.is_alphabetic() || matches!(c, '°' | '%'))).unwrap_or(factor.len());
+            let (symbol, power) = factor.split_at(end);
+            if symbol.is_empty() {
+                // The 1 in 1/s, or the unit of a pure number.
+                if power != "1" {
+                    return None;
+                }
+                continue;
+            }
+            let power = power.strip_prefix('^').unwrap_or(power);
+            let power: i32 = if power.is_empty() { 1 } else { power.parse().ok()? };
+            if !(-100..=100).contains(&power) {
+                return None;
+            }
+            if symbol != "rad" {
+                powers.push((symbol, if i == 0 { power } else { -power }));
+            }
+        }
+    }
+    Some(powers)
+}
+
+impl fmt::Display for UnitProduct {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let exponent = |power: i32| match power.unsigned_abs() {
+            1 => String::new(),
+            n => format!("^{n}"),
+        };
+        let above = self.powers.iter().filter(|(_, power)| *power > 0);
+        let above: Vec<String> =
+            above.map(|(symbol, power)| format!("{symbol}{}", exponent(*power))).collect();
+        f.write_str(if above.is_empty() { "1" } else { "" })?;
+        f.write_str(&above.join(" "))?;
+        for (symbol, power) in self.powers.iter().filter(|(_, power)| *power < 0) {
+            write!(f, "/{symbol}{}", exponent(*power))?;
+        }
+        Ok(())
+    }
+}
+
+impl Model {
+    /// Units of the variables that terms are of: outputs, inputs, signals.
+    pub fn variable_units(&self) -> Vec<UnitProduct> {
+        let d = &self.description;
+        let channels = d.outputs.iter().chain(&d.inputs).map(|port| &port.channel);
+        let mut units: Vec<UnitProduct> =
+            channels.map(|channel| UnitProduct::of_channel(&channel.name, &channel.unit)).collect();
+        let Body::Equations(equations) = &self.body;
+        let signals: Vec<UnitProduct> =
+            equations.signals().iter().map(|signal| units[usize::from(signal.source())].clone()).collect();
+        units.extend(signals);
+        units
+    }
+
+    /// The unit of a term.
+    ///
+    /// # Panics
+    /// If the term is of a variable that the model does not have.
+    pub fn term_unit(&self, term: &Term) -> UnitProduct {
+        of_term(&self.variable_units(), term)
+    }
+
+    /// All coefficients that are not zero, equation by equation.
+    pub fn coefficients(&self) -> Vec<TermCoefficient> {
+        let Body::Equations(equations) = &self.body;
+        let names = self.variable_names();
+        let of = |i: usize| {
+            let names = &names;
+            active(equations, i).map(move |(value, term)| TermCoefficient {
+                output: names[i].clone(),
+                term: term.name(names),
+                value,
+                unit: self.coefficient_unit(i, term).to_string(),
+            })
+        };
+        (0..equations.outputs()).flat_map(of).collect()
+    }
+
+    /// The unit of a term's coefficient in the equation of an output: that of the output per second, over that
+    /// of the term.
+    ///
+    /// # Panics
+    /// If there is no such output, or the term is of a variable that the model does not have.
+    pub fn coefficient_unit(&self, output: usize, term: &Term) -> UnitProduct {
+        let units = self.variable_units();
+        units[output].clone().per_second().times(&of_term(&units, term), -1)
+    }
+}
+
+fn of_term(units: &[UnitProduct], term: &Term) -> UnitProduct {
+    term.factors().iter().fold(UnitProduct::default(), |product, factor| {
+        product.times(&units[usize::from(factor.variable)], factor.shape.degree())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit(text: &str) -> UnitProduct {
+        UnitProduct::of_channel("x", text)
+    }
+
+    #[test]
+    fn units_of_channels_are_products_of_symbols() {
+        for (text, expected) in [
+            ("m/s", "m/s"),
+            ("m/s^2", "m/s^2"),
+            ("m^2/s^2", "m^2/s^2"),
+            ("ms-1", "1/ms"),
+            ("m s-1", "m/s"),
+            ("N m", "N m"),
+            ("N*m/s/s", "N m/s^2"),
+            ("rad/s", "1/s"),
+            ("1", "1"),
+            ("1/s", "1/s"),
+            ("", "[x]"),
+            ("furlong/fortnight", "furlong/fortnight"),
+            ("U|", "(U|)"),
+            ("m//s", "(m//s)"),
+            ("3 m", "(3 m)"),
+            ("m^999999999999", "(m^999999999999)"),
+        ] {
+            assert_eq!(unit(text).to_string(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn products_cancel_and_keep_the_order_in_which_symbols_come() {
+        assert_eq!(unit("kn").per_second().times(&unit("N"), -1).to_string(), "kn/s/N");
+        assert_eq!(unit("m/s").per_second().times(&unit("m/s"), -2).to_string(), "1/m");
+        assert_eq!(unit("m/s").per_second().times(&unit("m/s"), -1).to_string(), "1/s");
+        assert_eq!(unit("").per_second().times(&unit(""), -1).to_string(), "1/s");
+    }
+}
