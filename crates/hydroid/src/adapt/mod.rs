@@ -175,10 +175,13 @@ pub fn adapter(model: &Model, options: &Options) -> Result<(RecursiveEquations, 
     Ok((adapter, used))
 }
 
-/// The window that the model's identification chose by rollouts, or a second.
+/// The window that the model's identification chose by rollouts, or a second. A weak form counts half: its test
+/// function averages about as much as an increment over half of its window.
 fn default_window_s(model: &Model) -> f64 {
-    let chosen = &model.description.provenance.settings["chosen"]["regression"]["midpoint"]["intervals"];
-    chosen.as_f64().map_or(1.0, |intervals| intervals * model.description.dt)
+    let chosen = &model.description.provenance.settings["chosen"]["regression"];
+    let intervals = |kind: &str| chosen[kind]["intervals"].as_f64();
+    let intervals = intervals("midpoint").or(intervals("weak").map(|n| (0.5 * n).max(1.0)));
+    intervals.map_or(1.0, |intervals| intervals * model.description.dt)
 }
 
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
