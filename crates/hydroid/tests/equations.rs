@@ -50,6 +50,7 @@ fn made(
         body: Body::Equations(Arc::new(
             Equations::with_signals(terms, coefficients, n, m, signals, 0.1, 1).unwrap(),
         )),
+        learning: None,
     }
 }
 
