@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
-use crate::model::{Body, Description, Model, Port, Provenance, Reading};
+use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
 use crate::sindy::{Found, Judge, Regression, SearchError, UnknownLibrary, discover, search};
 
@@ -217,7 +217,11 @@ fn candidate(
         Method::Sindy => equations(job, parts, &mut |f| progress(0.8 * f))?,
     };
     let train_seconds = clock.elapsed().as_secs_f64();
-    let model = describe(job, parts, body, settings);
+    let mut model = describe(job, parts, body, settings);
+    let Training::Sindy(found) = &training;
+    if let Some(ensemble) = &found.ensemble {
+        model.members = Ensemble::new(&ensemble.members);
+    }
     let full = evaluate::Options {
         horizon: job.horizon,
         origin_stride: job.origin_stride,
@@ -303,6 +307,7 @@ fn describe(job: &Job, parts: &Parts<'_>, body: Body, settings: serde_json::Valu
             },
         },
         body,
+        members: Ensemble::default(),
     }
 }
 

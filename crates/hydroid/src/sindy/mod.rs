@@ -31,6 +31,7 @@ pub use criterion::{Criterion, stepwise_both_ways};
 pub use discover::{Wanted, discover};
 pub use ensemble::{Bagging, Ensemble};
 pub use error::FitError;
+pub use expression::{Constraint, ExpressionError, Relation, Vocabulary};
 pub use fit::{Fit, Prepared};
 pub use kernel::{Kernel, Nodes, Regression, Rows};
 pub use library::{Family, Kind, Library, UnknownLibrary, Variables};
