@@ -4,6 +4,7 @@ mod apart;
 mod overview;
 mod settings;
 mod verdict;
+mod wording;
 
 use std::time::Instant;
 
@@ -13,7 +14,7 @@ use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{Found, Judge, Regression, SearchError, UnknownLibrary, discover, search};
+use crate::sindy::{ExpressionError, Found, Judge, Regression, SearchError, UnknownLibrary, discover, search};
 
 pub use overview::{ChannelSummary, overview, ranges};
 pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};
@@ -96,6 +97,36 @@ pub enum IdentifyError {
     /// A library that there is not.
     #[error(transparent)]
     Library(UnknownLibrary),
+    /// A text that is no term or constraint.
+    #[error("{key}: {error}")]
+    Expression {
+        /// The setting.
+        key: &'static str,
+        /// What is wrong, and where.
+        error: ExpressionError,
+    },
+    /// A term or constraint that cannot be used.
+    #[error("'{text}' cannot be used: {why}")]
+    Constraint {
+        /// As given.
+        text: String,
+        /// Why, and what would do.
+        why: String,
+    },
+    /// A setting is of a channel that there is not.
+    #[error("{key}: there is no {what} '{name}'{hint} There are {known}")]
+    NoChannel {
+        /// The setting.
+        key: &'static str,
+        /// Output or input.
+        what: &'static str,
+        /// As given.
+        name: String,
+        /// The nearest name.
+        hint: String,
+        /// The names that there are.
+        known: String,
+    },
     /// A gate that is given splits nothing.
     #[error(
         "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, give runs that visit both modes, or let it be found (--gate auto)",
@@ -259,10 +290,12 @@ fn equations(
     let regression = Regression::Weak { intervals: settings::intervals(0.2 * job.horizon as f64).max(4) };
     let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
     let share = &mut |f: f64| progress(0.3 * f);
-    let libraries = job.sindy.libraries()?;
+    let libraries = job.sindy.libraries(train[0])?;
+    let rules = job.sindy.rules(train[0], &libraries)?;
     let structures = discover(train, &settings::reference(&libraries), regression, &lags, &gate, share)
         .map_err(SearchError::Cancelled)?;
-    let grid = job.sindy.grid(dt, job.horizon, &libraries, &structures);
+    let mut grid = job.sindy.grid(dt, job.horizon, &libraries, &structures);
+    grid.constraints = rules;
     let inputs = overview::input_ranges(train);
     let judge = Judge {
         validation: &parts.validation,

@@ -9,6 +9,7 @@ use hydroid_core::model::sparse::{Signal, Term};
 
 pub use constraint::{Coefficient, Constraint, Relation};
 pub use error::ExpressionError;
+pub(crate) use error::{list, nearest};
 
 use scanner::Scanner;
 
