@@ -93,7 +93,8 @@ pub fn band_coverage(
     let (n, last) = (first.outputs(), *horizons.last()?);
     let warm_up = options.warm_up.max(first.warm_up()).max(1);
     let possible = |run: &Trajectory| run.len().saturating_sub(warm_up - 1 + last);
-    let stride = options.origin_stride.max(runs.iter().map(|run| possible(run)).sum::<usize>() / ORIGINS).max(1);
+    let stride =
+        options.origin_stride.max(runs.iter().map(|run| possible(run)).sum::<usize>() / ORIGINS).max(1);
     let mut inside = vec![(0usize, 0usize); horizons.len() * n];
     let mut count = 0;
     for run in runs {

@@ -14,7 +14,9 @@ use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{ExpressionError, Found, Judge, Regression, SearchError, UnknownLibrary, discover, search};
+use crate::sindy::{
+    ExpressionError, Found, Judge, Regression, SearchError, UnknownLibrary, discover, search,
+};
 
 pub use overview::{ChannelSummary, overview, ranges};
 pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};

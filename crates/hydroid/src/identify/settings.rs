@@ -7,9 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::IdentifyError;
 use super::wording::place;
 use crate::log::Trajectory;
-use crate::sindy::{
-    Family, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted,
-};
+use crate::sindy::{Family, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted};
 
 /// Settings of the search for equations. What is not given is chosen on the validation runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -127,8 +127,11 @@ fn encode(model: &Model) -> io::Result<Vec<u8>> {
     let coefficients = bytes(equations.coefficients());
     let (places, values) = model.members.parts();
     let values = bytes(values);
-    let places: Vec<u32> =
-        places.iter().map(|&place| u32::try_from(place)).collect::<Result<_, _>>().map_err(io::Error::other)?;
+    let places: Vec<u32> = places
+        .iter()
+        .map(|&place| u32::try_from(place))
+        .collect::<Result<_, _>>()
+        .map_err(io::Error::other)?;
     let places: Vec<u8> = places.iter().flat_map(|place| place.to_le_bytes()).collect();
     let mut tensors =
         vec![("coefficients", Dtype::F64, vec![equations.outputs(), equations.terms().len()], &coefficients)];

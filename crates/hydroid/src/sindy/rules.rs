@@ -26,7 +26,8 @@ pub fn dissipative(variables: &Variables) -> Vec<Constraint> {
         relation: Relation::AtMost,
         bound: 0.0,
     };
-    let damping = |(y, _)| [Term::monomial(&[y]), Term::signed_square(y, y)].map(|term| (usize::from(y), term));
+    let damping =
+        |(y, _)| [Term::monomial(&[y]), Term::signed_square(y, y)].map(|term| (usize::from(y), term));
     variables.outputs().flat_map(damping).map(of).collect()
 }
 
@@ -54,7 +55,9 @@ impl Structure {
                 }
                 (relation, &[(at, factor), ..]) => {
                     let positive = (relation == Relation::AtLeast) == (factor > 0.0);
-                    constraints.signs.push((at, if positive { Sign::NotNegative } else { Sign::NotPositive }));
+                    constraints
+                        .signs
+                        .push((at, if positive { Sign::NotNegative } else { Sign::NotPositive }));
                 }
             }
         }

@@ -212,7 +212,9 @@ fn product(term: &Term, variables: &[Variable]) -> String {
             Shape::Cos => above.push(function("\\cos")),
             Shape::Log => above.push(function("\\ln")),
             Shape::Above(gate) => above.push(times(sigma(variable, gate, None))),
-            Shape::Below(gate) => above.push(times(format!("\\left(1 - {}\\right)", sigma(variable, gate, None)))),
+            Shape::Below(gate) => {
+                above.push(times(format!("\\left(1 - {}\\right)", sigma(variable, gate, None))))
+            }
         }
     }
     let above = if above.is_empty() { String::from("1") } else { above.join("\\,") };
