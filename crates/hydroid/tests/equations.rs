@@ -51,6 +51,7 @@ fn made(
             Equations::with_signals(terms, coefficients, n, m, signals, 0.1, 1).unwrap(),
         )),
         members: Members::default(),
+        learning: None,
     }
 }
 

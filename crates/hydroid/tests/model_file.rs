@@ -62,6 +62,7 @@ fn model() -> Model {
         },
         body: Body::Equations(Arc::new(Equations::new(terms, coefficients, 2, 1, dt, 4).unwrap())),
         members: Members::new(&[1.0, 1.0 / 3.0, 0.9].map(|scale| spread(scale).to_vec())),
+        learning: None,
     }
 }
 

@@ -3,8 +3,8 @@
 use hydroid_core::model::sparse::{Shape, Signal, Term};
 use serde::{Deserialize, Serialize};
 
+use super::Candidate;
 use super::overview::ChannelSummary;
-use super::{Candidate, Training};
 use crate::evaluate::Evaluation;
 use crate::log::{Note, Trajectory};
 use crate::sindy::{Found, Screened};
@@ -119,12 +119,8 @@ pub(super) fn warnings(
             );
         }
     }
-    match &candidate.training {
-        Training::Sindy(found) => {
-            unidentifiable(candidate, found, data, &mut notes);
-            search_warnings(found, &mut notes);
-        }
-    }
+    unidentifiable(candidate, candidate.found(), data, &mut notes);
+    search_warnings(candidate.found(), &mut notes);
     notes
 }
 

@@ -70,7 +70,7 @@ impl Model {
     /// far as the coefficients are uncertain.
     pub fn member_sessions(&self) -> Vec<Box<dyn Predictor>> {
         let Body::Equations(equations) = &self.body;
-        if self.members.is_empty() || !self.members.fit(equations) {
+        if self.learning.is_some() || self.members.is_empty() || !self.members.fit(equations) {
             return Vec::new();
         }
         let (places, values) = self.members.parts();
