@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::{Against, Options, Origin};
 use crate::log::{Table, Trajectory};
 
+/// Share of the members between the edges of a band.
+const LEVEL: f64 = 0.9;
 /// Lower and upper quantile of a band.
 pub const BAND: (f64, f64) = (0.05, 0.95);
 
@@ -117,7 +119,7 @@ pub fn band_coverage(
     }
     let share = |&(within, all): &(usize, usize)| within as f64 / all as f64;
     Some(BandCoverage {
-        level: BAND.1 - BAND.0,
+        level: LEVEL,
         members: members.len(),
         origins: count,
         horizons: horizons.to_vec(),

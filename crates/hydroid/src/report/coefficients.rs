@@ -66,7 +66,7 @@ pub(super) fn coefficients(
                 let kept = format!("{} %", number::fixed(100.0 * inclusion, 0));
                 row.push(html! {
                     @if inclusion > 0.0 {
-                        (number::text(get(&ensemble.low), 3)) " … " (number::text(get(&ensemble.high), 3))
+                        (number::text(get(&ensemble.low), 4)) " … " (number::text(get(&ensemble.high), 4))
                     } @else { (number::NONE) }
                 });
                 row.push(html! {

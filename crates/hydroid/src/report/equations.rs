@@ -41,14 +41,19 @@ pub(super) fn section(candidate: &Candidate, training: &[Trajectory]) -> Section
         div.equations {
             @for i in 0..outputs.len() { (formula(&names, &modes, i, &parts(candidate, i))) }
         }
-        @if !modes.gates().is_empty() { p { "Where " (gates(&names, &modes)) "." } }
-        @if !signals.is_empty() { p { "Where " (signals.join("; ")) "." } }
+        @if !(modes.gates().is_empty() && signals.is_empty()) {
+            p {
+                "Where "
+                @if !modes.gates().is_empty() { (gates(&names, &modes)) @if !signals.is_empty() { "; " } }
+                (signals.join("; ")) "."
+            }
+        }
         (hidden::sentences(candidate, &names, training))
         (unidentifiable(candidate, &names, &modes))
         details.printed {
             summary { "Coefficients, how sure they are, and what each term contributes" }
             (about(candidate))
-            div.columns {
+            div.tables {
                 @for i in 0..outputs.len() {
                     div { (coefficients(&names, &modes, &parts(candidate, i), candidate, i)) }
                 }

@@ -60,7 +60,7 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
         (columns(&blocks))
         @if !members.is_empty() {
             p.small {
-                "The shaded band holds nine tenths of the rollouts of the " (members.len()) " members of the ensemble: what the uncertainty of the coefficients does to the prediction. "
+                "The shaded band holds nine tenths of the rollouts of the " (members.len()) " members of the ensemble: what the uncertainty of the coefficients does to the prediction; where that is little, it hides behind the line. "
                 "Not in it are the noise of the sensors, waves and wind that were not measured, and whatever no term of the model can say; measurements may lie outside."
             }
         }
