@@ -72,17 +72,29 @@ pub fn discover(
         Wanted::Found => scan.lags(&plain, before, &mut |f| progress(0.3 * f))?,
     };
     let base = with_lags.clone().unwrap_or_else(|| plain.clone());
-    let with_gate = match gate {
+    let mut with_gate = match gate {
         Wanted::None => None,
         Wanted::Given(schedule) => Some(Structure { gate: Some(*schedule), ..base.clone() }),
-        Wanted::Found => scan.gate(&base, &mut |f| progress(0.3 + 0.4 * f))?,
+        Wanted::Found => scan.gate(&base, &mut |f| progress(0.3 + 0.3 * f))?,
     };
+    // Equations of one mode that are asked to fit two show lags that no actuator has. With the modes apart the
+    // lags are looked for once more, from none.
+    if let Some(structure) = &mut with_gate
+        && *lags == Wanted::Found
+    {
+        let without = Structure { lags: Vec::new(), ..structure.clone() };
+        if let Some(before) = scan.cost(&without) {
+            let again = scan.lags(&without, before, &mut |f| progress(0.6 + 0.2 * f))?;
+            *structure = again.unwrap_or(without);
+        }
+    }
     let all = thinned(runs, REFINE_SAMPLES);
     let fine = Scan { runs: &all, ..scan };
     let found = [with_lags, with_gate];
     for (index, structure) in found.into_iter().enumerate().filter_map(|(i, s)| Some((i, s?))) {
         let free = [*lags == Wanted::Found, *gate == Wanted::Found];
-        structures.push(fine.refined(structure, free));
+        let refined = fine.refined(structure, free);
+        structures.push(if free[0] { fine.without_idle_lags(refined) } else { refined });
         progress::report(progress, 0.85 + 0.15 * index as f64)?;
     }
     Ok(structures)
@@ -168,6 +180,24 @@ impl Scan<'_> {
             best = next;
         }
         Ok((!best.1.lags.is_empty()).then_some(best.1))
+    }
+
+    /// The structure without the lags that, now that all is at its best, are worth nothing, or are so short
+    /// that no sample shows them.
+    fn without_idle_lags(&self, mut structure: Structure) -> Structure {
+        let shortest = 0.5 * self.runs.first().map_or(0.0, |run| run.dt);
+        for position in (0..structure.lags.len()).rev() {
+            let mut without = structure.clone();
+            let lag = without.lags.remove(position);
+            let worth = self
+                .cost(&without)
+                .zip(self.cost(&structure))
+                .is_some_and(|(before, after)| self.is_worth(before, after, 1));
+            if lag.time_constant_s < shortest || !worth {
+                structure = without;
+            }
+        }
+        structure
     }
 
     /// Gates on each output, at nine places and of three slopes.
