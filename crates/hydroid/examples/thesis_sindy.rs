@@ -102,7 +102,11 @@ impl Data {
             let prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
             prepared.runs.into_iter().next().ok_or(log::LogError::NoFiles)
         };
-        Ok(Self { train: run("both_train.csv")?, validate: run("both_val.csv")?, test: run("both_test.csv")? })
+        Ok(Self {
+            train: run("both_train.csv")?,
+            validate: run("both_val.csv")?,
+            test: run("both_test.csv")?,
+        })
     }
 }
 
