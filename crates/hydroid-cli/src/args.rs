@@ -123,7 +123,7 @@ pub struct Inspect {
     #[arg(required = true, value_name = "LOG|MODEL")]
     pub files: Vec<PathBuf>,
     /// Print the equations of models in LaTeX and nothing else (--json has them too)
-    #[arg(long, conflicts_with = "json")]
+    #[arg(long)]
     pub latex: bool,
     #[command(flatten)]
     pub log: LogArgs,
@@ -158,7 +158,7 @@ pub struct Identify {
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub test: Vec<PathBuf>,
     /// Methods, separated by commas
-    #[arg(long, value_delimiter = ',', default_value = "sindy")]
+    #[arg(long, value_delimiter = ',', default_value = "sindy,lagged,recursive")]
     pub methods: Vec<Method>,
     /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)
     #[arg(long, value_name = "N|Ns")]
@@ -355,12 +355,18 @@ impl FromStr for Horizon {
 pub enum Method {
     /// Sparse equations of motion
     Sindy,
+    /// The same with outputs and inputs of some time ago
+    Lagged,
+    /// Equations that keep learning on the way
+    Recursive,
 }
 
 impl From<Method> for identify::Method {
     fn from(method: Method) -> Self {
         match method {
             Method::Sindy => Self::Sindy,
+            Method::Lagged => Self::Lagged,
+            Method::Recursive => Self::Recursive,
         }
     }
 }

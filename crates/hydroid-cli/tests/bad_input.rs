@@ -241,6 +241,11 @@ fn files_that_are_no_models() {
     refused(folder.path(), &["evaluate", "nowhere.safetensors", "bad.csv"], &["nowhere.safetensors"]);
     refused(folder.path(), &["evaluate", "cut.safetensors", "bad.csv"], &["cut.safetensors", "cut short"]);
     refused(folder.path(), &["inspect", "cut.safetensors"], &["cut.safetensors"]);
+    refused(folder.path(), &["inspect", "bad.csv", "--latex"], &["bad.csv is a log", "--latex"]);
+    let both = ["inspect", "out/sindy.safetensors", "--latex", "--json"];
+    let output = hydroid(folder.path(), &both);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8(output.stdout).unwrap().contains("leave one out"));
     refused(folder.path(), &["evaluate", "text.safetensors", "bad.csv"], &["not a hydroid model"]);
     refused(folder.path(), &["evaluate", "bad.csv", "bad.csv"], &["bad.csv", "not a hydroid model"]);
     // A good model on a log that is too short for the horizon, and without truth.

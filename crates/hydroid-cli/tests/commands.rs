@@ -129,6 +129,29 @@ fn a_configuration_file_says_what_the_command_line_can_say() {
     let inspected = json(&hydroid(folder.path(), &["inspect", "out/sindy.safetensors", "--json"]));
     let asked = &inspected["description"]["provenance"]["settings"]["asked"];
     assert_eq!((&asked["degree"], &asked["signed_squares"]), (&Value::from(1), &Value::from(false)));
+    prints_equations(folder.path(), &inspected);
+}
+
+/// Text, LaTeX and JSON of a model say the same.
+fn prints_equations(folder: &Path, document: &Value) {
+    let shown = |args: &[&str]| {
+        let output = hydroid(folder, &[&["inspect", "out/sindy.safetensors"], args].concat());
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let (text, latex) = (shown(&[]), shown(&["--latex"]));
+    for equation in document["equations"].as_array().unwrap() {
+        assert!(text.contains(equation.as_str().unwrap()), "{text}");
+    }
+    assert!(text.contains("units of the coefficients:"), "{text}");
+    let both = ["latex", "latex_units"].map(|key| document[key].as_str().unwrap());
+    assert_eq!(latex, both.concat());
+    assert!(latex.starts_with("\\begin{align*}\n  \\dot{u} &="), "{latex}");
+    // Of linear equations the Jacobian is the matrix of coefficients.
+    let coefficients = document["coefficients"].as_array().unwrap();
+    let of_u = coefficients.iter().find(|c| c["output"] == "u" && c["term"] == "u").unwrap();
+    let entry = &document["jacobian"]["A"][0][0];
+    assert_eq!((&entry["terms"][0][0], &entry["terms"][0][1]), (&of_u["value"], &Value::from("1")));
+    assert_eq!((&entry["unit"], &of_u["unit"]), (&Value::from("1/s"), &Value::from("1/s")));
 }
 
 #[test]

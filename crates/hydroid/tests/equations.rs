@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hydroid::evaluate::DesignRange;
 use hydroid::log::Channel;
 use hydroid::model::{Body, Description, Model, Port, Provenance, Reading};
-use hydroid::sindy::Vocabulary;
+use hydroid::sindy::expression::Vocabulary;
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Jacobian, Real, Shape, Signal, Term};
 use proptest::prelude::*;
 
@@ -50,6 +50,7 @@ fn made(
         body: Body::Equations(Arc::new(
             Equations::with_signals(terms, coefficients, n, m, signals, 0.1, 1).unwrap(),
         )),
+        learning: None,
     }
 }
 

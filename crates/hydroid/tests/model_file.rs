@@ -54,6 +54,7 @@ fn model() -> Model {
             },
         },
         body: Body::Equations(Arc::new(Equations::new(terms, coefficients, 2, 1, dt, 4).unwrap())),
+        learning: None,
     }
 }
 

@@ -15,6 +15,9 @@ use crate::args::{Global, Inspect};
 use crate::{logs, ui};
 
 pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
+    if args.latex && global.json {
+        bail!("--latex and --json both say what to print: leave one out (--json has the LaTeX too)");
+    }
     let reading = logs::reading(Reading::default(), &args.log)?;
     let mut documents = Vec::new();
     for file in &args.files {

@@ -11,6 +11,8 @@ use super::{Innovation, Outcome, Rejection};
 /// is not learned from at all. A single bad sample stands in a limited number of rows; innovations that stay
 /// large for longer are no outliers but a vessel that has changed, and are believed.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Gate {
     /// Where weights begin to fall.
     pub inflate: f64,

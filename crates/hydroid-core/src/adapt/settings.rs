@@ -5,6 +5,8 @@ use crate::model::sparse::{Equations, EquationsError};
 
 /// How to adapt.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Settings {
     /// Time \[s\] after which a row counts `1/e`; infinite to forget nothing.
     pub forgetting_s: f64,

@@ -137,48 +137,54 @@ pub enum AdaptError {
     Evaluate(#[from] EvaluateError),
 }
 
-/// The session that adapts a model, and the settings that it was made with.
+/// The settings of the core for a model.
 ///
 /// # Errors
 /// If the options do not fit the model.
-pub fn adapter(model: &Model, options: &Options) -> Result<(RecursiveEquations, Used), AdaptError> {
+pub fn settings(model: &Model, options: &Options) -> Result<Settings, AdaptError> {
     let dt = model.description.dt;
     let wanted = options.window_s.unwrap_or_else(|| default_window_s(model));
-    let out_of_range = AdaptError::Window { window_s: wanted, dt, longest_s: f64::INFINITY };
     if !(wanted >= 0.5 * dt && wanted / dt < 1e6) {
-        return Err(out_of_range);
+        return Err(AdaptError::Window { window_s: wanted, dt, longest_s: f64::INFINITY });
     }
     // Between one and a million.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let window = (wanted / dt).round().max(1.0) as usize;
-    let Body::Equations(equations) = &model.body;
-    let d = &model.description;
-    let ranges: Vec<(f64, f64)> =
-        d.outputs.iter().chain(&d.inputs).map(|port| (port.range.low, port.range.high)).collect();
-    let settings = Settings {
+    Ok(Settings {
         forgetting_s: options.forgetting_s,
         window,
         prior_s: options.prior_s,
         leak: options.leak,
         all_terms: options.all_terms,
         gate: options.gate,
-    };
-    let adapter = RecursiveEquations::new(equations, &ranges, &settings).map_err(AdaptError::Settings)?;
+    })
+}
+
+/// The session that adapts a model, and the settings that it was made with.
+///
+/// # Errors
+/// If the options do not fit the model.
+pub fn adapter(model: &Model, options: &Options) -> Result<(RecursiveEquations, Used), AdaptError> {
+    let settings = settings(model, options)?;
+    let adapter = model.learner(&settings).map_err(AdaptError::Settings)?;
     let used = Used {
-        forgetting_s: options.forgetting_s,
-        window_s: window as f64 * dt,
-        prior_s: options.prior_s,
-        leak: options.leak,
-        all_terms: options.all_terms,
-        gate: [options.gate.inflate, options.gate.reject],
+        forgetting_s: settings.forgetting_s,
+        window_s: settings.window as f64 * model.description.dt,
+        prior_s: settings.prior_s,
+        leak: settings.leak,
+        all_terms: settings.all_terms,
+        gate: [settings.gate.inflate, settings.gate.reject],
     };
     Ok((adapter, used))
 }
 
-/// The window that the model's identification chose by rollouts, or a second.
+/// The window that the model's identification chose by rollouts, or a second. A weak form counts half: its test
+/// function averages about as much as an increment over half of its window.
 fn default_window_s(model: &Model) -> f64 {
-    let chosen = &model.description.provenance.settings["chosen"]["regression"]["midpoint"]["intervals"];
-    chosen.as_f64().map_or(1.0, |intervals| intervals * model.description.dt)
+    let chosen = &model.description.provenance.settings["chosen"]["regression"];
+    let intervals = |kind: &str| chosen[kind]["intervals"].as_f64();
+    let intervals = intervals("midpoint").or(intervals("weak").map(|n| (0.5 * n).max(1.0)));
+    intervals.map_or(1.0, |intervals| intervals * model.description.dt)
 }
 
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.

@@ -1,21 +1,26 @@
 //! From runs to a judged model: fit on training runs, choose on validation runs, judge on test runs.
 
 mod apart;
+mod equations;
 mod overview;
+mod recursive;
 mod settings;
 mod verdict;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use crate::adapt::AdaptError;
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{Found, Judge, Regression, SearchError, UnknownLibrary, discover, search};
+use crate::sindy::{Found, Losses, SearchError, UnknownLibrary};
 
 pub use overview::{ChannelSummary, overview, ranges};
+pub use recursive::Pace;
 pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};
 pub use verdict::{Grade, Verdict, verdicts};
 
@@ -25,6 +30,22 @@ pub use verdict::{Grade, Verdict, verdicts};
 pub enum Method {
     /// A search for sparse equations of motion.
     Sindy,
+    /// The same with outputs and inputs of some time ago among the variables.
+    Lagged,
+    /// The better of the equations asked for, or [`Sindy`](Self::Sindy)'s, which keep learning by recursive
+    /// least squares.
+    Recursive,
+}
+
+impl Method {
+    /// Its name in tables and model files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sindy => "sindy",
+            Self::Lagged => "lagged",
+            Self::Recursive => "recursive",
+        }
+    }
 }
 
 /// What to do.
@@ -65,16 +86,18 @@ impl Candidate {
     /// The search that found its equations.
     pub fn found(&self) -> &Found {
         match &self.training {
-            Training::Sindy(found) => found,
+            Training::Equations(found) | Training::Recursive(found, _) => found,
         }
     }
 }
 
-/// How a model came about, by method.
+/// How a model came about.
 #[derive(Clone, Debug)]
 pub enum Training {
     /// A search for sparse equations.
-    Sindy(Box<Found>),
+    Equations(Arc<Found>),
+    /// Equations of a search, and the paces at which they were let learn.
+    Recursive(Arc<Found>, Vec<Pace>),
 }
 
 /// The result of a job.
@@ -93,6 +116,9 @@ pub struct Identified {
 /// Why nothing was identified.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
+    /// Equations that cannot learn.
+    #[error(transparent)]
+    Learning(Box<AdaptError>),
     /// A library that there is not.
     #[error(transparent)]
     Library(UnknownLibrary),
@@ -180,19 +206,40 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
     }
     let ranges = ranges(&train);
     let parts = Parts { train, validation, test, ranges };
-    let mut candidates = Vec::new();
+    let mut trained: Vec<Trained> = Vec::new();
     for (i, &method) in methods.iter().enumerate() {
-        let mut share = |f: f64| progress((i as f64 + f) / methods.len() as f64);
-        candidates.push(candidate(method, job, &parts, &mut share)?);
+        let share = |f: f64| 0.8 * (i as f64 + f) / methods.len() as f64;
+        let next = train_by(method, job, &parts, &trained, &mut |f| progress(share(f)))?;
+        trained.push(next);
     }
-    let best = (0..candidates.len())
-        .filter(|&i| candidates[i].test.diverged == 0 && candidates[i].validation.diverged == 0)
-        .min_by(|&a, &b| candidates[a].validation.score().total_cmp(&candidates[b].validation.score()));
+    let candidates = judged(job, &parts, trained, &mut |f| progress(0.8 + 0.2 * f))?;
+    let best = best(&candidates);
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
     let verdicts = verdicts(&shown.test);
     let mut warnings = job.split.notes.clone();
     warnings.extend(verdict::warnings(shown, &verdicts, &overview(&job.split), &job.split.test));
     Ok(Identified { candidates, best, verdicts, warnings })
+}
+
+/// The model with the least validation error among those that diverge nowhere. One that comes later in the
+/// order of methods, which is that of their complexity, must be better beyond the noise.
+fn best(candidates: &[Candidate]) -> Option<usize> {
+    let losses = |c: &Candidate| Losses { validation: c.validation.blocks.clone(), training: Vec::new() };
+    let mut order: Vec<usize> = (0..candidates.len())
+        .filter(|&i| candidates[i].test.diverged == 0 && candidates[i].validation.diverged == 0)
+        .collect();
+    order.sort_by_key(|&i| matches!(candidates[i].training, Training::Recursive(..)));
+    let mut best: Option<usize> = None;
+    for i in order {
+        let ahead = |b: usize| {
+            candidates[i].validation.score() < candidates[b].validation.score()
+                && losses(&candidates[i]).is_better_than(&losses(&candidates[b]))
+        };
+        if best.is_none_or(ahead) {
+            best = Some(i);
+        }
+    }
+    best
 }
 
 /// Runs by their use, and the ranges of the training runs.
@@ -203,93 +250,111 @@ struct Parts<'a> {
     ranges: Vec<DesignRange>,
 }
 
-/// Trains and judges by one method.
-fn candidate(
+/// A model that waits to be judged.
+struct Trained {
+    model: Model,
+    training: Training,
+    train_seconds: f64,
+    /// Score of the search on the validation runs.
+    score: f64,
+}
+
+/// Trains by one method; `before` are the models of the methods before it.
+fn train_by(
     method: Method,
     job: &Job,
     parts: &Parts<'_>,
+    before: &[Trained],
     progress: Progress<'_>,
-) -> Result<Candidate, IdentifyError> {
-    let Parts { validation, test, ranges, .. } = parts;
+) -> Result<Trained, IdentifyError> {
     let clock = Instant::now();
-    // The final evaluations take about a fifth of the time.
-    let (training, body, settings) = match method {
-        Method::Sindy => equations(job, parts, &mut |f| progress(0.8 * f))?,
+    let done = |model, training, score| Trained {
+        model,
+        training,
+        train_seconds: clock.elapsed().as_secs_f64(),
+        score,
     };
-    let train_seconds = clock.elapsed().as_secs_f64();
-    let model = describe(job, parts, body, settings);
-    let full = evaluate::Options {
-        horizon: job.horizon,
-        origin_stride: job.origin_stride,
-        ..evaluate::Options::default()
-    };
-    let mut session = model.session();
-    let mut judge = |part, runs: &[&Trajectory], from: f64| {
-        let mut report = |f: f64| progress(from + 0.1 * f);
-        evaluate(&model.description.name, session.as_mut(), ranges, runs, &full, &mut report).map_err(
-            |error| match error {
-                EvaluateError::Cancelled(c) => IdentifyError::Sindy(SearchError::Cancelled(c)),
-                error => IdentifyError::Evaluate { part, error },
-            },
-        )
-    };
-    let validation = judge("validation", validation, 0.8)?;
-    let test = judge("test", test, 0.9)?;
-    Ok(Candidate { model, training, train_seconds, validation, test })
+    match method {
+        Method::Sindy | Method::Lagged => {
+            let found = match method {
+                Method::Lagged => equations::lagged(job, parts, progress)?,
+                _ => equations::memoryless(job, parts, progress)?,
+            };
+            let settings = serde_json::json!({
+                "chosen": found.trials[found.chosen],
+                "asked": job.sindy,
+                "horizon": job.horizon,
+            });
+            let body = Body::Equations(Arc::new(found.fit.equations.clone()));
+            let model = describe(job, parts, method, body, settings);
+            let score = found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
+            Ok(done(model, Training::Equations(found), score))
+        }
+        Method::Recursive => {
+            let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
+            let best = equations.min_by(|a, b| a.score.total_cmp(&b.score));
+            let fresh;
+            let (base, from) = if let Some(base) = best {
+                (base, 0.0)
+            } else {
+                fresh = train_by(Method::Sindy, job, parts, &[], &mut |f| progress(0.8 * f))?;
+                (&fresh, 0.8)
+            };
+            let mut share = |f: f64| progress(from + (1.0 - from) * f);
+            let (mut model, paces) = recursive::learning(&base.model, job, parts, &mut share)?;
+            method.name().clone_into(&mut model.description.name);
+            let (Training::Equations(found) | Training::Recursive(found, _)) = &base.training;
+            Ok(done(model, Training::Recursive(Arc::clone(found), paces), base.score))
+        }
+    }
 }
 
-/// A search for equations: how it went, what it found, and its settings for the model file.
-fn equations(
+/// Judges all models on the same windows: the warm-up is that of the model that needs most.
+fn judged(
     job: &Job,
     parts: &Parts<'_>,
+    trained: Vec<Trained>,
     progress: Progress<'_>,
-) -> Result<(Training, Body, serde_json::Value), IdentifyError> {
-    let longest = parts.validation.iter().map(|run| run.len()).max().unwrap_or(0);
-    let quick = evaluate::Options {
+) -> Result<Vec<Candidate>, IdentifyError> {
+    let warm_up = trained.iter().map(|t| t.model.session().warm_up()).max().unwrap_or(1);
+    let options = evaluate::Options {
         horizon: job.horizon,
-        origin_stride: (longest / SEARCH_ORIGINS).max(job.origin_stride),
+        origin_stride: job.origin_stride,
+        warm_up,
         ..evaluate::Options::default()
     };
-    let (dt, train) = (parts.train[0].dt, &parts.train);
-    // Windows of a fifth of the horizon average the noise and blur no actuator.
-    let regression = Regression::Weak { intervals: settings::intervals(0.2 * job.horizon as f64).max(4) };
-    let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
-    let share = &mut |f: f64| progress(0.3 * f);
-    let libraries = job.sindy.libraries()?;
-    let structures = discover(train, &settings::reference(&libraries), regression, &lags, &gate, share)
-        .map_err(SearchError::Cancelled)?;
-    let grid = job.sindy.grid(dt, job.horizon, &libraries, &structures);
-    let inputs = overview::input_ranges(train);
-    let judge = Judge {
-        validation: &parts.validation,
-        outputs: &parts.ranges,
-        inputs: &inputs,
-        options: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick },
-        seed: job.seed,
-        members: job.sindy.members.0,
-    };
-    let found = search(train, &judge, &grid, &mut |f| progress(0.3 + 0.7 * f))?;
-    let settings = serde_json::json!({
-        "chosen": found.trials[found.chosen],
-        "asked": job.sindy,
-        "horizon": job.horizon,
-    });
-    let body = Body::Equations(std::sync::Arc::new(found.fit.equations.clone()));
-    Ok((Training::Sindy(Box::new(found)), body, settings))
+    let count = trained.len() as f64;
+    let mut candidates = Vec::new();
+    for Trained { model, training, train_seconds, .. } in trained {
+        let start = candidates.len() as f64;
+        let mut judge = |part, runs: &[&Trajectory], from: f64| {
+            let mut report = |f: f64| progress((start + from + 0.5 * f) / count);
+            // A session of its own: one that learns must not have seen the other runs.
+            let mut session = model.session();
+            let name = &model.description.name;
+            evaluate(name, session.as_mut(), &parts.ranges, runs, &options, &mut report).map_err(|error| {
+                match error {
+                    EvaluateError::Cancelled(c) => IdentifyError::Sindy(SearchError::Cancelled(c)),
+                    error => IdentifyError::Evaluate { part, error },
+                }
+            })
+        };
+        let validation = judge("validation", &parts.validation, 0.0)?;
+        let test = judge("test", &parts.test, 0.5)?;
+        candidates.push(Candidate { model, training, train_seconds, validation, test });
+    }
+    Ok(candidates)
 }
 
-fn describe(job: &Job, parts: &Parts<'_>, body: Body, settings: serde_json::Value) -> Model {
+fn describe(job: &Job, parts: &Parts<'_>, method: Method, body: Body, settings: serde_json::Value) -> Model {
     let run = parts.train[0];
     let port =
         |(channel, &range): (&crate::log::Channel, &DesignRange)| Port { channel: channel.clone(), range };
     let input_ranges = overview::input_ranges(&parts.train);
     let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
-    let name = match body {
-        Body::Equations(_) => "sindy",
-    };
     Model {
         description: Description {
-            name: name.to_owned(),
+            name: method.name().to_owned(),
             dt: run.dt,
             outputs: run.outputs.channels().iter().zip(&parts.ranges).map(port).collect(),
             inputs: run.inputs.channels().iter().zip(&input_ranges).map(port).collect(),
@@ -303,6 +368,7 @@ fn describe(job: &Job, parts: &Parts<'_>, body: Body, settings: serde_json::Valu
             },
         },
         body,
+        learning: None,
     }
 }
 

@@ -27,6 +27,8 @@ pub struct SindySettings {
     pub lag: Lags,
     /// Where the equations change: `"auto"` (looked for, the default), `"none"`, or a gate on an output.
     pub gate: GateSetting,
+    /// How long ago the past of lagged equations was \[s\]; without it several are tried.
+    pub past_s: Option<f64>,
     /// Window of the regression \[s\]; without it several are tried.
     pub window_s: Option<f64>,
     /// Central differences instead of the weak form.
@@ -161,6 +163,7 @@ impl SindySettings {
     pub fn check(&self) -> Result<(), IdentifyError> {
         let settings = [
             ("window", "a positive number of seconds", self.window_s, f64::MIN_POSITIVE),
+            ("past", "a positive number of seconds", self.past_s, f64::MIN_POSITIVE),
             ("threshold", "a number from 0 on", self.threshold, 0.0),
             ("ridge", "a number from 0 on", self.ridge, 0.0),
             ("huber", "a positive number of standard deviations", self.huber, f64::MIN_POSITIVE),
@@ -252,8 +255,16 @@ impl SindySettings {
     }
 
     /// What to try, for a sample time and a horizon in samples, with what was found about lags and modes.
-    /// These are combined with the richer libraries alone.
-    pub fn grid(&self, dt: f64, horizon: usize, libraries: &[Library], found: &[Structure]) -> Grid {
+    /// These are combined with the richer libraries alone; `plain` says whether all libraries stand without them
+    /// as well.
+    pub fn grid(
+        &self,
+        dt: f64,
+        horizon: usize,
+        libraries: &[Library],
+        found: &[Structure],
+        plain: bool,
+    ) -> Grid {
         let share = |part: f64| intervals(part * horizon as f64);
         let regressions = match (self.central_differences, self.window_s) {
             (true, _) => vec![Regression::Central],
@@ -264,7 +275,8 @@ impl SindySettings {
                 list.into_iter().map(|intervals| Regression::Weak { intervals }).collect()
             }
         };
-        let mut structures: Vec<Structure> = libraries.iter().cloned().map(Structure::from).collect();
+        let mut structures: Vec<Structure> =
+            if plain { libraries.iter().cloned().map(Structure::from).collect() } else { Vec::new() };
         for structure in found {
             let rich = libraries.iter().filter(|library| libraries.len() < 3 || is_rich(library));
             structures

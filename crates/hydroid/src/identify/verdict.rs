@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Candidate;
 use super::overview::ChannelSummary;
-use super::{Candidate, Training};
 use crate::evaluate::Evaluation;
 use crate::log::{Note, Trajectory};
 use crate::sindy::Found;
@@ -118,9 +118,7 @@ pub(super) fn warnings(
             );
         }
     }
-    match &candidate.training {
-        Training::Sindy(found) => search_warnings(found, &mut notes),
-    }
+    search_warnings(candidate.found(), &mut notes);
     notes
 }
 

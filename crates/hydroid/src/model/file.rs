@@ -7,6 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use hydroid_core::adapt::Settings;
 use hydroid_core::model::sparse::{Equations, EquationsError, Signal, Term};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
@@ -95,6 +96,9 @@ enum Structure {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         signals: Vec<Signal>,
         substeps: usize,
+        /// How sessions learn on the way.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        learning: Option<Settings>,
     },
 }
 
@@ -115,6 +119,7 @@ fn encode(model: &Model) -> io::Result<Vec<u8>> {
             terms: equations.terms().to_vec(),
             signals: equations.signals().to_vec(),
             substeps: equations.substeps(),
+            learning: model.learning,
         },
     };
     let json = serde_json::to_string(&head)?;
@@ -178,13 +183,17 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     if description.outputs.is_empty() {
         return Err(inconsistent(String::from("it has no outputs")));
     }
-    let Structure::SparseEquations { terms, signals, substeps } = head.structure;
+    let Structure::SparseEquations { terms, signals, substeps, learning } = head.structure;
     let (outputs, inputs) = (description.outputs.len(), description.inputs.len());
     let coefficients = numbers(&tensors, "coefficients", &[outputs, terms.len()]).map_err(inconsistent)?;
     let dt = description.dt;
     let equations = Equations::with_signals(terms, coefficients, outputs, inputs, signals, dt, substeps)
         .map_err(|e: EquationsError| inconsistent(e.to_string()))?;
-    Ok(Model { description, body: Body::Equations(Arc::new(equations)) })
+    let model = Model { description, body: Body::Equations(Arc::new(equations)), learning };
+    if let Some(settings) = &learning {
+        model.learner(settings).map_err(|e| inconsistent(e.to_string()))?;
+    }
+    Ok(model)
 }
 
 fn numbers(tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, String> {

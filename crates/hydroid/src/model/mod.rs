@@ -8,6 +8,7 @@ mod units;
 
 use std::sync::Arc;
 
+use hydroid_core::adapt::{RecursiveEquations, Settings, SettingsError};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
@@ -26,6 +27,8 @@ pub struct Model {
     pub description: Description,
     /// The numbers.
     pub body: Body,
+    /// How its sessions learn on the way; none for a model that stays as it is.
+    pub learning: Option<Settings>,
 }
 
 /// What the numbers of a model mean; the JSON in the head of a model file.
@@ -93,6 +96,7 @@ impl Model {
     /// The kind, as it stands in the file.
     pub fn kind(&self) -> &'static str {
         match self.body {
+            Body::Equations(_) if self.learning.is_some() => "recursive_equations",
             Body::Equations(_) => "sparse_equations",
         }
     }
@@ -106,9 +110,27 @@ impl Model {
 
     /// A session at the start of a run.
     pub fn session(&self) -> Box<dyn Predictor> {
+        // Settings were checked when the model was made.
+        if let Some(settings) = &self.learning
+            && let Ok(learner) = self.learner(settings)
+        {
+            return Box::new(learner);
+        }
         match &self.body {
             Body::Equations(equations) => Box::new(EquationsSession::new(Arc::clone(equations))),
         }
+    }
+
+    /// A session that learns on the way.
+    ///
+    /// # Errors
+    /// If the settings do not fit the model.
+    pub fn learner(&self, settings: &Settings) -> Result<RecursiveEquations, SettingsError> {
+        let Body::Equations(equations) = &self.body;
+        let d = &self.description;
+        let ranges: Vec<(f64, f64)> =
+            d.outputs.iter().chain(&d.inputs).map(|port| (port.range.low, port.range.high)).collect();
+        RecursiveEquations::new(equations, &ranges, settings)
     }
 
     /// Whether runs can be put through the model as they are.

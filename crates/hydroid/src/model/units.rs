@@ -25,7 +25,9 @@ impl UnitProduct {
         if unit.is_empty() {
             product.multiply(&format!("[{name}]"), 1);
         } else if let Some(powers) = parse(unit) {
-            powers.iter().for_each(|(symbol, power)| product.multiply(symbol, *power));
+            for (symbol, power) in powers {
+                product.multiply(symbol, power);
+            }
         } else {
             product.multiply(&format!("({unit})"), 1);
         }

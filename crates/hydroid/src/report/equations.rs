@@ -182,9 +182,10 @@ fn gate_argument(name: &str, gate: Gate) -> Markup {
 }
 
 /// A name as a symbol: what follows the first underscore (or the digits after a single letter) is an index.
+/// Names of signals, `lag(n_cmd, 1.5 s)`, stay as they are.
 fn variable(name: &str) -> Markup {
     let (base, index) = match name.split_once('_') {
-        Some((base, index)) if !base.is_empty() && !index.is_empty() => (base, index),
+        Some((base, index)) if !base.is_empty() && !index.is_empty() && !name.contains('(') => (base, index),
         _ => (name, ""),
     };
     let letters = base.trim_end_matches(|c: char| c.is_ascii_digit());
@@ -329,6 +330,7 @@ mod tests {
         assert_eq!(variable("u5_bow").0, "<span class=\"v\"><i>u</i><sub>5 bow</sub></span>");
         assert_eq!(variable("<b>").0, "<span class=\"v\">&lt;b&gt;</span>");
         assert_eq!(variable("delta_2").0, "<span class=\"v\"><i>δ</i><sub>2</sub></span>");
+        assert_eq!(variable("lag(n_c, 1 s)").0, "<span class=\"v\">lag(n_c, 1 s)</span>");
         assert_eq!(variable("_").0, "<span class=\"v\"><i>_</i></span>");
         assert_eq!(variable("").0, "<span class=\"v\"></span>");
     }

@@ -83,11 +83,12 @@ impl Model {
         let mut text = String::from("Time in seconds");
         for (of, symbols) in units {
             let symbols = symbols.join(", ");
-            text.push_str(&match of {
+            let clause = match of {
                 "" => format!("; {symbols} without a stated unit"),
                 "rad" | "rad/s" => format!("; {symbols} in ${}$", radians(of)),
                 _ => format!("; {symbols} in ${}$", unit(&UnitProduct::of_channel("", of))),
-            });
+            };
+            text.push_str(&clause);
         }
         text.push_str(".\n");
         text
@@ -151,11 +152,11 @@ impl Variable {
         match &self.role {
             Role::Channel => self.symbol.accented(accents),
             Role::Lag(constant) => {
-                let mut text = self.symbol.accented(&[&["\\hat"], accents].concat());
-                if let Some(constant) = constant {
-                    text.push_str(&format!("^{{({constant})}}"));
+                let text = self.symbol.accented(&[&["\\hat"], accents].concat());
+                match constant {
+                    Some(constant) => format!("{text}^{{({constant})}}"),
+                    None => text,
                 }
-                text
             }
             Role::Past(ago) => format!("{}(t - {ago})", self.symbol.accented(accents)),
         }

@@ -70,7 +70,7 @@ impl Symbol {
             text = format!("{accent}{{{text}}}");
         }
         if !self.index.is_empty() {
-            text.push_str(&format!("_{{{}}}", self.index));
+            text = format!("{text}_{{{}}}", self.index);
         }
         text
     }
@@ -104,7 +104,7 @@ pub(super) fn escaped(text: &str) -> String {
             }
             c if c.is_control() => safe.push(' '),
             c => match greek(c) {
-                Some(word) => safe.push_str(&format!(r"\ensuremath{{\{word}}}")),
+                Some(word) => safe.extend([r"\ensuremath{\", word, "}"]),
                 None => safe.push(c),
             },
         }

@@ -104,16 +104,14 @@ fn side(
     let mut first = true;
     loop {
         scanner.skip_space();
-        let sign = match (scanner.peek(), first) {
-            (Some('+'), _) => 1.0,
-            (Some('-'), _) => -1.0,
-            (_, true) => 1.0,
-            _ => return Ok(()),
-        };
-        if matches!(scanner.peek(), Some('+' | '-')) {
-            scanner.eat(if sign > 0.0 { "+" } else { "-" });
+        let negative = scanner.peek() == Some('-');
+        if negative || scanner.peek() == Some('+') {
+            scanner.eat(if negative { "-" } else { "+" });
             scanner.skip_space();
+        } else if !first {
+            return Ok(());
         }
+        let sign = if negative { -1.0 } else { 1.0 };
         first = false;
         if let Some(output) = output(words, scanner) {
             add(words, scanner, side * sign, output, whole)?;

@@ -7,6 +7,8 @@ mod term;
 
 use hydroid_core::model::sparse::{Signal, Term};
 
+use crate::log::Trajectory;
+
 pub use constraint::{Coefficient, Constraint, Relation};
 pub use error::ExpressionError;
 
@@ -17,10 +19,10 @@ use scanner::Scanner;
 /// A term is a product, written with spaces or `*`, and perhaps divided: `1`, `u`, `u^2`, `u v`, `u |u|`,
 /// `sin(delta)`, `cos(delta)`, `ln(u)`, `sgn(u)`, `v r/u`, `above(u, 2.5, 12)` and `below(u, 2.5, 12)` for the two
 /// modes of a gate at 2.5 with slope 12. In the place of a channel may stand a lag state, `lag(n, 1.5 s)`, or a
-/// past value, `u(-0.5 s)`.
+/// past value, `u(-0.5 s)`; times count to a millisecond.
 ///
 /// ```
-/// use hydroid::sindy::Vocabulary;
+/// use hydroid::sindy::expression::Vocabulary;
 ///
 /// let mut words = Vocabulary::new(["u", "v", "r", "n", "delta"], 3, 0.1);
 /// let term = words.term("u |u| sin(lag(delta, 1.5 s))").unwrap();
@@ -47,6 +49,12 @@ impl Vocabulary {
         Self { channels, outputs, dt, signals: Vec::new() }
     }
 
+    /// The channels and the sample time of a run.
+    pub fn of(run: &Trajectory) -> Self {
+        let (outputs, inputs) = (run.outputs.channels(), run.inputs.channels());
+        Self::new(outputs.iter().chain(inputs).map(|channel| channel.name.clone()), outputs.len(), run.dt)
+    }
+
     /// The same with signals that there are already.
     pub fn with_signals(self, signals: Vec<Signal>) -> Self {
         Self { signals, ..self }
@@ -68,7 +76,7 @@ impl Vocabulary {
     /// # Errors
     /// With the position, if the text is not a term of these channels; nothing is added then.
     pub fn term(&mut self, text: &str) -> Result<Term, ExpressionError> {
-        self.whole(text, |words, scanner| words.product(scanner))
+        self.whole(text, Self::product)
     }
 
     /// Reads a constraint on coefficients, `OUTPUT: TERM` being the coefficient of a term in the equation of an

@@ -74,7 +74,7 @@ impl<'a> Scanner<'a> {
         let stands = |name: &str| {
             rest.strip_prefix(name).is_some_and(|after| {
                 let ends_in_word = name.chars().next_back().is_some_and(is_of_name);
-                !name.is_empty() && !(ends_in_word && after.starts_with(is_of_name))
+                !(name.is_empty() || ends_in_word && after.starts_with(is_of_name))
             })
         };
         let found = (0..names.len()).filter(|&i| stands(&names[i]));

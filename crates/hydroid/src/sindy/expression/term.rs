@@ -113,9 +113,11 @@ impl Vocabulary {
             scanner.skip_space();
             let here = scanner.mark();
             let seconds = scanner.number("a time constant such as 1.5 s")?;
-            if seconds <= 0.0 {
+            // As names have it.
+            let seconds = (seconds * 1e3).round() / 1e3;
+            if !(1e-3..=1e6).contains(&seconds) {
                 scanner.back_to(here);
-                return Err(scanner.expected("a time constant above 0"));
+                return Err(scanner.expected("a time constant from 0.001 to 1000000 s"));
             }
             scanner.demand("s", "'s', for seconds")?;
             scanner.demand(")", "')'")?;

@@ -93,7 +93,10 @@ fn mistakes_are_told_with_their_place() {
             "lag(u, 1 s)",
             "'lag(u, 1 s)', character 5: 'u' is an output; a lag state is what an actuator makes of an input",
         ),
-        ("lag(n, 0 s)", "'lag(n, 0 s)', character 8: expected a time constant above 0, found '0'"),
+        (
+            "lag(n, 0 s)",
+            "'lag(n, 0 s)', character 8: expected a time constant from 0.001 to 1000000 s, found '0'",
+        ),
         ("lag(n, 2)", "'lag(n, 2)', character 9: expected 's', for seconds, found ')'"),
         (
             "u(-0.25 s)",
