@@ -31,7 +31,8 @@
 //! - *collapsed*: no terms are left;
 //! - *diverges*: a rollout left ten times the range of the training data;
 //! - *lost its propeller*: no term of `du/dt` has the propeller command;
-//! - *no better than nothing changes*: at 100 steps, in an output, than keeping its value;
+//! - *hardly better than nothing changes*: at 100 steps, in an output, the error is more than half of that of
+//!   keeping its value;
 //! - *works moderately*: none of these.
 
 // A test includes this file as a module; neither has an outside.
@@ -116,7 +117,7 @@ pub enum Verdict {
     Collapsed,
     Diverges,
     LostItsPropeller,
-    NoBetterThanNothingChanges,
+    HardlyBetterThanNothingChanges,
     WorksModerately,
 }
 
@@ -126,7 +127,7 @@ impl fmt::Display for Verdict {
             Self::Collapsed => "collapsed",
             Self::Diverges => "diverges",
             Self::LostItsPropeller => "lost its propeller",
-            Self::NoBetterThanNothingChanges => "no better than nothing changes",
+            Self::HardlyBetterThanNothingChanges => "hardly better than nothing changes",
             Self::WorksModerately => "works moderately",
         })
     }
@@ -207,8 +208,8 @@ pub fn recipe(
                         Verdict::Diverges
                     } else if !propeller {
                         Verdict::LostItsPropeller
-                    } else if errors[1].iter().zip(unchanged).any(|(error, kept)| error >= kept) {
-                        Verdict::NoBetterThanNothingChanges
+                    } else if errors[1].iter().zip(unchanged).any(|(error, kept)| *error > 0.5 * kept) {
+                        Verdict::HardlyBetterThanNothingChanges
                     } else {
                         Verdict::WorksModerately
                     };
