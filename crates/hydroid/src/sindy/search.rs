@@ -318,7 +318,8 @@ impl Bench<'_> {
     }
 
     fn judge(&self, equations: &Equations) -> Result<Judged, SearchError> {
-        let on_validation = self.evaluate(equations, self.judge.validation)?;
+        let on_validation =
+            self.evaluate(equations, self.judge.validation, self.judge.options.origin_stride)?;
         let validation = on_validation.score();
         let mut judged = Judged {
             score: validation,
@@ -327,9 +328,14 @@ impl Bench<'_> {
             diverged: on_validation.diverged,
             losses: Losses { validation: on_validation.blocks, training: Vec::new() },
         };
-        // What fails on the validation runs need not be tried on the training runs.
-        if !self.excerpts.is_empty() && validation.is_finite() {
-            let on_training = self.evaluate(equations, self.excerpts)?;
+        // What fails on the validation runs, or cannot win any more, need not be tried on the training runs.
+        let best = self.tried.iter().filter_map(|tried| tried.trial.score).fold(f64::INFINITY, f64::min);
+        if !self.excerpts.is_empty() && 0.5 * validation < best {
+            // As many origins as on the validation runs: more would weigh no more.
+            let samples = |runs: &[&Trajectory]| runs.iter().map(|run| run.len()).sum::<usize>();
+            let ratio = samples(self.excerpts) / samples(self.judge.validation).max(1);
+            let stride = self.judge.options.origin_stride * ratio.max(1);
+            let on_training = self.evaluate(equations, self.excerpts, stride)?;
             judged.diverged += on_training.diverged;
             judged.training = Some(on_training.score());
             judged.score = 0.5 * (validation + on_training.score());
@@ -338,15 +344,21 @@ impl Bench<'_> {
         Ok(judged)
     }
 
-    fn evaluate(&self, equations: &Equations, runs: &[&Trajectory]) -> Result<Evaluation, SearchError> {
+    fn evaluate(
+        &self,
+        equations: &Equations,
+        runs: &[&Trajectory],
+        origin_stride: usize,
+    ) -> Result<Evaluation, SearchError> {
+        let options = evaluate::Options { origin_stride, ..self.judge.options.clone() };
         let mut session = EquationsSession::new(Arc::new(equations.clone()));
         let silent = &mut progress::silent();
-        evaluate("sindy", &mut session, self.judge.outputs, runs, &self.judge.options, silent).map_err(
-            |error| match error {
+        evaluate("sindy", &mut session, self.judge.outputs, runs, &options, silent).map_err(|error| {
+            match error {
                 EvaluateError::Cancelled(cancelled) => SearchError::Cancelled(cancelled),
                 other => SearchError::Validation(other),
-            },
-        )
+            }
+        })
     }
 
     fn screen(&self, equations: &Equations) -> Screened {
