@@ -28,7 +28,7 @@ pub(super) fn memoryless(
     // Windows of a fifth of the horizon average the noise and blur no actuator.
     let regression = Regression::Weak { intervals: intervals(0.2 * job.horizon as f64).max(4) };
     let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
-    let libraries = job.sindy.libraries()?;
+    let libraries = job.sindy.libraries(train[0])?;
     let structures =
         discover(train, &reference(&libraries), regression, &lags, &gate, &mut |f| progress(0.3 * f))
             .map_err(SearchError::Cancelled)?;
@@ -47,7 +47,7 @@ pub(super) fn lagged(
         Some(seconds) => vec![vec![u16::try_from(intervals(seconds / dt)).unwrap_or(u16::MAX)]],
         None => vec![vec![samples(0.05)], vec![samples(0.1)], vec![samples(0.2)]],
     };
-    let libraries = job.sindy.libraries()?;
+    let libraries = job.sindy.libraries(parts.train[0])?;
     let structures: Vec<Structure> =
         pasts.into_iter().map(|past| Structure { past, ..Structure::from(reference(&libraries)) }).collect();
     run(job, parts, &structures, false, progress)
@@ -61,8 +61,9 @@ fn run(
     progress: Progress<'_>,
 ) -> Result<Arc<Found>, IdentifyError> {
     let train = &parts.train;
-    let libraries = job.sindy.libraries()?;
-    let grid = job.sindy.grid(train[0].dt, job.horizon, &libraries, structures, plain);
+    let libraries = job.sindy.libraries(train[0])?;
+    let mut grid = job.sindy.grid(train[0].dt, job.horizon, &libraries, structures, plain);
+    grid.constraints = job.sindy.rules(train[0], &libraries)?;
     let inputs = overview::input_ranges(train);
     let judge = Judge {
         validation: &parts.validation,

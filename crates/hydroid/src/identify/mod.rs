@@ -6,6 +6,7 @@ mod overview;
 mod recursive;
 mod settings;
 mod verdict;
+mod wording;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,9 +16,9 @@ use serde::{Deserialize, Serialize};
 use crate::adapt::AdaptError;
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
-use crate::model::{Body, Description, Model, Port, Provenance, Reading};
+use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{Found, Losses, SearchError, UnknownLibrary};
+use crate::sindy::{ExpressionError, Found, Losses, SearchError, UnknownLibrary};
 
 pub use overview::{ChannelSummary, overview, ranges};
 pub use recursive::Pace;
@@ -122,6 +123,36 @@ pub enum IdentifyError {
     /// A library that there is not.
     #[error(transparent)]
     Library(UnknownLibrary),
+    /// A text that is no term or constraint.
+    #[error("{key}: {error}")]
+    Expression {
+        /// The setting.
+        key: &'static str,
+        /// What is wrong, and where.
+        error: ExpressionError,
+    },
+    /// A term or constraint that cannot be used.
+    #[error("'{text}' cannot be used: {why}")]
+    Constraint {
+        /// As given.
+        text: String,
+        /// Why, and what would do.
+        why: String,
+    },
+    /// A setting is of a channel that there is not.
+    #[error("{key}: there is no {what} '{name}'{hint} There are {known}")]
+    NoChannel {
+        /// The setting.
+        key: &'static str,
+        /// Output or input.
+        what: &'static str,
+        /// As given.
+        name: String,
+        /// The nearest name.
+        hint: String,
+        /// The names that there are.
+        known: String,
+    },
     /// A gate that is given splits nothing.
     #[error(
         "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, give runs that visit both modes, or let it be found (--gate auto)",
@@ -286,7 +317,10 @@ fn train_by(
                 "horizon": job.horizon,
             });
             let body = Body::Equations(Arc::new(found.fit.equations.clone()));
-            let model = describe(job, parts, method, body, settings);
+            let mut model = describe(job, parts, method, body, settings);
+            if let Some(ensemble) = &found.ensemble {
+                model.members = Ensemble::new(&ensemble.members);
+            }
             let score = found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
             Ok(done(model, Training::Equations(found), score))
         }
@@ -303,6 +337,8 @@ fn train_by(
             let mut share = |f: f64| progress(from + (1.0 - from) * f);
             let (mut model, paces) = recursive::learning(&base.model, job, parts, &mut share)?;
             method.name().clone_into(&mut model.description.name);
+            // The members do not learn: their band would be that of the model at rest.
+            model.members = Ensemble::default();
             let (Training::Equations(found) | Training::Recursive(found, _)) = &base.training;
             Ok(done(model, Training::Recursive(Arc::clone(found), paces), base.score))
         }
@@ -368,6 +404,7 @@ fn describe(job: &Job, parts: &Parts<'_>, method: Method, body: Body, settings: 
             },
         },
         body,
+        members: Ensemble::default(),
         learning: None,
     }
 }
