@@ -111,17 +111,18 @@ fn driven(samples: usize, seed: usize, next: impl Fn(&[f64], &[f64]) -> Vec<f64>
 fn by_midpoints(system: &System, samples: usize, seed: usize) -> Option<Trajectory> {
     driven(samples, seed, |y, c| {
         let mut next = y.to_vec();
-        for _ in 0..100 {
+        for _ in 0..200 {
             let middle: Vec<f64> = y.iter().zip(&next).map(|(a, b)| 0.5 * (a + b)).collect();
             let rate = system.rate(&middle, c);
             let after: Vec<f64> = y.iter().zip(&rate).map(|(y, f)| y + DT * f).collect();
-            let settled = after == next;
+            let change = after.iter().zip(&next).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             next = after;
-            if settled {
-                break;
+            if change <= 1e-14 {
+                return next;
             }
         }
-        next
+        // Too stiff for this iteration: no run.
+        vec![f64::NAN; OUTPUTS]
     })
 }
 
@@ -274,22 +275,27 @@ proptest! {
         }
     }
 
-    /// The motion itself, which obeys the midpoint rule to second order in the sample time only: the same
-    /// terms are there, and the coefficients to 2 % of the largest in their equation.
+    /// The motion itself, which obeys the midpoint rule to second order in the sample time only: the
+    /// accelerations along the run are found to 2 %. (Coefficients are not compared: a steady force may keep an
+    /// output positive, and `y^2` is then as good as `y |y|`.)
     #[test]
     fn a_random_sparse_system_is_found_in_its_integrated_motion(system in system(), seed in 10usize..1000) {
         let run = integrated(&system, 1_500, seed);
         prop_assume!(run.is_some());
-        let count = system.terms.len();
-        let found = fit(&run.unwrap(), &system.terms, WEAK, Optimizer::Stepwise(0.05), 0.0).equations;
-        for i in 0..OUTPUTS {
-            let row = &system.coefficients[i * count..(i + 1) * count];
-            let largest = row.iter().fold(0f64, |most, x| most.max(x.abs()));
-            for (j, expected) in row.iter().enumerate() {
-                let got = found.coefficient(i, j);
-                prop_assert!((got - expected).abs() <= 0.02 * largest, "({i}, {j}): {got} for {expected}");
-                prop_assert!(*expected == 0.0 || got != 0.0, "({i}, {j}) is missing");
+        let run = run.unwrap();
+        let found = fit(&run, &system.terms, WEAK, Optimizer::Stepwise(0.05), 0.0).equations;
+        let found = System { terms: system.terms.clone(), coefficients: found.coefficients().to_vec() };
+        let (mut errors, mut squares) = ([0.0; OUTPUTS], [0.0; OUTPUTS]);
+        for k in 0..run.len() {
+            let (y, c) = (run.outputs.row(k), run.inputs.row(k));
+            let (truth, got) = (system.rate(y, c), found.rate(y, c));
+            for i in 0..OUTPUTS {
+                errors[i] += (got[i] - truth[i]).powi(2);
+                squares[i] += truth[i].powi(2);
             }
+        }
+        for i in 0..OUTPUTS {
+            prop_assert!(errors[i] <= 0.02f64.powi(2) * squares[i], "{i}: {}", (errors[i] / squares[i]).sqrt());
         }
     }
 }
