@@ -1,0 +1,89 @@
+//! Which method is called best, and that a model which learns survives its file.
+
+use hydroid::excitation::Excitation;
+use hydroid::identify::{GateSetting, Identified, Job, Lags, Members, Method, SindySettings, Word, identify};
+use hydroid::log::{Split, Trajectory};
+use hydroid::model::{self, Reading};
+use hydroid::progress::silent;
+use hydroid::simulate::{Options, simulate};
+use hydroid_core::predict::Workspace;
+use hydroid_core::vessel::VesselParams;
+
+fn run(drag: f64, seed: u64, duration_s: f64) -> Trajectory {
+    let mut vessel = VesselParams::simple();
+    vessel.drag.linear.iter_mut().enumerate().for_each(|(i, row)| row[i] *= drag);
+    let options = Options { seed, duration_s, ..Options::new(vessel, Excitation::Mixed) };
+    simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r", "P_f"]).unwrap()
+}
+
+/// Trained on the vessel as it was built, chosen and judged on one whose drag is larger by a factor.
+fn identified(drag: f64, methods: &[Method]) -> (Identified, Trajectory) {
+    let test = run(drag, 3, 300.0);
+    let split = Split {
+        train: vec![run(1.0, 1, 1_200.0)],
+        validation: vec![run(drag, 2, 300.0)],
+        test: vec![test.clone()],
+        notes: Vec::new(),
+    };
+    let job = Job {
+        methods: methods.to_vec(),
+        split,
+        reading: Reading::default(),
+        horizon: 50,
+        origin_stride: 10,
+        seed: 0,
+        sindy: SindySettings {
+            degree: Some(2),
+            signed_squares: Some(false),
+            lag: Lags::Word(Word::None),
+            gate: GateSetting::Word(Word::None),
+            ridge: Some(1e-6),
+            members: Members(0),
+            ..SindySettings::default()
+        },
+    };
+    (identify(&job, &mut silent()).unwrap(), test)
+}
+
+fn names(identified: &Identified) -> Vec<&str> {
+    identified.candidates.iter().map(|c| c.model.description.name.as_str()).collect()
+}
+
+#[test]
+fn a_steady_vessel_needs_neither_past_nor_learning() {
+    let (found, _) = identified(1.0, &[Method::Sindy, Method::Lagged, Method::Recursive]);
+    assert_eq!(names(&found), ["sindy", "lagged", "recursive"]);
+    assert_eq!(found.best, Some(0), "what is no better beyond the noise is not called best");
+    let windows: Vec<usize> = found.candidates.iter().map(|c| c.test.windows).collect();
+    assert!(windows.iter().all(|w| *w == windows[0]), "all are judged on the same windows: {windows:?}");
+    let lagged = found.candidates[1].found().fit.equations.signals();
+    assert!(!lagged.is_empty(), "the past is there to be used");
+}
+
+#[test]
+fn a_vessel_that_has_changed_is_best_followed_by_equations_that_learn() {
+    let (found, test) = identified(1.6, &[Method::Recursive, Method::Sindy]);
+    assert_eq!(found.best, Some(0));
+    let [learning, fixed] = [&found.candidates[0], &found.candidates[1]];
+    assert!(learning.test.score() < 0.8 * fixed.test.score());
+    assert_eq!((learning.model.kind(), fixed.model.kind()), ("recursive_equations", "sparse_equations"));
+
+    // The file keeps how it learns: the model read back walks the log in the same way.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("learning.safetensors");
+    model::write(&learning.model, &path).unwrap();
+    let again = model::read(&path).unwrap();
+    assert_eq!(again, learning.model);
+    let predicted = |model: &model::Model| {
+        let mut session = model.session();
+        for k in 0..1_000 {
+            session.observe(test.outputs.row(k));
+            session.advance(test.inputs.row(k));
+        }
+        let mut y = vec![0.0; 50 * 4];
+        session.rollout(test.inputs.rows(1_000, 1_050), &mut Workspace::new(), &mut y);
+        y
+    };
+    assert_eq!(predicted(&again), predicted(&learning.model));
+    assert_ne!(predicted(&again), predicted(&fixed.model), "it has learned on the way");
+}
