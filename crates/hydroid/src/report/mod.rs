@@ -17,6 +17,7 @@ mod formula;
 mod front;
 mod growth;
 mod hidden;
+mod methods;
 mod number;
 mod page;
 mod predicted;
@@ -119,6 +120,7 @@ fn runs(split: &Split) -> impl Iterator<Item = &Trajectory> {
 pub fn identification(result: &Identified, split: &Split, context: &Context) -> Result<String, ReportError> {
     let subject = Subject::new(result, split, context)?;
     let mut sections = vec![summary::section(&subject)];
+    sections.extend(methods::section(&subject));
     if let Some(candidate) = subject.candidate {
         let walks = rollouts::walk(candidate, &split.test);
         sections.push(equations::section(candidate, &split.train));

@@ -211,8 +211,11 @@ fn facts(subject: &Subject<'_>) -> Markup {
 }
 
 fn model(candidate: &Candidate) -> &'static str {
-    match candidate.model.body {
-        crate::model::Body::Equations(_) => "Sparse equations of motion",
+    match (&candidate.model.body, &candidate.model.learning) {
+        (crate::model::Body::Equations(_), None) => "Sparse equations of motion",
+        (crate::model::Body::Equations(_), Some(_)) => {
+            "Sparse equations of motion that keep learning on the way"
+        }
     }
 }
 
