@@ -48,7 +48,7 @@ pub struct Global {
 pub enum Command {
     Simulate(Simulate),
     Inspect(Inspect),
-    Identify(Identify),
+    Identify(Box<Identify>),
     Evaluate(Evaluate),
     Adapt(Adapt),
 }

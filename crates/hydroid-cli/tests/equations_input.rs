@@ -25,8 +25,6 @@ const IDENTIFY: &[&str] = &[
     "20",
     "--methods",
     "sindy",
-    "--window",
-    "0.5",
     "--ridge",
     "1e-6",
 ];
@@ -60,7 +58,7 @@ fn refused(folder: &TempDir, args: &[&str], words: &[&str]) {
 
 /// Runs, expects a result, and gives what was said on standard error and output.
 fn done(folder: &TempDir, args: &[&str]) -> (String, String) {
-    let output = hydroid(folder.path(), &[IDENTIFY, args].concat());
+    let output = hydroid(folder.path(), &[IDENTIFY, &["--window", "0.5"], args].concat());
     let message = String::from_utf8(output.stderr).unwrap();
     assert!(matches!(output.status.code(), Some(0 | 1)), "{args:?}: {message}");
     (message, String::from_utf8(output.stdout).unwrap())
@@ -153,7 +151,7 @@ fn inputs_that_cannot_be_told_apart_are_named() {
     let folder = TempDir::new().unwrap();
     log(&folder, 600, |row| row[3] = 0.5 * row[2]);
     let (message, _) = done(&folder, &["--members", "0"]);
-    assert!(message.contains("'d_cmd' moves only together with other channels"), "{message}");
+    assert!(message.contains("inputs 'n_cmd' and 'd_cmd' move together"), "{message}");
     log(&folder, 600, |row| row[3] = 0.1);
     let (message, _) = done(&folder, &["--members", "0"]);
     assert!(message.contains("'d_cmd' never moves"), "{message}");

@@ -65,7 +65,9 @@ pub fn bands(
                 }
                 session.observe(seen.row(origin));
                 session.rollout(run.inputs.rows(origin, origin + last), &mut work, &mut y);
-                steps.iter().for_each(|step| chosen.extend_from_slice(&y[(step - 1) * n..step * n]));
+                for step in steps {
+                    chosen.extend_from_slice(&y[(step - 1) * n..step * n]);
+                }
             }
             chosen
         })

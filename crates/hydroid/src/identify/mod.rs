@@ -5,6 +5,7 @@ mod equations;
 mod overview;
 mod recursive;
 mod settings;
+mod twins;
 mod verdict;
 mod wording;
 
@@ -248,7 +249,9 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
     let verdicts = verdicts(&shown.test);
     let mut warnings = job.split.notes.clone();
-    warnings.extend(verdict::warnings(shown, &verdicts, &overview(&job.split), &job.split.test));
+    let data = overview(&job.split);
+    warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
+    warnings.extend(twins::warnings(shown, &data, &job.split.train));
     Ok(Identified { candidates, best, verdicts, warnings })
 }
 

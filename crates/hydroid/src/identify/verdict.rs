@@ -1,6 +1,5 @@
 //! What a model is worth, said without flattery.
 
-use hydroid_core::model::sparse::{Shape, Signal, Term};
 use serde::{Deserialize, Serialize};
 
 use super::Candidate;
@@ -119,54 +118,8 @@ pub(super) fn warnings(
             );
         }
     }
-    unidentifiable(candidate, candidate.found(), data, &mut notes);
     search_warnings(candidate.found(), &mut notes);
     notes
-}
-
-/// Inputs that move and cannot be told from others: by themselves they are in no equation.
-fn unidentifiable(candidate: &Candidate, found: &Found, data: &[ChannelSummary], notes: &mut Vec<Note>) {
-    let equations = &found.fit.equations;
-    let outputs = equations.outputs();
-    let source = |variable: u16| match usize::from(variable).checked_sub(outputs + equations.inputs()) {
-        Some(signal) => equations.signals().get(signal).map(Signal::source),
-        None => Some(variable),
-    };
-    // An input alone, or its lag state, in all modes or in one.
-    let alone = |term: &Term| {
-        let mut rest =
-            term.factors().iter().filter(|f| !matches!(f.shape, Shape::Above(_) | Shape::Below(_)));
-        let factor = rest.next().filter(|f| f.shape == Shape::Power(1))?;
-        if rest.next().is_some() { None } else { source(factor.variable).map(usize::from) }
-    };
-    let moves = |input: usize| {
-        let summary = data.iter().filter(|summary| summary.input).nth(input)?;
-        (summary.parts[0].max > summary.parts[0].min).then_some(summary.channel.name.as_str())
-    };
-    let mut lost: Vec<&str> = found
-        .unidentifiable
-        .iter()
-        .filter_map(alone)
-        .filter_map(|variable| moves(variable.checked_sub(outputs)?))
-        .collect();
-    lost.sort_unstable();
-    lost.dedup();
-    let (names, modes) = (candidate.model.variable_names(), candidate.model.modes());
-    for name in lost {
-        let of = |term: &&Term| {
-            let mut sources = term.factors().iter().filter_map(|f| source(f.variable));
-            sources.any(|variable| names.get(usize::from(variable)).is_some_and(|other| other == name))
-        };
-        let terms: Vec<String> =
-            found.unidentifiable.iter().filter(of).take(6).map(|term| modes.name(term, &names)).collect();
-        notes.push(
-            Note::warning(format!(
-                "input '{name}' moves only together with other channels in the training runs: its effect cannot be told from theirs, and these terms are left out: {}",
-                terms.join(", ")
-            ))
-            .with_remedy("log a run in which it moves by itself, or leave one of the inputs out"),
-        );
-    }
 }
 
 /// What the search for equations has to say.

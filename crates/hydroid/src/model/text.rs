@@ -33,7 +33,7 @@ impl Model {
                 text.push_str(if text.is_empty() { "" } else { " + " });
                 match mode {
                     Mode::All => text.push_str(&own),
-                    mode => text.push_str(&format!("{} [{own}]", modes.weight(mode))),
+                    mode => text.extend([modes.weight(mode).as_str(), " [", &own, "]"]),
                 }
             }
             if text.is_empty() { String::from("0") } else { text }

@@ -10,7 +10,7 @@ use super::page::{Section, cell, columns, figure, notes, nothing, table};
 use super::{ReportError, Subject, style};
 use crate::identify::Candidate;
 use crate::log::Note;
-use crate::sindy::{Criterion, Optimizer, Regression, Structure, Trial};
+use crate::sindy::{Criterion, Optimizer, Regression, Trial};
 
 /// The front of the least errors.
 const FRONT: Stroke = Stroke { colour: style::MUTED, width: 1.4, dash: Dash::Solid };
@@ -98,12 +98,13 @@ fn by_output(candidate: &Candidate) -> Markup {
     }
 }
 
-/// Libraries in the order in which they were tried.
-fn structures(trials: &[Trial]) -> Vec<Structure> {
-    let mut list: Vec<Structure> = Vec::new();
+/// Libraries in the order in which they were tried; those that read alike, of other pasts say, are one.
+fn structures(trials: &[Trial]) -> Vec<String> {
+    let mut list: Vec<String> = Vec::new();
     for trial in trials {
-        if !list.contains(&trial.structure) {
-            list.push(trial.structure.clone());
+        let name = trial.structure.to_string();
+        if !list.contains(&name) {
+            list.push(name);
         }
     }
     list
@@ -129,7 +130,7 @@ fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
     let mut above = 0;
     for (i, library) in structures(trials).into_iter().enumerate() {
         let (mut inside, mut over, mut lost) = (Vec::new(), Vec::new(), Vec::new());
-        for trial in trials.iter().filter(|t| t.structure == library) {
+        for trial in trials.iter().filter(|t| t.structure.to_string() == library) {
             let terms = trial.terms as f64;
             match trial.score {
                 Some(score) if score <= top => inside.push((terms, score)),
@@ -143,7 +144,7 @@ fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
         {
             panel = panel.mark(Mark::Points(Points { points, sign, colour: colour(i), radius, label: None }));
         }
-        figure = figure.key(Key::Sign(Sign::Disc, colour(i)), library.to_string());
+        figure = figure.key(Key::Sign(Sign::Disc, colour(i)), library);
     }
     let end = 1.05 * most + 1.0;
     let front = front(trials);
@@ -180,10 +181,14 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
     let mut order: Vec<usize> = (0..trials.len()).collect();
     let key = |i: usize| trials[i].score.unwrap_or(f64::INFINITY);
     order.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then((a != chosen).cmp(&(b != chosen))));
+    let shown = order.len().min(BEST);
+    // The simplest of many that are as good need not be among the first.
+    let behind = order.iter().skip(BEST).copied().find(|&i| i == chosen);
     let heads = ["library", "rows over", "selection", "ridge", "terms", "score"].map(cell);
     let rows: Vec<Vec<Markup>> = order
         .into_iter()
         .take(BEST)
+        .chain(behind)
         .map(|i| {
             let trial = &trials[i];
             let score = trial.score.map_or_else(|| "diverged".to_owned(), |s| fixed(s, 4));
@@ -224,8 +229,9 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
     html! {
         (table(&heads, &rows, 1))
         p.small {
-            "The best " (rows.len()) " of " (number::count(trials.len())) "; the chosen one in bold. "
-            "Rows over: the time over which an increment was taken (“central”: central differences). "
+            "The best " (shown) " of " (number::count(trials.len()))
+            @if behind.is_some() { ", and the chosen one" } "; the chosen one in bold. "
+            "Rows over: the time that a row of the regression averages over (“central”: central differences). "
             "Selection: a term leaves if the residual then grows by less than the percentage, or (≥) if its contribution is below the number. "
             "Score: mean of the NRMSE on validation runs and on excerpts of the training runs."
         }

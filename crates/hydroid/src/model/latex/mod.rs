@@ -34,7 +34,10 @@ impl Model {
             for (group, (mode, terms)) in groups.iter().enumerate() {
                 if *mode != Mode::All {
                     let plus = if group == 0 { "" } else { " \\\\\n  &\\quad {} +" };
-                    line.push_str(&format!("{plus} {}\\,\\bigl[", weight(&modes, *mode)));
+                    line.push_str(plus);
+                    line.push(' ');
+                    line.push_str(&weight(&modes, *mode));
+                    line.push_str("\\,\\bigl[");
                     position = 0;
                 }
                 for (first, (coefficient, term)) in terms.iter().enumerate() {
@@ -214,7 +217,7 @@ fn product(term: &Term, variables: &[Variable]) -> String {
             Shape::Log => above.push(function("\\ln")),
             Shape::Above(gate) => above.push(times(sigma(variable, gate, None))),
             Shape::Below(gate) => {
-                above.push(times(format!("\\left(1 - {}\\right)", sigma(variable, gate, None))))
+                above.push(times(format!("\\left(1 - {}\\right)", sigma(variable, gate, None))));
             }
         }
     }
