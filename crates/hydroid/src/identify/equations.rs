@@ -53,6 +53,33 @@ pub(super) fn lagged(
     run(job, parts, &structures, false, progress)
 }
 
+fn x(name: &str, default: &str) -> String { std::env::var(name).unwrap_or(default.to_owned()) }
+/// all terms
+pub(super) fn full(job: &Job, parts: &Parts<'_>, both: bool, past: f64, ridge: f64, progress: Progress<'_>) -> Result<Arc<Found>, IdentifyError> {
+    let train = &parts.train;
+    let past = if past == 0.0 { vec![] } else { vec![intervals(past * job.horizon as f64) as u16] };
+    let structures = vec![Structure { past, past_inputs_only: !both, ..Structure::from(x("X_LIB", "degree 2 + x|x|").parse::<crate::sindy::Library>().unwrap()) }];
+    let list = |n: &str, d: &str| x(n, d).split(',').map(|s| s.parse::<f64>().unwrap()).collect::<Vec<_>>();
+    let grid = crate::sindy::Grid {
+        structures,
+        regressions: list("X_WIN", "0.2").into_iter().map(|w| Regression::Weak { intervals: intervals(w * job.horizon as f64) }).collect(),
+        optimizers: vec![crate::sindy::Optimizer::Stepwise(0.0)],
+        ridges: vec![ridge],
+        loss: crate::sindy::Loss::Squares,
+        constraints: crate::sindy::Constraints::default(),
+    };
+    let inputs = overview::input_ranges(train);
+    let judge = Judge {
+        validation: &parts.validation,
+        outputs: &parts.ranges,
+        inputs: &inputs,
+        options: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick(job, parts) },
+        seed: job.seed,
+        members: 0,
+    };
+    Ok(Arc::new(search(train, &judge, &grid, progress)?))
+}
+
 fn run(
     job: &Job,
     parts: &Parts<'_>,

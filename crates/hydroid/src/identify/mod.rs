@@ -291,20 +291,13 @@ fn train_by(
             Ok(done(model, Training::Equations(found), score))
         }
         Method::Recursive => {
-            let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
-            let best = equations.min_by(|a, b| a.score.total_cmp(&b.score));
-            let fresh;
-            let (base, from) = if let Some(base) = best {
-                (base, 0.0)
-            } else {
-                fresh = train_by(Method::Sindy, job, parts, &[], &mut |f| progress(0.8 * f))?;
-                (&fresh, 0.8)
+            let _ = before;
+            let base = |found: &Found| {
+                let body = Body::Equations(Arc::new(found.fit.equations.clone()));
+                describe(job, parts, method, body, serde_json::json!({ "chosen": found.trials[found.chosen], "asked": job.sindy, "horizon": job.horizon }))
             };
-            let mut share = |f: f64| progress(from + (1.0 - from) * f);
-            let (mut model, paces) = recursive::learning(&base.model, job, parts, &mut share)?;
-            method.name().clone_into(&mut model.description.name);
-            let (Training::Equations(found) | Training::Recursive(found, _)) = &base.training;
-            Ok(done(model, Training::Recursive(Arc::clone(found), paces), base.score))
+            let (model, found, paces) = recursive::learning(job, parts, base, progress)?;
+            Ok(done(model, Training::Recursive(found, paces), 0.0))
         }
     }
 }

@@ -2,12 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{IdentifyError, Job, Parts};
-use crate::adapt::{self, AdaptError};
-use crate::evaluate::{EvaluateError, evaluate};
-use crate::model::Model;
+use std::sync::Arc;
+use hydroid_core::adapt::BlendSettings;
+use hydroid_core::model::sparse::{Equations, Term};
+use super::{IdentifyError, Job, Parts, equations};
+use crate::evaluate::{self, evaluate};
+use crate::adapt::AdaptError;
+use crate::model::{Body, Learning, Model};
 use crate::progress::{self, Progress};
-use crate::sindy::{Losses, SearchError};
+use crate::sindy::{Found, Prepared, Preparation, Regression, SearchError};
 
 /// A way of learning that was tried.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,55 +32,65 @@ const MEMORIES: [f64; 2] = [60.0, 12.0];
 /// ... and increments.
 const WINDOWS: [f64; 2] = [0.5, 0.1];
 
-/// Lets equations learn on the validation runs at several paces, and takes the most cautious of those that
-/// the rollouts cannot tell from the best. Gives the model that learns, and all that was tried.
+fn x(name: &str, default: &str) -> Vec<f64> {
+    let v = std::env::var(name).unwrap_or(default.to_owned());
+    v.split(',').map(|s| s.parse().unwrap()).collect()
+}
+
 pub(super) fn learning(
-    model: &Model,
     job: &Job,
     parts: &Parts<'_>,
+    describe: impl Fn(&Found) -> Model,
     progress: Progress<'_>,
-) -> Result<(Model, Vec<Pace>), IdentifyError> {
-    let horizon_s = job.horizon as f64 * model.description.dt;
-    let quick = super::equations::quick(job, parts);
-    let mut tried: Vec<(Pace, Losses, Model)> = Vec::new();
-    let count = PRIORS.len() * MEMORIES.len() * WINDOWS.len();
-    for prior in PRIORS {
-        for memory in MEMORIES {
-            for window in WINDOWS {
-                progress::report(progress, tried.len() as f64 / count as f64)
-                    .map_err(SearchError::Cancelled)?;
-                let [window_s, prior_s, forgetting_s] = [window, prior, memory].map(|t| t * horizon_s);
-                let options = adapt::Options {
-                    forgetting_s,
-                    window_s: Some(window_s.max(model.description.dt)),
-                    prior_s,
-                    ..adapt::Options::default()
-                };
-                let learning = adapt::settings(model, &options)?;
-                let next = Model { learning: Some(learning), ..model.clone() };
-                let mut session = next.session();
-                let silent = &mut progress::silent();
-                let judged =
-                    evaluate("recursive", session.as_mut(), &parts.ranges, &parts.validation, &quick, silent)
-                        .map_err(|error| match error {
-                            EvaluateError::Cancelled(c) => IdentifyError::Sindy(SearchError::Cancelled(c)),
-                            error => IdentifyError::Evaluate { part: "validation", error },
-                        })?;
-                let score = judged.score();
-                let pace =
-                    Pace { window_s, prior_s, forgetting_s, score: score.is_finite().then_some(score) };
-                tried.push((pace, Losses { validation: judged.blocks, training: Vec::new() }, next));
-            }
+) -> Result<(Model, Arc<Found>, Vec<Pace>), IdentifyError> {
+    let mut best: Option<(f64, Model, Arc<Found>)> = None;
+    let mut failed = None;
+    for both in x("X_BOTH", "0,1") {
+        for past in x("X_PAST", "0.1") {
+        for ridge in x("X_RIDGE", "0.1,0.3,1") {
+            let found = match equations::full(job, parts, both > 0.0, past, ridge, progress) {
+                Ok(found) => found,
+                Err(error) => { failed = Some(error); continue; }
+            };
+            let model = learner(&describe(&found), &found, job, parts)?;
+            let mut session = model.session();
+            let quick = evaluate::Options { warm_up: session.warm_up(), ..equations::quick(job, parts) };
+            let judged = evaluate("recursive", session.as_mut(), &parts.ranges, &parts.validation, &quick, &mut progress::silent()).unwrap();
+            let mut score = judged.score();
+            if std::env::var("X_LAST").is_ok() { score = judged.nrmse.last().unwrap().iter().sum::<f64>(); }
+            if std::env::var("X_FROZEN").is_ok() { score = found.score; }
+            if best.as_ref().is_none_or(|b| score < b.0) { best = Some((score, model, found)); }
+        }
         }
     }
-    let score = |pace: &Pace| pace.score.unwrap_or(f64::INFINITY);
-    let best = (0..tried.len()).min_by(|&a, &b| score(&tried[a].0).total_cmp(&score(&tried[b].0)));
-    let best = best.unwrap_or(0);
-    // They stand in the order of caution.
-    let chosen = (0..tried.len()).find(|&i| i == best || tried[i].1.is_as_good_as(&tried[best].1));
-    let paces = tried.iter().map(|(pace, ..)| *pace).collect();
-    let (_, _, model) = tried.swap_remove(chosen.unwrap_or(best));
-    Ok((model, paces))
+    match best { Some((_, m, f)) => Ok((m, f, vec![])), None => Err(failed.unwrap()) }
+}
+fn learner(
+    model: &Model,
+    found: &Found,
+    job: &Job,
+    parts: &Parts<'_>,
+) -> Result<Model, IdentifyError> {
+    let horizon_s = job.horizon as f64 * model.description.dt;
+    let e = &found.fit.equations;
+    let window = (x("X_RWIN", "0.1")[0] * job.horizon as f64).max(1.0) as usize;
+    let regression = Regression::Weak { intervals: 2 * window };
+    let preparation = Preparation { signals: e.signals(), ..Preparation::default() };
+    let prepare = |terms: Vec<Term>| Prepared::with(&parts.train, terms, regression, &preparation).map_err(SearchError::Fit);
+    let all = prepare(e.terms().to_vec())?;
+    let kept: Vec<usize> = (0..e.terms().len()).filter(|j| !all.unidentifiable().contains(j)).collect();
+    let terms: Vec<Term> = kept.iter().map(|&j| e.terms()[j].clone()).collect();
+    let coefficients = (0..e.outputs()).flat_map(|i| kept.iter().map(move |&j| e.coefficient(i, j))).collect();
+    let own = Equations::with_signals(terms.clone(), coefficients, e.outputs(), e.inputs(), e.signals().to_vec(), e.dt(), e.substeps()).unwrap();
+    let root = prepare(terms)?.moments(x("X_DIAG", "0.2")[0]);
+    let settings = BlendSettings {
+        priors_s: x("X_N0", "60,20,6,2,0.6").iter().map(|n| n * horizon_s).collect(),
+        forgetting_s: x("X_MEM", "60")[0] * horizon_s,
+        window,
+        horizon: job.horizon,
+        gate: hydroid_core::adapt::Gate{ inflate: x("X_KP","-6")[0], reject: x("X_KM","1e9")[0] },
+    };
+    Ok(Model { body: Body::Equations(Arc::new(own)), learning: Some(Learning { settings, root }), ..model.clone() })
 }
 
 impl From<AdaptError> for IdentifyError {

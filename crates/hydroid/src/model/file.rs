@@ -7,12 +7,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use hydroid_core::adapt::Settings;
+use hydroid_core::adapt::BlendSettings;
 use hydroid_core::model::sparse::{Equations, EquationsError, Signal, Term};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Description, Model};
+use super::{Body, Description, Learning, Model};
 use crate::atomic::{self, WriteError};
 
 /// Key of the description in the metadata of the file.
@@ -96,9 +96,9 @@ enum Structure {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         signals: Vec<Signal>,
         substeps: usize,
-        /// How sessions learn on the way.
+        /// How sessions learn on the way; with it stands a tensor `root`, `terms x terms`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        learning: Option<Settings>,
+        learning: Option<BlendSettings>,
     },
 }
 
@@ -119,15 +119,21 @@ fn encode(model: &Model) -> io::Result<Vec<u8>> {
             terms: equations.terms().to_vec(),
             signals: equations.signals().to_vec(),
             substeps: equations.substeps(),
-            learning: model.learning,
+            learning: model.learning.as_ref().map(|learning| learning.settings.clone()),
         },
     };
     let json = serde_json::to_string(&head)?;
-    let bytes: Vec<u8> = equations.coefficients().iter().flat_map(|c| c.to_le_bytes()).collect();
-    let shape = vec![equations.outputs(), equations.terms().len()];
-    let view = TensorView::new(Dtype::F64, shape, &bytes).map_err(io::Error::other)?;
+    let terms = equations.terms().len();
+    let bytes = |numbers: &[f64]| numbers.iter().flat_map(|c| c.to_le_bytes()).collect::<Vec<u8>>();
+    let coefficients = bytes(equations.coefficients());
+    let root = model.learning.as_ref().map(|learning| bytes(&learning.root));
+    let view = |rows, bytes| TensorView::new(Dtype::F64, vec![rows, terms], bytes).map_err(io::Error::other);
+    let mut tensors = vec![("coefficients", view(equations.outputs(), &coefficients)?)];
+    if let Some(root) = &root {
+        tensors.push(("root", view(terms, root)?));
+    }
     let metadata = HashMap::from([(KEY.to_owned(), json)]);
-    safetensors::serialize([("coefficients", view)], Some(metadata)).map_err(io::Error::other)
+    safetensors::serialize(tensors, Some(metadata)).map_err(io::Error::other)
 }
 
 /// Reads a model file.
@@ -185,13 +191,21 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     }
     let Structure::SparseEquations { terms, signals, substeps, learning } = head.structure;
     let (outputs, inputs) = (description.outputs.len(), description.inputs.len());
-    let coefficients = numbers(&tensors, "coefficients", &[outputs, terms.len()]).map_err(inconsistent)?;
+    let count = terms.len();
+    let coefficients = numbers(&tensors, "coefficients", &[outputs, count]).map_err(inconsistent)?;
+    let learning = match learning {
+        Some(settings) => {
+            let root = numbers(&tensors, "root", &[count, count]).map_err(inconsistent)?;
+            Some(Learning { settings, root })
+        }
+        None => None,
+    };
     let dt = description.dt;
     let equations = Equations::with_signals(terms, coefficients, outputs, inputs, signals, dt, substeps)
         .map_err(|e: EquationsError| inconsistent(e.to_string()))?;
     let model = Model { description, body: Body::Equations(Arc::new(equations)), learning };
-    if let Some(settings) = &learning {
-        model.learner(settings).map_err(|e| inconsistent(e.to_string()))?;
+    if let Some(learning) = &model.learning {
+        model.blended(learning).map_err(|e| inconsistent(e.to_string()))?;
     }
     Ok(model)
 }
