@@ -14,4 +14,8 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     session.observe(&vec![0.1; outputs]);
     session.advance(&vec![0.2; inputs]);
     session.rollout(&vec![0.1; 2 * inputs], &mut Workspace::new(), &mut vec![0.0; 2 * outputs]);
+    for mut member in model.member_sessions() {
+        member.observe(&vec![0.1; outputs]);
+        member.rollout(&vec![0.1; 2 * inputs], &mut Workspace::new(), &mut vec![0.0; 2 * outputs]);
+    }
 });

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use hydroid::adapt::{FORGETTING_S as FORGETTING, PRIOR_S as PRIOR};
-use hydroid::identify;
+use hydroid::identify::{self, GateSetting, Lags};
 use hydroid::log::{CommandTiming, InputDelay};
 
 /// Learns how a surface vessel moves from its own log.
@@ -48,7 +48,7 @@ pub struct Global {
 pub enum Command {
     Simulate(Simulate),
     Inspect(Inspect),
-    Identify(Identify),
+    Identify(Box<Identify>),
     Evaluate(Evaluate),
     Adapt(Adapt),
 }
@@ -136,14 +136,22 @@ pub struct Inspect {
   hydroid identify a.csv b.csv c.csv -o out                    three runs: trains on a, chooses on b, tests on c
   hydroid identify a.csv --validate b.csv --test c.csv --outputs u,v,r --inputs n,delta -o out
   hydroid identify long.csv -o out                             one run: 60 % / 20 % / 20 % in blocks
+  hydroid identify a.csv b.csv c.csv --gate u=2.5/12 --lag n=1.5 --dissipative -o out
+  hydroid identify a.csv b.csv c.csv --library 'marine + rational' --constraint 'v: u r = r: u v' -o out
+  hydroid identify a.csv b.csv c.csv --term u --term 'u |u|' --term 'n |n|' --lag none --gate none -o out
   hydroid identify -c hydroid.toml -o out
 
 A configuration file can hold all of it; what the command line says goes before:
   [log]                                  [split]                     [identify]
   time = \"t_s\"                           train = [\"a.csv\"]           horizon = \"10s\"
   outputs = [\"u=u_mps [m/s]\", \"v\"]       validate = [\"b.csv\"]
-  inputs = [\"n\", \"delta [deg]\"]          test = [\"c.csv\"]            [sindy]
-  wind = { speed = \"ws\", direction = \"wd\" }                         degree = 2")]
+  inputs = [\"n\", \"delta [deg]\"]          test = [\"c.csv\"]
+  wind = { speed = \"ws\", direction = \"wd\" }
+
+  [sindy]
+  library = \"marine\"           terms = [\"u |u|\", \"v r\"]            lag = { n = 1.5 }    (or \"auto\", \"none\")
+  dissipative = true           constraints = [\"u: n |n| >= 0\"]    gate = { output = \"u\", centre = 2.5, slope = 12 }
+  huber = 1.345                members = 50")]
 pub struct Identify {
     /// Training logs, or all logs where none is named for validation and test
     #[arg(value_name = "LOG")]
@@ -166,18 +174,47 @@ pub struct Identify {
     /// Samples between the origins of the final evaluation (default: 1)
     #[arg(long, value_name = "N")]
     pub origin_stride: Option<usize>,
+    /// The one library to use: families joined by +: degree N, marine, marine cubic, x|x|, x|y|, trigonometric,
+    /// rational, 'inputs x outputs'; ', no constant' behind (default: marine and polynomials up to degree 2 are tried)
+    #[arg(long, value_name = "FAMILIES", help_heading = "Equations")]
+    pub library: Option<String>,
+    /// A term in words, as in 'u |u|' or 'n |n| sin(delta)'; may be repeated. Added to --library or --degree, the
+    /// whole library without them
+    #[arg(long = "term", value_name = "TERM", help_heading = "Equations")]
+    pub terms: Vec<String>,
+    /// What a coefficient must obey, as in 'u: u |u| <= 0', or 'v: u r = r: u v'; may be repeated
+    #[arg(long = "constraint", value_name = "OUTPUT: TERM <= 0", help_heading = "Equations")]
+    pub constraints: Vec<String>,
+    /// Damping may not push: coefficients of y and y |y| in the equation of y are not positive
+    #[arg(long, help_heading = "Equations")]
+    pub dissipative: bool,
+    /// Actuators that follow their commands with a lag: auto (looked for), none, or time constants [s]:
+    /// n=1.5,delta=0.3 (default: auto)
+    #[arg(long, value_name = "auto|none|LIST", help_heading = "Equations")]
+    pub lag: Option<Lags>,
+    /// Where the equations change: auto (looked for), none, or OUTPUT=CENTRE/SLOPE: u=2.5/12 (default: auto)
+    #[arg(long, value_name = "auto|none|GATE", help_heading = "Equations")]
+    pub gate: Option<GateSetting>,
+    /// Count residuals beyond so many standard deviations linearly, so that spikes hardly matter: 1.345 is
+    /// usual (default: least squares)
+    #[arg(long, value_name = "X", allow_negative_numbers = true, help_heading = "Equations")]
+    pub huber: Option<f64>,
+    /// Members of the ensemble that gives coefficients their intervals and rollouts their bands; 0 for none
+    /// (default: 50)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1000), help_heading = "Equations")]
+    pub members: Option<u16>,
     /// Degree of the polynomial library (default: 1 and 2 are tried)
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=6))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = "Equations", conflicts_with = "library")]
     pub degree: Option<u8>,
     /// Select terms by thresholded least squares: drop those that move an output by less than this many of
     /// its standard deviations per second (default: backward elimination)
-    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", allow_negative_numbers = true, help_heading = "Equations")]
     pub threshold: Option<f64>,
-    /// Regress increments over this time [s] (default: one sample and shares of the horizon are tried)
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    /// Regress over this time [s] (default: one sample and shares of the horizon are tried)
+    #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Equations")]
     pub window: Option<f64>,
     /// Ridge penalty (default: several are tried)
-    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", allow_negative_numbers = true, help_heading = "Equations")]
     pub ridge: Option<f64>,
     /// Seed of everything random (default: 0)
     #[arg(long)]

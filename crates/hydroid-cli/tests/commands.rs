@@ -118,7 +118,7 @@ fn a_configuration_file_says_what_the_command_line_can_say() {
         folder.path().join("hydroid.toml"),
         "[log]\noutputs = [\"u\", \"speed_to_starboard=v\", \"r\"]\ninputs = [\"PP_cmd\", \"RD_cmd\"]\n\
          [split]\ntrain = [\"a.csv\"]\nvalidate = [\"b.csv\"]\ntest = [\"c.csv\"]\n\
-         [identify]\nhorizon = 20\n[sindy]\ndegree = 1\nsigned_squares = false\n",
+         [identify]\nhorizon = 20\n[sindy]\ndegree = 1\nsigned_squares = false\ngate = \"none\"\nlag = \"none\"\n",
     )
     .unwrap();
     let output = hydroid(folder.path(), &["identify", "-c", "hydroid.toml", "-o", "out", "--json"]);

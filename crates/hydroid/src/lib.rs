@@ -17,3 +17,8 @@ pub mod report;
 pub mod simulate;
 pub mod sindy;
 pub mod toml_file;
+
+/// The example in the chapter on equations.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/equations.md")]
+struct ChapterOnEquations;

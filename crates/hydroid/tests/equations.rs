@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use hydroid::evaluate::DesignRange;
 use hydroid::log::Channel;
-use hydroid::model::{Body, Description, Model, Port, Provenance, Reading};
-use hydroid::sindy::expression::Vocabulary;
+use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
+use hydroid::sindy::Vocabulary;
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Jacobian, Real, Shape, Signal, Term};
 use proptest::prelude::*;
 
@@ -50,6 +50,7 @@ fn made(
         body: Body::Equations(Arc::new(
             Equations::with_signals(terms, coefficients, n, m, signals, 0.1, 1).unwrap(),
         )),
+        members: Members::default(),
         learning: None,
     }
 }
@@ -110,9 +111,35 @@ fn text_has_equations_signals_and_units() {
             "r^2/u                          m^2/s        -",
         ]
     );
-    assert_eq!(hydrofoil().equations_text()[1], "dv/dt = 0");
+    assert_eq!(
+        hydrofoil().equations_text(),
+        [
+            "du/dt = 1.000e6 v/u + 1.000 ln(u) - 1.000 sgn(v) + (1 - s) [-0.3000 u |u|] + s [-1.000e-9 u]",
+            "dv/dt = 0",
+            "s = sigma(12.00 (u - 2.500)), with sigma(x) = 1 / (1 + exp(-x))",
+        ]
+    );
     let exact = ship().coefficients();
     assert_eq!((exact.len(), exact[2].value, exact[2].unit.as_str()), (9, -0.907_04, "1/m"));
+}
+
+/// A letter that is a channel's already would be read as that channel; what stands behind two gates is written out.
+#[test]
+fn letters_of_gates_are_nobody_elses() {
+    let terms = ["s below(s, -1, 2)", "above(z, 0, 3)", "s above(s, 1, 2) above(z, 1, 2)"];
+    let of = model(&[("s", ""), ("z", "")], &[], &terms, &[&[1.0, 0.0, 2.0], &[0.0, -4.0, 0.0]]);
+    assert_eq!(
+        of.equations_text(),
+        [
+            "ds/dt = 2.000 s above(s, 1, 2) above(z, 1, 2) + (1 - s1) [1.000 s]",
+            "dz/dt = s2 [-4.000]",
+            "s1 = sigma(2.000 (s + 1.000)), with sigma(x) = 1 / (1 + exp(-x))",
+            "s2 = sigma(3.000 z)",
+        ]
+    );
+    let of = model(&[("s", ""), ("z", "")], &[], &terms[..1], &[&[1.0], &[0.0]]);
+    assert_eq!(of.equations_text()[0], "ds/dt = (1 - gate) [1.000 s]");
+    assert_eq!(of.units_text()[1], "(1 - gate) s  1/s    -");
 }
 
 #[test]
@@ -134,8 +161,11 @@ fn latex_is_what_a_paper_has() {
     assert_eq!(
         hydrofoil().equations_latex(),
         r"\begin{align*}
-  \dot{u} &= - 0.3000\,u\,\lvert u\rvert\,\left(1 - \sigma(12(u - 2.5))\right) - 1.000 \times 10^{-9}\,u\,\sigma(12(u - 2.5)) + 1.000 \times 10^{6}\,\frac{v}{u} + 1.000\,\ln(u) - 1.000\,\operatorname{sgn}(v) \\
+  \dot{u} &= 1.000 \times 10^{6}\,\frac{v}{u} + 1.000\,\ln(u) - 1.000\,\operatorname{sgn}(v) \\
+  &\quad {} + \left(1 - s\right)\,\bigl[ - 0.3000\,u\,\lvert u\rvert \bigr] \\
+  &\quad {} + s\,\bigl[ - 1.000 \times 10^{-9}\,u \bigr] \\
   \dot{v} &= 0 \\
+  s &= \sigma(12.00(u - 2.500)) \\
   \sigma(x) &= \frac{1}{1 + e^{-x}}
 \end{align*}
 "
@@ -150,7 +180,8 @@ fn lag_states_of_one_input_are_told_apart_and_long_equations_are_broken() {
         of.equations_latex(),
         r"\begin{align*}
   \dot{u} &= 1.000\,\left(\hat{n}^{(1\,\mathrm{s})}\right)^{2} + 1.000\,\hat{n}^{(2.5\,\mathrm{s})} + 1.000\,\left(u(t - 0.1\,\mathrm{s})\right)^{3} + 1.000\,\sin^{2}(n) + 1.000\,\frac{1}{u} \\
-  &\quad {} + 1.000\,\sigma(3(u + 1)) \\
+  &\quad {} + s\,\bigl[ 1.000 \bigr] \\
+  s &= \sigma(3.000(u + 1.000)) \\
   1\,\mathrm{s}\,\dot{\hat{n}}^{(1\,\mathrm{s})} &= n - \hat{n}^{(1\,\mathrm{s})} \\
   2.5\,\mathrm{s}\,\dot{\hat{n}}^{(2.5\,\mathrm{s})} &= n - \hat{n}^{(2.5\,\mathrm{s})} \\
   \sigma(x) &= \frac{1}{1 + e^{-x}}

@@ -7,7 +7,9 @@ use std::sync::Arc;
 use hydroid::atomic;
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{Channel, ChannelSpec};
-use hydroid::model::{Body, Description, Model, ModelError, Port, Provenance, Reading, decode, read, write};
+use hydroid::model::{
+    Body, Description, Members, Model, ModelError, Port, Provenance, Reading, decode, read, write,
+};
 use hydroid_core::model::sparse::{Equations, Factor, Shape, Term};
 use proptest::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -15,6 +17,11 @@ use serde_json::{Value, json};
 
 fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
     Port { channel: Channel::new(name, unit), range: DesignRange { low, high } }
+}
+
+/// Coefficients of a member: it has the fourth term of the second equation instead of the second one.
+fn spread(scale: f64) -> [f64; 10] {
+    [0.0, scale, 0.0, 0.0, 0.1, 0.0, 0.0, 0.3, scale / 7.0, 0.0]
 }
 
 /// A model with numbers that have no short decimal form, and names that need escaping.
@@ -54,6 +61,8 @@ fn model() -> Model {
             },
         },
         body: Body::Equations(Arc::new(Equations::new(terms, coefficients, 2, 1, dt, 4).unwrap())),
+        members: Members::new(&[1.0, 1.0 / 3.0, 0.9].map(|scale| spread(scale).to_vec())),
+        learning: None,
     }
 }
 
@@ -176,7 +185,12 @@ fn sound(model: &Model) {
     session.observe(&vec![0.1; n]);
     session.advance(&vec![0.2; m]);
     let mut y = vec![0.0; 3 * n];
-    session.rollout(&vec![0.1; 3 * m], &mut hydroid_core::predict::Workspace::new(), &mut y);
+    let mut work = hydroid_core::predict::Workspace::new();
+    session.rollout(&vec![0.1; 3 * m], &mut work, &mut y);
+    for mut member in model.member_sessions() {
+        member.observe(&vec![0.1; n]);
+        member.rollout(&vec![0.1; 3 * m], &mut work, &mut y);
+    }
 }
 
 proptest! {
@@ -282,6 +296,63 @@ fn numbers_that_contradict_the_head_are_refused() {
         let reason = contradiction(&file(&good, "coefficients", Dtype::F64, &[2, 5], &numbers(&values)));
         assert!(reason.contains("term 2 in equation 1"), "{reason}");
     }
+}
+
+/// A file with an ensemble of given shape beside ten coefficients that are ones.
+fn with_members(shape: &[usize], values: &[f64], places: &[u32]) -> Vec<u8> {
+    let head = head(&bytes(&model())).to_string();
+    let (ones, values) = (numbers(&[1.0; 10]), numbers(values));
+    let places: Vec<u8> = places.iter().flat_map(|place| place.to_le_bytes()).collect();
+    let view = |dtype, shape: &[usize], data| TensorView::new(dtype, shape.to_vec(), data).unwrap();
+    let tensors = [
+        ("coefficients", view(Dtype::F64, &[2, 5], &ones)),
+        ("members", view(Dtype::F64, shape, &values)),
+        ("member_places", view(Dtype::U32, &[places.len() / 4], &places)),
+    ];
+    let metadata = HashMap::from([(String::from("hydroid"), head)]);
+    safetensors::serialize(tensors, Some(metadata)).unwrap()
+}
+
+#[test]
+fn an_ensemble_survives_and_one_that_does_not_fit_is_refused() {
+    // Without an ensemble, as all files once were.
+    let old = decoded(&with_head(|_| ())).unwrap();
+    assert!(old.members.is_empty() && old.member_sessions().is_empty());
+    assert_eq!(model().member_sessions().len(), 3);
+    let read = decoded(&with_members(&[2, 2], &[1.0, 2.0, 3.0, 4.0], &[0, 9])).unwrap();
+    assert_eq!(read.members.len(), 2);
+    for (shape, values, places) in [
+        (vec![2, 2], vec![1.0; 4], vec![0, 10]),
+        (vec![2, 2], vec![1.0; 4], vec![9, 0]),
+        (vec![2, 2], vec![1.0; 4], vec![3, 3]),
+        (vec![2, 2], vec![1.0; 4], vec![3]),
+        (vec![4], vec![1.0; 4], vec![0, 1, 2, 3]),
+        (vec![1, 2], vec![1.0, f64::NAN], vec![0, 1]),
+        (vec![1 << 40, 0], vec![], vec![]),
+        (vec![1, 0], vec![], vec![]),
+        (vec![51, 1], vec![1.0; 51], vec![0]),
+    ] {
+        let reason = contradiction(&with_members(&shape, &values, &places));
+        assert!(reason.contains("ensemble"), "{reason}");
+    }
+    let head = head(&bytes(&model())).to_string();
+    let (ones, six) = (numbers(&[1.0; 10]), numbers(&[1.0; 6]));
+    let view = |shape: &[usize], data| TensorView::new(Dtype::F64, shape.to_vec(), data).unwrap();
+    let tensors = [("coefficients", view(&[2, 5], &ones)), ("members", view(&[2, 3], &six))];
+    let metadata = HashMap::from([(String::from("hydroid"), head)]);
+    let alone = contradiction(&safetensors::serialize(tensors, Some(metadata)).unwrap());
+    assert!(alone.contains("one tensor alone"), "{alone}");
+}
+
+/// More members than a file keeps are cut off, and it has no column that no member uses.
+#[test]
+fn a_file_stays_small() {
+    let mut many = model();
+    let bare = bytes(&Model { members: Members::default(), ..model() }).len();
+    many.members = Members::new(&vec![spread(1.0).to_vec(); 70]);
+    assert_eq!(decoded(&bytes(&many)).unwrap().members.len(), 50);
+    // Four coefficients a member, their places, and two entries in the head of the file.
+    assert!(bytes(&many).len() - bare <= 50 * 4 * 8 + 4 * 4 + 200);
 }
 
 #[test]

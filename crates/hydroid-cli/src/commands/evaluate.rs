@@ -1,13 +1,24 @@
 //! `hydroid evaluate`.
 
 use anyhow::Context;
-use hydroid::evaluate::{self, Options};
+use hydroid::evaluate::{self, BandCoverage, Evaluation, Options};
 use hydroid::identify::{Grade, verdicts};
 use hydroid::model;
+use serde::Serialize;
 
 use super::{Outcome, table};
 use crate::args::{Against, Evaluate, Global, Judging, Origin};
 use crate::{logs, ui};
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Judged<'a> {
+    #[serde(flatten)]
+    evaluation: &'a Evaluation,
+    /// Only where the model has an ensemble.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    band_coverage: Option<&'a BandCoverage>,
+}
 
 pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
@@ -31,11 +42,17 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     )
     .context("the logs cannot be evaluated")?;
     drop(bar);
+    let horizons = table::horizons(&evaluation);
+    let band = evaluate::band_coverage(&model.member_sessions(), &runs, &options, &horizons);
     let verdicts = verdicts(&evaluation);
     if global.json {
-        super::print_json(&evaluation)?;
+        super::print_json(&Judged { evaluation: &evaluation, band_coverage: band.as_ref() })?;
     } else {
-        ui::write_out(format_args!("{}\n", table::errors(&evaluation)));
+        ui::write_out(format_args!("{}", table::errors(&evaluation)));
+        if let Some(band) = &band {
+            ui::write_out(format_args!("\n{}", table::band(band, &evaluation)));
+        }
+        outln!("");
         table::show_verdicts(&verdicts);
     }
     let sound = verdicts.iter().all(|v| v.grade != Grade::NotIdentified);

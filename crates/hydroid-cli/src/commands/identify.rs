@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use hydroid::excitation::Excitation;
-use hydroid::identify::{self, Identified, Job};
+use hydroid::identify::{self, Identified, Job, Members, SindySettings};
 use hydroid::log::{InputDelay, Note, Split, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::report::{self, Context};
@@ -68,10 +68,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let reading = logs::reading(logs::configured(log), &args.log)?;
     let (split, reading, notes) = files.split(&reading)?;
     ui::tell(&notes, global);
-    sindy.degree = args.degree.or(sindy.degree);
-    sindy.threshold = args.threshold.or(sindy.threshold);
-    sindy.window_s = args.window.or(sindy.window_s);
-    sindy.ridge = args.ridge.or(sindy.ridge);
+    said(args, &mut sindy);
     let dt = split.train.first().map_or(1.0, |run| run.dt);
     let horizon = args.horizon.or(identify.horizon).map_or(HORIZON, |horizon| horizon.samples(dt));
     let job = Job {
@@ -95,6 +92,32 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         show(&args.output, &identified);
     }
     Ok(if identified.sound() { Outcome::Done } else { Outcome::Missed })
+}
+
+/// What the command line says about the equations goes before the file.
+fn said(args: &Identify, sindy: &mut SindySettings) {
+    // A library by name and one by degree are the same setting in two ways.
+    if args.library.is_some() {
+        sindy.degree = None;
+        sindy.signed_squares = None;
+    } else if args.degree.is_some() {
+        sindy.library = None;
+    }
+    sindy.library = args.library.clone().or(sindy.library.take());
+    sindy.degree = args.degree.or(sindy.degree);
+    for (said, setting) in [(&args.terms, &mut sindy.terms), (&args.constraints, &mut sindy.constraints)] {
+        if !said.is_empty() {
+            setting.clone_from(said);
+        }
+    }
+    sindy.dissipative = args.dissipative.then_some(true).or(sindy.dissipative);
+    sindy.lag = args.lag.clone().unwrap_or_else(|| std::mem::take(&mut sindy.lag));
+    sindy.gate = args.gate.clone().unwrap_or_else(|| std::mem::take(&mut sindy.gate));
+    sindy.huber = args.huber.or(sindy.huber);
+    sindy.members = args.members.map_or(sindy.members, |n| Members(n.into()));
+    sindy.threshold = args.threshold.or(sindy.threshold);
+    sindy.window_s = args.window.or(sindy.window_s);
+    sindy.ridge = args.ridge.or(sindy.ridge);
 }
 
 /// Log files by their use.

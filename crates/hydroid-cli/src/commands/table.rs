@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use hydroid::evaluate::Evaluation;
+use hydroid::evaluate::{BandCoverage, Evaluation};
 use hydroid::identify::{Grade, Verdict};
 
 /// Horizons worth a row: about five from the first to the last, at round times.
@@ -78,6 +78,31 @@ pub fn errors(evaluation: &Evaluation) -> String {
             d.run, d.origin_s, d.horizon, d.channel
         );
     }
+    text
+}
+
+/// How often the band of the ensemble held what came, ready to print.
+pub fn band(band: &BandCoverage, evaluation: &Evaluation) -> String {
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "share of points inside the {:.0} % band of {} ensemble members ({} origins):",
+        100.0 * band.level,
+        band.members,
+        band.origins
+    );
+    for (horizon, shares) in band.horizons.iter().zip(&band.share) {
+        let time = trim(&format!("{:.4} s", *horizon as f64 * evaluation.dt));
+        let cells = evaluation.channels.iter().zip(shares).map(|(channel, share)| {
+            let percent = if share.is_nan() { String::from("-") } else { format!("{:.0} %", 100.0 * share) };
+            format!("{channel} {percent}")
+        });
+        let _ = writeln!(text, "{time:>10}  {}", cells.collect::<Vec<_>>().join(", "));
+    }
+    let _ = writeln!(
+        text,
+        "the band is the uncertainty of the coefficients alone: not noise of sensors, waves, wind, or a wrong structure"
+    );
     text
 }
 

@@ -32,9 +32,8 @@ pub struct BlendSettings {
 /// Predictions that are compared in one horizon.
 const CHECKS: usize = 10;
 
-/// A weight is the past loss to this power: an expert that was 10 % worse (in its squared errors) has half the
-/// weight.
-const POWER: f64 = -6.0;
+/// A weight is the past loss to this power: who was a quarter worse (in squared errors) has half the weight.
+const POWER: i32 = -3;
 
 /// No single squared error counts more than that many variances of the output: one bad sample, or one rollout that
 /// runs away, must not decide for long.
@@ -65,7 +64,6 @@ pub struct BlendedEquations {
     weights: Vec<f64>,
     past: Past,
     frozen: bool,
-    knob: Gate,
 }
 
 /// What the experts knew at the last checks, and the commands since.
@@ -108,7 +106,7 @@ impl BlendedEquations {
                 prior_s,
                 leak: true,
                 all_terms: true,
-                gate: Gate::default(),
+                gate: settings.gate,
             };
             RecursiveEquations::with_root(equations, ranges, &settings, root)
         };
@@ -144,7 +142,6 @@ impl BlendedEquations {
             blended,
             experts,
             frozen: false,
-            knob: settings.gate,
         })
     }
 
@@ -176,9 +173,7 @@ impl BlendedEquations {
             unrolled[..early.len()].copy_from_slice(early);
             unrolled[early.len()..].copy_from_slice(late);
         }
-        let keep = num_traits::Float::exp(-1.0 / (self.knob.reject * CHECKS as f64));
         for i in 0..count {
-            if known { self.losses[i] *= keep; }
             let snapshot = &mut snapshots[(slot * count + i) * len..][..len];
             if known {
                 trial.restore(snapshot);
@@ -203,7 +198,7 @@ impl BlendedEquations {
             let best = self.losses.iter().copied().fold(f64::INFINITY, f64::min);
             let mut sum = 0.0;
             for (share, loss) in self.shares.iter_mut().zip(&self.losses) {
-                *share = num_traits::Float::powf(loss / best, self.knob.inflate);
+                *share = num_traits::Float::powi(loss / best, POWER);
                 sum += *share;
             }
             self.shares.iter_mut().for_each(|share| *share /= sum);

@@ -23,7 +23,7 @@ use serde::Serialize;
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
-use crate::model::{Body, Model};
+use crate::model::{Body, Members, Model};
 use crate::progress::Progress;
 use watch::Watched;
 
@@ -230,6 +230,8 @@ pub fn adapt(
 fn with_weights(model: &Model, adapter: &RecursiveEquations, runs: &[&Trajectory], used: Used) -> Model {
     let mut model = model.clone();
     model.body = Body::Equations(Arc::new(adapter.equations().clone()));
+    // They spread around coefficients that the model no longer has.
+    model.members = Members::default();
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let entry = serde_json::json!({ "runs": names, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });
     let settings = &mut model.description.provenance.settings;

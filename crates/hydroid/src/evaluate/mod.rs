@@ -7,6 +7,7 @@
 //! A rollout is *diverged* when it is not finite or leaves ten times the design range; it is counted, left
 //! out of the means of the model and of persistence, and its place is told.
 
+mod band;
 mod sums;
 mod windows;
 
@@ -14,6 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::log::Channel;
 
+pub(crate) use band::quantile;
+pub use band::{BAND, Band, BandCoverage, band_coverage, bands};
 pub use windows::evaluate;
 
 /// What the session sees on the way.

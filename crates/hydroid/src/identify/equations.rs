@@ -6,7 +6,7 @@ use super::settings::{intervals, reference};
 use super::{IdentifyError, Job, Parts, SEARCH_ORIGINS, overview};
 use crate::evaluate;
 use crate::progress::Progress;
-use crate::sindy::{Found, Judge, Regression, SearchError, Structure, discover, search};
+use crate::sindy::{Found, Grid, Judge, Library, Optimizer, Regression, SearchError, Structure, discover, search};
 
 /// Rollouts that settings are compared by.
 pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
@@ -28,7 +28,7 @@ pub(super) fn memoryless(
     // Windows of a fifth of the horizon average the noise and blur no actuator.
     let regression = Regression::Weak { intervals: intervals(0.2 * job.horizon as f64).max(4) };
     let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
-    let libraries = job.sindy.libraries()?;
+    let libraries = job.sindy.libraries(train[0])?;
     let structures =
         discover(train, &reference(&libraries), regression, &lags, &gate, &mut |f| progress(0.3 * f))
             .map_err(SearchError::Cancelled)?;
@@ -47,37 +47,42 @@ pub(super) fn lagged(
         Some(seconds) => vec![vec![u16::try_from(intervals(seconds / dt)).unwrap_or(u16::MAX)]],
         None => vec![vec![samples(0.05)], vec![samples(0.1)], vec![samples(0.2)]],
     };
-    let libraries = job.sindy.libraries()?;
+    let libraries = job.sindy.libraries(parts.train[0])?;
     let structures: Vec<Structure> =
         pasts.into_iter().map(|past| Structure { past, ..Structure::from(reference(&libraries)) }).collect();
     run(job, parts, &structures, false, progress)
 }
 
-fn x(name: &str, default: &str) -> String { std::env::var(name).unwrap_or(default.to_owned()) }
-/// all terms
-pub(super) fn full(job: &Job, parts: &Parts<'_>, both: bool, past: f64, ridge: f64, progress: Progress<'_>) -> Result<Arc<Found>, IdentifyError> {
-    let train = &parts.train;
-    let past = if past == 0.0 { vec![] } else { vec![intervals(past * job.horizon as f64) as u16] };
-    let structures = vec![Structure { past, past_inputs_only: !both, ..Structure::from(x("X_LIB", "degree 2 + x|x|").parse::<crate::sindy::Library>().unwrap()) }];
-    let list = |n: &str, d: &str| x(n, d).split(',').map(|s| s.parse::<f64>().unwrap()).collect::<Vec<_>>();
-    let grid = crate::sindy::Grid {
-        structures,
-        regressions: list("X_WIN", "0.2").into_iter().map(|w| Regression::Weak { intervals: intervals(w * job.horizon as f64) }).collect(),
-        optimizers: vec![crate::sindy::Optimizer::Stepwise(0.0)],
-        ridges: vec![ridge],
-        loss: crate::sindy::Loss::Squares,
-        constraints: crate::sindy::Constraints::default(),
-    };
-    let inputs = overview::input_ranges(train);
-    let judge = Judge {
-        validation: &parts.validation,
-        outputs: &parts.ranges,
-        inputs: &inputs,
-        options: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick(job, parts) },
-        seed: job.seed,
-        members: 0,
-    };
-    Ok(Arc::new(search(train, &judge, &grid, progress)?))
+/// Equations with all terms of the richest library, and the inputs of a tenth of a horizon ago: a start for what keeps
+/// learning. Nothing is chosen but the ridge, the smallest under which no rollout diverges.
+pub(super) fn whole(
+    job: &Job,
+    parts: &Parts<'_>,
+    progress: Progress<'_>,
+) -> Result<Arc<Found>, IdentifyError> {
+    let run = parts.train[0];
+    let share = |share: f64| intervals(share * job.horizon as f64);
+    let past = u16::try_from(job.sindy.past_s.map_or(share(0.1), |s| intervals(s / run.dt))).unwrap_or(u16::MAX);
+    let libraries: Vec<Library> = job.sindy.libraries(run)?.pop().into_iter().collect();
+    let mut grid = job.sindy.grid(run.dt, job.horizon, &libraries, &[], true);
+    for structure in &mut grid.structures {
+        structure.past = vec![past];
+        structure.past_inputs_only = true;
+    }
+    if !job.sindy.central_differences && job.sindy.window_s.is_none() {
+        grid.regressions = vec![Regression::Weak { intervals: share(0.2) }];
+    }
+    grid.optimizers = vec![Optimizer::Stepwise(0.0)];
+    grid.constraints = job.sindy.rules(run, &libraries)?;
+    let ridges = job.sindy.ridge.map_or_else(|| vec![0.1, 1.0, 10.0], |ridge| vec![ridge]);
+    let mut outcome = Err(IdentifyError::Sindy(SearchError::Empty));
+    for ridge in ridges {
+        outcome = searched(job, parts, &Grid { ridges: vec![ridge], ..grid.clone() }, progress);
+        if !matches!(outcome, Err(IdentifyError::Sindy(SearchError::AllDiverged(_)))) {
+            break;
+        }
+    }
+    outcome
 }
 
 fn run(
@@ -88,8 +93,19 @@ fn run(
     progress: Progress<'_>,
 ) -> Result<Arc<Found>, IdentifyError> {
     let train = &parts.train;
-    let libraries = job.sindy.libraries()?;
-    let grid = job.sindy.grid(train[0].dt, job.horizon, &libraries, structures, plain);
+    let libraries = job.sindy.libraries(train[0])?;
+    let mut grid = job.sindy.grid(train[0].dt, job.horizon, &libraries, structures, plain);
+    grid.constraints = job.sindy.rules(train[0], &libraries)?;
+    searched(job, parts, &grid, progress)
+}
+
+fn searched(
+    job: &Job,
+    parts: &Parts<'_>,
+    grid: &Grid,
+    progress: Progress<'_>,
+) -> Result<Arc<Found>, IdentifyError> {
+    let train = &parts.train;
     let inputs = overview::input_ranges(train);
     let judge = Judge {
         validation: &parts.validation,
@@ -99,5 +115,5 @@ fn run(
         seed: job.seed,
         members: job.sindy.members.0,
     };
-    Ok(Arc::new(search(train, &judge, &grid, progress)?))
+    Ok(Arc::new(search(train, &judge, grid, progress)?))
 }

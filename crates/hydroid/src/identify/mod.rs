@@ -5,22 +5,23 @@ mod equations;
 mod overview;
 mod recursive;
 mod settings;
+mod twins;
 mod verdict;
+mod wording;
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::AdaptError;
+use hydroid_core::model::sparse::Equations;
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
-use crate::model::{Body, Description, Model, Port, Provenance, Reading};
+use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{Found, Losses, SearchError, UnknownLibrary};
+use crate::sindy::{ExpressionError, Found, Losses, SearchError, UnknownLibrary};
 
 pub use overview::{ChannelSummary, overview, ranges};
-pub use recursive::Pace;
 pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};
 pub use verdict::{Grade, Verdict, verdicts};
 
@@ -32,8 +33,8 @@ pub enum Method {
     Sindy,
     /// The same with outputs and inputs of some time ago among the variables.
     Lagged,
-    /// The better of the equations asked for, or [`Sindy`](Self::Sindy)'s, which keep learning by recursive
-    /// least squares.
+    /// Equations with all terms of a library, the past of the inputs among them, which keep learning at several
+    /// paces at once by recursive least squares.
     Recursive,
 }
 
@@ -85,9 +86,7 @@ pub struct Candidate {
 impl Candidate {
     /// The search that found its equations.
     pub fn found(&self) -> &Found {
-        match &self.training {
-            Training::Equations(found) | Training::Recursive(found, _) => found,
-        }
+        self.training.found()
     }
 }
 
@@ -96,8 +95,17 @@ impl Candidate {
 pub enum Training {
     /// A search for sparse equations.
     Equations(Arc<Found>),
-    /// Equations of a search, and the paces at which they were let learn.
-    Recursive(Arc<Found>, Vec<Pace>),
+    /// Equations with all terms of a library, which learn at several paces.
+    Recursive(Arc<Found>),
+}
+
+impl Training {
+    /// The search.
+    pub fn found(&self) -> &Arc<Found> {
+        match self {
+            Self::Equations(found) | Self::Recursive(found) => found,
+        }
+    }
 }
 
 /// The result of a job.
@@ -116,12 +124,39 @@ pub struct Identified {
 /// Why nothing was identified.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
-    /// Equations that cannot learn.
-    #[error(transparent)]
-    Learning(Box<AdaptError>),
     /// A library that there is not.
     #[error(transparent)]
     Library(UnknownLibrary),
+    /// A text that is no term or constraint.
+    #[error("{key}: {error}")]
+    Expression {
+        /// The setting.
+        key: &'static str,
+        /// What is wrong, and where.
+        error: ExpressionError,
+    },
+    /// A term or constraint that cannot be used.
+    #[error("'{text}' cannot be used: {why}")]
+    Constraint {
+        /// As given.
+        text: String,
+        /// Why, and what would do.
+        why: String,
+    },
+    /// A setting is of a channel that there is not.
+    #[error("{key}: there is no {what} '{name}'{hint} There are {known}")]
+    NoChannel {
+        /// The setting.
+        key: &'static str,
+        /// Output or input.
+        what: &'static str,
+        /// As given.
+        name: String,
+        /// The nearest name.
+        hint: String,
+        /// The names that there are.
+        known: String,
+    },
     /// A gate that is given splits nothing.
     #[error(
         "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, give runs that visit both modes, or let it be found (--gate auto)",
@@ -217,7 +252,9 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
     let verdicts = verdicts(&shown.test);
     let mut warnings = job.split.notes.clone();
-    warnings.extend(verdict::warnings(shown, &verdicts, &overview(&job.split), &job.split.test));
+    let data = overview(&job.split);
+    warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
+    warnings.extend(twins::warnings(shown, &data, &job.split.train));
     Ok(Identified { candidates, best, verdicts, warnings })
 }
 
@@ -228,7 +265,7 @@ fn best(candidates: &[Candidate]) -> Option<usize> {
     let mut order: Vec<usize> = (0..candidates.len())
         .filter(|&i| candidates[i].test.diverged == 0 && candidates[i].validation.diverged == 0)
         .collect();
-    order.sort_by_key(|&i| matches!(candidates[i].training, Training::Recursive(..)));
+    order.sort_by_key(|&i| matches!(candidates[i].training, Training::Recursive(_)));
     let mut best: Option<usize> = None;
     for i in order {
         let ahead = |b: usize| {
@@ -286,18 +323,27 @@ fn train_by(
                 "horizon": job.horizon,
             });
             let body = Body::Equations(Arc::new(found.fit.equations.clone()));
-            let model = describe(job, parts, method, body, settings);
+            let mut model = describe(job, parts, method, body, settings);
+            if let Some(ensemble) = &found.ensemble {
+                model.members = Ensemble::new(&ensemble.members);
+            }
             let score = found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
             Ok(done(model, Training::Equations(found), score))
         }
         Method::Recursive => {
-            let _ = before;
-            let base = |found: &Found| {
-                let body = Body::Equations(Arc::new(found.fit.equations.clone()));
-                describe(job, parts, method, body, serde_json::json!({ "chosen": found.trials[found.chosen], "asked": job.sindy, "horizon": job.horizon }))
+            let describe = |found: &Found, equations: Equations| {
+                let settings = serde_json::json!({
+                    "chosen": found.trials[found.chosen],
+                    "asked": job.sindy,
+                    "horizon": job.horizon,
+                });
+                describe(job, parts, method, Body::Equations(Arc::new(equations)), settings)
             };
-            let (model, found, paces) = recursive::learning(job, parts, base, progress)?;
-            Ok(done(model, Training::Recursive(found, paces), 0.0))
+            let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
+            let sparse = equations.min_by(|a, b| a.score.total_cmp(&b.score)).map(|t| t.training.found());
+            let (found, model) = recursive::learning(job, parts, sparse, describe, progress)?;
+            let score = found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
+            Ok(done(model, Training::Recursive(found), score))
         }
     }
 }
@@ -361,6 +407,7 @@ fn describe(job: &Job, parts: &Parts<'_>, method: Method, body: Body, settings: 
             },
         },
         body,
+        members: Ensemble::default(),
         learning: None,
     }
 }

@@ -5,10 +5,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::IdentifyError;
+use super::wording::place;
 use crate::log::Trajectory;
-use crate::sindy::{
-    Constraints, Family, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted,
-};
+use crate::sindy::{Family, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted};
 
 /// Settings of the search for equations. What is not given is chosen on the validation runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -16,6 +15,14 @@ use crate::sindy::{
 pub struct SindySettings {
     /// The one library to use, in words: `marine`, `degree 2 + x|x|`, `marine + rational` ...
     pub library: Option<String>,
+    /// Terms in words, `u |u|`, `v r`, `n |n| sin(delta)`: added to the library that is given by name or degree, and
+    /// the whole library where none is.
+    pub terms: Vec<String>,
+    /// What coefficients must obey, `OUTPUT: TERM` being one of them: `u: u |u| <= 0`, `v: u r = r: u v`.
+    pub constraints: Vec<String>,
+    /// Whether linear and quadratic damping may not push: the coefficients of `y` and `y |y|` in the equation of
+    /// `y` are not positive.
+    pub dissipative: Option<bool>,
     /// Degree of the polynomial library; without it 1 and 2 are tried, beside Fossen's terms.
     pub degree: Option<u8>,
     /// Whether the library has signed squares `x |x|`; without it both are tried.
@@ -188,10 +195,10 @@ impl SindySettings {
         };
         let mut lags = Vec::new();
         for (name, &time_constant_s) in given {
-            let needed = "an input, with a positive number of seconds";
+            let needed = "a positive number of seconds";
             let wrong =
                 || IdentifyError::Setting { what: "lag", value: format!("{name}={time_constant_s}"), needed };
-            let input = run.inputs.channels().iter().position(|c| c.name == *name).ok_or_else(wrong)?;
+            let input = place("lag", "input", name, run.inputs.channels())?;
             if !(time_constant_s.is_finite() && time_constant_s > 0.0) {
                 return Err(wrong());
             }
@@ -206,16 +213,20 @@ impl SindySettings {
     /// If the output does not exist, a number is not one, or a mode has hardly a sample in the training runs.
     pub fn gate(&self, training: &[&Trajectory]) -> Result<Wanted<Schedule>, IdentifyError> {
         let given = match &self.gate {
-            GateSetting::Word(Word::Auto) => return Ok(Wanted::Found),
+            GateSetting::Word(Word::Auto) => {
+                // A gate within a gate is for nobody to read.
+                let lists = training.first().map_or(Ok(false), |run| self.lists_gates(run))?;
+                return Ok(if lists { Wanted::None } else { Wanted::Found });
+            }
             GateSetting::Word(Word::None) => return Ok(Wanted::None),
             GateSetting::Given(given) => given,
         };
         let GivenGate { output: name, centre, slope } = given;
         let value = || format!("{name}={centre}/{slope}");
-        let needed = "an output, with a finite centre and a positive slope";
+        let needed = "OUTPUT=CENTRE/SLOPE with a finite centre and a positive slope";
         let wrong = || IdentifyError::Setting { what: "gate", value: value(), needed };
         let channels = training.first().map_or(&[][..], |run| run.outputs.channels());
-        let output = channels.iter().position(|c| c.name == *name).ok_or_else(wrong)?;
+        let output = place("gate", "output", name, channels)?;
         if !(centre.is_finite() && slope.is_finite() && *slope > 0.0) {
             return Err(wrong());
         }
@@ -231,8 +242,14 @@ impl SindySettings {
     /// The libraries of one mode to try, the simplest first.
     ///
     /// # Errors
-    /// If there is no library of the name that is given.
-    pub fn libraries(&self) -> Result<Vec<Library>, IdentifyError> {
+    /// If there is no library of the name that is given, or a listed term is none.
+    pub fn libraries(&self, run: &Trajectory) -> Result<Vec<Library>, IdentifyError> {
+        let listed = self.listed(run)?;
+        let named = self.library.is_some() || self.degree.is_some() || self.signed_squares.is_some();
+        if !(listed.is_empty() || named) {
+            let whole = Library::listed(listed);
+            return Ok(vec![if self.constant == Some(true) { whole.with(Family::Constant) } else { whole }]);
+        }
         let libraries = if let Some(name) = &self.library {
             vec![name.parse::<Library>().map_err(IdentifyError::Library)?]
         } else {
@@ -251,7 +268,11 @@ impl SindySettings {
         };
         let constant = self.constant.unwrap_or(true);
         let wanted = |library: Library| if constant { library } else { library.without_constant() };
-        Ok(libraries.into_iter().map(wanted).collect())
+        let libraries = libraries.into_iter().map(wanted);
+        if listed.is_empty() {
+            return Ok(libraries.collect());
+        }
+        Ok(libraries.map(|library| library.with(Family::Listed(listed.clone()))).collect())
     }
 
     /// What to try, for a sample time and a horizon in samples, with what was found about lags and modes.
@@ -291,7 +312,7 @@ impl SindySettings {
             },
             ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
-            constraints: Constraints::default(),
+            constraints: Vec::new(),
         }
     }
 }

@@ -6,7 +6,7 @@ use super::Candidate;
 use super::overview::ChannelSummary;
 use crate::evaluate::Evaluation;
 use crate::log::{Note, Trajectory};
-use crate::sindy::Found;
+use crate::sindy::{Found, Screened};
 
 /// How well an output is predicted at the longest horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -136,6 +136,17 @@ fn search_warnings(found: &Found, notes: &mut Vec<Note>) {
                 100.0 / (1.0 + largest)
             ))
             .with_remedy("log runs that move every input by itself; compare with --ridge 0.1"),
+        );
+    }
+    let Screened { rollouts, unbounded } = found.screened;
+    if unbounded > 0 {
+        notes.push(
+            Note::warning(format!(
+                "{unbounded} of {rollouts} rollouts from random states and commands inside the training envelope run away: the equations are not stable everywhere"
+            ))
+            .with_remedy(
+                "do not let a controller or a simulation go where no log has been; try --dissipative, a smaller library, or log runs that cover more of the envelope",
+            ),
         );
     }
     if found.condition > 1e6 {

@@ -12,11 +12,19 @@ use hydroid_core::model::sparse::{Equations, EquationsError, Signal, Term};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Description, Learning, Model};
+use super::{Body, Description, Learning, MOST_MEMBERS, Members, Model};
 use crate::atomic::{self, WriteError};
 
 /// Key of the description in the metadata of the file.
 const KEY: &str = "hydroid";
+
+/// Tensor of the ensemble, `members x places`; a file without it has no ensemble.
+const MEMBERS: &str = "members";
+/// Tensor of the places that `members` has, counted in the table of coefficients row by row.
+const PLACES: &str = "member_places";
+
+/// Tensor of the triangle that a model which learns begins with.
+const ROOT: &str = "root";
 
 /// Version of the description that this program writes and reads.
 const VERSION: u32 = 1;
@@ -123,17 +131,35 @@ fn encode(model: &Model) -> io::Result<Vec<u8>> {
         },
     };
     let json = serde_json::to_string(&head)?;
-    let terms = equations.terms().len();
-    let bytes = |numbers: &[f64]| numbers.iter().flat_map(|c| c.to_le_bytes()).collect::<Vec<u8>>();
+    let bytes = |values: &[f64]| -> Vec<u8> { values.iter().flat_map(|c| c.to_le_bytes()).collect() };
     let coefficients = bytes(equations.coefficients());
-    let root = model.learning.as_ref().map(|learning| bytes(&learning.root));
-    let view = |rows, bytes| TensorView::new(Dtype::F64, vec![rows, terms], bytes).map_err(io::Error::other);
-    let mut tensors = vec![("coefficients", view(equations.outputs(), &coefficients)?)];
-    if let Some(root) = &root {
-        tensors.push(("root", view(terms, root)?));
+    let (places, values) = model.members.parts();
+    let values = bytes(values);
+    let places: Vec<u32> = places
+        .iter()
+        .map(|&place| u32::try_from(place))
+        .collect::<Result<_, _>>()
+        .map_err(io::Error::other)?;
+    let places: Vec<u8> = places.iter().flat_map(|place| place.to_le_bytes()).collect();
+    let mut tensors =
+        vec![("coefficients", Dtype::F64, vec![equations.outputs(), equations.terms().len()], &coefficients)];
+    if !model.members.is_empty() {
+        let count = places.len() / 4;
+        tensors.push((MEMBERS, Dtype::F64, vec![model.members.len(), count], &values));
+        tensors.push((PLACES, Dtype::U32, vec![count], &places));
     }
+    let terms = equations.terms().len();
+    let root = model.learning.as_ref().map(|learning| bytes(&learning.root));
+    if let Some(root) = &root {
+        tensors.push((ROOT, Dtype::F64, vec![terms, terms], root));
+    }
+    let views = tensors
+        .into_iter()
+        .map(|(name, dtype, shape, bytes)| Ok((name, TensorView::new(dtype, shape, bytes)?)))
+        .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
+        .map_err(io::Error::other)?;
     let metadata = HashMap::from([(KEY.to_owned(), json)]);
-    safetensors::serialize(tensors, Some(metadata)).map_err(io::Error::other)
+    safetensors::serialize(views, Some(metadata)).map_err(io::Error::other)
 }
 
 /// Reads a model file.
@@ -195,7 +221,7 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     let coefficients = numbers(&tensors, "coefficients", &[outputs, count]).map_err(inconsistent)?;
     let learning = match learning {
         Some(settings) => {
-            let root = numbers(&tensors, "root", &[count, count]).map_err(inconsistent)?;
+            let root = numbers(&tensors, ROOT, &[count, count]).map_err(inconsistent)?;
             Some(Learning { settings, root })
         }
         None => None,
@@ -203,11 +229,33 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     let dt = description.dt;
     let equations = Equations::with_signals(terms, coefficients, outputs, inputs, signals, dt, substeps)
         .map_err(|e: EquationsError| inconsistent(e.to_string()))?;
-    let model = Model { description, body: Body::Equations(Arc::new(equations)), learning };
+    let members = members(&tensors, equations.coefficients().len()).map_err(inconsistent)?;
+    let model = Model { description, body: Body::Equations(Arc::new(equations)), members, learning };
     if let Some(learning) = &model.learning {
         model.blended(learning).map_err(|e| inconsistent(e.to_string()))?;
     }
     Ok(model)
+}
+
+/// The ensemble, if the file has one.
+fn members(tensors: &SafeTensors<'_>, count: usize) -> Result<Members, String> {
+    let (values, places) = match (tensors.tensor(MEMBERS), tensors.tensor(PLACES)) {
+        (Ok(values), Ok(places)) => (values, places),
+        (Err(_), Err(_)) => return Ok(Members::default()),
+        _ => return Err(format!("of '{MEMBERS}' and '{PLACES}' it has one tensor alone")),
+    };
+    let (&[members, width], &[length]) = (values.shape(), places.shape()) else {
+        return Err(String::from("its ensemble is no table"));
+    };
+    if places.dtype() != Dtype::U32 || length != width || !(1..=MOST_MEMBERS).contains(&members) {
+        return Err(format!(
+            "its ensemble has {members} members of {width} coefficients and {length} places (at most {MOST_MEMBERS} members)"
+        ));
+    }
+    let values = numbers(tensors, MEMBERS, &[members, width])?;
+    let (chunks, _) = places.data().as_chunks::<4>();
+    let places: Vec<u32> = chunks.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
+    Members::from_parts(&places, values, count)
 }
 
 fn numbers(tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, String> {

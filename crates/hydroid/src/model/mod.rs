@@ -3,6 +3,8 @@
 mod file;
 mod jacobian;
 mod latex;
+mod members;
+mod modes;
 mod text;
 mod units;
 
@@ -18,6 +20,8 @@ use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
 pub use file::{ModelError, decode, read, write};
 pub use jacobian::{JacobianEntry, JacobianText};
+pub use members::{MOST_MEMBERS, Members};
+pub use modes::{Mode, Modes, NamedGate};
 pub use units::{TermCoefficient, UnitProduct};
 
 /// A model with all that is needed to use it on another log.
@@ -27,6 +31,9 @@ pub struct Model {
     pub description: Description,
     /// The numbers.
     pub body: Body,
+    /// Other numbers that the data allow as well; none where nobody asked for them, or where the model has
+    /// learned since.
+    pub members: Members,
     /// How its sessions learn on the way; none for a model that stays as it is.
     pub learning: Option<Learning>,
 }

@@ -2,7 +2,7 @@
 
 use hydroid_core::model::sparse::{Equations, Signal, Term};
 
-use super::{Body, Model};
+use super::{Body, Mode, Model};
 
 /// Significant digits of a coefficient for people.
 const DIGITS: usize = 4;
@@ -20,13 +20,26 @@ impl Model {
     }
 
     /// The equations of motion, one line for each output, in physical units: `du/dt = -0.907 u + ...`, largest
-    /// exponents last, as the library has them; then one line for each signal that stands in them.
+    /// exponents last, as the library has them. Terms behind a gate stand together, `(1 - s) [...] + s [...]`. Then
+    /// one line for each gate and each signal that stands in them.
     pub fn equations_text(&self) -> Vec<String> {
         let Body::Equations(equations) = &self.body;
         let names = self.variable_names();
-        let outputs = (0..equations.outputs())
-            .map(|i| format!("d{}/dt = {}", names[i], sum(active(equations, i), &names, DIGITS)));
-        outputs.chain(self.signals_text()).collect()
+        let modes = self.modes();
+        let right = |i: usize| {
+            let mut text = String::new();
+            for (mode, terms) in modes.grouped(active(equations, i).map(|(c, term)| (c, term.clone()))) {
+                let own = sum(terms.iter().map(|(c, term)| (*c, term)), &names, DIGITS);
+                text.push_str(if text.is_empty() { "" } else { " + " });
+                match mode {
+                    Mode::All => text.push_str(&own),
+                    mode => text.extend([modes.weight(mode).as_str(), " [", &own, "]"]),
+                }
+            }
+            if text.is_empty() { String::from("0") } else { text }
+        };
+        let outputs = (0..equations.outputs()).map(|i| format!("d{}/dt = {}", names[i], right(i)));
+        outputs.chain(self.gates_text()).chain(self.signals_text()).collect()
     }
 
     /// What the signals are that stand in the equations: `d lag(n, 1.5 s)/dt = (n - lag(n, 1.5 s)) / 1.5 s`.
@@ -50,6 +63,7 @@ impl Model {
     pub fn units_text(&self) -> Vec<String> {
         let Body::Equations(equations) = &self.body;
         let names = self.variable_names();
+        let modes = self.modes();
         let mut rows = vec![vec![String::from("term")]];
         rows[0].extend(names[..equations.outputs()].iter().map(|name| format!("d{name}/dt")));
         for (j, term) in equations.terms().iter().enumerate() {
@@ -59,7 +73,7 @@ impl Model {
             };
             let units: Vec<String> = (0..equations.outputs()).map(unit).collect();
             if units.iter().any(|unit| unit != "-") {
-                rows.push(std::iter::once(term.name(&names)).chain(units).collect());
+                rows.push(std::iter::once(modes.name(term, &names)).chain(units).collect());
             }
         }
         let width =

@@ -10,9 +10,13 @@
 pub mod figure;
 pub mod style;
 
+mod coefficients;
 mod data;
 mod equations;
+mod formula;
+mod front;
 mod growth;
+mod hidden;
 mod number;
 mod page;
 mod predicted;
@@ -117,7 +121,7 @@ pub fn identification(result: &Identified, split: &Split, context: &Context) -> 
     let mut sections = vec![summary::section(&subject)];
     if let Some(candidate) = subject.candidate {
         let walks = rollouts::walk(candidate, &split.test);
-        sections.push(equations::section(candidate));
+        sections.push(equations::section(candidate, &split.train));
         sections.push(growth::section(candidate)?);
         sections.push(predicted::section(candidate, &walks)?);
         sections.push(residuals::section(candidate, &walks)?);

@@ -1,5 +1,6 @@
 //! Measured against predicted, on the test runs.
 
+use hydroid_core::predict::Predictor;
 use maud::{Markup, html};
 
 use super::figure::{Figure, Key, Line, Mark, Panel, Points, Sign, Stroke, cover, envelope};
@@ -8,6 +9,7 @@ use super::page::{Section, columns, figure, nothing};
 use super::rollouts::{Rollout, Walk};
 use super::series::{self, BINS, COMMAND, held_points, points};
 use super::{ReportError, style};
+use crate::evaluate::bands;
 use crate::identify::Candidate;
 
 /// Rollouts in the overview.
@@ -29,8 +31,10 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
     };
     let over = number::duration(walk.horizon as f64 * walk.run.dt);
     let overview = walk.liveliest(OVERVIEW);
+    let members = candidate.model.member_sessions();
     let mut blocks = vec![block(
         walk,
+        &members,
         overview,
         &html! {
             "The stretch of " b { (walk.run.name) } " over which the outputs move most: "
@@ -42,6 +46,7 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
         let middle = closer.get(closer.len() / 2).map_or(f64::NAN, |r| r.error);
         blocks.push(block(
             walk,
+            &members,
             closer,
             &html! {
                 "A closer look at a typical place: around the rollout whose error is the median of all "
@@ -53,6 +58,12 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
     let body = html! {
         p { "The model starts from what was measured and then sees the commands alone. It never looks at the outputs again until the next circle." }
         (columns(&blocks))
+        @if !members.is_empty() {
+            p.small {
+                "The shaded band holds nine tenths of the rollouts of the " (members.len()) " members of the ensemble: what the uncertainty of the coefficients does to the prediction; where that is little, it hides behind the line. "
+                "Not in it are the noise of the sensors, waves and wind that were not measured, and whatever no term of the model can say; measurements may lie outside."
+            }
+        }
         @if candidate.model.description.inputs.len() > COMMANDS {
             p.small { "Only the first " (COMMANDS) " inputs are drawn." }
         }
@@ -60,8 +71,13 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
     Ok(Section { id, heading, body })
 }
 
-fn block(walk: &Walk<'_>, rollouts: &[Rollout], caption: &Markup) -> Result<Markup, ReportError> {
-    let (drawing, left) = draw(walk, rollouts);
+fn block(
+    walk: &Walk<'_>,
+    members: &[Box<dyn Predictor>],
+    rollouts: &[Rollout],
+    caption: &Markup,
+) -> Result<Markup, ReportError> {
+    let (drawing, left) = draw(walk, members, rollouts);
     let caption = html! {
         (caption)
         @if !left.is_empty() {
@@ -72,7 +88,7 @@ fn block(walk: &Walk<'_>, rollouts: &[Rollout], caption: &Markup) -> Result<Mark
 }
 
 /// The figure of some neighbouring rollouts, and the outputs whose prediction leaves its panel.
-fn draw<'a>(walk: &Walk<'a>, rollouts: &[Rollout]) -> (Figure, Vec<&'a str>) {
+fn draw<'a>(walk: &Walk<'a>, members: &[Box<dyn Predictor>], rollouts: &[Rollout]) -> (Figure, Vec<&'a str>) {
     let run = walk.run;
     let from = rollouts.first().map_or(0, |r| r.origin);
     let to = rollouts.last().map_or(from, |r| r.origin + walk.horizon);
@@ -83,6 +99,12 @@ fn draw<'a>(walk: &Walk<'a>, rollouts: &[Rollout]) -> (Figure, Vec<&'a str>) {
         .key(Key::Line(style::MODEL_LINE), "model")
         .key(Key::Sign(Sign::Ring, style::MODEL), "origin")
         .key(Key::Line(style::COMMAND_LINE), "command");
+    if !members.is_empty() {
+        figure = figure.key(Key::Area(style::BAND), "90 % of the ensemble");
+    }
+    let at: Vec<usize> = rollouts.iter().map(|r| r.origin).collect();
+    let steps: Vec<usize> = (1..=walk.horizon).collect();
+    let bands = bands(members, run, &run.outputs, &at, &steps);
     let origins: Vec<f64> = rollouts.iter().map(|r| time(r.origin)).collect();
     let hair = Stroke { colour: style::AXIS, width: 0.8, dash: super::figure::Dash::Dotted };
     let verticals = || Mark::Verticals { at: origins.clone(), stroke: hair };
@@ -107,8 +129,13 @@ fn draw<'a>(walk: &Walk<'a>, rollouts: &[Rollout]) -> (Figure, Vec<&'a str>) {
         let mut panel = Panel::new(number::with_unit(&channel.name, &channel.unit))
             .height(series::OUTPUT + 8.0)
             .range(range.0, range.1)
-            .mark(verticals())
-            .mark(Mark::Line(Line::new(measured, style::MEASURED_LINE)));
+            .mark(verticals());
+        for (rollout, band) in rollouts.iter().zip(&bands) {
+            let edges = |i: usize| (time(rollout.origin + i + 1), band.low[i * n + c], band.high[i * n + c]);
+            let points = (0..walk.horizon).map(edges).collect();
+            panel = panel.mark(Mark::Band { points, colour: style::BAND, opacity: 0.45 });
+        }
+        panel = panel.mark(Mark::Line(Line::new(measured, style::MEASURED_LINE)));
         for line in lines {
             panel = panel.mark(Mark::Line(Line::new(line, Stroke { width: 1.7, ..style::MODEL_LINE })));
         }

@@ -3,14 +3,17 @@
 use maud::{Markup, html};
 use plotters::style::RGBColor;
 
-use super::figure::{Figure, Key, Mark, Panel, Points, Sign};
+use super::figure::{Dash, Figure, Key, Line, Mark, Panel, Points, Sign, Stroke};
+use super::front::{front, stairs};
 use super::number::{self, fixed, seconds_text};
 use super::page::{Section, cell, columns, figure, notes, nothing, table};
 use super::{ReportError, Subject, style};
 use crate::identify::Candidate;
 use crate::log::Note;
-use crate::sindy::{Criterion, Optimizer, Regression, Structure, Trial};
+use crate::sindy::{Criterion, Optimizer, Regression, Trial};
 
+/// The front of the least errors.
+const FRONT: Stroke = Stroke { colour: style::MUTED, width: 1.4, dash: Dash::Solid };
 /// Rows of the table.
 const BEST: usize = 12;
 /// The chart shows scores up to this multiple of the best.
@@ -38,7 +41,7 @@ fn choice(candidate: &Candidate) -> Result<Markup, ReportError> {
     let diverged = found.trials.iter().filter(|t| t.score.is_none()).count();
     let (drawing, above) = chart(&found.trials, found.chosen);
     let caption = html! {
-        "Each sign is one setting; lower is better, fewer terms are simpler."
+        "Each sign is one setting; lower is better, fewer terms are simpler. The line is the front: the least error that any setting reaches with so many terms."
         @if above > 0 { " Triangles at the top: " (number::count(above)) " with larger errors." }
         @if diverged > 0 { " Crosses at the top: " (number::count(diverged)) " that diverged." }
     };
@@ -46,24 +49,62 @@ fn choice(candidate: &Candidate) -> Result<Markup, ReportError> {
     let (rows, skipped) = found.rows;
     Ok(html! {
         p {
-            "Every setting was fitted to the training runs and rolled out on the validation runs and on excerpts of the training runs; the one with the least mean NRMSE over both, all outputs and all horizons was taken. "
+            "Every setting was fitted to the training runs and rolled out on the validation runs and on excerpts of the training runs; its score is the mean NRMSE over both, all outputs and all horizons. "
+            "Taken was the simplest of those that are within one standard error of the best, and whose rollouts stay bounded if one near the best does. "
             "The test runs had no say. "
+            (by_output(candidate))
             (number::count(found.trials.len())) " settings were tried"
             @if diverged > 0 { ", of which " (number::count(diverged)) " diverged" }
             "; the chosen regression has " (number::count(usize::try_from(rows).unwrap_or(usize::MAX))) " rows"
             @if skipped > 0 { " (" (number::count(usize::try_from(skipped).unwrap_or(usize::MAX))) " left out for missing samples)" }
             " and a library of condition number " (number::text(found.condition, 2)) "."
         }
+        @if found.screened.rollouts > 0 && found.screened.is_bounded() {
+            p.small {
+                "Stability: " (number::count(found.screened.rollouts)) " rollouts from random states under random commands inside the training envelope all stayed bounded."
+            }
+        }
         (columns(&[chart, best(&found.trials, found.chosen, dt)]))
     })
 }
 
-/// Libraries in the order in which they were tried.
-fn structures(trials: &[Trial]) -> Vec<Structure> {
-    let mut list: Vec<Structure> = Vec::new();
+/// From which settings the equations come, where not all come from the chosen ones; and what that gave.
+fn by_output(candidate: &Candidate) -> Markup {
+    let found = candidate.found();
+    let others: Vec<(usize, &Trial)> = found
+        .equations
+        .iter()
+        .enumerate()
+        .filter(|(_, trial)| **trial != found.chosen)
+        .filter_map(|(output, &trial)| Some((output, found.trials.get(trial)?)))
+        .collect();
+    let dt = candidate.model.description.dt;
+    let chosen = found.trials.get(found.chosen).and_then(|trial| trial.score);
+    html! {
+        @if others.is_empty() {
+            "All equations come from that setting: for no single output another did better beyond the noise. "
+        } @else {
+            "Then each output in turn was given the equations of other settings, which stayed where the rollouts got better beyond the noise: "
+            @for (i, (output, trial)) in others.iter().enumerate() {
+                @if i > 0 { "; " }
+                "that of " b { (candidate.model.description.outputs[*output].channel.name) } " comes from "
+                (trial.structure.to_string()) ", " (regression(trial.regression, dt)) ", " (optimizer(trial.optimizer))
+                ", ridge " (ridge(trial.ridge))
+            }
+            ". Together they score " (fixed(found.score, 4))
+            @if let Some(chosen) = chosen { ", the chosen setting alone " (fixed(chosen, 4)) }
+            ". "
+        }
+    }
+}
+
+/// Libraries in the order in which they were tried; those that read alike, of other pasts say, are one.
+fn structures(trials: &[Trial]) -> Vec<String> {
+    let mut list: Vec<String> = Vec::new();
     for trial in trials {
-        if !list.contains(&trial.structure) {
-            list.push(trial.structure.clone());
+        let name = trial.structure.to_string();
+        if !list.contains(&name) {
+            list.push(name);
         }
     }
     list
@@ -89,7 +130,7 @@ fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
     let mut above = 0;
     for (i, library) in structures(trials).into_iter().enumerate() {
         let (mut inside, mut over, mut lost) = (Vec::new(), Vec::new(), Vec::new());
-        for trial in trials.iter().filter(|t| t.structure == library) {
+        for trial in trials.iter().filter(|t| t.structure.to_string() == library) {
             let terms = trial.terms as f64;
             match trial.score {
                 Some(score) if score <= top => inside.push((terms, score)),
@@ -103,7 +144,24 @@ fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
         {
             panel = panel.mark(Mark::Points(Points { points, sign, colour: colour(i), radius, label: None }));
         }
-        figure = figure.key(Key::Sign(Sign::Disc, colour(i)), library.to_string());
+        figure = figure.key(Key::Sign(Sign::Disc, colour(i)), library);
+    }
+    let end = 1.05 * most + 1.0;
+    let front = front(trials);
+    let line = stairs(&front, end).into_iter().map(|(terms, score)| (terms, score.min(top))).collect();
+    panel = panel.mark(Mark::Line(Line::new(line, FRONT)));
+    figure = figure.key(Key::Line(FRONT), "front");
+    let place = |trial: &Trial| trial.score.map(|score| (trial.terms as f64, score));
+    let best = front.last().copied();
+    if let Some(best) = best.filter(|best| trials.get(chosen).and_then(place) != Some(*best)) {
+        let points = Points {
+            points: vec![best],
+            sign: Sign::Ring,
+            colour: style::MUTED,
+            radius: 5.5,
+            label: Some("best".to_owned()),
+        };
+        panel = panel.mark(Mark::Points(points));
     }
     let winner = trials.get(chosen).and_then(|t| t.score.map(|s| (t.terms as f64, s)));
     if let Some(winner) = winner {
@@ -123,10 +181,14 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
     let mut order: Vec<usize> = (0..trials.len()).collect();
     let key = |i: usize| trials[i].score.unwrap_or(f64::INFINITY);
     order.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then((a != chosen).cmp(&(b != chosen))));
+    let shown = order.len().min(BEST);
+    // The simplest of many that are as good need not be among the first.
+    let behind = order.iter().skip(BEST).copied().find(|&i| i == chosen);
     let heads = ["library", "rows over", "selection", "ridge", "terms", "score"].map(cell);
     let rows: Vec<Vec<Markup>> = order
         .into_iter()
         .take(BEST)
+        .chain(behind)
         .map(|i| {
             let trial = &trials[i];
             let score = trial.score.map_or_else(|| "diverged".to_owned(), |s| fixed(s, 4));
@@ -167,8 +229,9 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
     html! {
         (table(&heads, &rows, 1))
         p.small {
-            "The best " (rows.len()) " of " (number::count(trials.len())) "; the chosen one in bold. "
-            "Rows over: the time over which an increment was taken (“central”: central differences). "
+            "The best " (shown) " of " (number::count(trials.len()))
+            @if behind.is_some() { ", and the chosen one" } "; the chosen one in bold. "
+            "Rows over: the time that a row of the regression averages over (“central”: central differences). "
             "Selection: a term leaves if the residual then grows by less than the percentage, or (≥) if its contribution is below the number. "
             "Score: mean of the NRMSE on validation runs and on excerpts of the training runs."
         }

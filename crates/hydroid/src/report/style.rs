@@ -17,6 +17,8 @@ pub const GRID: RGBColor = RGBColor(0xe3, 0xe7, 0xeb);
 pub const AXIS: RGBColor = RGBColor(0xa9, 0xb2, 0xba);
 /// The model.
 pub const MODEL: RGBColor = RGBColor(0x00, 0x72, 0xb2);
+/// The band around the model.
+pub const BAND: RGBColor = RGBColor(0x56, 0xb4, 0xe9);
 /// Persistence: "nothing changes".
 pub const PERSISTENCE: RGBColor = RGBColor(0x86, 0x8e, 0x96);
 /// Commands.

@@ -255,6 +255,45 @@ fn rollouts_that_blow_up_are_drawn_as_far_as_the_panel_goes() {
 }
 
 #[test]
+fn lags_and_modes_are_told_in_words_and_gates_stand_once() {
+    use hydroid_core::model::sparse::{Equations, Gate, Real, Signal};
+    let (job, result) = identified();
+    let mut gated = result.clone();
+    let candidate = &mut gated.candidates[0];
+    let gate = Gate { centre: Real(0.5), slope: Real(11.0) };
+    let terms: Vec<Term> =
+        [Term::monomial(&[0]), Term::monomial(&[5])].iter().flat_map(|term| term.gated(0, gate)).collect();
+    let lag = Signal::Lag { input: 3, time_constant_s: Real(1.0) };
+    let row = [-1.0, -2.0, 0.25, 0.0];
+    let dt = job.split.test[0].dt;
+    let equations = Equations::with_signals(terms, row.repeat(3), 3, 2, vec![lag], dt, 1).unwrap();
+    let found = found_mut(candidate);
+    found.fit.equations = equations.clone();
+    found.fit.scaled = vec![0.5; 12];
+    let ensemble = found.ensemble.as_mut().unwrap();
+    ensemble.members = vec![row.repeat(3), row.map(|x| 1.1 * x).repeat(3)];
+    (ensemble.low, ensemble.high) = (vec![-3.0; 12], vec![-0.125; 12]);
+    ensemble.inclusion = [1.0, 0.25, 1.0, 1.0].repeat(3);
+    candidate.model.members = crate::model::Members::new(&ensemble.members);
+    candidate.model.body = crate::model::Body::Equations(std::sync::Arc::new(equations));
+    let text = page(&gated, &job.split);
+    for part in [
+        "acts through a first-order lag of <b>1.00 s</b>, found in these logs",
+        "<b>0.500\u{a0}m/s</b>, over about ±0.2\u{a0}m/s (10 to 90 %)",
+        "% of the time above",
+        "s = sigma(11.00 (u - 0.5000))",
+        "−3.000 … −0.1250",
+        "25 % ⚠",
+        "90 % of the ensemble",
+        "front",
+        "within one standard error of the best",
+    ] {
+        assert!(text.contains(part), "{part} is missing");
+    }
+    assert!(!text.contains("below(u") && !text.contains("above(u"), "a gate is written out");
+}
+
+#[test]
 fn runs_of_another_vessel_are_refused() {
     let (job, result) = identified();
     let mut split = job.split.clone();
@@ -266,7 +305,7 @@ fn runs_of_another_vessel_are_refused() {
 /// The search behind a candidate, to spoil it.
 fn found_mut(candidate: &mut Candidate) -> &mut crate::sindy::Found {
     match &mut candidate.training {
-        crate::identify::Training::Equations(found) | crate::identify::Training::Recursive(found, _) => {
+        crate::identify::Training::Equations(found) | crate::identify::Training::Recursive(found) => {
             std::sync::Arc::make_mut(found)
         }
     }

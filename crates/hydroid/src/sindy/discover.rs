@@ -41,10 +41,22 @@ const PIECE: usize = 3_000;
 const WORTH: f64 = 0.02;
 /// Share of the samples that each mode of a gate must have.
 const VISITED: f64 = 0.05;
+/// Longest time constant that is tried, in windows of the regression.
+const LONGEST: f64 = 1.25;
+/// Time constants tried, but one.
+const TIMES: u8 = 7;
+/// Slopes tried, over the width of the output's range.
+const SLOPES: [f64; 3] = [6.0, 20.0, 60.0];
 /// A warm-up that takes more than this share of the samples away is not worth it.
 const WARM_UP: f64 = 0.1;
 
+/// Steps of the search at the most: each adds a gate, or lags.
+const STEPS: usize = 4;
+
 /// Structures to try beside the plain library, the simpler ones first.
+///
+/// Step by step, whatever lowers the cost most is added: a lag on an input, one on all inputs, or a gate.
+/// A lag that was taken for want of a gate leaves again once the gate is there.
 ///
 /// # Errors
 /// If the work was interrupted.
@@ -57,33 +69,45 @@ pub fn discover(
     progress: Progress<'_>,
 ) -> Result<Vec<Structure>, Cancelled> {
     let Some(first) = runs.first() else { return Ok(Vec::new()) };
+    let (some, all) = (thinned(runs, SCAN_SAMPLES), thinned(runs, REFINE_SAMPLES));
     let scan = Scan {
-        runs: &thinned(runs, SCAN_SAMPLES),
+        runs: &some,
         variables: Variables::of(first),
         regression,
-        longest: 0.25 * regression.window() as f64 * first.dt * 5.0,
+        longest: LONGEST * regression.window() as f64 * first.dt,
+        free: [*lags == Wanted::Found, *gate == Wanted::Found],
     };
-    let plain = Structure::from(library.clone());
-    let Some(before) = scan.cost(&plain) else { return Ok(Vec::new()) };
+    let fine = Scan { runs: &all, variables: scan.variables.clone(), ..scan };
+    let mut now = Structure::from(library.clone());
+    if let Wanted::Given(lags) = lags {
+        now.lags.clone_from(lags);
+    }
+    if let Wanted::Given(schedule) = gate {
+        now.gate = Some(*schedule);
+    }
     let mut structures = Vec::new();
-    let with_lags = match lags {
-        Wanted::None => None,
-        Wanted::Given(lags) => Some(Structure { lags: lags.clone(), ..plain.clone() }),
-        Wanted::Found => scan.lags(&plain, before, &mut |f| progress(0.3 * f))?,
-    };
-    let base = with_lags.clone().unwrap_or_else(|| plain.clone());
-    let with_gate = match gate {
-        Wanted::None => None,
-        Wanted::Given(schedule) => Some(Structure { gate: Some(*schedule), ..base.clone() }),
-        Wanted::Found => scan.gate(&base, &mut |f| progress(0.3 + 0.4 * f))?,
-    };
-    let all = thinned(runs, REFINE_SAMPLES);
-    let fine = Scan { runs: &all, ..scan };
-    let found = [with_lags, with_gate];
-    for (index, structure) in found.into_iter().enumerate().filter_map(|(i, s)| Some((i, s?))) {
-        let free = [*lags == Wanted::Found, *gate == Wanted::Found];
-        structures.push(fine.refined(structure, free));
-        progress::report(progress, 0.85 + 0.15 * index as f64)?;
+    if now.parameters() > 0 {
+        structures.push(now.clone());
+    }
+    for step in 0..STEPS {
+        let Some(before) = scan.cost(&now) else { break };
+        let Some((after, next)) = scan
+            .steps(&now)
+            .into_par_iter()
+            .filter_map(|s| Some((scan.cost(&s)?, s)))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+        else {
+            break;
+        };
+        progress::report(progress, (step as f64 + 0.5) / STEPS as f64)?;
+        if !scan.is_worth(before, after, scan.size(&next) - scan.size(&now)) {
+            break;
+        }
+        now = fine.pruned(fine.refined(next));
+        progress::report(progress, (step as f64 + 1.0) / STEPS as f64)?;
+        if !structures.contains(&now) {
+            structures.push(now.clone());
+        }
     }
     Ok(structures)
 }
@@ -95,6 +119,8 @@ struct Scan<'a> {
     regression: Regression,
     /// Longest time constant tried \[s\].
     longest: f64,
+    /// Whether lags and gate are looked for.
+    free: [bool; 2],
 }
 
 impl Scan<'_> {
@@ -125,62 +151,49 @@ impl Scan<'_> {
         gain > WORTH * outputs && windows * gain > 0.5 * added as f64 * windows.ln()
     }
 
-    /// Inputs one by one, and all together, through a lag; the best stays, and others may follow.
-    fn lags(
-        &self,
-        plain: &Structure,
-        before: f64,
-        progress: Progress<'_>,
-    ) -> Result<Option<Structure>, Cancelled> {
+    /// Coefficients and parameters of a structure.
+    fn size(&self, structure: &Structure) -> usize {
+        structure.count(&self.variables) * self.variables.outputs().count() + structure.parameters()
+    }
+
+    /// Structures one step beyond another.
+    fn steps(&self, now: &Structure) -> Vec<Structure> {
+        let mut steps = Vec::new();
+        if self.free[0] {
+            steps.extend(self.lag_steps(now));
+        }
+        if self.free[1] && now.gate.is_none() {
+            steps.extend(self.gate_steps(now));
+        }
+        steps
+    }
+
+    /// Inputs one by one, and all together, through a lag.
+    fn lag_steps(&self, now: &Structure) -> Vec<Structure> {
         let commands = self.variables.inputs().map(|(_, kind)| kind).enumerate();
         // No actuator stands between the wind and the vessel.
-        let inputs: Vec<usize> = commands.filter(|(_, kind)| *kind != Kind::Wind).map(|(i, _)| i).collect();
-        let shortest = self.runs[0].dt;
-        let steps = 7;
-        let times: Vec<f64> = (0..=steps)
-            .map(|k| shortest * (self.longest / shortest).powf(f64::from(k) / f64::from(steps)))
-            .collect();
-        let mut best = (before, plain.clone());
-        loop {
-            let free: Vec<usize> =
-                inputs.iter().copied().filter(|i| best.1.lags.iter().all(|lag| lag.input != *i)).collect();
-            let mut sets: Vec<Vec<usize>> = free.iter().map(|&i| vec![i]).collect();
-            if free.len() > 1 {
-                sets.push(free);
-            }
-            let tries: Vec<(f64, Structure)> = sets
-                .iter()
-                .flat_map(|set| times.iter().map(move |&t| (set, t)))
-                .collect::<Vec<_>>()
-                .into_par_iter()
-                .filter_map(|(set, time_constant_s)| {
-                    let mut structure = best.1.clone();
-                    structure.lags.extend(set.iter().map(|&input| Lag { input, time_constant_s }));
-                    Some((self.cost(&structure)?, structure))
-                })
-                .collect();
-            progress::report(progress, best.1.lags.len() as f64 / (1 + inputs.len()) as f64)?;
-            let Some(next) = tries.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-            let added = next.1.lags.len() - best.1.lags.len();
-            if !self.is_worth(best.0, next.0, added) {
-                break;
-            }
-            best = next;
+        let commands = commands.filter(|(_, kind)| *kind != Kind::Wind).map(|(i, _)| i);
+        let free: Vec<usize> = commands.filter(|i| now.lags.iter().all(|lag| lag.input != *i)).collect();
+        let mut sets: Vec<Vec<usize>> = free.iter().map(|&i| vec![i]).collect();
+        if free.len() > 1 {
+            sets.push(free);
         }
-        Ok((!best.1.lags.is_empty()).then_some(best.1))
+        let shortest = self.runs.first().map_or(1.0, |run| run.dt);
+        let time = |k: u8| shortest * (self.longest / shortest).powf(f64::from(k) / f64::from(TIMES));
+        let with = |set: &[usize], k: u8| {
+            let mut structure = now.clone();
+            structure.lags.extend(set.iter().map(|&input| Lag { input, time_constant_s: time(k) }));
+            structure
+        };
+        sets.iter().flat_map(|set| (0..=TIMES).map(move |k| with(set, k))).collect()
     }
 
     /// Gates on each output, at nine places and of three slopes.
-    fn gate(&self, base: &Structure, progress: Progress<'_>) -> Result<Option<Structure>, Cancelled> {
-        let Some(before) = self.cost(base) else { return Ok(None) };
-        let mut tries = Vec::new();
+    fn gate_steps(&self, now: &Structure) -> Vec<Structure> {
+        let mut steps = Vec::new();
         for output in 0..self.variables.outputs().count() {
-            let mut values: Vec<f64> = self
-                .runs
-                .iter()
-                .flat_map(|run| run.outputs.column(output))
-                .filter(|v| v.is_finite())
-                .collect();
+            let of_run = |run: &'_ Trajectory| run.outputs.column(output).collect::<Vec<f64>>();
+            let mut values: Vec<f64> = self.runs.iter().flat_map(of_run).filter(|v| v.is_finite()).collect();
             values.sort_unstable_by(f64::total_cmp);
             let Some(last) = values.len().checked_sub(1) else { continue };
             let at = |share: f64| {
@@ -194,28 +207,34 @@ impl Scan<'_> {
                 continue;
             }
             for tenth in 1..10 {
-                for slope in [6.0, 20.0, 60.0] {
-                    tries.push(Schedule::new(output, at(0.1 * f64::from(tenth)), slope / width));
+                for slope in SLOPES {
+                    let schedule = Schedule::new(output, at(0.1 * f64::from(tenth)), slope / width);
+                    steps.push(Structure { gate: Some(schedule), ..now.clone() });
                 }
             }
         }
-        progress::report(progress, 0.1)?;
-        let best = tries
-            .into_par_iter()
-            .filter_map(|schedule| {
-                let structure = Structure { gate: Some(schedule), ..base.clone() };
-                Some((self.cost(&structure)?, structure))
-            })
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        progress::report(progress, 1.0)?;
-        let Some((after, structure)) = best else { return Ok(None) };
-        let added = base.count(&self.variables) * self.variables.outputs().count() + 2;
-        Ok(self.is_worth(before, after, added).then_some(structure))
+        steps
+    }
+
+    /// Without the lags that are not worth their parameters beside the rest.
+    fn pruned(&self, mut structure: Structure) -> Structure {
+        let mut index = 0;
+        while self.free[0] && structure.gate.is_some() && index < structure.lags.len() {
+            let mut fewer = structure.clone();
+            fewer.lags.remove(index);
+            let fewer = self.refined(fewer);
+            match (self.cost(&fewer), self.cost(&structure)) {
+                (Some(without), Some(with)) if !self.is_worth(without, with, 1) => structure = fewer,
+                _ => index += 1,
+            }
+        }
+        structure
     }
 
     /// The structure with its free parameters at the minimum of the cost: logarithms of the time constants,
     /// place of the gate in widths of its change, logarithm of its slope.
-    fn refined(&self, structure: Structure, [lags, gate]: [bool; 2]) -> Structure {
+    fn refined(&self, structure: Structure) -> Structure {
+        let [lags, gate] = self.free;
         let mut start: Vec<f64> = Vec::new();
         if lags {
             start.extend(structure.lags.iter().map(|lag| lag.time_constant_s.ln()));

@@ -14,6 +14,7 @@ use super::error::FitError;
 use super::fit::Prepared;
 use super::options::FitOptions;
 use super::triangle::Triangle;
+use crate::evaluate::quantile;
 
 /// How an ensemble is drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -186,14 +187,4 @@ fn summary(bags: Vec<Bag>, outputs: usize, (low, high): (f64, f64)) -> Ensemble 
     }
     ensemble.members = bags.into_iter().map(|bag| bag.coefficients).collect();
     ensemble
-}
-
-/// Quantile of sorted values, linear between them.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let place = share * (sorted.len() - 1) as f64;
-    // Between 0 and the number of values.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let below = place as usize;
-    let above = (below + 1).min(sorted.len() - 1);
-    sorted[below] + (place - below as f64) * (sorted[above] - sorted[below])
 }

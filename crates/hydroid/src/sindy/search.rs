@@ -13,11 +13,13 @@ use super::choose::{Losses, compose};
 use super::constraints::Constraints;
 use super::ensemble::{Bagging, Ensemble};
 use super::error::FitError;
+use super::expression::Constraint;
 use super::fit::{Fit, Prepared};
 use super::kernel::Regression;
 use super::library::Variables;
 use super::options::{FitOptions, Optimizer, Preparation};
 use super::robust::Loss;
+use super::rules::ties_outputs;
 use super::screen::{Screen, Screened, screen};
 use super::structure::Structure;
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
@@ -37,8 +39,8 @@ pub struct Grid {
     pub ridges: Vec<f64>,
     /// What residuals cost, in all trials.
     pub loss: Loss,
-    /// What the coefficients must obey, in all trials.
-    pub constraints: Constraints,
+    /// What the coefficients must obey, in all trials: each [is kept](super::is_kept) by the solver.
+    pub constraints: Vec<Constraint>,
 }
 
 impl Grid {
@@ -190,12 +192,13 @@ pub fn search(
                 continue;
             }
         };
+        let constraints = structure.constraints(&grid.constraints, &bench.variables);
         for (position, &ridge) in grid.ridges.iter().enumerate() {
             let done = (index as f64 + position as f64 / grid.ridges.len() as f64) / pairs as f64;
             progress::report(progress, 0.9 * done)?;
             let mut last: Option<Vec<f64>> = None;
             for &optimizer in &grid.optimizers {
-                let fit = match prepared.fit(&options(optimizer, ridge, run.dt, grid)) {
+                let fit = match prepared.fit(&options(optimizer, ridge, run.dt, &constraints)) {
                     Ok(fit) => fit,
                     Err(error) => {
                         refusal.get_or_insert(error.into());
@@ -223,8 +226,8 @@ pub fn search(
     Ok(found)
 }
 
-fn options(optimizer: Optimizer, ridge: f64, dt: f64, grid: &Grid) -> FitOptions {
-    FitOptions { optimizer, ridge, substeps: substeps(dt), constraints: grid.constraints.clone() }
+fn options(optimizer: Optimizer, ridge: f64, dt: f64, constraints: &Constraints) -> FitOptions {
+    FitOptions { optimizer, ridge, substeps: substeps(dt), constraints: constraints.clone() }
 }
 
 /// The trials and what they are judged on.
@@ -315,7 +318,8 @@ impl Bench<'_> {
     }
 
     fn judge(&self, equations: &Equations) -> Result<Judged, SearchError> {
-        let on_validation = self.evaluate(equations, self.judge.validation)?;
+        let on_validation =
+            self.evaluate(equations, self.judge.validation, self.judge.options.origin_stride)?;
         let validation = on_validation.score();
         let mut judged = Judged {
             score: validation,
@@ -324,9 +328,14 @@ impl Bench<'_> {
             diverged: on_validation.diverged,
             losses: Losses { validation: on_validation.blocks, training: Vec::new() },
         };
-        // What fails on the validation runs need not be tried on the training runs.
-        if !self.excerpts.is_empty() && validation.is_finite() {
-            let on_training = self.evaluate(equations, self.excerpts)?;
+        // What fails on the validation runs, or cannot win any more, need not be tried on the training runs.
+        let best = self.tried.iter().filter_map(|tried| tried.trial.score).fold(f64::INFINITY, f64::min);
+        if !self.excerpts.is_empty() && 0.5 * validation < best {
+            // As many origins as on the validation runs: more would weigh no more.
+            let samples = |runs: &[&Trajectory]| runs.iter().map(|run| run.len()).sum::<usize>();
+            let ratio = samples(self.excerpts) / samples(self.judge.validation).max(1);
+            let stride = self.judge.options.origin_stride * ratio.max(1);
+            let on_training = self.evaluate(equations, self.excerpts, stride)?;
             judged.diverged += on_training.diverged;
             judged.training = Some(on_training.score());
             judged.score = 0.5 * (validation + on_training.score());
@@ -335,15 +344,21 @@ impl Bench<'_> {
         Ok(judged)
     }
 
-    fn evaluate(&self, equations: &Equations, runs: &[&Trajectory]) -> Result<Evaluation, SearchError> {
+    fn evaluate(
+        &self,
+        equations: &Equations,
+        runs: &[&Trajectory],
+        origin_stride: usize,
+    ) -> Result<Evaluation, SearchError> {
+        let options = evaluate::Options { origin_stride, ..self.judge.options.clone() };
         let mut session = EquationsSession::new(Arc::new(equations.clone()));
         let silent = &mut progress::silent();
-        evaluate("sindy", &mut session, self.judge.outputs, runs, &self.judge.options, silent).map_err(
-            |error| match error {
+        evaluate("sindy", &mut session, self.judge.outputs, runs, &options, silent).map_err(|error| {
+            match error {
                 EvaluateError::Cancelled(cancelled) => SearchError::Cancelled(cancelled),
                 other => SearchError::Validation(other),
-            },
-        )
+            }
+        })
     }
 
     fn screen(&self, equations: &Equations) -> Screened {
@@ -373,7 +388,10 @@ impl Bench<'_> {
         let bounded = |i: &&usize| self.screen(&self.tried[**i].fit.equations).is_bounded();
         let near = preference.iter().filter(|&&i| score(i) <= STABLE * best);
         let chosen = near.clone().find(bounded).or(preference.first()).copied().unwrap_or(0);
-        let (equations, fit, score) = self.by_output(chosen, &preference)?;
+        // Equations that rules tie together come from one fit.
+        let tied = grid.constraints.iter().any(ties_outputs);
+        let others: &[usize] = if tied { &[] } else { &preference };
+        let (equations, fit, score) = self.by_output(chosen, others)?;
         let winner = &self.tried[chosen];
         let ensemble = self.ensemble(training, grid, dt, &equations, &fit)?;
         let lost = winner.prepared.unidentifiable();
@@ -458,7 +476,8 @@ impl Bench<'_> {
         for (output, &row) in rows.iter().enumerate() {
             let trial = &self.tried[row].trial;
             let prepared = self.prepare(training, &trial.structure, trial.regression, grid, GROUPS)?;
-            let options = options(trial.optimizer, trial.ridge, dt, grid);
+            let constraints = trial.structure.constraints(&grid.constraints, &self.variables);
+            let options = options(trial.optimizer, trial.ridge, dt, &constraints);
             let ensemble = prepared.ensemble(&options, &bagging)?;
             let places: Vec<Option<usize>> =
                 prepared.terms().iter().map(|term| terms.iter().position(|known| known == term)).collect();

@@ -92,19 +92,33 @@ impl Structure {
 
     /// The terms, over outputs, inputs and signals.
     pub fn terms(&self, variables: &Variables) -> Vec<Term> {
-        let (outputs, first) = (variables.outputs().count(), variables.len());
-        let mut terms = self.library.terms(variables);
-        for (position, lag) in self.lags.iter().enumerate() {
-            let from = index(outputs + lag.input);
-            let to = index(first + position);
-            terms = terms.iter().map(|term| replaced(term, from, to)).collect();
-        }
+        let first = variables.len();
+        let mut terms: Vec<Term> =
+            self.library.terms(variables).iter().map(|term| self.lagged(term, variables)).collect();
         let signals = self.signals(variables).len();
         terms.extend((self.lags.len()..signals).map(|signal| Term::monomial(&[index(first + signal)])));
         match self.gate {
             Some(schedule) => gated(&terms, index(schedule.output), schedule.gate),
             None => terms,
         }
+    }
+
+    /// A term of the library as it stands in the equations: once, or below and above the gate.
+    pub(super) fn own(&self, term: &Term, variables: &Variables) -> Vec<Term> {
+        let term = self.lagged(term, variables);
+        match self.gate {
+            Some(schedule) => term.gated(index(schedule.output), schedule.gate).to_vec(),
+            None => vec![term],
+        }
+    }
+
+    /// A term with lag states in the place of their commands.
+    fn lagged(&self, term: &Term, variables: &Variables) -> Term {
+        let (outputs, first) = (variables.outputs().count(), variables.len());
+        let lags = self.lags.iter().enumerate();
+        lags.fold(term.clone(), |term, (position, lag)| {
+            replaced(&term, index(outputs + lag.input), index(first + position))
+        })
     }
 
     /// Number of terms, without making them; saturates.

@@ -6,7 +6,7 @@ use hydroid_core::model::sparse::{Gate, Shape, Signal, Term};
 
 use super::text::{active, seconds};
 use super::units::UnitProduct;
-use super::{Body, Model};
+use super::{Body, Mode, Model, Modes};
 use symbol::{Symbol, magnitude, shortest, unit};
 
 /// Significant digits of a coefficient.
@@ -23,29 +23,51 @@ impl Model {
         let Body::Equations(equations) = &self.body;
         let variables = self.latex_variables();
         let mut lines = Vec::new();
-        let mut gates = false;
+        let modes = self.modes();
+        let is_gate = |shape: &Shape| matches!(shape, Shape::Above(_) | Shape::Below(_));
+        let mut active_terms = (0..equations.outputs()).flat_map(|i| active(equations, i));
+        let gates = active_terms.any(|(_, term)| term.factors().iter().any(|f| is_gate(&f.shape)));
         for i in 0..equations.outputs() {
             let mut line = format!("{} &=", variables[i].dotted());
-            for (position, (coefficient, term)) in active(equations, i).enumerate() {
-                if position > 0 && position % ON_A_LINE == 0 {
-                    line.push_str(" \\\\\n  &\\quad {}");
+            let groups = modes.grouped(active(equations, i).map(|(c, term)| (c, term.clone())));
+            let mut position = 0;
+            for (group, (mode, terms)) in groups.iter().enumerate() {
+                if *mode != Mode::All {
+                    let plus = if group == 0 { "" } else { " \\\\\n  &\\quad {} +" };
+                    line.push_str(plus);
+                    line.push(' ');
+                    line.push_str(&weight(&modes, *mode));
+                    line.push_str("\\,\\bigl[");
+                    position = 0;
                 }
-                line.push_str(match (coefficient < 0.0, position) {
-                    (true, _) => " - ",
-                    (false, 0) => " ",
-                    (false, _) => " + ",
-                });
-                line.push_str(&magnitude(coefficient, DIGITS));
-                if !term.factors().is_empty() {
-                    line.push_str("\\,");
-                    line.push_str(&product(term, &variables));
+                for (first, (coefficient, term)) in terms.iter().enumerate() {
+                    if position > 0 && position % ON_A_LINE == 0 {
+                        line.push_str(" \\\\\n  &\\quad {}");
+                    }
+                    line.push_str(match (*coefficient < 0.0, first) {
+                        (true, _) => " - ",
+                        (false, 0) => " ",
+                        (false, _) => " + ",
+                    });
+                    line.push_str(&magnitude(*coefficient, DIGITS));
+                    if !term.factors().is_empty() {
+                        line.push_str("\\,");
+                        line.push_str(&product(term, &variables));
+                    }
+                    position += 1;
                 }
-                gates |= term.factors().iter().any(|f| matches!(f.shape, Shape::Above(_) | Shape::Below(_)));
+                if *mode != Mode::All {
+                    line.push_str(" \\bigr]");
+                }
             }
-            if active(equations, i).next().is_none() {
+            if groups.is_empty() {
                 line.push_str(" 0");
             }
             lines.push(line);
+        }
+        for (g, named) in modes.gates().iter().enumerate() {
+            let of = sigma(&variables[named.variable], named.gate, Some(DIGITS));
+            lines.push(format!("{} &= {of}", letter(&modes, g)));
         }
         for (variable, signal) in self.used_signals() {
             let (own, source) = (&variables[variable], &variables[usize::from(signal.source())]);
@@ -193,21 +215,39 @@ fn product(term: &Term, variables: &[Variable]) -> String {
             Shape::Sin => above.push(function("\\sin")),
             Shape::Cos => above.push(function("\\cos")),
             Shape::Log => above.push(function("\\ln")),
-            Shape::Above(gate) => above.push(times(sigma(variable, gate))),
-            Shape::Below(gate) => above.push(times(format!("\\left(1 - {}\\right)", sigma(variable, gate)))),
+            Shape::Above(gate) => above.push(times(sigma(variable, gate, None))),
+            Shape::Below(gate) => {
+                above.push(times(format!("\\left(1 - {}\\right)", sigma(variable, gate, None))));
+            }
         }
     }
     let above = if above.is_empty() { String::from("1") } else { above.join("\\,") };
     if below.is_empty() { above } else { format!("\\frac{{{above}}}{{{}}}", below.join("\\,")) }
 }
 
-/// `\sigma(12(u - 2.5))`.
-fn sigma(variable: &Variable, gate: Gate) -> String {
+/// `\sigma(12(u - 2.5))`, rounded where digits are given.
+fn sigma(variable: &Variable, gate: Gate, digits: Option<usize>) -> String {
     let (centre, slope) = (gate.centre.0, gate.slope.0);
+    let number = |x: f64| digits.map_or_else(|| shortest(x), |digits| magnitude(x, digits));
     let of = match centre {
         0.0 => variable.plain(),
-        _ if centre < 0.0 => format!("{} + {}", variable.plain(), shortest(-centre)),
-        _ => format!("{} - {}", variable.plain(), shortest(centre)),
+        _ if centre < 0.0 => format!("{} + {}", variable.plain(), number(-centre)),
+        _ => format!("{} - {}", variable.plain(), number(centre)),
     };
-    format!("\\sigma({}({of}))", shortest(slope))
+    let sign = if slope < 0.0 && digits.is_some() { "-" } else { "" };
+    format!("\\sigma({sign}{}({of}))", number(slope))
+}
+
+/// What a mode weighs its terms with.
+fn weight(modes: &Modes, mode: Mode) -> String {
+    match mode {
+        Mode::All => String::new(),
+        Mode::Below(g) => format!("\\left(1 - {}\\right)", letter(modes, g)),
+        Mode::Above(g) => letter(modes, g),
+    }
+}
+
+/// The letter of a gate as a symbol.
+fn letter(modes: &Modes, gate: usize) -> String {
+    Symbol::of(&modes.gates()[gate].letter).accented(&[])
 }

@@ -11,6 +11,7 @@ use crate::log::Trajectory;
 
 pub use constraint::{Coefficient, Constraint, Relation};
 pub use error::ExpressionError;
+pub(crate) use error::{list, nearest};
 
 use scanner::Scanner;
 

@@ -1,0 +1,180 @@
+//! Settings of the equations and data that do not support them: each wrong one has its message, each weak one its
+//! mark.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &[&str]) -> Output {
+    Command::cargo_bin("hydroid").unwrap().current_dir(folder).args(args).output().unwrap()
+}
+
+const IDENTIFY: &[&str] = &[
+    "identify",
+    "log.csv",
+    "-o",
+    "out",
+    "--outputs",
+    "u,r",
+    "--inputs",
+    "n_cmd,d_cmd",
+    "--horizon",
+    "20",
+    "--methods",
+    "sindy",
+    "--ridge",
+    "1e-6",
+];
+
+/// Two outputs that answer to two inputs; `change` may spoil a row `[u, r, n, d]`.
+fn log(folder: &TempDir, rows: usize, change: impl Fn(&mut [f64; 4])) {
+    let mut lines = vec![String::from("t [s],u [m/s],r [rad/s],n_cmd [rps],d_cmd [rad]")];
+    let (mut u, mut r) = (0.0, 0.0);
+    for k in 0..rows {
+        let k = k as f64;
+        let mut row = [u, r, (k * 0.05).sin() + 0.3 * (k * 0.171).cos(), 0.4 * (k * 0.083).sin()];
+        change(&mut row);
+        let [shown_u, shown_r, n, d] = row;
+        lines.push(format!("{:.1},{shown_u:.6},{shown_r:.6},{n:.6},{d:.6}", k * 0.1));
+        u += 0.1 * (-0.4 * u + 0.8 * n);
+        r += 0.1 * (-0.9 * r + 0.5 * d);
+    }
+    fs::write(folder.path().join("log.csv"), lines.join("\n") + "\n").unwrap();
+}
+
+fn refused(folder: &TempDir, args: &[&str], words: &[&str]) {
+    let output = hydroid(folder.path(), &[IDENTIFY, args].concat());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+    assert!(message.contains("error: ") && !message.contains("panicked"), "{args:?}: {message}");
+    for word in words {
+        assert!(message.contains(word), "{args:?}: '{word}' is not in: {message}");
+    }
+    assert!(!folder.path().join("out").exists(), "{args:?} left something behind");
+}
+
+/// Runs, expects a result, and gives what was said on standard error and output.
+fn done(folder: &TempDir, args: &[&str]) -> (String, String) {
+    let output = hydroid(folder.path(), &[IDENTIFY, &["--window", "0.5"], args].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{args:?}: {message}");
+    (message, String::from_utf8(output.stdout).unwrap())
+}
+
+#[test]
+fn settings_of_the_equations_that_cannot_be() {
+    let folder = TempDir::new().unwrap();
+    log(&folder, 400, |_| ());
+    for (args, words) in [
+        (&["--library", "marin"][..], &["marin", "did you mean 'marine'"][..]),
+        (
+            &["--term", "u", "--term", "u sin(d_cdm)"],
+            &["terms", "character 7", "'d_cdm'", "did you mean 'd_cmd'"],
+        ),
+        (&["--term", "lag(n_cmd, 1 s)"], &["lag(n_cmd, 1 s)", "--lag n=1.5"]),
+        (&["--constraint", "w: u <= 0"], &["constraints", "no output 'w'", "u, r"]),
+        (&["--constraint", "u: u <= -1"], &["'u: u <= -1'", "one coefficient and 0"]),
+        (&["--constraint", "u: u^7 <= 0"], &["u: u^7 <= 0", "no library that is tried has the term 'u^7'"]),
+        (&["--constraint", "u: u < 0"], &["character 6", "<="]),
+        (&["--constraint", "u: u = 1", "--constraint", "u: u = 2"], &["no coefficients obey"]),
+        (&["--lag", "n_cdm=1"], &["lag", "no input 'n_cdm'", "did you mean 'n_cmd'"]),
+        (&["--lag", "u=1"], &["no input 'u'", "n_cmd, d_cmd"]),
+        (&["--lag", "n_cmd=-1"], &["n_cmd=-1", "positive number of seconds"]),
+        (&["--lag", "soon"], &["soon", "n=1.5,delta=0.3"]),
+        (&["--gate", "w=1/5"], &["gate", "no output 'w'", "u, r"]),
+        (&["--gate", "u=1/-5"], &["u=1/-5", "positive slope"]),
+        (&["--gate", "u=100/5"], &["u=100/5", "above", "--gate auto"]),
+        (&["--gate", "u>1"], &["u>1", "u=2.5/12"]),
+        (&["--huber", "0"], &["huber", "positive"]),
+        (&["--members", "-3"], &["-3"]),
+        (&["--library", "marine", "--degree", "2"], &["--library", "--degree"]),
+        (&["--term", "u", "--term", "ln(r)"], &["'ln(r)'", "log.csv", "zero or below", "leave the term out"]),
+    ] {
+        refused(&folder, args, words);
+    }
+    // The same in the file, where a key that there is not has a neighbour.
+    fs::write(folder.path().join("hydroid.toml"), "[sindy]\nconstraint = [\"u: u <= 0\"]\n").unwrap();
+    refused(&folder, &[], &["hydroid.toml", "line 2", "did you mean constraints"]);
+    fs::write(folder.path().join("hydroid.toml"), "[sindy]\nterms = [\"u |q|\"]\n").unwrap();
+    refused(&folder, &[], &["terms", "character 4", "'q'"]);
+}
+
+#[test]
+fn too_few_samples_for_the_library() {
+    let folder = TempDir::new().unwrap();
+    log(&folder, 150, |_| ());
+    refused(
+        &folder,
+        &["--library", "marine cubic", "--window", "5"],
+        &["regression rows", "too few", "smaller library"],
+    );
+}
+
+#[test]
+fn what_settings_say_is_in_the_equations() {
+    let folder = TempDir::new().unwrap();
+    log(&folder, 600, |_| ());
+    let terms = ["--term", "u", "--term", "r", "--term", "n_cmd", "--term", "d_cmd"];
+    let (_, text) = done(&folder, &[&terms[..], &["--gate", "none", "--lag", "none"]].concat());
+    assert!(text.contains("du/dt = -0.4") && text.contains("+ 0.8") && text.contains(" n_cmd"), "{text}");
+    // A sign that the data contradict removes the term, and a relation ties two equations.
+    let (_, text) = done(
+        &folder,
+        &[&terms[..], &["--gate", "none", "--lag", "none", "--constraint", "u: n_cmd <= 0"]].concat(),
+    );
+    let surge = text.lines().find(|line| line.contains("du/dt")).unwrap().to_owned();
+    assert!(!surge.contains("n_cmd"), "{surge}");
+    let tie = ["--gate", "none", "--lag", "none", "--constraint", "u: n_cmd = 2 r: d_cmd", "--dissipative"];
+    done(&folder, &[&terms[..], &tie].concat());
+    let inspected = hydroid(folder.path(), &["inspect", "out/sindy.safetensors", "--json"]);
+    let document: serde_json::Value = serde_json::from_slice(&inspected.stdout).unwrap();
+    let of = |output: &str, term: &str| {
+        let all = document["coefficients"].as_array().unwrap();
+        let found = all.iter().find(|c| c["output"] == output && c["term"] == term);
+        found.unwrap_or_else(|| panic!("{output}: {term}"))["value"].as_f64().unwrap()
+    };
+    assert!((of("u", "n_cmd") - 2.0 * of("r", "d_cmd")).abs() < 1e-9);
+    // A gate and a lag as given stand in the text once.
+    let modes = ["--library", "degree 1", "--gate", "u=0/4", "--lag", "n_cmd=0.3", "--huber", "1.345"];
+    let (_, text) = done(&folder, &modes);
+    assert!(!text.contains("below("), "{text}");
+    if text.contains("s = sigma(") {
+        assert_eq!(text.matches("s = sigma(4.000 u)").count(), 1, "{text}");
+    }
+}
+
+#[test]
+fn inputs_that_cannot_be_told_apart_are_named() {
+    let folder = TempDir::new().unwrap();
+    log(&folder, 600, |row| row[3] = 0.5 * row[2]);
+    let (message, _) = done(&folder, &["--members", "0"]);
+    assert!(message.contains("inputs 'n_cmd' and 'd_cmd' move together"), "{message}");
+    log(&folder, 600, |row| row[3] = 0.1);
+    let (message, _) = done(&folder, &["--members", "0"]);
+    assert!(message.contains("'d_cmd' never moves"), "{message}");
+}
+
+#[test]
+fn the_band_is_judged_where_there_is_an_ensemble() {
+    let folder = TempDir::new().unwrap();
+    log(&folder, 600, |_| ());
+    done(&folder, &["--members", "8", "--library", "degree 1"]);
+    let evaluate = |args: &[&str]| {
+        hydroid(
+            folder.path(),
+            &[&["evaluate", "out/sindy.safetensors", "log.csv", "--horizon", "20"], args].concat(),
+        )
+    };
+    let text = String::from_utf8(evaluate(&[]).stdout).unwrap();
+    assert!(text.contains("90 % band of 8 ensemble members") && text.contains("not noise"), "{text}");
+    let document: serde_json::Value = serde_json::from_slice(&evaluate(&["--json"]).stdout).unwrap();
+    assert_eq!(document["band_coverage"]["members"], 8);
+    assert_eq!(document["band_coverage"]["share"][0].as_array().unwrap().len(), 2);
+    assert!(document["mae"].is_array());
+    done(&folder, &["--members", "0", "--library", "degree 1"]);
+    let document: serde_json::Value = serde_json::from_slice(&evaluate(&["--json"]).stdout).unwrap();
+    assert!(document.get("band_coverage").is_none());
+}

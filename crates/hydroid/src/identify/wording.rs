@@ -1,0 +1,111 @@
+//! What settings say in words: terms, constraints, names of channels.
+
+use hydroid_core::model::sparse::{Shape, Term};
+
+use super::{IdentifyError, SindySettings};
+use crate::log::{Channel, Trajectory};
+use crate::sindy::expression::{list, nearest};
+use crate::sindy::{Constraint, Library, Variables, Vocabulary, dissipative, is_kept};
+
+impl SindySettings {
+    /// The terms that are listed.
+    ///
+    /// # Errors
+    /// If a text is not a term of the outputs and inputs of a run.
+    pub fn listed(&self, run: &Trajectory) -> Result<Vec<Term>, IdentifyError> {
+        let mut words = vocabulary(run);
+        let mut terms = Vec::new();
+        for text in &self.terms {
+            let term = words.term(text).map_err(|error| IdentifyError::Expression { key: "terms", error })?;
+            no_signals(&words, "terms", text)?;
+            if !terms.contains(&term) {
+                terms.push(term);
+            }
+        }
+        Ok(terms)
+    }
+
+    /// Whether a listed term has a gate of its own.
+    pub(super) fn lists_gates(&self, run: &Trajectory) -> Result<bool, IdentifyError> {
+        let is_gate = |shape: Shape| matches!(shape, Shape::Above(_) | Shape::Below(_));
+        Ok(self.listed(run)?.iter().any(|term| term.factors().iter().any(|f| is_gate(f.shape))))
+    }
+
+    /// What the coefficients must obey.
+    ///
+    /// # Errors
+    /// If a text is not a constraint, none that can be kept, or of a term that no library has.
+    pub fn rules(&self, run: &Trajectory, libraries: &[Library]) -> Result<Vec<Constraint>, IdentifyError> {
+        let (mut words, variables) = (vocabulary(run), Variables::of(run));
+        let mut known: Vec<Term> = Vec::new();
+        if !self.constraints.is_empty() {
+            // Of libraries that are too large to search anyway no list is made.
+            let small = libraries.iter().filter(|library| library.count(&variables) < 2_000);
+            known = small.flat_map(|library| library.terms(&variables)).collect();
+        }
+        let mut rules = Vec::new();
+        for text in &self.constraints {
+            let rule = words
+                .constraint(text)
+                .map_err(|error| IdentifyError::Expression { key: "constraints", error })?;
+            no_signals(&words, "constraints", text)?;
+            let of = |why: String| IdentifyError::Constraint { text: text.clone(), why };
+            if !is_kept(&rule) {
+                return Err(of(String::from(
+                    "an inequality is of one coefficient and 0, as in u: u |u| <= 0; relations of several, and other numbers, take =",
+                )));
+            }
+            if let Some((_, lost)) = rule.sum.iter().find(|(_, at)| !known.contains(&at.term)) {
+                let names = words.names();
+                let name = lost.term.name(&names);
+                let all: Vec<String> = known.iter().map(|term| term.name(&names)).collect();
+                let near = nearest(&name, all.iter().map(String::as_str));
+                let hint = near.map_or_else(String::new, |near| format!(", did you mean '{near}'?"));
+                return Err(of(format!(
+                    "no library that is tried has the term '{name}'{hint} Choose a library that has it (library), or list it (terms)"
+                )));
+            }
+            rules.push(rule);
+        }
+        if self.dissipative == Some(true) {
+            rules.extend(dissipative(&variables));
+        }
+        Ok(rules)
+    }
+}
+
+fn vocabulary(run: &Trajectory) -> Vocabulary {
+    let channels = run.outputs.channels().iter().chain(run.inputs.channels());
+    Vocabulary::new(channels.map(|c| c.name.clone()), run.outputs.width(), run.dt)
+}
+
+/// Lag states and the past are of the whole model, and have settings of their own.
+fn no_signals(words: &Vocabulary, key: &'static str, text: &str) -> Result<(), IdentifyError> {
+    if words.signals().is_empty() {
+        return Ok(());
+    }
+    let why = format!(
+        "{key} are of outputs and inputs. A lag is given by itself (lag = {{ n = 1.5 }}, or --lag n=1.5) and then takes the place of its input in every term; past values are not searched"
+    );
+    Err(IdentifyError::Constraint { text: text.to_owned(), why })
+}
+
+/// The place of a channel by its name.
+pub(super) fn place(
+    key: &'static str,
+    what: &'static str,
+    name: &str,
+    channels: &[Channel],
+) -> Result<usize, IdentifyError> {
+    channels.iter().position(|channel| channel.name == name).ok_or_else(|| {
+        let names: Vec<String> = channels.iter().map(|channel| channel.name.clone()).collect();
+        let near = nearest(name, names.iter().map(String::as_str));
+        IdentifyError::NoChannel {
+            key,
+            what,
+            name: name.to_owned(),
+            hint: near.map_or_else(|| String::from("."), |near| format!(", did you mean '{near}'?")),
+            known: list(&names),
+        }
+    })
+}
