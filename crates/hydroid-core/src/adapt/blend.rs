@@ -185,13 +185,12 @@ impl BlendedEquations {
                 };
                 self.losses[i] += last.iter().zip(y).zip(&self.inverse).map(error).sum::<f64>() / n as f64;
             }
-            match self.experts.get(i) {
-                Some(expert) => expert.snapshot(snapshot),
-                None => {
-                    self.blended.snapshot(snapshot);
-                    let weights = &mut snapshot[len - self.given.len()..];
-                    if i == self.experts.len() { weights.copy_from_slice(&self.given) } else { weights.fill(0.0) }
-                }
+            if let Some(expert) = self.experts.get(i) {
+                expert.snapshot(snapshot);
+            } else {
+                self.blended.snapshot(snapshot);
+                let weights = &mut snapshot[len - self.given.len()..];
+                if i == self.experts.len() { weights.copy_from_slice(&self.given) } else { weights.fill(0.0) }
             }
         }
         if known {

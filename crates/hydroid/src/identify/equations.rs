@@ -6,7 +6,9 @@ use super::settings::{intervals, reference};
 use super::{IdentifyError, Job, Parts, SEARCH_ORIGINS, overview};
 use crate::evaluate;
 use crate::progress::Progress;
-use crate::sindy::{Found, Grid, Judge, Library, Optimizer, Regression, SearchError, Structure, discover, search};
+use crate::sindy::{
+    Found, Grid, Judge, Library, Optimizer, Regression, SearchError, Structure, discover, search,
+};
 
 /// Rollouts that settings are compared by.
 pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
@@ -62,7 +64,8 @@ pub(super) fn whole(
 ) -> Result<Arc<Found>, IdentifyError> {
     let run = parts.train[0];
     let share = |share: f64| intervals(share * job.horizon as f64);
-    let past = u16::try_from(job.sindy.past_s.map_or(share(0.1), |s| intervals(s / run.dt))).unwrap_or(u16::MAX);
+    let past =
+        u16::try_from(job.sindy.past_s.map_or(share(0.1), |s| intervals(s / run.dt))).unwrap_or(u16::MAX);
     let libraries: Vec<Library> = job.sindy.libraries(run)?.pop().into_iter().collect();
     let mut grid = job.sindy.grid(run.dt, job.horizon, &libraries, &[], true);
     for structure in &mut grid.structures {

@@ -14,12 +14,12 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use hydroid_core::model::sparse::Equations;
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
 use crate::sindy::{ExpressionError, Found, Losses, SearchError, UnknownLibrary};
+use hydroid_core::model::sparse::Equations;
 
 pub use overview::{ChannelSummary, overview, ranges};
 pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};

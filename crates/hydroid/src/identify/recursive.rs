@@ -69,14 +69,7 @@ fn identifiable(of: &Equations, parts: &Parts<'_>, window: usize) -> Result<(Equ
     let row = |i: usize| kept.iter().map(move |&j| of.coefficient(i, j));
     let coefficients = (0..of.outputs()).flat_map(row).collect();
     let (signals, dt) = (of.signals().to_vec(), of.dt());
-    let own = Equations::with_signals(
-        terms,
-        coefficients,
-        of.outputs(),
-        of.inputs(),
-        signals,
-        dt,
-        of.substeps(),
-    )?;
+    let own =
+        Equations::with_signals(terms, coefficients, of.outputs(), of.inputs(), signals, dt, of.substeps())?;
     Ok((own, root))
 }

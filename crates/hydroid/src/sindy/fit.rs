@@ -183,10 +183,15 @@ impl Prepared {
         let rows = self.rows() as f64;
         let columns: Vec<usize> = (0..count).collect();
         let library = self.plain.select(&columns);
-        let apart: Vec<f64> = columns.iter().map(|&j| (share / (1.0 - share)).sqrt() * library.column_norm(j)).collect();
+        let apart: Vec<f64> =
+            columns.iter().map(|&j| (share / (1.0 - share)).sqrt() * library.column_norm(j)).collect();
         let scale: Vec<f64> = self.term_scale.iter().map(|s| s * ((1.0 - share) / rows).sqrt()).collect();
         let blended = library.with_ridge(&apart).scaled(&scale);
-        columns.iter().flat_map(|&i| (0..count).map(move |j| (i, j))).map(|(i, j)| blended.get(i, j)).collect()
+        columns
+            .iter()
+            .flat_map(|&i| (0..count).map(move |j| (i, j)))
+            .map(|(i, j)| blended.get(i, j))
+            .collect()
     }
 
     /// Triangles of the groups of rows, scaled as the total is.
