@@ -223,3 +223,40 @@ proptest! {
         prop_assert!((forward.covariance(0, n - 1) - backward.covariance(n - 1, 0)).abs() < 1e-9);
     }
 }
+
+#[test]
+fn a_prior_that_is_a_triangle_equals_the_rows_it_stands_for() {
+    // R = T'T against the three rows of T learned from next to nothing; no forgetting, then with it and no data.
+    let root = [2.0, 0.5, -1.0, 0.0, 0.7, 0.3, 0.0, 0.0, 1.5];
+    let mut shaped = RecursiveLeastSquares::with_root(&[1.0, -2.0, 0.5], 4.0, &root, true);
+    let mut plain = RecursiveLeastSquares::new(3, &[1.0, -2.0, 0.5], 1e-9, true);
+    for row in root.chunks_exact(3) {
+        let z = row[0] - 2.0 * row[1] + 0.5 * row[2];
+        plain.predict(row, &[z]);
+        plain.correct(4.0);
+    }
+    let close = |a: &RecursiveLeastSquares, b: &RecursiveLeastSquares, tolerance: f64| {
+        for i in 0..3 {
+            assert!((a.coefficients()[i] - b.coefficients()[i]).abs() < tolerance);
+            for j in 0..3 {
+                assert!((a.covariance(i, j) - b.covariance(i, j)).abs() < tolerance, "{i} {j}");
+            }
+        }
+    };
+    close(&shaped, &plain, 1e-7);
+    for learner in [&mut shaped, &mut plain] {
+        learner.predict(&[1.0, 1.0, -1.0], &[3.0]);
+        learner.correct(2.0);
+    }
+    close(&shaped, &plain, 1e-7);
+    // Data are forgotten, the prior is not.
+    for _ in 0..6000 {
+        shaped.forget(0.99);
+    }
+    let fresh = RecursiveLeastSquares::with_root(&[1.0, -2.0, 0.5], 4.0, &root, true);
+    for i in 0..3 {
+        assert!((shaped.coefficients()[i] - fresh.coefficients()[i]).abs() < 1e-6);
+        let ratio = shaped.covariance(i, i) / fresh.covariance(i, i);
+        assert!((0.95..1.05).contains(&ratio), "{ratio}");
+    }
+}

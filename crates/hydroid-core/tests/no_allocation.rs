@@ -7,7 +7,9 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use hydroid_core::adapt::{Adapter, Gate, Outcome, RecursiveEquations, Settings};
+use hydroid_core::adapt::{
+    Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
+};
 use hydroid_core::model::Persistence;
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -46,7 +48,7 @@ fn allocations(mut work: impl FnMut()) -> usize {
 }
 
 /// Hundreds of samples with a row at most of them.
-fn learning_allocates_nothing(mut adapter: RecursiveEquations) {
+fn learning_allocates_nothing(mut adapter: impl Adapter) {
     let mut learned = 0;
     let count = allocations(|| {
         for k in 0..500 {
@@ -75,6 +77,16 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         gate: Gate::default(),
     };
     let adapter = RecursiveEquations::new(&equations, &[(-1.0, 1.0); 5], &settings).unwrap();
+    let blend = BlendSettings {
+        priors_s: vec![100.0, 5.0],
+        forgetting_s: 60.0,
+        window: 4,
+        horizon: 40,
+        gate: Gate::OPEN,
+    };
+    learning_allocates_nothing(
+        BlendedEquations::new(adapter.equations(), &[(-1.0, 1.0); 5], &blend, None).unwrap(),
+    );
     learning_allocates_nothing(adapter.clone());
     let sessions: [Box<dyn Predictor>; 4] = [
         adapter.fork(),

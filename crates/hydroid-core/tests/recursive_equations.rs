@@ -1,6 +1,9 @@
 //! Recursive sparse regression along runs whose equations are known.
 
-use hydroid_core::adapt::{Adapter, Gate, Outcome, RecursiveEquations, Rejection, Settings, SettingsError};
+use hydroid_core::adapt::{
+    Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Rejection, Settings,
+    SettingsError,
+};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use std::sync::Arc;
@@ -320,4 +323,68 @@ fn settings_that_make_no_sense_are_refused() {
     let empty = Equations::new(vec![Term::constant()], vec![0.0], 1, 0, DT, 1).unwrap();
     let nothing = RecursiveEquations::new(&empty, &[(0.0, 1.0)], &settings()).map(|_| ());
     assert_eq!(nothing, Err(SettingsError::Nothing));
+}
+
+fn blend(window: usize) -> BlendSettings {
+    BlendSettings {
+        priors_s: vec![300.0, 0.5],
+        forgetting_s: 60.0,
+        window,
+        horizon: 40,
+        gate: Gate::default(),
+    }
+}
+
+/// Shares of the cautious pace, the quick one, the equations as given, and none, after 300 s.
+fn shares(drag: f64) -> Vec<f64> {
+    let mut session = BlendedEquations::new(&vessel(0.3), &RANGES, &blend(8), None).unwrap();
+    sail(&vessel(drag), 3000, |k, y, c| {
+        session.observe(&[y[0] + noise(k, 0, 0.01), y[1] + noise(k, 1, 0.01)]);
+        session.advance(&c);
+    });
+    session.shares().to_vec()
+}
+
+#[test]
+fn a_blend_trusts_the_pace_that_predicts() {
+    let [cautious, quick, given, none] = shares(0.9)[..] else { panic!() };
+    assert!(quick > 0.8 && quick > cautious && cautious > given, "{cautious} {quick} {given} {none}");
+    let [cautious, quick, given, none] = shares(0.3)[..] else { panic!() };
+    assert!(given + cautious > quick && none < 0.01, "{cautious} {quick} {given} {none}");
+}
+
+#[test]
+fn a_blend_predicts_by_one_set_of_equations_which_snapshots_carry() {
+    let mut session = BlendedEquations::new(&vessel(0.3), &RANGES, &blend(8), None).unwrap();
+    let commands: Vec<f64> = (0..40).flat_map(command).collect();
+    let (mut work, mut early, mut again) = (Workspace::new(), [0.0; 80], [0.0; 80]);
+    let mut snapshot = vec![0.0; session.snapshot_len()];
+    sail(&vessel(0.6), 2000, |k, y, c| {
+        session.observe(&if k % 700 == 650 { [f64::NAN, y[1]] } else { y });
+        if k == 1000 {
+            session.snapshot(&mut snapshot);
+            session.rollout(&commands, &mut work, &mut early);
+        }
+        session.advance(&c);
+    });
+    assert_eq!(session.equations().coefficients(), session.weights());
+    assert!((session.shares().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    let mut fork = session.fork();
+    fork.restore(&snapshot);
+    fork.rollout(&commands, &mut work, &mut again);
+    assert_eq!(early, again);
+    session.restore(&snapshot);
+    session.rollout(&commands, &mut work, &mut again);
+    assert_eq!(early, again);
+}
+
+#[test]
+fn a_blend_without_paces_or_with_a_singular_prior_is_refused() {
+    let none = BlendSettings { priors_s: Vec::new(), ..blend(8) };
+    let made = |settings: &BlendSettings, root: Option<&[f64]>| {
+        BlendedEquations::new(&vessel(0.3), &RANGES, settings, root).map(|_| ()).unwrap_err()
+    };
+    assert_eq!(made(&none, None), SettingsError::Paces);
+    assert_eq!(made(&blend(8), Some(&[0.0; 25])), SettingsError::Root);
+    assert_eq!(made(&blend(8), Some(&[1.0; 24])), SettingsError::Root);
 }

@@ -281,6 +281,11 @@ pub fn baseline(ship: &Ship, data: &Path) -> Vec<Row> {
     rows
 }
 
+/// The row that the validation run would choose.
+pub fn chosen(rows: &[Row]) -> &Row {
+    rows.iter().min_by(|a, b| a.validation.total_cmp(&b.validation)).unwrap()
+}
+
 /// NRMSE of each output at the last horizon, and their mean.
 pub fn last(evaluation: &Evaluation) -> (Vec<f64>, f64) {
     let nrmse = evaluation.nrmse.last().unwrap().clone();
@@ -300,7 +305,8 @@ fn main() {
             "{:>8} {:>8} {:>12} {:>30} {:>8} {:>9}",
             "command", "lambda", "validation", "u v r", "mean", "diverged"
         );
-        for row in baseline(&ship, &data) {
+        let rows = baseline(&ship, &data);
+        for row in &rows {
             let (nrmse, mean) = last(&row.test);
             let text: Vec<String> = nrmse.iter().map(|x| format!("{x:.3}")).collect();
             println!(
@@ -312,5 +318,12 @@ fn main() {
                 row.test.diverged
             );
         }
+        let row = chosen(&rows);
+        println!(
+            "chosen by validation: {:?}, lambda {}, mean {:.3}",
+            row.held,
+            row.lambda,
+            last(&row.test).1
+        );
     }
 }

@@ -434,3 +434,22 @@ fn what_cannot_be_written_leaves_nothing_behind() {
     assert_eq!(listing(), before);
     assert_eq!(std::fs::read_to_string(&blocked).unwrap(), "there");
 }
+
+#[test]
+fn a_model_that_learns_keeps_its_prior() {
+    let settings = hydroid_core::adapt::BlendSettings {
+        priors_s: vec![100.0, 1.0 / 3.0],
+        forgetting_s: 30.0,
+        window: 2,
+        horizon: 20,
+        gate: hydroid_core::adapt::Gate::default(),
+    };
+    let root = (0..25).map(|k| if k % 5 >= k / 5 { 1.0 / f64::from(k + 1) } else { 0.0 }).collect();
+    let mut model = Model { learning: Some(hydroid::model::Learning { settings, root }), ..model() };
+    for port in model.description.outputs.iter_mut().chain(&mut model.description.inputs) {
+        (port.range.low, port.range.high) = (-1.0, 1.0);
+    }
+    assert_eq!(decoded(&bytes(&model)).unwrap(), model);
+    model.learning.as_mut().unwrap().root[0] = 0.0;
+    assert!(contradiction(&bytes(&model)).contains("triangle"));
+}

@@ -87,6 +87,21 @@ impl RecursiveEquations {
         ranges: &[(f64, f64)],
         settings: &Settings,
     ) -> Result<Self, SettingsError> {
+        Self::with_root(equations, ranges, settings, None)
+    }
+
+    /// The same; where all terms are adapted, `root` may be the upper triangle `T` of the second moments `T'T`
+    /// that the library had in the rows that the equations were fitted to, `terms x terms`. It tells in which
+    /// directions these rows know the coefficients, and the scale of each term.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); if the triangle is not one for all terms of these equations.
+    pub fn with_root(
+        equations: &Equations,
+        ranges: &[(f64, f64)],
+        settings: &Settings,
+        root: Option<&[f64]>,
+    ) -> Result<Self, SettingsError> {
         let (n, m, count) = (equations.outputs(), equations.inputs(), equations.terms().len());
         settings.check(equations, ranges)?;
         let adapts = |i: usize, j: usize| settings.all_terms || equations.coefficient(i, j) != 0.0;
@@ -104,7 +119,16 @@ impl RecursiveEquations {
             ranges.push(ranges[usize::from(signal.source())]);
             holds.push(signal.is_held(n));
         }
-        let scales: Vec<f64> = terms.iter().map(|t| rms_over_range(t, &ranges)).collect();
+        let (scales, root) = match root {
+            None => (terms.iter().map(|t| rms_over_range(t, &ranges)).collect(), None),
+            Some(root) => {
+                let (scales, root) = unit_columns(root, count).ok_or(SettingsError::Root)?;
+                if !settings.all_terms {
+                    return Err(SettingsError::Root);
+                }
+                (scales, Some(root))
+            }
+        };
         let rows = Increments::new(settings.window, n, terms.len(), equations.dt());
         let window_s = rows.samples() as f64 * equations.dt();
         let information = settings.prior_s / window_s;
@@ -126,7 +150,10 @@ impl RecursiveEquations {
             // Places go output by output, and term by term within each.
             let firsts = outputs.iter().map(|&i| places.partition_point(|p| p / count < i)).collect();
             Group {
-                kernel: RecursiveLeastSquares::new(terms.len(), &theta, information, settings.leak),
+                kernel: match &root {
+                    Some(root) => RecursiveLeastSquares::with_root(&theta, information, root, settings.leak),
+                    None => RecursiveLeastSquares::new(terms.len(), &theta, information, settings.leak),
+                },
                 phi: vec![0.0; terms.len()],
                 z: vec![0.0; outputs.len()],
                 firsts,
@@ -163,6 +190,11 @@ impl RecursiveEquations {
     /// The equations of the moment.
     pub fn equations(&self) -> &Equations {
         self.session.equations()
+    }
+
+    /// A session that predicts as this one does and does not learn.
+    pub(super) fn weighted(&self) -> WeightedSession {
+        self.session.clone()
     }
 
     /// Takes the measurement into the window; says whether a row is ready.
@@ -250,6 +282,20 @@ impl RecursiveEquations {
             }
         }
     }
+}
+
+/// Norms of the columns of an upper triangle, and the triangle with columns of unit norm; none if it is singular.
+fn unit_columns(root: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    let square = root.len() == terms * terms;
+    if !square || !(0..terms).all(|j| root[j * terms + j] != 0.0) || !root.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    let norm = |j: usize| {
+        num_traits::Float::sqrt((0..=j).map(|i| root[i * terms + j] * root[i * terms + j]).sum::<f64>())
+    };
+    let norms: Vec<f64> = (0..terms).map(norm).collect();
+    let unit = root.iter().enumerate().map(|(at, x)| x / norms[at % terms]).collect();
+    Some((norms, unit))
 }
 
 /// The same equations with a coefficient, if only a zero, at every place that is adapted.

@@ -32,6 +32,27 @@ impl Factor {
         }
     }
 
+    /// `P = variance (T'T)^-1` for an upper triangular `T`, row by row, without a zero on its diagonal.
+    ///
+    /// # Panics
+    /// If `root` has not `n x n` numbers.
+    pub fn inverse(root: &[f64], variance: f64) -> Self {
+        let n = root.len().isqrt();
+        assert_eq!(n * n, root.len(), "a square matrix");
+        let mut own = Self::new(n, variance);
+        // The inverse of T is U D^(1/2): column j by back substitution, divided by its own diagonal.
+        for j in 0..n {
+            let diagonal = root[j * n + j];
+            own.d[j] = variance / (diagonal * diagonal);
+            for i in (0..j).rev() {
+                let column = &own.columns[start(j)..][..j];
+                let known: f64 = (i + 1..j).map(|k| root[i * n + k] * column[k]).sum();
+                own.columns[start(j) + i] = -(known + root[i * n + j]) / root[i * n + i];
+            }
+        }
+        own
+    }
+
     /// Number of rows.
     pub fn len(&self) -> usize {
         self.d.len()

@@ -52,8 +52,10 @@ pub struct RecursiveLeastSquares {
     theta: Vec<f64>,
     prior: Vec<f64>,
     information: f64,
+    /// Upper triangle `T` of a prior information `r0 T'T`, row by row; none for `r0 I`.
+    root: Option<Vec<f64>>,
     leak: bool,
-    /// The coefficient whose prior is restored next.
+    /// The coefficient (the row of the triangle) whose prior is restored next.
     turn: usize,
     innovations: Vec<f64>,
 }
@@ -72,10 +74,24 @@ impl RecursiveLeastSquares {
             theta: coefficients.to_vec(),
             prior: coefficients.to_vec(),
             information,
+            root: None,
             leak,
             turn: 0,
             innovations: vec![0.0; coefficients.len() / n],
         }
+    }
+
+    /// The same with a prior that knows some directions better than others: `information` rows whose second
+    /// moments are `T'T`. `root` is `T`, upper triangular, row by row, with no zero on its diagonal: the factor of
+    /// the rows that the coefficients come from, say. What is forgotten of this prior is given back row by row
+    /// of `T`, so that `R >= r0 lambda^(n-1) T'T` always.
+    ///
+    /// # Panics
+    /// As [`new`](Self::new); if `root` has not `n x n` numbers.
+    pub fn with_root(coefficients: &[f64], information: f64, root: &[f64], leak: bool) -> Self {
+        let n = root.len().isqrt();
+        let own = Self::new(n, coefficients, information, leak);
+        Self { factor: Factor::inverse(root, 1.0 / information), root: Some(root.to_vec()), ..own }
     }
 
     /// Number of coefficients of each target.
@@ -113,11 +129,19 @@ impl RecursiveLeastSquares {
         self.factor.scale(1.0 / lambda);
         let (j, weight) = (self.turn, n as f64 * (1.0 - lambda) * self.information);
         self.turn = (j + 1) % n;
-        self.factor.project_unit(j);
+        let row = self.root.as_ref().map(|root| &root[j * n..(j + 1) * n]);
+        match row {
+            Some(row) => _ = self.factor.project(row),
+            None => self.factor.project_unit(j),
+        }
         let gain = self.factor.absorb(1.0 / weight);
         if self.leak {
             for (theta, prior) in self.theta.chunks_exact_mut(n).zip(self.prior.chunks_exact(n)) {
-                add(theta, prior[j] - theta[j], gain);
+                let lost = match row {
+                    Some(row) => (j..n).map(|k| row[k] * (prior[k] - theta[k])).sum(),
+                    None => prior[j] - theta[j],
+                };
+                add(theta, lost, gain);
             }
         }
     }

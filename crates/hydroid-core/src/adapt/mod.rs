@@ -7,7 +7,9 @@
 //! | adapter | what it adapts, and how |
 //! | --- | --- |
 //! | [`RecursiveEquations`] | coefficients of sparse equations, by [`RecursiveLeastSquares`] on increments |
+//! | [`BlendedEquations`] | several of these at different paces, weighed by what they have predicted of late |
 
+mod blend;
 mod equations;
 mod factor;
 mod gate;
@@ -19,6 +21,7 @@ mod weighted;
 
 use crate::predict::Predictor;
 
+pub use blend::{BlendSettings, BlendedEquations};
 pub use equations::RecursiveEquations;
 pub use factor::Factor;
 pub use gate::Gate;

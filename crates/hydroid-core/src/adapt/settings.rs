@@ -34,6 +34,10 @@ pub enum SettingsError {
     Ranges,
     /// No equation has a term.
     Nothing,
+    /// The prior is not a regular upper triangle over all terms.
+    Root,
+    /// Several paces need at least one, and a horizon to compare them by.
+    Paces,
     /// The terms do not compile.
     Equations(EquationsError),
 }
@@ -46,6 +50,8 @@ impl core::fmt::Display for SettingsError {
             Self::Ranges => {
                 write!(f, "one finite range is needed for each output and input of the equations")
             }
+            Self::Root => write!(f, "the prior must be a regular triangle, and all terms be adapted"),
+            Self::Paces => write!(f, "a blend needs at least one pace, and a horizon"),
             Self::Nothing => write!(f, "the equations have no term to adapt"),
             Self::Equations(error) => error.fmt(f),
         }

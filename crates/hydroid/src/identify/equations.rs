@@ -6,7 +6,9 @@ use super::settings::{intervals, reference};
 use super::{IdentifyError, Job, Parts, SEARCH_ORIGINS, overview};
 use crate::evaluate;
 use crate::progress::Progress;
-use crate::sindy::{Found, Judge, Regression, SearchError, Structure, discover, search};
+use crate::sindy::{
+    Found, Grid, Judge, Library, Optimizer, Regression, SearchError, Structure, discover, search,
+};
 
 /// Rollouts that settings are compared by.
 pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
@@ -53,6 +55,39 @@ pub(super) fn lagged(
     run(job, parts, &structures, false, progress)
 }
 
+/// Equations with all terms of the richest library, and the inputs of a tenth of a horizon ago: a start for what keeps
+/// learning. Nothing is chosen but the ridge, the smallest under which no rollout diverges.
+pub(super) fn whole(
+    job: &Job,
+    parts: &Parts<'_>,
+    progress: Progress<'_>,
+) -> Result<Arc<Found>, IdentifyError> {
+    let run = parts.train[0];
+    let share = |share: f64| intervals(share * job.horizon as f64);
+    let past =
+        u16::try_from(job.sindy.past_s.map_or(share(0.1), |s| intervals(s / run.dt))).unwrap_or(u16::MAX);
+    let libraries: Vec<Library> = job.sindy.libraries(run)?.pop().into_iter().collect();
+    let mut grid = job.sindy.grid(run.dt, job.horizon, &libraries, &[], true);
+    for structure in &mut grid.structures {
+        structure.past = vec![past];
+        structure.past_inputs_only = true;
+    }
+    if !job.sindy.central_differences && job.sindy.window_s.is_none() {
+        grid.regressions = vec![Regression::Weak { intervals: share(0.2) }];
+    }
+    grid.optimizers = vec![Optimizer::Stepwise(0.0)];
+    grid.constraints = job.sindy.rules(run, &libraries)?;
+    let ridges = job.sindy.ridge.map_or_else(|| vec![0.1, 1.0, 10.0], |ridge| vec![ridge]);
+    let mut outcome = Err(IdentifyError::Sindy(SearchError::Empty));
+    for ridge in ridges {
+        outcome = searched(job, parts, &Grid { ridges: vec![ridge], ..grid.clone() }, progress);
+        if !matches!(outcome, Err(IdentifyError::Sindy(SearchError::AllDiverged(_)))) {
+            break;
+        }
+    }
+    outcome
+}
+
 fn run(
     job: &Job,
     parts: &Parts<'_>,
@@ -64,6 +99,16 @@ fn run(
     let libraries = job.sindy.libraries(train[0])?;
     let mut grid = job.sindy.grid(train[0].dt, job.horizon, &libraries, structures, plain);
     grid.constraints = job.sindy.rules(train[0], &libraries)?;
+    searched(job, parts, &grid, progress)
+}
+
+fn searched(
+    job: &Job,
+    parts: &Parts<'_>,
+    grid: &Grid,
+    progress: Progress<'_>,
+) -> Result<Arc<Found>, IdentifyError> {
+    let train = &parts.train;
     let inputs = overview::input_ranges(train);
     let judge = Judge {
         validation: &parts.validation,
@@ -73,5 +118,5 @@ fn run(
         seed: job.seed,
         members: job.sindy.members.0,
     };
-    Ok(Arc::new(search(train, &judge, &grid, progress)?))
+    Ok(Arc::new(search(train, &judge, grid, progress)?))
 }

@@ -14,15 +14,14 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::AdaptError;
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
 use crate::sindy::{ExpressionError, Found, Losses, SearchError, UnknownLibrary};
+use hydroid_core::model::sparse::Equations;
 
 pub use overview::{ChannelSummary, overview, ranges};
-pub use recursive::Pace;
 pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};
 pub use verdict::{Grade, Verdict, verdicts};
 
@@ -34,8 +33,8 @@ pub enum Method {
     Sindy,
     /// The same with outputs and inputs of some time ago among the variables.
     Lagged,
-    /// The better of the equations asked for, or [`Sindy`](Self::Sindy)'s, which keep learning by recursive
-    /// least squares.
+    /// Equations with all terms of a library, the past of the inputs among them, which keep learning at several
+    /// paces at once by recursive least squares.
     Recursive,
 }
 
@@ -87,9 +86,7 @@ pub struct Candidate {
 impl Candidate {
     /// The search that found its equations.
     pub fn found(&self) -> &Found {
-        match &self.training {
-            Training::Equations(found) | Training::Recursive(found, _) => found,
-        }
+        self.training.found()
     }
 }
 
@@ -98,8 +95,17 @@ impl Candidate {
 pub enum Training {
     /// A search for sparse equations.
     Equations(Arc<Found>),
-    /// Equations of a search, and the paces at which they were let learn.
-    Recursive(Arc<Found>, Vec<Pace>),
+    /// Equations with all terms of a library, which learn at several paces.
+    Recursive(Arc<Found>),
+}
+
+impl Training {
+    /// The search.
+    pub fn found(&self) -> &Arc<Found> {
+        match self {
+            Self::Equations(found) | Self::Recursive(found) => found,
+        }
+    }
 }
 
 /// The result of a job.
@@ -118,9 +124,6 @@ pub struct Identified {
 /// Why nothing was identified.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
-    /// Equations that cannot learn.
-    #[error(transparent)]
-    Learning(Box<AdaptError>),
     /// A library that there is not.
     #[error(transparent)]
     Library(UnknownLibrary),
@@ -262,7 +265,7 @@ fn best(candidates: &[Candidate]) -> Option<usize> {
     let mut order: Vec<usize> = (0..candidates.len())
         .filter(|&i| candidates[i].test.diverged == 0 && candidates[i].validation.diverged == 0)
         .collect();
-    order.sort_by_key(|&i| matches!(candidates[i].training, Training::Recursive(..)));
+    order.sort_by_key(|&i| matches!(candidates[i].training, Training::Recursive(_)));
     let mut best: Option<usize> = None;
     for i in order {
         let ahead = |b: usize| {
@@ -328,22 +331,19 @@ fn train_by(
             Ok(done(model, Training::Equations(found), score))
         }
         Method::Recursive => {
-            let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
-            let best = equations.min_by(|a, b| a.score.total_cmp(&b.score));
-            let fresh;
-            let (base, from) = if let Some(base) = best {
-                (base, 0.0)
-            } else {
-                fresh = train_by(Method::Sindy, job, parts, &[], &mut |f| progress(0.8 * f))?;
-                (&fresh, 0.8)
+            let describe = |found: &Found, equations: Equations| {
+                let settings = serde_json::json!({
+                    "chosen": found.trials[found.chosen],
+                    "asked": job.sindy,
+                    "horizon": job.horizon,
+                });
+                describe(job, parts, method, Body::Equations(Arc::new(equations)), settings)
             };
-            let mut share = |f: f64| progress(from + (1.0 - from) * f);
-            let (mut model, paces) = recursive::learning(&base.model, job, parts, &mut share)?;
-            method.name().clone_into(&mut model.description.name);
-            // The members do not learn: their band would be that of the model at rest.
-            model.members = Ensemble::default();
-            let (Training::Equations(found) | Training::Recursive(found, _)) = &base.training;
-            Ok(done(model, Training::Recursive(Arc::clone(found), paces), base.score))
+            let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
+            let sparse = equations.min_by(|a, b| a.score.total_cmp(&b.score)).map(|t| t.training.found());
+            let (found, model) = recursive::learning(job, parts, sparse, describe, progress)?;
+            let score = found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
+            Ok(done(model, Training::Recursive(found), score))
         }
     }
 }

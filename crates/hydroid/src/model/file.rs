@@ -7,12 +7,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use hydroid_core::adapt::Settings;
+use hydroid_core::adapt::BlendSettings;
 use hydroid_core::model::sparse::{Equations, EquationsError, Signal, Term};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Description, MOST_MEMBERS, Members, Model};
+use super::{Body, Description, Learning, MOST_MEMBERS, Members, Model};
 use crate::atomic::{self, WriteError};
 
 /// Key of the description in the metadata of the file.
@@ -22,6 +22,9 @@ const KEY: &str = "hydroid";
 const MEMBERS: &str = "members";
 /// Tensor of the places that `members` has, counted in the table of coefficients row by row.
 const PLACES: &str = "member_places";
+
+/// Tensor of the triangle that a model which learns begins with.
+const ROOT: &str = "root";
 
 /// Version of the description that this program writes and reads.
 const VERSION: u32 = 1;
@@ -101,9 +104,9 @@ enum Structure {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         signals: Vec<Signal>,
         substeps: usize,
-        /// How sessions learn on the way.
+        /// How sessions learn on the way; with it stands a tensor `root`, `terms x terms`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        learning: Option<Settings>,
+        learning: Option<BlendSettings>,
     },
 }
 
@@ -124,7 +127,7 @@ fn encode(model: &Model) -> io::Result<Vec<u8>> {
             terms: equations.terms().to_vec(),
             signals: equations.signals().to_vec(),
             substeps: equations.substeps(),
-            learning: model.learning,
+            learning: model.learning.as_ref().map(|learning| learning.settings.clone()),
         },
     };
     let json = serde_json::to_string(&head)?;
@@ -144,6 +147,11 @@ fn encode(model: &Model) -> io::Result<Vec<u8>> {
         let count = places.len() / 4;
         tensors.push((MEMBERS, Dtype::F64, vec![model.members.len(), count], &values));
         tensors.push((PLACES, Dtype::U32, vec![count], &places));
+    }
+    let terms = equations.terms().len();
+    let root = model.learning.as_ref().map(|learning| bytes(&learning.root));
+    if let Some(root) = &root {
+        tensors.push((ROOT, Dtype::F64, vec![terms, terms], root));
     }
     let views = tensors
         .into_iter()
@@ -209,14 +217,22 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     }
     let Structure::SparseEquations { terms, signals, substeps, learning } = head.structure;
     let (outputs, inputs) = (description.outputs.len(), description.inputs.len());
-    let coefficients = numbers(&tensors, "coefficients", &[outputs, terms.len()]).map_err(inconsistent)?;
+    let count = terms.len();
+    let coefficients = numbers(&tensors, "coefficients", &[outputs, count]).map_err(inconsistent)?;
+    let learning = match learning {
+        Some(settings) => {
+            let root = numbers(&tensors, ROOT, &[count, count]).map_err(inconsistent)?;
+            Some(Learning { settings, root })
+        }
+        None => None,
+    };
     let dt = description.dt;
     let equations = Equations::with_signals(terms, coefficients, outputs, inputs, signals, dt, substeps)
         .map_err(|e: EquationsError| inconsistent(e.to_string()))?;
     let members = members(&tensors, equations.coefficients().len()).map_err(inconsistent)?;
     let model = Model { description, body: Body::Equations(Arc::new(equations)), members, learning };
-    if let Some(settings) = &learning {
-        model.learner(settings).map_err(|e| inconsistent(e.to_string()))?;
+    if let Some(learning) = &model.learning {
+        model.blended(learning).map_err(|e| inconsistent(e.to_string()))?;
     }
     Ok(model)
 }

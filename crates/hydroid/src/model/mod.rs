@@ -10,7 +10,7 @@ mod units;
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::{RecursiveEquations, Settings, SettingsError};
+use hydroid_core::adapt::{BlendSettings, BlendedEquations, RecursiveEquations, Settings, SettingsError};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
@@ -35,7 +35,17 @@ pub struct Model {
     /// learned since.
     pub members: Members,
     /// How its sessions learn on the way; none for a model that stays as it is.
-    pub learning: Option<Settings>,
+    pub learning: Option<Learning>,
+}
+
+/// How a model's sessions learn on the way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Learning {
+    /// How fast.
+    pub settings: BlendSettings,
+    /// What the training runs knew of the coefficients: the upper triangle of the second moments of the library in
+    /// them, `terms x terms` ([`Prepared::moments`](crate::sindy::Prepared::moments)).
+    pub root: Vec<f64>,
 }
 
 /// What the numbers of a model mean; the JSON in the head of a model file.
@@ -118,8 +128,8 @@ impl Model {
     /// A session at the start of a run.
     pub fn session(&self) -> Box<dyn Predictor> {
         // Settings were checked when the model was made.
-        if let Some(settings) = &self.learning
-            && let Ok(learner) = self.learner(settings)
+        if let Some(learning) = &self.learning
+            && let Ok(learner) = self.blended(learning)
         {
             return Box::new(learner);
         }
@@ -134,10 +144,22 @@ impl Model {
     /// If the settings do not fit the model.
     pub fn learner(&self, settings: &Settings) -> Result<RecursiveEquations, SettingsError> {
         let Body::Equations(equations) = &self.body;
+        RecursiveEquations::new(equations, &self.ranges(), settings)
+    }
+
+    /// A session that learns at several paces.
+    ///
+    /// # Errors
+    /// If the settings do not fit the model.
+    pub fn blended(&self, learning: &Learning) -> Result<BlendedEquations, SettingsError> {
+        let Body::Equations(equations) = &self.body;
+        BlendedEquations::new(equations, &self.ranges(), &learning.settings, Some(&learning.root))
+    }
+
+    /// Design ranges of outputs, then inputs.
+    fn ranges(&self) -> Vec<(f64, f64)> {
         let d = &self.description;
-        let ranges: Vec<(f64, f64)> =
-            d.outputs.iter().chain(&d.inputs).map(|port| (port.range.low, port.range.high)).collect();
-        RecursiveEquations::new(equations, &ranges, settings)
+        d.outputs.iter().chain(&d.inputs).map(|port| (port.range.low, port.range.high)).collect()
     }
 
     /// Whether runs can be put through the model as they are.

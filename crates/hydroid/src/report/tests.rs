@@ -305,7 +305,7 @@ fn runs_of_another_vessel_are_refused() {
 /// The search behind a candidate, to spoil it.
 fn found_mut(candidate: &mut Candidate) -> &mut crate::sindy::Found {
     match &mut candidate.training {
-        crate::identify::Training::Equations(found) | crate::identify::Training::Recursive(found, _) => {
+        crate::identify::Training::Equations(found) | crate::identify::Training::Recursive(found) => {
             std::sync::Arc::make_mut(found)
         }
     }

@@ -175,6 +175,25 @@ impl Prepared {
         self.effective
     }
 
+    /// Upper triangle `T` of the second moments `T'T` of the library in the rows, `terms x terms`, row by row, in
+    /// physical units, as a prior that knows every term a little: `share` of the moments is taken from a library of the
+    /// same sizes whose terms have nothing to do with each other.
+    pub fn moments(&self, share: f64) -> Vec<f64> {
+        let count = self.terms.len();
+        let rows = self.rows() as f64;
+        let columns: Vec<usize> = (0..count).collect();
+        let library = self.plain.select(&columns);
+        let apart: Vec<f64> =
+            columns.iter().map(|&j| (share / (1.0 - share)).sqrt() * library.column_norm(j)).collect();
+        let scale: Vec<f64> = self.term_scale.iter().map(|s| s * ((1.0 - share) / rows).sqrt()).collect();
+        let blended = library.with_ridge(&apart).scaled(&scale);
+        columns
+            .iter()
+            .flat_map(|&i| (0..count).map(move |j| (i, j)))
+            .map(|(i, j)| blended.get(i, j))
+            .collect()
+    }
+
     /// Triangles of the groups of rows, scaled as the total is.
     pub(super) fn groups(&self) -> &[Triangle] {
         &self.groups

@@ -25,6 +25,9 @@ pub struct Structure {
     /// How many samples ago outputs and inputs also enter, linearly; empty for a model without memory.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub past: Vec<u16>,
+    /// Whether only inputs enter so, and no outputs.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub past_inputs_only: bool,
 }
 
 /// An actuator that follows its command with a first-order lag.
@@ -68,7 +71,7 @@ impl Schedule {
 
 impl From<Library> for Structure {
     fn from(library: Library) -> Self {
-        Self { library, lags: Vec::new(), gate: None, past: Vec::new() }
+        Self { library, lags: Vec::new(), gate: None, past: Vec::new(), past_inputs_only: false }
     }
 }
 
@@ -81,7 +84,8 @@ impl Structure {
             time_constant_s: Real(lag.time_constant_s),
         });
         let past = self.past.iter().flat_map(|&samples| {
-            (0..outputs + inputs).map(move |variable| Signal::Past { variable: index(variable), samples })
+            let first = if self.past_inputs_only { outputs } else { 0 };
+            (first..outputs + inputs).map(move |variable| Signal::Past { variable: index(variable), samples })
         });
         lags.chain(past).collect()
     }
@@ -119,7 +123,8 @@ impl Structure {
 
     /// Number of terms, without making them; saturates.
     pub fn count(&self, variables: &Variables) -> usize {
-        let past = self.past.len() * variables.len();
+        let one = if self.past_inputs_only { variables.inputs().count() } else { variables.len() };
+        let past = self.past.len() * one;
         let modes = if self.gate.is_some() { 2 } else { 1 };
         self.library.count(variables).saturating_add(past).saturating_mul(modes)
     }

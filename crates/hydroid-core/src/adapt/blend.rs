@@ -1,0 +1,311 @@
+//! Equations that learn at several paces at once.
+
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::equations::RecursiveEquations;
+use super::gate::Gate;
+use super::settings::{Settings, SettingsError};
+use super::weighted::WeightedSession;
+use super::{Adapter, Innovation, Outcome};
+use crate::model::sparse::Equations;
+use crate::predict::{Predictor, Workspace};
+
+/// How fast the equations of a blend learn, and how they are compared.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct BlendSettings {
+    /// Seconds of sailing that the coefficients given are worth, for each pace; see [`Settings::prior_s`].
+    pub priors_s: Vec<f64>,
+    /// See [`Settings::forgetting_s`].
+    pub forgetting_s: f64,
+    /// See [`Settings::window`].
+    pub window: usize,
+    /// Horizon of the predictions that are compared \[samples\].
+    pub horizon: usize,
+    /// What happens to rows that are far off.
+    pub gate: Gate,
+}
+
+/// Predictions that are compared in one horizon.
+const CHECKS: usize = 10;
+
+/// A weight is the past loss to this power: who was a quarter worse (in squared errors) has half the weight.
+const POWER: i32 = -3;
+
+/// No single squared error counts more than that many variances of the output: one bad sample, or one rollout that
+/// runs away, must not decide for long.
+const WORST: f64 = 25.0;
+
+/// An [`Adapter`] that walks several [`RecursiveEquations`] along, each with a prior that is worth another time.
+/// How far the model from shore can be trusted is not known on shore: on a vessel that is as it was, the most
+/// cautious predict best, on one that has changed, the quickest. Two more never learn: the equations as
+/// given, and those without a term, for which nothing changes (which wins where all others fail).
+///
+/// Predictions are made by one set of equations: the weighted mean of their coefficients. Ten times a horizon, each is
+/// rolled out from where it was one horizon ago, with the coefficients that it had then, and compared with
+/// what came of it; the weights follow from the sums of these squared errors since the session began (a
+/// polynomially weighted forecaster: Cesa-Bianchi, Lugosi, *Prediction, Learning, and Games*, 2006, section 2.1).
+///
+/// Snapshot: that of the blended equations.
+#[derive(Clone, Debug)]
+pub struct BlendedEquations {
+    experts: Vec<RecursiveEquations>,
+    blended: WeightedSession,
+    /// Of all experts, then of the equations as given, then of those without a term.
+    losses: Vec<f64>,
+    shares: Vec<f64>,
+    /// One over the standard deviation of each output.
+    inverse: Vec<f64>,
+    /// Given coefficients at the places that are adapted.
+    given: Vec<f64>,
+    weights: Vec<f64>,
+    past: Past,
+    frozen: bool,
+}
+
+/// What the experts knew at the last checks, and the commands since.
+#[derive(Clone, Debug)]
+struct Past {
+    horizon: usize,
+    stride: usize,
+    /// Rolls out what is put into it.
+    trial: WeightedSession,
+    /// Rings: snapshots by check and expert, commands by sample.
+    snapshots: Vec<f64>,
+    commands: Vec<f64>,
+    /// Samples since the last that was missing, or the start of the run.
+    seen: usize,
+    /// The commands of a rollout in their order, its outputs, and memory for it.
+    unrolled: Vec<f64>,
+    predicted: Vec<f64>,
+    work: Workspace,
+}
+
+impl BlendedEquations {
+    /// From equations fitted on shore, the design range `(low, high)` of each output, then each input, and the
+    /// triangle of the rows that they were fitted to ([`RecursiveEquations::with_root`]).
+    ///
+    /// # Errors
+    /// If the settings make no sense, or there is nothing to adapt.
+    pub fn new(
+        equations: &Equations,
+        ranges: &[(f64, f64)],
+        settings: &BlendSettings,
+        root: Option<&[f64]>,
+    ) -> Result<Self, SettingsError> {
+        if settings.priors_s.is_empty() || settings.horizon == 0 {
+            return Err(SettingsError::Paces);
+        }
+        let expert = |&prior_s: &f64| {
+            let settings = Settings {
+                forgetting_s: settings.forgetting_s,
+                window: settings.window,
+                prior_s,
+                leak: true,
+                all_terms: true,
+                gate: settings.gate,
+            };
+            RecursiveEquations::with_root(equations, ranges, &settings, root)
+        };
+        let experts = settings.priors_s.iter().map(expert).collect::<Result<Vec<_>, _>>()?;
+        let blended = experts[0].weighted();
+        let mut given = vec![0.0; blended.places().len()];
+        blended.weights(&mut given);
+        let count = experts.len() + 2;
+        let n = equations.outputs();
+        let stride = settings.horizon.div_ceil(CHECKS);
+        let checks = settings.horizon.div_ceil(stride);
+        // Checks are whole strides apart.
+        let horizon = checks * stride;
+        let mut work = Workspace::new();
+        let _ = work.take(blended.snapshot_len() + equations.scratch());
+        Ok(Self {
+            losses: vec![1.0; count],
+            shares: vec![1.0 / count as f64; count],
+            inverse: ranges[..n].iter().map(|(low, high)| DEVIATIONS / (high - low)).collect(),
+            weights: given.clone(),
+            given,
+            past: Past {
+                horizon,
+                stride,
+                trial: blended.clone(),
+                snapshots: vec![0.0; checks * count * blended.snapshot_len()],
+                commands: vec![0.0; horizon * equations.inputs()],
+                seen: 0,
+                unrolled: vec![0.0; horizon * equations.inputs()],
+                predicted: vec![0.0; horizon * n],
+                work,
+            },
+            blended,
+            experts,
+            frozen: false,
+        })
+    }
+
+    /// The equations of the moment.
+    pub fn equations(&self) -> &Equations {
+        self.blended.equations()
+    }
+
+    /// Shares of the paces in the equations of the moment; then of the equations as given, and of none.
+    pub fn shares(&self) -> &[f64] {
+        &self.shares
+    }
+
+    /// Compares what was expected of this sample one horizon ago, and keeps what is expected from here.
+    fn check(&mut self, y: &[f64]) {
+        let Past { horizon, stride, trial, snapshots, commands, seen, unrolled, predicted, work } =
+            &mut self.past;
+        if !seen.is_multiple_of(*stride) {
+            return;
+        }
+        let (len, count, n, m) = (trial.snapshot_len(), self.losses.len(), y.len(), self.blended.inputs());
+        let checks = *horizon / *stride;
+        let slot = (*seen / *stride) % checks;
+        let known = *seen >= *horizon + self.blended.warm_up();
+        if known {
+            // The ring is one horizon long: it begins where the oldest command stands.
+            let start = (*seen % *horizon) * m;
+            let (late, early) = commands.split_at(start);
+            unrolled[..early.len()].copy_from_slice(early);
+            unrolled[early.len()..].copy_from_slice(late);
+        }
+        for i in 0..count {
+            let snapshot = &mut snapshots[(slot * count + i) * len..][..len];
+            if known {
+                trial.restore(snapshot);
+                trial.rollout(unrolled, work, predicted);
+                let last = &predicted[predicted.len() - n..];
+                let error = |((p, y), inverse): ((&f64, &f64), &f64)| {
+                    let e = (p - y) * inverse;
+                    if e.is_finite() { (e * e).min(WORST) } else { WORST }
+                };
+                self.losses[i] += last.iter().zip(y).zip(&self.inverse).map(error).sum::<f64>() / n as f64;
+            }
+            if let Some(expert) = self.experts.get(i) {
+                expert.snapshot(snapshot);
+            } else {
+                self.blended.snapshot(snapshot);
+                let weights = &mut snapshot[len - self.given.len()..];
+                if i == self.experts.len() { weights.copy_from_slice(&self.given) } else { weights.fill(0.0) }
+            }
+        }
+        if known {
+            let best = self.losses.iter().copied().fold(f64::INFINITY, f64::min);
+            let mut sum = 0.0;
+            for (share, loss) in self.shares.iter_mut().zip(&self.losses) {
+                *share = num_traits::Float::powi(loss / best, POWER);
+                sum += *share;
+            }
+            self.shares.iter_mut().for_each(|share| *share /= sum);
+        }
+    }
+
+    fn blend(&mut self) {
+        let count = self.experts.len();
+        for (weight, given) in self.weights.iter_mut().zip(&self.given) {
+            *weight = self.shares[count] * given;
+        }
+        for (expert, share) in self.experts.iter().zip(&self.shares) {
+            for (weight, own) in self.weights.iter_mut().zip(expert.weights()) {
+                *weight += share * own;
+            }
+        }
+        self.blended.set_weights(&self.weights);
+    }
+}
+
+/// Standard deviations in a design range: a uniform distribution has 3.5, a normal one in its range of a log some 6.
+const DEVIATIONS: f64 = 5.0;
+
+impl Predictor for BlendedEquations {
+    fn outputs(&self) -> usize {
+        self.blended.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.blended.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        self.blended.warm_up()
+    }
+
+    fn reset(&mut self) {
+        self.experts.iter_mut().for_each(Predictor::reset);
+        self.blended.reset();
+        self.past.seen = 0;
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        self.experts.iter_mut().for_each(|expert| expert.observe(y));
+        self.blended.observe(y);
+        if self.frozen {
+            return;
+        }
+        if y.iter().all(|y| !y.is_nan()) {
+            self.check(y);
+            self.blend();
+        } else {
+            self.past.seen = 0;
+        }
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        self.experts.iter_mut().for_each(|expert| expert.advance(c));
+        self.blended.advance(c);
+        let at = (self.past.seen % self.past.horizon) * c.len();
+        self.past.commands[at..][..c.len()].copy_from_slice(c);
+        self.past.seen += 1;
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        self.blended.output(y);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.blended.rollout(commands, work, y);
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.blended.snapshot_len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        self.blended.snapshot(into);
+    }
+
+    /// Puts state and coefficients back, of which all paces go on.
+    fn restore(&mut self, from: &[f64]) {
+        self.blended.restore(from);
+        self.experts.iter_mut().for_each(|expert| expert.restore(from));
+        self.past.seen = 0;
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        self.blended.fork()
+    }
+}
+
+impl Adapter for BlendedEquations {
+    /// What came of the sample at the first pace; the gates of the others may differ.
+    fn outcome(&self) -> Outcome {
+        self.experts[0].outcome()
+    }
+
+    fn innovations(&self) -> &[Innovation] {
+        self.experts[0].innovations()
+    }
+
+    fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+        self.experts.iter_mut().for_each(|expert| expert.freeze(frozen));
+    }
+}
