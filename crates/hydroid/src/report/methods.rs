@@ -5,14 +5,14 @@ use maud::{Markup, html};
 use super::Subject;
 use super::number::{self, duration, fixed};
 use super::page::{Section, cell, table};
-use crate::identify::{Candidate, Pace, Training};
+use crate::identify::{Candidate, Training};
 
 /// The section; nothing where there is one model alone and it does not learn.
 pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
     let candidates = &subject.result.candidates;
     let first = candidates.first()?;
-    let paces = candidates.iter().find_map(paces);
-    if candidates.len() < 2 && paces.is_none() {
+    let learning = candidates.iter().find_map(learning);
+    if candidates.len() < 2 && learning.is_none() {
         return None;
     }
     let test = &first.test;
@@ -31,7 +31,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
             "Validation: mean NRMSE over all outputs and horizons on the validation runs, which decides. Then the NRMSE on the test runs, "
             (horizon) " ahead. All are judged on the same windows. A method further down is called best only if it is better on the validation runs by more than the noise of the comparison."
         }
-        @if let Some((chosen, paces)) = paces { p { (learning(chosen, paces)) } }
+        @if let Some(learning) = learning { p { (learning) } }
     };
     Some(Section { id: "methods", heading: "Methods side by side", body })
 }
@@ -54,28 +54,21 @@ fn row(candidate: &Candidate, best: bool) -> Vec<Markup> {
 fn about(candidate: &Candidate) -> &'static str {
     let has_past = candidate.found().trials.iter().any(|trial| !trial.structure.past.is_empty());
     match (&candidate.training, has_past) {
-        (Training::Recursive(..), _) => "equations that keep learning on the way",
+        (Training::Recursive(_), _) => "equations that keep learning on the way",
         (Training::Equations(_), true) => "equations that also see the past",
         (Training::Equations(_), false) => "equations of the present",
     }
 }
 
-fn paces(candidate: &Candidate) -> Option<(&Candidate, &[Pace])> {
-    match &candidate.training {
-        Training::Recursive(_, paces) => Some((candidate, paces)),
-        Training::Equations(_) => None,
-    }
-}
-
-/// What was chosen for the model that learns.
-fn learning(candidate: &Candidate, paces: &[Pace]) -> Markup {
+/// How the model that learns does so.
+fn learning(candidate: &Candidate) -> Option<Markup> {
+    let settings = &candidate.model.learning.as_ref()?.settings;
     let dt = candidate.model.description.dt;
-    html! {
-        @if let Some(settings) = &candidate.model.learning {
-            "The model that learns takes " (duration(settings.prior_s)) " of lively sailing to believe the log as much as the equations it starts from, forgets a sample to 1/e in "
-            (duration(settings.forgetting_s)) ", and learns from increments over " (duration(settings.window as f64 * dt))
-            ": the most cautious of " (number::count(paces.len())) " paces that the validation runs cannot tell from the best. "
-            "Evaluation lets it learn along each run; at every origin it knows what came before, and nothing later."
-        }
-    }
+    let priors: Vec<String> = settings.priors_s.iter().map(|s| duration(*s)).collect();
+    Some(html! {
+        "The model that learns starts from equations with all terms and adapts every coefficient at several paces: the equations from shore are worth "
+        (priors.join(", ")) " of sailing. The paces, the equations as they were and “nothing changes” are blended by how well each predicted so far. A sample is forgotten to 1/e in "
+        (duration(settings.forgetting_s)) "; increments span " (duration(settings.window as f64 * dt))
+        ". Evaluation lets it learn along each run; at every origin it knows what came before, and nothing later."
+    })
 }
