@@ -205,7 +205,8 @@ pub fn adapt(
     }
     let ranges = model.output_ranges();
     let name = &model.description.name;
-    let mut frozen_session = model.session();
+    // A model that learns by itself is no yardstick: its equations are, as they stand.
+    let mut frozen_session = Model { learning: None, ..model.clone() }.session();
     let frozen = evaluate(name, frozen_session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
         progress(0.5 * done)
     })?;

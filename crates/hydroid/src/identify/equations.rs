@@ -67,7 +67,7 @@ pub(super) fn whole(
     let past =
         u16::try_from(job.sindy.past_s.map_or(share(0.1), |s| intervals(s / run.dt))).unwrap_or(u16::MAX);
     let libraries: Vec<Library> = job.sindy.libraries(run)?.pop().into_iter().collect();
-    let mut grid = job.sindy.grid(run.dt, job.horizon, &libraries, &[], true);
+    let mut grid = job.sindy.grid(&parts.train, job.horizon, &libraries, &[], true);
     for structure in &mut grid.structures {
         structure.past = vec![past];
         structure.past_inputs_only = true;
@@ -97,7 +97,7 @@ fn run(
 ) -> Result<Arc<Found>, IdentifyError> {
     let train = &parts.train;
     let libraries = job.sindy.libraries(train[0])?;
-    let mut grid = job.sindy.grid(train[0].dt, job.horizon, &libraries, structures, plain);
+    let mut grid = job.sindy.grid(train, job.horizon, &libraries, structures, plain);
     grid.constraints = job.sindy.rules(train[0], &libraries)?;
     searched(job, parts, &grid, progress)
 }

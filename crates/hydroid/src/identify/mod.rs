@@ -18,7 +18,7 @@ use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{ExpressionError, Found, Losses, SearchError, UnknownLibrary};
+use crate::sindy::{ExpressionError, Found, SearchError, UnknownLibrary};
 use hydroid_core::model::sparse::Equations;
 
 pub use overview::{ChannelSummary, overview, ranges};
@@ -62,7 +62,7 @@ pub struct Job {
     pub horizon: usize,
     /// Samples between two origins of the final evaluations.
     pub origin_stride: usize,
-    /// Seed of the run. The search for equations draws nothing; it is kept for the methods that do.
+    /// Seed of the run: of the stability screen's rollouts and of the ensemble's draws.
     pub seed: u64,
     /// Settings of the search for equations.
     pub sindy: SindySettings,
@@ -84,6 +84,11 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Whether its equations may also be of the past.
+    pub fn has_past(&self) -> bool {
+        self.found().trials.iter().any(|trial| !trial.structure.past.is_empty())
+    }
+
     /// The search that found its equations.
     pub fn found(&self) -> &Found {
         self.training.found()
@@ -258,25 +263,22 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
     Ok(Identified { candidates, best, verdicts, warnings })
 }
 
-/// The model with the least validation error among those that diverge nowhere. One that comes later in the
-/// order of methods, which is that of their complexity, must be better beyond the noise.
+/// A more complex method must lower the validation error by this share at least to be called best.
+const WORTH: f64 = 0.02;
+
+/// The model with the least validation error, the simpler of two that differ by less than [`WORTH`]. The test
+/// runs have no say in which it is; where its rollouts diverge on them, no model is called best.
 fn best(candidates: &[Candidate]) -> Option<usize> {
-    let losses = |c: &Candidate| Losses { validation: c.validation.blocks.clone(), training: Vec::new() };
-    let mut order: Vec<usize> = (0..candidates.len())
-        .filter(|&i| candidates[i].test.diverged == 0 && candidates[i].validation.diverged == 0)
-        .collect();
-    order.sort_by_key(|&i| matches!(candidates[i].training, Training::Recursive(_)));
-    let mut best: Option<usize> = None;
-    for i in order {
-        let ahead = |b: usize| {
-            candidates[i].validation.score() < candidates[b].validation.score()
-                && losses(&candidates[i]).is_better_than(&losses(&candidates[b]))
-        };
-        if best.is_none_or(ahead) {
-            best = Some(i);
-        }
-    }
-    best
+    let mut order: Vec<usize> =
+        (0..candidates.len()).filter(|&i| candidates[i].validation.diverged == 0).collect();
+    order.sort_by_key(|&i| {
+        let candidate = &candidates[i];
+        (matches!(candidate.training, Training::Recursive(_)), candidate.has_past())
+    });
+    let score = |i: usize| candidates[i].validation.score();
+    let best =
+        order.into_iter().reduce(|best, i| if score(i) < (1.0 - WORTH) * score(best) { i } else { best });
+    best.filter(|&i| candidates[i].test.diverged == 0)
 }
 
 /// Runs by their use, and the ranges of the training runs.

@@ -7,7 +7,10 @@ use serde::{Deserialize, Serialize};
 use super::IdentifyError;
 use super::wording::place;
 use crate::log::Trajectory;
-use crate::sindy::{Family, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted};
+use crate::sindy::{
+    Criterion, Family, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted,
+    weak_from_noise,
+};
 
 /// Settings of the search for equations. What is not given is chosen on the validation runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -275,23 +278,27 @@ impl SindySettings {
         Ok(libraries.map(|library| library.with(Family::Listed(listed.clone()))).collect())
     }
 
-    /// What to try, for a sample time and a horizon in samples, with what was found about lags and modes.
+    /// What to try, for training runs and a horizon in samples, with what was found about lags and modes.
     /// These are combined with the richer libraries alone; `plain` says whether all libraries stand without them
     /// as well.
     pub fn grid(
         &self,
-        dt: f64,
+        training: &[&Trajectory],
         horizon: usize,
         libraries: &[Library],
         found: &[Structure],
         plain: bool,
     ) -> Grid {
         let share = |part: f64| intervals(part * horizon as f64);
+        let dt = training.first().map_or(1.0, |run| run.dt);
         let regressions = match (self.central_differences, self.window_s) {
             (true, _) => vec![Regression::Central],
             (false, Some(window)) => vec![Regression::Weak { intervals: intervals(window / dt) }],
             (false, None) => {
                 let mut list = vec![1, share(0.2), share(0.5), share(1.0), share(2.0)];
+                // And the shortest that averages the noise away.
+                list.extend(weak_from_noise(training).map(Regression::window));
+                list.sort_unstable();
                 list.dedup();
                 list.into_iter().map(|intervals| Regression::Weak { intervals }).collect()
             }
@@ -308,7 +315,10 @@ impl SindySettings {
             regressions,
             optimizers: match self.threshold {
                 Some(threshold) => vec![Optimizer::Stlsq(threshold)],
-                None => [0.002, 0.005, 0.01, 0.02, 0.05].map(Optimizer::Stepwise).to_vec(),
+                None => {
+                    let tolerances = [0.002, 0.005, 0.01, 0.02, 0.05].map(Optimizer::Stepwise);
+                    tolerances.into_iter().chain([Optimizer::Criterion(Criterion::Bic)]).collect()
+                }
             },
             ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),

@@ -29,7 +29,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
         (table(&heads, &rows, 2))
         p.small {
             "Validation: mean NRMSE over all outputs and horizons on the validation runs, which decides. Then the NRMSE on the test runs, "
-            (horizon) " ahead. All are judged on the same windows. A method further down is called best only if it is better on the validation runs by more than the noise of the comparison."
+            (horizon) " ahead. All are judged on the same windows. A more complex method is called best only if its validation error is lower by 2 % at least; the test runs have no say."
         }
         @if let Some(learning) = learning { p { (learning) } }
     };
@@ -52,8 +52,7 @@ fn row(candidate: &Candidate, best: bool) -> Vec<Markup> {
 }
 
 fn about(candidate: &Candidate) -> &'static str {
-    let has_past = candidate.found().trials.iter().any(|trial| !trial.structure.past.is_empty());
-    match (&candidate.training, has_past) {
+    match (&candidate.training, candidate.has_past()) {
         (Training::Recursive(_), _) => "equations that keep learning on the way",
         (Training::Equations(_), true) => "equations that also see the past",
         (Training::Equations(_), false) => "equations of the present",

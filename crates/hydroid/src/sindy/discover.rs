@@ -8,6 +8,7 @@
 //!
 //! What is found here is a proposal. Whether it predicts better is for rollouts to say.
 
+use hydroid_core::model::sparse::{Real, Signal};
 use rayon::prelude::*;
 
 use super::fit::Prepared;
@@ -42,12 +43,13 @@ const WORTH: f64 = 0.02;
 /// Share of the samples that each mode of a gate must have.
 const VISITED: f64 = 0.05;
 /// Longest time constant that is tried, in windows of the regression.
-const LONGEST: f64 = 1.25;
+const LONGEST: f64 = 2.5;
 /// Time constants tried, but one.
 const TIMES: u8 = 7;
 /// Slopes tried, over the width of the output's range.
 const SLOPES: [f64; 3] = [6.0, 20.0, 60.0];
-/// A warm-up that takes more than this share of the samples away is not worth it.
+/// Share of the samples at the starts of runs that may be left out for lags to warm up; bounds what time
+/// constants can be found in short runs.
 const WARM_UP: f64 = 0.1;
 
 /// Steps of the search at the most: each adds a gate, or lags.
@@ -70,14 +72,13 @@ pub fn discover(
 ) -> Result<Vec<Structure>, Cancelled> {
     let Some(first) = runs.first() else { return Ok(Vec::new()) };
     let (some, all) = (thinned(runs, SCAN_SAMPLES), thinned(runs, REFINE_SAMPLES));
-    let scan = Scan {
-        runs: &some,
-        variables: Variables::of(first),
-        regression,
-        longest: LONGEST * regression.window() as f64 * first.dt,
-        free: [*lags == Wanted::Found, *gate == Wanted::Found],
-    };
-    let fine = Scan { runs: &all, variables: scan.variables.clone(), ..scan };
+    let free = [*lags == Wanted::Found, *gate == Wanted::Found];
+    let longest = LONGEST * regression.window() as f64 * first.dt;
+    // What the shortest parts can bear; the fewer, longer parts of the refinement bear it too.
+    let bearable = some.iter().map(Trajectory::len).sum::<usize>() as f64 / some.len() as f64;
+    let longest = longest.min(WARM_UP * bearable * first.dt / Signal::SETTLING);
+    let scan = Scan::new(&some, Variables::of(first), regression, longest, free);
+    let fine = Scan::new(&all, Variables::of(first), regression, longest, free);
     let mut now = Structure::from(library.clone());
     if let Wanted::Given(lags) = lags {
         now.lags.clone_from(lags);
@@ -121,22 +122,36 @@ struct Scan<'a> {
     longest: f64,
     /// Whether lags and gate are looked for.
     free: [bool; 2],
+    /// Weight 0 for the samples in which the longest lag warms up, 1 for the others. All structures are
+    /// compared on the same rows: a cost that could choose its rows would invent lags that leave out what does
+    /// not fit.
+    weights: Vec<Vec<f64>>,
+}
+
+impl<'a> Scan<'a> {
+    fn new(
+        runs: &'a [Trajectory],
+        variables: Variables,
+        regression: Regression,
+        longest: f64,
+        free: [bool; 2],
+    ) -> Self {
+        let slowest = Signal::Lag { input: 0, time_constant_s: Real(longest) };
+        let weights = |run: &Trajectory| {
+            let warm_up = if free[0] { slowest.warm_up(run.dt) } else { 0 };
+            (0..run.len()).map(|k| if k < warm_up { 0.0 } else { 1.0 }).collect()
+        };
+        Self { runs, variables, regression, longest, free, weights: runs.iter().map(weights).collect() }
+    }
 }
 
 impl Scan<'_> {
-    /// `J`, or nothing where the regression cannot be made or a warm-up takes too much of the runs.
+    /// `J`, or nothing where the regression cannot be made.
     fn cost(&self, structure: &Structure) -> Option<f64> {
         let signals = structure.signals(&self.variables);
-        let dt = self.runs.first()?.dt;
-        let warm_up = signals.iter().map(|s| s.warm_up(dt)).max().unwrap_or(0);
-        let total: usize = self.runs.iter().map(Trajectory::len).sum();
-        let lost: usize = self.runs.iter().map(|run| warm_up.min(run.len())).sum();
-        if lost as f64 > WARM_UP * total as f64 {
-            return None;
-        }
         let runs: Vec<&Trajectory> = self.runs.iter().collect();
         let terms = structure.terms(&self.variables);
-        let preparation = Preparation { signals: &signals, ..Preparation::default() };
+        let preparation = Preparation { signals: &signals, weights: &self.weights, ..Preparation::default() };
         let prepared = Prepared::with(&runs, terms, self.regression, &preparation).ok()?;
         Some(prepared.least_squares_rms().iter().map(|rms| rms.ln()).sum())
     }
@@ -258,7 +273,7 @@ impl Scan<'_> {
         };
         let cost = |x: &[f64]| {
             let next = made(x);
-            let sensible = next.lags.iter().all(|lag| lag.time_constant_s < 4.0 * self.longest)
+            let sensible = next.lags.iter().all(|lag| lag.time_constant_s <= self.longest)
                 && next.gate.is_none_or(|schedule| {
                     (VISITED..=1.0 - VISITED).contains(&schedule.share_above(self.runs.iter()))
                 });

@@ -374,7 +374,10 @@ impl Bench<'_> {
         let mut order: Vec<usize> = (0..self.tried.len()).filter(|&i| score(i).is_finite()).collect();
         order.sort_by(|&a, &b| score(a).total_cmp(&score(b)));
         let Some(&best) = order.first() else { return order };
-        let alike = |i: usize| self.tried[i].losses.is_as_good_as(&self.tried[best].losses);
+        // One that was given up on the way was not compared on the training runs.
+        let compared =
+            |i: usize| self.tried[i].losses.training.len() == self.tried[best].losses.training.len();
+        let alike = |i: usize| compared(i) && self.tried[i].losses.is_as_good_as(&self.tried[best].losses);
         let (mut simple, rest): (Vec<usize>, Vec<usize>) = order.into_iter().partition(|&i| alike(i));
         simple.sort_by_key(|&i| self.tried[i].trial.terms + self.tried[i].trial.structure.parameters());
         simple.extend(rest);
@@ -387,7 +390,7 @@ impl Bench<'_> {
         let best = preference.iter().map(|&i| score(i)).fold(f64::INFINITY, f64::min);
         let bounded = |i: &&usize| self.screen(&self.tried[**i].fit.equations).is_bounded();
         let near = preference.iter().filter(|&&i| score(i) <= STABLE * best);
-        let chosen = near.clone().find(bounded).or(preference.first()).copied().unwrap_or(0);
+        let chosen = near.clone().find(bounded).or(near.clone().next()).copied().unwrap_or(0);
         // Equations that rules tie together come from one fit.
         let tied = grid.constraints.iter().any(ties_outputs);
         let others: &[usize] = if tied { &[] } else { &preference };

@@ -32,10 +32,10 @@ pub enum Signal {
     },
 }
 
-/// Lags settle to `exp(-7)`, a thousandth, of a wrong first guess before they count.
-const SETTLING: f64 = 7.0;
-
 impl Signal {
+    /// Time constants that a lag is given to forget a wrong first guess, to `exp(-7)`, a thousandth.
+    pub const SETTLING: f64 = 7.0;
+
     /// The signal in words: `lag(n, 1.5 s)`, `u(-0.5 s)`; `names` are those of outputs and inputs.
     pub fn name(&self, names: &[impl AsRef<str>], dt: f64) -> String {
         let name = |variable: u16| names.get(usize::from(variable)).map_or("?", AsRef::as_ref);
@@ -71,7 +71,7 @@ impl Signal {
             Self::Lag { time_constant_s, .. } => {
                 // Bounded below any usize; a NaN becomes 0.
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-                let samples = Float::ceil(SETTLING * time_constant_s.0 / dt).clamp(0.0, 1e9) as usize;
+                let samples = Float::ceil(Self::SETTLING * time_constant_s.0 / dt).clamp(0.0, 1e9) as usize;
                 samples
             }
             Self::Past { samples, .. } => usize::from(samples),
