@@ -2,7 +2,7 @@
 
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GateSetting, Identified, Job, Lags, Members, Method, SindySettings, Word, identify};
-use hydroid::log::{Split, Trajectory};
+use hydroid::log::{Split, Table, Trajectory};
 use hydroid::model::{self, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
@@ -58,6 +58,47 @@ fn a_steady_vessel_needs_neither_past_nor_learning() {
     assert!(windows.iter().all(|w| *w == windows[0]), "all are judged on the same windows: {windows:?}");
     let lagged = found.candidates[1].found().fit.equations.signals();
     assert!(!lagged.is_empty(), "the past is there to be used");
+}
+
+/// A steady log with a spike in every hundredth sample says so, and where the remedy is.
+#[test]
+fn spikes_are_named_with_their_remedy() {
+    let spiky = |mut run: Trajectory| {
+        let width = run.outputs.width();
+        let mut values = run.outputs.rows(0, run.len()).to_vec();
+        for row in values.chunks_exact_mut(width).step_by(100) {
+            row[0] += 3.0;
+        }
+        run.outputs = Table::new(run.outputs.channels().to_vec(), values);
+        run
+    };
+    let told = |train: Trajectory, huber| {
+        let part = |seed| vec![run(1.0, seed, 120.0)];
+        let split = Split { train: vec![train], validation: part(2), test: part(3), notes: Vec::new() };
+        let job = Job {
+            methods: vec![Method::Sindy],
+            split,
+            reading: Reading::default(),
+            horizon: 20,
+            origin_stride: 10,
+            seed: 0,
+            sindy: SindySettings {
+                degree: Some(1),
+                lag: Lags::Word(Word::None),
+                gate: GateSetting::Word(Word::None),
+                members: Members(0),
+                huber,
+                ..SindySettings::default()
+            },
+        };
+        let notes = identify(&job, &mut silent()).unwrap().warnings;
+        notes.into_iter().find(|note| note.message.contains("spikes in u"))
+    };
+    let clean = run(1.0, 1, 300.0);
+    assert_eq!(told(clean.clone(), None), None);
+    let note = told(spiky(clean.clone()), None).unwrap();
+    assert!(note.remedy.unwrap().contains("--huber"), "{}", note.message);
+    assert_eq!(told(spiky(clean), Some(1.345)), None, "the remedy has been taken");
 }
 
 #[test]

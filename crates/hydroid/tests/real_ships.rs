@@ -10,11 +10,11 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use hydroid::evaluate::Evaluation;
-use hydroid::identify::{Grade, Identified, Job, Method, SindySettings, identify};
+use hydroid::identify::{Grade, Identified, Job, Members, Method, SindySettings, identify};
 use hydroid::log::{self, PrepareOptions, Selection, Split, split_named};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
-use ridge_baseline::{CYBERSHIP, ESSO, Row, Ship, baseline, last};
+use ridge_baseline::{CYBERSHIP, ESSO, Row, Ship, baseline, chosen, last};
 
 fn data() -> Option<PathBuf> {
     let data = std::env::var_os("HYDROID_DATA").map(PathBuf::from);
@@ -36,12 +36,6 @@ fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
     }
 }
 
-fn identified(ship: &Ship, data: &Path) -> Identified {
-    let [train, validation, test] = ship.runs(data);
-    let split = Split { train, validation, test, notes: Vec::new() };
-    identify(&job(split, ship.horizon, 1), &mut silent()).unwrap()
-}
-
 /// The baseline without shrinkage to speak of: what "plain" ridge regression is.
 fn plain(rows: &[Row]) -> impl Iterator<Item = &Row> {
     rows.iter().filter(|row| row.lambda <= 1e-2)
@@ -56,33 +50,43 @@ fn beats_persistence(test: &Evaluation, factor: f64) {
     }
 }
 
-#[test]
-fn cybership_is_better_than_plain_ridge_in_the_mean_and_close_in_every_output() {
-    let Some(data) = data() else { return };
-    let result = identified(&CYBERSHIP, &data);
-    let test = &result.candidates[0].test;
-    assert_eq!((test.diverged, test.windows), (0, 7204));
-    let (ours, mean) = last(test);
-    for row in plain(&baseline(&CYBERSHIP, &data)) {
-        let (ridge, ridge_mean) = last(&row.test);
-        assert!(mean < 0.95 * ridge_mean, "{mean} against {ridge_mean}");
-        assert!(ours.iter().zip(&ridge).all(|(a, b)| *a < 1.03 * b), "{ours:?} against {ridge:?}");
-    }
-    beats_persistence(test, 0.85);
-    assert!(result.sound());
+/// Mean of the outputs' NRMSE at the last horizon, by method, and of the ridge that validation would choose.
+fn means(ship: &Ship, data: &Path) -> (Identified, Vec<f64>, f64) {
+    let [train, validation, test] = ship.runs(data);
+    let split = Split { train, validation, test, notes: Vec::new() };
+    let methods = vec![Method::Sindy, Method::Lagged, Method::Recursive];
+    let sindy = SindySettings { members: Members(0), ..SindySettings::default() };
+    let result = identify(&Job { methods, sindy, ..job(split, ship.horizon, 5) }, &mut silent()).unwrap();
+    let means = result.candidates.iter().map(|c| last(&c.test).1).collect();
+    let ridge = last(&chosen(&baseline(ship, data)).test).1;
+    (result, means, ridge)
 }
 
+/// The ridge stands still; what is called best on the tug keeps learning along the run.
 #[test]
-fn esso_is_no_worse_than_ridge_in_the_mean_of_outputs() {
+fn cybership_is_a_tenth_below_the_ridge_that_validation_chooses() {
     let Some(data) = data() else { return };
-    let result = identified(&ESSO, &data);
-    let test = &result.candidates[0].test;
-    assert_eq!(test.diverged, 0);
-    let (_, mean) = last(test);
-    for row in &baseline(&ESSO, &data) {
-        let (_, ridge_mean) = last(&row.test);
-        assert!(mean <= ridge_mean, "{mean} against {ridge_mean}");
+    let (result, means, ridge) = means(&CYBERSHIP, &data);
+    let best = result.best.unwrap();
+    assert!(means[best] < 0.9 * ridge, "{means:?} against {ridge}");
+    assert!(result.candidates.iter().all(|c| c.test.diverged == 0));
+    beats_persistence(&result.candidates[best].test, 0.85);
+    assert!(result.sound());
+    // Equations that stand still are better than ridge without shrinkage to speak of, whatever its setting.
+    for row in plain(&baseline(&CYBERSHIP, &data)) {
+        let (_, ridge) = last(&row.test);
+        assert!(means[0] < 0.95 * ridge, "{means:?} against {ridge}");
     }
+}
+
+/// A tenth, as on the tug, is not reached here: README says by how much it is missed.
+#[test]
+fn esso_is_below_the_ridge_that_validation_chooses() {
+    let Some(data) = data() else { return };
+    let (result, means, ridge) = means(&ESSO, &data);
+    assert!(means[result.best.unwrap()] < 0.96 * ridge, "{means:?} against {ridge}");
+    assert!(means.iter().all(|mean| *mean < 0.98 * ridge), "{means:?} against {ridge}");
+    assert!(result.candidates.iter().all(|c| c.test.diverged == 0));
     assert!(result.sound());
 }
 

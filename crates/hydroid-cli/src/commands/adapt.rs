@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::Context;
 use hydroid::adapt::{self, Gate, Options, Report};
-use hydroid::log;
+use hydroid::identify::{Grade, verdicts};
+use hydroid::log::{self, Note};
 use hydroid::model;
 
 use super::{Outcome, evaluate, table};
@@ -49,7 +50,36 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         show(report, args.output.as_deref());
     }
     let better = report.adapted.score() <= report.frozen.score();
+    ui::tell(&doubts(report), global);
     Ok(if better && report.adapted.diverged == 0 { Outcome::Done } else { Outcome::Missed })
+}
+
+/// What speaks against using what was learned.
+fn doubts(report: &Report) -> Vec<Note> {
+    let mut notes = Vec::new();
+    let remedy = "keep the model as it was; try a longer --forgetting or a larger --prior";
+    if report.adapted.score() > report.frozen.score() {
+        notes.push(
+            Note::warning("on this log the model that learned predicts worse than the one that did not")
+                .with_remedy(remedy),
+        );
+    }
+    let lost: Vec<String> = verdicts(&report.adapted)
+        .into_iter()
+        .filter(|verdict| verdict.grade == Grade::NotIdentified)
+        .map(|verdict| format!("'{}'", verdict.channel))
+        .collect();
+    if !lost.is_empty() {
+        notes.push(
+            Note::warning(format!(
+                "with what it learned, {} {} predicted no better than by keeping the last value or the mean",
+                lost.join(", "),
+                if lost.len() == 1 { "is" } else { "are" }
+            ))
+            .with_remedy("do not use these equations on this vessel as it is"),
+        );
+    }
+    notes
 }
 
 fn show(report: &Report, written: Option<&Path>) {

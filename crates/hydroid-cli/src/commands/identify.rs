@@ -281,13 +281,22 @@ fn show(folder: &Path, identified: &Identified) {
             candidate.found().trials.len(),
             candidate.train_seconds
         );
-        for equation in model.equations_text() {
-            outln!("  {equation}");
+        // Where a model that learns starts from is for `inspect`: it has all terms, and they do not stay.
+        if model.learning.is_some() {
+            outln!("  equations that keep learning on the way; what follows was predicted while learning");
+        } else {
+            for equation in model.equations_text() {
+                outln!("  {equation}");
+            }
         }
         outln!("\non the test runs:");
         ui::write_out(format_args!("{}", table::errors(&candidate.test)));
     }
-    outln!("");
+    let best = identified.best.map(|best| identified.candidates[best].model.description.name.as_str());
+    match best {
+        Some(name) => outln!("\nbest on the validation runs: {name}; on the test runs it is"),
+        None => outln!("\nno model is called best; the first of them is"),
+    }
     table::show_verdicts(&identified.verdicts);
-    outln!("\nwritten to {}: model, report.html, identify.json", folder.display());
+    outln!("\nwritten to {}: models, report.html, identify.json", folder.display());
 }

@@ -257,6 +257,7 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
     let verdicts = verdicts(&shown.test);
     let mut warnings = job.split.notes.clone();
+    warnings.extend(verdict::spikes(&parts.train, &job.sindy));
     let data = overview(&job.split);
     warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
     warnings.extend(twins::warnings(shown, &data, &job.split.train));

@@ -79,7 +79,10 @@ pub enum Word {
 
 /// Lags of actuators.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "lag is \"auto\", \"none\", or time constants in seconds by input: lag = { n = 1.5 }"
+)]
 pub enum Lags {
     /// Looked for, or none.
     Word(Word),
@@ -95,7 +98,10 @@ impl Default for Lags {
 
 /// A change of mode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "gate is \"auto\", \"none\", or gate = { output = \"u\", centre = 2.5, slope = 12 }"
+)]
 pub enum GateSetting {
     /// Looked for, or none.
     Word(Word),
@@ -313,13 +319,13 @@ impl SindySettings {
         Grid {
             structures,
             regressions,
-            optimizers: match self.threshold {
-                Some(threshold) => vec![Optimizer::Stlsq(threshold)],
-                None => {
+            optimizers: self.threshold.map_or_else(
+                || {
                     let tolerances = [0.002, 0.005, 0.01, 0.02, 0.05].map(Optimizer::Stepwise);
                     tolerances.into_iter().chain([Optimizer::Criterion(Criterion::Bic)]).collect()
-                }
-            },
+                },
+                |threshold| vec![Optimizer::Stlsq(threshold)],
+            ),
             ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
             constraints: Vec::new(),

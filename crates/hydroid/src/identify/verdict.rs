@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Candidate;
 use super::overview::ChannelSummary;
+use super::{Candidate, SindySettings};
 use crate::evaluate::Evaluation;
 use crate::log::{Note, Trajectory};
+use crate::sindy;
 use crate::sindy::{Found, Screened};
 
 /// How well an output is predicted at the longest horizon.
@@ -55,6 +56,28 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
             Verdict { channel: channel.clone(), grade, nrmse, persistence }
         })
         .collect()
+}
+
+/// Share of spikes that is worth a word.
+const SPIKES: f64 = 0.005;
+
+/// A warning where the training runs have spikes and nothing was asked for against them.
+pub(super) fn spikes(training: &[&Trajectory], settings: &SindySettings) -> Option<Note> {
+    if settings.huber.is_some() {
+        return None;
+    }
+    let channels = training.first()?.outputs.channels();
+    let told: Vec<String> = sindy::spikes(training)
+        .into_iter()
+        .zip(channels)
+        .filter(|(share, _)| *share > SPIKES)
+        .map(|(share, channel)| format!("{} ({:.1} % of the samples)", channel.name, 100.0 * share))
+        .collect();
+    (!told.is_empty()).then(|| {
+        Note::warning(format!("the training runs have spikes in {}", told.join(", "))).with_remedy(
+            "give --huber 1.345, so that they hardly count, or blank them in the log; lags and changes of mode are found less surely among them: give those that you know (--lag, --gate)",
+        )
+    })
 }
 
 /// What the user should know before using the model.

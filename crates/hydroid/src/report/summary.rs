@@ -105,21 +105,31 @@ fn headline(subject: &Subject<'_>) -> Markup {
             "Over " (over) ", " (list(&sound)) @if sound.len() == 1 { " is" } @else { " are" }
             " predicted better than by trivial means; " (list(&bad))
             @if bad.len() == 1 { " is not: do not use its equation." } @else { " are not: do not use their equations." }
+            (learns(candidate))
         };
         return banner("usable", "Usable in part.", &text);
     }
     if usable.is_empty() {
         let text = html! {
             "On data that it has not seen, " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
-            " predicted over " (over) " with at most half of the error that trivial means leave."
+            " predicted over " (over) " with at most half of the error that trivial means leave." (learns(candidate))
         };
         return banner("good", "A good model.", &text);
     }
     let text = html! {
         "On data that it has not seen, all outputs are predicted over " (over) " better than by trivial means"
-        @if !good.is_empty() { "; " (list(&good)) " with at most half of their error" } "."
+        @if !good.is_empty() { "; " (list(&good)) " with at most half of their error" } "." (learns(candidate))
     };
     banner("usable", "A usable model.", &text)
+}
+
+/// Of a model that learns on the way, that it does.
+fn learns(candidate: &Candidate) -> Markup {
+    html! {
+        @if candidate.model.learning.is_some() {
+            " This model keeps learning: the figures are those of a model that has learned along the test runs up to each origin. The equations below are where it starts from; see the methods side by side for models that stay as they are."
+        }
+    }
 }
 
 fn banner(class: &str, title: &str, text: &Markup) -> Markup {

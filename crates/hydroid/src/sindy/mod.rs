@@ -47,4 +47,4 @@ pub use stepwise::stepwise;
 pub use stlsq::{SparseSolution, Stlsq, stlsq};
 pub use structure::{Lag, Schedule, Structure};
 pub use triangle::{BLOCK_ROWS, Solution, Triangle};
-pub use window::{NOISE_SHARE, noise, weak_from_noise};
+pub use window::{NOISE_SHARE, noise, spikes, weak_from_noise};

@@ -40,6 +40,33 @@ pub fn noise(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
+/// Third differences beyond so many deviations of the noise stand for a spike.
+const SPIKE: f64 = 10.0;
+
+/// Share of the samples of each output that stand out of their neighbours by far more than the noise does. A
+/// spike stands in four third differences; a smooth motion in none.
+pub fn spikes(runs: &[&Trajectory]) -> Vec<f64> {
+    let deviations = noise(runs);
+    deviations
+        .iter()
+        .enumerate()
+        .map(|(channel, deviation)| {
+            // The squares of 1, 3, 3, 1 add up to 20.
+            let limit = SPIKE * 20f64.sqrt() * deviation;
+            let (mut far, mut count) = (0usize, 0usize);
+            for run in runs {
+                let y: Vec<f64> = run.outputs.column(channel).collect();
+                let third = y.windows(4).map(|w| (w[3] - w[0] - 3.0 * (w[2] - w[1])).abs());
+                for size in third.filter(|d| d.is_finite()) {
+                    far += usize::from(size > limit);
+                    count += 1;
+                }
+            }
+            if *deviation > 0.0 { 0.25 * far as f64 / count.max(1) as f64 } else { 0.0 }
+        })
+        .collect()
+}
+
 /// The shortest window of the weak form in whose rows the noise has at most the share [`NOISE_SHARE`] of
 /// every output's left side (RMS); where none does, the one with the smallest share.
 ///
