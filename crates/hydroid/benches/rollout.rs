@@ -7,7 +7,7 @@ use hydroid::evaluate::{DesignRange, Options, evaluate};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::progress;
 use hydroid::sindy::{Library, Variables};
-use hydroid_core::model::sparse::{Equations, EquationsSession, Program};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Gate, Program, Real, Shape, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
 fn main() {
@@ -54,6 +54,46 @@ fn step_3_outputs_5_inputs(bencher: Bencher, active: usize) {
             equations.step(&mut y, divan::black_box(c), &mut scratch);
         }
         y
+    });
+}
+
+/// What identification finds on the hydrofoil: two modes, a lagged propeller, 40 coefficients. `inputs` are the
+/// propeller's and the rudder's commands.
+fn gated_equations() -> Equations {
+    let gate = Gate { centre: Real(2.5), slope: Real(12.0) };
+    let lag = Signal::Lag { input: 3, time_constant_s: Real(1.0) };
+    let m = |variables: &[u16]| Term::monomial(variables);
+    let lift = m(&[0]).times(&Term::of(4, Shape::Sin));
+    let [u, v, r] = [0, 1, 2].map(|x| Term::signed_square(x, x));
+    let rows: [Vec<Term>; 3] = [
+        vec![m(&[0]), u, m(&[1, 2]), m(&[2, 2]), m(&[5]), m(&[0, 0])],
+        vec![m(&[1]), m(&[2]), v.clone(), r.clone(), m(&[0, 2]), lift.clone(), m(&[0, 1])],
+        vec![m(&[1]), m(&[2]), v, r, m(&[0, 2]), lift, m(&[0, 1])],
+    ];
+    let mut terms: Vec<Term> = rows.iter().flatten().flat_map(|term| term.gated(0, gate)).collect();
+    terms.sort();
+    terms.dedup();
+    let has = |row: &[Term], term: &Term| row.iter().any(|own| own.gated(0, gate).contains(term));
+    let coefficients: Vec<f64> = rows
+        .iter()
+        .flat_map(|row| terms.iter().map(|term| if has(row, term) { -0.1 } else { 0.0 }).collect::<Vec<_>>())
+        .collect();
+    let equations = Equations::with_signals(terms, coefficients, 3, 2, vec![lag], 0.1, 1).unwrap();
+    assert_eq!(equations.active_terms(), 40);
+    equations
+}
+
+#[divan::bench]
+fn step_of_two_modes_and_a_lag_40_terms(bencher: Bencher) {
+    let equations = gated_equations();
+    let commands: Vec<[f64; INPUTS]> = (0..STEPS).map(command).collect();
+    let mut scratch = vec![0.0; equations.scratch()];
+    bencher.counter(ItemsCount::new(STEPS)).bench_local(|| {
+        let mut state = vec![0.5; equations.state_len()];
+        for c in &commands {
+            equations.step(&mut state, divan::black_box(&c[..2]), &mut scratch);
+        }
+        state
     });
 }
 
