@@ -25,7 +25,8 @@ const WINDOW: f64 = 0.1;
 /// has changed, and worse for one that has not.)
 const APART: f64 = 0.2;
 
-/// Equations with all terms that learn at several paces. Where there are none (too few rows, or all diverge), it is
+/// Equations with all terms that learn at several paces; where the `sparse` ones of another search have a lag or
+/// a change of mode, these with all their terms. Where there are none (too few rows, or all diverge), it is
 /// the `sparse` ones of another search that learn.
 pub(super) fn learning(
     job: &Job,
@@ -34,7 +35,10 @@ pub(super) fn learning(
     describe: impl Fn(&Found, Equations) -> Model,
     progress: Progress<'_>,
 ) -> Result<(Arc<Found>, Model), IdentifyError> {
-    let found = match (equations::whole(job, parts, progress), sparse) {
+    // Lags and modes that were found are worth more than all the terms without them.
+    let hidden = sparse.filter(|found| found.trials[found.chosen].structure.parameters() > 0);
+    let whole = hidden.map_or_else(|| equations::whole(job, parts, progress), |found| Ok(Arc::clone(found)));
+    let found = match (whole, sparse) {
         (Err(IdentifyError::Sindy(SearchError::Cancelled(cancelled))), _) => {
             return Err(SearchError::Cancelled(cancelled).into());
         }
