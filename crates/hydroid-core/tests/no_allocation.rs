@@ -11,7 +11,7 @@ use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
 use hydroid_core::model::Persistence;
-use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
 struct Counting;
