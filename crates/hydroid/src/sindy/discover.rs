@@ -126,6 +126,8 @@ struct Scan<'a> {
 impl Scan<'_> {
     /// `J`, or nothing where the regression cannot be made or a warm-up takes too much of the runs.
     fn cost(&self, structure: &Structure) -> Option<f64> {
+        // Making the terms of a library of degree 60 takes more memory than there is.
+        structure.check(&self.variables).ok()?;
         let signals = structure.signals(&self.variables);
         let dt = self.runs.first()?.dt;
         let warm_up = signals.iter().map(|s| s.warm_up(dt)).max().unwrap_or(0);
