@@ -90,6 +90,10 @@ fn settings_of_the_equations_that_cannot_be() {
         (&["--gate", "u>1"], &["u>1", "u=2.5/12"]),
         (&["--huber", "0"], &["huber", "positive"]),
         (&["--members", "-3"], &["-3"]),
+        // This asked for more memory than there is, and the next divided by zero.
+        (&["--library", "degree 60"], &["degree 60", "terms", "smaller degree"]),
+        (&["--library", "degree 60", "--lag", "none", "--gate", "none"], &["degree 60", "smaller degree"]),
+        (&["--library", "degree 0, no constant"], &["no terms", "degree of 1 or more"]),
         (&["--library", "marine", "--degree", "2"], &["--library", "--degree"]),
         (&["--term", "u", "--term", "ln(r)"], &["'ln(r)'", "log.csv", "zero or below", "leave the term out"]),
     ] {
@@ -100,6 +104,8 @@ fn settings_of_the_equations_that_cannot_be() {
     refused(&folder, &[], &["hydroid.toml", "line 2", "did you mean constraints"]);
     fs::write(folder.path().join("hydroid.toml"), "[sindy]\nterms = [\"u |q|\"]\n").unwrap();
     refused(&folder, &[], &["terms", "character 4", "'q'"]);
+    fs::write(folder.path().join("hydroid.toml"), "[sindy]\nmembers = 4000000000\n").unwrap();
+    refused(&folder, &[], &["members", "4000000000", "0 to 1000"]);
 }
 
 #[test]

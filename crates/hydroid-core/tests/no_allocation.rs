@@ -11,7 +11,7 @@ use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
 use hydroid_core::model::Persistence;
-use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
 struct Counting;
@@ -45,6 +45,31 @@ fn allocations(mut work: impl FnMut()) -> usize {
         })
         .min()
         .unwrap()
+}
+
+/// The same with an actuator's lag, and an output and an input of some samples ago.
+fn with_signals(equations: &Equations) -> Equations {
+    let signals = vec![
+        Signal::Lag { input: 3, time_constant_s: Real(0.3) },
+        Signal::Past { variable: 0, samples: 3 },
+        Signal::Past { variable: 4, samples: 2 },
+    ];
+    let mut terms = equations.terms().to_vec();
+    terms.extend((5..8).flat_map(|s| [Term::monomial(&[s]), Term::monomial(&[0, s])]));
+    let coefficients = (0..3 * terms.len()).map(|k| 0.01 * ((k % 5) as f64 - 2.0)).collect();
+    Equations::with_signals(terms, coefficients, 3, 2, signals, 0.1, 2).unwrap()
+}
+
+fn a_step_allocates_nothing(equations: &Equations) {
+    let (mut state, mut scratch) = (vec![0.1; equations.state_len()], vec![0.0; equations.scratch()]);
+    let count = allocations(|| {
+        for _ in 0..10 {
+            equations.step(&mut state, &[0.2, -0.1], &mut scratch);
+            equations.wait(&mut state, &[0.2, -0.1], &mut scratch);
+        }
+    });
+    assert_eq!(count, 0, "allocations in a step");
+    assert!(state.iter().all(|x| x.is_finite()));
 }
 
 /// Hundreds of samples with a row at most of them.
@@ -88,7 +113,16 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         BlendedEquations::new(adapter.equations(), &[(-1.0, 1.0); 5], &blend, None).unwrap(),
     );
     learning_allocates_nothing(adapter.clone());
-    let sessions: [Box<dyn Predictor>; 4] = [
+    let recalling = with_signals(&equations);
+    a_step_allocates_nothing(&equations);
+    a_step_allocates_nothing(&recalling);
+    let recalls = RecursiveEquations::new(&recalling, &[(-1.0, 1.0); 5], &settings).unwrap();
+    learning_allocates_nothing(recalls.clone());
+    learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
+    let sessions: [Box<dyn Predictor>; 7] = [
+        recalls.fork(),
+        Box::new(recalls),
+        Box::new(EquationsSession::new(Arc::new(recalling))),
         adapter.fork(),
         Box::new(adapter),
         Box::new(EquationsSession::new(Arc::new(equations))),

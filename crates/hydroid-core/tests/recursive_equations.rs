@@ -388,3 +388,59 @@ fn a_blend_without_paces_or_with_a_singular_prior_is_refused() {
     assert_eq!(made(&blend(8), Some(&[0.0; 25])), SettingsError::Root);
     assert_eq!(made(&blend(8), Some(&[1.0; 24])), SettingsError::Root);
 }
+
+#[test]
+fn settings_whose_numbers_overflow_are_refused() {
+    let made = |change: &dyn Fn(&mut Settings)| {
+        let mut settings = settings();
+        change(&mut settings);
+        RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).map(|_| ())
+    };
+    let prior = SettingsError::Extreme("the time that the prior is worth");
+    // These panicked, or filled the coefficients with NaN.
+    assert_eq!(made(&|s| s.prior_s = 1e308), Err(prior.clone()));
+    assert_eq!(made(&|s| s.prior_s = 1e-310), Err(prior));
+    assert_eq!(made(&|s| s.forgetting_s = 1e-4), Err(SettingsError::Extreme("the forgetting time")));
+    assert_eq!(made(&|s| s.window = usize::MAX), Err(SettingsError::Window));
+    for (inflate, reject) in [(0.0, 1.0), (3.0, 2.0), (f64::NAN, 3.0), (3.0, f64::NAN), (-1.0, 1.0)] {
+        assert_eq!(made(&|s| s.gate = Gate { inflate, reject }), Err(SettingsError::Gate));
+    }
+    assert_eq!(made(&|s| (s.gate, s.forgetting_s) = (Gate::OPEN, f64::INFINITY)), Ok(()));
+}
+
+#[test]
+fn a_row_without_weight_teaches_nothing() {
+    // An exact model has innovations of zero; then a spike is infinitely many deviations away.
+    let settings = Settings { gate: Gate { inflate: 3.0, reject: f64::INFINITY }, window: 1, ..settings() };
+    let still = Equations::new(vec![Term::monomial(&[0])], vec![-1.0], 1, 0, DT, 1).unwrap();
+    let mut session = RecursiveEquations::new(&still, &[(-1.0, 1.0)], &settings).unwrap();
+    let mut weightless = 0;
+    for k in 0..60 {
+        session.observe(&[if k == 50 { 1.0 } else { 0.0 }]);
+        session.advance(&[]);
+        weightless += usize::from(matches!(session.outcome(), Outcome::Inflated { weight: 0.0, .. }));
+        assert!(session.weights()[0].is_finite(), "sample {k}");
+    }
+    assert!(weightless > 0);
+}
+
+#[test]
+fn a_blend_that_a_damaged_file_asks_for_is_refused() {
+    let made = |change: &dyn Fn(&mut BlendSettings), root: Option<&[f64]>| {
+        let mut settings = blend(8);
+        change(&mut settings);
+        BlendedEquations::new(&vessel(0.3), &RANGES, &settings, root).map(|_| ()).unwrap_err()
+    };
+    for horizon in [0, 1 << 40, usize::MAX] {
+        assert_eq!(made(&|s| s.horizon = horizon, None), SettingsError::Paces);
+    }
+    assert_eq!(made(&|s| s.priors_s = vec![1.0; 1000], None), SettingsError::Paces);
+    assert_eq!(made(&|s| s.window = usize::MAX / 2, None), SettingsError::Window);
+    assert!(matches!(made(&|s| s.priors_s[1] = 1e308, None), SettingsError::Extreme(_)));
+    assert_eq!(made(&|s| s.gate.inflate = f64::NAN, None), SettingsError::Gate);
+    for (at, value) in [(0, f64::NAN), (0, 1e200), (0, 1e-200), (7, f64::INFINITY), (5, 1.0)] {
+        let mut root: Vec<f64> = (0..25).map(|k| f64::from(u8::from(k % 6 == 0))).collect();
+        root[at] = value;
+        assert_eq!(made(&|_| (), Some(&root)), SettingsError::Root, "{value} at {at}");
+    }
+}

@@ -452,4 +452,22 @@ fn a_model_that_learns_keeps_its_prior() {
     assert_eq!(decoded(&bytes(&model)).unwrap(), model);
     model.learning.as_mut().unwrap().root[0] = 0.0;
     assert!(contradiction(&bytes(&model)).contains("triangle"));
+    model.learning.as_mut().unwrap().root[0] = 1e-200;
+    assert!(contradiction(&bytes(&model)).contains("triangle"));
+    // What would take all memory, or the numbers out of their range.
+    let refused = |change: &dyn Fn(&mut hydroid_core::adapt::BlendSettings), word: &str| {
+        let mut model = model.clone();
+        let learning = model.learning.as_mut().unwrap();
+        learning.root[0] = 1.0;
+        change(&mut learning.settings);
+        let message = contradiction(&bytes(&model));
+        assert!(message.contains(word), "'{word}' is not in: {message}");
+    };
+    refused(&|s| s.horizon = 1 << 50, "horizon");
+    refused(&|s| s.window = 1 << 50, "window");
+    refused(&|s| s.priors_s = vec![1.0; 100_000], "paces");
+    refused(&|s| s.priors_s[0] = 1e308, "prior");
+    refused(&|s| s.priors_s[0] = 1e-310, "prior");
+    refused(&|s| s.forgetting_s = 1e-4, "forgetting");
+    refused(&|s| s.gate.inflate = 0.0, "gate");
 }

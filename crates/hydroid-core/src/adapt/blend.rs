@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use super::equations::RecursiveEquations;
 use super::gate::Gate;
-use super::settings::{Settings, SettingsError};
+use super::settings::{MOST_PACES, MOST_SAMPLES, Settings, SettingsError};
 use super::weighted::WeightedSession;
 use super::{Adapter, Innovation, Outcome};
 use crate::model::sparse::Equations;
@@ -28,6 +28,9 @@ pub struct BlendSettings {
     /// What happens to rows that are far off.
     pub gate: Gate,
 }
+
+/// Numbers that are kept of the last horizon at the most.
+const MOST_NUMBERS: usize = 1 << 26;
 
 /// Predictions that are compared in one horizon.
 const CHECKS: usize = 10;
@@ -96,7 +99,8 @@ impl BlendedEquations {
         settings: &BlendSettings,
         root: Option<&[f64]>,
     ) -> Result<Self, SettingsError> {
-        if settings.priors_s.is_empty() || settings.horizon == 0 {
+        let (paces, samples) = (1..=MOST_PACES, 1..=MOST_SAMPLES);
+        if !(paces.contains(&settings.priors_s.len()) && samples.contains(&settings.horizon)) {
             return Err(SettingsError::Paces);
         }
         let expert = |&prior_s: &f64| {
@@ -120,6 +124,10 @@ impl BlendedEquations {
         let checks = settings.horizon.div_ceil(stride);
         // Checks are whole strides apart.
         let horizon = checks * stride;
+        let kept = (checks * count).saturating_mul(blended.snapshot_len());
+        if kept.max(horizon.saturating_mul(n.max(equations.inputs()))) > MOST_NUMBERS {
+            return Err(SettingsError::Paces);
+        }
         let mut work = Workspace::new();
         let _ = work.take(blended.snapshot_len() + equations.scratch());
         Ok(Self {

@@ -130,8 +130,7 @@ impl RecursiveEquations {
             }
         };
         let rows = Increments::new(settings.window, n, terms.len(), equations.dt());
-        let window_s = rows.samples() as f64 * equations.dt();
-        let information = settings.prior_s / window_s;
+        let (information, lambda) = settings.paces(&rows, equations.dt(), terms.len())?;
         let mut shared: Vec<(Vec<usize>, Vec<usize>)> = Vec::new();
         for i in 0..n {
             let own: Vec<usize> = (0..used.len()).filter(|&t| adapts(i, used[t])).collect();
@@ -161,8 +160,12 @@ impl RecursiveEquations {
                 outputs,
             }
         };
+        let groups: Vec<Group> = shared.into_iter().map(group).collect();
+        if !groups.iter().all(|group| group.kernel.is_sound()) {
+            return Err(SettingsError::Root);
+        }
         Ok(Self {
-            lambda: num_traits::Float::exp(-(rows.stride() as f64) * equations.dt() / settings.forgetting_s),
+            lambda,
             weight: rows.stride() as f64 / rows.samples() as f64,
             noise: Noise::new(n, settings.gate, rows.overlap(), rows.stride() as f64 * equations.dt()),
             library: Library {
@@ -177,7 +180,7 @@ impl RecursiveEquations {
                 phi: vec![0.0; terms.len()],
                 z: vec![0.0; n],
             },
-            groups: shared.into_iter().map(group).collect(),
+            groups,
             rows,
             frozen: false,
             outcome: Outcome::Waiting,
@@ -247,6 +250,10 @@ impl RecursiveEquations {
             Outcome::Inflated { weight, .. } => weight,
             _ => return outcome,
         };
+        // Infinitely many deviations, where there was no noise at all.
+        if !(1.0 / (share * self.weight)).is_finite() {
+            return outcome;
+        }
         for group in &mut self.groups {
             group.kernel.correct(share * self.weight);
             // Forgotten is what the next row will be set against; a sample that is not learned from makes
@@ -286,14 +293,23 @@ impl RecursiveEquations {
 
 /// Norms of the columns of an upper triangle, and the triangle with columns of unit norm; none if it is singular.
 fn unit_columns(root: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> {
-    let square = root.len() == terms * terms;
-    if !square || !(0..terms).all(|j| root[j * terms + j] != 0.0) || !root.iter().all(|x| x.is_finite()) {
+    if root.len() != terms * terms
+        || !(0..terms).all(|j| root[j * terms + j] != 0.0)
+        || !root.iter().all(|x| x.is_finite())
+    {
+        return None;
+    }
+    if (0..terms).any(|i| root[i * terms..][..i].iter().any(|x| *x != 0.0)) {
         return None;
     }
     let norm = |j: usize| {
         num_traits::Float::sqrt((0..=j).map(|i| root[i * terms + j] * root[i * terms + j]).sum::<f64>())
     };
     let norms: Vec<f64> = (0..terms).map(norm).collect();
+    // Squares of finite numbers may be none, and inverses of small ones.
+    if !norms.iter().all(|norm| norm.is_finite() && (1.0 / norm).is_finite()) {
+        return None;
+    }
     let unit = root.iter().enumerate().map(|(at, x)| x / norms[at % terms]).collect();
     Some((norms, unit))
 }

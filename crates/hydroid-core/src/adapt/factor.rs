@@ -53,6 +53,12 @@ impl Factor {
         own
     }
 
+    /// Whether all numbers are of a size that squares and products of them can have.
+    pub fn is_sound(&self) -> bool {
+        let sizes = 1e-100..=1e100;
+        self.d.iter().all(|d| sizes.contains(d)) && self.columns.iter().all(|u| u.abs() <= *sizes.end())
+    }
+
     /// Number of rows.
     pub fn len(&self) -> usize {
         self.d.len()

@@ -94,6 +94,11 @@ impl RecursiveLeastSquares {
         Self { factor: Factor::inverse(root, 1.0 / information), root: Some(root.to_vec()), ..own }
     }
 
+    /// Whether prior and covariance are of a size to compute with: [`Factor::is_sound`].
+    pub fn is_sound(&self) -> bool {
+        self.factor.is_sound() && self.theta.iter().all(|theta| theta.is_finite())
+    }
+
     /// Number of coefficients of each target.
     pub fn len(&self) -> usize {
         self.factor.len()
@@ -166,8 +171,12 @@ impl RecursiveLeastSquares {
     }
 
     /// Learns from the row that [`predict`](Self::predict) has met, with weight `w > 0`: `theta_i += K e_i`,
-    /// `K = P phi / (1/w + phi' P phi)`, `P -= K phi' P`. Without a new `predict` there is nothing to learn.
+    /// `K = P phi / (1/w + phi' P phi)`, `P -= K phi' P`. Without a new `predict` there is nothing to learn, nor
+    /// from a row without weight.
     pub fn correct(&mut self, weight: f64) {
+        if !(1.0 / weight).is_finite() {
+            return;
+        }
         let n = self.len();
         let gain = self.factor.absorb(1.0 / weight);
         for (theta, e) in self.theta.chunks_exact_mut(n).zip(&mut self.innovations) {

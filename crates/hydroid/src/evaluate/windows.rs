@@ -146,6 +146,12 @@ fn latest(runs: &[&Trajectory], options: &Options) -> String {
         .map_or_else(String::new, |c| run.outputs.channels()[c].name.clone())
 }
 
+/// Origins that wait for each other: whole tasks, so that tasks begin at the same origins for all models, and blocks of
+/// their losses can be compared.
+fn batch(size: usize) -> usize {
+    (SNAPSHOTS / size.max(1) / TASK).clamp(1, 64) * TASK
+}
+
 /// What all windows so far gave.
 struct Tally {
     sums: Sums,
@@ -186,7 +192,7 @@ impl Walk<'_> {
         let end = self.run.len().saturating_sub(self.options.horizon);
         session.reset();
         let size = session.snapshot_len();
-        let batch = (SNAPSHOTS / size.max(1)).clamp(TASK, 64 * TASK);
+        let batch = batch(size);
         let mut pending: Vec<Pending> = Vec::new();
         let mut snapshots: Vec<f64> = Vec::new();
         let mut kept = vec![f64::NAN; seen.width()];
@@ -321,4 +327,16 @@ fn blocks(losses: &[(f64, usize)]) -> Vec<f64> {
             part.iter().map(|(loss, count)| loss * *count as f64).sum::<f64>() / windows as f64
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tasks_begin_at_the_same_origins_for_models_of_any_size() {
+        for size in [0, 1, 2_100, 4_097, 50_000, 90_001, 1 << 20, 1 << 30] {
+            assert!((TASK..=64 * TASK).contains(&batch(size)) && batch(size).is_multiple_of(TASK), "{size}");
+        }
+    }
 }

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use super::settings::{intervals, reference};
 use super::{IdentifyError, Job, Parts, SEARCH_ORIGINS, overview};
 use crate::evaluate;
+use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::{
-    Found, Grid, Judge, Library, Optimizer, Regression, SearchError, Structure, discover, search,
+    Found, Grid, Judge, Library, Optimizer, Regression, SearchError, Structure, Variables, discover, search,
 };
 
 /// Rollouts that settings are compared by.
@@ -20,6 +21,21 @@ pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
     }
 }
 
+/// The libraries to try. Those that nobody can search are passed over; if there is no other, it is told before
+/// anything is made of one.
+fn libraries(job: &Job, run: &Trajectory) -> Result<Vec<Library>, IdentifyError> {
+    let variables = Variables::of(run);
+    let mut refusal = SearchError::Empty;
+    let mut good = Vec::new();
+    for library in job.sindy.libraries(run)? {
+        match Structure::from(library.clone()).check(&variables) {
+            Ok(()) => good.push(library),
+            Err(error) => refusal = error,
+        }
+    }
+    if good.is_empty() { Err(refusal.into()) } else { Ok(good) }
+}
+
 /// A search for equations of the present: libraries, lags, modes.
 pub(super) fn memoryless(
     job: &Job,
@@ -30,7 +46,7 @@ pub(super) fn memoryless(
     // Windows of a fifth of the horizon average the noise and blur no actuator.
     let regression = Regression::Weak { intervals: intervals(0.2 * job.horizon as f64).max(4) };
     let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
-    let libraries = job.sindy.libraries(train[0])?;
+    let libraries = libraries(job, train[0])?;
     let structures =
         discover(train, &reference(&libraries), regression, &lags, &gate, &mut |f| progress(0.3 * f))
             .map_err(SearchError::Cancelled)?;
@@ -49,7 +65,7 @@ pub(super) fn lagged(
         Some(seconds) => vec![vec![u16::try_from(intervals(seconds / dt)).unwrap_or(u16::MAX)]],
         None => vec![vec![samples(0.05)], vec![samples(0.1)], vec![samples(0.2)]],
     };
-    let libraries = job.sindy.libraries(parts.train[0])?;
+    let libraries = libraries(job, parts.train[0])?;
     let structures: Vec<Structure> =
         pasts.into_iter().map(|past| Structure { past, ..Structure::from(reference(&libraries)) }).collect();
     run(job, parts, &structures, false, progress)
@@ -66,7 +82,7 @@ pub(super) fn whole(
     let share = |share: f64| intervals(share * job.horizon as f64);
     let past =
         u16::try_from(job.sindy.past_s.map_or(share(0.1), |s| intervals(s / run.dt))).unwrap_or(u16::MAX);
-    let libraries: Vec<Library> = job.sindy.libraries(run)?.pop().into_iter().collect();
+    let libraries: Vec<Library> = libraries(job, run)?.pop().into_iter().collect();
     let mut grid = job.sindy.grid(&parts.train, job.horizon, &libraries, &[], true);
     for structure in &mut grid.structures {
         structure.past = vec![past];
@@ -96,7 +112,7 @@ fn run(
     progress: Progress<'_>,
 ) -> Result<Arc<Found>, IdentifyError> {
     let train = &parts.train;
-    let libraries = job.sindy.libraries(train[0])?;
+    let libraries = libraries(job, train[0])?;
     let mut grid = job.sindy.grid(train, job.horizon, &libraries, structures, plain);
     grid.constraints = job.sindy.rules(train[0], &libraries)?;
     searched(job, parts, &grid, progress)

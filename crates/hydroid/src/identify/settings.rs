@@ -55,6 +55,9 @@ pub struct SindySettings {
     pub members: Members,
 }
 
+/// Members of an ensemble at the most: quantiles are no better for more, and each is a fit.
+const MOST_BAGS: usize = 1000;
+
 /// A number of members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -188,6 +191,11 @@ impl SindySettings {
             if let Some(value) = value.filter(|v| !(v.is_finite() && *v >= least)) {
                 return Err(IdentifyError::Setting { what, value: value.to_string(), needed });
             }
+        }
+        let Members(members) = self.members;
+        if members > MOST_BAGS {
+            let needed = "a number from 0 to 1000";
+            return Err(IdentifyError::Setting { what: "members", value: members.to_string(), needed });
         }
         Ok(())
     }

@@ -148,6 +148,8 @@ impl<'a> Scan<'a> {
 impl Scan<'_> {
     /// `J`, or nothing where the regression cannot be made.
     fn cost(&self, structure: &Structure) -> Option<f64> {
+        // Making the terms of a library of degree 60 takes more memory than there is.
+        structure.check(&self.variables).ok()?;
         let signals = structure.signals(&self.variables);
         let runs: Vec<&Trajectory> = self.runs.iter().collect();
         let terms = structure.terms(&self.variables);

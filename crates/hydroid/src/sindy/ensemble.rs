@@ -10,6 +10,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::constraints::ConstraintError;
 use super::error::FitError;
 use super::fit::Prepared;
 use super::options::FitOptions;
@@ -39,8 +40,11 @@ impl Default for Bagging {
 /// are in physical units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ensemble {
-    /// Coefficients of each member.
+    /// Coefficients of each member. There are fewer than were asked for where the constraints cannot be kept on some
+    /// draws.
     pub members: Vec<Vec<f64>>,
+    /// The draw that each member was fitted to, counted from 0.
+    pub draws: Vec<usize>,
     /// Share of the members that have a term, among those to which it was offered.
     pub inclusion: Vec<f64>,
     /// Lower quantile of a coefficient among the members that have it; zero where none has.
@@ -59,6 +63,7 @@ impl Ensemble {
         let zeros = || vec![0.0; outputs * terms];
         Self {
             members: vec![zeros(); members],
+            draws: (0..members).collect(),
             inclusion: zeros(),
             low: zeros(),
             high: zeros(),
@@ -69,12 +74,20 @@ impl Ensemble {
 
     /// Takes the equation of one output from an ensemble over other terms: its term `j` is this one's term
     /// `places[j]`.
+    ///
+    /// Members that only one of the two has are dropped.
     pub(super) fn take_row(&mut self, output: usize, other: &Self, places: &[Option<usize>]) {
-        let terms = self.low.len() / (other.low.len() / places.len()).max(1);
+        let mut kept = self.draws.iter().map(|draw| other.draws.contains(draw));
+        self.members.retain(|_| kept.next() == Some(true));
+        self.draws.retain(|draw| other.draws.contains(draw));
+        let common = other.draws.iter().zip(&other.members).filter(|(draw, _)| self.draws.contains(draw));
+        let others: Vec<&Vec<f64>> = common.map(|(_, member)| member).collect();
+        let Some(outputs) = other.low.len().checked_div(places.len()) else { return };
+        let terms = self.low.len() / outputs.max(1);
         for (j, place) in places.iter().enumerate().filter_map(|(j, p)| Some((j, (*p)?))) {
             let (from, to) = (output * places.len() + j, output * terms + place);
-            for (own, others) in self.members.iter_mut().zip(&other.members) {
-                own[to] = others[from];
+            for (own, other) in self.members.iter_mut().zip(&others) {
+                own[to] = other[from];
             }
             for (own, others) in [
                 (&mut self.inclusion, &other.inclusion),
@@ -93,7 +106,7 @@ impl Prepared {
     /// Fits every bag of an ensemble. The same seed gives the same numbers on any number of threads.
     ///
     /// # Errors
-    /// If the regression was prepared without groups, a setting is out of its range, or a bag cannot be
+    /// If the regression was prepared without groups, a setting is out of its range, or no bag at all can be
     /// fitted under the constraints.
     pub fn ensemble(&self, options: &FitOptions, bagging: &Bagging) -> Result<Ensemble, FitError> {
         let setting = |text: &str| Err(FitError::Setting(text.to_owned()));
@@ -110,11 +123,23 @@ impl Prepared {
         if !(0.0 <= low && low <= high && high <= 1.0) {
             return setting("quantiles of an interval ascend between 0 and 1");
         }
-        let bags: Vec<Bag> = (0..bagging.bags)
-            .into_par_iter()
-            .map(|bag| self.bag(options, bagging, bag))
-            .collect::<Result<_, _>>()?;
-        Ok(summary(bags, self.outputs(), bagging.quantiles))
+        let drawn: Vec<Result<Bag, FitError>> =
+            (0..bagging.bags).into_par_iter().map(|bag| self.bag(options, bagging, bag)).collect();
+        let (mut bags, mut refusal) = (Vec::new(), None);
+        for bag in drawn {
+            match bag {
+                Ok(bag) => bags.push(bag),
+                // An input that hardly ever moves is still in some draws, and no equality on it holds there.
+                Err(FitError::Constraints(error @ ConstraintError::Contradiction { .. })) => {
+                    refusal.get_or_insert(error);
+                }
+                Err(other) => return Err(other),
+            }
+        }
+        match refusal {
+            Some(error) if bags.is_empty() => Err(error.into()),
+            _ => Ok(summary(bags, self.outputs(), bagging.quantiles)),
+        }
     }
 
     fn bag(&self, options: &FitOptions, bagging: &Bagging, bag: usize) -> Result<Bag, FitError> {
@@ -129,7 +154,7 @@ impl Prepared {
             .enumerate()
             .flat_map(|(i, s)| s.coefficients.iter().enumerate().map(move |(j, x)| x * self.unit(i, j)))
             .collect();
-        Ok(Bag { coefficients, offered })
+        Ok(Bag { draw: bag, coefficients, offered })
     }
 
     /// As many groups as there are, drawn with replacement; terms that are not offered are zero.
@@ -156,6 +181,7 @@ fn chance(rng: &mut impl Rng, probability: f64) -> bool {
 }
 
 struct Bag {
+    draw: usize,
     coefficients: Vec<f64>,
     offered: Vec<bool>,
 }
@@ -166,6 +192,7 @@ fn summary(bags: Vec<Bag>, outputs: usize, (low, high): (f64, f64)) -> Ensemble 
     let zeros = || vec![0.0; size];
     let mut ensemble = Ensemble {
         members: Vec::new(),
+        draws: bags.iter().map(|bag| bag.draw).collect(),
         inclusion: zeros(),
         low: zeros(),
         high: zeros(),

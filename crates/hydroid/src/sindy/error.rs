@@ -41,7 +41,7 @@ pub enum FitError {
     Overflow,
     /// A term has no value at a sample.
     #[error(
-        "term '{term}' has no value in run '{run}' at {time_s} s, where '{channel}' is zero or below: leave the term out, or leave such samples out of the training runs"
+        "term '{term}' has no value in run '{run}' at {time_s} s, where '{channel}' is zero or below, or passes zero: leave the term out, or leave such samples out of the training runs"
     )]
     Undefined {
         /// The term.

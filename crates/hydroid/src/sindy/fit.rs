@@ -83,9 +83,14 @@ impl Prepared {
         if let Some(other) = runs.iter().find(|run| !alike(run)) {
             return Err(FitError::DifferentRuns { first: first.name.clone(), second: other.name.clone() });
         }
+        if terms.is_empty() {
+            return Err(FitError::Setting(String::from(
+                "a library without terms has nothing to fit: give it some",
+            )));
+        }
         let signals = preparation.signals;
         let program = Program::new(&terms, outputs + inputs + signals.len())?;
-        check_defined(runs, &terms)?;
+        check_defined(runs, &terms, signals)?;
         check_weights(runs, preparation.weights)?;
         let streaming =
             Streaming { signals, groups: preparation.groups, samples: preparation.weights, robust: None };
@@ -305,47 +310,51 @@ impl Prepared {
     }
 }
 
-/// A term that has no value on the data is told from a sample that is missing.
-fn check_defined(runs: &[&Trajectory], terms: &[Term]) -> Result<(), FitError> {
+/// A term that has no value on the data is told from a sample that is missing. What moves between samples must not
+/// pass a pole there either: the rows of the regression stand between the samples.
+fn check_defined(runs: &[&Trajectory], terms: &[Term], signals: &[Signal]) -> Result<(), FitError> {
+    let undefined = |shape: Shape| matches!(shape, Shape::Reciprocal | Shape::Log);
     for term in terms {
-        for factor in term.factors() {
+        for factor in term.factors().iter().filter(|factor| undefined(factor.shape)) {
             let bad = |value: f64| match factor.shape {
                 Shape::Reciprocal => value == 0.0,
-                Shape::Log => value <= 0.0,
-                _ => false,
+                _ => value <= 0.0,
             };
-            if !matches!(factor.shape, Shape::Reciprocal | Shape::Log) {
-                continue;
-            }
             for run in runs {
-                let (n, m) = (run.outputs.width(), run.inputs.width());
                 let variable = usize::from(factor.variable);
-                let at = if variable < n {
-                    run.outputs.column(variable).position(bad)
-                } else if variable < n + m {
-                    run.inputs.column(variable - n).position(bad)
-                } else {
-                    None
-                };
-                if let Some(k) = at {
-                    let names: Vec<&str> = run
-                        .outputs
-                        .channels()
-                        .iter()
-                        .chain(run.inputs.channels())
-                        .map(|c| c.name.as_str())
-                        .collect();
-                    return Err(FitError::Undefined {
-                        term: term.name(&names),
-                        channel: names[variable].to_owned(),
-                        run: run.name.clone(),
-                        time_s: run.t0 + k as f64 * run.dt,
-                    });
-                }
+                let Some((values, held)) = series(run, variable, signals) else { continue };
+                let passes = |pair: &[f64]| !held && pair[0] * pair[1] < 0.0;
+                let at = values.iter().position(|value| bad(*value));
+                let Some(k) = at.or_else(|| values.windows(2).position(passes)) else { continue };
+                let channels = run.outputs.channels().iter().chain(run.inputs.channels());
+                let mut names: Vec<String> = channels.map(|channel| channel.name.clone()).collect();
+                let own: Vec<String> = signals.iter().map(|signal| signal.name(&names, run.dt)).collect();
+                names.extend(own);
+                let borrowed: Vec<&str> = names.iter().map(String::as_str).collect();
+                return Err(FitError::Undefined {
+                    term: term.name(&borrowed),
+                    channel: names[variable].clone(),
+                    run: run.name.clone(),
+                    time_s: run.t0 + k as f64 * run.dt,
+                });
             }
         }
     }
     Ok(())
+}
+
+/// A variable at the samples of a run, and whether it is held between them.
+fn series(run: &Trajectory, variable: usize, signals: &[Signal]) -> Option<(Vec<f64>, bool)> {
+    let (n, m) = (run.outputs.width(), run.inputs.width());
+    if variable < n {
+        return Some((run.outputs.column(variable).collect(), false));
+    }
+    if variable < n + m {
+        return Some((run.inputs.column(variable - n).collect(), true));
+    }
+    let signal = signals.get(variable - n - m)?;
+    let (source, _) = series(run, usize::from(signal.source()), &[])?;
+    Some((signal.series(&source, run.dt), signal.is_held(n)))
 }
 
 fn check_weights(runs: &[&Trajectory], weights: &[Vec<f64>]) -> Result<(), FitError> {

@@ -41,7 +41,7 @@ pub use rewrite::{gated, replaced};
 pub use robust::{Huber, Loss, Sizes};
 pub use rules::{dissipative, is_kept, ties_outputs};
 pub use screen::{Screen, Screened, screen};
-pub use search::{Found, Grid, Judge, SearchError, Trial, search, substeps};
+pub use search::{Found, Grid, Judge, MOST_TERMS, SearchError, Trial, search, substeps};
 pub use simplex::{Stop, minimise};
 pub use stepwise::stepwise;
 pub use stlsq::{SparseSolution, Stlsq, stlsq};

@@ -144,6 +144,11 @@ pub enum SearchError {
         /// Number of terms.
         terms: usize,
     },
+    /// A library that is empty.
+    #[error(
+        "the library '{0}' has no terms over these outputs and inputs: choose a degree of 1 or more, or give terms"
+    )]
+    LibraryEmpty(String),
     /// The grid is empty.
     #[error("there is nothing to try: libraries, regressions, optimizers and ridges must each have an entry")]
     Empty,
@@ -153,7 +158,7 @@ pub enum SearchError {
 }
 
 /// Terms of a library at the most: the cost of selecting among them grows with their cube.
-const MOST_TERMS: usize = 1_000;
+pub const MOST_TERMS: usize = 1_000;
 
 /// Integration steps that keep the inner step at or below 0.1 s: RK4 is then exact to the accuracy of a log
 /// for motions slower than some ten per second, which a vessel's are.
@@ -282,11 +287,7 @@ impl Bench<'_> {
         grid: &Grid,
         groups: usize,
     ) -> Result<Prepared, SearchError> {
-        let terms = structure.count(&self.variables);
-        if terms > MOST_TERMS {
-            let library = structure.library.to_string();
-            return Err(SearchError::LibraryTooLarge { library, terms });
-        }
+        structure.check(&self.variables)?;
         let signals = structure.signals(&self.variables);
         let preparation =
             Preparation { signals: &signals, loss: grid.loss, groups, ..Preparation::default() };

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::library::{Library, Variables};
 use super::rewrite::{gated, replaced};
+use super::search::{MOST_TERMS, SearchError};
 use crate::log::Trajectory;
 
 /// A library with the hidden states and modes that its terms are made of.
@@ -127,6 +128,19 @@ impl Structure {
         let past = self.past.len() * one;
         let modes = if self.gate.is_some() { 2 } else { 1 };
         self.library.count(variables).saturating_add(past).saturating_mul(modes)
+    }
+
+    /// Whether it has a number of terms that can be searched, without making them.
+    ///
+    /// # Errors
+    /// If there are none, or more than [`MOST_TERMS`].
+    pub fn check(&self, variables: &Variables) -> Result<(), SearchError> {
+        let library = || self.library.to_string();
+        match self.count(variables) {
+            0 => Err(SearchError::LibraryEmpty(library())),
+            1..=MOST_TERMS => Ok(()),
+            terms => Err(SearchError::LibraryTooLarge { library: library(), terms }),
+        }
     }
 
     /// Numbers beside the coefficients that were estimated: time constants, centre and slope of a gate.

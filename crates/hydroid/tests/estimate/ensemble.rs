@@ -1,11 +1,12 @@
 use hydroid::log::Trajectory;
 use hydroid::sindy::{
-    Bagging, Criterion, Ensemble, FitError, Library, Optimizer, Preparation, Prepared, Regression, Streaming,
-    Triangle, Variables, assemble, assemble_with,
+    Bagging, Coefficient, ConstraintError, Constraints, Criterion, Ensemble, Equality, FitError, FitOptions,
+    Library, Optimizer, Preparation, Prepared, Regression, Streaming, Triangle, Variables, assemble,
+    assemble_with,
 };
-use hydroid_core::model::sparse::Program;
+use hydroid_core::model::sparse::{Factor, Program, Real, Shape, Signal, Term};
 
-use crate::made::{DT, driven, options};
+use crate::made::{DT, driven, options, run, table};
 
 const MIDPOINT: Regression = Regression::Midpoint { intervals: 1 };
 
@@ -130,4 +131,72 @@ fn settings_out_of_range_are_refused() {
         &Preparation::default(),
     );
     assert!(matches!(bare.unwrap().ensemble(&fit, &good), Err(FitError::Setting(_))));
+}
+
+/// One draw without the only rows in which an input moves once failed the whole identification.
+#[test]
+fn draws_on_which_a_constraint_cannot_be_kept_are_left_out_and_counted() {
+    let mut data = driven(2_000, 0.3, 9);
+    let commands = data.inputs.column(0).enumerate();
+    let commands: Vec<Vec<f64>> = commands.map(|(k, c)| vec![if k < 40 { c } else { 0.0 }]).collect();
+    data.inputs = table("c", &commands);
+    let on_input = Coefficient { equation: 0, term: 2 };
+    let constraints = Constraints {
+        equalities: vec![Equality { weights: vec![(on_input, 1.0)], value: 0.001 }],
+        ..Constraints::default()
+    };
+    let fit = FitOptions { constraints, ..options(Optimizer::Stlsq(0.0)) };
+    let bagging = Bagging { bags: 60, ..Bagging::default() };
+    let ensemble = prepared(&[&data], 1).ensemble(&fit, &bagging).unwrap();
+    // The group that moves is in a draw with probability 1 - (1 - 1/24)^24 = 0.64.
+    assert!((25..55).contains(&ensemble.members.len()), "{}", ensemble.members.len());
+    assert_eq!(ensemble.draws.len(), ensemble.members.len());
+    assert!(ensemble.draws.is_sorted() && ensemble.draws.iter().all(|draw| *draw < 60));
+    assert!(ensemble.members.iter().all(|member| (member[2] - 0.001).abs() < 1e-9));
+    // Where no draw can keep it, it is told.
+    data.inputs = table("c", &vec![vec![0.0]; 2_000]);
+    let refused = prepared(&[&data], 1).ensemble(&fit, &bagging);
+    assert!(
+        matches!(refused, Err(FitError::Constraints(ConstraintError::Contradiction { .. }))),
+        "{refused:?}"
+    );
+}
+
+#[test]
+fn a_library_without_terms_is_refused() {
+    let data = driven(500, 0.3, 8);
+    let refused = Prepared::with(&[&data], Vec::new(), MIDPOINT, &Preparation::default());
+    assert!(matches!(refused, Err(FitError::Setting(_))));
+}
+
+#[test]
+fn a_reciprocal_that_passes_its_pole_between_samples_or_behind_a_lag_is_told() {
+    let made = |outputs: &[f64], inputs: &[f64], variable: u16, shape: Shape, signals: &[Signal]| {
+        let rows = |values: &[f64]| (0..40).map(|k| vec![values[k % values.len()]]).collect::<Vec<_>>();
+        let data = run(DT, &rows(outputs), &rows(inputs));
+        let terms = vec![Term::constant(), Term::new(vec![Factor { variable, shape }])];
+        let preparation = Preparation { signals, ..Preparation::default() };
+        match Prepared::with(&[&data], terms, MIDPOINT, &preparation) {
+            Err(FitError::Undefined { channel, time_s, .. }) => Some((channel, time_s)),
+            Err(other) => panic!("{other}"),
+            Ok(_) => None,
+        }
+    };
+    let (moving, still) = ([1.0, 2.0, 1.5], [1.0]);
+    // The midpoint is 0, or the pole is passed.
+    for outputs in [[2.0, 1.0, -1.0], [2.0, 1.0, -0.3]] {
+        let told = made(&outputs, &still, 0, Shape::Reciprocal, &[]).unwrap();
+        assert_eq!(told, (String::from("y0"), DT));
+    }
+    assert_eq!(made(&moving, &still, 0, Shape::Reciprocal, &[]), None);
+    // A held command is never between its values.
+    assert_eq!(made(&moving, &[1.0, -1.0], 1, Shape::Reciprocal, &[]), None);
+    let lag = [Signal::Lag { input: 1, time_constant_s: Real(0.1) }];
+    for shape in [Shape::Reciprocal, Shape::Log] {
+        let (channel, time_s) = made(&moving, &[1.0, 1.0, -3.0], 2, shape, &lag).unwrap();
+        assert!(channel.starts_with("lag(c0") && time_s > 0.5, "{channel} at {time_s} s");
+    }
+    let past = [Signal::Past { variable: 1, samples: 2 }];
+    assert_eq!(made(&moving, &[1.0, 0.0], 2, Shape::Reciprocal, &past).unwrap().0, "c0(-0.2 s)");
+    assert_eq!(made(&moving, &[1.0, -1.0], 2, Shape::Reciprocal, &past), None);
 }
