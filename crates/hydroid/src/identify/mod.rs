@@ -2,6 +2,7 @@
 
 mod apart;
 mod equations;
+mod error;
 mod overview;
 mod recursive;
 mod settings;
@@ -18,9 +19,10 @@ use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
 use crate::progress::Progress;
-use crate::sindy::{ExpressionError, Found, SearchError, UnknownLibrary};
+use crate::sindy::{Found, SearchError};
 use hydroid_core::model::sparse::Equations;
 
+pub use error::IdentifyError;
 pub use overview::{ChannelSummary, overview, ranges};
 pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};
 pub use verdict::{Grade, Verdict, verdicts};
@@ -124,91 +126,6 @@ pub struct Identified {
     pub verdicts: Vec<Verdict>,
     /// What the user should know about data and models.
     pub warnings: Vec<Note>,
-}
-
-/// Why nothing was identified.
-#[derive(Debug, thiserror::Error)]
-pub enum IdentifyError {
-    /// A library that there is not.
-    #[error(transparent)]
-    Library(UnknownLibrary),
-    /// A text that is no term or constraint.
-    #[error("{key}: {error}")]
-    Expression {
-        /// The setting.
-        key: &'static str,
-        /// What is wrong, and where.
-        error: ExpressionError,
-    },
-    /// A term or constraint that cannot be used.
-    #[error("'{text}' cannot be used: {why}")]
-    Constraint {
-        /// As given.
-        text: String,
-        /// Why, and what would do.
-        why: String,
-    },
-    /// A setting is of a channel that there is not.
-    #[error("{key}: there is no {what} '{name}'{hint} There are {known}")]
-    NoChannel {
-        /// The setting.
-        key: &'static str,
-        /// Output or input.
-        what: &'static str,
-        /// As given.
-        name: String,
-        /// The nearest name.
-        hint: String,
-        /// The names that there are.
-        known: String,
-    },
-    /// A gate that is given splits nothing.
-    #[error(
-        "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, give runs that visit both modes, or let it be found (--gate auto)",
-        100.0 * share
-    )]
-    ModeNotVisited {
-        /// As given.
-        gate: String,
-        /// The mode.
-        side: &'static str,
-        /// Its share of the samples.
-        share: f64,
-    },
-    /// A part of the split has no runs.
-    #[error("there are no {0} runs: give more logs, or name some with --{0}")]
-    NoRuns(&'static str),
-    /// The same samples would be learned from and judged on.
-    #[error(
-        "'{first}' and '{second}' hold the same measurements, in whole or in part: a model judged on what it was fitted to or chosen on is judged by nobody. Name each log once"
-    )]
-    SameRun {
-        /// One run.
-        first: String,
-        /// The other.
-        second: String,
-    },
-    /// A setting that makes no sense.
-    #[error("the {what} of {value} cannot be used: it must be {needed}")]
-    Setting {
-        /// Which.
-        what: &'static str,
-        /// As given.
-        value: String,
-        /// What would do.
-        needed: &'static str,
-    },
-    /// No equations.
-    #[error(transparent)]
-    Sindy(#[from] SearchError),
-    /// The runs cannot be evaluated.
-    #[error("the {part} runs cannot be evaluated: {error}")]
-    Evaluate {
-        /// Validation or test.
-        part: &'static str,
-        /// Why.
-        error: EvaluateError,
-    },
 }
 
 /// Validation windows per run in the search; more change no choice.

@@ -4,27 +4,29 @@
 //! excerpts of the training runs. Validation alone is at the mercy of chance where it is short: on a log of
 //! ten minutes it chose equations that run away on the very data they were fitted to.
 
+mod decide;
+mod excerpts;
+
 use std::sync::Arc;
 
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use serde::{Deserialize, Serialize};
 
-use super::choose::{Losses, compose};
-use super::constraints::Constraints;
-use super::ensemble::{Bagging, Ensemble};
-use super::error::FitError;
-use super::expression::Constraint;
-use super::fit::{Fit, Prepared};
-use super::kernel::Regression;
-use super::library::Variables;
-use super::options::{FitOptions, Optimizer, Preparation};
-use super::robust::Loss;
-use super::rules::ties_outputs;
-use super::screen::{Screen, Screened, screen};
-use super::structure::Structure;
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
+use crate::sindy::choose::Losses;
+use crate::sindy::constraints::Constraints;
+use crate::sindy::ensemble::Ensemble;
+use crate::sindy::error::FitError;
+use crate::sindy::expression::Constraint;
+use crate::sindy::fit::{Fit, Prepared};
+use crate::sindy::kernel::Regression;
+use crate::sindy::library::Variables;
+use crate::sindy::options::{FitOptions, Optimizer, Preparation};
+use crate::sindy::robust::Loss;
+use crate::sindy::screen::{Screen, Screened, screen};
+use crate::sindy::structure::Structure;
 
 /// What to try.
 #[derive(Clone, Debug, PartialEq)]
@@ -181,7 +183,7 @@ pub fn search(
     progress: Progress<'_>,
 ) -> Result<Found, SearchError> {
     let run = training.first().ok_or(SearchError::Empty)?;
-    let excerpts = excerpts(training, judge.options.horizon);
+    let excerpts = excerpts::excerpts(training, judge.options.horizon);
     let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
     let mut bench = Bench { judge, excerpts: &excerpts, variables: Variables::of(run), tried: Vec::new() };
     let mut refusal = None;
@@ -268,15 +270,6 @@ struct Judged {
     diverged: usize,
     losses: Losses,
 }
-
-/// Other trials whose equation of one output is tried in place of the chosen one.
-const SWAPS: usize = 12;
-
-/// A model that fails the screen gives way to one that passes and is worse by this factor at the most.
-const STABLE: f64 = 1.1;
-
-/// Groups of rows that the ensemble draws from.
-const GROUPS: usize = 24;
 
 impl Bench<'_> {
     fn prepare(
@@ -366,181 +359,5 @@ impl Bench<'_> {
         let steps = (5 * self.judge.options.horizon).clamp(300, 3_000);
         let plan = Screen { rollouts: 64, steps, seed: self.judge.seed };
         screen(equations, self.judge.outputs, self.judge.inputs, plan)
-    }
-
-    /// Trials that may be taken, the preferred ones first: those that the rollouts cannot tell from the best,
-    /// by simplicity, then all others by score.
-    fn preference(&self) -> Vec<usize> {
-        let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
-        let mut order: Vec<usize> = (0..self.tried.len()).filter(|&i| score(i).is_finite()).collect();
-        order.sort_by(|&a, &b| score(a).total_cmp(&score(b)));
-        let Some(&best) = order.first() else { return order };
-        // One that was given up on the way was not compared on the training runs.
-        let compared =
-            |i: usize| self.tried[i].losses.training.len() == self.tried[best].losses.training.len();
-        let alike = |i: usize| compared(i) && self.tried[i].losses.is_as_good_as(&self.tried[best].losses);
-        let (mut simple, rest): (Vec<usize>, Vec<usize>) = order.into_iter().partition(|&i| alike(i));
-        simple.sort_by_key(|&i| self.tried[i].trial.terms + self.tried[i].trial.structure.parameters());
-        simple.extend(rest);
-        simple
-    }
-
-    fn choose(&self, training: &[&Trajectory], grid: &Grid, dt: f64) -> Result<Found, SearchError> {
-        let preference = self.preference();
-        let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
-        let best = preference.iter().map(|&i| score(i)).fold(f64::INFINITY, f64::min);
-        let bounded = |i: &&usize| self.screen(&self.tried[**i].fit.equations).is_bounded();
-        let near = preference.iter().filter(|&&i| score(i) <= STABLE * best);
-        let chosen = near.clone().find(bounded).or(near.clone().next()).copied().unwrap_or(0);
-        // Equations that rules tie together come from one fit.
-        let tied = grid.constraints.iter().any(ties_outputs);
-        let others: &[usize] = if tied { &[] } else { &preference };
-        let (equations, fit, score) = self.by_output(chosen, others)?;
-        let winner = &self.tried[chosen];
-        let ensemble = self.ensemble(training, grid, dt, &equations, &fit)?;
-        let lost = winner.prepared.unidentifiable();
-        let independent: Vec<usize> =
-            (0..winner.prepared.terms().len()).filter(|j| !lost.contains(j)).collect();
-        Ok(Found {
-            screened: self.screen(&fit.equations),
-            chosen,
-            equations,
-            score,
-            condition: winner.prepared.condition(&independent),
-            unidentifiable: lost.iter().map(|&j| winner.prepared.terms()[j].clone()).collect(),
-            rows: (winner.prepared.rows(), winner.prepared.skipped()),
-            trials: self.tried.iter().map(|tried| tried.trial.clone()).collect(),
-            ensemble,
-            fit,
-        })
-    }
-
-    /// For each output in turn the equations of other trials are tried in place of the chosen one; one that
-    /// does better beyond the noise, in the rollouts of the whole, stays.
-    fn by_output(&self, chosen: usize, preference: &[usize]) -> Result<(Vec<usize>, Fit, f64), SearchError> {
-        let outputs = self.variables.outputs().count();
-        let mut rows = vec![chosen; outputs];
-        let mut fit = self.tried[chosen].fit.clone();
-        let mut losses = self.tried[chosen].losses.clone();
-        let mut score = self.tried[chosen].trial.score.unwrap_or(f64::INFINITY);
-        let signals = fit.equations.signals().to_vec();
-        for output in 0..outputs {
-            let mut known: Vec<Vec<f64>> = vec![self.row(chosen, output)];
-            let mut best: Option<(usize, Fit, Judged)> = None;
-            for &other in preference {
-                if known.len() > SWAPS {
-                    break;
-                }
-                let row = self.row(other, output);
-                if self.tried[other].fit.equations.signals() != signals || known.contains(&row) {
-                    continue;
-                }
-                known.push(row);
-                let mut next = rows.clone();
-                next[output] = other;
-                let fits: Vec<&Fit> = next.iter().map(|&i| &self.tried[i].fit).collect();
-                let Ok(composed) = compose(&fits) else { continue };
-                let judged = self.judge(&composed.equations)?;
-                let ahead = best.as_ref().map_or(score, |(_, _, best)| best.score);
-                if judged.score < ahead && judged.losses.is_better_than(&losses) {
-                    best = Some((other, composed, judged));
-                }
-            }
-            if let Some((other, composed, judged)) = best
-                && self.screen(&composed.equations).unbounded <= self.screen(&fit.equations).unbounded
-            {
-                rows[output] = other;
-                (fit, losses, score) = (composed, judged.losses, judged.score);
-            }
-        }
-        Ok((rows, fit, score))
-    }
-
-    fn row(&self, trial: usize, output: usize) -> Vec<f64> {
-        let fit = &self.tried[trial].fit;
-        let terms = fit.equations.terms().len();
-        fit.equations.coefficients()[output * terms..(output + 1) * terms].to_vec()
-    }
-
-    /// The ensemble of the settings that the equations come from, over the terms of the whole.
-    fn ensemble(
-        &self,
-        training: &[&Trajectory],
-        grid: &Grid,
-        dt: f64,
-        rows: &[usize],
-        fit: &Fit,
-    ) -> Result<Option<Ensemble>, SearchError> {
-        if self.judge.members == 0 {
-            return Ok(None);
-        }
-        let terms = fit.equations.terms();
-        let bagging = Bagging { bags: self.judge.members, seed: self.judge.seed, ..Bagging::default() };
-        let mut whole = Ensemble::zero(self.judge.members, rows.len(), terms.len());
-        for (output, &row) in rows.iter().enumerate() {
-            let trial = &self.tried[row].trial;
-            let prepared = self.prepare(training, &trial.structure, trial.regression, grid, GROUPS)?;
-            let constraints = trial.structure.constraints(&grid.constraints, &self.variables);
-            let options = options(trial.optimizer, trial.ridge, dt, &constraints);
-            let ensemble = prepared.ensemble(&options, &bagging)?;
-            let places: Vec<Option<usize>> =
-                prepared.terms().iter().map(|term| terms.iter().position(|known| known == term)).collect();
-            whole.take_row(output, &ensemble, &places);
-        }
-        Ok(Some(whole))
-    }
-}
-
-/// Samples of the training runs that take part in the score; more change no choice.
-const EXCERPT_SAMPLES: usize = 15_000;
-
-/// The training runs, or evenly spread parts of at most three horizons each where they are long together.
-fn excerpts(runs: &[&Trajectory], horizon: usize) -> Vec<Trajectory> {
-    let length = 3 * horizon + 1;
-    let runs: Vec<&&Trajectory> = runs.iter().filter(|run| run.len() > horizon).collect();
-    let total: usize = runs.iter().map(|run| run.len()).sum();
-    if total <= EXCERPT_SAMPLES.max(2 * length) {
-        return runs.into_iter().map(|&run| run.clone()).collect();
-    }
-    let count = (EXCERPT_SAMPLES / length).max(2);
-    let mut parts = Vec::new();
-    // Of very many runs, some stand for all.
-    for run in runs.iter().step_by(runs.len().div_ceil(count)) {
-        let length = length.min(run.len());
-        let share = (count * run.len()).div_ceil(total);
-        let room = run.len() - length;
-        for i in 0..share {
-            let from = if share == 1 { room / 2 } else { room * i / (share - 1) };
-            parts.push(run.slice(from, from + length));
-        }
-    }
-    parts
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::log::{Channel, Table};
-
-    fn run(samples: usize) -> Trajectory {
-        let table = |name| Table::new(vec![Channel::new(name, "")], vec![0.0; samples]);
-        let (outputs, inputs) = (table("y"), table("c"));
-        Trajectory { name: String::from("run"), t0: 0.0, dt: 0.1, outputs, inputs, truth: None }
-    }
-
-    fn lengths(samples: usize, runs: usize) -> Vec<usize> {
-        let runs: Vec<Trajectory> = (0..runs).map(|_| run(samples)).collect();
-        excerpts(&runs.iter().collect::<Vec<_>>(), 100).iter().map(Trajectory::len).collect()
-    }
-
-    #[test]
-    fn excerpts_are_whole_runs_or_parts_of_three_horizons_and_stay_few() {
-        assert_eq!(lengths(5_000, 2), [5_000, 5_000]);
-        assert_eq!(lengths(100, 3), [0; 0]);
-        let long = lengths(72_000, 1);
-        assert_eq!((long.len(), long[0]), (49, 301));
-        // A log that gaps cut into pieces shorter than three horizons once had no excerpts at all.
-        let cut = lengths(200, 2_000);
-        assert!(cut.iter().all(|&n| n == 200) && (20..=49).contains(&cut.len()), "{}", cut.len());
     }
 }

@@ -1,0 +1,57 @@
+//! Parts of the training runs that stand for them in the score.
+
+use crate::log::Trajectory;
+
+/// Samples of the training runs that take part in the score; more change no choice.
+const EXCERPT_SAMPLES: usize = 15_000;
+
+/// The training runs, or evenly spread parts of at most three horizons each where they are long together.
+pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize) -> Vec<Trajectory> {
+    let length = 3 * horizon + 1;
+    let runs: Vec<&&Trajectory> = runs.iter().filter(|run| run.len() > horizon).collect();
+    let total: usize = runs.iter().map(|run| run.len()).sum();
+    if total <= EXCERPT_SAMPLES.max(2 * length) {
+        return runs.into_iter().map(|&run| run.clone()).collect();
+    }
+    let count = (EXCERPT_SAMPLES / length).max(2);
+    let mut parts = Vec::new();
+    // Of very many runs, some stand for all.
+    for run in runs.iter().step_by(runs.len().div_ceil(count)) {
+        let length = length.min(run.len());
+        let share = (count * run.len()).div_ceil(total);
+        let room = run.len() - length;
+        for i in 0..share {
+            let from = if share == 1 { room / 2 } else { room * i / (share - 1) };
+            parts.push(run.slice(from, from + length));
+        }
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::log::{Channel, Table};
+
+    fn run(samples: usize) -> Trajectory {
+        let table = |name| Table::new(vec![Channel::new(name, "")], vec![0.0; samples]);
+        let (outputs, inputs) = (table("y"), table("c"));
+        Trajectory { name: String::from("run"), t0: 0.0, dt: 0.1, outputs, inputs, truth: None }
+    }
+
+    fn lengths(samples: usize, runs: usize) -> Vec<usize> {
+        let runs: Vec<Trajectory> = (0..runs).map(|_| run(samples)).collect();
+        excerpts(&runs.iter().collect::<Vec<_>>(), 100).iter().map(Trajectory::len).collect()
+    }
+
+    #[test]
+    fn excerpts_are_whole_runs_or_parts_of_three_horizons_and_stay_few() {
+        assert_eq!(lengths(5_000, 2), [5_000, 5_000]);
+        assert_eq!(lengths(100, 3), [0; 0]);
+        let long = lengths(72_000, 1);
+        assert_eq!((long.len(), long[0]), (49, 301));
+        // A log that gaps cut into pieces shorter than three horizons once had no excerpts at all.
+        let cut = lengths(200, 2_000);
+        assert!(cut.iter().all(|&n| n == 200) && (20..=49).contains(&cut.len()), "{}", cut.len());
+    }
+}
