@@ -101,6 +101,29 @@ fn spikes_are_named_with_their_remedy() {
     assert_eq!(told(spiky(clean), Some(1.345)), None, "the remedy has been taken");
 }
 
+/// A lag that is given once stood beside equations without it, which could win.
+#[test]
+fn a_lag_that_is_given_is_in_every_setting() {
+    let part = |seed| vec![run(1.0, seed, 120.0)];
+    let job = Job {
+        methods: vec![Method::Sindy],
+        split: Split { train: part(1), validation: part(2), test: part(3), notes: Vec::new() },
+        reading: Reading::default(),
+        horizon: 20,
+        origin_stride: 10,
+        seed: 0,
+        sindy: SindySettings {
+            lag: Lags::Given([(String::from("RD_cmd"), 0.3)].into()),
+            gate: GateSetting::Word(Word::None),
+            members: Members(0),
+            ..SindySettings::default()
+        },
+    };
+    let found = identify(&job, &mut silent()).unwrap();
+    let trials = &found.candidates[0].found().trials;
+    assert!(!trials.is_empty() && trials.iter().all(|t| t.structure.lags.len() == 1));
+}
+
 #[test]
 fn a_vessel_that_has_changed_is_best_followed_by_equations_that_learn() {
     let (found, test) = identified(1.6, &[Method::Recursive, Method::Sindy]);

@@ -8,7 +8,8 @@ use crate::evaluate;
 use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::{
-    Found, Grid, Judge, Library, Optimizer, Regression, SearchError, Structure, Variables, discover, search,
+    Found, Grid, Judge, Library, Optimizer, Regression, SearchError, Structure, Variables, Wanted, discover,
+    search,
 };
 
 /// Rollouts that settings are compared by.
@@ -50,7 +51,9 @@ pub(super) fn memoryless(
     let structures =
         discover(train, &reference(&libraries), regression, &lags, &gate, &mut |f| progress(0.3 * f))
             .map_err(SearchError::Cancelled)?;
-    run(job, parts, &structures, true, &mut |f| progress(0.3 + 0.7 * f))
+    // What is said of the vessel holds; what was found must prove itself beside equations without it.
+    let said = matches!(lags, Wanted::Given(_)) || matches!(gate, Wanted::Given(_));
+    run(job, parts, &structures, !said, &mut |f| progress(0.3 + 0.7 * f))
 }
 
 /// A search for equations in which outputs and inputs of some time ago stand as well.
