@@ -141,7 +141,7 @@ pub struct Inspect {
   hydroid identify a.csv b.csv c.csv --term u --term 'u |u|' --term 'n |n|' --lag none --gate none -o out
   hydroid identify -c hydroid.toml -o out
 
-A configuration file can hold all of it; what the command line says goes before:
+A configuration file can hold all of it but --methods; what the command line says goes before:
   [log]                                  [split]                     [identify]
   time = \"t_s\"                           train = [\"a.csv\"]           horizon = \"10s\"
   outputs = [\"u=u_mps [m/s]\", \"v\"]       validate = [\"b.csv\"]
@@ -207,10 +207,10 @@ pub struct Identify {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = "Equations", conflicts_with = "library")]
     pub degree: Option<u8>,
     /// Select terms by thresholded least squares: drop those that move an output by less than this many of
-    /// its standard deviations per second (default: backward elimination)
+    /// its standard deviations per second (default: backward elimination and BIC)
     #[arg(long, value_name = "X", allow_negative_numbers = true, help_heading = "Equations")]
     pub threshold: Option<f64>,
-    /// Regress over this time [s] (default: one sample and shares of the horizon are tried)
+    /// Regress over this time [s] (default: one sample, what the noise asks for and shares of the horizon are tried)
     #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Equations")]
     pub window: Option<f64>,
     /// Ridge penalty (default: several are tried)
@@ -219,7 +219,7 @@ pub struct Identify {
     /// Seed of everything random (default: 0)
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Folder for the model, report.html and identify.json
+    /// Folder for the models, report.html and identify.json
     #[arg(long, short, value_name = "DIR")]
     pub output: PathBuf,
     #[command(flatten)]

@@ -1,5 +1,6 @@
 //! Which method is called best, and that a model which learns survives its file.
 
+use hydroid::adapt::{self, adapt};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GateSetting, Identified, Job, Lags, Members, Method, SindySettings, Word, identify};
 use hydroid::log::{Split, Table, Trajectory};
@@ -150,4 +151,10 @@ fn a_vessel_that_has_changed_is_best_followed_by_equations_that_learn() {
     };
     assert_eq!(predicted(&again), predicted(&learning.model));
     assert_ne!(predicted(&again), predicted(&fixed.model), "it has learned on the way");
+
+    // What `adapt` calls frozen once learned as well.
+    let report = adapt(&again, &[&test], &adapt::Options::default(), &mut silent()).unwrap().report;
+    let still = model::Model { learning: None, ..again };
+    let judged = adapt(&still, &[&test], &adapt::Options::default(), &mut silent()).unwrap().report;
+    assert_eq!(report.frozen.rmse, judged.frozen.rmse);
 }

@@ -35,8 +35,8 @@ pub enum Method {
     Sindy,
     /// The same with outputs and inputs of some time ago among the variables.
     Lagged,
-    /// Equations with all terms of a library, the past of the inputs among them, which keep learning at several
-    /// paces at once by recursive least squares.
+    /// Equations that keep learning by recursive least squares at several paces: those of another search where
+    /// they have a lag or a change of mode, else equations with all terms.
     Recursive,
 }
 

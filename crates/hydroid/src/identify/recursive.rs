@@ -26,7 +26,7 @@ const WINDOW: f64 = 0.1;
 const APART: f64 = 0.2;
 
 /// Equations with all terms that learn at several paces; where the `sparse` ones of another search have a lag or
-/// a change of mode, these with all their terms. Where there are none (too few rows, or all diverge), it is
+/// a change of mode, these as they are. Where there are none (too few rows, or all diverge), it is
 /// the `sparse` ones of another search that learn.
 pub(super) fn learning(
     job: &Job,

@@ -137,14 +137,6 @@ impl Model {
         units
     }
 
-    /// The unit of a term.
-    ///
-    /// # Panics
-    /// If the term is of a variable that the model does not have.
-    pub fn term_unit(&self, term: &Term) -> UnitProduct {
-        of_term(&self.variable_units(), term)
-    }
-
     /// All coefficients that are not zero, equation by equation.
     pub fn coefficients(&self) -> Vec<TermCoefficient> {
         let Body::Equations(equations) = &self.body;

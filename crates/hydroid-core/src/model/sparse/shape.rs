@@ -108,14 +108,6 @@ impl Shape {
         }
     }
 
-    /// Whether `f(s x) = s^degree f(x)` for `s > 0`: such a term keeps its meaning in other units.
-    pub fn is_homogeneous(self) -> bool {
-        match self {
-            Self::Power(_) | Self::Abs | Self::Sign | Self::Reciprocal => true,
-            Self::Sin | Self::Cos | Self::Log | Self::Above(_) | Self::Below(_) => false,
-        }
-    }
-
     /// Whether its parameters are finite numbers.
     pub fn is_finite(self) -> bool {
         match self {
