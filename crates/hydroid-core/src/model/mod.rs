@@ -1,6 +1,7 @@
 //! Models: discrete steps `state+ = f(state, c)`, `y = g(state)`, with weights inside and state outside.
 
 mod persistence;
+pub mod recurrent;
 pub mod sparse;
 
 pub use persistence::Persistence;

@@ -1,0 +1,309 @@
+//! What a recurrent network is made of, and the order of its weights.
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+
+/// A recurrent cell. `x` is the input of a step, `h` what the cell shows of its state, `s` the logistic function,
+/// `.` the element-wise product. Gates stand in PyTorch's order, with its two bias vectors per layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(tag = "cell", rename_all = "snake_case", deny_unknown_fields))]
+pub enum Cell {
+    /// Long short-term memory, as `torch.nn.LSTM` with one layer:
+    ///
+    /// ```text
+    /// [i f g o] = W_ih x + b_ih + W_hh h + b_hh
+    /// c+ = s(f) . c + s(i) . tanh(g)
+    /// h+ = s(o) . tanh(c+)                     without projection
+    /// h+ = W_hr (s(o) . tanh(c+))              with one (proj_size)
+    /// ```
+    ///
+    /// State `[c h]`. (Hochreiter and Schmidhuber 1997; projection: Sak, Senior and Beaufays 2014.)
+    Lstm {
+        /// Number of cells, the length of `c`.
+        hidden: usize,
+        /// Length of the projected `h`; without projection `h` is as long as `c`.
+        #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+        projection: Option<usize>,
+    },
+    /// Gated recurrent unit, as `torch.nn.GRU` with one layer:
+    ///
+    /// ```text
+    /// a = W_ih x + b_ih,  b = W_hh h + b_hh    blocks r, z, n
+    /// r = s(a_r + b_r),  z = s(a_z + b_z),  n = tanh(a_n + r . b_n)
+    /// h+ = (1 - z) . n + z . h
+    /// ```
+    ///
+    /// State `h`. (Cho et al. 2014.)
+    Gru {
+        /// Length of `h`.
+        hidden: usize,
+    },
+    /// Elman network, as `torch.nn.RNN` with tanh: layer `l` reads the new state of layer `l - 1`, the first
+    /// reads the input.
+    ///
+    /// ```text
+    /// h_l+ = tanh(W_ih x_l + b_ih + W_hh h_l + b_hh),   x_0 = x,  x_l = h_{l-1}+
+    /// ```
+    ///
+    /// State `[h_0 h_1 ..]`. (Elman 1990.)
+    Vanilla {
+        /// Length of each layer's state.
+        hidden: usize,
+        /// Number of layers.
+        layers: usize,
+    },
+}
+
+/// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`.
+///
+/// Its weights are one flat slice: the tensors of [`tensors`](Self::tensors) one after the other, each row by row,
+/// with PyTorch's names, so that weights travel both ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Network {
+    /// What it remembers with.
+    pub cell: Cell,
+    /// Length of the input `x` of a step.
+    pub inputs: usize,
+    /// Length of the output `y`.
+    pub outputs: usize,
+    /// `y = W h + b` (`torch.nn.Linear` on the last layer's `h`) where true; else `y = h`.
+    pub read_out: bool,
+}
+
+/// A place in the flat weights: a matrix, or a vector (`columns` is 1 and `vector` true).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tensor {
+    /// PyTorch's name.
+    pub name: String,
+    /// Number of rows.
+    pub rows: usize,
+    /// Number of columns.
+    pub columns: usize,
+    /// Whether PyTorch has it as a vector of `rows` numbers.
+    pub vector: bool,
+    /// Where it begins in the flat weights.
+    pub offset: usize,
+}
+
+impl Tensor {
+    /// Number of weights.
+    pub fn len(&self) -> usize {
+        self.rows * self.columns
+    }
+
+    /// Whether it holds nothing.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Its place in the flat weights.
+    pub fn range(&self) -> core::ops::Range<usize> {
+        self.offset..self.offset + self.len()
+    }
+
+    /// Its shape as PyTorch has it.
+    pub fn shape(&self) -> Vec<usize> {
+        if self.vector { [self.rows].into() } else { [self.rows, self.columns].into() }
+    }
+}
+
+/// Why a network cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NetworkError {
+    /// A size is zero.
+    Empty(&'static str),
+    /// A size is larger than any vessel's model needs; guards against files that ask for all memory.
+    Huge(&'static str, usize),
+    /// Without read-out the cell's `h` is the output, and must have its length.
+    Shown {
+        /// Length of `h`.
+        shown: usize,
+        /// Length of the output.
+        outputs: usize,
+    },
+    /// A projection must be shorter than what it projects.
+    Projection {
+        /// Number of cells.
+        hidden: usize,
+        /// Length of the projection.
+        projection: usize,
+    },
+}
+
+impl fmt::Display for NetworkError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Empty(what) => write!(f, "a network needs {what}: give at least 1"),
+            Self::Huge(what, given) => {
+                write!(f, "{given} {what} are more than the {} that a network may have", Network::MOST)
+            }
+            Self::Shown { shown, outputs } => write!(
+                f,
+                "without read-out the cell shows {shown} numbers where there are {outputs} outputs: add the read-out, or project to {outputs}"
+            ),
+            Self::Projection { hidden, projection } => write!(
+                f,
+                "{hidden} cells cannot be projected to {projection} numbers: give fewer than {hidden}"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for NetworkError {}
+
+impl Cell {
+    /// Length of `h` (of one layer).
+    pub fn shown(&self) -> usize {
+        match *self {
+            Self::Lstm { hidden, projection } => projection.unwrap_or(hidden),
+            Self::Gru { hidden } | Self::Vanilla { hidden, .. } => hidden,
+        }
+    }
+
+    /// Length of the state.
+    pub fn state_len(&self) -> usize {
+        match *self {
+            Self::Lstm { hidden, .. } => hidden + self.shown(),
+            Self::Gru { hidden } => hidden,
+            Self::Vanilla { hidden, layers } => hidden * layers,
+        }
+    }
+
+    /// Number of layers.
+    pub fn layers(&self) -> usize {
+        if let Self::Vanilla { layers, .. } = *self { layers } else { 1 }
+    }
+
+    /// Rows of a layer's gates together.
+    pub fn gate_rows(&self) -> usize {
+        match *self {
+            Self::Lstm { hidden, .. } => 4 * hidden,
+            Self::Gru { hidden } => 3 * hidden,
+            Self::Vanilla { hidden, .. } => hidden,
+        }
+    }
+
+    /// Name in files and tables.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Lstm { .. } => "lstm",
+            Self::Gru { .. } => "gru",
+            Self::Vanilla { .. } => "rnn",
+        }
+    }
+}
+
+impl Network {
+    /// The largest size of anything in a network.
+    pub const MOST: usize = 4096;
+
+    /// Whether the sizes can be.
+    ///
+    /// # Errors
+    /// If one is zero, absurd, or contradicts another.
+    pub fn check(&self) -> Result<(), NetworkError> {
+        let (Cell::Lstm { hidden, .. } | Cell::Gru { hidden } | Cell::Vanilla { hidden, .. }) = self.cell;
+        for (what, size) in [
+            ("inputs", self.inputs),
+            ("outputs", self.outputs),
+            ("cells", hidden),
+            ("layers", self.cell.layers()),
+            ("projected numbers", self.cell.shown()),
+        ] {
+            match size {
+                0 => return Err(NetworkError::Empty(what)),
+                size if size > Self::MOST => return Err(NetworkError::Huge(what, size)),
+                _ => {}
+            }
+        }
+        if self.cell.layers() > 64 {
+            return Err(NetworkError::Huge("layers", self.cell.layers()));
+        }
+        if let Cell::Lstm { hidden, projection: Some(projection) } = self.cell
+            && projection >= hidden
+        {
+            return Err(NetworkError::Projection { hidden, projection });
+        }
+        let shown = self.cell.shown();
+        if !self.read_out && shown != self.outputs {
+            return Err(NetworkError::Shown { shown, outputs: self.outputs });
+        }
+        Ok(())
+    }
+
+    /// Length of the state.
+    pub fn state_len(&self) -> usize {
+        self.cell.state_len()
+    }
+
+    /// Number of weights.
+    pub fn weights(&self) -> usize {
+        self.tensors().last().map_or(0, |tensor| tensor.range().end)
+    }
+
+    /// The weights' places, in their order: for each layer `weight_ih_l`, `weight_hh_l`, `bias_ih_l`, `bias_hh_l`,
+    /// then `weight_hr_l0` of a projection, then `linear.weight` and `linear.bias` of the read-out.
+    pub fn tensors(&self) -> Vec<Tensor> {
+        let (gates, shown) = (self.cell.gate_rows(), self.cell.shown());
+        let mut shapes = Vec::new();
+        for layer in 0..self.cell.layers() {
+            let read = if layer == 0 { self.inputs } else { shown };
+            shapes.push((format!("weight_ih_l{layer}"), gates, read, false));
+            shapes.push((format!("weight_hh_l{layer}"), gates, shown, false));
+            shapes.push((format!("bias_ih_l{layer}"), gates, 1, true));
+            shapes.push((format!("bias_hh_l{layer}"), gates, 1, true));
+        }
+        if let Cell::Lstm { hidden, projection: Some(projection) } = self.cell {
+            shapes.push((String::from("weight_hr_l0"), projection, hidden, false));
+        }
+        if self.read_out {
+            shapes.push((String::from("linear.weight"), self.outputs, shown, false));
+            shapes.push((String::from("linear.bias"), self.outputs, 1, true));
+        }
+        let mut offset = 0;
+        let place = |(name, rows, columns, vector): (String, usize, usize, bool)| {
+            let tensor = Tensor { name, rows, columns, vector, offset };
+            offset += tensor.len();
+            tensor
+        };
+        shapes.into_iter().map(place).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sizes of the thesis's networks.
+    #[test]
+    fn counts_weights_and_states() {
+        let lstm = Cell::Lstm { hidden: 18, projection: Some(3) };
+        let gru = Cell::Gru { hidden: 18 };
+        let vanilla = Cell::Vanilla { hidden: 18, layers: 2 };
+        for (cell, read_out, weights, state) in
+            [(lstm, false, 558, 21), (gru, true, 1245, 18), (vanilla, true, 1137, 36)]
+        {
+            let network = Network { cell, inputs: 2, outputs: 3, read_out };
+            assert_eq!(network.check(), Ok(()));
+            assert_eq!((network.weights(), network.state_len()), (weights, state));
+        }
+    }
+
+    #[test]
+    fn impossible_networks_are_refused() {
+        let network = |cell, read_out| Network { cell, inputs: 2, outputs: 3, read_out }.check();
+        assert_eq!(network(Cell::Gru { hidden: 0 }, true), Err(NetworkError::Empty("cells")));
+        assert_eq!(network(Cell::Gru { hidden: 5000 }, true), Err(NetworkError::Huge("cells", 5000)));
+        assert_eq!(
+            network(Cell::Gru { hidden: 5 }, false),
+            Err(NetworkError::Shown { shown: 5, outputs: 3 })
+        );
+        let lstm = Cell::Lstm { hidden: 4, projection: Some(4) };
+        assert_eq!(network(lstm, true), Err(NetworkError::Projection { hidden: 4, projection: 4 }));
+    }
+}
