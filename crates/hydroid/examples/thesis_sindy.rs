@@ -44,7 +44,7 @@ use std::sync::Arc;
 
 use hydroid::evaluate::{Against, DesignRange, Evaluation, Options, Origin, evaluate};
 use hydroid::excitation::Excitation;
-use hydroid::identify::{Identified, Job, Method, SindySettings, identify, ranges};
+use hydroid::identify::{GivenRanges, Identified, Job, Method, Networks, SindySettings, identify, ranges};
 use hydroid::log::{self, PrepareOptions, Selection, Split, Trajectory};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
@@ -248,6 +248,8 @@ pub fn defaults(data: &Data) -> Identified {
         horizon: HORIZONS[1],
         origin_stride: 20,
         seed: 0,
+        ranges: GivenRanges::new(),
+        networks: Networks::default(),
         sindy: SindySettings::default(),
     };
     identify(&job, &mut silent()).expect("the hydrofoil is identified")
@@ -307,7 +309,7 @@ fn main() -> Result<(), log::LogError> {
     let mut nothing = Persistence::new(3, 2);
     let kept = judged(&mut nothing, &ranges(&[&data.train]), &data.test);
     println!("| nothing changes | | | | 0 | {} | 0 | |", cells(&errors(&kept.persistence.mae)));
-    let found = candidate.found();
+    let found = candidate.found().ok_or("the method sindy searches for equations")?;
     let structure: &Structure = &found.trials[found.chosen].structure;
     println!();
     for lag in &structure.lags {

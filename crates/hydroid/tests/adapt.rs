@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use hydroid::adapt::{self, AdaptError, Options, adapt};
 use hydroid::evaluate::{self, Evaluation};
 use hydroid::excitation::Excitation;
-use hydroid::identify::{Job, Method, SindySettings, identify};
+use hydroid::identify::{GivenRanges, Job, Method, Networks, SindySettings, identify};
 use hydroid::log::{self, PrepareOptions, Selection, Split, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::silent;
@@ -35,6 +35,8 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
         horizon,
         origin_stride,
         seed: 0,
+        ranges: GivenRanges::new(),
+        networks: Networks::default(),
         sindy: SindySettings::default(),
     };
     identify(&job, &mut silent()).unwrap().candidates.remove(0).model

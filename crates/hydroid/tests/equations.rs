@@ -88,7 +88,7 @@ fn hydrofoil() -> Model {
 #[test]
 fn text_has_equations_signals_and_units() {
     assert_eq!(
-        ship().equations_text(),
+        ship().equations().unwrap().equations_text(),
         [
             "du/dt = -0.1000 u + 1.500e-7 P_f - 0.9070 u |u| + 2.000 lag(n, 1.5 s) |lag(n, 1.5 s)| + 12.00 r^2/u",
             "dr/dt = -0.01000 - 1.000 r + 123.5 u |u| sin(delta) - 0.2500 r u(-0.5 s)",
@@ -97,7 +97,7 @@ fn text_has_equations_signals_and_units() {
         ]
     );
     assert_eq!(
-        ship().units_text(),
+        ship().equations().unwrap().units_text(),
         [
             "term                           du/dt        dr/dt",
             "1                              -            1/s^2",
@@ -112,14 +112,14 @@ fn text_has_equations_signals_and_units() {
         ]
     );
     assert_eq!(
-        hydrofoil().equations_text(),
+        hydrofoil().equations().unwrap().equations_text(),
         [
             "du/dt = 1.000e6 v/u + 1.000 ln(u) - 1.000 sgn(v) + (1 - s) [-0.3000 u |u|] + s [-1.000e-9 u]",
             "dv/dt = 0",
             "s = sigma(12.00 (u - 2.500)), with sigma(x) = 1 / (1 + exp(-x))",
         ]
     );
-    let exact = ship().coefficients();
+    let exact = ship().equations().unwrap().coefficients();
     assert_eq!((exact.len(), exact[2].value, exact[2].unit.as_str()), (9, -0.907_04, "1/m"));
 }
 
@@ -129,7 +129,7 @@ fn letters_of_gates_are_nobody_elses() {
     let terms = ["s below(s, -1, 2)", "above(z, 0, 3)", "s above(s, 1, 2) above(z, 1, 2)"];
     let of = model(&[("s", ""), ("z", "")], &[], &terms, &[&[1.0, 0.0, 2.0], &[0.0, -4.0, 0.0]]);
     assert_eq!(
-        of.equations_text(),
+        of.equations().unwrap().equations_text(),
         [
             "ds/dt = 2.000 s above(s, 1, 2) above(z, 1, 2) + (1 - s1) [1.000 s]",
             "dz/dt = s2 [-4.000]",
@@ -138,14 +138,14 @@ fn letters_of_gates_are_nobody_elses() {
         ]
     );
     let of = model(&[("s", ""), ("z", "")], &[], &terms[..1], &[&[1.0], &[0.0]]);
-    assert_eq!(of.equations_text()[0], "ds/dt = (1 - gate) [1.000 s]");
-    assert_eq!(of.units_text()[1], "(1 - gate) s  1/s    -");
+    assert_eq!(of.equations().unwrap().equations_text()[0], "ds/dt = (1 - gate) [1.000 s]");
+    assert_eq!(of.equations().unwrap().units_text()[1], "(1 - gate) s  1/s    -");
 }
 
 #[test]
 fn latex_is_what_a_paper_has() {
     assert_eq!(
-        ship().equations_latex(),
+        ship().equations().unwrap().equations_latex(),
         r"\begin{align*}
   \dot{u} &= - 0.1000\,u + 1.500 \times 10^{-7}\,P_{\mathrm{f}} - 0.9070\,u\,\lvert u\rvert + 2.000\,\hat{n}\,\lvert \hat{n}\rvert + 12.00\,\frac{r^{2}}{u} \\
   \dot{r} &= - 0.01000 - 1.000\,r + 123.5\,u\,\lvert u\rvert\,\sin(\delta) - 0.2500\,r\,u(t - 0.5\,\mathrm{s}) \\
@@ -154,12 +154,12 @@ fn latex_is_what_a_paper_has() {
 "
     );
     assert_eq!(
-        ship().units_latex(),
+        ship().equations().unwrap().units_latex(),
         "Time in seconds; $u$ in $\\mathrm{m}\\,\\mathrm{s}^{-1}$; $r$ in $\\mathrm{rad}\\,\\mathrm{s}^{-1}$; \
          $n$ in $\\mathrm{rps}$; $\\delta$ in $\\mathrm{rad}$; $P_{\\mathrm{f}}$ without a stated unit.\n"
     );
     assert_eq!(
-        hydrofoil().equations_latex(),
+        hydrofoil().equations().unwrap().equations_latex(),
         r"\begin{align*}
   \dot{u} &= 1.000 \times 10^{6}\,\frac{v}{u} + 1.000\,\ln(u) - 1.000\,\operatorname{sgn}(v) \\
   &\quad {} + \left(1 - s\right)\,\bigl[ - 0.3000\,u\,\lvert u\rvert \bigr] \\
@@ -177,7 +177,7 @@ fn lag_states_of_one_input_are_told_apart_and_long_equations_are_broken() {
     let terms = ["lag(n, 1 s)^2", "lag(n, 2.5 s)", "u(-0.1 s)^3", "sin(n)^2", "1/u", "above(u, -1, 3)"];
     let of = model(&[("u", "")], &[("n", "")], &terms, &[&[1.0; 6]]);
     assert_eq!(
-        of.equations_latex(),
+        of.equations().unwrap().equations_latex(),
         r"\begin{align*}
   \dot{u} &= 1.000\,\left(\hat{n}^{(1\,\mathrm{s})}\right)^{2} + 1.000\,\hat{n}^{(2.5\,\mathrm{s})} + 1.000\,\left(u(t - 0.1\,\mathrm{s})\right)^{3} + 1.000\,\sin^{2}(n) + 1.000\,\frac{1}{u} \\
   &\quad {} + s\,\bigl[ 1.000 \bigr] \\
@@ -196,18 +196,22 @@ fn strange_channel_names_cannot_break_a_document() {
     let terms = vec![Term::monomial(&[0])];
     let of = made(&[(name, "m_{/s")], &[], terms, vec![1.0], Vec::new());
     assert_eq!(
-        of.equations_latex(),
+        of.equations().unwrap().equations_latex(),
         r"\begin{align*}
   \dot{\text{a\}\textbackslash{}end\{align*\}\textbackslash{}input\{x\}\%}}_{\text{\$\&\#}} &= 1.000\,\text{a\}\textbackslash{}end\{align*\}\textbackslash{}input\{x\}\%}_{\text{\$\&\#}}
 \end{align*}
 "
     );
-    assert!(of.units_latex().contains(r"in $\text{(m\_\{/s)}$"), "{}", of.units_latex());
+    assert!(
+        of.equations().unwrap().units_latex().contains(r"in $\text{(m\_\{/s)}$"),
+        "{}",
+        of.equations().unwrap().units_latex()
+    );
 }
 
 #[test]
 fn the_jacobian_is_text_to_copy() {
-    let jacobian = ship().jacobian_text();
+    let jacobian = ship().equations().unwrap().jacobian_text();
     let text = |row: &[hydroid::model::JacobianEntry]| -> Vec<String> {
         row.iter().map(|entry| format!("{} [{}]", entry.text, entry.unit)).collect()
     };
@@ -230,21 +234,23 @@ fn the_jacobian_is_text_to_copy() {
 #[test]
 fn the_text_of_the_jacobian_means_its_value() {
     let of = ship();
-    let Body::Equations(equations) = &of.body;
-    let names = of.variable_names();
+    let motion = of.equations().unwrap();
+    let equations = motion.equations();
+    let names = of.equations().unwrap().variable_names();
     let values = [0.8, -0.3, 2.0, 0.4, 5.0, 1.7, 0.75];
     let compiled = Jacobian::new(equations).unwrap();
     let mut slots = vec![0.0; compiled.slots()];
     slots[1..=values.len()].copy_from_slice(&values);
     let mut expected = vec![0.0; 2 * values.len()];
     compiled.evaluate(&mut slots, &mut expected);
-    let text = of.jacobian_text();
+    let text = of.equations().unwrap().jacobian_text();
     for i in 0..2 {
         let row = text.A[i].iter().chain(&text.B[i]).chain(&text.signals[i]);
         for (j, entry) in row.enumerate() {
             assert_eq!(entry.variable, names[j]);
             let channels = &names[..5];
-            let Body::Equations(equations) = &of.body;
+            let motion = of.equations().unwrap();
+            let equations = motion.equations();
             let mut words = Vocabulary::new(channels, 2, 0.1).with_signals(equations.signals().to_vec());
             let sum: f64 = entry.terms.iter().map(|(c, t)| c * words.term(t).unwrap().value(&values)).sum();
             assert!((sum - expected[i * values.len() + j]).abs() < 1e-12, "{entry:?}");
@@ -319,12 +325,12 @@ proptest! {
         ];
         let outputs = [(names[0].as_str(), unit.as_str()), (names[1].as_str(), "")];
         let of = made(&outputs, &[(names[2].as_str(), "rad")], terms, coefficients, signals);
-        let latex = of.equations_latex();
+        let latex = of.equations().unwrap().equations_latex();
         balanced(&latex).map_err(TestCaseError::fail)?;
         prop_assert_eq!(latex.matches("\\begin{").count(), 1);
         prop_assert_eq!(latex.matches('&').count() - latex.matches("\\&").count(), latex.lines().count() - 2);
-        balanced(&of.units_latex()).map_err(TestCaseError::fail)?;
+        balanced(&of.equations().unwrap().units_latex()).map_err(TestCaseError::fail)?;
         // The other forms do not panic on these names either.
-        let _ = (of.equations_text(), of.units_text(), of.jacobian_text(), of.coefficients());
+        let _ = (of.equations().unwrap().equations_text(), of.equations().unwrap().units_text(), of.equations().unwrap().jacobian_text(), of.equations().unwrap().coefficients());
     }
 }

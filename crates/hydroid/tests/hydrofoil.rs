@@ -7,7 +7,7 @@ mod thesis_sindy;
 
 use hydroid::evaluate::{Against, Evaluation, Options, Origin, evaluate};
 use hydroid::excitation::Excitation;
-use hydroid::identify::{Identified, Job, Method, SindySettings, identify, ranges};
+use hydroid::identify::{GivenRanges, Identified, Job, Method, Networks, SindySettings, identify, ranges};
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
@@ -40,6 +40,8 @@ fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (Identified, Evaluation
         horizon: 100,
         origin_stride: 20,
         seed: 0,
+        ranges: GivenRanges::new(),
+        networks: Networks::default(),
         sindy: SindySettings::default(),
     };
     let identified = identify(&job, &mut silent()).unwrap();
@@ -58,7 +60,7 @@ fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (Identified, Evaluation
 }
 
 fn structure(identified: &Identified) -> &Structure {
-    let found = identified.candidates[0].found();
+    let found = identified.candidates[0].found().unwrap();
     &found.trials[found.chosen].structure
 }
 
@@ -107,7 +109,7 @@ fn the_simple_vessel_gets_no_change_of_mode() {
     let structure = structure(&identified);
     println!("20 steps {:.4?}, 100 steps {:.4?}, {structure:?}", test.mae[19], test.mae[99]);
     assert_eq!(structure.gate, None);
-    let found = identified.candidates[0].found();
+    let found = identified.candidates[0].found().unwrap();
     let equations = &found.fit.equations;
     for (j, term) in equations.terms().iter().enumerate() {
         let used = (0..3).any(|i| equations.coefficient(i, j) != 0.0);

@@ -2,7 +2,9 @@
 
 use hydroid::adapt::{self, adapt};
 use hydroid::excitation::Excitation;
-use hydroid::identify::{GateSetting, Identified, Job, Lags, Members, Method, SindySettings, Word, identify};
+use hydroid::identify::{
+    GateSetting, GivenRanges, Identified, Job, Lags, Members, Method, Networks, SindySettings, Word, identify,
+};
 use hydroid::log::{Split, Table, Trajectory};
 use hydroid::model::{self, Reading};
 use hydroid::progress::silent;
@@ -33,6 +35,8 @@ fn identified(drag: f64, methods: &[Method]) -> (Identified, Trajectory) {
         horizon: 50,
         origin_stride: 10,
         seed: 0,
+        ranges: GivenRanges::new(),
+        networks: Networks::default(),
         sindy: SindySettings {
             degree: Some(2),
             signed_squares: Some(false),
@@ -57,7 +61,7 @@ fn a_steady_vessel_needs_neither_past_nor_learning() {
     assert_eq!(found.best, Some(0), "what is no better beyond the noise is not called best");
     let windows: Vec<usize> = found.candidates.iter().map(|c| c.test.windows).collect();
     assert!(windows.iter().all(|w| *w == windows[0]), "all are judged on the same windows: {windows:?}");
-    let lagged = found.candidates[1].found().fit.equations.signals();
+    let lagged = found.candidates[1].found().unwrap().fit.equations.signals();
     assert!(!lagged.is_empty(), "the past is there to be used");
 }
 
@@ -83,6 +87,8 @@ fn spikes_are_named_with_their_remedy() {
             horizon: 20,
             origin_stride: 10,
             seed: 0,
+            ranges: GivenRanges::new(),
+            networks: Networks::default(),
             sindy: SindySettings {
                 degree: Some(1),
                 lag: Lags::Word(Word::None),
@@ -113,6 +119,8 @@ fn a_lag_that_is_given_is_in_every_setting() {
         horizon: 20,
         origin_stride: 10,
         seed: 0,
+        ranges: GivenRanges::new(),
+        networks: Networks::default(),
         sindy: SindySettings {
             lag: Lags::Given([(String::from("RD_cmd"), 0.3)].into()),
             gate: GateSetting::Word(Word::None),
@@ -121,7 +129,7 @@ fn a_lag_that_is_given_is_in_every_setting() {
         },
     };
     let found = identify(&job, &mut silent()).unwrap();
-    let trials = &found.candidates[0].found().trials;
+    let trials = &found.candidates[0].found().unwrap().trials;
     assert!(!trials.is_empty() && trials.iter().all(|t| t.structure.lags.len() == 1));
 }
 

@@ -10,7 +10,9 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use hydroid::evaluate::Evaluation;
-use hydroid::identify::{Grade, Identified, Job, Members, Method, SindySettings, identify};
+use hydroid::identify::{
+    GivenRanges, Grade, Identified, Job, Members, Method, Networks, SindySettings, identify,
+};
 use hydroid::log::{self, PrepareOptions, Selection, Split, split_named};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
@@ -32,6 +34,8 @@ fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
         horizon,
         origin_stride,
         seed: 0,
+        ranges: GivenRanges::new(),
+        networks: Networks::default(),
         sindy: SindySettings::default(),
     }
 }

@@ -117,6 +117,14 @@ pub struct Adapted {
 /// Why a model cannot be adapted.
 #[derive(Debug, thiserror::Error)]
 pub enum AdaptError {
+    /// A model that is not made of equations.
+    #[error(
+        "a model of kind '{kind}' cannot learn on the way yet: recursive least squares needs equations. Give a model that the methods sindy, lagged or recursive made; `hydroid evaluate` judges this one as it stands"
+    )]
+    Kind {
+        /// Of the model.
+        kind: &'static str,
+    },
     /// The settings make no sense.
     #[error("the model cannot be adapted: {0}")]
     Settings(SettingsError),
@@ -166,7 +174,8 @@ pub fn settings(model: &Model, options: &Options) -> Result<Settings, AdaptError
 /// If the options do not fit the model.
 pub fn adapter(model: &Model, options: &Options) -> Result<(RecursiveEquations, Used), AdaptError> {
     let settings = settings(model, options)?;
-    let adapter = model.learner(&settings).map_err(AdaptError::Settings)?;
+    let motion = model.equations().ok_or_else(|| AdaptError::Kind { kind: model.kind() })?;
+    let adapter = motion.learner(&settings).map_err(AdaptError::Settings)?;
     let used = Used {
         forgetting_s: settings.forgetting_s,
         window_s: settings.window as f64 * model.description.dt,

@@ -131,7 +131,7 @@ fn searched(
     let inputs = overview::input_ranges(train);
     let judge = Judge {
         validation: &parts.validation,
-        outputs: &parts.ranges,
+        outputs: &parts.visited,
         inputs: &inputs,
         options: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick(job, parts) },
         seed: job.seed,

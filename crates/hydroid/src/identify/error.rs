@@ -1,8 +1,10 @@
 //! Why nothing was identified.
 
+use super::Method;
 use crate::evaluate::EvaluateError;
 use crate::sindy::expression::ExpressionError;
 use crate::sindy::{SearchError, UnknownLibrary};
+use crate::train::TrainError;
 
 /// Why nothing was identified.
 #[derive(Debug, thiserror::Error)]
@@ -76,6 +78,31 @@ pub enum IdentifyError {
         /// What would do.
         needed: &'static str,
     },
+    /// A design range that cannot be used.
+    #[error("the range of '{channel}' cannot be used: {why}")]
+    Range {
+        /// The channel.
+        channel: String,
+        /// Why.
+        why: String,
+    },
+    /// A network is to stand on equations, and there are none.
+    #[error(
+        "{} is to correct equations (base = \"equations\"), and there are none: add sindy or lagged to the methods, or choose base = \"hold\" or \"nothing\"",
+        method.name()
+    )]
+    NoBase {
+        /// The method.
+        method: Method,
+    },
+    /// No network.
+    #[error("{}: {error}", method.name())]
+    Train {
+        /// The method.
+        method: Method,
+        /// Why.
+        error: TrainError,
+    },
     /// No equations.
     #[error(transparent)]
     Sindy(#[from] SearchError),
@@ -87,4 +114,23 @@ pub enum IdentifyError {
         /// Why.
         error: EvaluateError,
     },
+}
+
+impl IdentifyError {
+    /// Whether a method came to nothing on these logs, of which another may make something; wrong input, a file that
+    /// cannot be used and an interruption are not of this kind.
+    pub(super) fn is_of_a_method(&self) -> bool {
+        match self {
+            Self::Sindy(SearchError::AllDiverged(_)) | Self::NoBase { .. } => true,
+            Self::Train { error, .. } => matches!(
+                error,
+                TrainError::Diverged { .. }
+                    | TrainError::TooShort { .. }
+                    | TrainError::NoWindow { .. }
+                    | TrainError::Constant { .. }
+                    | TrainError::Equations { .. }
+            ),
+            _ => false,
+        }
+    }
 }

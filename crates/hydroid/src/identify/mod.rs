@@ -1,60 +1,44 @@
 //! From runs to a judged model: fit on training runs, choose on validation runs, judge on test runs.
 
 mod apart;
+mod design;
 mod equations;
 mod error;
+mod method;
+mod networks;
 mod overview;
 mod recursive;
 mod settings;
+mod training;
 mod twins;
 mod verdict;
 mod wording;
 
-use std::sync::Arc;
+use std::ops::ControlFlow;
 use std::time::Instant;
-
-use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::{Note, Split, Trajectory};
-use crate::model::{Body, Description, Members as Ensemble, Model, Port, Provenance, Reading};
+use crate::model::{Model, Reading};
 use crate::progress::Progress;
-use crate::sindy::{Found, SearchError};
-use hydroid_core::model::sparse::Equations;
+use crate::sindy::SearchError;
+use crate::train;
 
+pub use design::{ChannelRange, GivenRange, GivenRanges};
 pub use error::IdentifyError;
+pub use method::Method;
+pub use networks::{NetworkSettings, Networks};
 pub use overview::{ChannelSummary, overview, ranges};
 pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};
+pub use training::Training;
 pub use verdict::{Grade, Verdict, verdicts};
 
-/// A way to a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// A search for sparse equations of motion.
-    Sindy,
-    /// The same with outputs and inputs of some time ago among the variables.
-    Lagged,
-    /// Equations that keep learning by recursive least squares at several paces: those of another search where
-    /// they have a lag or a change of mode, else equations with all terms.
-    Recursive,
-}
-
-impl Method {
-    /// Its name in tables and model files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sindy => "sindy",
-            Self::Lagged => "lagged",
-            Self::Recursive => "recursive",
-        }
-    }
-}
+use training::{Trained, train_by};
 
 /// What to do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
-    /// Methods to try, each once; the model with the least validation error is called best.
+    /// Methods to try, each once, networks after equations; the model with the least validation error is called best.
     pub methods: Vec<Method>,
     /// Runs by their use.
     pub split: Split,
@@ -64,11 +48,30 @@ pub struct Job {
     pub horizon: usize,
     /// Samples between two origins of the final evaluations.
     pub origin_stride: usize,
-    /// Seed of the run: of the stability screen's rollouts and of the ensemble's draws.
+    /// Seed of the run: of the stability screen's rollouts, of the ensemble's draws, of networks' first weights.
     pub seed: u64,
+    /// Ranges that outputs and inputs are meant for, where they are stated; else those of the training runs. They decide
+    /// how networks are scaled, and where a rollout counts as diverged.
+    pub ranges: GivenRanges,
     /// Settings of the search for equations.
     pub sindy: SindySettings,
+    /// Settings of recurrent networks.
+    pub networks: Networks,
 }
+
+/// Where a job is.
+#[derive(Clone, Copy, Debug)]
+pub struct Stage<'a> {
+    /// Fraction that is done, 0 to 1.
+    pub fraction: f64,
+    /// The method at work; none while models are judged.
+    pub method: Option<Method>,
+    /// Where the training of a network is.
+    pub training: Option<&'a train::Status>,
+}
+
+/// Hears where a job is; [`ControlFlow::Break`] asks it to stop.
+pub type Watch<'a> = &'a mut dyn FnMut(&Stage<'_>) -> ControlFlow<()>;
 
 /// A model with what it took and what it can do.
 #[derive(Clone, Debug)]
@@ -85,40 +88,11 @@ pub struct Candidate {
     pub test: Evaluation,
 }
 
-impl Candidate {
-    /// Whether its equations may also be of the past.
-    pub fn has_past(&self) -> bool {
-        self.found().trials.iter().any(|trial| !trial.structure.past.is_empty())
-    }
-
-    /// The search that found its equations.
-    pub fn found(&self) -> &Found {
-        self.training.found()
-    }
-}
-
-/// How a model came about.
-#[derive(Clone, Debug)]
-pub enum Training {
-    /// A search for sparse equations.
-    Equations(Arc<Found>),
-    /// Equations with all terms of a library, which learn at several paces.
-    Recursive(Arc<Found>),
-}
-
-impl Training {
-    /// The search.
-    pub fn found(&self) -> &Arc<Found> {
-        match self {
-            Self::Equations(found) | Self::Recursive(found) => found,
-        }
-    }
-}
-
 /// The result of a job.
 #[derive(Clone, Debug)]
 pub struct Identified {
-    /// The models, in the order of the methods asked for.
+    /// The models, in the order of the methods asked for, networks after equations. A method that came to nothing is
+    /// missing, and a warning says why.
     pub candidates: Vec<Candidate>,
     /// The best; none where every model diverged somewhere on validation or test runs.
     pub best: Option<usize>,
@@ -126,6 +100,8 @@ pub struct Identified {
     pub verdicts: Vec<Verdict>,
     /// What the user should know about data and models.
     pub warnings: Vec<Note>,
+    /// Design ranges, outputs first, and which of them were stated.
+    pub ranges: Vec<ChannelRange>,
 }
 
 /// Validation windows per run in the search; more change no choice.
@@ -136,6 +112,14 @@ const SEARCH_ORIGINS: usize = 200;
 /// # Errors
 /// If the runs cannot be fitted or evaluated, or the work was interrupted.
 pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, IdentifyError> {
+    identify_watched(job, &mut |stage| progress(stage.fraction))
+}
+
+/// Runs a job, and tells in detail where it is.
+///
+/// # Errors
+/// As [`identify`]. A method that comes to nothing is an error only if no other gave a model.
+pub fn identify_watched(job: &Job, watch: Watch<'_>) -> Result<Identified, IdentifyError> {
     job.sindy.check()?;
     for (what, value) in [("horizon", job.horizon), ("origin stride", job.origin_stride)] {
         if value == 0 {
@@ -151,6 +135,54 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
         }
     }
     apart::check([&train, &validation, &test])?;
+    let methods = methods(job)?;
+    let ranges = design::ranges(&job.ranges, &train)?;
+    let parts = Parts::new([train, validation, test], &ranges);
+    job.networks.check(&methods, &parts)?;
+    let mut warnings = job.split.notes.clone();
+    let mut trained: Vec<Trained> = Vec::new();
+    let mut failure = None;
+    // Time that networks took; of those that failed as well, so that a budget is kept.
+    let mut spent_s = 0.0;
+    for (i, &method) in methods.iter().enumerate() {
+        let mut tell = |fraction: f64, training: Option<&train::Status>| {
+            let fraction = 0.8 * (i as f64 + fraction) / methods.len() as f64;
+            watch(&Stage { fraction, method: Some(method), training })
+        };
+        let after = methods[i..].iter().filter(|method| method.cell().is_some()).count();
+        let clock = Instant::now();
+        match train_by(method, job, &parts, &trained, (spent_s, after), &mut tell) {
+            Ok(next) => {
+                spent_s += next.training.network().map_or(0.0, |trained| trained.seconds);
+                trained.push(next);
+            }
+            // What one method cannot learn from these logs another may.
+            Err(error) if error.is_of_a_method() && methods.len() > 1 => {
+                warnings.push(Note::warning(format!("no model by the method {}: {error}", method.name())));
+                spent_s += method.cell().map_or(0.0, |_| clock.elapsed().as_secs_f64());
+                failure = failure.or(Some(error));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    if let (true, Some(error)) = (trained.is_empty(), failure) {
+        return Err(error);
+    }
+    let candidates = judged(job, &parts, trained, &mut |fraction| {
+        watch(&Stage { fraction: 0.8 + 0.2 * fraction, method: None, training: None })
+    })?;
+    let best = best(&candidates);
+    let shown: &Candidate = &candidates[best.unwrap_or(0)];
+    let verdicts = verdicts(&shown.test);
+    warnings.extend(verdict::spikes(&parts.train, &job.sindy));
+    let data = overview(&job.split);
+    warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
+    warnings.extend(twins::warnings(shown, &data, &job.split.train));
+    Ok(Identified { candidates, best, verdicts, warnings, ranges })
+}
+
+/// The methods asked for, each once. Networks come after equations, on top of which they may stand.
+fn methods(job: &Job) -> Result<Vec<Method>, IdentifyError> {
     let mut methods = Vec::new();
     for &method in &job.methods {
         if !methods.contains(&method) {
@@ -161,24 +193,8 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, Identif
         let (what, value, needed) = ("list of methods", String::from("nothing"), "one method at least");
         return Err(IdentifyError::Setting { what, value, needed });
     }
-    let ranges = ranges(&train);
-    let parts = Parts { train, validation, test, ranges };
-    let mut trained: Vec<Trained> = Vec::new();
-    for (i, &method) in methods.iter().enumerate() {
-        let share = |f: f64| 0.8 * (i as f64 + f) / methods.len() as f64;
-        let next = train_by(method, job, &parts, &trained, &mut |f| progress(share(f)))?;
-        trained.push(next);
-    }
-    let candidates = judged(job, &parts, trained, &mut |f| progress(0.8 + 0.2 * f))?;
-    let best = best(&candidates);
-    let shown: &Candidate = &candidates[best.unwrap_or(0)];
-    let verdicts = verdicts(&shown.test);
-    let mut warnings = job.split.notes.clone();
-    warnings.extend(verdict::spikes(&parts.train, &job.sindy));
-    let data = overview(&job.split);
-    warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
-    warnings.extend(twins::warnings(shown, &data, &job.split.train));
-    Ok(Identified { candidates, best, verdicts, warnings })
+    methods.sort_by_key(|method| method.cell().is_some());
+    Ok(methods)
 }
 
 /// A more complex method must lower the validation error by this share at least to be called best.
@@ -189,82 +205,34 @@ const WORTH: f64 = 0.02;
 fn best(candidates: &[Candidate]) -> Option<usize> {
     let mut order: Vec<usize> =
         (0..candidates.len()).filter(|&i| candidates[i].validation.diverged == 0).collect();
-    order.sort_by_key(|&i| {
-        let candidate = &candidates[i];
-        (matches!(candidate.training, Training::Recursive(_)), candidate.has_past())
-    });
+    order.sort_by_key(|&i| candidates[i].training.complexity());
     let score = |i: usize| candidates[i].validation.score();
     let best =
         order.into_iter().reduce(|best, i| if score(i) < (1.0 - WORTH) * score(best) { i } else { best });
     best.filter(|&i| candidates[i].test.diverged == 0)
 }
 
-/// Runs by their use, and the ranges of the training runs.
+/// Runs by their use, and ranges.
 struct Parts<'a> {
     train: Vec<&'a Trajectory>,
     validation: Vec<&'a Trajectory>,
     test: Vec<&'a Trajectory>,
+    /// Design ranges of the outputs.
     ranges: Vec<DesignRange>,
+    /// Design ranges of the inputs.
+    inputs: Vec<DesignRange>,
+    /// Ranges of the outputs in the training runs.
+    visited: Vec<DesignRange>,
+    /// Channels whose design range was stated.
+    given: Vec<String>,
 }
 
-/// A model that waits to be judged.
-struct Trained {
-    model: Model,
-    training: Training,
-    train_seconds: f64,
-    /// Score of the search on the validation runs.
-    score: f64,
-}
-
-/// Trains by one method; `before` are the models of the methods before it.
-fn train_by(
-    method: Method,
-    job: &Job,
-    parts: &Parts<'_>,
-    before: &[Trained],
-    progress: Progress<'_>,
-) -> Result<Trained, IdentifyError> {
-    let clock = Instant::now();
-    let done = |model, training, score| Trained {
-        model,
-        training,
-        train_seconds: clock.elapsed().as_secs_f64(),
-        score,
-    };
-    match method {
-        Method::Sindy | Method::Lagged => {
-            let found = match method {
-                Method::Lagged => equations::lagged(job, parts, progress)?,
-                _ => equations::memoryless(job, parts, progress)?,
-            };
-            let settings = serde_json::json!({
-                "chosen": found.trials[found.chosen],
-                "asked": job.sindy,
-                "horizon": job.horizon,
-            });
-            let body = Body::Equations(Arc::new(found.fit.equations.clone()));
-            let mut model = describe(job, parts, method, body, settings);
-            if let Some(ensemble) = &found.ensemble {
-                model.members = Ensemble::new(&ensemble.members);
-            }
-            let score = found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
-            Ok(done(model, Training::Equations(found), score))
-        }
-        Method::Recursive => {
-            let describe = |found: &Found, equations: Equations| {
-                let settings = serde_json::json!({
-                    "chosen": found.trials[found.chosen],
-                    "asked": job.sindy,
-                    "horizon": job.horizon,
-                });
-                describe(job, parts, method, Body::Equations(Arc::new(equations)), settings)
-            };
-            let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
-            let sparse = equations.min_by(|a, b| a.score.total_cmp(&b.score)).map(|t| t.training.found());
-            let (found, model) = recursive::learning(job, parts, sparse, describe, progress)?;
-            let score = found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
-            Ok(done(model, Training::Recursive(found), score))
-        }
+impl<'a> Parts<'a> {
+    fn new([train, validation, test]: [Vec<&'a Trajectory>; 3], all: &[ChannelRange]) -> Self {
+        let of = |input: bool| all.iter().filter(|c| c.input == input).map(|c| c.range).collect();
+        let given = all.iter().filter(|c| c.given).map(|c| c.channel.name.clone()).collect();
+        let visited = ranges(&train);
+        Self { train, validation, test, ranges: of(false), inputs: of(true), visited, given }
     }
 }
 
@@ -303,40 +271,6 @@ fn judged(
         candidates.push(Candidate { model, training, train_seconds, validation, test });
     }
     Ok(candidates)
-}
-
-fn describe(job: &Job, parts: &Parts<'_>, method: Method, body: Body, settings: serde_json::Value) -> Model {
-    let run = parts.train[0];
-    let port =
-        |(channel, &range): (&crate::log::Channel, &DesignRange)| Port { channel: channel.clone(), range };
-    let input_ranges = overview::input_ranges(&parts.train);
-    let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
-    Model {
-        description: Description {
-            name: method.name().to_owned(),
-            dt: run.dt,
-            outputs: run.outputs.channels().iter().zip(&parts.ranges).map(port).collect(),
-            inputs: run.inputs.channels().iter().zip(&input_ranges).map(port).collect(),
-            reading: reading(job, run.dt),
-            provenance: Provenance {
-                hydroid: env!("CARGO_PKG_VERSION").to_owned(),
-                seed: job.seed,
-                training: names(&job.split.train),
-                validation: names(&job.split.validation),
-                settings,
-            },
-        },
-        body,
-        members: Ensemble::default(),
-        learning: None,
-    }
-}
-
-/// The reading of the training logs with their step written out: a model has one step, whatever the log.
-fn reading(job: &Job, dt: f64) -> Reading {
-    let mut reading = job.reading.clone();
-    reading.options.dt = Some(dt);
-    reading
 }
 
 /// Whether an identification met what it must to be of use; the criterion of the exit status.

@@ -61,7 +61,9 @@ fn correlation(runs: &[Trajectory], a: usize, b: usize) -> f64 {
 
 /// Inputs that move and depend on others to rounding, with the first of the terms that are lost for it.
 fn lost<'a>(candidate: &Candidate, inputs: &[&'a ChannelSummary]) -> Vec<(&'a str, Vec<String>)> {
-    let found = candidate.found();
+    let (Some(found), Some(motion)) = (candidate.found(), candidate.model.equations()) else {
+        return Vec::new();
+    };
     let equations = &found.fit.equations;
     let outputs = equations.outputs();
     let source = |variable: u16| match usize::from(variable).checked_sub(outputs + equations.inputs()) {
@@ -78,7 +80,7 @@ fn lost<'a>(candidate: &Candidate, inputs: &[&'a ChannelSummary]) -> Vec<(&'a st
     let mut lost: Vec<usize> = found.unidentifiable.iter().filter_map(alone).collect();
     lost.sort_unstable();
     lost.dedup();
-    let (names, modes) = (candidate.model.variable_names(), candidate.model.modes());
+    let (names, modes) = (motion.variable_names(), motion.modes());
     let with_terms = |input: usize| {
         let summary = inputs.get(input).filter(|s| s.parts[0].max > s.parts[0].min)?;
         let of = |term: &&Term| term.factors().iter().any(|f| source(f.variable) == Some(outputs + input));

@@ -98,7 +98,7 @@ pub(super) fn warnings(
                 verdict.channel, verdict.nrmse, verdict.persistence
             ))
             .with_remedy(
-                "do not use this equation; check the sensor (hydroid inspect), and log runs that move this output by its own commands",
+                "do not use what it says of this output; check the sensor (hydroid inspect), and log runs that move this output by its own commands",
             ),
         );
     }
@@ -141,7 +141,9 @@ pub(super) fn warnings(
             );
         }
     }
-    search_warnings(candidate.found(), &mut notes);
+    if let Some(found) = candidate.found() {
+        search_warnings(found, &mut notes);
+    }
     notes
 }
 

@@ -3,8 +3,8 @@
 use hydroid_core::model::sparse::Term;
 use serde::Serialize;
 
+use super::Motion;
 use super::text::{active, sum};
-use super::{Body, Model};
 
 /// Significant digits in the text of an entry; the coefficients in the list of terms are exact.
 const DIGITS: usize = 7;
@@ -32,14 +32,14 @@ pub struct JacobianText {
     pub A: Vec<Vec<JacobianEntry>>,
     /// With respect to the inputs, at fixed signals.
     pub B: Vec<Vec<JacobianEntry>>,
-    /// With respect to signals: lag states, past values. What they are is said by [`Model::signals_text`].
+    /// With respect to signals: lag states, past values. What they are is said by [`Motion::signals_text`].
     pub signals: Vec<Vec<JacobianEntry>>,
 }
 
-impl Model {
+impl Motion<'_> {
     /// The Jacobian as text; at the kink of `|x|` the derivative is that of 0.
     pub fn jacobian_text(&self) -> JacobianText {
-        let Body::Equations(equations) = &self.body;
+        let equations = self.equations;
         let (outputs, inputs) = (equations.outputs(), equations.inputs());
         let (names, units) = (self.variable_names(), self.variable_units());
         let entry = |i: usize, variable: usize| {

@@ -69,7 +69,7 @@ impl Model {
     /// A session for each member of the ensemble; none where the model has no ensemble. Their rollouts spread as
     /// far as the coefficients are uncertain.
     pub fn member_sessions(&self) -> Vec<Box<dyn Predictor>> {
-        let Body::Equations(equations) = &self.body;
+        let Body::Equations(equations) = &self.body else { return Vec::new() };
         if self.learning.is_some() || self.members.is_empty() || !self.members.fit(equations) {
             return Vec::new();
         }

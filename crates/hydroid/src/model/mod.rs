@@ -5,12 +5,15 @@ mod jacobian;
 mod latex;
 mod members;
 mod modes;
+mod motion;
+mod recurrent;
 mod text;
 mod units;
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::{BlendSettings, BlendedEquations, RecursiveEquations, Settings, SettingsError};
+use hydroid_core::adapt::BlendSettings;
+use hydroid_core::model::recurrent::{Recurrent, RecurrentSession};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
@@ -22,6 +25,8 @@ pub use file::{ModelError, decode, read, write};
 pub use jacobian::{JacobianEntry, JacobianText};
 pub use members::{MOST_MEMBERS, Members};
 pub use modes::{Mode, Modes, NamedGate};
+pub use motion::Motion;
+pub use recurrent::{NamedTensor, cell_text, weights_from_torch};
 pub use units::{TermCoefficient, UnitProduct};
 
 /// A model with all that is needed to use it on another log.
@@ -107,6 +112,8 @@ pub struct Provenance {
 pub enum Body {
     /// Sparse equations of motion.
     Equations(Arc<Equations>),
+    /// A recurrent network, on its own or on top of equations.
+    Recurrent(Arc<Recurrent>),
 }
 
 impl Model {
@@ -115,6 +122,7 @@ impl Model {
         match self.body {
             Body::Equations(_) if self.learning.is_some() => "recursive_equations",
             Body::Equations(_) => "sparse_equations",
+            Body::Recurrent(_) => "recurrent",
         }
     }
 
@@ -122,44 +130,29 @@ impl Model {
     pub fn weights(&self) -> usize {
         match &self.body {
             Body::Equations(equations) => equations.active_terms(),
+            Body::Recurrent(recurrent) => recurrent.weights.len(),
         }
     }
 
     /// A session at the start of a run.
+    ///
+    /// # Panics
+    /// If the body is a network whose parts contradict each other, as [`Recurrent::check`] tells; those that were read
+    /// or trained do not.
     pub fn session(&self) -> Box<dyn Predictor> {
         // Settings were checked when the model was made.
-        if let Some(learning) = &self.learning
-            && let Ok(learner) = self.blended(learning)
+        if let (Some(learning), Some(motion)) = (&self.learning, self.equations())
+            && let Ok(learner) = motion.blended(learning)
         {
             return Box::new(learner);
         }
         match &self.body {
             Body::Equations(equations) => Box::new(EquationsSession::new(Arc::clone(equations))),
+            Body::Recurrent(recurrent) => match RecurrentSession::new(Arc::clone(recurrent)) {
+                Ok(session) => Box::new(session),
+                Err(error) => panic!("{error}"),
+            },
         }
-    }
-
-    /// A session that learns on the way.
-    ///
-    /// # Errors
-    /// If the settings do not fit the model.
-    pub fn learner(&self, settings: &Settings) -> Result<RecursiveEquations, SettingsError> {
-        let Body::Equations(equations) = &self.body;
-        RecursiveEquations::new(equations, &self.ranges(), settings)
-    }
-
-    /// A session that learns at several paces.
-    ///
-    /// # Errors
-    /// If the settings do not fit the model.
-    pub fn blended(&self, learning: &Learning) -> Result<BlendedEquations, SettingsError> {
-        let Body::Equations(equations) = &self.body;
-        BlendedEquations::new(equations, &self.ranges(), &learning.settings, Some(&learning.root))
-    }
-
-    /// Design ranges of outputs, then inputs.
-    fn ranges(&self) -> Vec<(f64, f64)> {
-        let d = &self.description;
-        d.outputs.iter().chain(&d.inputs).map(|port| (port.range.low, port.range.high)).collect()
     }
 
     /// Whether runs can be put through the model as they are.
@@ -233,6 +226,13 @@ impl Model {
     /// Design ranges of the outputs.
     pub fn output_ranges(&self) -> Vec<DesignRange> {
         self.description.outputs.iter().map(|port| port.range).collect()
+    }
+}
+
+impl Description {
+    /// Design ranges of outputs, then inputs.
+    pub fn ranges(&self) -> Vec<(f64, f64)> {
+        self.outputs.iter().chain(&self.inputs).map(|port| (port.range.low, port.range.high)).collect()
     }
 }
 

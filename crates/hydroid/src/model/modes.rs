@@ -2,8 +2,8 @@
 
 use hydroid_core::model::sparse::{Equations, Gate, Shape, Term};
 
+use super::Motion;
 use super::text::{active, significant};
-use super::{Body, Model};
 
 /// Where a term counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -128,10 +128,10 @@ impl Modes {
     }
 }
 
-impl Model {
+impl Motion<'_> {
     /// The modes of the equations.
     pub fn modes(&self) -> Modes {
-        let Body::Equations(equations) = &self.body;
+        let equations = self.equations;
         Modes::new(equations, &self.variable_names())
     }
 

@@ -2,18 +2,18 @@
 
 use hydroid_core::model::sparse::{Equations, Signal, Term};
 
-use super::{Body, Mode, Model};
+use super::{Mode, Motion};
 
 /// Significant digits of a coefficient for people.
 const DIGITS: usize = 4;
 
-impl Model {
+impl Motion<'_> {
     /// Names of the variables that terms are of: outputs, inputs, signals.
     pub fn variable_names(&self) -> Vec<String> {
-        let d = &self.description;
+        let d = self.description;
         let mut names: Vec<String> =
             d.outputs.iter().chain(&d.inputs).map(|port| port.channel.name.clone()).collect();
-        let Body::Equations(equations) = &self.body;
+        let equations = self.equations;
         let signals: Vec<String> = equations.signals().iter().map(|s| s.name(&names, d.dt)).collect();
         names.extend(signals);
         names
@@ -23,7 +23,7 @@ impl Model {
     /// exponents last, as the library has them. Terms behind a gate stand together, `(1 - s) [...] + s [...]`. Then
     /// one line for each gate and each signal that stands in them.
     pub fn equations_text(&self) -> Vec<String> {
-        let Body::Equations(equations) = &self.body;
+        let equations = self.equations;
         let names = self.variable_names();
         let modes = self.modes();
         let right = |i: usize| {
@@ -61,7 +61,7 @@ impl Model {
     /// The unit of each coefficient: a heading, then a line for each term that stands in an equation, with a
     /// column for each output.
     pub fn units_text(&self) -> Vec<String> {
-        let Body::Equations(equations) = &self.body;
+        let equations = self.equations;
         let names = self.variable_names();
         let modes = self.modes();
         let mut rows = vec![vec![String::from("term")]];
@@ -88,7 +88,7 @@ impl Model {
 
     /// The signals that stand in an equation, each with its variable.
     pub(super) fn used_signals(&self) -> Vec<(usize, Signal)> {
-        let Body::Equations(equations) = &self.body;
+        let equations = self.equations;
         let first = equations.outputs() + equations.inputs();
         let is_used = |variable: usize| {
             (0..equations.outputs())

@@ -5,8 +5,8 @@ use std::fmt;
 use hydroid_core::model::sparse::Term;
 use serde::Serialize;
 
+use super::Motion;
 use super::text::active;
-use super::{Body, Model};
 
 /// A product of powers of unit symbols, in the order in which they come up: `m/s^2`, `kn/s/N`.
 ///
@@ -123,14 +123,14 @@ impl fmt::Display for UnitProduct {
     }
 }
 
-impl Model {
+impl Motion<'_> {
     /// Units of the variables that terms are of: outputs, inputs, signals.
     pub fn variable_units(&self) -> Vec<UnitProduct> {
-        let d = &self.description;
+        let d = self.description;
         let channels = d.outputs.iter().chain(&d.inputs).map(|port| &port.channel);
         let mut units: Vec<UnitProduct> =
             channels.map(|channel| UnitProduct::of_channel(&channel.name, &channel.unit)).collect();
-        let Body::Equations(equations) = &self.body;
+        let equations = self.equations;
         let signals: Vec<UnitProduct> =
             equations.signals().iter().map(|signal| units[usize::from(signal.source())].clone()).collect();
         units.extend(signals);
@@ -139,7 +139,7 @@ impl Model {
 
     /// All coefficients that are not zero, equation by equation.
     pub fn coefficients(&self) -> Vec<TermCoefficient> {
-        let Body::Equations(equations) = &self.body;
+        let equations = self.equations;
         let names = self.variable_names();
         let of = |i: usize| {
             let names = &names;

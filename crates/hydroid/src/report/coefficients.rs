@@ -2,19 +2,19 @@
 
 use maud::{Markup, html};
 
-use super::equations::Part;
+use super::equations::{Part, Sparse};
 use super::formula::{in_mode, variable};
 use super::number;
 use super::page::{cell, nothing, table};
-use crate::identify::Candidate;
 use crate::model::Modes;
+use crate::sindy::Found;
 
 /// A term that fewer members of the ensemble have than this is marked.
 const DOUBTFUL: f64 = 0.5;
 
 /// What the tables below are.
-pub(super) fn about(candidate: &Candidate) -> Markup {
-    let members = candidate.found().ensemble.as_ref().map(|ensemble| ensemble.members.len());
+pub(super) fn about(found: &Found) -> Markup {
+    let members = found.ensemble.as_ref().map(|ensemble| ensemble.members.len());
     html! {
         p.small {
             @if let Some(members) = members {
@@ -33,14 +33,14 @@ pub(super) fn coefficients(
     names: &[&str],
     modes: &Modes,
     parts: &[Part<'_>],
-    candidate: &Candidate,
+    sparse: Sparse<'_>,
     index: usize,
 ) -> Markup {
+    let Sparse { candidate, found, motion } = sparse;
     let output = &candidate.model.description.outputs[index].channel;
     if parts.is_empty() {
         return nothing(&format!("The equation of {} has no terms.", output.name));
     }
-    let found = candidate.found();
     let residual = found.fit.residual_rms.get(index).copied().unwrap_or(f64::NAN);
     let unit = &output.unit;
     let rate = if unit.is_empty() { "1/s".to_owned() } else { format!("{} per second", number::unit(unit)) };
@@ -75,7 +75,7 @@ pub(super) fn coefficients(
                 });
             }
             row.extend([
-                cell(number::unit(&candidate.model.coefficient_unit(index, part.term).to_string())),
+                cell(number::unit(&motion.coefficient_unit(index, part.term).to_string())),
                 html! { span.share { span style={ "width:" (format!("{bar:.0}")) "%" } {} } (number::fixed(percent, 1)) " %" },
             ]);
             row

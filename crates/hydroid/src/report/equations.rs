@@ -12,10 +12,29 @@ use super::page::Section;
 use super::{hidden, number};
 use crate::identify::Candidate;
 use crate::log::Trajectory;
-use crate::model::{Mode, Modes};
+use crate::model::{Mode, Modes, Motion};
+use crate::sindy::Found;
 
 /// Width of a line of the text to copy.
 const LINE: usize = 92;
+
+/// A candidate that is made of equations; what this section and its tables are made from.
+#[derive(Clone, Copy)]
+pub(super) struct Sparse<'a> {
+    /// The candidate.
+    pub(super) candidate: &'a Candidate,
+    /// The search that found its equations.
+    pub(super) found: &'a Found,
+    /// The equations as people read them.
+    pub(super) motion: Motion<'a>,
+}
+
+impl<'a> Sparse<'a> {
+    /// Nothing for a candidate that is not made of equations.
+    pub(super) fn of(candidate: &'a Candidate) -> Option<Self> {
+        Some(Self { candidate, found: candidate.found()?, motion: candidate.model.equations()? })
+    }
+}
 
 /// A term of one equation.
 pub(super) struct Part<'a> {
@@ -29,17 +48,18 @@ pub(super) struct Part<'a> {
     pub(super) share: f64,
 }
 
-pub(super) fn section(candidate: &Candidate, training: &[Trajectory]) -> Section {
+pub(super) fn section(sparse: Sparse<'_>, training: &[Trajectory]) -> Section {
+    let Sparse { candidate, motion, .. } = sparse;
     let outputs = &candidate.model.description.outputs;
-    let names = candidate.model.variable_names();
+    let names = motion.variable_names();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let modes = candidate.model.modes();
-    let text = (0..outputs.len()).map(|i| plain(&names, &modes, i, &parts(candidate, i))).collect::<String>();
-    let (letters, signals) = (candidate.model.gates_text(), candidate.model.signals_text());
+    let modes = motion.modes();
+    let text = (0..outputs.len()).map(|i| plain(&names, &modes, i, &parts(sparse, i))).collect::<String>();
+    let (letters, signals) = (motion.gates_text(), motion.signals_text());
     let body = html! {
         p { (where_clause(candidate)) }
         div.equations {
-            @for i in 0..outputs.len() { (formula(&names, &modes, i, &parts(candidate, i))) }
+            @for i in 0..outputs.len() { (formula(&names, &modes, i, &parts(sparse, i))) }
         }
         @if !(modes.gates().is_empty() && signals.is_empty()) {
             p {
@@ -48,14 +68,14 @@ pub(super) fn section(candidate: &Candidate, training: &[Trajectory]) -> Section
                 (signals.join("; ")) "."
             }
         }
-        (hidden::sentences(candidate, &names, training))
-        (unidentifiable(candidate, &names, &modes))
+        (hidden::sentences(sparse, &names, training))
+        (unidentifiable(sparse, &names, &modes))
         details.printed {
             summary { "Coefficients, how sure they are, and what each term contributes" }
-            (about(candidate))
+            (about(sparse.found))
             div.tables {
                 @for i in 0..outputs.len() {
-                    div { (coefficients(&names, &modes, &parts(candidate, i), candidate, i)) }
+                    div { (coefficients(&names, &modes, &parts(sparse, i), sparse, i)) }
                 }
             }
         }
@@ -65,18 +85,18 @@ pub(super) fn section(candidate: &Candidate, training: &[Trajectory]) -> Section
         }
         details {
             summary { "Equations in LaTeX, to copy" }
-            pre.copy { (candidate.model.equations_latex()) (candidate.model.units_latex()) }
+            pre.copy { (motion.equations_latex()) (motion.units_latex()) }
         }
     };
     Section { id: "equations", heading: "Equations", body }
 }
 
 /// Terms of an equation, the largest contribution first.
-fn parts(candidate: &Candidate, output: usize) -> Vec<Part<'_>> {
-    let equations = &candidate.found().fit.equations;
+fn parts(sparse: Sparse<'_>, output: usize) -> Vec<Part<'_>> {
+    let fit = &sparse.found.fit;
+    let equations = &fit.equations;
     let terms = equations.terms();
-    let scaled =
-        |j: usize| candidate.found().fit.scaled.get(output * terms.len() + j).map_or(0.0, |s| s.abs());
+    let scaled = |j: usize| fit.scaled.get(output * terms.len() + j).map_or(0.0, |s| s.abs());
     let total: f64 = (0..terms.len()).map(scaled).sum();
     let mut parts: Vec<Part<'_>> = terms
         .iter()
@@ -116,16 +136,16 @@ fn where_clause(candidate: &Candidate) -> Markup {
 }
 
 /// What nobody can tell from these runs.
-fn unidentifiable(candidate: &Candidate, names: &[&str], modes: &Modes) -> Markup {
-    let lost: Vec<&Term> = candidate.found().unidentifiable.iter().collect();
-    let equations = &candidate.found().fit.equations;
+fn unidentifiable(sparse: Sparse<'_>, names: &[&str], modes: &Modes) -> Markup {
+    let lost: Vec<&Term> = sparse.found.unidentifiable.iter().collect();
+    let equations = &sparse.found.fit.equations;
     let visible = equations.outputs() + equations.inputs();
     // An input is used as well where a signal that is made from it is.
     let source = |variable: u16| {
         usize::from(variable).checked_sub(visible).map_or(variable, |s| equations.signals()[s].source())
     };
     let used: HashSet<u16> = (0..equations.outputs())
-        .flat_map(|i| parts(candidate, i))
+        .flat_map(|i| parts(sparse, i))
         .flat_map(|part| part.term.factors().iter().map(|f| source(f.variable)).collect::<Vec<_>>())
         .collect();
     let inputs = equations.outputs()..visible;

@@ -3,16 +3,17 @@
 use hydroid_core::model::sparse::Signal;
 use maud::{Markup, html};
 
+use super::equations::Sparse;
 use super::formula::variable;
 use super::number::{self, seconds_text};
 use crate::identify::Candidate;
 use crate::log::Trajectory;
-use crate::model::{Body, NamedGate};
+use crate::model::NamedGate;
 
 /// A sentence for each lag and gate that stands in the equations; `runs` are those for training.
-pub(super) fn sentences(candidate: &Candidate, names: &[&str], runs: &[Trajectory]) -> Markup {
-    let model = &candidate.model;
-    let Body::Equations(equations) = &model.body;
+pub(super) fn sentences(sparse: Sparse<'_>, names: &[&str], runs: &[Trajectory]) -> Markup {
+    let Sparse { candidate, motion, .. } = sparse;
+    let equations = motion.equations();
     let first = equations.outputs() + equations.inputs();
     let used = |variable: usize| {
         let terms = equations.terms().iter().enumerate();
@@ -29,7 +30,7 @@ pub(super) fn sentences(candidate: &Candidate, names: &[&str], runs: &[Trajector
             Signal::Past { .. } => None,
         })
         .collect();
-    let modes = model.modes();
+    let modes = motion.modes();
     let gates = modes.gates();
     html! {
         @if !(lags.is_empty() && gates.is_empty()) {

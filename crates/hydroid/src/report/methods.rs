@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::Subject;
 use super::number::{self, duration, fixed};
 use super::page::{Section, cell, table};
-use crate::identify::{Candidate, Training};
+use crate::identify::Candidate;
 
 /// The section; nothing where there is one model alone and it does not learn.
 pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
@@ -17,7 +17,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
     }
     let test = &first.test;
     let horizon = duration(test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt));
-    let mut heads = vec![cell("method"), cell(""), cell("coefficients"), cell("validation")];
+    let mut heads = vec![cell("method"), cell(""), cell("weights"), cell("validation")];
     heads.extend(test.channels.iter().map(cell));
     heads.extend([cell("mean"), cell("diverged")]);
     let rows: Vec<Vec<Markup>> = candidates
@@ -29,7 +29,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
         (table(&heads, &rows, 2))
         p.small {
             "Validation: mean NRMSE over all outputs and horizons on the validation runs, which decides. Then the NRMSE on the test runs, "
-            (horizon) " ahead. All are judged on the same windows. A more complex method is called best only if its validation error is lower by 2 % at least; the test runs have no say."
+            (horizon) " ahead. All are judged on the same windows. Weights: coefficients that are not zero, or weights of a network. A more complex method is called best only if its validation error is lower by 2 % at least; the test runs have no say."
         }
         @if let Some(learning) = learning { p { (learning) } }
     };
@@ -42,21 +42,13 @@ fn row(candidate: &Candidate, best: bool) -> Vec<Markup> {
     let mean = nrmse.iter().sum::<f64>() / nrmse.len().max(1) as f64;
     let mut cells = vec![
         html! { @if best { strong { (name) } " (best)" } @else { (name) } },
-        cell(about(candidate)),
+        cell(candidate.training.about()),
         cell(number::count(candidate.model.weights())),
         cell(fixed(candidate.validation.score(), 3)),
     ];
     cells.extend(nrmse.iter().chain([&mean]).map(|value| cell(fixed(*value, 3))));
     cells.push(cell(number::count(candidate.validation.diverged + candidate.test.diverged)));
     cells
-}
-
-fn about(candidate: &Candidate) -> &'static str {
-    match (&candidate.training, candidate.has_past()) {
-        (Training::Recursive(_), _) => "equations that keep learning on the way",
-        (Training::Equations(_), true) => "equations that also see the past",
-        (Training::Equations(_), false) => "equations of the present",
-    }
 }
 
 /// How the model that learns does so.

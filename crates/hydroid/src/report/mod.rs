@@ -18,6 +18,7 @@ mod front;
 mod growth;
 mod hidden;
 mod methods;
+mod network;
 mod number;
 mod page;
 mod predicted;
@@ -30,6 +31,7 @@ mod summary;
 
 use crate::identify::{Candidate, Identified};
 use crate::log::{Note, Split, Trajectory};
+use equations::Sparse;
 use figure::FigureError;
 
 /// What a report says beside the result itself.
@@ -121,9 +123,10 @@ pub fn identification(result: &Identified, split: &Split, context: &Context) -> 
     let subject = Subject::new(result, split, context)?;
     let mut sections = vec![summary::section(&subject)];
     sections.extend(methods::section(&subject));
+    sections.extend(network::section(&subject)?);
     if let Some(candidate) = subject.candidate {
         let walks = rollouts::walk(candidate, &split.test);
-        sections.push(equations::section(candidate, &split.train));
+        sections.extend(Sparse::of(candidate).map(|sparse| equations::section(sparse, &split.train)));
         sections.push(growth::section(candidate)?);
         sections.push(predicted::section(candidate, &walks)?);
         sections.push(residuals::section(candidate, &walks)?);

@@ -7,10 +7,10 @@ use super::figure::{Dash, Figure, Key, Line, Mark, Panel, Points, Sign, Stroke};
 use super::front::{front, stairs};
 use super::number::{self, fixed, seconds_text};
 use super::page::{Section, cell, columns, figure, notes, nothing, table};
-use super::{ReportError, Subject, style};
+use super::{ReportError, Subject, network, style};
 use crate::identify::Candidate;
 use crate::log::Note;
-use crate::sindy::{Criterion, Optimizer, Regression, Trial};
+use crate::sindy::{Criterion, Found, Optimizer, Regression, Trial};
 
 /// The front of the least errors.
 const FRONT: Stroke = Stroke { colour: style::MUTED, width: 1.4, dash: Dash::Solid };
@@ -25,15 +25,18 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
     let body = html! {
         @if !split.is_empty() { (notes(&split)) }
         @match subject.candidate {
-            Some(candidate) => (choice(candidate)?),
+            Some(candidate) => @match (candidate.found(), candidate.training.network()) {
+                (Some(found), _) => (choice(candidate, found)?),
+                (None, Some(trained)) => (network::choice(trained)),
+                (None, None) => (nothing("No settings were tried.")),
+            },
             None => (nothing("No settings were tried.")),
         }
     };
     Ok(Section { id, heading, body })
 }
 
-fn choice(candidate: &Candidate) -> Result<Markup, ReportError> {
-    let found = candidate.found();
+fn choice(candidate: &Candidate, found: &Found) -> Result<Markup, ReportError> {
     let dt = candidate.model.description.dt;
     if found.trials.is_empty() {
         return Ok(nothing("No settings were tried."));
@@ -52,7 +55,7 @@ fn choice(candidate: &Candidate) -> Result<Markup, ReportError> {
             "Every setting was fitted to the training runs and rolled out on the validation runs and on excerpts of the training runs; its score is the mean NRMSE over both, all outputs and all horizons. "
             "Taken was the simplest of those that are within one standard error of the best, and whose rollouts stay bounded if one near the best does. "
             "The test runs had no say. "
-            (by_output(candidate))
+            (by_output(candidate, found))
             (number::count(found.trials.len())) " settings were tried"
             @if diverged > 0 { ", of which " (number::count(diverged)) " diverged" }
             "; the chosen regression has " (number::count(usize::try_from(rows).unwrap_or(usize::MAX))) " rows"
@@ -69,8 +72,7 @@ fn choice(candidate: &Candidate) -> Result<Markup, ReportError> {
 }
 
 /// From which settings the equations come, where not all come from the chosen ones; and what that gave.
-fn by_output(candidate: &Candidate) -> Markup {
-    let found = candidate.found();
+fn by_output(candidate: &Candidate, found: &Found) -> Markup {
     let others: Vec<(usize, &Trial)> = found
         .equations
         .iter()

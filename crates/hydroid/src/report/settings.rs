@@ -21,7 +21,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
         let horizon = test.horizons.last().copied().unwrap_or(0);
         let seconds = seconds_text(horizon as f64 * test.dt);
         tell("horizon", format!("{} samples, {seconds} s", number::count(horizon)));
-        if let Some(chosen) = candidate.found().trials.get(candidate.found().chosen) {
+        if let Some(chosen) = candidate.found().and_then(|found| found.trials.get(found.chosen)) {
             tell("library", chosen.structure.to_string());
             tell("regression", selection::regression(chosen.regression, description.dt));
             tell("selection of terms", selection::optimizer(chosen.optimizer));

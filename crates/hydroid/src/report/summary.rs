@@ -1,5 +1,6 @@
 //! The first screen: what was found, from what, and whether it is any good.
 
+use hydroid_core::model::recurrent::Base;
 use maud::{Markup, html};
 
 use super::number::{self, duration, ratio};
@@ -7,6 +8,7 @@ use super::page::{Section, notes};
 use super::{Subject, runs, style};
 use crate::identify::{Candidate, Grade, Verdict};
 use crate::log::{Note, Severity, Split, Trajectory};
+use crate::model::Body;
 
 /// Warnings that are shown without a click.
 const SHOWN: usize = 5;
@@ -104,7 +106,7 @@ fn headline(subject: &Subject<'_>) -> Markup {
         let text = html! {
             "Over " (over) ", " (list(&sound)) @if sound.len() == 1 { " is" } @else { " are" }
             " predicted better than by trivial means; " (list(&bad))
-            @if bad.len() == 1 { " is not: do not use its equation." } @else { " are not: do not use their equations." }
+            @if bad.len() == 1 { " is not: do not use what the model says of it." } @else { " are not: do not use what the model says of them." }
             (learns(candidate))
         };
         return banner("usable", "Usable in part.", &text);
@@ -191,7 +193,7 @@ fn facts(subject: &Subject<'_>) -> Markup {
             @if let Some(candidate) = subject.candidate {
                 dt { "Model" }
                 dd {
-                    (model(candidate)) ", " (number::count(candidate.model.weights())) " coefficients for "
+                    (model(candidate)) ", " (number::count(candidate.model.weights())) @if candidate.model.recurrent().is_some() { " weights for " } @else { " coefficients for " }
                     (number::count(candidate.model.description.outputs.len())) " outputs and "
                     (number::count(candidate.model.description.inputs.len())) " inputs"
                 }
@@ -222,10 +224,12 @@ fn facts(subject: &Subject<'_>) -> Markup {
 
 fn model(candidate: &Candidate) -> &'static str {
     match (&candidate.model.body, &candidate.model.learning) {
-        (crate::model::Body::Equations(_), None) => "Sparse equations of motion",
-        (crate::model::Body::Equations(_), Some(_)) => {
-            "Sparse equations of motion that keep learning on the way"
-        }
+        (Body::Equations(_), None) => "Sparse equations of motion",
+        (Body::Equations(_), Some(_)) => "Sparse equations of motion that keep learning on the way",
+        (Body::Recurrent(recurrent), _) => match recurrent.base {
+            Base::Equations(_) => "A recurrent network on top of equations of motion",
+            Base::Nothing | Base::Hold => "A recurrent network",
+        },
     }
 }
 

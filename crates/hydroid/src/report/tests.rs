@@ -6,7 +6,7 @@ use hydroid_core::vessel::VesselParams;
 
 use super::*;
 use crate::excitation::Excitation;
-use crate::identify::{Grade, Job, Method, SindySettings, identify, verdicts};
+use crate::identify::{GivenRanges, Grade, Job, Method, Networks, SindySettings, identify, verdicts};
 use crate::log::{Channel, Table};
 use crate::model::Reading;
 use crate::progress::silent;
@@ -51,6 +51,8 @@ fn job() -> Job {
         horizon: 20,
         origin_stride: 5,
         seed: 7,
+        ranges: GivenRanges::new(),
+        networks: Networks::default(),
         sindy: SindySettings { degree: Some(2), window_s: Some(0.5), ..SindySettings::default() },
     }
 }
@@ -181,7 +183,13 @@ fn a_useless_or_diverging_model_is_called_that_first() {
 #[test]
 fn without_candidates_there_is_a_page_that_says_so() {
     let (job, _) = identified();
-    let nothing = Identified { candidates: vec![], best: None, verdicts: vec![], warnings: vec![] };
+    let nothing = Identified {
+        candidates: vec![],
+        best: None,
+        verdicts: vec![],
+        warnings: vec![],
+        ranges: vec![],
+    };
     assert!(page(&nothing, &job.split).contains("Nothing was identified."));
     let empty = Split { train: vec![], validation: vec![], test: vec![], notes: vec![] };
     assert!(page(&nothing, &empty).contains("There are no runs."));
@@ -308,5 +316,6 @@ fn found_mut(candidate: &mut Candidate) -> &mut crate::sindy::Found {
         crate::identify::Training::Equations(found) | crate::identify::Training::Recursive(found) => {
             std::sync::Arc::make_mut(found)
         }
+        crate::identify::Training::Recurrent(_) => panic!("a network has no search"),
     }
 }

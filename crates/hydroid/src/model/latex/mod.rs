@@ -6,7 +6,7 @@ use hydroid_core::model::sparse::{Gate, Shape, Signal, Term};
 
 use super::text::{active, seconds};
 use super::units::UnitProduct;
-use super::{Body, Mode, Model, Modes};
+use super::{Mode, Modes, Motion};
 use symbol::{Symbol, magnitude, shortest, unit};
 
 /// Significant digits of a coefficient.
@@ -15,12 +15,12 @@ const DIGITS: usize = 4;
 /// Terms on a line.
 const ON_A_LINE: usize = 5;
 
-impl Model {
+impl Motion<'_> {
     /// The equations of motion as an `align*` block: one for each output, then what the signals are that stand in
     /// them, then the logistic function if they have gates. A lag state wears a hat, and its time constant
     /// where its input has several.
     pub fn equations_latex(&self) -> String {
-        let Body::Equations(equations) = &self.body;
+        let equations = self.equations;
         let variables = self.latex_variables();
         let mut lines = Vec::new();
         let modes = self.modes();
@@ -91,7 +91,7 @@ impl Model {
 
     /// The units of the variables as a sentence in LaTeX, to stand below the equations.
     pub fn units_latex(&self) -> String {
-        let d = &self.description;
+        let d = self.description;
         let variables = self.latex_variables();
         let channels = d.outputs.iter().chain(&d.inputs).map(|port| &port.channel);
         let mut units: Vec<(&str, Vec<String>)> = Vec::new();
@@ -117,8 +117,8 @@ impl Model {
     }
 
     fn latex_variables(&self) -> Vec<Variable> {
-        let Body::Equations(equations) = &self.body;
-        let d = &self.description;
+        let equations = self.equations;
+        let d = self.description;
         let channels = d.outputs.iter().chain(&d.inputs).map(|port| &port.channel.name);
         let mut variables: Vec<Variable> =
             channels.map(|name| Variable { symbol: Symbol::of(name), role: Role::Channel }).collect();

@@ -97,7 +97,8 @@ fn vertical(panel: &Panel) -> (Scale, Ticks) {
     // Labels need 17 pixels each; the count is small and positive.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let room = |pixels: f64| (panel.height / pixels).clamp(2.0, 9.0) as usize;
-    let ticks = scale.ticks(room(28.0), room(17.0) + 1);
+    let ticks =
+        if panel.decades { scale.decades(room(17.0)) } else { scale.ticks(room(28.0), room(17.0) + 1) };
     (scale, ticks)
 }
 
@@ -128,7 +129,8 @@ fn draw_axes(
         canvas.line(&[(at, top), (at, bottom)], hair(style::GRID));
     }
     let (low, high) = placed.y.range();
-    let zero = if low <= 0.0 && high >= 0.0 { placed.y.place(0.0) } else { bottom };
+    // On a logarithmic axis 0 is nothing but the place of a 1.
+    let zero = if low <= 0.0 && high >= 0.0 && !placed.panel.decades { placed.y.place(0.0) } else { bottom };
     canvas.line(&[(left, zero), (right, zero)], hair(style::AXIS));
     let factor = placed.ticks.factor();
     let room = style::WIDTH - 8.0 - text::width(&factor, style::SMALL);

@@ -158,6 +158,8 @@ pub struct Panel {
     pub height: f64,
     /// Range of the vertical axis; without it what the marks cover.
     pub range: Option<(f64, f64)>,
+    /// Whether heights are logarithms to base 10, so that the axis has the numbers themselves at its ticks.
+    pub decades: bool,
     /// What is in it.
     pub marks: Vec<Mark>,
 }
@@ -165,7 +167,7 @@ pub struct Panel {
 impl Panel {
     /// An empty panel of middling height.
     pub fn new(label: impl Into<String>) -> Self {
-        Self { label: label.into(), height: 110.0, range: None, marks: Vec::new() }
+        Self { label: label.into(), height: 110.0, range: None, decades: false, marks: Vec::new() }
     }
 
     /// The same panel with another height \[px\].
@@ -177,6 +179,12 @@ impl Panel {
     /// The same panel with a stated range.
     pub fn range(mut self, low: f64, high: f64) -> Self {
         self.range = Some((low, high));
+        self
+    }
+
+    /// The same panel with a logarithmic axis: marks hold logarithms to base 10.
+    pub fn decades(mut self) -> Self {
+        self.decades = true;
         self
     }
 

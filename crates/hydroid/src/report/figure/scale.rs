@@ -45,6 +45,28 @@ impl Scale {
         Ticks::new(values, step)
     }
 
+    /// Ticks of an axis of logarithms to base 10: at powers of ten where there are two at least, else at 1, 2 and 5
+    /// times a power, else as on any axis.
+    pub(crate) fn decades(&self, most: usize) -> Ticks {
+        let marked = |mantissas: &[f64]| -> Vec<f64> {
+            // Exponents of floats are small integers.
+            #[allow(clippy::cast_possible_truncation)]
+            let (first, last) = (self.low.max(-320.0).floor() as i32, self.high.min(310.0).ceil() as i32);
+            let powers = (first..=last).flat_map(|p| mantissas.iter().map(move |m| f64::from(p) + m.log10()));
+            powers.filter(|v| (self.low..=self.high).contains(v)).collect()
+        };
+        let mut values = marked(&[1.0]);
+        if values.len() < 2 {
+            values = marked(&[1.0, 2.0, 5.0]);
+        }
+        if values.len() < 2 {
+            values = self.ticks(3, most.max(2)).values;
+        }
+        let every = values.len().div_ceil(most.max(1));
+        let values = values.into_iter().step_by(every.max(1)).collect();
+        Ticks { values, power: 0, decimals: 0, logarithms: true }
+    }
+
     /// First multiple of a step within the range, and how many there are.
     fn span(&self, step: f64) -> (f64, usize) {
         let first = (self.low / step - 1e-9).ceil();
@@ -77,6 +99,8 @@ pub(crate) struct Ticks {
     /// Power of ten that the labels leave out, to be told at the axis; 0 for none.
     pub(crate) power: i32,
     decimals: usize,
+    /// Whether the values are logarithms to base 10 of what the labels say.
+    logarithms: bool,
 }
 
 impl Ticks {
@@ -95,11 +119,23 @@ impl Ticks {
             (shifted - shifted.round()).abs() < 1e-6 * shifted
         };
         let decimals = (0..9).find(exact).unwrap_or(9);
-        Self { values, power, decimals }
+        Self { values, power, decimals, logarithms: false }
     }
 
     /// The label of a tick, with a proper minus.
     pub(crate) fn label(&self, value: f64) -> String {
+        if self.logarithms {
+            let number = 10f64.powf(value);
+            // Two digits tell the ticks of any axis apart that is worth being logarithmic.
+            return if (1e-4..1e5).contains(&number) {
+                format!(
+                    "{}",
+                    (number * 10f64.powf(1.0 - value.floor())).round() * 10f64.powf(value.floor() - 1.0)
+                )
+            } else {
+                format!("{number:.0e}")
+            };
+        }
         let scaled = value / 10f64.powi(self.power);
         let text = format!("{:.*}", self.decimals, scaled);
         match text.strip_prefix('-') {
@@ -169,6 +205,19 @@ mod tests {
         );
         assert_eq!(labels(0.0, 5.0, 5), ["0", "1", "2", "3", "4", "5"]);
         assert_eq!(labels(1400.0, 1600.0, 2), ["1400", "1500", "1600"]);
+    }
+
+    #[test]
+    fn a_logarithmic_axis_has_the_numbers_themselves() {
+        let labels = |low: f64, high: f64| -> Vec<String> {
+            let ticks = Scale::new((low, high), 0.0, 1.0).decades(8);
+            ticks.values.iter().map(|v| ticks.label(*v)).collect()
+        };
+        assert_eq!(labels(-3.2, 0.5), ["0.001", "0.01", "0.1", "1"]);
+        assert_eq!(labels(-1.5, -0.2), ["0.05", "0.1", "0.2", "0.5"]);
+        assert_eq!(labels(-7.1, -4.9), ["1e-7", "1e-6", "1e-5"]);
+        assert!(labels(0.31, 0.39).len() >= 2);
+        assert!((2..=9).contains(&labels(-300.0, 300.0).len()));
     }
 
     #[test]

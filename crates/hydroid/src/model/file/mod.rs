@@ -2,29 +2,22 @@
 //!
 //! Reading one never runs code and never panics: every number and shape is checked before it is used.
 
+mod equations;
+mod recurrent;
+mod tensors;
+
 use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use hydroid_core::adapt::BlendSettings;
-use hydroid_core::model::sparse::{Equations, EquationsError, Signal, Term};
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use safetensors::tensor::{SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Description, Learning, MOST_MEMBERS, Members, Model};
+use super::{Body, Description, Model};
 use crate::atomic::{self, WriteError};
 
 /// Key of the description in the metadata of the file.
 const KEY: &str = "hydroid";
-
-/// Tensor of the ensemble, `members x places`; a file without it has no ensemble.
-const MEMBERS: &str = "members";
-/// Tensor of the places that `members` has, counted in the table of coefficients row by row.
-const PLACES: &str = "member_places";
-
-/// Tensor of the triangle that a model which learns begins with.
-const ROOT: &str = "root";
 
 /// Version of the description that this program writes and reads.
 const VERSION: u32 = 1;
@@ -97,17 +90,10 @@ struct Head {
 #[derive(Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 enum Structure {
-    /// Tensor `coefficients`, `outputs x terms`, in physical units.
-    SparseEquations {
-        terms: Vec<Term>,
-        /// Variables beyond outputs and inputs.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        signals: Vec<Signal>,
-        substeps: usize,
-        /// How sessions learn on the way; with it stands a tensor `root`, `terms x terms`.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        learning: Option<BlendSettings>,
-    },
+    /// Sparse equations of motion.
+    SparseEquations(equations::Structure),
+    /// A recurrent network.
+    Recurrent(recurrent::Structure),
 }
 
 /// Writes a model file, whole or not at all. The same model gives the same bytes.
@@ -119,43 +105,18 @@ pub fn write(model: &Model, path: &Path) -> Result<(), WriteError> {
 }
 
 fn encode(model: &Model) -> io::Result<Vec<u8>> {
-    let Body::Equations(equations) = &model.body;
-    let head = Head {
-        version: VERSION,
-        description: model.description.clone(),
-        structure: Structure::SparseEquations {
-            terms: equations.terms().to_vec(),
-            signals: equations.signals().to_vec(),
-            substeps: equations.substeps(),
-            learning: model.learning.as_ref().map(|learning| learning.settings.clone()),
-        },
-    };
+    let (structure, tensors) = match &model.body {
+        Body::Equations(equations) => equations::Structure::write(model, equations)
+            .map(|(structure, tensors)| (Structure::SparseEquations(structure), tensors)),
+        Body::Recurrent(recurrent) => recurrent::Structure::write(recurrent)
+            .map(|(structure, tensors)| (Structure::Recurrent(structure), tensors)),
+    }
+    .map_err(io::Error::other)?;
+    let head = Head { version: VERSION, description: model.description.clone(), structure };
     let json = serde_json::to_string(&head)?;
-    let bytes = |values: &[f64]| -> Vec<u8> { values.iter().flat_map(|c| c.to_le_bytes()).collect() };
-    let coefficients = bytes(equations.coefficients());
-    let (places, values) = model.members.parts();
-    let values = bytes(values);
-    let places: Vec<u32> = places
-        .iter()
-        .map(|&place| u32::try_from(place))
-        .collect::<Result<_, _>>()
-        .map_err(io::Error::other)?;
-    let places: Vec<u8> = places.iter().flat_map(|place| place.to_le_bytes()).collect();
-    let mut tensors =
-        vec![("coefficients", Dtype::F64, vec![equations.outputs(), equations.terms().len()], &coefficients)];
-    if !model.members.is_empty() {
-        let count = places.len() / 4;
-        tensors.push((MEMBERS, Dtype::F64, vec![model.members.len(), count], &values));
-        tensors.push((PLACES, Dtype::U32, vec![count], &places));
-    }
-    let terms = equations.terms().len();
-    let root = model.learning.as_ref().map(|learning| bytes(&learning.root));
-    if let Some(root) = &root {
-        tensors.push((ROOT, Dtype::F64, vec![terms, terms], root));
-    }
     let views = tensors
-        .into_iter()
-        .map(|(name, dtype, shape, bytes)| Ok((name, TensorView::new(dtype, shape, bytes)?)))
+        .iter()
+        .map(|(name, dtype, shape, bytes)| Ok((name, TensorView::new(*dtype, shape.clone(), bytes)?)))
         .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
         .map_err(io::Error::other)?;
     let metadata = HashMap::from([(KEY.to_owned(), json)]);
@@ -215,58 +176,9 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     if description.outputs.is_empty() {
         return Err(inconsistent(String::from("it has no outputs")));
     }
-    let Structure::SparseEquations { terms, signals, substeps, learning } = head.structure;
-    let (outputs, inputs) = (description.outputs.len(), description.inputs.len());
-    let count = terms.len();
-    let coefficients = numbers(&tensors, "coefficients", &[outputs, count]).map_err(inconsistent)?;
-    let learning = match learning {
-        Some(settings) => {
-            let root = numbers(&tensors, ROOT, &[count, count]).map_err(inconsistent)?;
-            Some(Learning { settings, root })
-        }
-        None => None,
-    };
-    let dt = description.dt;
-    let equations = Equations::with_signals(terms, coefficients, outputs, inputs, signals, dt, substeps)
-        .map_err(|e: EquationsError| inconsistent(e.to_string()))?;
-    let members = members(&tensors, equations.coefficients().len()).map_err(inconsistent)?;
-    let model = Model { description, body: Body::Equations(Arc::new(equations)), members, learning };
-    if let Some(learning) = &model.learning {
-        model.blended(learning).map_err(|e| inconsistent(e.to_string()))?;
+    match head.structure {
+        Structure::SparseEquations(structure) => structure.read(&tensors, description),
+        Structure::Recurrent(structure) => structure.read(&tensors, description),
     }
-    Ok(model)
-}
-
-/// The ensemble, if the file has one.
-fn members(tensors: &SafeTensors<'_>, count: usize) -> Result<Members, String> {
-    let (values, places) = match (tensors.tensor(MEMBERS), tensors.tensor(PLACES)) {
-        (Ok(values), Ok(places)) => (values, places),
-        (Err(_), Err(_)) => return Ok(Members::default()),
-        _ => return Err(format!("of '{MEMBERS}' and '{PLACES}' it has one tensor alone")),
-    };
-    let (&[members, width], &[length]) = (values.shape(), places.shape()) else {
-        return Err(String::from("its ensemble is no table"));
-    };
-    if places.dtype() != Dtype::U32 || length != width || !(1..=MOST_MEMBERS).contains(&members) {
-        return Err(format!(
-            "its ensemble has {members} members of {width} coefficients and {length} places (at most {MOST_MEMBERS} members)"
-        ));
-    }
-    let values = numbers(tensors, MEMBERS, &[members, width])?;
-    let (chunks, _) = places.data().as_chunks::<4>();
-    let places: Vec<u32> = chunks.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
-    Members::from_parts(&places, values, count)
-}
-
-fn numbers(tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, String> {
-    let tensor = tensors.tensor(name).map_err(|_| format!("tensor '{name}' is missing"))?;
-    if tensor.dtype() != Dtype::F64 || tensor.shape() != shape {
-        return Err(format!(
-            "tensor '{name}' is {:?} {:?}, the description says F64 {shape:?}",
-            tensor.dtype(),
-            tensor.shape()
-        ));
-    }
-    let (chunks, _) = tensor.data().as_chunks::<8>();
-    Ok(chunks.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
+    .map_err(inconsistent)
 }

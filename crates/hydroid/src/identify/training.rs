@@ -1,0 +1,199 @@
+//! How a model comes about: the methods one by one.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+use hydroid_core::model::sparse::Equations;
+
+use super::{Candidate, IdentifyError, Job, Method, Parts, equations, networks as recurrent, recursive};
+use crate::evaluate::DesignRange;
+use crate::log::{Channel, Trajectory};
+use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
+use crate::sindy::Found;
+use crate::train;
+
+/// How a model came about.
+#[derive(Clone, Debug)]
+pub enum Training {
+    /// A search for sparse equations.
+    Equations(Arc<Found>),
+    /// Equations with all terms of a library, which learn at several paces.
+    Recursive(Arc<Found>),
+    /// A recurrent network.
+    Recurrent(Arc<train::Trained>),
+}
+
+impl Training {
+    /// The search for equations; none for networks.
+    pub fn found(&self) -> Option<&Arc<Found>> {
+        match self {
+            Self::Equations(found) | Self::Recursive(found) => Some(found),
+            Self::Recurrent(_) => None,
+        }
+    }
+
+    /// The training of a network; none for equations.
+    pub fn network(&self) -> Option<&Arc<train::Trained>> {
+        match self {
+            Self::Recurrent(trained) => Some(trained),
+            Self::Equations(_) | Self::Recursive(_) => None,
+        }
+    }
+
+    /// What it is in a few words.
+    pub fn about(&self) -> &'static str {
+        match self {
+            Self::Recursive(_) => "equations that keep learning on the way",
+            Self::Equations(_) if self.has_past() => "equations that also see the past",
+            Self::Equations(_) => "equations of the present",
+            Self::Recurrent(_) => "recurrent network",
+        }
+    }
+
+    /// What was tried, in words for the line that tells of the result.
+    pub fn effort(&self) -> String {
+        match self {
+            Self::Equations(found) | Self::Recursive(found) => {
+                format!("chosen among {} settings", found.trials.len())
+            }
+            Self::Recurrent(trained) => format!(
+                "epoch {} of {}{}",
+                trained.best_epoch,
+                trained.history.len(),
+                if trained.restarts.len() > 1 {
+                    format!(", the best of {} restarts", trained.restarts.len())
+                } else {
+                    String::new()
+                }
+            ),
+        }
+    }
+
+    /// Whether its equations may also be of the past.
+    fn has_past(&self) -> bool {
+        self.found().is_some_and(|found| found.trials.iter().any(|trial| !trial.structure.past.is_empty()))
+    }
+
+    /// Order of complexity: equations of the present, of the past, equations that learn, networks.
+    pub(super) fn complexity(&self) -> (u8, bool) {
+        let kind = match self {
+            Self::Equations(_) => 0,
+            Self::Recursive(_) => 1,
+            Self::Recurrent(_) => 2,
+        };
+        (kind, self.has_past())
+    }
+}
+
+impl Candidate {
+    /// The search that found its equations; none for networks.
+    pub fn found(&self) -> Option<&Found> {
+        self.training.found().map(Arc::as_ref)
+    }
+}
+
+/// A model that waits to be judged.
+pub(super) struct Trained {
+    pub(super) model: Model,
+    pub(super) training: Training,
+    pub(super) train_seconds: f64,
+    /// Score of the search on the validation runs.
+    pub(super) score: f64,
+}
+
+/// Hears the fraction of a method that is done, and where the training of a network is.
+pub(super) type Tell<'a> = &'a mut dyn FnMut(f64, Option<&train::Status>) -> ControlFlow<()>;
+
+/// Trains by one method; `before` are the models of the methods before it. Of networks, `(spent_s, left)` says what those
+/// before took, and how many are still to be trained, this one among them.
+pub(super) fn train_by(
+    method: Method,
+    job: &Job,
+    parts: &Parts<'_>,
+    before: &[Trained],
+    networks: (f64, usize),
+    tell: Tell<'_>,
+) -> Result<Trained, IdentifyError> {
+    let clock = Instant::now();
+    // The best equations so far: what learns, and a grey box, begin with these.
+    let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
+    let sparse = equations.min_by(|a, b| a.score.total_cmp(&b.score)).and_then(|t| t.training.found());
+    let of_search = |found: &Found| {
+        serde_json::json!({
+            "chosen": found.trials[found.chosen],
+            "asked": job.sindy,
+            "horizon": job.horizon,
+        })
+    };
+    let score = |found: &Found| found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
+    let (model, training, score) = match method {
+        Method::Sindy | Method::Lagged => {
+            let progress = &mut |fraction| tell(fraction, None);
+            let found = match method {
+                Method::Lagged => equations::lagged(job, parts, progress)?,
+                _ => equations::memoryless(job, parts, progress)?,
+            };
+            let body = Body::Equations(Arc::new(found.fit.equations.clone()));
+            let mut model = describe(job, parts, method, body, of_search(&found));
+            if let Some(ensemble) = &found.ensemble {
+                model.members = Members::new(&ensemble.members);
+            }
+            let score = score(&found);
+            (model, Training::Equations(found), score)
+        }
+        Method::Recursive => {
+            let describe = |found: &Found, equations: Equations| {
+                describe(job, parts, method, Body::Equations(Arc::new(equations)), of_search(found))
+            };
+            let progress = &mut |fraction| tell(fraction, None);
+            let (found, model) = recursive::learning(job, parts, sparse, describe, progress)?;
+            let score = score(&found);
+            (model, Training::Recursive(found), score)
+        }
+        Method::Lstm | Method::Gru | Method::Rnn => {
+            let base = sparse.map(|found| Arc::new(found.fit.equations.clone()));
+            let watch = &mut |status: &train::Status| tell(status.fraction, Some(status));
+            let (settings, trained) = recurrent::train(job, parts, method, base, networks, watch)?;
+            let told = recurrent::provenance(job, parts, &settings, &trained);
+            let body = Body::Recurrent(Arc::new(trained.model.clone()));
+            let score = trained.validation;
+            (describe(job, parts, method, body, told), Training::Recurrent(Arc::new(trained)), score)
+        }
+    };
+    // That of a training which was interrupted and has gone on is the whole of it.
+    let seconds = training.network().map_or_else(|| clock.elapsed().as_secs_f64(), |trained| trained.seconds);
+    Ok(Trained { model, training, train_seconds: seconds, score })
+}
+
+fn describe(job: &Job, parts: &Parts<'_>, method: Method, body: Body, settings: serde_json::Value) -> Model {
+    let run = parts.train[0];
+    let port = |(channel, &range): (&Channel, &DesignRange)| Port { channel: channel.clone(), range };
+    let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
+    Model {
+        description: Description {
+            name: method.name().to_owned(),
+            dt: run.dt,
+            outputs: run.outputs.channels().iter().zip(&parts.ranges).map(port).collect(),
+            inputs: run.inputs.channels().iter().zip(&parts.inputs).map(port).collect(),
+            reading: reading(job, run.dt),
+            provenance: Provenance {
+                hydroid: env!("CARGO_PKG_VERSION").to_owned(),
+                seed: job.seed,
+                training: names(&job.split.train),
+                validation: names(&job.split.validation),
+                settings,
+            },
+        },
+        body,
+        members: Members::default(),
+        learning: None,
+    }
+}
+
+/// The reading of the training logs with their step written out: a model has one step, whatever the log.
+fn reading(job: &Job, dt: f64) -> Reading {
+    let mut reading = job.reading.clone();
+    reading.options.dt = Some(dt);
+    reading
+}

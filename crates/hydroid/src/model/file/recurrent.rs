@@ -1,0 +1,125 @@
+//! Recurrent networks in a file: one tensor for each of PyTorch's, under its name, and `coefficients` of the equations
+//! that a grey box corrects.
+
+use std::sync::Arc;
+
+use hydroid_core::model::recurrent::{Base, Network, Recurrent, Scaling, StateFilter};
+use safetensors::tensor::{Dtype, SafeTensors};
+use serde::{Deserialize, Serialize};
+
+use super::super::recurrent::{NamedTensor, weights_from_torch};
+use super::super::{Body, Description, Members, Model};
+use super::equations::{self, Terms};
+use super::tensors::{Written, write};
+
+/// Structure of a network.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Structure {
+    network: Network,
+    #[serde(with = "ScalingFields")]
+    scaling: Scaling,
+    base: BaseFields,
+    feedback: bool,
+    wash_out: usize,
+    /// Whether measurements correct the hidden state.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    state_filter: Option<StateFilter>,
+}
+
+/// The fields of [`Scaling`].
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Scaling", deny_unknown_fields)]
+struct ScalingFields {
+    output_mean: Vec<f64>,
+    output_scale: Vec<f64>,
+    input_mean: Vec<f64>,
+    input_scale: Vec<f64>,
+    correction_scale: Vec<f64>,
+}
+
+/// What the network corrects.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum BaseFields {
+    Nothing,
+    Hold,
+    Equations(Terms),
+}
+
+impl Structure {
+    /// Structure and tensors of a network.
+    pub(super) fn write(recurrent: &Recurrent) -> Result<(Self, Vec<Written>), String> {
+        let mut tensors = Vec::new();
+        for tensor in recurrent.network.tensors() {
+            let values = recurrent
+                .weights
+                .get(tensor.range())
+                .ok_or_else(|| format!("the network has {} weights", recurrent.weights.len()))?;
+            tensors.push(write(&tensor.name, tensor.shape(), values));
+        }
+        let base = match &recurrent.base {
+            Base::Nothing => BaseFields::Nothing,
+            Base::Hold => BaseFields::Hold,
+            Base::Equations(of) => {
+                tensors.push(equations::coefficients(of));
+                BaseFields::Equations(Terms::of(of))
+            }
+        };
+        let structure = Self {
+            network: recurrent.network,
+            scaling: recurrent.scaling.clone(),
+            base,
+            feedback: recurrent.feedback,
+            wash_out: recurrent.wash_out,
+            state_filter: recurrent.state_filter.clone(),
+        };
+        Ok((structure, tensors))
+    }
+
+    /// The model, with its numbers from the file.
+    pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
+        let Self { network, scaling, base, feedback, wash_out, state_filter } = self;
+        // Sizes come before whatever is made from them.
+        network.check().map_err(|error| error.to_string())?;
+        let weights = weights(&network, tensors)?;
+        let base = match base {
+            BaseFields::Nothing => Base::Nothing,
+            BaseFields::Hold => Base::Hold,
+            BaseFields::Equations(terms) => Base::Equations(Arc::new(terms.read(tensors, &description)?)),
+        };
+        let recurrent = Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter };
+        let (outputs, inputs) = (description.outputs.len(), description.inputs.len());
+        recurrent.check().map_err(|error| error.to_string())?;
+        if recurrent.scaling.output_mean.len() != outputs || recurrent.scaling.input_mean.len() != inputs {
+            return Err(format!(
+                "its network is of {} outputs and {} inputs, its description of {outputs} and {inputs}",
+                recurrent.scaling.output_mean.len(),
+                recurrent.scaling.input_mean.len()
+            ));
+        }
+        let body = Body::Recurrent(Arc::new(recurrent));
+        Ok(Model { description, body, members: Members::default(), learning: None })
+    }
+}
+
+/// The network's weights. Files that PyTorch wrote may have them in single precision, which becomes double without loss.
+fn weights(network: &Network, tensors: &SafeTensors<'_>) -> Result<Vec<f64>, String> {
+    let mut given = Vec::new();
+    for place in network.tensors() {
+        let tensor =
+            tensors.tensor(&place.name).map_err(|_| format!("tensor '{}' is missing", place.name))?;
+        let data = tensor.data();
+        let values: Vec<f64> = match tensor.dtype() {
+            Dtype::F64 => data.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect(),
+            Dtype::F32 => {
+                data.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes).into()).collect()
+            }
+            other => return Err(format!("tensor '{}' is {other:?}: weights are F64 or F32", place.name)),
+        };
+        given.push((place.name, tensor.shape().to_vec(), values));
+    }
+    let named: Vec<NamedTensor<'_>> =
+        given.iter().map(|(name, shape, values)| NamedTensor { name, shape, values }).collect();
+    weights_from_torch(network, &named)
+}
