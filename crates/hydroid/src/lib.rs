@@ -17,6 +17,7 @@ pub mod report;
 pub mod simulate;
 pub mod sindy;
 pub mod toml_file;
+pub mod train;
 
 /// The example in the chapter on equations.
 #[cfg(doctest)]

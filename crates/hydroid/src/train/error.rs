@@ -1,0 +1,135 @@
+//! Why a training could not be done.
+
+use std::path::PathBuf;
+
+use hydroid_core::model::recurrent::NetworkError;
+
+use crate::atomic::WriteError;
+use crate::progress::Cancelled;
+
+/// Why a training could not be done.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// A setting cannot be.
+    #[error("{what} = {value} cannot be: give {needed}")]
+    Setting {
+        /// Its name.
+        what: &'static str,
+        /// What was given.
+        value: String,
+        /// What is needed.
+        needed: &'static str,
+    },
+    /// The network cannot be.
+    #[error("{error}")]
+    Network {
+        /// What is wrong with it.
+        error: NetworkError,
+    },
+    /// There are no runs for a part.
+    #[error("there are no {what} runs: give at least one")]
+    NoRuns {
+        /// `training` or `validation`.
+        what: &'static str,
+    },
+    /// A run has other channels than the design ranges or the first run.
+    #[error("run '{run}' has {given} {what} where {expected} are expected: give runs with the same channels")]
+    Channels {
+        /// The run.
+        run: String,
+        /// `outputs` or `inputs`.
+        what: &'static str,
+        /// How many there should be.
+        expected: usize,
+        /// How many there are.
+        given: usize,
+    },
+    /// Runs have different sample times.
+    #[error(
+        "run '{run}' has a sample time of {given} s, the first {expected} s: resample them to one step (--dt)"
+    )]
+    SampleTime {
+        /// The run.
+        run: String,
+        /// Of the first run \[s\].
+        expected: f64,
+        /// Of this run \[s\].
+        given: f64,
+    },
+    /// A design range is empty or not finite.
+    #[error("the design range of {what} {index} is {low}..{high}: give two finite numbers, the lower first")]
+    Range {
+        /// `output` or `input`.
+        what: &'static str,
+        /// Which, from 0.
+        index: usize,
+        /// As given.
+        low: f64,
+        /// As given.
+        high: f64,
+    },
+    /// No run holds a whole window.
+    #[error(
+        "no {what} run is long enough: a window needs {needed} samples ({wash_out} of wash-out, {length} compared, and the first), the longest run has {longest}. Give longer runs, or a shorter wash_out_s or window_s"
+    )]
+    TooShort {
+        /// `training` or `validation`.
+        what: &'static str,
+        /// Samples of a window.
+        needed: usize,
+        /// Wash-out among them.
+        wash_out: usize,
+        /// Compared among them.
+        length: usize,
+        /// Samples of the longest run.
+        longest: usize,
+    },
+    /// Runs are long enough, but values are missing in every window.
+    #[error(
+        "no window of the {what} runs can be used: in each an input is missing, or an output is not measured before its predictions begin, or nothing is measured to compare with. Fill the gaps, or leave out the channel that is missing"
+    )]
+    NoWindow {
+        /// `training` or `validation`.
+        what: &'static str,
+    },
+    /// An output does not vary in the training runs.
+    #[error(
+        "output '{channel}' never changes in the training runs, so that nothing can be learned of it: leave it out, or give runs where it moves"
+    )]
+    Constant {
+        /// The output.
+        channel: String,
+    },
+    /// Equations were asked for as base, or given, and do not fit.
+    #[error("the base cannot be equations: {reason}")]
+    Equations {
+        /// What is wrong.
+        reason: String,
+    },
+    /// Loss or weights were not finite in all restarts before any model was worth keeping.
+    #[error(
+        "the training diverged in all of its restarts ({restarts}), the first in epoch {epoch}: give a smaller learning_rate (it was {learning_rate}) or a smaller clip"
+    )]
+    Diverged {
+        /// How many there were.
+        restarts: usize,
+        /// Epoch of the first.
+        epoch: usize,
+        /// Peak step size.
+        learning_rate: f64,
+    },
+    /// The checkpoint cannot be used.
+    #[error("cannot go on from checkpoint {}: {reason}", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
+    /// The checkpoint cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// The caller asked to stop. With a checkpoint the training can go on from the last epoch.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}

@@ -1,0 +1,238 @@
+//! What a training is told.
+
+use hydroid_core::model::recurrent::{Cell, Network, NetworkError};
+use serde::{Deserialize, Serialize};
+
+use super::TrainError;
+
+/// Kind of cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CellKind {
+    /// Long short-term memory.
+    #[default]
+    Lstm,
+    /// Gated recurrent unit.
+    Gru,
+    /// Vanilla (Elman) network.
+    Rnn,
+}
+
+impl CellKind {
+    /// Its name in files, tables and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lstm => "lstm",
+            Self::Gru => "gru",
+            Self::Rnn => "rnn",
+        }
+    }
+}
+
+/// What the network corrects; see [`Base`](hydroid_core::model::recurrent::Base).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BaseKind {
+    /// Nothing: it gives the next outputs themselves.
+    #[default]
+    Nothing,
+    /// The present outputs: it gives increments.
+    Hold,
+    /// Equations of motion, which the caller gives: it gives what they miss.
+    Equations,
+}
+
+/// Precision in which gradients and weights are computed; the model's weights are in double precision in any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// Single precision: twice as fast, and as good for noisy logs.
+    #[default]
+    F32,
+    /// Double precision.
+    F64,
+}
+
+/// How the step size of the optimizer goes over the training; see [`rate`](super::schedule::rate).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Schedule {
+    /// The same throughout.
+    Constant,
+    /// Half a cosine from the peak down to nearly nothing.
+    Cosine,
+    /// A warm-up to the peak, then half a cosine down to nearly nothing.
+    #[default]
+    OneCycle,
+}
+
+/// Settings of a training. Times are in seconds, so that they mean the same at any sample time; what is not given
+/// is taken from the runs (see each field).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Kind of cell.
+    pub cell: CellKind,
+    /// Cells of each layer.
+    pub hidden: usize,
+    /// Layers of a vanilla network (2 where not given); LSTM and GRU have one.
+    pub layers: Option<usize>,
+    /// Length to which the LSTM's `h` is projected; not projected where not given.
+    pub projection: Option<usize>,
+    /// Whether a linear read-out follows the cell; without one the cell shows the outputs themselves.
+    pub read_out: bool,
+    /// Whether outputs are fed back as inputs: measured while the model walks, predicted in a rollout.
+    pub feedback: bool,
+    /// What the network corrects.
+    pub base: BaseKind,
+    /// Time that a window lets the hidden state find itself from zero, without loss \[s\]; 100 samples where not
+    /// given, or an eighth of the longest run if that is less.
+    pub wash_out_s: Option<f64>,
+    /// Time over which a window compares predictions \[s\]; 200 samples where not given, or a quarter of the longest
+    /// run if that is less.
+    pub window_s: Option<f64>,
+    /// Passes over the training runs at the most.
+    pub epochs: usize,
+    /// Windows of one step of the optimizer.
+    pub batch: usize,
+    /// Peak step size.
+    pub learning_rate: f64,
+    /// How the step size goes.
+    pub schedule: Schedule,
+    /// Decoupled weight decay: each step shrinks the weights by this times the step size.
+    pub weight_decay: f64,
+    /// Longest gradient; longer ones are shortened to this length. Infinite: none is.
+    pub clip: f64,
+    /// Trainings from different first weights, in parallel; the best on validation runs is kept.
+    pub restarts: usize,
+    /// Seed of first weights and of the order of windows.
+    pub seed: u64,
+    /// Precision of the training.
+    pub precision: Precision,
+    /// Wall-clock time at the most \[s\]. The number of epochs is made to fit it, so that results depend on the
+    /// machine; [`Trained::epochs`](super::Trained::epochs) says how many they were, and the same number under
+    /// `epochs` without a budget repeats the training exactly.
+    pub budget_s: Option<f64>,
+    /// Epochs without a better validation error after which a restart gives up; never where not given.
+    pub patience: Option<usize>,
+    /// Weight of each output's squared error, in the order of outputs, where an error of 1 is a standard deviation
+    /// of that output in the training runs; empty: all 1.
+    pub channel_weights: Vec<f64>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            cell: CellKind::Lstm,
+            hidden: 18,
+            layers: None,
+            projection: None,
+            read_out: true,
+            feedback: false,
+            base: BaseKind::Nothing,
+            wash_out_s: None,
+            window_s: None,
+            epochs: 200,
+            batch: 64,
+            learning_rate: 1e-2,
+            schedule: Schedule::OneCycle,
+            weight_decay: 0.0,
+            clip: 1.0,
+            restarts: 1,
+            seed: 0,
+            precision: Precision::F32,
+            budget_s: None,
+            patience: None,
+            channel_weights: Vec::new(),
+        }
+    }
+}
+
+impl Settings {
+    /// The defaults of a kind of cell.
+    pub fn of(cell: CellKind) -> Self {
+        Self { cell, ..Self::default() }
+    }
+
+    /// The network for so many inputs and outputs of the model.
+    ///
+    /// # Errors
+    /// If its sizes cannot be.
+    pub fn network(&self, inputs: usize, outputs: usize) -> Result<Network, TrainError> {
+        let hidden = self.hidden;
+        let cell = match self.cell {
+            CellKind::Lstm => Cell::Lstm { hidden, projection: self.projection },
+            CellKind::Gru => Cell::Gru { hidden },
+            CellKind::Rnn => Cell::Vanilla { hidden, layers: self.layers.unwrap_or(2) },
+        };
+        if self.cell != CellKind::Rnn && self.layers.is_some_and(|layers| layers != 1) {
+            let needed = "1 for lstm and gru: only rnn has layers";
+            return Err(setting("layers", self.layers.unwrap_or(0), needed));
+        }
+        if self.cell != CellKind::Lstm && self.projection.is_some() {
+            let needed = "left out: only lstm has a projection";
+            return Err(setting("projection", self.projection.unwrap_or(0), needed));
+        }
+        let inputs = inputs + if self.feedback { outputs } else { 0 };
+        let network = Network { cell, inputs, outputs, read_out: self.read_out };
+        network.check().map_err(|error: NetworkError| TrainError::Network { error })?;
+        Ok(network)
+    }
+
+    /// Whether the numbers can be.
+    ///
+    /// # Errors
+    /// If one cannot, with what is needed.
+    pub fn check(&self, outputs: usize) -> Result<(), TrainError> {
+        for (what, value) in [("epochs", self.epochs), ("batch", self.batch), ("restarts", self.restarts)] {
+            if value == 0 {
+                return Err(setting(what, value, "at least 1"));
+            }
+        }
+        for (what, value, most) in [
+            ("batch", self.batch, 1 << 20),
+            ("restarts", self.restarts, 1 << 12),
+            ("epochs", self.epochs, 1 << 30),
+        ] {
+            if value > most {
+                return Err(setting(what, value, "fewer"));
+            }
+        }
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        if !positive(self.learning_rate) {
+            return Err(setting("learning_rate", self.learning_rate, "a positive number, such as 0.01"));
+        }
+        if !(self.clip > 0.0) {
+            return Err(setting("clip", self.clip, "a positive number, such as 1"));
+        }
+        if !(self.weight_decay.is_finite() && self.weight_decay >= 0.0) {
+            return Err(setting("weight_decay", self.weight_decay, "zero or a positive number"));
+        }
+        for (what, value) in
+            [("wash_out_s", self.wash_out_s), ("window_s", self.window_s), ("budget_s", self.budget_s)]
+        {
+            if let Some(value) = value
+                && !positive(value)
+            {
+                return Err(setting(what, value, "a positive number of seconds"));
+            }
+        }
+        let weights = &self.channel_weights;
+        let usable = |weight: &f64| weight.is_finite() && *weight >= 0.0;
+        if !weights.is_empty()
+            && (weights.len() != outputs || !weights.iter().all(usable) || weights.iter().all(|w| *w == 0.0))
+        {
+            let value = format!("{weights:?}");
+            return Err(TrainError::Setting {
+                what: "channel_weights",
+                value,
+                needed: "one number for each output, none negative and not all zero",
+            });
+        }
+        Ok(())
+    }
+}
+
+fn setting(what: &'static str, value: impl ToString, needed: &'static str) -> TrainError {
+    TrainError::Setting { what, value: value.to_string(), needed }
+}
