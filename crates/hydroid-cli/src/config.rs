@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use hydroid::identify::SindySettings;
+use hydroid::identify::{GivenRanges, NetworkSettings, SindySettings};
 use hydroid::log::{ChannelSpec, CommandTiming, InputDelay, Wind};
 use hydroid::toml_file;
 use serde::Deserialize;
 
-use crate::args::Horizon;
+use crate::args::{Duration, Horizon};
 
 /// The file that is read where none is named.
 pub const DEFAULT: &str = "hydroid.toml";
@@ -21,6 +21,11 @@ pub struct Config {
     pub split: Split,
     pub identify: Identify,
     pub sindy: SindySettings,
+    pub network: NetworkSettings,
+    pub lstm: NetworkSettings,
+    pub gru: NetworkSettings,
+    pub rnn: NetworkSettings,
+    pub ranges: GivenRanges,
 }
 
 /// How to read logs.
@@ -66,6 +71,21 @@ impl<'de> Deserialize<'de> for Horizon {
     }
 }
 
+impl<'de> Deserialize<'de> for Duration {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged, expecting = "a number of seconds (90) or a time (\"5m\")")]
+        enum Written {
+            Seconds(f64),
+            Text(String),
+        }
+        match Written::deserialize(deserializer)? {
+            Written::Seconds(seconds) => seconds.to_string().parse().map_err(serde::de::Error::custom),
+            Written::Text(text) => text.parse().map_err(serde::de::Error::custom),
+        }
+    }
+}
+
 /// Logs by their use; paths are relative to the file.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -82,6 +102,7 @@ pub struct Identify {
     pub horizon: Option<Horizon>,
     pub origin_stride: Option<usize>,
     pub seed: Option<u64>,
+    pub budget: Option<Duration>,
 }
 
 /// Reads a configuration file.

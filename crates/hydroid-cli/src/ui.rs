@@ -4,6 +4,7 @@ use std::io::{IsTerminal, Write as _};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use hydroid::identify::Stage;
 use hydroid::log::{Note, Severity};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -43,6 +44,17 @@ impl Bar {
         Self(bar)
     }
 
+    /// The callback for an identification: moves the bar, says what is at work and how it does, and passes ctrl-C on.
+    pub fn stages(&self) -> impl FnMut(&Stage<'_>) -> ControlFlow<()> {
+        let mut move_on = self.callback();
+        move |stage| {
+            if !self.0.is_hidden() {
+                self.0.set_message(at_work(stage));
+            }
+            move_on(stage.fraction)
+        }
+    }
+
     /// The callback for the library: moves the bar, and passes ctrl-C on.
     pub fn callback(&self) -> impl FnMut(f64) -> ControlFlow<()> {
         |fraction| {
@@ -52,6 +64,22 @@ impl Bar {
             if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         }
     }
+}
+
+/// `lstm: epoch 12 of 200, loss 0.0123, validation 0.0456, 35 s left`.
+fn at_work(stage: &Stage<'_>) -> String {
+    let Some(method) = stage.method else { return String::from("judging") };
+    let Some(status) = stage.training else { return String::from(method.name()) };
+    let figure = |name: &str, x: f64| if x.is_finite() { format!(", {name} {x:.4}") } else { String::new() };
+    format!(
+        "{}: epoch {} of {}{}{}, {:.0} s left",
+        method.name(),
+        status.epoch,
+        status.epochs,
+        figure("loss", status.train_loss),
+        figure("validation", status.validation),
+        status.seconds_left.max(0.0)
+    )
 }
 
 impl Drop for Bar {

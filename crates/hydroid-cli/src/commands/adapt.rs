@@ -14,6 +14,8 @@ use crate::{logs, ui};
 
 pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
+    // Said before the log is read: no log would change it.
+    adapt::adaptable(&model).with_context(|| format!("{} cannot be adapted", args.model.display()))?;
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
     let raw = if args.run == Path::new("-") {
         log::read_from(std::io::stdin().lock(), "standard input")?

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use hydroid::excitation::Excitation;
-use hydroid::identify::{self, Identified, Job, Members, SindySettings};
+use hydroid::identify::{self, Identified, Job, Members, Method, Networks, SindySettings};
 use hydroid::log::{InputDelay, Note, Split, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::report::{self, Context};
@@ -46,7 +46,18 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         None => Config::default(),
     };
     let seed = args.seed.or(config.identify.seed).unwrap_or(0);
-    let Config { log, split, identify, mut sindy } = config;
+    let Config { log, split, identify, mut sindy, network, lstm, gru, rnn, mut ranges } = config;
+    let budget = args.budget.or(identify.budget).map(|budget| budget.0);
+    let checkpoints = Some(args.output.clone());
+    let mut networks =
+        Networks { all: network, lstm, gru, rnn, budget_s: budget, checkpoints, resume: args.resume };
+    said_of_networks(args, &mut networks);
+    for said in &args.ranges {
+        if args.ranges.iter().filter(|other| other.name == said.name).count() > 1 {
+            bail!("--range gives '{}' twice: say which of the two it is", said.name);
+        }
+        ranges.insert(said.name.clone(), said.range.clone());
+    }
     let pick = |said: &[PathBuf], configured: Vec<PathBuf>| {
         if said.is_empty() { configured } else { said.to_vec() }
     };
@@ -78,20 +89,51 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         horizon,
         origin_stride: args.origin_stride.or(identify.origin_stride).unwrap_or(1),
         seed,
+        ranges,
         sindy,
+        networks,
     };
     let bar = ui::Bar::new("identifying", global);
-    let identified = identify::identify(&job, &mut bar.callback())?;
+    let identified = identify::identify_watched(&job, &mut bar.stages());
     drop(bar);
+    let identified = identified.map_err(|error| resumable(error.into(), &job))?;
     ui::tell(&identified.warnings, global);
     let page = page(&files, &job, &identified, &notes)?;
     let summary = write(&args.output, &identified, &notes, &page)?;
+    // All that they were for is written.
+    for file in kept(&job) {
+        let _ = std::fs::remove_file(file);
+    }
     if global.json {
         super::print_json(&summary)?;
     } else {
         show(&args.output, &identified);
     }
     Ok(if identified.sound() { Outcome::Done } else { Outcome::Missed })
+}
+
+/// Interrupted trainings that are kept.
+fn kept(job: &Job) -> impl Iterator<Item = PathBuf> {
+    let networks = job.methods.iter().copied().filter(|method| method.cell().is_some());
+    networks.filter_map(|method: Method| job.networks.checkpoint(method)).filter(|file| file.exists())
+}
+
+/// An interruption, with what to do to go on.
+fn resumable(error: anyhow::Error, job: &Job) -> anyhow::Error {
+    if !ui::interrupted() || kept(job).next().is_none() {
+        return error;
+    }
+    error.context("the training is kept up to its last epoch: give the same command with --resume to go on")
+}
+
+/// What the command line says about networks goes before the file, for all of them.
+fn said_of_networks(args: &Identify, networks: &mut Networks) {
+    let (epochs, restarts) =
+        (args.epochs.and_then(|n| usize::try_from(n).ok()), args.restarts.map(usize::from));
+    for settings in [&mut networks.all, &mut networks.lstm, &mut networks.gru, &mut networks.rnn] {
+        settings.epochs = epochs.or(settings.epochs);
+        settings.restarts = restarts.or(settings.restarts);
+    }
 }
 
 /// What the command line says about the equations goes before the file.
@@ -251,6 +293,14 @@ fn write(
             "file": file,
             "weights": candidate.model.weights(),
             "train_seconds": candidate.train_seconds,
+            "training": candidate.training.network().map(|trained| json!({
+                "epochs": trained.history.len(),
+                "best_epoch": trained.best_epoch,
+                "restart": trained.restart,
+                "restarts": trained.restarts,
+                "ending": trained.ending,
+                "history": trained.history,
+            })),
             "validation": candidate.validation,
             "test": candidate.test,
         }));
@@ -259,12 +309,32 @@ fn write(
         "models": models,
         "best": identified.best.map(|i| identified.candidates[i].model.description.name.clone()),
         "verdicts": identified.verdicts,
+        "ranges": identified.ranges,
         "warnings": notes.iter().chain(&identified.warnings).collect::<Vec<_>>(),
     });
     atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;
     let text = serde_json::to_string_pretty(&summary)?;
     atomic::write(&folder.join("identify.json"), |out| writeln!(out, "{text}"))?;
     Ok(summary)
+}
+
+/// Which design ranges were stated and which were taken from the training runs, where they decide something.
+fn show_ranges(identified: &Identified) {
+    let networks = identified.candidates.iter().any(|candidate| candidate.model.recurrent().is_some());
+    if !networks && identified.ranges.iter().all(|range| !range.given) {
+        return;
+    }
+    outln!("\ndesign ranges:");
+    for channel in &identified.ranges {
+        outln!(
+            "  {:<12} {:>10.4} to {:<10.4} {:<6} {}",
+            channel.channel.name,
+            channel.range.low,
+            channel.range.high,
+            channel.channel.unit,
+            if channel.given { "as given" } else { "of the training runs" }
+        );
+    }
 }
 
 fn model_file(folder: &Path, name: &str) -> PathBuf {
@@ -275,23 +345,26 @@ fn show(folder: &Path, identified: &Identified) {
     for candidate in &identified.candidates {
         let model = &candidate.model;
         outln!(
-            "{}: {} coefficients, chosen among {} settings in {:.2} s",
+            "{}: {} {}, {} in {:.2} s",
             model.description.name,
             model.weights(),
-            candidate.found().trials.len(),
+            if model.recurrent().is_some() { "weights" } else { "coefficients" },
+            candidate.training.effort(),
             candidate.train_seconds
         );
         // Where a model that learns starts from is for `inspect`: it has all terms, and they do not stay.
         if model.learning.is_some() {
             outln!("  equations that keep learning on the way; what follows was predicted while learning");
         } else {
-            for equation in model.equations_text() {
-                outln!("  {equation}");
+            let equations = model.equations().map(|motion| motion.equations_text()).unwrap_or_default();
+            for line in equations.into_iter().chain(model.network_text()) {
+                outln!("  {line}");
             }
         }
         outln!("\non the test runs:");
         ui::write_out(format_args!("{}", table::errors(&candidate.test)));
     }
+    show_ranges(identified);
     let best = identified.best.map(|best| identified.candidates[best].model.description.name.as_str());
     match best {
         Some(name) => outln!("\nbest on the validation runs: {name}; on the test runs it is"),

@@ -7,7 +7,8 @@ use std::path::Path;
 use anyhow::bail;
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection};
-use hydroid::model::{self, Model, Reading};
+use hydroid::model::{self, Model, Motion, Reading};
+use hydroid_core::model::recurrent::Base;
 use serde_json::json;
 
 use super::Outcome;
@@ -24,7 +25,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
         if is_model(file) {
             let model = model::read(file)?;
             if args.latex {
-                ui::write_out(format_args!("{}{}", model.equations_latex(), model.units_latex()));
+                ui::write_out(format_args!("{}", latex(file, &model)?));
             } else if global.json {
                 documents.push(model_json(file, &model));
             } else {
@@ -68,28 +69,84 @@ fn is_model(path: &Path) -> bool {
         && head[4..8] == [0; 4]
 }
 
+/// The equations of a model, or those that a network corrects.
+fn latex(file: &Path, model: &Model) -> anyhow::Result<String> {
+    if let Some(motion) = model.equations() {
+        return Ok(format!("{}{}", motion.equations_latex(), motion.units_latex()));
+    }
+    let Some(base) = model.base_equations() else {
+        bail!(
+            "{} is a recurrent network and has no equations: `hydroid inspect` without --latex tells what it is. For equations identify with --methods sindy",
+            file.display()
+        );
+    };
+    Ok(format!(
+        "% These equations alone are not the model: a recurrent network corrects what they predict.\n{}{}",
+        base.equations_latex(),
+        base.units_latex()
+    ))
+}
+
 fn model_json(file: &Path, model: &Model) -> serde_json::Value {
-    json!({
+    let mut document = json!({
         "file": file,
         "kind": model.kind(),
         "weights": model.weights(),
         "description": model.description,
-        "equations": model.equations_text(),
-        "latex": model.equations_latex(),
-        "latex_units": model.units_latex(),
-        "coefficients": model.coefficients(),
-        "jacobian": model.jacobian_text(),
-    })
+    });
+    let equations = |motion: Motion<'_>| {
+        json!({
+            "equations": motion.equations_text(),
+            "latex": motion.equations_latex(),
+            "latex_units": motion.units_latex(),
+            "coefficients": motion.coefficients(),
+            "jacobian": motion.jacobian_text(),
+        })
+    };
+    if let Some(serde_json::Value::Object(parts)) = model.equations().map(equations) {
+        document.as_object_mut().into_iter().for_each(|object| object.extend(parts.clone()));
+    }
+    if let Some(recurrent) = model.recurrent() {
+        document["network"] = json!({
+            "text": model.network_text(),
+            "network": recurrent.network,
+            "feedback": recurrent.feedback,
+            "wash_out": recurrent.wash_out,
+            "wash_out_s": recurrent.wash_out as f64 * model.description.dt,
+            "state": recurrent.network.state_len(),
+            "state_filter": recurrent.state_filter,
+            "scaling": {
+                "output_mean": recurrent.scaling.output_mean,
+                "output_scale": recurrent.scaling.output_scale,
+                "input_mean": recurrent.scaling.input_mean,
+                "input_scale": recurrent.scaling.input_scale,
+                "correction_scale": recurrent.scaling.correction_scale,
+            },
+            "tensors": recurrent.network.tensors().iter().map(|t| json!({"name": t.name, "shape": t.shape()})).collect::<Vec<_>>(),
+            "base": match &recurrent.base {
+                Base::Nothing => "nothing",
+                Base::Hold => "hold",
+                Base::Equations(_) => "equations",
+            },
+            "base_equations": model.base_equations().map(equations),
+        });
+    }
+    document
 }
 
 fn show_model(file: &Path, model: &Model) {
     let d = &model.description;
-    outln!("{}: {} model '{}', {} coefficients", file.display(), model.kind(), d.name, model.weights());
+    let numbers = if model.recurrent().is_some() { "weights" } else { "coefficients" };
+    outln!("{}: {} model '{}', {} {numbers}", file.display(), model.kind(), d.name, model.weights());
     outln!("sample time {} s", d.dt);
+    let given = d.provenance.settings["ranges_given"].as_array();
+    let stated: Vec<&str> = given.into_iter().flatten().filter_map(serde_json::Value::as_str).collect();
     for (what, ports) in [("output", &d.outputs), ("input", &d.inputs)] {
         for port in ports {
+            // Of a range that was stated the model may have seen a part, or more.
+            let meant = if stated.contains(&port.channel.name.as_str()) { "meant" } else { "trained" };
             outln!(
-                "{what:<7} {:<12} {:<8} trained from {:.4} to {:.4}",
+                "{what:<7} {:<12} {:<8} {meant} from {:.4} to {:.4}",
                 port.channel.name,
                 port.channel.unit,
                 port.range.low,
@@ -97,14 +154,10 @@ fn show_model(file: &Path, model: &Model) {
             );
         }
     }
-    outln!("equations:");
-    for equation in model.equations_text() {
-        outln!("  {equation}");
+    if let Some(motion) = model.equations() {
+        show_equations("equations", motion);
     }
-    outln!("units of the coefficients:");
-    for line in model.units_text() {
-        outln!("  {line}");
-    }
+    show_network(model);
     let p = &d.provenance;
     outln!(
         "made by hydroid {} with seed {} from {}, chosen on {}",
@@ -113,6 +166,45 @@ fn show_model(file: &Path, model: &Model) {
         p.training.join(", "),
         p.validation.join(", ")
     );
+}
+
+fn show_equations(heading: &str, motion: Motion<'_>) {
+    outln!("{heading}:");
+    for equation in motion.equations_text() {
+        outln!("  {equation}");
+    }
+    outln!("units of the coefficients:");
+    for line in motion.units_text() {
+        outln!("  {line}");
+    }
+}
+
+fn show_network(model: &Model) {
+    if model.recurrent().is_none() {
+        return;
+    }
+    outln!("network:");
+    for line in model.network_text() {
+        outln!("  {line}");
+    }
+    outln!("scaling:");
+    for line in model.scaling_text() {
+        outln!("  {line}");
+    }
+    if let Some(base) = model.base_equations() {
+        show_equations("equations that it corrects", base);
+    }
+    let settings = &model.description.provenance.settings;
+    let number = |key: &str| settings[key].as_f64();
+    if let (Some(best), Some(epochs)) = (number("best_epoch"), number("epochs")) {
+        let figure =
+            |name: &str, value: Option<f64>| value.map_or_else(String::new, |x| format!(", {name} {x:.4}"));
+        outln!(
+            "trained for {epochs} epochs, weights of epoch {best}{}{}",
+            figure("loss", number("train_loss")),
+            figure("validation NRMSE", number("validation"))
+        );
+    }
 }
 
 fn show_log(inspection: &Inspection) {

@@ -23,7 +23,7 @@ use serde::Serialize;
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
-use crate::model::{Body, Members, Model};
+use crate::model::{Body, Members, Model, Motion};
 use crate::progress::Progress;
 use watch::Watched;
 
@@ -168,14 +168,21 @@ pub fn settings(model: &Model, options: &Options) -> Result<Settings, AdaptError
     })
 }
 
+/// The equations that are adapted.
+///
+/// # Errors
+/// If the model is not made of equations.
+pub fn adaptable(model: &Model) -> Result<Motion<'_>, AdaptError> {
+    model.equations().ok_or_else(|| AdaptError::Kind { kind: model.kind() })
+}
+
 /// The session that adapts a model, and the settings that it was made with.
 ///
 /// # Errors
 /// If the options do not fit the model.
 pub fn adapter(model: &Model, options: &Options) -> Result<(RecursiveEquations, Used), AdaptError> {
     let settings = settings(model, options)?;
-    let motion = model.equations().ok_or_else(|| AdaptError::Kind { kind: model.kind() })?;
-    let adapter = motion.learner(&settings).map_err(AdaptError::Settings)?;
+    let adapter = adaptable(model)?.learner(&settings).map_err(AdaptError::Settings)?;
     let used = Used {
         forgetting_s: settings.forgetting_s,
         window_s: settings.window as f64 * model.description.dt,

@@ -183,13 +183,8 @@ fn a_useless_or_diverging_model_is_called_that_first() {
 #[test]
 fn without_candidates_there_is_a_page_that_says_so() {
     let (job, _) = identified();
-    let nothing = Identified {
-        candidates: vec![],
-        best: None,
-        verdicts: vec![],
-        warnings: vec![],
-        ranges: vec![],
-    };
+    let nothing =
+        Identified { candidates: vec![], best: None, verdicts: vec![], warnings: vec![], ranges: vec![] };
     assert!(page(&nothing, &job.split).contains("Nothing was identified."));
     let empty = Split { train: vec![], validation: vec![], test: vec![], notes: vec![] };
     assert!(page(&nothing, &empty).contains("There are no runs."));

@@ -1,12 +1,17 @@
 //! What can be said on the command line.
 
-use std::path::PathBuf;
-use std::str::FromStr;
+mod identify;
+mod values;
 
-use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+use clap::{Args as ClapArgs, Parser, Subcommand};
 use hydroid::adapt::{FORGETTING_S as FORGETTING, PRIOR_S as PRIOR};
-use hydroid::identify::{self, GateSetting, Lags};
 use hydroid::log::{CommandTiming, InputDelay};
+
+pub use identify::Identify;
+use values::parse_timing;
+pub use values::{Against, Duration, Horizon, Method, NamedRange, Origin};
 
 /// Learns how a surface vessel moves from its own log.
 #[derive(Debug, Parser)]
@@ -129,103 +134,6 @@ pub struct Inspect {
     pub log: LogArgs,
 }
 
-/// Learn a model from logs, judge it on runs that were held back, and write a report
-#[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid identify -o demo                                     no log: simulates a hydrofoil and identifies it
-  hydroid identify a.csv b.csv c.csv -o out                    three runs: trains on a, chooses on b, tests on c
-  hydroid identify a.csv --validate b.csv --test c.csv --outputs u,v,r --inputs n,delta -o out
-  hydroid identify long.csv -o out                             one run: 60 % / 20 % / 20 % in blocks
-  hydroid identify a.csv b.csv c.csv --gate u=2.5/12 --lag n=1.5 --dissipative -o out
-  hydroid identify a.csv b.csv c.csv --library 'marine + rational' --constraint 'v: u r = r: u v' -o out
-  hydroid identify a.csv b.csv c.csv --term u --term 'u |u|' --term 'n |n|' --lag none --gate none -o out
-  hydroid identify -c hydroid.toml -o out
-
-A configuration file can hold all of it but --methods; what the command line says goes before:
-  [log]                                  [split]                     [identify]
-  time = \"t_s\"                           train = [\"a.csv\"]           horizon = \"10s\"
-  outputs = [\"u=u_mps [m/s]\", \"v\"]       validate = [\"b.csv\"]
-  inputs = [\"n\", \"delta [deg]\"]          test = [\"c.csv\"]
-  wind = { speed = \"ws\", direction = \"wd\" }
-
-  [sindy]
-  library = \"marine\"           terms = [\"u |u|\", \"v r\"]            lag = { n = 1.5 }    (or \"auto\", \"none\")
-  dissipative = true           constraints = [\"u: n |n| >= 0\"]    gate = { output = \"u\", centre = 2.5, slope = 12 }
-  huber = 1.345                members = 50")]
-pub struct Identify {
-    /// Training logs, or all logs where none is named for validation and test
-    #[arg(value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Configuration file (default: hydroid.toml, if there is one in this folder)
-    #[arg(long, short, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// Logs on which, beside the training logs, settings are chosen
-    #[arg(long, num_args = 1.., value_name = "LOG")]
-    pub validate: Vec<PathBuf>,
-    /// Logs on which the chosen model is judged
-    #[arg(long, num_args = 1.., value_name = "LOG")]
-    pub test: Vec<PathBuf>,
-    /// Methods, separated by commas
-    #[arg(long, value_delimiter = ',', default_value = "sindy,lagged,recursive")]
-    pub methods: Vec<Method>,
-    /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)
-    #[arg(long, value_name = "N|Ns")]
-    pub horizon: Option<Horizon>,
-    /// Samples between the origins of the final evaluation (default: 1)
-    #[arg(long, value_name = "N")]
-    pub origin_stride: Option<usize>,
-    /// The one library to use: families joined by +: degree N, marine, marine cubic, x|x|, x|y|, trigonometric,
-    /// rational, 'inputs x outputs'; ', no constant' behind (default: marine and polynomials up to degree 2 are tried)
-    #[arg(long, value_name = "FAMILIES", help_heading = "Equations")]
-    pub library: Option<String>,
-    /// A term in words, as in 'u |u|' or 'n |n| sin(delta)'; may be repeated. Added to --library or --degree, the
-    /// whole library without them
-    #[arg(long = "term", value_name = "TERM", help_heading = "Equations")]
-    pub terms: Vec<String>,
-    /// What a coefficient must obey, as in 'u: u |u| <= 0', or 'v: u r = r: u v'; may be repeated
-    #[arg(long = "constraint", value_name = "OUTPUT: TERM <= 0", help_heading = "Equations")]
-    pub constraints: Vec<String>,
-    /// Damping may not push: coefficients of y and y |y| in the equation of y are not positive
-    #[arg(long, help_heading = "Equations")]
-    pub dissipative: bool,
-    /// Actuators that follow their commands with a lag: auto (looked for), none, or time constants [s]:
-    /// n=1.5,delta=0.3 (default: auto)
-    #[arg(long, value_name = "auto|none|LIST", help_heading = "Equations")]
-    pub lag: Option<Lags>,
-    /// Where the equations change: auto (looked for), none, or OUTPUT=CENTRE/SLOPE: u=2.5/12 (default: auto)
-    #[arg(long, value_name = "auto|none|GATE", help_heading = "Equations")]
-    pub gate: Option<GateSetting>,
-    /// Count residuals beyond so many standard deviations linearly, so that spikes hardly matter: 1.345 is
-    /// usual (default: least squares)
-    #[arg(long, value_name = "X", allow_negative_numbers = true, help_heading = "Equations")]
-    pub huber: Option<f64>,
-    /// Members of the ensemble that gives coefficients their intervals and rollouts their bands; 0 for none
-    /// (default: 50)
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1000), help_heading = "Equations")]
-    pub members: Option<u16>,
-    /// Degree of the polynomial library (default: 1 and 2 are tried)
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = "Equations", conflicts_with = "library")]
-    pub degree: Option<u8>,
-    /// Select terms by thresholded least squares: drop those that move an output by less than this many of
-    /// its standard deviations per second (default: backward elimination and BIC)
-    #[arg(long, value_name = "X", allow_negative_numbers = true, help_heading = "Equations")]
-    pub threshold: Option<f64>,
-    /// Regress over this time [s] (default: one sample, what the noise asks for and shares of the horizon are tried)
-    #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Equations")]
-    pub window: Option<f64>,
-    /// Ridge penalty (default: several are tried)
-    #[arg(long, value_name = "X", allow_negative_numbers = true, help_heading = "Equations")]
-    pub ridge: Option<f64>,
-    /// Seed of everything random (default: 0)
-    #[arg(long)]
-    pub seed: Option<u64>,
-    /// Folder for the models, report.html and identify.json
-    #[arg(long, short, value_name = "DIR")]
-    pub output: PathBuf,
-    #[command(flatten)]
-    pub log: LogArgs,
-}
-
 /// Judge a model on logs: errors by horizon and channel beside persistence
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
@@ -341,87 +249,4 @@ pub struct LogArgs {
     /// Step [s] to resample to (default: the log's own), or of the rows of a log without a time column
     #[arg(long = "dt", value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,
-}
-
-fn parse_timing(text: &str) -> Result<CommandTiming, String> {
-    match text {
-        "before" => Ok(CommandTiming::Before),
-        "after" => Ok(CommandTiming::After),
-        _ => Err(String::from(
-            "write before (a row's command acts from that row on) or after (it acted until that row)",
-        )),
-    }
-}
-
-/// A horizon in samples or in seconds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Horizon {
-    Samples(usize),
-    Seconds(f64),
-}
-
-impl Horizon {
-    /// In samples of `dt` seconds; a time that is not a whole number of samples is rounded.
-    pub fn samples(self, dt: f64) -> usize {
-        match self {
-            Self::Samples(n) => n,
-            // Positive by parsing; larger than any log saturates, and is refused as too long.
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-            Self::Seconds(s) => (s / dt).round() as usize,
-        }
-    }
-}
-
-impl FromStr for Horizon {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let bad = || format!("'{text}' is neither a number of samples (100) nor of seconds (10s)");
-        match text.strip_suffix('s') {
-            Some(seconds) => {
-                let seconds: f64 = seconds.trim().parse().map_err(|_| bad())?;
-                if seconds.is_finite() && seconds > 0.0 { Ok(Self::Seconds(seconds)) } else { Err(bad()) }
-            }
-            None => text.parse().map(Self::Samples).map_err(|_| bad()),
-        }
-    }
-}
-
-/// Methods of identification.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Method {
-    /// Sparse equations of motion
-    Sindy,
-    /// The same with outputs and inputs of some time ago
-    Lagged,
-    /// Equations that keep learning on the way
-    Recursive,
-}
-
-impl From<Method> for identify::Method {
-    fn from(method: Method) -> Self {
-        match method {
-            Method::Sindy => Self::Sindy,
-            Method::Lagged => Self::Lagged,
-            Method::Recursive => Self::Recursive,
-        }
-    }
-}
-
-/// What the model sees before it predicts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Origin {
-    /// The measurements
-    Measured,
-    /// The true outputs of a simulated log
-    True,
-}
-
-/// What predictions are compared with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Against {
-    /// The measurements
-    Measurement,
-    /// The true outputs of a simulated log
-    Truth,
 }

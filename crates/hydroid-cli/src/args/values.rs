@@ -1,0 +1,147 @@
+//! Values that options take.
+
+use std::str::FromStr;
+
+use clap::ValueEnum;
+use hydroid::identify::{self, GivenRange};
+use hydroid::log::CommandTiming;
+
+pub(super) fn parse_timing(text: &str) -> Result<CommandTiming, String> {
+    match text {
+        "before" => Ok(CommandTiming::Before),
+        "after" => Ok(CommandTiming::After),
+        _ => Err(String::from(
+            "write before (a row's command acts from that row on) or after (it acted until that row)",
+        )),
+    }
+}
+
+/// A length of time \[s\]: `90`, `90s`, `5m`, `1.5h`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Duration(pub f64);
+
+impl FromStr for Duration {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        let (number, unit) = match text.find(|c: char| c.is_ascii_alphabetic()) {
+            // The exponent of 1e3 is no unit.
+            Some(at) if !text[at..].starts_with(['e', 'E']) => text.split_at(at),
+            _ => (text, "s"),
+        };
+        let factor = match unit.trim() {
+            "s" | "sec" => Some(1.0),
+            "m" | "min" => Some(60.0),
+            "h" => Some(3600.0),
+            _ => None,
+        };
+        let seconds = factor.and_then(|factor| Some(factor * number.trim().parse::<f64>().ok()?));
+        match seconds.filter(|s| s.is_finite() && *s > 0.0) {
+            Some(seconds) => Ok(Self(seconds)),
+            None => Err(format!(
+                "'{text}' is no length of time: write seconds (90, 90s), minutes (5m) or hours (1h)"
+            )),
+        }
+    }
+}
+
+/// A design range and its channel: `u=0:6`, `u=0:12 [kn]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedRange {
+    pub name: String,
+    pub range: GivenRange,
+}
+
+impl FromStr for NamedRange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, range) = text.split_once('=').ok_or_else(|| {
+            format!("'{text}' is no range: write NAME=LOW:HIGH, as in u=0:6, or u=0:12 [kn]")
+        })?;
+        Ok(Self { name: name.trim().to_owned(), range: range.parse()? })
+    }
+}
+
+/// A horizon in samples or in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Horizon {
+    Samples(usize),
+    Seconds(f64),
+}
+
+impl Horizon {
+    /// In samples of `dt` seconds; a time that is not a whole number of samples is rounded.
+    pub fn samples(self, dt: f64) -> usize {
+        match self {
+            Self::Samples(n) => n,
+            // Positive by parsing; larger than any log saturates, and is refused as too long.
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            Self::Seconds(s) => (s / dt).round() as usize,
+        }
+    }
+}
+
+impl FromStr for Horizon {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let bad = || format!("'{text}' is neither a number of samples (100) nor of seconds (10s)");
+        match text.strip_suffix('s') {
+            Some(seconds) => {
+                let seconds: f64 = seconds.trim().parse().map_err(|_| bad())?;
+                if seconds.is_finite() && seconds > 0.0 { Ok(Self::Seconds(seconds)) } else { Err(bad()) }
+            }
+            None => text.parse().map(Self::Samples).map_err(|_| bad()),
+        }
+    }
+}
+
+/// Methods of identification.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Method {
+    /// Sparse equations of motion
+    Sindy,
+    /// The same with outputs and inputs of some time ago
+    Lagged,
+    /// Equations that keep learning on the way
+    Recursive,
+    /// A recurrent network with LSTM cells
+    Lstm,
+    /// A recurrent network with GRU cells
+    Gru,
+    /// A vanilla recurrent network
+    Rnn,
+}
+
+impl From<Method> for identify::Method {
+    fn from(method: Method) -> Self {
+        match method {
+            Method::Sindy => Self::Sindy,
+            Method::Lagged => Self::Lagged,
+            Method::Recursive => Self::Recursive,
+            Method::Lstm => Self::Lstm,
+            Method::Gru => Self::Gru,
+            Method::Rnn => Self::Rnn,
+        }
+    }
+}
+
+/// What the model sees before it predicts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Origin {
+    /// The measurements
+    Measured,
+    /// The true outputs of a simulated log
+    True,
+}
+
+/// What predictions are compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Against {
+    /// The measurements
+    Measurement,
+    /// The true outputs of a simulated log
+    Truth,
+}
