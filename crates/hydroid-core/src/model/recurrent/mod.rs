@@ -1,7 +1,15 @@
 //! Recurrent networks: vanilla, GRU and LSTM cells with a linear read-out.
 
+mod check;
+mod layout;
 mod model;
 mod network;
+mod session;
+mod single;
 
-pub use model::{Base, Recurrent, Scaling};
+pub use check::{Part, RecurrentError};
+pub use layout::{GateRow, LayerLayout, Layout};
+pub use model::{Base, Recurrent, Scaling, StateFilter};
 pub use network::{Cell, Network, NetworkError, Tensor};
+pub use session::RecurrentSession;
+pub use single::Packed;
