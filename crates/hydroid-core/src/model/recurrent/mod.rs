@@ -12,4 +12,4 @@ pub use layout::{GateRow, LayerLayout, Layout};
 pub use model::{Base, Recurrent, Scaling, StateFilter};
 pub use network::{Cell, Network, NetworkError, Tensor};
 pub use session::RecurrentSession;
-pub use single::Packed;
+pub use single::{Change, Gradient, LayerPartials, Linearization, Packed};

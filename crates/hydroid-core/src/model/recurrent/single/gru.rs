@@ -20,3 +20,18 @@ pub(super) fn forward<T: Scalar>(gates: &mut [T], h: &mut [T]) {
         h[j] = candidate[j] + update[j] * (h[j] - candidate[j]);
     }
 }
+
+/// Local partials of `h+` with respect to the input's sums `a` and the state's sums `b`, both `[r z n]` (`3 n`), and
+/// to `h` by itself, from what [`forward`] left; `h` is that of before.
+pub(super) fn partials<T: Scalar>(gates: &[T], h: &[T], a: &mut [T], b: &mut [T], carry: &mut [T]) {
+    let (len, one) = (h.len(), T::one());
+    for j in 0..len {
+        let (n, r, z, b_n) = (gates[j], gates[len + j], gates[2 * len + j], gates[3 * len + j]);
+        let of_n = (one - z) * (one - n * n);
+        let of_r = of_n * b_n * r * (one - r);
+        let of_z = (h[j] - n) * z * (one - z);
+        (a[j], a[len + j], a[2 * len + j]) = (of_r, of_z, of_n);
+        (b[j], b[len + j], b[2 * len + j]) = (of_r, of_z, of_n * r);
+        carry[j] = z;
+    }
+}

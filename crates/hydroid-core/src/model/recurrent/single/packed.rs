@@ -200,9 +200,10 @@ impl<T: Scalar> Packed<T> {
     }
 }
 
-/// `sums += columns x`, four columns at a time: each pass over the sums costs a load and a store of all of them.
+/// `sums += columns x`, where `columns` holds as many columns as `x` numbers, one after the other (or the rows of a
+/// matrix of which a sum is wanted); four columns at a time: each pass over the sums costs a load and a store of all of them.
 #[inline]
-fn add_product<T: Scalar>(sums: &mut [T], columns: &[T], x: &[T]) {
+pub(super) fn add_product<T: Scalar>(sums: &mut [T], columns: &[T], x: &[T]) {
     let n = sums.len();
     let mut fours = columns.chunks_exact(4 * n);
     let mut values = x.chunks_exact(4);

@@ -8,3 +8,10 @@ pub(super) fn forward<T: Scalar>(sums: &mut [T], h: &mut [T]) {
     math::tanh(sums);
     h.copy_from_slice(sums);
 }
+
+/// Local partials of `h+` with respect to the sums, from `h+`.
+pub(super) fn partials<T: Scalar>(h: &[T], sums: &mut [T]) {
+    for (partial, &h) in sums.iter_mut().zip(h) {
+        *partial = T::one() - h * h;
+    }
+}
