@@ -4,8 +4,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::super::network::Cell;
+use super::super::{gru, lstm, vanilla};
 use super::packed::Packed;
-use super::{gru, lstm, vanilla};
 use crate::math::Scalar;
 
 /// The partials of one step, `state+ = f(state, x, weights)` and `y = g(state+, weights)`.
@@ -50,8 +50,8 @@ pub struct LayerPartials<T> {
     carry: Vec<T>,
     /// As [`Packed::layer_step`] leaves it.
     scratch: Vec<T>,
-    /// Where in it stands what a projection reads.
-    projected_at: usize,
+    /// Adjoints of the results, one unit wide.
+    adjoint: Vec<T>,
 }
 
 impl<T: Scalar> LayerPartials<T> {
@@ -85,9 +85,9 @@ impl<T: Scalar> LayerPartials<T> {
         self.h_at
     }
 
-    /// What a projection multiplies (`n`): the last result.
+    /// What the projection of an LSTM multiplies (`n`), `s(o) . tanh(c+)`: its last result.
     pub fn projected(&self) -> &[T] {
-        &self.scratch[self.projected_at..][..self.units]
+        &self.scratch[5 * self.units..][..self.units]
     }
 
     /// Partials of a result of each unit with respect to its row of `a = W_ih x + b_ih` of a gate. Those of an LSTM's
@@ -105,6 +105,39 @@ impl<T: Scalar> LayerPartials<T> {
     /// Partials of a result of each unit with respect to what it carries over by itself; zero for a vanilla network.
     pub fn carry(&self, result: usize) -> &[T] {
         &self.carry[result * self.units..][..self.units]
+    }
+}
+
+impl<T: Scalar> LayerPartials<T> {
+    /// Partials of the step that was just made: what the cell's way back in time gives of an adjoint of one.
+    fn differentiate(&mut self, cell: Cell, after: &[T]) {
+        let (n, one, adjoint) = (self.units, T::one(), &mut self.adjoint);
+        match cell {
+            Cell::Lstm { .. } => {
+                let (gates, tanh) = (&self.scratch[..4 * n], &self.scratch[4 * n..5 * n]);
+                let results = self.input.chunks_exact_mut(4 * n).zip(self.carry.chunks_exact_mut(n));
+                for (result, (partials, carry)) in results.enumerate() {
+                    partials.copy_from_slice(gates);
+                    adjoint.fill(if result == 0 { T::zero() } else { one });
+                    carry.fill(if result == 0 { one } else { T::zero() });
+                    lstm::backward(partials, &self.before[..n], tanh, adjoint, carry);
+                }
+                self.hidden.copy_from_slice(&self.input);
+            }
+            Cell::Gru { .. } => {
+                let gates = &mut self.scratch[..4 * n];
+                self.carry.fill(one);
+                gru::backward(gates, &self.before, &mut self.carry);
+                self.input.copy_from_slice(&gates[..3 * n]);
+                self.hidden[..2 * n].copy_from_slice(&gates[..2 * n]);
+                self.hidden[2 * n..].copy_from_slice(&gates[3 * n..]);
+            }
+            Cell::Vanilla { .. } => {
+                self.input.fill(one);
+                vanilla::backward(after, &mut self.input);
+                self.hidden.copy_from_slice(&self.input);
+            }
+        }
     }
 }
 
@@ -128,7 +161,7 @@ impl<T: Scalar> Linearization<T> {
             hidden: vec![T::zero(); results * gates * units],
             carry: vec![T::zero(); results * units],
             scratch: vec![T::zero(); packed.scratch()],
-            projected_at: packed.scratch() - units,
+            adjoint: vec![T::zero(); units],
         };
         let layers = packed.layout().layers.iter().map(|place| layer(place.reads)).collect();
         Self { layers, shown: vec![T::zero(); cell.shown()] }
@@ -147,23 +180,7 @@ impl<T: Scalar> Linearization<T> {
             layer.x.copy_from_slice(&x[..reads]);
             layer.before.copy_from_slice(own);
             packed.layer_step(index, x, own, &mut layer.scratch);
-            let n = layer.units;
-            match packed.network().cell {
-                Cell::Lstm { .. } => {
-                    let (gates, rest) = layer.scratch.split_at(4 * n);
-                    let c = &layer.before[..n];
-                    lstm::partials(gates, &rest[..n], c, &mut layer.input, &mut layer.carry);
-                    layer.hidden.copy_from_slice(&layer.input);
-                }
-                Cell::Gru { .. } => {
-                    let (a, b) = (&mut layer.input, &mut layer.hidden);
-                    gru::partials(&layer.scratch, &layer.before, a, b, &mut layer.carry);
-                }
-                Cell::Vanilla { .. } => {
-                    vanilla::partials(own, &mut layer.input);
-                    layer.hidden.copy_from_slice(&layer.input);
-                }
-            }
+            layer.differentiate(packed.network().cell, own);
         }
         self.shown.copy_from_slice(packed.shown(state));
     }

@@ -1,13 +1,10 @@
 //! One sequence at a time, as on board: a step of the network, and its derivatives.
 
 mod dense;
-mod gru;
 mod linearization;
-mod lstm;
 mod packed;
 mod products;
 mod transposed;
-mod vanilla;
 
 pub use linearization::{LayerPartials, Linearization};
 pub use packed::Packed;

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use super::super::layout::{LayerLayout, Layout};
 use super::super::network::{Cell, Network};
-use super::{gru, lstm, vanilla};
+use super::super::{gru, lstm, vanilla};
 use crate::math::Scalar;
 
 /// A network's weights as a step of one sequence reads them fastest: the gates' matrices column by column, so that
@@ -25,55 +25,71 @@ pub struct Packed<T> {
     layers: Vec<Columns<T>>,
 }
 
-/// A layer's gates. `sums = bias`, then `sums[..input rows] += input x`, `sums[hidden_at..] += hidden h`.
+/// A layer's gates:
+///
+/// ```text
+/// sums = bias
+/// sums[..rows]              += input x
+/// sums[..rows - apart rows] += hidden h
+/// sums[rows..]              += apart h
+/// ```
+///
+/// Only the GRU's `b_n` stands apart from what the input gives.
 #[derive(Clone, Debug, PartialEq)]
 struct Columns<T> {
     bias: Vec<T>,
     input: Vec<T>,
     hidden: Vec<T>,
-    /// Where the rows of `hidden` begin among the sums.
-    hidden_at: usize,
-    /// Row of the weights that is the first among the rows of `input`.
-    first_input: usize,
+    apart: Vec<T>,
+    /// Rows of `apart`.
+    apart_rows: usize,
 }
 
 impl<T: Scalar> Columns<T> {
-    /// The GRU's sums stand as [`gru::forward`] wants them: `[a_n r z b_n]`.
     fn new(cell: Cell, layer: &LayerLayout) -> Self {
-        let (hidden_at, first_input) =
-            if let Cell::Gru { hidden } = cell { (hidden, 2 * hidden) } else { (0, 0) };
+        let apart_rows = if let Cell::Gru { hidden } = cell { hidden } else { 0 };
         Self {
-            bias: vec![T::zero(); layer.rows + hidden_at],
+            bias: vec![T::zero(); layer.rows + apart_rows],
             input: vec![T::zero(); layer.rows * layer.reads],
-            hidden: vec![T::zero(); layer.rows * layer.shown],
-            hidden_at,
-            first_input,
+            hidden: vec![T::zero(); (layer.rows - apart_rows) * layer.shown],
+            apart: vec![T::zero(); apart_rows * layer.shown],
+            apart_rows,
         }
     }
 
     fn fill(&mut self, layer: &LayerLayout, weights: &[T]) {
-        let rows = layer.rows;
-        let (input, hidden) = (&weights[layer.weight_ih.clone()], &weights[layer.weight_hh.clone()]);
+        let joint = layer.rows - self.apart_rows;
+        let hidden = &weights[layer.weight_hh.clone()];
+        transpose(&weights[layer.weight_ih.clone()], layer.reads, &mut self.input);
+        transpose(&hidden[..joint * layer.shown], layer.shown, &mut self.hidden);
+        transpose(&hidden[joint * layer.shown..], layer.shown, &mut self.apart);
         let (bias_ih, bias_hh) = (&weights[layer.bias_ih.clone()], &weights[layer.bias_hh.clone()]);
-        self.bias.fill(T::zero());
-        for row in 0..rows {
-            let from = (row + self.first_input) % rows;
-            self.bias[row] += bias_ih[from];
-            self.bias[self.hidden_at + row] += bias_hh[row];
-            for k in 0..layer.reads {
-                self.input[k * rows + row] = input[from * layer.reads + k];
-            }
-            for k in 0..layer.shown {
-                self.hidden[k * rows + row] = hidden[row * layer.shown + k];
-            }
+        self.bias[..layer.rows].copy_from_slice(bias_ih);
+        for (sum, &b) in self.bias.iter_mut().zip(&bias_hh[..joint]) {
+            *sum += b;
         }
+        self.bias[layer.rows..].copy_from_slice(&bias_hh[joint..]);
     }
 
     #[inline]
-    fn sums(&self, rows: usize, x: &[T], h: &[T], sums: &mut [T]) {
+    fn sums(&self, x: &[T], h: &[T], sums: &mut [T]) {
         sums.copy_from_slice(&self.bias);
+        let rows = sums.len() - self.apart_rows;
         add_product(&mut sums[..rows], &self.input, x);
-        add_product(&mut sums[self.hidden_at..], &self.hidden, h);
+        add_product(&mut sums[..rows - self.apart_rows], &self.hidden, h);
+        if self.apart_rows > 0 {
+            add_product(&mut sums[rows..], &self.apart, h);
+        }
+    }
+}
+
+/// Rows of so many `columns` to columns.
+fn transpose<T: Scalar>(rows: &[T], columns: usize, into: &mut [T]) {
+    let count = rows.len() / columns;
+    for (i, row) in rows.chunks_exact(columns).enumerate() {
+        for (k, &w) in row.iter().enumerate() {
+            into[k * count + i] = w;
+        }
     }
 }
 
@@ -119,8 +135,8 @@ impl<T: Scalar> Packed<T> {
     /// Numbers of scratch that [`step`](Self::step) needs.
     pub fn scratch(&self) -> usize {
         match self.network.cell {
-            Cell::Lstm { hidden, .. } => 6 * hidden,
-            Cell::Gru { hidden } => 4 * hidden,
+            Cell::Lstm { hidden, .. } => 7 * hidden,
+            Cell::Gru { hidden } => 5 * hidden,
             Cell::Vanilla { hidden, .. } => hidden,
         }
     }
@@ -145,32 +161,39 @@ impl<T: Scalar> Packed<T> {
         }
     }
 
-    /// A step of one layer. It leaves in `scratch` what derivatives want: the gates as the cell's `forward` says,
-    /// and of an LSTM `tanh(c+)` and what is projected.
+    /// A step of one layer. It leaves in `scratch` what derivatives want: the gates and, of an LSTM, `tanh(c+)` and
+    /// what is projected; then what an element-wise function reads of the state before.
     #[inline]
     pub(super) fn layer_step(&self, layer: usize, x: &[T], state: &mut [T], scratch: &mut [T]) {
-        let (columns, rows) = (&self.layers[layer], self.layout.layers[layer].rows);
+        let columns = &self.layers[layer];
         let x = &x[..self.layout.layers[layer].reads];
-        let (sums, rest) = scratch.split_at_mut(columns.bias.len());
         match self.network.cell {
             Cell::Lstm { hidden, .. } => {
+                let (gates, rest) = scratch.split_at_mut(4 * hidden);
+                let (tanh, rest) = rest.split_at_mut(hidden);
+                let (shown, rest) = rest.split_at_mut(hidden);
                 let (c, h) = state.split_at_mut(hidden);
-                let (tanh_c, rest) = rest.split_at_mut(hidden);
-                let shown = &mut rest[..hidden];
-                columns.sums(rows, x, h, sums);
-                lstm::forward(sums, c, tanh_c, shown);
+                columns.sums(x, h, gates);
+                let before = &mut rest[..hidden];
+                before.copy_from_slice(c);
+                lstm::forward(gates, before, c, tanh, shown);
                 match &self.layout.projection {
                     Some(place) => product(&self.weights[place.clone()], shown, h),
                     None => h.copy_from_slice(shown),
                 }
             }
-            Cell::Gru { .. } => {
-                columns.sums(rows, x, state, sums);
-                gru::forward(sums, state);
+            Cell::Gru { hidden } => {
+                let (gates, rest) = scratch.split_at_mut(4 * hidden);
+                columns.sums(x, state, gates);
+                let before = &mut rest[..hidden];
+                before.copy_from_slice(state);
+                gru::forward(gates, before, state);
             }
-            Cell::Vanilla { .. } => {
-                columns.sums(rows, x, state, sums);
-                vanilla::forward(sums, state);
+            Cell::Vanilla { hidden, .. } => {
+                let sums = &mut scratch[..hidden];
+                columns.sums(x, state, sums);
+                vanilla::forward(sums);
+                state.copy_from_slice(sums);
             }
         }
     }
