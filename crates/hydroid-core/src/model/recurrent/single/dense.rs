@@ -1,0 +1,65 @@
+//! A step's Jacobians as full matrices, to look at and to test with.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::linearization::Linearization;
+use super::packed::Packed;
+use super::transposed::Gradient;
+use crate::math::Scalar;
+
+/// `rows x columns` from the function that gives a row from a unit vector.
+fn expand<T: Scalar>(rows: usize, columns: usize, mut row: impl FnMut(&[T], &mut [T])) -> Vec<T> {
+    let (mut matrix, mut unit) = (vec![T::zero(); rows * columns], vec![T::zero(); rows]);
+    for (i, into) in matrix.chunks_exact_mut(columns).enumerate() {
+        unit.fill(T::zero());
+        unit[i] = T::one();
+        row(&unit, into);
+    }
+    matrix
+}
+
+impl<T: Scalar> Linearization<T> {
+    /// `df/dstate`, `state x state`, row by row.
+    pub fn dense_state(&self, packed: &Packed<T>) -> Vec<T> {
+        let (n, mut scratch) = (packed.network().state_len(), vec![T::zero(); self.scratch(1)]);
+        expand(n, n, |w, row| {
+            let into = Gradient { state: Some(row), ..Gradient::default() };
+            self.transposed_times(packed, w, 1, into, &mut scratch);
+        })
+    }
+
+    /// `df/dx`, `state x inputs`, row by row.
+    pub fn dense_input(&self, packed: &Packed<T>) -> Vec<T> {
+        let (n, mut scratch) = (packed.network().state_len(), vec![T::zero(); self.scratch(1)]);
+        expand(n, packed.network().inputs, |w, row| {
+            let into = Gradient { input: Some(row), ..Gradient::default() };
+            self.transposed_times(packed, w, 1, into, &mut scratch);
+        })
+    }
+
+    /// `df/dweights`, `state x weights`, row by row.
+    pub fn dense_weights(&self, packed: &Packed<T>) -> Vec<T> {
+        let (n, mut scratch) = (packed.network().state_len(), vec![T::zero(); self.scratch(1)]);
+        expand(n, packed.weights().len(), |w, row| {
+            let into = Gradient { weights: Some(row), ..Gradient::default() };
+            self.transposed_times(packed, w, 1, into, &mut scratch);
+        })
+    }
+
+    /// `dg/dstate+`, `outputs x state`, row by row.
+    pub fn dense_output_state(&self, packed: &Packed<T>) -> Vec<T> {
+        expand(packed.network().outputs, packed.network().state_len(), |w, row| {
+            let into = Gradient { state: Some(row), ..Gradient::default() };
+            self.output_transposed_times(packed, w, 1, into);
+        })
+    }
+
+    /// `dg/dweights`, `outputs x weights`, row by row.
+    pub fn dense_output_weights(&self, packed: &Packed<T>) -> Vec<T> {
+        expand(packed.network().outputs, packed.weights().len(), |w, row| {
+            let into = Gradient { weights: Some(row), ..Gradient::default() };
+            self.output_transposed_times(packed, w, 1, into);
+        })
+    }
+}

@@ -1,0 +1,200 @@
+//! A step and its derivatives, as a product of row-sparse stages.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::super::network::Cell;
+use super::super::{gru, lstm, vanilla};
+use super::packed::Packed;
+use crate::math::Scalar;
+
+/// The partials of one step, `state+ = f(state, x, weights)` and `y = g(state+, weights)`.
+///
+/// They are kept as the stages that a step is made of, and applied stage by stage, never expanded: the Jacobian of an
+/// LSTM's projected state has hardly a zero, its stages hardly anything else. For each layer ([`LayerPartials`])
+///
+/// ```text
+/// a = W_ih x + b_ih,  b = W_hh h + b_hh                  sums: row j of a gate has weights that no other row has
+/// dr_j = sum_gates (input_j da_j + hidden_j db_j) + carry_j ds_j        results of unit j: local
+/// h+ = r, or W_hr r                                       projection; x of the next layer
+/// y = h+, or W h+ + b                                     read-out
+/// ```
+///
+/// where `r` are the results of a unit: `c+` and `s(o) . tanh(c+)` of an LSTM, `h+` of the others; and `s` is what a
+/// unit carries over by itself: `c` of an LSTM, `h` of a GRU.
+///
+/// [`step`](Self::step) makes them; the products are [`times`](Self::times), [`transposed_times`](Self::transposed_times),
+/// [`output_times`](Self::output_times) and [`output_transposed_times`](Self::output_transposed_times). They take the
+/// same weights as the step. Nothing allocates but [`new`](Self::new) and the dense matrices.
+#[derive(Clone, Debug)]
+pub struct Linearization<T> {
+    pub(super) layers: Vec<LayerPartials<T>>,
+    /// `h+` of the last layer, which the read-out reads.
+    pub(super) shown: Vec<T>,
+}
+
+/// Local partials of one layer. Row `gate n + j` of the gates belongs to unit `j`;
+/// [`LayerLayout::row`](super::super::LayerLayout::row) tells its weights.
+#[derive(Clone, Debug)]
+pub struct LayerPartials<T> {
+    units: usize,
+    gates: usize,
+    results: usize,
+    x: Vec<T>,
+    /// The layer's part of the state before the step.
+    before: Vec<T>,
+    /// Where `h` begins in it.
+    h_at: usize,
+    input: Vec<T>,
+    hidden: Vec<T>,
+    carry: Vec<T>,
+    /// As [`Packed::layer_step`] leaves it.
+    scratch: Vec<T>,
+    /// Adjoints of the results, one unit wide.
+    adjoint: Vec<T>,
+}
+
+impl<T: Scalar> LayerPartials<T> {
+    /// Number of units `n`.
+    pub fn units(&self) -> usize {
+        self.units
+    }
+
+    /// Number of gates: 4 (LSTM), 3 (GRU), 1 (vanilla).
+    pub fn gates(&self) -> usize {
+        self.gates
+    }
+
+    /// Number of results of a unit: 2 (LSTM), 1 (GRU, vanilla).
+    pub fn results(&self) -> usize {
+        self.results
+    }
+
+    /// What the layer read, which multiplies `weight_ih`.
+    pub fn x(&self) -> &[T] {
+        &self.x
+    }
+
+    /// `h` before the step, which multiplies `weight_hh`.
+    pub fn h(&self) -> &[T] {
+        &self.before[self.h_at..]
+    }
+
+    /// Where `h` begins in the layer's part of the state.
+    pub(super) fn h_at(&self) -> usize {
+        self.h_at
+    }
+
+    /// What the projection of an LSTM multiplies (`n`), `s(o) . tanh(c+)`: its last result.
+    pub fn projected(&self) -> &[T] {
+        &self.scratch[5 * self.units..][..self.units]
+    }
+
+    /// Partials of a result of each unit with respect to its row of `a = W_ih x + b_ih` of a gate. Those of an LSTM's
+    /// `c+` with respect to its output gate are zero.
+    pub fn input(&self, result: usize, gate: usize) -> &[T] {
+        &self.input[(result * self.gates + gate) * self.units..][..self.units]
+    }
+
+    /// The same for `b = W_hh h + b_hh`; they differ from [`input`](Self::input) in the GRU's `n`, where the reset gate
+    /// stands between.
+    pub fn hidden(&self, result: usize, gate: usize) -> &[T] {
+        &self.hidden[(result * self.gates + gate) * self.units..][..self.units]
+    }
+
+    /// Partials of a result of each unit with respect to what it carries over by itself; zero for a vanilla network.
+    pub fn carry(&self, result: usize) -> &[T] {
+        &self.carry[result * self.units..][..self.units]
+    }
+}
+
+impl<T: Scalar> LayerPartials<T> {
+    /// Partials of the step that was just made: what the cell's way back in time gives of an adjoint of one.
+    fn differentiate(&mut self, cell: Cell, after: &[T]) {
+        let (n, one, adjoint) = (self.units, T::one(), &mut self.adjoint);
+        match cell {
+            Cell::Lstm { .. } => {
+                let (gates, tanh) = (&self.scratch[..4 * n], &self.scratch[4 * n..5 * n]);
+                let results = self.input.chunks_exact_mut(4 * n).zip(self.carry.chunks_exact_mut(n));
+                for (result, (partials, carry)) in results.enumerate() {
+                    partials.copy_from_slice(gates);
+                    adjoint.fill(if result == 0 { T::zero() } else { one });
+                    carry.fill(if result == 0 { one } else { T::zero() });
+                    lstm::backward(partials, &self.before[..n], tanh, adjoint, carry);
+                }
+                self.hidden.copy_from_slice(&self.input);
+            }
+            Cell::Gru { .. } => {
+                let gates = &mut self.scratch[..4 * n];
+                self.carry.fill(one);
+                gru::backward(gates, &self.before, &mut self.carry);
+                self.input.copy_from_slice(&gates[..3 * n]);
+                self.hidden[..2 * n].copy_from_slice(&gates[..2 * n]);
+                self.hidden[2 * n..].copy_from_slice(&gates[3 * n..]);
+            }
+            Cell::Vanilla { .. } => {
+                self.input.fill(one);
+                vanilla::backward(after, &mut self.input);
+                self.hidden.copy_from_slice(&self.input);
+            }
+        }
+    }
+}
+
+impl<T: Scalar> Linearization<T> {
+    /// For networks of the size of this one.
+    pub fn new(packed: &Packed<T>) -> Self {
+        let cell = packed.network().cell;
+        let (units, gates, results, h_at) = match cell {
+            Cell::Lstm { hidden, .. } => (hidden, 4, 2, hidden),
+            Cell::Gru { hidden } => (hidden, 3, 1, 0),
+            Cell::Vanilla { hidden, .. } => (hidden, 1, 1, 0),
+        };
+        let layer = |reads: usize| LayerPartials {
+            units,
+            gates,
+            results,
+            x: vec![T::zero(); reads],
+            before: vec![T::zero(); packed.layer_state()],
+            h_at,
+            input: vec![T::zero(); results * gates * units],
+            hidden: vec![T::zero(); results * gates * units],
+            carry: vec![T::zero(); results * units],
+            scratch: vec![T::zero(); packed.scratch()],
+            adjoint: vec![T::zero(); units],
+        };
+        let layers = packed.layout().layers.iter().map(|place| layer(place.reads)).collect();
+        Self { layers, shown: vec![T::zero(); cell.shown()] }
+    }
+
+    /// `state <- f(state, x)`, as [`Packed::step`] to the last bit, with its partials.
+    ///
+    /// # Panics
+    /// If `state` or `x` is shorter than [`Packed::step`] wants, or the network has another size.
+    pub fn step(&mut self, packed: &Packed<T>, state: &mut [T], x: &[T]) {
+        let len = packed.layer_state();
+        for (index, layer) in self.layers.iter_mut().enumerate() {
+            let (below, own) = state.split_at_mut(index * len);
+            let (x, own) = (if index == 0 { x } else { &below[below.len() - len..] }, &mut own[..len]);
+            let reads = layer.x.len();
+            layer.x.copy_from_slice(&x[..reads]);
+            layer.before.copy_from_slice(own);
+            packed.layer_step(index, x, own, &mut layer.scratch);
+            layer.differentiate(packed.network().cell, own);
+        }
+        self.shown.copy_from_slice(packed.shown(state));
+    }
+
+    /// Partials of a layer.
+    ///
+    /// # Panics
+    /// If there is no such layer.
+    pub fn layer(&self, layer: usize) -> &LayerPartials<T> {
+        &self.layers[layer]
+    }
+
+    /// `h+` of the last layer, which multiplies the read-out's weights.
+    pub fn shown(&self) -> &[T] {
+        &self.shown
+    }
+}

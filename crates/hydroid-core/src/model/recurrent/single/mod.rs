@@ -1,0 +1,12 @@
+//! One sequence at a time, as on board: a step of the network, and its derivatives.
+
+mod dense;
+mod linearization;
+mod packed;
+mod products;
+mod transposed;
+
+pub use linearization::{LayerPartials, Linearization};
+pub use packed::Packed;
+pub use products::Change;
+pub use transposed::Gradient;

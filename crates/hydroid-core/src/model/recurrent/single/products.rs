@@ -1,0 +1,176 @@
+//! Products of a step's Jacobians with matrices.
+
+use super::super::layout::Layout;
+use super::linearization::Linearization;
+use super::packed::{Packed, add_product};
+use crate::math::Scalar;
+
+/// Changes of what a step depends on, as matrices of some columns, row by row. What is `None` does not change.
+#[derive(Clone, Copy, Debug)]
+pub struct Change<'a, T> {
+    /// `state x columns`.
+    pub state: Option<&'a [T]>,
+    /// `inputs x columns`.
+    pub input: Option<&'a [T]>,
+    /// `weights x columns`.
+    pub weights: Option<&'a [T]>,
+}
+
+impl<T> Default for Change<'_, T> {
+    fn default() -> Self {
+        Self { state: None, input: None, weights: None }
+    }
+}
+
+impl<T: Scalar> Linearization<T> {
+    /// Numbers of scratch that products with matrices of so many columns need.
+    pub fn scratch(&self, columns: usize) -> usize {
+        let units = self.layers[0].units();
+        let widest = self.layers.iter().map(|layer| layer.x().len().max(layer.h().len())).max();
+        // The projection's part of a product, and a sum's coefficients; or two rows and what the layers above want.
+        units * columns + (2 * columns).max(widest.unwrap_or(0).max(units)) + self.shown.len() * columns
+    }
+
+    /// `out = df/dstate change.state + df/dx change.input + df/dweights change.weights` (`state x columns`).
+    ///
+    /// # Panics
+    /// If a matrix has not its rows times `columns`, or `scratch` is shorter than [`scratch`](Self::scratch).
+    pub fn times(
+        &self,
+        packed: &Packed<T>,
+        change: Change<'_, T>,
+        columns: usize,
+        out: &mut [T],
+        scratch: &mut [T],
+    ) {
+        out.fill(T::zero());
+        let len = packed.layer_state();
+        let own_state = |layer: usize| layer * len * columns..(layer + 1) * len * columns;
+        for layer in 0..self.layers.len() {
+            let (below, out) = out.split_at_mut(layer * len * columns);
+            let change = Change {
+                state: change.state.map(|state| &state[own_state(layer)]),
+                input: if layer == 0 { change.input } else { Some(&below[own_state(layer - 1)]) },
+                weights: change.weights,
+            };
+            self.layer_times(packed, layer, change, columns, &mut out[..len * columns], scratch);
+        }
+    }
+
+    fn layer_times(
+        &self,
+        packed: &Packed<T>,
+        index: usize,
+        change: Change<'_, T>,
+        columns: usize,
+        out: &mut [T],
+        scratch: &mut [T],
+    ) {
+        let layer = &self.layers[index];
+        let units = layer.units();
+        let Layout { projection, .. } = packed.layout();
+        let (projected, coefficients) = scratch.split_at_mut(units * columns);
+        projected.fill(T::zero());
+        for result in 0..layer.results() {
+            for unit in 0..units {
+                // The last result is what the projection reads, where there is one.
+                let row = if projection.is_some() && result + 1 == layer.results() {
+                    &mut projected[unit * columns..(unit + 1) * columns]
+                } else {
+                    &mut out[(result * units + unit) * columns..][..columns]
+                };
+                self.unit_times(packed, (index, result, unit), change, row, coefficients);
+            }
+        }
+        if let Some(place) = projection {
+            let weights = &packed.weights()[place.clone()];
+            let changes = change.weights.map(|all| &all[place.start * columns..place.end * columns]);
+            for (s, row) in out[units * columns..].chunks_exact_mut(columns).enumerate() {
+                add_product(row, projected, &weights[s * units..(s + 1) * units]);
+                if let Some(changes) = changes {
+                    let changes = &changes[s * units * columns..(s + 1) * units * columns];
+                    add_product(row, changes, layer.projected());
+                }
+            }
+        }
+    }
+
+    /// `row +=` the change of one result of one unit.
+    fn unit_times(
+        &self,
+        packed: &Packed<T>,
+        (index, result, unit): (usize, usize, usize),
+        change: Change<'_, T>,
+        row: &mut [T],
+        coefficients: &mut [T],
+    ) {
+        let (layer, place) = (&self.layers[index], &packed.layout().layers[index]);
+        let (weights, columns, units) = (packed.weights(), row.len(), layer.units());
+        let (x, h) = (layer.x(), layer.h());
+        if let Some(state) = change.state {
+            let carried = &state[unit * columns..(unit + 1) * columns];
+            add_product(row, carried, &[layer.carry(result)[unit]]);
+            let sums = &mut coefficients[..h.len()];
+            sums.fill(T::zero());
+            for gate in 0..layer.gates() {
+                let run = place.row(gate * units + unit).weight_hh;
+                add_product(sums, &weights[run], &[layer.hidden(result, gate)[unit]]);
+            }
+            add_product(row, &state[layer.h_at() * columns..], sums);
+        }
+        if let Some(input) = change.input {
+            let sums = &mut coefficients[..x.len()];
+            sums.fill(T::zero());
+            for gate in 0..layer.gates() {
+                let run = place.row(gate * units + unit).weight_ih;
+                add_product(sums, &weights[run], &[layer.input(result, gate)[unit]]);
+            }
+            add_product(row, input, sums);
+        }
+        let Some(changes) = change.weights else { return };
+        for gate in 0..layer.gates() {
+            let (a, b) = (layer.input(result, gate)[unit], layer.hidden(result, gate)[unit]);
+            let of = place.row(gate * units + unit);
+            let rows = |from: usize, len: usize| &changes[from * columns..(from + len) * columns];
+            add_product(row, rows(of.weight_ih.start, x.len()), scaled(x, a, coefficients));
+            add_product(row, rows(of.weight_hh.start, h.len()), scaled(h, b, coefficients));
+            add_product(row, rows(of.bias_ih, 1), &[a]);
+            add_product(row, rows(of.bias_hh, 1), &[b]);
+        }
+    }
+
+    /// `out = dg/dstate+ change.state + dg/dweights change.weights` (`outputs x columns`); the output does not depend
+    /// on the input but through the state.
+    ///
+    /// # Panics
+    /// If a matrix has not its rows times `columns`.
+    pub fn output_times(&self, packed: &Packed<T>, change: Change<'_, T>, columns: usize, out: &mut [T]) {
+        out.fill(T::zero());
+        let shown = self.shown.len();
+        let state = change.state.map(|state| &state[(packed.network().state_len() - shown) * columns..]);
+        let Some((weight, bias)) = &packed.layout().read_out else {
+            if let Some(state) = state {
+                out.copy_from_slice(state);
+            }
+            return;
+        };
+        for (i, row) in out.chunks_exact_mut(columns).enumerate() {
+            let run = weight.start + i * shown..weight.start + (i + 1) * shown;
+            if let Some(state) = state {
+                add_product(row, state, &packed.weights()[run.clone()]);
+            }
+            if let Some(changes) = change.weights {
+                add_product(row, &changes[run.start * columns..run.end * columns], &self.shown);
+                add_product(row, &changes[(bias.start + i) * columns..][..columns], &[T::one()]);
+            }
+        }
+    }
+}
+
+/// `x factor` in scratch.
+fn scaled<'a, T: Scalar>(x: &[T], factor: T, scratch: &'a mut [T]) -> &'a [T] {
+    for (scaled, &x) in scratch.iter_mut().zip(x) {
+        *scaled = x * factor;
+    }
+    &scratch[..x.len()]
+}

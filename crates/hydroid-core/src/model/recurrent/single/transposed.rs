@@ -1,0 +1,172 @@
+//! Products of a step's transposed Jacobians with matrices.
+
+use super::linearization::Linearization;
+use super::packed::{Packed, add_product};
+use crate::math::Scalar;
+
+/// Where a transposed product goes: matrices of some columns, row by row, overwritten. What is `None` is not wanted.
+#[derive(Debug)]
+pub struct Gradient<'a, T> {
+    /// `state x columns`.
+    pub state: Option<&'a mut [T]>,
+    /// `inputs x columns`.
+    pub input: Option<&'a mut [T]>,
+    /// `weights x columns`.
+    pub weights: Option<&'a mut [T]>,
+}
+
+impl<T> Default for Gradient<'_, T> {
+    fn default() -> Self {
+        Self { state: None, input: None, weights: None }
+    }
+}
+
+impl<T: Scalar> Gradient<'_, T> {
+    fn clear(&mut self) {
+        for part in [&mut self.state, &mut self.input, &mut self.weights].into_iter().flatten() {
+            part.fill(T::zero());
+        }
+    }
+}
+
+impl<T: Scalar> Linearization<T> {
+    /// `(df/dstate)' w`, `(df/dx)' w` and `(df/dweights)' w` for `w` of `state x columns`.
+    ///
+    /// # Panics
+    /// If a matrix has not its rows times `columns`, or `scratch` is shorter than [`scratch`](Self::scratch).
+    pub fn transposed_times(
+        &self,
+        packed: &Packed<T>,
+        w: &[T],
+        columns: usize,
+        mut into: Gradient<'_, T>,
+        scratch: &mut [T],
+    ) {
+        into.clear();
+        let len = packed.layer_state() * columns;
+        let shown = self.shown.len() * columns;
+        // What the layer above wants of this layer's `h+`.
+        let (wanted, scratch) = scratch.split_at_mut(shown);
+        wanted.fill(T::zero());
+        for layer in (0..self.layers.len()).rev() {
+            let own = layer * len..(layer + 1) * len;
+            for (wanted, &w) in wanted.iter_mut().zip(&w[own.end - shown..own.end]) {
+                *wanted += w;
+            }
+            let state = into.state.as_deref_mut().map(|state| &mut state[own.clone()]);
+            let weights = into.weights.as_deref_mut();
+            let into = Gradient { state, input: into.input.as_deref_mut(), weights };
+            self.layer_transposed(packed, layer, (&w[own], wanted), columns, into, scratch);
+        }
+    }
+
+    /// One layer. `w` of its state and what is `wanted` of its `h+`; leaves there what is wanted of the layer below.
+    fn layer_transposed(
+        &self,
+        packed: &Packed<T>,
+        index: usize,
+        (w, wanted): (&[T], &mut [T]),
+        columns: usize,
+        mut into: Gradient<'_, T>,
+        scratch: &mut [T],
+    ) {
+        let (layer, place) = (&self.layers[index], &packed.layout().layers[index]);
+        let (weights, units) = (packed.weights(), layer.units());
+        let (last, rows) = scratch.split_at_mut(units * columns);
+        let (of_a, rest) = rows.split_at_mut(columns);
+        let of_b = &mut rest[..columns];
+        if let Some(projection) = &packed.layout().projection {
+            last.fill(T::zero());
+            for (s, wanted) in wanted.chunks_exact(columns).enumerate() {
+                let run = projection.start + s * units..projection.start + (s + 1) * units;
+                add_outer(last, &weights[run.clone()], wanted);
+                if let Some(into) = into.weights.as_deref_mut() {
+                    add_outer(&mut into[run.start * columns..run.end * columns], layer.projected(), wanted);
+                }
+            }
+        } else {
+            last.copy_from_slice(wanted);
+        }
+        wanted.fill(T::zero());
+        for unit in 0..units {
+            // Of the last result `last` is wanted; of an LSTM's `c+`, which comes first, `w` is.
+            for gate in 0..layer.gates() {
+                of_a.fill(T::zero());
+                of_b.fill(T::zero());
+                for result in 0..layer.results() {
+                    let from = if result + 1 == layer.results() { &*last } else { w };
+                    let from = &from[unit * columns..(unit + 1) * columns];
+                    add_product(of_a, from, &[layer.input(result, gate)[unit]]);
+                    add_product(of_b, from, &[layer.hidden(result, gate)[unit]]);
+                }
+                let of = place.row(gate * units + unit);
+                if let Some(state) = into.state.as_deref_mut() {
+                    add_outer(&mut state[layer.h_at() * columns..], &weights[of.weight_hh.clone()], of_b);
+                }
+                if index > 0 {
+                    add_outer(wanted, &weights[of.weight_ih.clone()], of_a);
+                } else if let Some(input) = into.input.as_deref_mut() {
+                    add_outer(input, &weights[of.weight_ih.clone()], of_a);
+                }
+                if let Some(all) = into.weights.as_deref_mut() {
+                    let mut at = |from: usize, x: &[T], row: &[T]| {
+                        add_outer(&mut all[from * columns..(from + x.len()) * columns], x, row);
+                    };
+                    at(of.weight_ih.start, layer.x(), of_a);
+                    at(of.weight_hh.start, layer.h(), of_b);
+                    at(of.bias_ih, &[T::one()], of_a);
+                    at(of.bias_hh, &[T::one()], of_b);
+                }
+            }
+            if let Some(state) = into.state.as_deref_mut() {
+                let carried = &mut state[unit * columns..(unit + 1) * columns];
+                for result in 0..layer.results() {
+                    let from = if result + 1 == layer.results() { &*last } else { w };
+                    let from = &from[unit * columns..(unit + 1) * columns];
+                    add_product(carried, from, &[layer.carry(result)[unit]]);
+                }
+            }
+        }
+    }
+
+    /// `(dg/dstate+)' w` and `(dg/dweights)' w` for `w` of `outputs x columns`; there is no part of the input.
+    ///
+    /// # Panics
+    /// If a matrix has not its rows times `columns`.
+    pub fn output_transposed_times(
+        &self,
+        packed: &Packed<T>,
+        w: &[T],
+        columns: usize,
+        mut into: Gradient<'_, T>,
+    ) {
+        into.clear();
+        let shown = self.shown.len();
+        let at = (packed.network().state_len() - shown) * columns;
+        let Some((weight, bias)) = &packed.layout().read_out else {
+            if let Some(state) = into.state {
+                state[at..].copy_from_slice(w);
+            }
+            return;
+        };
+        for (i, row) in w.chunks_exact(columns).enumerate() {
+            let run = weight.start + i * shown..weight.start + (i + 1) * shown;
+            if let Some(state) = into.state.as_deref_mut() {
+                add_outer(&mut state[at..], &packed.weights()[run.clone()], row);
+            }
+            if let Some(all) = into.weights.as_deref_mut() {
+                add_outer(&mut all[run.start * columns..run.end * columns], &self.shown, row);
+                add_outer(&mut all[(bias.start + i) * columns..][..columns], &[T::one()], row);
+            }
+        }
+    }
+}
+
+/// `matrix += x row'`.
+fn add_outer<T: Scalar>(matrix: &mut [T], x: &[T], row: &[T]) {
+    for (into, &x) in matrix.chunks_exact_mut(row.len()).zip(x) {
+        for (into, &r) in into.iter_mut().zip(row) {
+            *into += x * r;
+        }
+    }
+}
