@@ -12,6 +12,9 @@ use super::super::{Body, Description, Members, Model};
 use super::equations::{self, Terms};
 use super::tensors::{Written, write};
 
+/// A wash-out at the most \[samples\].
+const LONGEST: usize = 1_000_000;
+
 /// Structure of a network.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -82,6 +85,12 @@ impl Structure {
         let Self { network, scaling, base, feedback, wash_out, state_filter } = self;
         // Sizes come before whatever is made from them.
         network.check().map_err(|error| error.to_string())?;
+        if wash_out > LONGEST {
+            return Err(format!("a wash-out of {wash_out} samples is longer than any log"));
+        }
+        if !(description.dt.is_finite() && description.dt > 0.0) {
+            return Err(format!("its sample time is {} s", description.dt));
+        }
         let weights = weights(&network, tensors)?;
         let base = match base {
             BaseFields::Nothing => Base::Nothing,
