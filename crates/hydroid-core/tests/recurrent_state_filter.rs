@@ -1,4 +1,4 @@
-//! The filter on the hidden state alone against an independent implementation (NumPy, JAX): the frozen networks of
+//! The filter on the hidden state alone against an independent implementation (`NumPy`, JAX): the frozen networks of
 //! `/tests/golden/adaptation` on a closed-loop log of a hydrofoil.
 
 use std::sync::Arc;
