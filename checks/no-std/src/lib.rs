@@ -8,6 +8,9 @@ use alloc::vec;
 use core::alloc::{GlobalAlloc, Layout};
 use core::panic::PanicInfo;
 
+use hydroid_core::model::recurrent::{
+    Base, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
+};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
@@ -43,5 +46,32 @@ pub extern "C" fn hydroid_step(pp: f64, rd: f64) -> f64 {
     session.observe(&[state.u]);
     let mut y = [0.0];
     session.rollout(&[], &mut Workspace::new(), &mut y);
+    y[0] + recurrent(rd)
+}
+
+/// A network with a filter on its state.
+fn recurrent(rd: f64) -> f64 {
+    let network = Network { cell: Cell::Gru { hidden: 4 }, inputs: 1, outputs: 1, read_out: true };
+    let one = || vec![1.0];
+    let model = Recurrent {
+        network,
+        weights: vec![0.1; network.weights()],
+        scaling: Scaling {
+            output_mean: one(),
+            output_scale: one(),
+            input_mean: one(),
+            input_scale: one(),
+            correction_scale: one(),
+        },
+        base: Base::Nothing,
+        feedback: false,
+        wash_out: 10,
+        state_filter: Some(StateFilter { process: 1e-4, initial: 1.0, noise: one() }),
+    };
+    let Ok(mut session) = RecurrentSession::new(Arc::new(model)) else { return f64::NAN };
+    session.advance(&[rd]);
+    session.observe(&[rd]);
+    let mut y = [0.0];
+    session.output(&mut y);
     y[0]
 }

@@ -11,6 +11,9 @@ use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
 use hydroid_core::model::Persistence;
+use hydroid_core::model::recurrent::{
+    Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Scaling, StateFilter,
+};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
@@ -72,6 +75,58 @@ fn a_step_allocates_nothing(equations: &Equations) {
     assert!(state.iter().all(|x| x.is_finite()));
 }
 
+/// A step with its derivatives, products with them, and new weights.
+fn derivatives_allocate_nothing(network: Network) {
+    let mut packed = Packed::new(network, &vec![0.1; network.weights()]);
+    let mut linear = Linearization::new(&packed);
+    let weights = vec![0.2; network.weights()];
+    let (mut state, mut y) = (vec![0.0; network.state_len()], vec![0.0; network.outputs]);
+    let (change, mut out) = (vec![0.1; weights.len()], vec![0.0; network.state_len()]);
+    let mut scratch = vec![0.0; linear.scratch(1)];
+    let count = allocations(|| {
+        packed.set_weights(&weights);
+        linear.step(&packed, &mut state, &[0.1, -0.2, 0.3, -0.4, 0.5][..network.inputs]);
+        packed.output(&state, &mut y);
+        let change = Change { weights: Some(&change), ..Change::default() };
+        linear.times(&packed, change, 1, &mut out, &mut scratch);
+        linear.output_times(&packed, change, 1, &mut y);
+    });
+    assert_eq!(count, 0, "allocations in derivatives");
+}
+
+/// Every cell, base and way of warming up.
+fn recurrent_sessions(equations: &Arc<Equations>) -> Vec<Box<dyn Predictor>> {
+    let mut sessions: Vec<Box<dyn Predictor>> = Vec::new();
+    for cell in [
+        Cell::Lstm { hidden: 6, projection: Some(3) },
+        Cell::Gru { hidden: 6 },
+        Cell::Vanilla { hidden: 6, layers: 2 },
+    ] {
+        let filter = StateFilter { process: 1e-4, initial: 1.0, noise: vec![0.1; 3] };
+        for (base, feedback, state_filter) in [
+            (Base::Nothing, false, None),
+            (Base::Nothing, false, Some(filter)),
+            (Base::Hold, true, None),
+            (Base::Equations(equations.clone()), true, None),
+        ] {
+            let network = Network { cell, inputs: if feedback { 5 } else { 2 }, outputs: 3, read_out: true };
+            derivatives_allocate_nothing(network);
+            let weights = vec![0.1; network.weights()];
+            let (ones, zeros) = (vec![1.0; 3], vec![0.0; 3]);
+            let scaling = Scaling {
+                output_mean: zeros.clone(),
+                output_scale: ones.clone(),
+                input_mean: zeros[..2].to_vec(),
+                input_scale: ones[..2].to_vec(),
+                correction_scale: ones,
+            };
+            let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter };
+            sessions.push(Box::new(RecurrentSession::new(Arc::new(model)).unwrap()));
+        }
+    }
+    sessions
+}
+
 /// Hundreds of samples with a row at most of them.
 fn learning_allocates_nothing(mut adapter: impl Adapter) {
     let mut learned = 0;
@@ -119,6 +174,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     let recalls = RecursiveEquations::new(&recalling, &[(-1.0, 1.0); 5], &settings).unwrap();
     learning_allocates_nothing(recalls.clone());
     learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
+    let below = Arc::new(recalling.clone());
     let sessions: [Box<dyn Predictor>; 7] = [
         recalls.fork(),
         Box::new(recalls),
@@ -128,7 +184,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         Box::new(EquationsSession::new(Arc::new(equations))),
         Box::new(Persistence::new(3, 2)),
     ];
-    for mut session in sessions {
+    for mut session in sessions.into_iter().chain(recurrent_sessions(&below)) {
         let mut work = Workspace::new();
         let (commands, mut y) = ([0.1; 200], [0.0; 300]);
         let mut snapshot = vec![0.0; session.snapshot_len()];

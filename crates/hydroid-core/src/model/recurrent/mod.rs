@@ -9,6 +9,7 @@ mod model;
 mod network;
 mod session;
 mod single;
+mod state_filter;
 mod vanilla;
 
 pub use batch::{LANES, Rollout, Tape};

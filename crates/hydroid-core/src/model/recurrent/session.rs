@@ -6,8 +6,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::check::RecurrentError;
-use super::model::{Base, Recurrent};
+use super::model::{Base, Recurrent, Scaling};
 use super::single::Packed;
+use super::state_filter::Covariance;
 use crate::model::persistence::take_measured;
 use crate::predict::{Predictor, Workspace, rollout_steps};
 
@@ -18,7 +19,11 @@ use crate::predict::{Predictor, Workspace, rollout_steps};
 /// the equations below it as theirs do ([`Equations::wait`](crate::model::sparse::Equations::wait)), and a network
 /// with feedback does not move.
 ///
-/// The snapshot is `[present outputs, memory of the equations, hidden state]`.
+/// With a [`StateFilter`](super::StateFilter) a measurement corrects the hidden state, and the present outputs are what
+/// the network reads out of it, once the first sample has passed.
+///
+/// The snapshot is `[present outputs, memory of the equations, hidden state]`; the filter's covariance, which
+/// predictions do not depend on, is not in it.
 #[derive(Clone, Debug)]
 pub struct RecurrentSession {
     model: Arc<Recurrent>,
@@ -26,6 +31,7 @@ pub struct RecurrentSession {
     /// Outputs, then what the base remembers, then the network's state.
     state: Vec<f64>,
     scratch: Vec<f64>,
+    filter: Option<Covariance>,
 }
 
 impl RecurrentSession {
@@ -38,7 +44,8 @@ impl RecurrentSession {
         let weights = Arc::new(Packed::new(model.network, &model.weights));
         let len = front_len(&model) + model.network.state_len();
         let scratch = vec![0.0; scratch_len(&model, &weights)];
-        let mut session = Self { model, weights, state: vec![0.0; len], scratch };
+        let filter = model.state_filter.as_ref().map(|filter| Covariance::new(filter, &weights));
+        let mut session = Self { model, weights, state: vec![0.0; len], scratch, filter };
         session.reset();
         Ok(session)
     }
@@ -52,6 +59,17 @@ impl RecurrentSession {
     pub fn hidden(&self) -> &[f64] {
         &self.state[front_len(&self.model)..]
     }
+
+    /// A hidden state that is not a number stays so whatever is measured later: it starts again.
+    fn start_again_if_lost(&mut self) {
+        let hidden = &mut self.state[front_len(&self.model)..];
+        if !hidden.iter().all(|h| h.is_finite()) {
+            hidden.fill(0.0);
+            if let Some(filter) = &mut self.filter {
+                filter.reset();
+            }
+        }
+    }
 }
 
 /// Numbers in front of the network's state.
@@ -59,9 +77,10 @@ fn front_len(model: &Recurrent) -> usize {
     if let Base::Equations(equations) = &model.base { equations.state_len() } else { model.outputs() }
 }
 
+/// Room for what the network reads and gives, and for the steps of network and equations, or two rows of outputs.
 fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
     let base = if let Base::Equations(equations) = &model.base { equations.scratch() } else { 0 };
-    model.network.inputs + model.outputs() + base.max(weights.scratch())
+    model.network.inputs + model.outputs() + base.max(weights.scratch()).max(model.outputs())
 }
 
 /// What the network reads.
@@ -73,6 +92,15 @@ fn scale_inputs(model: &Recurrent, y: &[f64], c: &[f64], x: &mut [f64]) {
     }
     for i in 0..z.len() {
         z[i] = (y[i] - scaling.output_mean[i]) / scaling.output_scale[i];
+    }
+}
+
+/// The outputs of a network that gives them themselves.
+fn read_out(model: &Recurrent, weights: &Packed<f64>, hidden: &[f64], y: &mut [f64], scratch: &mut [f64]) {
+    weights.output(hidden, scratch);
+    let Scaling { output_mean, correction_scale, .. } = &model.scaling;
+    for i in 0..y.len() {
+        y[i] = output_mean[i] + correction_scale[i] * scratch[i];
     }
 }
 
@@ -126,25 +154,47 @@ impl Predictor for RecurrentSession {
         let (front, hidden) = self.state.split_at_mut(front_len(&self.model));
         front.fill(f64::NAN);
         hidden.fill(0.0);
+        if let Some(filter) = &mut self.filter {
+            filter.reset();
+        }
     }
 
     fn observe(&mut self, y: &[f64]) {
-        take_measured(&mut self.state[..self.model.outputs()], y);
+        let model = &*self.model;
+        let (outputs, hidden) = self.state.split_at_mut(front_len(model));
+        match &mut self.filter {
+            Some(filter) if filter.has_moved() => {
+                let (predicted, rest) = self.scratch.split_at_mut(model.outputs());
+                let z = &mut rest[..model.outputs()];
+                let Scaling { output_mean, correction_scale, .. } = &model.scaling;
+                for i in 0..z.len() {
+                    z[i] = (y[i] - output_mean[i]) / correction_scale[i];
+                }
+                self.weights.output(hidden, predicted);
+                filter.observe(&self.weights, hidden, z, predicted);
+                read_out(model, &self.weights, hidden, outputs, predicted);
+            }
+            _ => take_measured(&mut outputs[..model.outputs()], y),
+        }
     }
 
     fn advance(&mut self, c: &[f64]) {
         let (model, weights) = (&*self.model, &*self.weights);
+        if let Some(filter) = &mut self.filter {
+            let (outputs, hidden) = self.state.split_at_mut(front_len(model));
+            let (x, rest) = self.scratch.split_at_mut(model.network.inputs);
+            scale_inputs(model, outputs, c, x);
+            filter.step(weights, hidden, x);
+            read_out(model, weights, hidden, outputs, &mut rest[..model.outputs()]);
+            return self.start_again_if_lost();
+        }
         let needs_outputs = model.feedback || !matches!(model.base, Base::Nothing);
         if needs_outputs && self.state[..model.outputs()].iter().any(|y| y.is_nan()) {
             wait(model, weights, &mut self.state, c, &mut self.scratch);
         } else {
             step(model, weights, &mut self.state, c, &mut self.scratch);
         }
-        // A hidden state that is not a number stays so whatever is measured later: it starts again.
-        let hidden = &mut self.state[front_len(model)..];
-        if !hidden.iter().all(|h| h.is_finite()) {
-            hidden.fill(0.0);
-        }
+        self.start_again_if_lost();
     }
 
     fn output(&self, y: &mut [f64]) {

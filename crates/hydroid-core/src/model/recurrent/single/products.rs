@@ -71,8 +71,9 @@ impl<T: Scalar> Linearization<T> {
         let Layout { projection, .. } = packed.layout();
         let (projected, coefficients) = scratch.split_at_mut(units * columns);
         projected.fill(T::zero());
-        for result in 0..layer.results() {
-            for unit in 0..units {
+        // Results side by side: they read the same rows of the weights' change.
+        for unit in 0..units {
+            for result in 0..layer.results() {
                 // The last result is what the projection reads, where there is one.
                 let row = if projection.is_some() && result + 1 == layer.results() {
                     &mut projected[unit * columns..(unit + 1) * columns]

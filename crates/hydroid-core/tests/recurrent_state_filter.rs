@@ -1,0 +1,130 @@
+//! The filter on the hidden state alone against an independent implementation (`NumPy`, JAX): the frozen networks of
+//! `/tests/golden/adaptation` on a closed-loop log of a hydrofoil.
+
+use std::sync::Arc;
+
+use hydroid_core::model::recurrent::{Base, Recurrent, RecurrentSession, Scaling, StateFilter};
+use hydroid_core::predict::{Predictor, Workspace};
+use safetensors::SafeTensors;
+
+mod networks;
+
+use networks::{NAMES, golden_path, network, read, tensor, weights_of};
+
+/// Rows of numbers of a golden file.
+fn rows(file: &str) -> Vec<Vec<f64>> {
+    let text = String::from_utf8(read(&golden_path(&format!("adaptation/{file}")))).unwrap();
+    text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
+}
+
+/// A network trained on low speed alone. The filter is that of the reference: process noise 1e-4, measurement noise
+/// as simulated (1 cm/s, 1 cm/s, 1 deg/s).
+fn model(name: &str, filtered: bool) -> Recurrent {
+    let network = network(name);
+    let bytes = read(&golden_path(&format!("adaptation/{name}_pretrained.safetensors")));
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let scaling = Scaling {
+        output_mean: tensor(&file, "norm.output_mean"),
+        output_scale: tensor(&file, "norm.output_std"),
+        input_mean: tensor(&file, "norm.input_mean"),
+        input_scale: tensor(&file, "norm.input_std"),
+        correction_scale: tensor(&file, "norm.output_std"),
+    };
+    let sigma = [0.01, 0.01, 1.0_f64.to_radians()];
+    let noise = sigma.iter().zip(&scaling.output_scale).map(|(s, scale)| (s / scale).powi(2)).collect();
+    let state_filter = filtered.then_some(StateFilter { process: 1e-4, initial: 1.0, noise });
+    let weights = weights_of(&network, &bytes);
+    Recurrent { network, weights, scaling, base: Base::Nothing, feedback: false, wash_out: 100, state_filter }
+}
+
+/// Mean absolute errors against the truth at horizons 1..100 of each output, over windows that begin every 5 samples
+/// from the 100th on.
+fn errors(model: &Recurrent, log: &[Vec<f64>]) -> Vec<[f64; 3]> {
+    let mut session = RecurrentSession::new(Arc::new(model.clone())).unwrap();
+    let commands: Vec<f64> = log.iter().flat_map(|row| [row[1], row[2]]).collect();
+    let (mut sums, mut windows) = (vec![[0.0; 3]; 100], 0.0);
+    let (mut work, mut y) = (Workspace::new(), vec![0.0; 300]);
+    for k in 0..log.len() - 100 {
+        session.observe(&log[k][3..6]);
+        if k >= 100 && k % 5 == 0 {
+            session.rollout(&commands[2 * k..2 * (k + 100)], &mut work, &mut y);
+            for (n, sums) in sums.iter_mut().enumerate() {
+                for i in 0..3 {
+                    sums[i] += (y[3 * n + i] - log[k + n + 1][6 + i]).abs();
+                }
+            }
+            windows += 1.0;
+        }
+        session.advance(&commands[2 * k..2 * k + 2]);
+    }
+    assert_eq!(windows, 1070.0);
+    sums.iter_mut().flatten().for_each(|sum| *sum /= windows);
+    sums
+}
+
+#[test]
+fn frozen_and_filtered_errors_are_those_of_the_reference() {
+    let log = rows("lawn3.csv");
+    for name in NAMES {
+        let reference = rows(&format!("{name}_error_by_horizon.csv"));
+        for (filtered, first) in [(false, 1), (true, 13)] {
+            let ours = errors(&model(name, filtered), &log);
+            let mut worst = 0.0_f64;
+            for (ours, row) in ours.iter().zip(&reference) {
+                for i in 0..3 {
+                    worst = worst.max((ours[i] / row[first + i] - 1.0).abs());
+                }
+            }
+            println!(
+                "{name}, filtered {filtered}: largest relative difference {worst:.1e}; 20 steps {:?}",
+                ours[19]
+            );
+            assert!(worst < 1e-6, "{name}, filtered {filtered}: {worst:e}");
+        }
+    }
+}
+
+/// What is missing is left out: the filter lives on what other sensors say, and a run with none is open loop.
+#[test]
+fn missing_channels_are_left_out() {
+    let log = rows("lawn3.csv");
+    let model = model("gru", true);
+    let mut sessions = [0, 1, 2].map(|_| RecurrentSession::new(Arc::new(model.clone())).unwrap());
+    let mut frozen = RecurrentSession::new(Arc::new(Recurrent { state_filter: None, ..model })).unwrap();
+    let mut errors = [0.0; 4];
+    for row in &log[..3000] {
+        let all = &row[3..6];
+        sessions[0].observe(all);
+        sessions[1].observe(&[row[3], f64::NAN, f64::NAN]);
+        sessions[2].observe(&[f64::NAN; 3]);
+        for (session, error) in sessions.iter_mut().chain([&mut frozen]).zip(&mut errors) {
+            session.advance(&row[1..3]);
+            let mut y = [0.0; 3];
+            session.output(&mut y);
+            *error += (y[0] - row[6]).abs() / 3000.0;
+        }
+    }
+    println!("mean error in u one sample ahead: {errors:?}");
+    assert_eq!(sessions[2].hidden(), frozen.hidden(), "without measurements, open loop");
+    assert!(errors[0] < 0.3 * errors[3] && errors[1] < 0.3 * errors[3], "{errors:?}");
+}
+
+/// Numbers beyond all bounds do not end a session: it starts again.
+#[test]
+fn a_filter_that_is_lost_starts_again() {
+    let model = Arc::new(model("lstm", true));
+    let mut session = RecurrentSession::new(model).unwrap();
+    let log = rows("lawn3.csv");
+    for (k, row) in log[..300].iter().enumerate() {
+        let wild = if k % 50 == 20 { 1e300 } else { row[3] };
+        session.observe(&[wild, row[4], row[5]]);
+        session.advance(&[if k % 50 == 40 { f64::NAN } else { row[1] }, row[2]]);
+    }
+    for row in &log[300..500] {
+        session.observe(&row[3..6]);
+        session.advance(&row[1..3]);
+    }
+    let mut y = [0.0; 3];
+    session.output(&mut y);
+    assert!(y.iter().all(|y| y.abs() < 10.0), "{y:?}");
+}
