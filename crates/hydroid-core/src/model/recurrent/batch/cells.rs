@@ -1,0 +1,281 @@
+//! One step of all lanes, forward and back, as affine maps and the element-wise functions of the cells.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::iter;
+
+use super::affine::{Affine, Place};
+use crate::math::Scalar;
+use crate::model::recurrent::network::{Cell, Network, Tensor};
+use crate::model::recurrent::{gru, lstm, vanilla};
+
+/// The maps of a network's cell.
+#[derive(Clone, Debug)]
+enum Maps<T> {
+    /// `[i f g o]` from `x` and `h`; `h` from `m`.
+    Lstm { hidden: usize, gates: Affine<T>, projection: Option<Affine<T>> },
+    /// `[r z]` from `x` and `h`, `a_n` from `x`, `b_n` from `h`.
+    Gru { hidden: usize, gates: Affine<T>, candidate: Affine<T>, recalled: Affine<T> },
+    /// One for each layer.
+    Vanilla { hidden: usize, layers: Vec<Affine<T>> },
+}
+
+/// What a step reads and writes; all are `features x lanes`.
+pub(super) struct Forward<'a, T> {
+    pub(super) state: &'a [T],
+    pub(super) input: &'a [T],
+    /// What the way back needs beside the states.
+    pub(super) record: &'a mut [T],
+    pub(super) next: &'a mut [T],
+    /// Of the read-out; empty without one.
+    pub(super) output: &'a mut [T],
+}
+
+/// What a step back reads and writes; all are `features x lanes`.
+pub(super) struct Back<'a, T> {
+    pub(super) state: &'a [T],
+    pub(super) input: &'a [T],
+    /// Used up.
+    pub(super) record: &'a mut [T],
+    pub(super) next: &'a [T],
+    pub(super) output_adjoint: &'a [T],
+    /// Of the state after the step, then of the one before it.
+    pub(super) state_adjoint: &'a mut [T],
+    pub(super) input_adjoint: &'a mut [T],
+    pub(super) scratch: &'a mut [T],
+}
+
+/// A network's weights as the steps want them, and their gradient.
+#[derive(Clone, Debug)]
+pub(super) struct Cells<T> {
+    maps: Maps<T>,
+    read_out: Option<Affine<T>>,
+    lanes: usize,
+}
+
+/// The place of a map in the flat weights from its tensors: `rows` rows from row `first` on.
+fn place(
+    a: Option<&Tensor>,
+    b: Option<&Tensor>,
+    bias: [Option<&Tensor>; 2],
+    first: usize,
+    rows: usize,
+) -> Place {
+    let matrix = |t: Option<&Tensor>| t.map_or((0, 0), |t| (t.offset + first * t.columns, t.columns));
+    Place { rows, a: matrix(a), b: matrix(b), bias: bias.map(|t| t.map(|t| t.offset + first)) }
+}
+
+impl<T: Scalar> Cells<T> {
+    pub(super) fn new(network: &Network, lanes: usize) -> Self {
+        let tensors = network.tensors();
+        let (mut layers, mut rest) = (Vec::new(), &tensors[..]);
+        while let [ih, hh, bias_ih, bias_hh, others @ ..] = rest
+            && layers.len() < network.cell.layers()
+        {
+            layers.push([ih, hh, bias_ih, bias_hh]);
+            rest = others;
+        }
+        let whole = |[ih, hh, bias_ih, bias_hh]: [&Tensor; 4], first, rows| {
+            Affine::new(place(Some(ih), Some(hh), [Some(bias_ih), Some(bias_hh)], first, rows))
+        };
+        let maps = match network.cell {
+            Cell::Lstm { hidden, projection } => Maps::Lstm {
+                hidden,
+                gates: whole(layers[0], 0, 4 * hidden),
+                projection: projection
+                    .map(|rows| Affine::new(place(Some(&rest[0]), None, [None; 2], 0, rows))),
+            },
+            Cell::Gru { hidden } => {
+                let [ih, hh, bias_ih, bias_hh] = layers[0];
+                let half =
+                    |w, bias| Affine::new(place(Some(w), None, [Some(bias), None], 2 * hidden, hidden));
+                Maps::Gru {
+                    hidden,
+                    gates: whole(layers[0], 0, 2 * hidden),
+                    candidate: half(ih, bias_ih),
+                    recalled: half(hh, bias_hh),
+                }
+            }
+            Cell::Vanilla { hidden, .. } => Maps::Vanilla {
+                hidden,
+                layers: layers.into_iter().map(|layer| whole(layer, 0, hidden)).collect(),
+            },
+        };
+        let read_out = network.read_out.then(|| {
+            let [.., weight, bias] = &tensors[..] else { unreachable!("a read-out has two tensors") };
+            Affine::new(place(Some(weight), None, [Some(bias), None], 0, weight.rows))
+        });
+        Self { maps, read_out, lanes }
+    }
+
+    fn each(&mut self, mut f: impl FnMut(&mut Affine<T>)) {
+        match &mut self.maps {
+            Maps::Lstm { gates, projection, .. } => {
+                f(gates);
+                projection.iter_mut().for_each(&mut f);
+            }
+            Maps::Gru { gates, candidate, recalled, .. } => {
+                [gates, candidate, recalled].into_iter().for_each(&mut f);
+            }
+            Maps::Vanilla { layers, .. } => layers.iter_mut().for_each(&mut f),
+        }
+        self.read_out.iter_mut().for_each(f);
+    }
+
+    /// Rows of the record of a step.
+    pub(super) fn record_rows(&self) -> usize {
+        match self.maps {
+            Maps::Lstm { hidden, .. } => 6 * hidden,
+            Maps::Gru { hidden, .. } => 4 * hidden,
+            Maps::Vanilla { .. } => 0,
+        }
+    }
+
+    /// Rows of the scratch of a step back.
+    pub(super) fn scratch_rows(&self) -> usize {
+        match self.maps {
+            Maps::Lstm { hidden, .. } | Maps::Gru { hidden, .. } | Maps::Vanilla { hidden, .. } => hidden,
+        }
+    }
+
+    pub(super) fn load(&mut self, weights: &[T]) {
+        self.each(|map| map.load(weights));
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.each(Affine::clear);
+    }
+
+    pub(super) fn gradient(&self, into: &mut [T]) {
+        let write = |map: &Affine<T>| map.gradient(into);
+        match &self.maps {
+            Maps::Lstm { gates, projection, .. } => {
+                iter::once(gates).chain(projection).chain(&self.read_out).for_each(write);
+            }
+            Maps::Gru { gates, candidate, recalled, .. } => {
+                [gates, candidate, recalled].into_iter().chain(&self.read_out).for_each(write);
+            }
+            Maps::Vanilla { layers, .. } => layers.iter().chain(&self.read_out).for_each(write),
+        }
+    }
+
+    /// One step of all lanes.
+    pub(super) fn forward(&self, step: Forward<'_, T>) {
+        let lanes = self.lanes;
+        let Forward { state, input, record, next, output } = step;
+        let shown = match &self.maps {
+            Maps::Lstm { hidden, gates, projection } => {
+                let n = hidden * lanes;
+                let ((c, h), (c_next, h_next)) = (state.split_at(n), next.split_at_mut(n));
+                let (activations, rest) = record.split_at_mut(4 * n);
+                let (tanh, m) = rest.split_at_mut(n);
+                gates.apply(input, h, activations, lanes);
+                match projection {
+                    Some(projection) => {
+                        lstm::forward(activations, c, c_next, tanh, m);
+                        projection.apply(m, &[], h_next, lanes);
+                    }
+                    None => lstm::forward(activations, c, c_next, tanh, h_next),
+                }
+                &*h_next
+            }
+            Maps::Gru { hidden, gates, candidate, recalled } => {
+                let n = hidden * lanes;
+                gates.apply(input, state, &mut record[..2 * n], lanes);
+                candidate.apply(input, &[], &mut record[2 * n..3 * n], lanes);
+                recalled.apply(state, &[], &mut record[3 * n..], lanes);
+                gru::forward(record, state, next);
+                &*next
+            }
+            Maps::Vanilla { hidden, layers } => {
+                let n = hidden * lanes;
+                for (l, layer) in layers.iter().enumerate() {
+                    let (below, here) = next.split_at_mut(l * n);
+                    let x = if l == 0 { input } else { &below[(l - 1) * n..] };
+                    layer.apply(x, &state[l * n..(l + 1) * n], &mut here[..n], lanes);
+                    vanilla::forward(&mut here[..n]);
+                }
+                &next[(layers.len() - 1) * n..]
+            }
+        };
+        if let Some(read_out) = &self.read_out {
+            read_out.apply(shown, &[], output, lanes);
+        }
+    }
+
+    /// One step back of all lanes.
+    pub(super) fn back(&mut self, step: Back<'_, T>) {
+        let lanes = self.lanes;
+        let Back { state, input, record, next, output_adjoint, state_adjoint, input_adjoint, scratch } = step;
+        let shown = match &self.maps {
+            Maps::Lstm { hidden, .. } => hidden * lanes,
+            Maps::Gru { .. } => 0,
+            Maps::Vanilla { hidden, layers } => hidden * lanes * (layers.len() - 1),
+        };
+        match &mut self.read_out {
+            Some(read_out) => {
+                read_out.transpose(output_adjoint, &mut state_adjoint[shown..], &mut [], lanes);
+                read_out.accumulate(output_adjoint, &next[shown..], &[], lanes);
+            }
+            None => {
+                for (d, &y) in state_adjoint[shown..].iter_mut().zip(output_adjoint) {
+                    *d += y;
+                }
+            }
+        }
+        input_adjoint.fill(T::zero());
+        match &mut self.maps {
+            Maps::Lstm { hidden, gates, projection } => {
+                let n = *hidden * lanes;
+                let ((c, h), (dc, dh)) = (state.split_at(n), state_adjoint.split_at_mut(n));
+                let (activations, rest) = record.split_at_mut(4 * n);
+                let (tanh, m) = rest.split_at_mut(n);
+                match projection {
+                    Some(projection) => {
+                        scratch.fill(T::zero());
+                        projection.transpose(dh, scratch, &mut [], lanes);
+                        projection.accumulate(dh, m, &[], lanes);
+                        lstm::backward(activations, c, tanh, scratch, dc);
+                    }
+                    None => lstm::backward(activations, c, tanh, dh, dc),
+                }
+                dh.fill(T::zero());
+                gates.transpose(activations, input_adjoint, dh, lanes);
+                gates.accumulate(activations, input, h, lanes);
+            }
+            Maps::Gru { hidden, gates, candidate, recalled } => {
+                let n = *hidden * lanes;
+                gru::backward(record, state, state_adjoint);
+                let (da, rest) = record.split_at(2 * n);
+                let (dn, db) = rest.split_at(n);
+                gates.transpose(da, input_adjoint, state_adjoint, lanes);
+                candidate.transpose(dn, input_adjoint, &mut [], lanes);
+                recalled.transpose(db, state_adjoint, &mut [], lanes);
+                gates.accumulate(da, input, state, lanes);
+                candidate.accumulate(dn, input, &[], lanes);
+                recalled.accumulate(db, state, &[], lanes);
+            }
+            Maps::Vanilla { hidden, layers } => {
+                let n = *hidden * lanes;
+                for (l, layer) in layers.iter_mut().enumerate().rev() {
+                    let (below, here) = state_adjoint.split_at_mut(l * n);
+                    let here = &mut here[..n];
+                    vanilla::backward(&next[l * n..(l + 1) * n], here);
+                    scratch.copy_from_slice(here);
+                    here.fill(T::zero());
+                    let (dx, x) = match l {
+                        0 => (&mut *input_adjoint, input),
+                        _ => (&mut below[(l - 1) * n..], &next[(l - 1) * n..l * n]),
+                    };
+                    layer.transpose(scratch, dx, here, lanes);
+                    layer.accumulate(scratch, x, &state[l * n..(l + 1) * n], lanes);
+                }
+            }
+        }
+    }
+}
+
+/// `rows x lanes` zeros.
+pub(super) fn zeros<T: Scalar>(rows: usize, lanes: usize) -> Vec<T> {
+    vec![T::zero(); rows * lanes]
+}

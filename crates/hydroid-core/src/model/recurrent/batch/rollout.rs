@@ -1,0 +1,120 @@
+//! A batch of sequences without a record.
+
+use alloc::vec::Vec;
+use core::mem;
+
+use super::cells::{Cells, Forward, zeros};
+use super::{clear_padding, padded};
+use crate::math::Scalar;
+use crate::model::recurrent::network::Network;
+
+/// A batch of sequences walked forward, each state in the place of the one before it: what tries many commands.
+///
+/// Matrices as in [`Tape`](super::Tape), whose numbers it gives to the last bit.
+///
+/// ```
+/// use hydroid_core::model::recurrent::{Cell, Network, Rollout};
+///
+/// let network = Network { cell: Cell::Vanilla { hidden: 8, layers: 2 }, inputs: 2, outputs: 1, read_out: true };
+/// let mut rollout = Rollout::new(&network, 1000);
+/// rollout.load(&vec![0.1_f32; network.weights()]);
+/// rollout.state_mut().fill(0.0);
+/// for _ in 0..100 {
+///     rollout.input_mut().fill(0.5);
+///     rollout.step();
+/// }
+/// assert!(rollout.output()[999] > 0.0);
+/// ```
+///
+/// Nothing allocates after [`new`](Self::new).
+#[derive(Clone, Debug)]
+pub struct Rollout<T> {
+    cells: Cells<T>,
+    sequences: usize,
+    lanes: usize,
+    /// Where in the state the output stands, without read-out.
+    shown: Option<usize>,
+    state: Vec<T>,
+    next: Vec<T>,
+    input: Vec<T>,
+    record: Vec<T>,
+    output: Vec<T>,
+}
+
+impl<T: Scalar> Rollout<T> {
+    /// Room for `sequences` sequences, all numbers zero.
+    ///
+    /// # Panics
+    /// If the network's sizes cannot be ([`Network::check`]).
+    pub fn new(network: &Network, sequences: usize) -> Self {
+        if let Err(error) = network.check() {
+            panic!("{error}");
+        }
+        let lanes = padded(sequences);
+        let cells = Cells::new(network, lanes);
+        let outputs = if network.read_out { network.outputs } else { 0 };
+        Self {
+            sequences,
+            lanes,
+            shown: (!network.read_out).then(|| (network.state_len() - network.outputs) * lanes),
+            state: zeros(network.state_len(), lanes),
+            next: zeros(network.state_len(), lanes),
+            input: zeros(network.inputs, lanes),
+            record: zeros(cells.record_rows(), lanes),
+            output: zeros(outputs, lanes),
+            cells,
+        }
+    }
+
+    /// Number of sequences.
+    pub fn sequences(&self) -> usize {
+        self.sequences
+    }
+
+    /// Number of sequences rounded up: the length of a row.
+    pub fn lanes(&self) -> usize {
+        self.lanes
+    }
+
+    /// Takes the network's flat weights ([`Network::tensors`]) for all that follows.
+    ///
+    /// # Panics
+    /// If there are fewer weights than the network has.
+    pub fn load(&mut self, weights: &[T]) {
+        self.cells.load(weights);
+    }
+
+    /// The present state, `state_len x lanes`.
+    pub fn state(&self) -> &[T] {
+        &self.state
+    }
+
+    /// The present state, `state_len x lanes`.
+    pub fn state_mut(&mut self) -> &mut [T] {
+        &mut self.state
+    }
+
+    /// The input of the next step, `inputs x lanes`.
+    pub fn input_mut(&mut self) -> &mut [T] {
+        &mut self.input
+    }
+
+    /// From the present state and input to the next state and its output.
+    pub fn step(&mut self) {
+        clear_padding(&mut self.state, self.sequences);
+        clear_padding(&mut self.input, self.sequences);
+        self.cells.forward(Forward {
+            state: &self.state,
+            input: &self.input,
+            record: &mut self.record,
+            next: &mut self.next,
+            output: &mut self.output,
+        });
+        mem::swap(&mut self.state, &mut self.next);
+    }
+
+    /// The output of the last step, `outputs x lanes`.
+    pub fn output(&self) -> &[T] {
+        self.shown.map_or(&self.output, |shown| &self.state[shown..])
+    }
+}

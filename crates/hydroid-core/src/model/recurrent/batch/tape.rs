@@ -1,0 +1,217 @@
+//! A batch of sequences with a record for backpropagation through time.
+
+use alloc::vec::Vec;
+
+use super::cells::{Back, Cells, Forward, zeros};
+use super::{clear_padding, padded};
+use crate::math::Scalar;
+use crate::model::recurrent::network::Network;
+
+/// A batch of sequences that is walked step by step, forward and back.
+///
+/// ```text
+/// state_{k+1} = f(state_k, x_k),   y_k = g(state_{k+1}),   k = 0 .. steps - 1
+/// ```
+///
+/// All matrices are `features x lanes`, row by row, one sequence in each lane; [`lanes`](Self::lanes) is the number
+/// of sequences rounded up, and what stands in the lanes beyond the sequences has no effect. Inputs and adjoints
+/// are given step by step, because they may depend on what came out before: a model that sees its own outputs
+/// writes `y_k` into the input of step `k + 1`, and on the way back adds the input's adjoint of step `k + 1` to the
+/// output's adjoint of step `k`.
+///
+/// ```
+/// use hydroid_core::model::recurrent::{Cell, Network, Tape};
+///
+/// let network = Network { cell: Cell::Gru { hidden: 8 }, inputs: 2, outputs: 1, read_out: true };
+/// let weights = vec![0.1; network.weights()];
+/// let mut tape = Tape::new(&network, 10, 3); // 10 steps of 3 sequences
+/// tape.load(&weights);
+/// tape.state_mut().fill(0.0);
+/// for k in 0..10 {
+///     tape.input_mut(k).fill(0.5);
+///     tape.step(k);
+/// }
+/// tape.begin_backward();
+/// for k in (0..10).rev() {
+///     let lanes = tape.lanes();
+///     tape.output_adjoint_mut(k)[..lanes].fill(1.0); // L = the sum of all outputs
+///     tape.step_back(k);
+/// }
+/// let mut gradient = vec![0.0; network.weights()];
+/// tape.gradient(&mut gradient);
+/// assert_eq!(*gradient.last().unwrap(), 30.0_f64); // of the read-out's bias
+/// ```
+///
+/// Nothing allocates after [`new`](Self::new).
+#[derive(Clone, Debug)]
+pub struct Tape<T> {
+    cells: Cells<T>,
+    steps: usize,
+    sequences: usize,
+    lanes: usize,
+    /// Numbers of one step in each of the records.
+    state_len: usize,
+    input_len: usize,
+    output_len: usize,
+    record_len: usize,
+    /// Where in a state its output stands, without read-out.
+    shown: Option<usize>,
+    states: Vec<T>,
+    inputs: Vec<T>,
+    records: Vec<T>,
+    outputs: Vec<T>,
+    output_adjoints: Vec<T>,
+    state_adjoint: Vec<T>,
+    input_adjoint: Vec<T>,
+    scratch: Vec<T>,
+}
+
+impl<T: Scalar> Tape<T> {
+    /// A tape for `steps` steps of `sequences` sequences, all numbers zero.
+    ///
+    /// # Panics
+    /// If the network's sizes cannot be ([`Network::check`]).
+    pub fn new(network: &Network, steps: usize, sequences: usize) -> Self {
+        if let Err(error) = network.check() {
+            panic!("{error}");
+        }
+        let lanes = padded(sequences);
+        let cells = Cells::new(network, lanes);
+        let outputs = if network.read_out { network.outputs } else { 0 };
+        let shown = (!network.read_out).then(|| (network.state_len() - network.outputs) * lanes);
+        Self {
+            steps,
+            sequences,
+            lanes,
+            state_len: network.state_len() * lanes,
+            input_len: network.inputs * lanes,
+            output_len: network.outputs * lanes,
+            record_len: cells.record_rows() * lanes,
+            shown,
+            states: zeros((steps + 1) * network.state_len(), lanes),
+            inputs: zeros(steps * network.inputs, lanes),
+            records: zeros(steps * cells.record_rows(), lanes),
+            outputs: zeros(steps * outputs, lanes),
+            output_adjoints: zeros(steps * network.outputs, lanes),
+            state_adjoint: zeros(network.state_len(), lanes),
+            input_adjoint: zeros(network.inputs, lanes),
+            scratch: zeros(cells.scratch_rows(), lanes),
+            cells,
+        }
+    }
+
+    /// Number of steps that it has room for.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// Number of sequences.
+    pub fn sequences(&self) -> usize {
+        self.sequences
+    }
+
+    /// Number of sequences rounded up: the length of a row.
+    pub fn lanes(&self) -> usize {
+        self.lanes
+    }
+
+    /// Takes the network's flat weights ([`Network::tensors`]) for all that follows.
+    ///
+    /// # Panics
+    /// If there are fewer weights than the network has.
+    pub fn load(&mut self, weights: &[T]) {
+        self.cells.load(weights);
+    }
+
+    /// The state before the first step, `state_len x lanes`.
+    pub fn state_mut(&mut self) -> &mut [T] {
+        &mut self.states[..self.state_len]
+    }
+
+    /// The state before step `k`, `state_len x lanes`; that after the last for `k = steps`.
+    pub fn state(&self, k: usize) -> &[T] {
+        &self.states[k * self.state_len..(k + 1) * self.state_len]
+    }
+
+    /// The input of step `k`, `inputs x lanes`.
+    pub fn input_mut(&mut self, k: usize) -> &mut [T] {
+        &mut self.inputs[k * self.input_len..(k + 1) * self.input_len]
+    }
+
+    /// Step `k`: from state `k` and input `k` to state `k + 1` and output `k`.
+    pub fn step(&mut self, k: usize) {
+        let sequences = self.sequences;
+        if k == 0 {
+            clear_padding(self.state_mut(), sequences);
+        }
+        clear_padding(self.input_mut(k), sequences);
+        let (before, after) = self.states.split_at_mut((k + 1) * self.state_len);
+        let output_len = if self.shown.is_some() { 0 } else { self.output_len };
+        self.cells.forward(Forward {
+            state: &before[k * self.state_len..],
+            input: &self.inputs[k * self.input_len..(k + 1) * self.input_len],
+            record: &mut self.records[k * self.record_len..(k + 1) * self.record_len],
+            next: &mut after[..self.state_len],
+            output: &mut self.outputs[k * output_len..(k + 1) * output_len],
+        });
+    }
+
+    /// The output of step `k`, `outputs x lanes`: that of state `k + 1`.
+    pub fn output(&self, k: usize) -> &[T] {
+        match self.shown {
+            Some(shown) => &self.state(k + 1)[shown..],
+            None => &self.outputs[k * self.output_len..(k + 1) * self.output_len],
+        }
+    }
+
+    /// Begins a way back: gradient and all adjoints are zero.
+    pub fn begin_backward(&mut self) {
+        self.cells.clear();
+        self.output_adjoints.fill(T::zero());
+        self.state_adjoint.fill(T::zero());
+        self.input_adjoint.fill(T::zero());
+    }
+
+    /// `dL/dy_k` of what the loss sees of output `k` itself, `outputs x lanes`; read by `step_back(k)`.
+    pub fn output_adjoint_mut(&mut self, k: usize) -> &mut [T] {
+        &mut self.output_adjoints[k * self.output_len..(k + 1) * self.output_len]
+    }
+
+    /// Step `k` back: adds to the weights' gradient, and carries the state's adjoint from state `k + 1` to state `k`.
+    /// From the last step down, as far as wanted; each step once after its [`step`](Self::step), whose record it
+    /// uses up.
+    pub fn step_back(&mut self, k: usize) {
+        let sequences = self.sequences;
+        clear_padding(self.output_adjoint_mut(k), sequences);
+        clear_padding(&mut self.state_adjoint, sequences);
+        self.cells.back(Back {
+            state: &self.states[k * self.state_len..(k + 1) * self.state_len],
+            input: &self.inputs[k * self.input_len..(k + 1) * self.input_len],
+            record: &mut self.records[k * self.record_len..(k + 1) * self.record_len],
+            next: &self.states[(k + 1) * self.state_len..(k + 2) * self.state_len],
+            output_adjoint: &self.output_adjoints[k * self.output_len..(k + 1) * self.output_len],
+            state_adjoint: &mut self.state_adjoint,
+            input_adjoint: &mut self.input_adjoint,
+            scratch: &mut self.scratch,
+        });
+    }
+
+    /// `dL/dx_k` of the step back that was last made, `inputs x lanes`.
+    pub fn input_adjoint(&self) -> &[T] {
+        &self.input_adjoint
+    }
+
+    /// `dL/dstate`, `state_len x lanes`: after `step_back(k)` that of state `k`. May be added to (a loss that sees the
+    /// state) or zeroed (truncation) between steps.
+    pub fn state_adjoint_mut(&mut self) -> &mut [T] {
+        &mut self.state_adjoint
+    }
+
+    /// The gradient of the flat weights, summed over steps and sequences in a fixed order.
+    ///
+    /// # Panics
+    /// If `into` is shorter than the weights.
+    pub fn gradient(&self, into: &mut [T]) {
+        self.cells.gradient(into);
+    }
+}
