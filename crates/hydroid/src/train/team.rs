@@ -2,6 +2,8 @@
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Base, Network, Scaling};
+use std::sync::{Mutex, PoisonError};
+
 use rayon::prelude::*;
 
 use super::adam::{Adam, clip};
@@ -34,7 +36,9 @@ pub(super) struct Member<T> {
     gradient: Vec<T>,
     loss: f64,
     work: Vec<Work<T>>,
-    judging: Vec<Judging<T>>,
+    /// How many of them the present batch fills.
+    chunks: usize,
+    judging: Vec<Vec<f64>>,
 }
 
 /// A chunk at work.
@@ -42,12 +46,6 @@ pub(super) struct Member<T> {
 struct Work<T> {
     chunk: Chunk<T>,
     loss: f64,
-}
-
-#[derive(Clone, Debug)]
-struct Judging<T> {
-    chunk: Chunk<T>,
-    squares: Vec<f64>,
 }
 
 /// All that does not change in a training.
@@ -84,13 +82,15 @@ impl<T: Scalar> Plan<T> {
 
 /// The members, in lock-step: each step's chunks of all members are one bag of work for all threads, so that cores are
 /// busy with one restart and with many, and the caller hears of every step.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Team<T> {
     pub(super) plan: Plan<T>,
     pub(super) members: Vec<Member<T>>,
     /// Steps of the present epoch.
     batches: usize,
     epoch: usize,
+    /// Chunks for judging that wait for work: as many as there are threads.
+    spare: Mutex<Vec<Chunk<T>>>,
 }
 
 impl<T: Scalar> Team<T> {
@@ -112,11 +112,12 @@ impl<T: Scalar> Team<T> {
                     gradient: vec![T::zero(); count],
                     loss: 0.0,
                     work: Vec::new(),
+                    chunks: 0,
                     judging: Vec::new(),
                 }
             })
             .collect();
-        Self { plan, members, batches: 0, epoch: 0 }
+        Self { plan, members, batches: 0, epoch: 0, spare: Mutex::default() }
     }
 
     /// Begins an epoch, counted from 0; gives its number of steps.
@@ -146,8 +147,7 @@ impl<T: Scalar> Team<T> {
             while member.work.len() < chunks {
                 member.work.push(Work { chunk: plan.chunk(plan.shape, true), loss: 0.0 });
             }
-            // Chunks of a smaller batch are fewer; the others must not speak.
-            member.work.truncate(chunks);
+            member.chunks = chunks;
             for (work, windows) in member.work.iter_mut().zip(windows.chunks(CHUNK)) {
                 tasks.push((work, member.weights.as_slice(), windows, factor));
             }
@@ -167,7 +167,7 @@ impl<T: Scalar> Team<T> {
         let Settings { clip: most, weight_decay, .. } = self.plan.settings;
         for member in self.members.iter_mut().filter(|member| !member.idle) {
             member.gradient.fill(T::zero());
-            for work in &member.work {
+            for work in &member.work[..member.chunks] {
                 member.loss += work.loss / self.batches as f64;
                 for (sum, &g) in member.gradient.iter_mut().zip(work.chunk.gradient()) {
                     *sum += g;
@@ -193,22 +193,24 @@ impl<T: Scalar> Team<T> {
         let mut tasks = Vec::new();
         for member in self.members.iter_mut().filter(|member| !member.idle) {
             let chunks = plan.judge.windows.chunks(CHUNK);
-            while member.judging.len() < chunks.len() {
-                let chunk = plan.chunk(plan.judge.shape, false);
-                member.judging.push(Judging { chunk, squares: vec![0.0; cells] });
-            }
-            for (judging, windows) in member.judging.iter_mut().zip(chunks) {
-                tasks.push((judging, member.weights.as_slice(), windows));
+            member.judging.resize_with(chunks.len(), || vec![0.0; cells]);
+            for (squares, windows) in member.judging.iter_mut().zip(chunks) {
+                tasks.push((squares, member.weights.as_slice(), windows));
             }
         }
-        let run = |(judging, weights, windows): (&mut Judging<T>, &[T], &[Window])| {
-            plan.judge.squares(&mut judging.chunk, weights, &plan.validation, windows, &mut judging.squares);
+        // What a chunk holds is written over: a lock that was poisoned does no harm.
+        let spare = || self.spare.lock().unwrap_or_else(PoisonError::into_inner);
+        let run = |(squares, weights, windows): (&mut Vec<f64>, &[T], &[Window])| {
+            let free = spare().pop();
+            let mut chunk = free.unwrap_or_else(|| plan.chunk(plan.judge.shape, false));
+            plan.judge.squares(&mut chunk, weights, &plan.validation, windows, squares);
+            spare().push(chunk);
         };
         tasks.into_par_iter().for_each(run);
         let score = |member: &Member<T>| {
             let mut sums = vec![0.0; cells];
-            for judging in &member.judging {
-                for (sum, square) in sums.iter_mut().zip(&judging.squares) {
+            for squares in &member.judging {
+                for (sum, square) in sums.iter_mut().zip(squares) {
                     *sum += square;
                 }
             }
