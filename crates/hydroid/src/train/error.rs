@@ -106,17 +106,21 @@ pub enum TrainError {
         /// What is wrong.
         reason: String,
     },
-    /// Loss or weights were not finite in all restarts before any model was worth keeping.
+    /// No restart had weights that were worth keeping after any epoch.
     #[error(
-        "the training diverged in all of its restarts ({restarts}), the first in epoch {epoch}: give a smaller learning_rate (it was {learning_rate}) or a smaller clip"
+        "the training diverged: after every epoch of all restarts ({restarts}) some rollout on the validation runs left ten times the design range. Give a smaller learning_rate (it was {learning_rate}), or wider design ranges if the vessel does leave them"
     )]
     Diverged {
         /// How many there were.
         restarts: usize,
-        /// Epoch of the first.
-        epoch: usize,
         /// Peak step size.
         learning_rate: f64,
+    },
+    /// The time was over before the first epoch was.
+    #[error("{budget_s} s are not enough for one epoch: give a larger budget_s, or a smaller network")]
+    NoTime {
+        /// What was given \[s\].
+        budget_s: f64,
     },
     /// The checkpoint cannot be used.
     #[error("cannot go on from checkpoint {}: {reason}", path.display())]

@@ -1,18 +1,38 @@
 //! Training of recurrent models on shore.
 
+mod adam;
+mod base;
+mod budget;
+mod checkpoint;
 mod error;
+mod fingerprint;
+mod init;
+mod judge;
+mod plan;
+mod random;
+mod scaling;
+pub mod schedule;
 mod settings;
+mod team;
+mod unroll;
+mod windows;
 
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
+use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Recurrent;
 use hydroid_core::model::sparse::Equations;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
+use crate::progress::Cancelled;
+
+use budget::Clock;
+use checkpoint::Keeper;
+use team::Team;
 
 pub use error::TrainError;
 pub use settings::{BaseKind, CellKind, Precision, Schedule, Settings};
@@ -38,13 +58,20 @@ pub struct Job<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Epoch {
-    /// Loss in the mean over the epoch's steps.
+    /// Loss in the mean over the epoch's steps: the mean square error in standard deviations of the outputs. Where a
+    /// gradient was no number, infinite or NaN; JSON writes both as null, which is read as infinite.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub train_loss: f64,
     /// Validation error after the epoch: the mean over channels and horizons of the NRMSE, as
     /// [`Evaluation::score`](crate::evaluate::Evaluation::score); infinite where a rollout diverged.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub validation: f64,
     /// Step size at the end of the epoch.
     pub learning_rate: f64,
+}
+
+fn null_is_infinite<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
 /// Where a training is.
@@ -58,7 +85,7 @@ pub struct Status {
     pub fraction: f64,
     /// Least loss of the last epoch over restarts; NaN before the first is done.
     pub train_loss: f64,
-    /// Least validation error so far over restarts; NaN before the first epoch is done.
+    /// Least validation error so far over restarts; infinite before there is one.
     pub validation: f64,
     /// Time that is left as far as one can tell \[s\].
     pub seconds_left: f64,
@@ -92,7 +119,7 @@ pub struct Trained {
     pub best_epoch: usize,
     /// Its validation error.
     pub validation: f64,
-    /// Least validation error of each restart.
+    /// Least validation error of each restart; infinite for one that never had any.
     pub restarts: Vec<f64>,
     /// Epochs that were planned: with a budget as many as fit it. This number as `epochs` without a budget repeats
     /// the training exactly if it ended with [`Ending::Done`].
@@ -120,7 +147,104 @@ pub fn train(
     checkpoint: Option<&Path>,
     watch: Watch<'_>,
 ) -> Result<Trained, TrainError> {
-    let _ = (job, checkpoint, watch);
-    settings.check(job.outputs.len())?;
-    Err(TrainError::NoRuns { what: "training" })
+    match settings.precision {
+        Precision::F32 => run::<f32>(job, settings, checkpoint, watch),
+        Precision::F64 => run::<f64>(job, settings, checkpoint, watch),
+    }
+}
+
+fn run<T: Scalar>(
+    job: &Job<'_>,
+    settings: &Settings,
+    checkpoint: Option<&Path>,
+    watch: Watch<'_>,
+) -> Result<Trained, TrainError> {
+    let mut clock = Clock::start(settings.budget_s);
+    let mut team = Team::<T>::new(plan::plan(job, settings)?);
+    let mut keeper = Keeper::open(checkpoint, job, settings);
+    let begun = keeper.resume(&mut team)?;
+    if begun.is_none() {
+        team.plan.epochs = clock.epochs(&mut team);
+    }
+    let first = begun.unwrap_or(0);
+    let mut ending = Ending::Done;
+    'epochs: for epoch in first..team.plan.epochs {
+        if team.is_idle() {
+            ending = Ending::Patience;
+            break;
+        }
+        let batches = team.begin(epoch);
+        for batch in 0..batches {
+            if clock.is_over() {
+                ending = Ending::Budget;
+                break 'epochs;
+            }
+            team.step(batch);
+            let done = (epoch - first) as f64 + (batch + 1) as f64 / batches as f64;
+            if let Some(seconds_left) = clock.tell(done, team.plan.epochs - first)
+                && watch(&status(&team, epoch, done + first as f64, seconds_left)).is_break()
+            {
+                keeper.flush()?;
+                return Err(Cancelled.into());
+            }
+        }
+        team.end();
+        keeper.keep(&team, epoch + 1)?;
+    }
+    if ending == Ending::Done && team.is_idle() {
+        ending = Ending::Patience;
+    }
+    keeper.flush()?;
+    finish(&team, settings, ending, clock.seconds())
+}
+
+fn status<T: Scalar>(team: &Team<T>, epoch: usize, done: f64, seconds_left: f64) -> Status {
+    let epochs = team.plan.epochs;
+    let losses = team.members.iter().filter_map(|member| Some(member.history.last()?.train_loss));
+    Status {
+        epoch,
+        epochs,
+        fraction: (done / epochs as f64).min(1.0),
+        train_loss: losses.fold(f64::NAN, f64::min),
+        validation: team.members.iter().map(|member| member.best_score).fold(f64::INFINITY, f64::min),
+        seconds_left,
+    }
+}
+
+fn finish<T: Scalar>(
+    team: &Team<T>,
+    settings: &Settings,
+    ending: Ending,
+    seconds: f64,
+) -> Result<Trained, TrainError> {
+    let plan = &team.plan;
+    let best = team.members.iter().enumerate().filter(|(_, member)| member.best_epoch > 0);
+    // The first of equals.
+    let Some((restart, member)) = best.min_by(|(_, a), (_, b)| a.best_score.total_cmp(&b.best_score)) else {
+        let restarts = team.members.len();
+        return Err(match team.members.iter().map(|member| member.history.len()).max() {
+            Some(1..) => TrainError::Diverged { restarts, learning_rate: settings.learning_rate },
+            _ => TrainError::NoTime { budget_s: settings.budget_s.unwrap_or(0.0) },
+        });
+    };
+    Ok(Trained {
+        model: Recurrent {
+            network: plan.network,
+            weights: member.best.iter().map(|w| w.wide()).collect(),
+            scaling: plan.scaling.clone(),
+            base: plan.base.clone(),
+            feedback: settings.feedback,
+            wash_out: plan.shape.wash_out,
+        },
+        history: member.history.clone(),
+        restart,
+        best_epoch: member.best_epoch,
+        validation: member.best_score,
+        restarts: team.members.iter().map(|member| member.best_score).collect(),
+        epochs: plan.epochs,
+        ending,
+        wash_out: plan.shape.wash_out,
+        window: plan.shape.length,
+        seconds,
+    })
 }

@@ -1,0 +1,96 @@
+//! The optimizer.
+
+use hydroid_core::math::Scalar;
+
+/// Decay of the mean of gradients, and of that of their squares.
+const BETA: [f64; 2] = [0.9, 0.999];
+/// Keeps the division finite.
+const EPSILON: f64 = 1e-8;
+
+/// Adam (Kingma and Ba 2015, algorithm 1) with decoupled weight decay (`AdamW`, Loshchilov and Hutter 2019):
+///
+/// ```text
+/// m <- b1 m + (1 - b1) g              v <- b2 v + (1 - b2) g^2
+/// w <- w - a d w - a (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + e)
+/// ```
+///
+/// with the step size `a`, the weight decay `d`, `b1 = 0.9`, `b2 = 0.999`, `e = 1e-8`, and `t` counting from 1.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Adam<T> {
+    /// Mean of gradients.
+    pub(super) mean: Vec<T>,
+    /// Mean of their squares.
+    pub(super) square: Vec<T>,
+    /// Steps that are done.
+    pub(super) steps: u64,
+}
+
+impl<T: Scalar> Adam<T> {
+    pub(super) fn new(weights: usize) -> Self {
+        Self { mean: vec![T::zero(); weights], square: vec![T::zero(); weights], steps: 0 }
+    }
+
+    /// A step of the weights against the gradient.
+    pub(super) fn step(&mut self, weights: &mut [T], gradient: &[T], rate: f64, decay: f64) {
+        self.steps += 1;
+        let t = self.steps as f64;
+        let [b1, b2] = BETA;
+        // Factors of the whole step, so that a weight costs one root and one division.
+        let size = T::of(rate / (1.0 - b1.powf(t)));
+        let unbias = T::of((1.0 / (1.0 - b2.powf(t))).sqrt());
+        let (keep, epsilon) = (T::of(1.0 - rate * decay), T::of(EPSILON));
+        let (b1, b2, one) = (T::of(b1), T::of(b2), T::one());
+        let moments = self.mean.iter_mut().zip(&mut self.square);
+        for ((w, &g), (m, v)) in weights.iter_mut().zip(gradient).zip(moments) {
+            *m = b1 * *m + (one - b1) * g;
+            *v = b2 * *v + (one - b2) * g * g;
+            *w = keep * *w - size * *m / (v.sqrt() * unbias + epsilon);
+        }
+    }
+}
+
+/// Shortens a gradient to a length, and gives the length that it had (Pascanu, Mikolov and Bengio 2013).
+pub(super) fn clip<T: Scalar>(gradient: &mut [T], most: f64) -> f64 {
+    let norm = gradient.iter().map(|g| g.wide() * g.wide()).sum::<f64>().sqrt();
+    if norm > most {
+        let factor = T::of(most / norm);
+        for g in gradient {
+            *g *= factor;
+        }
+    }
+    norm
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three steps by hand: with gradients 1, 1, -2 the moments are
+    /// m = 0.1, 0.19, -0.029 and v = 0.001, 0.001999, 0.005997001.
+    #[test]
+    fn steps_are_those_of_the_paper() {
+        let (mut adam, mut w) = (Adam::new(1), [0.5f64]);
+        let mut expected = 0.5;
+        for (t, g, m, v) in [(1, 1.0, 0.1, 0.001), (2, 1.0, 0.19, 0.001_999), (3, -2.0, -0.029, 0.005_997_001)]
+        {
+            adam.step(&mut w, &[g], 0.01, 0.1);
+            let (m_hat, v_hat): (f64, f64) = (m / (1.0 - 0.9f64.powi(t)), v / (1.0 - 0.999f64.powi(t)));
+            expected = expected - 0.01 * 0.1 * expected - 0.01 * m_hat / (v_hat.sqrt() + 1e-8);
+            assert!((w[0] - expected).abs() < 1e-12, "step {t}: {} {expected}", w[0]);
+        }
+        // The first step of Adam is as long as the step size, whatever the gradient.
+        let (mut adam, mut w) = (Adam::new(2), [0.0f64; 2]);
+        adam.step(&mut w, &[1e-3, -1e3], 0.01, 0.0);
+        assert!((w[0] + 0.01).abs() < 1e-6 && (w[1] - 0.01).abs() < 1e-6);
+    }
+
+    #[test]
+    fn long_gradients_are_shortened_and_short_ones_are_not() {
+        let mut g = [3.0f64, -4.0];
+        assert_eq!(clip(&mut g, 10.0), 5.0);
+        assert_eq!(g, [3.0, -4.0]);
+        assert_eq!(clip(&mut g, 1.0), 5.0);
+        assert!((g[0] - 0.6).abs() < 1e-15 && (g[1] + 0.8).abs() < 1e-15);
+        assert!(clip(&mut [f32::NAN], 1.0).is_nan());
+    }
+}

@@ -1,0 +1,23 @@
+//! First weights.
+
+use hydroid_core::math::Scalar;
+use hydroid_core::model::recurrent::{Cell, Network};
+use rand::RngExt as _;
+use rand_chacha::ChaCha8Rng;
+
+/// First weights as PyTorch draws them: uniform in `+-1 / sqrt(hidden)`; of an LSTM 1 is added to the biases of the
+/// forget gate, so that it remembers from the start (Gers, Schmidhuber and Cummins 2000; Jozefowicz et al. 2015).
+pub(super) fn weights<T: Scalar>(network: &Network, rng: &mut ChaCha8Rng) -> Vec<T> {
+    let (Cell::Lstm { hidden, .. } | Cell::Gru { hidden } | Cell::Vanilla { hidden, .. }) = network.cell;
+    let bound = 1.0 / (hidden as f64).sqrt();
+    let mut weights: Vec<T> =
+        (0..network.weights()).map(|_| T::of(rng.random_range(-bound..bound))).collect();
+    if let Cell::Lstm { .. } = network.cell {
+        for tensor in network.tensors().iter().filter(|tensor| tensor.name.starts_with("bias_ih")) {
+            for weight in &mut weights[tensor.range()][hidden..2 * hidden] {
+                *weight += T::one();
+            }
+        }
+    }
+    weights
+}

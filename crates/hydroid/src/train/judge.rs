@@ -1,0 +1,76 @@
+//! The multi-step error on validation runs.
+
+use hydroid_core::math::Scalar;
+
+use super::scaling::HALF_RANGE;
+use super::unroll::Chunk;
+use super::windows::{ScaledRun, Shape, Window};
+
+/// A rollout has diverged when it leaves this many times the design range, as in [`evaluate`](crate::evaluate).
+const DIVERGED: f64 = 10.0 * HALF_RANGE;
+
+/// Rolls out from origins in validation runs as [`evaluate`](fn@crate::evaluate::evaluate) does, with two differences
+/// for speed: origins are taken with a stride, and the hidden state at an origin is that after a wash-out instead of
+/// that after the whole run before it.
+///
+/// The score is [`Evaluation::score`](crate::evaluate::Evaluation::score): the mean over horizons and channels of
+/// RMSE over the standard deviation of what it is compared with, and infinite where a rollout diverged.
+#[derive(Clone, Debug)]
+pub(super) struct Judge {
+    pub(super) shape: Shape,
+    pub(super) windows: Vec<Window>,
+    /// `1 / (count variance)` for each horizon and output; none where nothing varies.
+    weights: Vec<Option<f64>>,
+}
+
+impl Judge {
+    /// With at most about `most` origins.
+    pub(super) fn new<T: Scalar>(shape: Shape, runs: &[ScaledRun<T>], most: usize) -> Self {
+        let possible: usize = runs.iter().map(|run| (run.samples + 1).saturating_sub(shape.samples())).sum();
+        let windows = shape.every(runs, possible.div_ceil(most.max(1)).max(1));
+        let n = shape.outputs;
+        let weights = (0..shape.length * n)
+            .map(|cell| {
+                let (step, i) = (cell / n, cell % n);
+                let values = || {
+                    let value = |w: &Window| runs[w.run].outputs[(w.origin + step + 1) * n + i].wide();
+                    windows.iter().map(value).filter(|y| !y.is_nan())
+                };
+                let count = values().count() as f64;
+                let mean = values().sum::<f64>() / count;
+                let squares: f64 = values().map(|y| (y - mean).powi(2)).sum();
+                (squares > 0.0).then(|| 1.0 / squares)
+            })
+            .collect();
+        Self { shape, windows, weights }
+    }
+
+    /// Sums of squared errors of a chunk of windows, for each horizon and output; all infinite if one diverged.
+    pub(super) fn squares<T: Scalar>(
+        &self,
+        chunk: &mut Chunk<T>,
+        weights: &[T],
+        runs: &[ScaledRun<T>],
+        windows: &[Window],
+        into: &mut [f64],
+    ) {
+        let n = self.shape.outputs;
+        chunk.walk(weights, runs, windows);
+        if chunk.leaves(DIVERGED) {
+            into.fill(f64::INFINITY);
+            return;
+        }
+        into.fill(0.0);
+        for step in 0..self.shape.length {
+            chunk.compare(runs, step, |i, _, error| into[step * n + i] += error.wide().powi(2));
+        }
+    }
+
+    /// The score of sums over all windows.
+    pub(super) fn score(&self, squares: &[f64]) -> f64 {
+        let parts = squares.iter().zip(&self.weights).filter_map(|(s, w)| w.map(|w| (s * w).sqrt()));
+        let (sum, count) = parts.fold((0.0, 0usize), |(sum, count), part| (sum + part, count + 1));
+        let score = sum / count as f64;
+        if score.is_finite() { score } else { f64::INFINITY }
+    }
+}

@@ -1,0 +1,142 @@
+//! From a job and settings to all that does not change in a training.
+
+use std::sync::Arc;
+
+use hydroid_core::math::Scalar;
+use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::sparse::Equations;
+
+use super::judge::Judge;
+use super::team::Plan;
+use super::windows::{ScaledRun, Shape};
+use super::{BaseKind, Job, Settings, TrainError, random, scaling};
+use crate::log::Trajectory;
+
+/// Samples of wash-out and of comparison where the settings say nothing, and the shares of the longest run that they
+/// may be.
+const WASH_OUT: (usize, usize) = (100, 8);
+const WINDOW: (usize, usize) = (200, 4);
+
+/// Origins on the validation runs: at least as many if they can be had, and at the most. In between judging costs a
+/// fraction of learning.
+const LEAST_ORIGINS: usize = 64;
+const MOST_ORIGINS: usize = 512;
+
+/// Steps of learning for one of judging.
+const JUDGING: usize = 6;
+
+pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan<T>, TrainError> {
+    let (outputs, inputs) = (job.outputs.len(), job.inputs.len());
+    settings.check(outputs)?;
+    let network = settings.network(inputs, outputs)?;
+    check(job)?;
+    let mut scaling = scaling::from_ranges(job.outputs, job.inputs)?;
+    let base = base(job, settings)?;
+    let correction = match &base {
+        Base::Nothing => None,
+        Base::Hold => Some(scaling::increments(job.runs)),
+        Base::Equations(equations) => Some(scaling::residuals(job.runs, equations)),
+    };
+    if let Some(correction) = correction {
+        // A network whose output counts for nothing could not learn: what does not move at all keeps a thousandth.
+        let least = scaling.output_scale.iter().map(|scale| 1e-3 * scale);
+        scaling.correction_scale =
+            correction.iter().zip(least).map(|(size, least)| size.max(least)).collect();
+    }
+    let deviations = scaling::deviations(job.runs);
+    if let Some(c) = deviations.iter().position(|d| !(*d > 0.0)) {
+        let channel = job.runs[0].outputs.channels()[c].name.clone();
+        return Err(TrainError::Constant { channel });
+    }
+    let given = |c: usize| settings.channel_weights.get(c).copied().unwrap_or(1.0);
+    // The network works in units of the design range; errors count in standard deviations, as in the score.
+    let channel_weights =
+        (0..outputs).map(|c| given(c) * (scaling.output_scale[c] / deviations[c]).powi(2)).collect();
+    let shape = Shape {
+        outputs,
+        inputs,
+        wash_out: wash_out(job, settings, &base),
+        length: samples(job, settings.window_s, WINDOW),
+        measured: settings.feedback || !matches!(base, Base::Nothing),
+    };
+    let scaled = |runs: &[&Trajectory]| -> Vec<ScaledRun<T>> {
+        runs.iter().map(|run| ScaledRun::new(run, &scaling)).collect()
+    };
+    let (runs, validation) = (scaled(job.runs), scaled(job.validation));
+    let windows = shape.tiles(&runs, &mut random::stream(settings.seed, random::Purpose::Offsets, 0, 0)).len();
+    if windows == 0 {
+        return Err(shape.none("training", &runs));
+    }
+    let judged = Shape { length: job.horizon, ..shape };
+    let learning = windows * shape.samples();
+    let origins = (learning / (JUDGING * judged.samples())).clamp(LEAST_ORIGINS, MOST_ORIGINS);
+    let judge = Judge::new(judged, &validation, origins);
+    if judge.windows.is_empty() {
+        return Err(judged.none("validation", &validation));
+    }
+    let (settings, epochs) = (settings.clone(), settings.epochs);
+    Ok(Plan { settings, network, base, scaling, shape, runs, validation, judge, channel_weights, epochs })
+}
+
+fn check(job: &Job<'_>) -> Result<(), TrainError> {
+    if job.horizon == 0 {
+        let needed = "at least 1 sample";
+        return Err(TrainError::Setting { what: "horizon", value: String::from("0"), needed });
+    }
+    for (what, runs) in [("training", job.runs), ("validation", job.validation)] {
+        if runs.is_empty() {
+            return Err(TrainError::NoRuns { what });
+        }
+        for run in runs {
+            for (what, expected, given) in [
+                ("outputs", job.outputs.len(), run.outputs.width()),
+                ("inputs", job.inputs.len(), run.inputs.width()),
+            ] {
+                if expected != given {
+                    return Err(TrainError::Channels { run: run.name.clone(), what, expected, given });
+                }
+            }
+            let expected = job.runs[0].dt;
+            if !((run.dt / expected - 1.0).abs() <= 1e-6) {
+                return Err(TrainError::SampleTime { run: run.name.clone(), expected, given: run.dt });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn base(job: &Job<'_>, settings: &Settings) -> Result<Base, TrainError> {
+    let wrong = |reason: String| Err(TrainError::Equations { reason });
+    let equations = match (settings.base, &job.equations) {
+        (BaseKind::Nothing, _) => return Ok(Base::Nothing),
+        (BaseKind::Hold, _) => return Ok(Base::Hold),
+        (BaseKind::Equations, None) => return wrong(String::from("none are given")),
+        (BaseKind::Equations, Some(equations)) => equations,
+    };
+    let (n, m) = (job.outputs.len(), job.inputs.len());
+    if (equations.outputs(), equations.inputs()) != (n, m) {
+        let (a, b) = (equations.outputs(), equations.inputs());
+        return wrong(format!("they have {a} outputs and {b} inputs, the runs {n} and {m}"));
+    }
+    if !((equations.dt() / job.runs[0].dt - 1.0).abs() <= 1e-6) {
+        let (a, b) = (equations.dt(), job.runs[0].dt);
+        return wrong(format!("they are for samples of {a} s, the runs have {b} s"));
+    }
+    Ok(Base::Equations(Arc::<Equations>::clone(equations)))
+}
+
+/// A time in samples, or a default that leaves room on short runs.
+fn samples(job: &Job<'_>, seconds: Option<f64>, (most, share): (usize, usize)) -> usize {
+    let longest = job.runs.iter().map(|run| run.len()).max().unwrap_or(0);
+    let default = most.min(longest / share);
+    // Longer than any run is refused later, with words; the cast saturates.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and it saturates")]
+    let given = seconds.map(|s| (s / job.runs[0].dt).round().min(1e12) as usize);
+    given.unwrap_or(default).max(1)
+}
+
+/// The wash-out is as long as the base needs in any case.
+fn wash_out(job: &Job<'_>, settings: &Settings, base: &Base) -> usize {
+    let least = if let Base::Equations(equations) = base { equations.warm_up() } else { 1 };
+    samples(job, settings.wash_out_s, WASH_OUT).max(least)
+}

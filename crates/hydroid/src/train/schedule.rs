@@ -1,0 +1,70 @@
+//! Step sizes over a training.
+//!
+//! With the peak `p`, and `s` steps of `n` done:
+//!
+//! ```text
+//! constant    p
+//! cosine      p (e + (1 - e) (1 + cos(pi s / n)) / 2)                       e = 1/100
+//! one-cycle   warm-up, s < w n:   p (a + (1 - a) (1 - cos(pi s / (w n))) / 2)     a = 1/25,  w = 1/10
+//!             then:               p (z + (1 - z) (1 + cos(pi (s - w n) / (n - w n))) / 2)    z = 1/1000
+//! ```
+//!
+//! Cosine: Loshchilov and Hutter, SGDR, 2017. One-cycle: Smith and Topin, Super-convergence, 2018, with cosines in
+//! place of straight lines. A warm-up keeps the first, wild gradients from spoiling Adam's second moments; the long
+//! way down takes the place of averaging weights.
+
+use std::f64::consts::PI;
+
+use super::Schedule;
+
+/// Share of the peak at which a cosine ends.
+const COSINE_END: f64 = 0.01;
+/// Shares of the peak at which a cycle begins and ends.
+const CYCLE_START: f64 = 0.04;
+const CYCLE_END: f64 = 0.001;
+/// Share of the steps in which a cycle warms up.
+const WARM_UP: f64 = 0.1;
+
+/// Step size when `done` of `steps` steps are done.
+pub fn rate(schedule: Schedule, peak: f64, done: usize, steps: usize) -> f64 {
+    let part = done as f64 / steps.max(1) as f64;
+    // From 1 at 0 to `end` at 1.
+    let fall = |part: f64, end: f64| end + (1.0 - end) * 0.5 * (1.0 + (PI * part.min(1.0)).cos());
+    peak * match schedule {
+        Schedule::Constant => 1.0,
+        Schedule::Cosine => fall(part, COSINE_END),
+        Schedule::OneCycle if part < WARM_UP => fall(1.0 - part / WARM_UP, CYCLE_START),
+        Schedule::OneCycle => fall((part - WARM_UP) / (1.0 - WARM_UP), CYCLE_END),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(a: f64, b: f64) {
+        assert!((a - b).abs() < 1e-14, "{a} {b}");
+    }
+
+    #[test]
+    fn schedules_are_their_closed_forms() {
+        for done in [0, 17, 1000] {
+            close(rate(Schedule::Constant, 0.3, done, 1000), 0.3);
+        }
+        // The cosine at its start, a third, half and end: cos 0 = 1, cos 60 deg = 1/2, cos 90 deg = 0, cos 180 deg = -1.
+        for (done, share) in [(0, 1.0), (300, 0.01 + 0.99 * 0.75), (450, 0.01 + 0.99 * 0.5), (900, 0.01)] {
+            close(rate(Schedule::Cosine, 2.0, done, 900), 2.0 * share);
+        }
+        // The cycle: start, half-way up, peak, a third of the way down, end.
+        for (done, share) in [
+            (0, 0.04),
+            (50, 0.04 + 0.96 * 0.5),
+            (100, 1.0),
+            (400, 0.001 + 0.999 * 0.75),
+            (550, 0.001 + 0.999 * 0.5),
+            (1000, 0.001),
+        ] {
+            close(rate(Schedule::OneCycle, 0.01, done, 1000), 0.01 * share);
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! Restarts that train side by side.
+
+use hydroid_core::math::Scalar;
+use hydroid_core::model::recurrent::{Base, Network, Scaling};
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use super::adam::{Adam, clip};
+use super::judge::Judge;
+use super::random::{Purpose, stream};
+use super::unroll::Chunk;
+use super::windows::{ScaledRun, Shape, Window, shuffled};
+use super::{Epoch, Settings, init, schedule};
+
+/// Windows of a chunk: enough to fill the widest vectors, few enough that a small batch keeps two threads busy.
+const CHUNK: usize = 32;
+
+/// Steps of the optimizer that an epoch has at least, if the runs hold as many windows.
+const LEAST_STEPS: usize = 8;
+
+/// One training from first weights of its own.
+#[derive(Clone, Debug)]
+pub(super) struct Member<T> {
+    pub(super) weights: Vec<T>,
+    pub(super) adam: Adam<T>,
+    /// Weights with the least validation error so far.
+    pub(super) best: Vec<T>,
+    pub(super) best_score: f64,
+    /// Epoch that they are of, from 1; 0 before there are any.
+    pub(super) best_epoch: usize,
+    pub(super) history: Vec<Epoch>,
+    /// Whether it gave up.
+    pub(super) idle: bool,
+    order: Vec<Window>,
+    gradient: Vec<T>,
+    loss: f64,
+    work: Vec<Work<T>>,
+    /// How many of them the present batch fills.
+    chunks: usize,
+    judging: Vec<Vec<f64>>,
+}
+
+/// A chunk at work.
+#[derive(Clone, Debug)]
+struct Work<T> {
+    chunk: Chunk<T>,
+    loss: f64,
+}
+
+/// All that does not change in a training.
+#[derive(Clone, Debug)]
+pub(super) struct Plan<T> {
+    pub(super) settings: Settings,
+    pub(super) network: Network,
+    pub(super) base: Base,
+    pub(super) scaling: Scaling,
+    pub(super) shape: Shape,
+    pub(super) runs: Vec<ScaledRun<T>>,
+    pub(super) validation: Vec<ScaledRun<T>>,
+    pub(super) judge: Judge,
+    /// Weight of an output's squared error in scaled units.
+    pub(super) channel_weights: Vec<f64>,
+    pub(super) epochs: usize,
+}
+
+impl<T: Scalar> Plan<T> {
+    /// The windows of an epoch, the same for all members, who see them in different orders.
+    fn windows(&self, epoch: usize) -> Vec<Window> {
+        self.shape.tiles(&self.runs, &mut stream(self.settings.seed, Purpose::Offsets, 0, epoch))
+    }
+
+    /// Steps of an epoch with so many windows.
+    fn batches(&self, windows: usize) -> usize {
+        windows.div_ceil(self.settings.batch).max(LEAST_STEPS.min(windows))
+    }
+
+    fn chunk(&self, shape: Shape, back: bool) -> Chunk<T> {
+        Chunk::new(&self.network, &self.base, &self.scaling, self.settings.feedback, shape, CHUNK, back)
+    }
+}
+
+/// The members, in lock-step: each step's chunks of all members are one bag of work for all threads, so that cores are
+/// busy with one restart and with many, and the caller hears of every step.
+#[derive(Debug)]
+pub(super) struct Team<T> {
+    pub(super) plan: Plan<T>,
+    pub(super) members: Vec<Member<T>>,
+    /// Steps of the present epoch.
+    batches: usize,
+    epoch: usize,
+    /// Chunks for judging that wait for work: as many as there are threads.
+    spare: Mutex<Vec<Chunk<T>>>,
+}
+
+impl<T: Scalar> Team<T> {
+    pub(super) fn new(plan: Plan<T>) -> Self {
+        let members = (0..plan.settings.restarts)
+            .map(|restart| {
+                let mut rng = stream(plan.settings.seed, Purpose::Weights, restart, 0);
+                let weights = init::weights::<T>(&plan.network, &mut rng);
+                let count = weights.len();
+                Member {
+                    best: weights.clone(),
+                    weights,
+                    adam: Adam::new(count),
+                    best_score: f64::INFINITY,
+                    best_epoch: 0,
+                    history: Vec::new(),
+                    idle: false,
+                    order: Vec::new(),
+                    gradient: vec![T::zero(); count],
+                    loss: 0.0,
+                    work: Vec::new(),
+                    chunks: 0,
+                    judging: Vec::new(),
+                }
+            })
+            .collect();
+        Self { plan, members, batches: 0, epoch: 0, spare: Mutex::default() }
+    }
+
+    /// Begins an epoch, counted from 0; gives its number of steps.
+    pub(super) fn begin(&mut self, epoch: usize) -> usize {
+        let windows = self.plan.windows(epoch);
+        self.batches = self.plan.batches(windows.len());
+        self.epoch = epoch;
+        for (restart, member) in self.members.iter_mut().enumerate().filter(|(_, member)| !member.idle) {
+            let mut rng = stream(self.plan.settings.seed, Purpose::Order, restart, epoch);
+            member.order = shuffled(&windows, &mut rng);
+            member.loss = 0.0;
+        }
+        self.batches
+    }
+
+    /// The gradient of each member on a batch of the epoch, and its loss.
+    pub(super) fn gradients(&mut self, batch: usize) {
+        let plan = &self.plan;
+        let mut tasks = Vec::new();
+        for member in self.members.iter_mut().filter(|member| !member.idle) {
+            let count = member.order.len();
+            // Batches as equal as can be.
+            let windows = &member.order[count * batch / self.batches..count * (batch + 1) / self.batches];
+            let targets: usize = windows.iter().map(|window| window.targets).sum();
+            let factor = 1.0 / targets.max(1) as f64;
+            let chunks = windows.len().div_ceil(CHUNK);
+            while member.work.len() < chunks {
+                member.work.push(Work { chunk: plan.chunk(plan.shape, true), loss: 0.0 });
+            }
+            member.chunks = chunks;
+            for (work, windows) in member.work.iter_mut().zip(windows.chunks(CHUNK)) {
+                tasks.push((work, member.weights.as_slice(), windows, factor));
+            }
+        }
+        let run = |(work, weights, windows, factor): (&mut Work<T>, &[T], &[Window], f64)| {
+            work.chunk.walk(weights, &plan.runs, windows);
+            work.loss = factor * work.chunk.loss(&plan.runs, &plan.channel_weights);
+            work.chunk.backward(&plan.runs, &plan.channel_weights, factor);
+        };
+        tasks.into_par_iter().for_each(run);
+    }
+
+    /// A step of each member along the gradient of a batch.
+    pub(super) fn step(&mut self, batch: usize) {
+        self.gradients(batch);
+        let rate = self.rate(batch);
+        let Settings { clip: most, weight_decay, .. } = self.plan.settings;
+        for member in self.members.iter_mut().filter(|member| !member.idle) {
+            member.gradient.fill(T::zero());
+            for work in &member.work[..member.chunks] {
+                member.loss += work.loss / self.batches as f64;
+                for (sum, &g) in member.gradient.iter_mut().zip(work.chunk.gradient()) {
+                    *sum += g;
+                }
+            }
+            // A step along a gradient that is no number would end the training; the loss tells of it.
+            if clip(&mut member.gradient, most).is_finite() {
+                member.adam.step(&mut member.weights, &member.gradient, rate, weight_decay);
+            }
+        }
+    }
+
+    fn rate(&self, batch: usize) -> f64 {
+        let Settings { schedule, learning_rate, .. } = self.plan.settings;
+        let (done, steps) = (self.epoch * self.batches + batch, self.plan.epochs * self.batches);
+        schedule::rate(schedule, learning_rate, done, steps)
+    }
+
+    /// Judges the weights of all members, in scores by member.
+    pub(super) fn judge(&mut self) -> Vec<f64> {
+        let plan = &self.plan;
+        let cells = plan.judge.shape.length * plan.judge.shape.outputs;
+        let mut tasks = Vec::new();
+        for member in self.members.iter_mut().filter(|member| !member.idle) {
+            let chunks = plan.judge.windows.chunks(CHUNK);
+            member.judging.resize_with(chunks.len(), || vec![0.0; cells]);
+            for (squares, windows) in member.judging.iter_mut().zip(chunks) {
+                tasks.push((squares, member.weights.as_slice(), windows));
+            }
+        }
+        // What a chunk holds is written over: a lock that was poisoned does no harm.
+        let spare = || self.spare.lock().unwrap_or_else(PoisonError::into_inner);
+        let run = |(squares, weights, windows): (&mut Vec<f64>, &[T], &[Window])| {
+            let free = spare().pop();
+            let mut chunk = free.unwrap_or_else(|| plan.chunk(plan.judge.shape, false));
+            plan.judge.squares(&mut chunk, weights, &plan.validation, windows, squares);
+            spare().push(chunk);
+        };
+        tasks.into_par_iter().for_each(run);
+        let score = |member: &Member<T>| {
+            let mut sums = vec![0.0; cells];
+            for squares in &member.judging {
+                for (sum, square) in sums.iter_mut().zip(squares) {
+                    *sum += square;
+                }
+            }
+            plan.judge.score(&sums)
+        };
+        self.members.iter().map(|member| if member.idle { f64::INFINITY } else { score(member) }).collect()
+    }
+
+    /// Ends an epoch: judges, keeps the best weights, and lets those give up who have not been better for long.
+    pub(super) fn end(&mut self) {
+        let scores = self.judge();
+        let learning_rate = self.rate(self.batches);
+        let patience = self.plan.settings.patience;
+        for (member, validation) in self.members.iter_mut().zip(scores).filter(|(member, _)| !member.idle) {
+            member.history.push(Epoch { train_loss: member.loss, validation, learning_rate });
+            if validation < member.best_score {
+                member.best.clone_from(&member.weights);
+                member.best_score = validation;
+                member.best_epoch = member.history.len();
+            }
+            member.idle = patience.is_some_and(|most| member.history.len() - member.best_epoch >= most);
+        }
+    }
+
+    /// Whether nobody goes on.
+    pub(super) fn is_idle(&self) -> bool {
+        self.members.iter().all(|member| member.idle)
+    }
+}

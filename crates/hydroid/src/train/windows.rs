@@ -1,0 +1,203 @@
+//! Windows on runs: where a training starts its predictions.
+
+use rand::seq::SliceRandom as _;
+use rand::RngExt as _;
+use rand_chacha::ChaCha8Rng;
+
+use hydroid_core::math::Scalar;
+use hydroid_core::model::recurrent::Scaling;
+
+use super::TrainError;
+use crate::log::{Table, Trajectory};
+
+/// A run as a network sees it: `(value - mean) / scale`, row by row; a missing value is NaN.
+///
+/// Windows are read out of it in place: nothing is copied for each window.
+#[derive(Clone, Debug)]
+pub(super) struct ScaledRun<T> {
+    pub(super) samples: usize,
+    pub(super) outputs: Vec<T>,
+    pub(super) inputs: Vec<T>,
+    /// Inputs in their own units, for equations.
+    pub(super) commands: Vec<f64>,
+    /// Whether nothing is missing: windows need not look.
+    complete: bool,
+}
+
+impl<T: Scalar> ScaledRun<T> {
+    pub(super) fn new(run: &Trajectory, scaling: &Scaling) -> Self {
+        let scaled = |table: &Table, mean: &[f64], scale: &[f64]| -> Vec<T> {
+            (0..table.len())
+                .flat_map(|k| table.row(k).iter().zip(mean).zip(scale).map(|((x, m), s)| T::of((x - m) / s)))
+                .collect()
+        };
+        let outputs = scaled(&run.outputs, &scaling.output_mean, &scaling.output_scale);
+        let inputs = scaled(&run.inputs, &scaling.input_mean, &scaling.input_scale);
+        let complete = outputs.iter().chain(&inputs).all(|x| x.is_finite());
+        let commands = run.inputs.rows(0, run.inputs.len()).to_vec();
+        Self { samples: run.len(), outputs, inputs, commands, complete }
+    }
+}
+
+/// A window: `wash_out` samples before its origin in which the hidden state finds itself while outputs are measured,
+/// then `length` samples that are predicted and compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Window {
+    /// Which run.
+    pub(super) run: usize,
+    /// Sample from which on the model hears nothing of the outputs.
+    pub(super) origin: usize,
+    /// Measured values among those that are compared.
+    pub(super) targets: usize,
+}
+
+/// The shape of all windows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Shape {
+    pub(super) outputs: usize,
+    pub(super) inputs: usize,
+    /// Steps before the origin.
+    pub(super) wash_out: usize,
+    /// Steps from the origin on.
+    pub(super) length: usize,
+    /// Whether predictions begin from measured outputs: then all must have been measured before the origin is over.
+    pub(super) measured: bool,
+}
+
+impl Shape {
+    /// Samples of a run that a window needs: the last prediction is of the sample after the last step.
+    pub(super) fn samples(&self) -> usize {
+        self.wash_out + self.length + 1
+    }
+
+    /// The window at an origin, if it can be used.
+    pub(super) fn window<T: Scalar>(&self, runs: &[ScaledRun<T>], run: usize, origin: usize) -> Option<Window> {
+        let data = &runs[run];
+        let (first, last) = (origin.checked_sub(self.wash_out)?, origin + self.length);
+        if last >= data.samples {
+            return None;
+        }
+        let (n, m) = (self.outputs, self.inputs);
+        if data.complete {
+            return Some(Window { run, origin, targets: n * self.length });
+        }
+        if !data.inputs[first * m..last * m].iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let known = |c: usize| (first..=origin).any(|k| !data.outputs[k * n + c].is_nan());
+        if self.measured && !(0..n).all(known) {
+            return None;
+        }
+        let compared = &data.outputs[(origin + 1) * n..(last + 1) * n];
+        let targets = compared.iter().filter(|y| !y.is_nan()).count();
+        (targets > 0).then_some(Window { run, origin, targets })
+    }
+
+    /// The windows of an epoch: the compared parts tile each run, from an offset that is drawn for each run and epoch,
+    /// so that over the epochs predictions begin everywhere.
+    pub(super) fn tiles<T: Scalar>(&self, runs: &[ScaledRun<T>], rng: &mut ChaCha8Rng) -> Vec<Window> {
+        let mut windows = Vec::new();
+        for (index, run) in runs.iter().enumerate() {
+            let Some(spare) = run.samples.checked_sub(self.samples()) else { continue };
+            let offset = rng.random_range(0..=spare.min(self.length - 1));
+            let origins = (self.wash_out + offset..run.samples).step_by(self.length);
+            windows.extend(origins.filter_map(|origin| self.window(runs, index, origin)));
+        }
+        windows
+    }
+
+    /// Windows at every `stride`-th origin of each run.
+    pub(super) fn every<T: Scalar>(&self, runs: &[ScaledRun<T>], stride: usize) -> Vec<Window> {
+        let origins = |(run, data): (usize, &ScaledRun<T>)| {
+            (self.wash_out..data.samples).step_by(stride).map(move |origin| (run, origin))
+        };
+        let all = runs.iter().enumerate().flat_map(origins);
+        all.filter_map(|(run, origin)| self.window(runs, run, origin)).collect()
+    }
+
+    /// Says why there is no window.
+    pub(super) fn none<T>(&self, what: &'static str, runs: &[ScaledRun<T>]) -> TrainError {
+        let longest = runs.iter().map(|run| run.samples).max().unwrap_or(0);
+        let (needed, wash_out, length) = (self.samples(), self.wash_out, self.length);
+        if longest < needed {
+            TrainError::TooShort { what, needed, wash_out, length, longest }
+        } else {
+            TrainError::NoWindow { what }
+        }
+    }
+}
+
+/// The order in which windows are seen.
+pub(super) fn shuffled(windows: &[Window], rng: &mut ChaCha8Rng) -> Vec<Window> {
+    let mut order = windows.to_vec();
+    order.shuffle(rng);
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::{Purpose, stream};
+    use super::*;
+    use crate::log::Channel;
+
+    fn run(samples: usize, missing: &[(usize, usize)], missing_input: Option<usize>) -> ScaledRun<f64> {
+        let mut y: Vec<f64> = (0..2 * samples).map(|i| i as f64).collect();
+        for &(k, c) in missing {
+            y[2 * k + c] = f64::NAN;
+        }
+        let mut x = vec![0.5; samples];
+        if let Some(k) = missing_input {
+            x[k] = f64::NAN;
+        }
+        let run = Trajectory {
+            name: String::from("run"),
+            t0: 0.0,
+            dt: 0.1,
+            outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], y),
+            inputs: Table::new([Channel::new("n", "1/s")], x),
+            truth: None,
+        };
+        let one = vec![1.0, 1.0];
+        let scaling = Scaling {
+            output_mean: vec![0.0; 2],
+            output_scale: one.clone(),
+            input_mean: vec![0.0],
+            input_scale: vec![1.0],
+            correction_scale: one,
+        };
+        ScaledRun::new(&run, &scaling)
+    }
+
+    const SHAPE: Shape = Shape { outputs: 2, inputs: 1, wash_out: 5, length: 10, measured: true };
+
+    #[test]
+    fn tiles_compare_each_sample_at_most_once_and_stay_inside() {
+        let runs = [run(16, &[], None), run(15, &[], None), run(103, &[], None)];
+        let mut begins = std::collections::BTreeSet::new();
+        for epoch in 0..100 {
+            let windows = SHAPE.tiles(&runs, &mut stream(1, Purpose::Offsets, 0, epoch));
+            // The first run holds exactly one window, the second none, the third eight or nine.
+            assert_eq!(windows[0], Window { run: 0, origin: 5, targets: 20 });
+            assert!(windows[1..].iter().all(|w| w.run == 2 && w.origin >= 5 && w.origin + 10 < 103));
+            assert!(windows[1..].windows(2).all(|w| w[1].origin == w[0].origin + 10));
+            assert!((9..=10).contains(&windows.len()), "{}", windows.len());
+            begins.insert(windows[1].origin);
+        }
+        assert_eq!(begins.into_iter().collect::<Vec<_>>(), (5..15).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn windows_that_miss_what_they_need_are_left_out() {
+        let one = |run: ScaledRun<f64>| SHAPE.window(&[run], 0, 5);
+        assert_eq!(one(run(16, &[(9, 1)], None)).map(|w| w.targets), Some(19));
+        // The input after the last step is not needed.
+        assert!(one(run(16, &[], Some(15))).is_some());
+        assert!(one(run(16, &[], Some(14))).is_none());
+        let early: Vec<(usize, usize)> = (0..6).map(|k| (k, 0)).collect();
+        assert!(one(run(16, &early, None)).is_none());
+        assert!(one(run(16, &early[1..], None)).is_some());
+        let late: Vec<(usize, usize)> = (6..16).flat_map(|k| [(k, 0), (k, 1)]).collect();
+        assert!(one(run(16, &late, None)).is_none());
+        assert!(SHAPE.none("training", &[run(15, &[], None)]).to_string().contains("needs 16 samples"));
+    }
+}
