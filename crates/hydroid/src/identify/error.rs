@@ -129,6 +129,7 @@ impl IdentifyError {
                     | TrainError::NoWindow { .. }
                     | TrainError::Constant { .. }
                     | TrainError::Equations { .. }
+                    | TrainError::NoTime { .. }
             ),
             _ => false,
         }

@@ -142,8 +142,7 @@ pub(super) fn train(
     if settings.base == BaseKind::Equations && equations.is_none() {
         return Err(IdentifyError::NoBase { method });
     }
-    // A training that took less than its share leaves the rest to those after it. What has been overdrawn, by an
-    // epoch that had begun, is made up for; an epoch at least is trained in any case.
+    // A training that took less than its share leaves the rest to those after it.
     settings.budget_s =
         networks.budget_s.map(|budget| ((budget - spent_s) / left.max(1) as f64).max(1e-3 * budget));
     let equations = equations.filter(|_| settings.base == BaseKind::Equations);

@@ -161,9 +161,7 @@ pub(super) fn train_by(
             (describe(job, parts, method, body, told), Training::Recurrent(Arc::new(trained)), score)
         }
     };
-    // That of a training which was interrupted and has gone on is the whole of it.
-    let seconds = training.network().map_or_else(|| clock.elapsed().as_secs_f64(), |trained| trained.seconds);
-    Ok(Trained { model, training, train_seconds: seconds, score })
+    Ok(Trained { model, training, train_seconds: clock.elapsed().as_secs_f64(), score })
 }
 
 fn describe(job: &Job, parts: &Parts<'_>, method: Method, body: Body, settings: serde_json::Value) -> Model {

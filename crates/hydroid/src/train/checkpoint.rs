@@ -193,8 +193,12 @@ fn decode<T: Scalar>(bytes: &[u8], ours: &[String; 2], team: &mut Team<T>) -> Re
     });
     let total = total.ok_or_else(|| damaged(String::from("its epochs do not add up")))?;
     let table = |name: &str, shape: &[usize]| numbers(&tensors, name, shape).map_err(damaged);
-    let [weights, mean, square, best] =
-        [table("weights", &[r, w])?, table("mean", &[r, w])?, table("square", &[r, w])?, table("best", &[r, w])?];
+    let [weights, mean, square, best] = [
+        table("weights", &[r, w])?,
+        table("mean", &[r, w])?,
+        table("square", &[r, w])?,
+        table("best", &[r, w])?,
+    ];
     let scores = table("score", &[r])?;
     let history = table("history", &[total, 3])?;
     let mut epochs = history.chunks_exact(3).map(|row| Epoch {
@@ -221,7 +225,11 @@ fn decode<T: Scalar>(bytes: &[u8], ours: &[String; 2], team: &mut Team<T>) -> Re
 fn numbers(tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, String> {
     let tensor = tensors.tensor(name).map_err(|_| format!("tensor '{name}' is missing"))?;
     if tensor.dtype() != Dtype::F64 || tensor.shape() != shape {
-        return Err(format!("tensor '{name}' is {:?} {:?}, not F64 {shape:?}", tensor.dtype(), tensor.shape()));
+        return Err(format!(
+            "tensor '{name}' is {:?} {:?}, not F64 {shape:?}",
+            tensor.dtype(),
+            tensor.shape()
+        ));
     }
     let (chunks, _) = tensor.data().as_chunks::<8>();
     Ok(chunks.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
