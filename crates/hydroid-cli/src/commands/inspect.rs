@@ -139,8 +139,7 @@ fn show_model(file: &Path, model: &Model) {
     let numbers = if model.recurrent().is_some() { "weights" } else { "coefficients" };
     outln!("{}: {} model '{}', {} {numbers}", file.display(), model.kind(), d.name, model.weights());
     outln!("sample time {} s", d.dt);
-    let given = d.provenance.settings["ranges_given"].as_array();
-    let stated: Vec<&str> = given.into_iter().flatten().filter_map(serde_json::Value::as_str).collect();
+    let stated = d.stated();
     for (what, ports) in [("output", &d.outputs), ("input", &d.inputs)] {
         for port in ports {
             // Of a range that was stated the model may have seen a part, or more.

@@ -168,12 +168,7 @@ pub(super) fn train(
 }
 
 /// What a model file says of its training: enough to make it again. Nothing that changes from run to run is in it.
-pub(super) fn provenance(
-    job: &Job,
-    parts: &Parts<'_>,
-    settings: &Settings,
-    trained: &Trained,
-) -> serde_json::Value {
+pub(super) fn provenance(job: &Job, settings: &Settings, trained: &Trained) -> serde_json::Value {
     let best = trained.history.get(trained.best_epoch.saturating_sub(1));
     serde_json::json!({
         "asked": Settings { budget_s: None, epochs: trained.epochs, ..settings.clone() },
@@ -186,6 +181,5 @@ pub(super) fn provenance(
         "restart": trained.restart,
         "restarts": trained.restarts,
         "ending": trained.ending,
-        "ranges_given": parts.given,
     })
 }

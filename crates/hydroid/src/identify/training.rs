@@ -155,7 +155,7 @@ pub(super) fn train_by(
             let base = sparse.map(|found| Arc::new(found.fit.equations.clone()));
             let watch = &mut |status: &train::Status| tell(status.fraction, Some(status));
             let (settings, trained) = recurrent::train(job, parts, method, base, networks, watch)?;
-            let told = recurrent::provenance(job, parts, &settings, &trained);
+            let told = recurrent::provenance(job, &settings, &trained);
             let body = Body::Recurrent(Arc::new(trained.model.clone()));
             let score = trained.validation;
             (describe(job, parts, method, body, told), Training::Recurrent(Arc::new(trained)), score)
@@ -164,7 +164,16 @@ pub(super) fn train_by(
     Ok(Trained { model, training, train_seconds: clock.elapsed().as_secs_f64(), score })
 }
 
-fn describe(job: &Job, parts: &Parts<'_>, method: Method, body: Body, settings: serde_json::Value) -> Model {
+fn describe(
+    job: &Job,
+    parts: &Parts<'_>,
+    method: Method,
+    body: Body,
+    mut settings: serde_json::Value,
+) -> Model {
+    if !parts.given.is_empty() {
+        settings["ranges_given"] = serde_json::json!(parts.given);
+    }
     let run = parts.train[0];
     let port = |(channel, &range): (&Channel, &DesignRange)| Port { channel: channel.clone(), range };
     let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();

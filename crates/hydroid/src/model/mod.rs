@@ -214,7 +214,8 @@ impl Model {
         let outside: Vec<String> = outputs.chain(inputs).collect();
         (!outside.is_empty()).then(|| {
             Note::warning(format!(
-                "these runs leave the range that the model was trained on, in {}",
+                "these runs leave the range that the model {}, in {}",
+                if self.description.stated().is_empty() { "was trained on" } else { "is meant for" },
                 outside.join(", ")
             ))
             .with_remedy(
@@ -230,6 +231,12 @@ impl Model {
 }
 
 impl Description {
+    /// Channels whose range was stated; that of the others is the range of the training runs.
+    pub fn stated(&self) -> Vec<&str> {
+        let given = self.provenance.settings["ranges_given"].as_array();
+        given.into_iter().flatten().filter_map(serde_json::Value::as_str).collect()
+    }
+
     /// Design ranges of outputs, then inputs.
     pub fn ranges(&self) -> Vec<(f64, f64)> {
         self.outputs.iter().chain(&self.inputs).map(|port| (port.range.low, port.range.high)).collect()

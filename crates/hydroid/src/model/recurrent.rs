@@ -116,7 +116,8 @@ impl Model {
         let Some(recurrent) = self.recurrent() else { return Vec::new() };
         let (d, s) = (&self.description, &recurrent.scaling);
         let line = |kind: &str, name: &str, mean: f64, scale: f64| {
-            format!("{kind:<7} {name:<12} ({name} - {mean:.5}) / {scale:.5}")
+            let sign = if mean < 0.0 { '+' } else { '-' };
+            format!("{kind:<7} {name:<12} ({name} {sign} {:.5}) / {scale:.5}", mean.abs())
         };
         let outputs = d.outputs.iter().zip(s.output_mean.iter().zip(&s.output_scale));
         let inputs = d.inputs.iter().zip(s.input_mean.iter().zip(&s.input_scale));

@@ -72,7 +72,7 @@ fn summary(networks: &[(&Candidate, &Trained)]) -> Markup {
                 cell(number::count(trained.best_epoch)),
                 cell(number::text(best.map_or(f64::NAN, |epoch| epoch.train_loss), 3)),
                 cell(fixed(trained.validation, 4)),
-                cell(restarts(trained)),
+                restarts(trained),
             ]
         })
         .collect();
@@ -86,9 +86,14 @@ fn summary(networks: &[(&Candidate, &Trained)]) -> Markup {
     }
 }
 
-fn restarts(trained: &Trained) -> String {
-    let all: Vec<String> = trained.restarts.iter().map(|value| fixed(*value, 4)).collect();
-    all.join(", ")
+fn restarts(trained: &Trained) -> Markup {
+    html! {
+        @for (i, value) in trained.restarts.iter().enumerate() {
+            @if i > 0 { ", " }
+            @if i == trained.restart && trained.restarts.len() > 1 { b { (fixed(*value, 4)) } }
+            @else { (fixed(*value, 4)) }
+        }
+    }
 }
 
 /// Which ranges were stated.
