@@ -1,7 +1,13 @@
 //! A step and its derivatives, as a product of row-sparse stages.
+#![expect(
+    clippy::inline_always,
+    reason = "what a step is made of must become a part of the function that was compiled for the processor"
+)]
 
 use alloc::vec;
 use alloc::vec::Vec;
+
+use pulp::Arch;
 
 use super::super::network::Cell;
 use super::super::{gru, lstm, vanilla};
@@ -110,6 +116,7 @@ impl<T: Scalar> LayerPartials<T> {
 
 impl<T: Scalar> LayerPartials<T> {
     /// Partials of the step that was just made: what the cell's way back in time gives of an adjoint of one.
+    #[inline(always)]
     fn differentiate(&mut self, cell: Cell, after: &[T]) {
         let (n, one, adjoint) = (self.units, T::one(), &mut self.adjoint);
         match cell {
@@ -172,6 +179,14 @@ impl<T: Scalar> Linearization<T> {
     /// # Panics
     /// If `state` or `x` is shorter than [`Packed::step`] wants, or the network has another size.
     pub fn step(&mut self, packed: &Packed<T>, state: &mut [T], x: &[T]) {
+        Arch::new().dispatch(
+            #[inline(always)]
+            || self.step_inline(packed, state, x),
+        );
+    }
+
+    #[inline(always)]
+    fn step_inline(&mut self, packed: &Packed<T>, state: &mut [T], x: &[T]) {
         let len = packed.layer_state();
         for (index, layer) in self.layers.iter_mut().enumerate() {
             let (below, own) = state.split_at_mut(index * len);
