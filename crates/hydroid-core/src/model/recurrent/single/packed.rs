@@ -7,7 +7,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 
 use super::super::layout::Layout;
 use super::super::network::{Cell, Network};
@@ -31,6 +31,23 @@ pub struct Packed<T> {
     /// As [`Network::tensors`] has them.
     weights: Vec<T>,
     layers: Vec<Gates<T>>,
+}
+
+/// A step as what [`Arch`] compiles for the processor.
+struct Step<'a, T> {
+    packed: &'a Packed<T>,
+    state: &'a mut [T],
+    x: &'a [T],
+    scratch: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Step<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.packed.step_with(simd, self.state, self.x, self.scratch);
+    }
 }
 
 impl<T: Scalar> Packed<T> {
@@ -92,38 +109,42 @@ impl<T: Scalar> Packed<T> {
     /// If a slice is shorter than documented: `state` [`Network::state_len`], `x` [`Network::inputs`], `scratch`
     /// [`scratch`](Self::scratch).
     pub fn step(&self, state: &mut [T], x: &[T], scratch: &mut [T]) {
-        Arch::new().dispatch(
-            #[inline(always)]
-            || self.step_inline(state, x, scratch),
-        );
+        Arch::new().dispatch(Step { packed: self, state, x, scratch });
     }
 
+    /// The same with the vectors that the processor has.
     #[inline(always)]
-    fn step_inline(&self, state: &mut [T], x: &[T], scratch: &mut [T]) {
+    fn step_with<S: Simd>(&self, simd: S, state: &mut [T], x: &[T], scratch: &mut [T]) {
         let len = self.layer_state();
         for layer in 0..self.layers.len() {
             let (below, own) = state.split_at_mut(layer * len);
             let x = if layer == 0 { x } else { &below[below.len() - len..] };
-            self.layer_step(layer, x, &mut own[..len], scratch);
+            self.layer_step(simd, layer, x, &mut own[..len], scratch);
         }
     }
 
     /// A step of one layer. It leaves in `scratch` what derivatives want: the gates and, of an LSTM, `tanh(c+)` and
     /// what is projected; then what an element-wise function reads of the state before.
     #[inline(always)]
-    pub(super) fn layer_step(&self, layer: usize, x: &[T], state: &mut [T], scratch: &mut [T]) {
+    pub(super) fn layer_step<S: Simd>(
+        &self,
+        simd: S,
+        layer: usize,
+        x: &[T],
+        state: &mut [T],
+        scratch: &mut [T],
+    ) {
         let maps = &self.layers[layer];
         let x = &x[..self.layout.layers[layer].reads];
         match self.network.cell {
             Cell::Lstm { hidden, .. } => {
-                let (gates, rest) = scratch.split_at_mut(4 * hidden);
-                let (tanh, rest) = rest.split_at_mut(hidden);
+                let (record, rest) = scratch.split_at_mut(5 * hidden);
                 let (shown, rest) = rest.split_at_mut(hidden);
                 let (c, h) = state.split_at_mut(hidden);
-                maps.sums(x, h, gates);
+                maps.sums(x, h, &mut record[..4 * hidden]);
                 let before = &mut rest[..hidden];
                 before.copy_from_slice(c);
-                lstm::forward(gates, before, c, tanh, shown);
+                lstm::forward(simd, record, before, c, shown);
                 match &self.layout.projection {
                     Some(place) => product(&self.weights[place.clone()], shown, h),
                     None => h.copy_from_slice(shown),
@@ -134,12 +155,12 @@ impl<T: Scalar> Packed<T> {
                 maps.sums(x, state, gates);
                 let before = &mut rest[..hidden];
                 before.copy_from_slice(state);
-                gru::forward(gates, before, state);
+                gru::forward(simd, gates, before, state);
             }
             Cell::Vanilla { hidden, .. } => {
                 let sums = &mut scratch[..hidden];
                 maps.sums(x, state, sums);
-                vanilla::forward(sums);
+                vanilla::forward(simd, sums);
                 state.copy_from_slice(sums);
             }
         }
@@ -166,6 +187,42 @@ impl<T: Scalar> Packed<T> {
                 }
             }
             None => y.copy_from_slice(shown),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a boat's computer predicts is what was judged on shore.
+    #[test]
+    #[cfg(target_arch = "x86_64")]
+    fn every_processor_gives_the_same_bits() {
+        for cell in [
+            Cell::Lstm { hidden: 11, projection: Some(3) },
+            Cell::Gru { hidden: 13 },
+            Cell::Vanilla { hidden: 9, layers: 2 },
+        ] {
+            let network = Network { cell, inputs: 5, outputs: 2, read_out: true };
+            let numbers = |count: usize| (0..count).map(|k| (k * k % 101) as f64 / 101.0 - 0.5);
+            let packed = Packed::new(network, &numbers(network.weights()).collect::<Vec<_>>());
+            let walk = |step: &dyn Fn(Step<'_, f64>)| {
+                let mut state = vec![0.0; network.state_len()];
+                let mut scratch = vec![0.0; packed.scratch()];
+                let x: Vec<f64> = numbers(30 * 5).collect();
+                for x in x.chunks_exact(5) {
+                    step(Step { packed: &packed, state: &mut state, x, scratch: &mut scratch });
+                }
+                state
+            };
+            let scalar = walk(&|step| pulp::Scalar::new().vectorize(step));
+            if let Some(simd) = pulp::x86::V3::try_new() {
+                assert_eq!(scalar, walk(&|step| Simd::vectorize(simd, step)));
+            }
+            if let Some(simd) = pulp::x86::V4::try_new() {
+                assert_eq!(scalar, walk(&|step| Simd::vectorize(simd, step)));
+            }
         }
     }
 }

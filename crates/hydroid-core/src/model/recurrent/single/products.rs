@@ -4,7 +4,7 @@
     reason = "what a product is made of must become a part of the function that was compiled for the processor"
 )]
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 
 use super::super::layout::Layout;
 use super::kernels::add_rows;
@@ -29,6 +29,25 @@ impl<T> Default for Change<'_, T> {
     }
 }
 
+/// A product as what [`Arch`] compiles for the processor.
+struct Times<'a, T> {
+    linear: &'a Linearization<T>,
+    packed: &'a Packed<T>,
+    change: Change<'a, T>,
+    columns: usize,
+    out: &'a mut [T],
+    scratch: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Times<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.linear.times_here(self.packed, self.change, self.columns, self.out, self.scratch);
+    }
+}
+
 impl<T: Scalar> Linearization<T> {
     /// Numbers of scratch that products with matrices of so many columns need.
     pub fn scratch(&self, columns: usize) -> usize {
@@ -50,14 +69,11 @@ impl<T: Scalar> Linearization<T> {
         out: &mut [T],
         scratch: &mut [T],
     ) {
-        Arch::new().dispatch(
-            #[inline(always)]
-            || self.times_inline(packed, change, columns, out, scratch),
-        );
+        Arch::new().dispatch(Times { linear: self, packed, change, columns, out, scratch });
     }
 
     #[inline(always)]
-    fn times_inline(
+    fn times_here(
         &self,
         packed: &Packed<T>,
         change: Change<'_, T>,
