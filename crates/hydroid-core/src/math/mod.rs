@@ -1,10 +1,27 @@
 //! Elementary functions on whole slices, for `f32` and `f64`.
+//!
+//! The widest vectors that the processor has are used, found out at run time; the results are the same, to the last
+//! bit, whatever these are, and wherever in a slice a number stands.
+
+#![expect(
+    clippy::inline_always,
+    reason = "it must become a part of the function that was compiled for the processor"
+)]
+
+pub(crate) mod functions;
+pub(crate) mod slices;
+pub(crate) mod vectors;
 
 use num_traits::Float;
+use pulp::{Arch, Simd, WithSimd};
+
+use self::slices::{Write, vectors};
+use self::vectors::Vectors;
 
 /// A floating-point number that networks are made of: `f32` or `f64`.
 pub trait Scalar:
     Float
+    + Vectors
     + core::ops::AddAssign
     + core::ops::SubAssign
     + core::ops::MulAssign
@@ -43,16 +60,106 @@ impl Scalar for f64 {
     }
 }
 
-/// `x <- tanh x`.
+/// `x <- e^x`, within 1.5e-7 (`f32`) or 3e-16 (`f64`) of the result.
+pub fn exp<T: Scalar>(x: &mut [T]) {
+    Arch::new().dispatch(Each { x, function: Function::Exp });
+}
+
+/// `x <- tanh x`, within 2.5e-7 (`f32`) or 7e-16 (`f64`) of the result, at most 1 in size, and exactly odd.
 pub fn tanh<T: Scalar>(x: &mut [T]) {
-    for x in x {
-        *x = x.tanh();
+    Arch::new().dispatch(Each { x, function: Function::Tanh });
+}
+
+/// `x <- 1 / (1 + e^-x)`, within 2.5e-7 (`f32`) or 5e-16 (`f64`) of the result.
+pub fn sigmoid<T: Scalar>(x: &mut [T]) {
+    Arch::new().dispatch(Each { x, function: Function::Sigmoid });
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Function {
+    Exp,
+    Tanh,
+    Sigmoid,
+}
+
+/// A function of each number of a slice.
+struct Each<'a, T> {
+    x: &'a mut [T],
+    function: Function,
+}
+
+impl<T: Scalar> WithSimd for Each<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let len = self.x.len();
+        let mut x = Write::new(simd, self.x);
+        match self.function {
+            Function::Exp => {
+                for k in vectors::<S, T>(len) {
+                    x.set(k, functions::exp(simd, x.get(k)));
+                }
+            }
+            Function::Tanh => {
+                for k in vectors::<S, T>(len) {
+                    x.set(k, functions::tanh(simd, x.get(k)));
+                }
+            }
+            Function::Sigmoid => {
+                for k in vectors::<S, T>(len) {
+                    x.set(k, functions::sigmoid(simd, x.get(k)));
+                }
+            }
+        }
     }
 }
 
-/// `x <- 1 / (1 + e^-x)`.
-pub fn sigmoid<T: Scalar>(x: &mut [T]) {
-    for x in x {
-        *x = (T::one() + (-*x).exp()).recip();
+#[cfg(test)]
+mod tests {
+    use alloc::vec::Vec;
+
+    use super::*;
+
+    /// On all vectors that this processor has, the narrow ones included.
+    #[cfg(target_arch = "x86_64")]
+    fn paths<T: Scalar>(x: &[T], function: Function) -> Vec<Vec<T>> {
+        let mut paths = Vec::from([x.to_vec()]);
+        Simd::vectorize(pulp::Scalar::new(), Each { x: &mut paths[0], function });
+        if let Some(simd) = pulp::x86::V3::try_new() {
+            paths.push(x.to_vec());
+            Simd::vectorize(simd, Each { x: &mut paths[1], function });
+        }
+        if let Some(simd) = pulp::x86::V4::try_new() {
+            paths.push(x.to_vec());
+            Simd::vectorize(simd, Each { x: &mut paths[2], function });
+        }
+        paths
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn same_bits<T: Scalar>(x: &[T], bits: fn(T) -> u64) {
+        for function in [Function::Exp, Function::Tanh, Function::Sigmoid] {
+            for x in x.chunks(997) {
+                let paths = paths(x, function);
+                for other in &paths[1..] {
+                    for ((x, a), b) in x.iter().zip(&paths[0]).zip(other) {
+                        let same = bits(*a) == bits(*b) || a.is_nan() && b.is_nan();
+                        assert!(same, "{function:?} of {x:?}: {a:?} and {b:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    #[cfg(target_arch = "x86_64")]
+    fn every_path_gives_the_same_bits() {
+        let single: Vec<f32> =
+            (0..200_000_u32).map(|k| f32::from_bits(k.wrapping_mul(2_654_435_761))).collect();
+        same_bits(&single, |x| x.to_bits().into());
+        let double: Vec<f64> =
+            (0..200_000_u64).map(|k| f64::from_bits(k.wrapping_mul(0x9E37_79B9_7F4A_7C15))).collect();
+        same_bits(&double, f64::to_bits);
     }
 }

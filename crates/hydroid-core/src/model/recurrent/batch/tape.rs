@@ -1,8 +1,7 @@
 //! A batch of sequences with a record for backpropagation through time.
 
-use alloc::vec::Vec;
-
-use super::cells::{Back, Cells, Forward, zeros};
+use super::aligned::Aligned;
+use super::cells::{Back, Cells, Forward};
 use super::{clear_padding, padded};
 use crate::math::Scalar;
 use crate::model::recurrent::network::Network;
@@ -56,14 +55,14 @@ pub struct Tape<T> {
     record_len: usize,
     /// Where in a state its output stands, without read-out.
     shown: Option<usize>,
-    states: Vec<T>,
-    inputs: Vec<T>,
-    records: Vec<T>,
-    outputs: Vec<T>,
-    output_adjoints: Vec<T>,
-    state_adjoint: Vec<T>,
-    input_adjoint: Vec<T>,
-    scratch: Vec<T>,
+    states: Aligned<T>,
+    inputs: Aligned<T>,
+    records: Aligned<T>,
+    outputs: Aligned<T>,
+    output_adjoints: Aligned<T>,
+    state_adjoint: Aligned<T>,
+    input_adjoint: Aligned<T>,
+    scratch: Aligned<T>,
 }
 
 impl<T: Scalar> Tape<T> {
@@ -88,14 +87,14 @@ impl<T: Scalar> Tape<T> {
             output_len: network.outputs * lanes,
             record_len: cells.record_rows() * lanes,
             shown,
-            states: zeros((steps + 1) * network.state_len(), lanes),
-            inputs: zeros(steps * network.inputs, lanes),
-            records: zeros(steps * cells.record_rows(), lanes),
-            outputs: zeros(steps * outputs, lanes),
-            output_adjoints: zeros(steps * network.outputs, lanes),
-            state_adjoint: zeros(network.state_len(), lanes),
-            input_adjoint: zeros(network.inputs, lanes),
-            scratch: zeros(cells.scratch_rows(), lanes),
+            states: Aligned::zeros((steps + 1) * network.state_len() * lanes),
+            inputs: Aligned::zeros(steps * network.inputs * lanes),
+            records: Aligned::zeros(steps * cells.record_rows() * lanes),
+            outputs: Aligned::zeros(steps * outputs * lanes),
+            output_adjoints: Aligned::zeros(steps * network.outputs * lanes),
+            state_adjoint: Aligned::zeros(network.state_len() * lanes),
+            input_adjoint: Aligned::zeros(network.inputs * lanes),
+            scratch: Aligned::zeros(cells.scratch_rows() * lanes),
             cells,
         }
     }

@@ -1,7 +1,13 @@
 //! A step and its derivatives, as a product of row-sparse stages.
+#![expect(
+    clippy::inline_always,
+    reason = "what a step is made of must become a part of the function that was compiled for the processor"
+)]
 
 use alloc::vec;
 use alloc::vec::Vec;
+
+use pulp::{Arch, Simd, WithSimd};
 
 use super::super::network::Cell;
 use super::super::{gru, lstm, vanilla};
@@ -50,8 +56,9 @@ pub struct LayerPartials<T> {
     carry: Vec<T>,
     /// As [`Packed::layer_step`] leaves it.
     scratch: Vec<T>,
-    /// Adjoints of the results, one unit wide.
+    /// An adjoint of the results, one unit wide, and what an LSTM's way back uses up.
     adjoint: Vec<T>,
+    record: Vec<T>,
 }
 
 impl<T: Scalar> LayerPartials<T> {
@@ -110,34 +117,52 @@ impl<T: Scalar> LayerPartials<T> {
 
 impl<T: Scalar> LayerPartials<T> {
     /// Partials of the step that was just made: what the cell's way back in time gives of an adjoint of one.
-    fn differentiate(&mut self, cell: Cell, after: &[T]) {
+    #[inline(always)]
+    fn differentiate<S: Simd>(&mut self, simd: S, cell: Cell, after: &[T]) {
         let (n, one, adjoint) = (self.units, T::one(), &mut self.adjoint);
         match cell {
             Cell::Lstm { .. } => {
-                let (gates, tanh) = (&self.scratch[..4 * n], &self.scratch[4 * n..5 * n]);
                 let results = self.input.chunks_exact_mut(4 * n).zip(self.carry.chunks_exact_mut(n));
                 for (result, (partials, carry)) in results.enumerate() {
-                    partials.copy_from_slice(gates);
+                    self.record.copy_from_slice(&self.scratch[..5 * n]);
                     adjoint.fill(if result == 0 { T::zero() } else { one });
                     carry.fill(if result == 0 { one } else { T::zero() });
-                    lstm::backward(partials, &self.before[..n], tanh, adjoint, carry);
+                    lstm::backward(simd, &mut self.record, &self.before[..n], adjoint, carry);
+                    partials.copy_from_slice(&self.record[..4 * n]);
                 }
                 self.hidden.copy_from_slice(&self.input);
             }
             Cell::Gru { .. } => {
                 let gates = &mut self.scratch[..4 * n];
                 self.carry.fill(one);
-                gru::backward(gates, &self.before, &mut self.carry);
+                gru::backward(simd, gates, &self.before, &mut self.carry);
                 self.input.copy_from_slice(&gates[..3 * n]);
                 self.hidden[..2 * n].copy_from_slice(&gates[..2 * n]);
                 self.hidden[2 * n..].copy_from_slice(&gates[3 * n..]);
             }
             Cell::Vanilla { .. } => {
-                self.input.fill(one);
-                vanilla::backward(after, &mut self.input);
+                adjoint.fill(one);
+                vanilla::backward(simd, after, adjoint, &mut self.input);
                 self.hidden.copy_from_slice(&self.input);
             }
         }
+    }
+}
+
+/// A step as what [`Arch`] compiles for the processor.
+struct Step<'a, T> {
+    linear: &'a mut Linearization<T>,
+    packed: &'a Packed<T>,
+    state: &'a mut [T],
+    x: &'a [T],
+}
+
+impl<T: Scalar> WithSimd for Step<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.linear.step_with(simd, self.packed, self.state, self.x);
     }
 }
 
@@ -162,6 +187,7 @@ impl<T: Scalar> Linearization<T> {
             carry: vec![T::zero(); results * units],
             scratch: vec![T::zero(); packed.scratch()],
             adjoint: vec![T::zero(); units],
+            record: vec![T::zero(); 5 * units],
         };
         let layers = packed.layout().layers.iter().map(|place| layer(place.reads)).collect();
         Self { layers, shown: vec![T::zero(); cell.shown()] }
@@ -172,6 +198,12 @@ impl<T: Scalar> Linearization<T> {
     /// # Panics
     /// If `state` or `x` is shorter than [`Packed::step`] wants, or the network has another size.
     pub fn step(&mut self, packed: &Packed<T>, state: &mut [T], x: &[T]) {
+        Arch::new().dispatch(Step { linear: self, packed, state, x });
+    }
+
+    /// The same with the vectors that the processor has.
+    #[inline(always)]
+    fn step_with<S: Simd>(&mut self, simd: S, packed: &Packed<T>, state: &mut [T], x: &[T]) {
         let len = packed.layer_state();
         for (index, layer) in self.layers.iter_mut().enumerate() {
             let (below, own) = state.split_at_mut(index * len);
@@ -179,8 +211,8 @@ impl<T: Scalar> Linearization<T> {
             let reads = layer.x.len();
             layer.x.copy_from_slice(&x[..reads]);
             layer.before.copy_from_slice(own);
-            packed.layer_step(index, x, own, &mut layer.scratch);
-            layer.differentiate(packed.network().cell, own);
+            packed.layer_step(simd, index, x, own, &mut layer.scratch);
+            layer.differentiate(simd, packed.network().cell, own);
         }
         self.shown.copy_from_slice(packed.shown(state));
     }

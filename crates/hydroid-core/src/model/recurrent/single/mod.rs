@@ -1,6 +1,8 @@
 //! One sequence at a time, as on board: a step of the network, and its derivatives.
 
 mod dense;
+mod gates;
+mod kernels;
 mod linearization;
 mod packed;
 mod products;

@@ -1,15 +1,23 @@
 //! Weights laid out for one step of one sequence.
+#![expect(
+    clippy::inline_always,
+    reason = "what a step is made of must become a part of the function that was compiled for the processor"
+)]
 
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::super::layout::{LayerLayout, Layout};
+use pulp::{Arch, Simd, WithSimd};
+
+use super::super::layout::Layout;
 use super::super::network::{Cell, Network};
 use super::super::{gru, lstm, vanilla};
+use super::gates::Gates;
+use super::kernels::product;
 use crate::math::Scalar;
 
-/// A network's weights as a step of one sequence reads them fastest: the gates' matrices column by column, so that
-/// their rows are summed side by side, and biases that are always added together as one.
+/// A network's weights as a step of one sequence reads them fastest: the rows of the gates in blocks that are summed
+/// side by side, and biases that are always added together as one.
 ///
 /// ```text
 /// step:    state+ = f(state, x)          output:  y = g(state+)
@@ -22,74 +30,23 @@ pub struct Packed<T> {
     layout: Layout,
     /// As [`Network::tensors`] has them.
     weights: Vec<T>,
-    layers: Vec<Columns<T>>,
+    layers: Vec<Gates<T>>,
 }
 
-/// A layer's gates:
-///
-/// ```text
-/// sums = bias
-/// sums[..rows]              += input x
-/// sums[..rows - apart rows] += hidden h
-/// sums[rows..]              += apart h
-/// ```
-///
-/// Only the GRU's `b_n` stands apart from what the input gives.
-#[derive(Clone, Debug, PartialEq)]
-struct Columns<T> {
-    bias: Vec<T>,
-    input: Vec<T>,
-    hidden: Vec<T>,
-    apart: Vec<T>,
-    /// Rows of `apart`.
-    apart_rows: usize,
+/// A step as what [`Arch`] compiles for the processor.
+struct Step<'a, T> {
+    packed: &'a Packed<T>,
+    state: &'a mut [T],
+    x: &'a [T],
+    scratch: &'a mut [T],
 }
 
-impl<T: Scalar> Columns<T> {
-    fn new(cell: Cell, layer: &LayerLayout) -> Self {
-        let apart_rows = if let Cell::Gru { hidden } = cell { hidden } else { 0 };
-        Self {
-            bias: vec![T::zero(); layer.rows + apart_rows],
-            input: vec![T::zero(); layer.rows * layer.reads],
-            hidden: vec![T::zero(); (layer.rows - apart_rows) * layer.shown],
-            apart: vec![T::zero(); apart_rows * layer.shown],
-            apart_rows,
-        }
-    }
+impl<T: Scalar> WithSimd for Step<'_, T> {
+    type Output = ();
 
-    fn fill(&mut self, layer: &LayerLayout, weights: &[T]) {
-        let joint = layer.rows - self.apart_rows;
-        let hidden = &weights[layer.weight_hh.clone()];
-        transpose(&weights[layer.weight_ih.clone()], layer.reads, &mut self.input);
-        transpose(&hidden[..joint * layer.shown], layer.shown, &mut self.hidden);
-        transpose(&hidden[joint * layer.shown..], layer.shown, &mut self.apart);
-        let (bias_ih, bias_hh) = (&weights[layer.bias_ih.clone()], &weights[layer.bias_hh.clone()]);
-        self.bias[..layer.rows].copy_from_slice(bias_ih);
-        for (sum, &b) in self.bias.iter_mut().zip(&bias_hh[..joint]) {
-            *sum += b;
-        }
-        self.bias[layer.rows..].copy_from_slice(&bias_hh[joint..]);
-    }
-
-    #[inline]
-    fn sums(&self, x: &[T], h: &[T], sums: &mut [T]) {
-        sums.copy_from_slice(&self.bias);
-        let rows = sums.len() - self.apart_rows;
-        add_product(&mut sums[..rows], &self.input, x);
-        add_product(&mut sums[..rows - self.apart_rows], &self.hidden, h);
-        if self.apart_rows > 0 {
-            add_product(&mut sums[rows..], &self.apart, h);
-        }
-    }
-}
-
-/// Rows of so many `columns` to columns.
-fn transpose<T: Scalar>(rows: &[T], columns: usize, into: &mut [T]) {
-    let count = rows.len() / columns;
-    for (i, row) in rows.chunks_exact(columns).enumerate() {
-        for (k, &w) in row.iter().enumerate() {
-            into[k * count + i] = w;
-        }
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.packed.step_with(simd, self.state, self.x, self.scratch);
     }
 }
 
@@ -100,7 +57,7 @@ impl<T: Scalar> Packed<T> {
     /// If there are not [`Network::weights`] numbers.
     pub fn new(network: Network, weights: &[T]) -> Self {
         let layout = Layout::new(&network);
-        let layers = layout.layers.iter().map(|layer| Columns::new(network.cell, layer)).collect();
+        let layers = layout.layers.iter().map(|layer| Gates::new(network.cell, layer)).collect();
         let mut packed = Self { network, layout, weights: vec![T::zero(); network.weights()], layers };
         packed.set_weights(weights);
         packed
@@ -112,8 +69,8 @@ impl<T: Scalar> Packed<T> {
     /// If there are not [`Network::weights`] numbers.
     pub fn set_weights(&mut self, weights: &[T]) {
         self.weights.copy_from_slice(weights);
-        for (columns, layer) in self.layers.iter_mut().zip(&self.layout.layers) {
-            columns.fill(layer, weights);
+        for (gates, layer) in self.layers.iter_mut().zip(&self.layout.layers) {
+            gates.fill(layer, weights);
         }
     }
 
@@ -151,32 +108,43 @@ impl<T: Scalar> Packed<T> {
     /// # Panics
     /// If a slice is shorter than documented: `state` [`Network::state_len`], `x` [`Network::inputs`], `scratch`
     /// [`scratch`](Self::scratch).
-    #[inline]
     pub fn step(&self, state: &mut [T], x: &[T], scratch: &mut [T]) {
+        Arch::new().dispatch(Step { packed: self, state, x, scratch });
+    }
+
+    /// The same with the vectors that the processor has.
+    #[inline(always)]
+    fn step_with<S: Simd>(&self, simd: S, state: &mut [T], x: &[T], scratch: &mut [T]) {
         let len = self.layer_state();
         for layer in 0..self.layers.len() {
             let (below, own) = state.split_at_mut(layer * len);
             let x = if layer == 0 { x } else { &below[below.len() - len..] };
-            self.layer_step(layer, x, &mut own[..len], scratch);
+            self.layer_step(simd, layer, x, &mut own[..len], scratch);
         }
     }
 
     /// A step of one layer. It leaves in `scratch` what derivatives want: the gates and, of an LSTM, `tanh(c+)` and
     /// what is projected; then what an element-wise function reads of the state before.
-    #[inline]
-    pub(super) fn layer_step(&self, layer: usize, x: &[T], state: &mut [T], scratch: &mut [T]) {
-        let columns = &self.layers[layer];
+    #[inline(always)]
+    pub(super) fn layer_step<S: Simd>(
+        &self,
+        simd: S,
+        layer: usize,
+        x: &[T],
+        state: &mut [T],
+        scratch: &mut [T],
+    ) {
+        let maps = &self.layers[layer];
         let x = &x[..self.layout.layers[layer].reads];
         match self.network.cell {
             Cell::Lstm { hidden, .. } => {
-                let (gates, rest) = scratch.split_at_mut(4 * hidden);
-                let (tanh, rest) = rest.split_at_mut(hidden);
+                let (record, rest) = scratch.split_at_mut(5 * hidden);
                 let (shown, rest) = rest.split_at_mut(hidden);
                 let (c, h) = state.split_at_mut(hidden);
-                columns.sums(x, h, gates);
+                maps.sums(x, h, &mut record[..4 * hidden]);
                 let before = &mut rest[..hidden];
                 before.copy_from_slice(c);
-                lstm::forward(gates, before, c, tanh, shown);
+                lstm::forward(simd, record, before, c, shown);
                 match &self.layout.projection {
                     Some(place) => product(&self.weights[place.clone()], shown, h),
                     None => h.copy_from_slice(shown),
@@ -184,15 +152,15 @@ impl<T: Scalar> Packed<T> {
             }
             Cell::Gru { hidden } => {
                 let (gates, rest) = scratch.split_at_mut(4 * hidden);
-                columns.sums(x, state, gates);
+                maps.sums(x, state, gates);
                 let before = &mut rest[..hidden];
                 before.copy_from_slice(state);
-                gru::forward(gates, before, state);
+                gru::forward(simd, gates, before, state);
             }
             Cell::Vanilla { hidden, .. } => {
                 let sums = &mut scratch[..hidden];
-                columns.sums(x, state, sums);
-                vanilla::forward(sums);
+                maps.sums(x, state, sums);
+                vanilla::forward(simd, sums);
                 state.copy_from_slice(sums);
             }
         }
@@ -223,41 +191,38 @@ impl<T: Scalar> Packed<T> {
     }
 }
 
-/// `sums += columns x`, where `columns` holds as many columns as `x` numbers, one after the other (or the rows of a
-/// matrix of which a sum is wanted); four columns at a time: each pass over the sums costs a load and a store of all of them.
-#[inline]
-pub(super) fn add_product<T: Scalar>(sums: &mut [T], columns: &[T], x: &[T]) {
-    let n = sums.len();
-    let mut fours = columns.chunks_exact(4 * n);
-    let mut values = x.chunks_exact(4);
-    for (four, x) in (&mut fours).zip(&mut values) {
-        let (left, right) = four.split_at(2 * n);
-        let ((a, b), (c, d)) = (left.split_at(n), right.split_at(n));
-        for i in 0..n {
-            sums[i] += (a[i] * x[0] + b[i] * x[1]) + (c[i] * x[2] + d[i] * x[3]);
-        }
-    }
-    for (column, &x) in fours.remainder().chunks_exact(n).zip(values.remainder()) {
-        for (sum, &w) in sums.iter_mut().zip(column) {
-            *sum += w * x;
-        }
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// `y = W x`, `W` row by row; four sums side by side, or each addition would wait for the last.
-#[inline]
-fn product<T: Scalar>(weights: &[T], x: &[T], y: &mut [T]) {
-    for (y, row) in y.iter_mut().zip(weights.chunks_exact(x.len())) {
-        let mut sums = [T::zero(); 4];
-        let (mut left, mut right) = (row.chunks_exact(4), x.chunks_exact(4));
-        for (w, x) in (&mut left).zip(&mut right) {
-            for lane in 0..4 {
-                sums[lane] += w[lane] * x[lane];
+    /// What a boat's computer predicts is what was judged on shore.
+    #[test]
+    #[cfg(target_arch = "x86_64")]
+    fn every_processor_gives_the_same_bits() {
+        for cell in [
+            Cell::Lstm { hidden: 11, projection: Some(3) },
+            Cell::Gru { hidden: 13 },
+            Cell::Vanilla { hidden: 9, layers: 2 },
+        ] {
+            let network = Network { cell, inputs: 5, outputs: 2, read_out: true };
+            let numbers = |count: usize| (0..count).map(|k| (k * k % 101) as f64 / 101.0 - 0.5);
+            let packed = Packed::new(network, &numbers(network.weights()).collect::<Vec<_>>());
+            let walk = |step: &dyn Fn(Step<'_, f64>)| {
+                let mut state = vec![0.0; network.state_len()];
+                let mut scratch = vec![0.0; packed.scratch()];
+                let x: Vec<f64> = numbers(30 * 5).collect();
+                for x in x.chunks_exact(5) {
+                    step(Step { packed: &packed, state: &mut state, x, scratch: &mut scratch });
+                }
+                state
+            };
+            let scalar = walk(&|step| pulp::Scalar::new().vectorize(step));
+            if let Some(simd) = pulp::x86::V3::try_new() {
+                assert_eq!(scalar, walk(&|step| Simd::vectorize(simd, step)));
+            }
+            if let Some(simd) = pulp::x86::V4::try_new() {
+                assert_eq!(scalar, walk(&|step| Simd::vectorize(simd, step)));
             }
         }
-        for (lane, (&w, &x)) in left.remainder().iter().zip(right.remainder()).enumerate() {
-            sums[lane] += w * x;
-        }
-        *y = (sums[0] + sums[1]) + (sums[2] + sums[3]);
     }
 }

@@ -1,8 +1,15 @@
 //! Products of a step's Jacobians with matrices.
+#![expect(
+    clippy::inline_always,
+    reason = "what a product is made of must become a part of the function that was compiled for the processor"
+)]
+
+use pulp::{Arch, Simd, WithSimd};
 
 use super::super::layout::Layout;
+use super::kernels::add_rows;
 use super::linearization::Linearization;
-use super::packed::{Packed, add_product};
+use super::packed::Packed;
 use crate::math::Scalar;
 
 /// Changes of what a step depends on, as matrices of some columns, row by row. What is `None` does not change.
@@ -19,6 +26,25 @@ pub struct Change<'a, T> {
 impl<T> Default for Change<'_, T> {
     fn default() -> Self {
         Self { state: None, input: None, weights: None }
+    }
+}
+
+/// A product as what [`Arch`] compiles for the processor.
+struct Times<'a, T> {
+    linear: &'a Linearization<T>,
+    packed: &'a Packed<T>,
+    change: Change<'a, T>,
+    columns: usize,
+    out: &'a mut [T],
+    scratch: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Times<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.linear.times_here(self.packed, self.change, self.columns, self.out, self.scratch);
     }
 }
 
@@ -43,6 +69,18 @@ impl<T: Scalar> Linearization<T> {
         out: &mut [T],
         scratch: &mut [T],
     ) {
+        Arch::new().dispatch(Times { linear: self, packed, change, columns, out, scratch });
+    }
+
+    #[inline(always)]
+    fn times_here(
+        &self,
+        packed: &Packed<T>,
+        change: Change<'_, T>,
+        columns: usize,
+        out: &mut [T],
+        scratch: &mut [T],
+    ) {
         out.fill(T::zero());
         let len = packed.layer_state();
         let own_state = |layer: usize| layer * len * columns..(layer + 1) * len * columns;
@@ -57,6 +95,7 @@ impl<T: Scalar> Linearization<T> {
         }
     }
 
+    #[inline(always)]
     fn layer_times(
         &self,
         packed: &Packed<T>,
@@ -87,16 +126,17 @@ impl<T: Scalar> Linearization<T> {
             let weights = &packed.weights()[place.clone()];
             let changes = change.weights.map(|all| &all[place.start * columns..place.end * columns]);
             for (s, row) in out[units * columns..].chunks_exact_mut(columns).enumerate() {
-                add_product(row, projected, &weights[s * units..(s + 1) * units]);
+                add_rows(row, projected, &weights[s * units..(s + 1) * units]);
                 if let Some(changes) = changes {
                     let changes = &changes[s * units * columns..(s + 1) * units * columns];
-                    add_product(row, changes, layer.projected());
+                    add_rows(row, changes, layer.projected());
                 }
             }
         }
     }
 
     /// `row +=` the change of one result of one unit.
+    #[inline(always)]
     fn unit_times(
         &self,
         packed: &Packed<T>,
@@ -110,33 +150,33 @@ impl<T: Scalar> Linearization<T> {
         let (x, h) = (layer.x(), layer.h());
         if let Some(state) = change.state {
             let carried = &state[unit * columns..(unit + 1) * columns];
-            add_product(row, carried, &[layer.carry(result)[unit]]);
+            add_rows(row, carried, &[layer.carry(result)[unit]]);
             let sums = &mut coefficients[..h.len()];
             sums.fill(T::zero());
             for gate in 0..layer.gates() {
                 let run = place.row(gate * units + unit).weight_hh;
-                add_product(sums, &weights[run], &[layer.hidden(result, gate)[unit]]);
+                add_rows(sums, &weights[run], &[layer.hidden(result, gate)[unit]]);
             }
-            add_product(row, &state[layer.h_at() * columns..], sums);
+            add_rows(row, &state[layer.h_at() * columns..], sums);
         }
         if let Some(input) = change.input {
             let sums = &mut coefficients[..x.len()];
             sums.fill(T::zero());
             for gate in 0..layer.gates() {
                 let run = place.row(gate * units + unit).weight_ih;
-                add_product(sums, &weights[run], &[layer.input(result, gate)[unit]]);
+                add_rows(sums, &weights[run], &[layer.input(result, gate)[unit]]);
             }
-            add_product(row, input, sums);
+            add_rows(row, input, sums);
         }
         let Some(changes) = change.weights else { return };
         for gate in 0..layer.gates() {
             let (a, b) = (layer.input(result, gate)[unit], layer.hidden(result, gate)[unit]);
             let of = place.row(gate * units + unit);
             let rows = |from: usize, len: usize| &changes[from * columns..(from + len) * columns];
-            add_product(row, rows(of.weight_ih.start, x.len()), scaled(x, a, coefficients));
-            add_product(row, rows(of.weight_hh.start, h.len()), scaled(h, b, coefficients));
-            add_product(row, rows(of.bias_ih, 1), &[a]);
-            add_product(row, rows(of.bias_hh, 1), &[b]);
+            add_rows(row, rows(of.weight_ih.start, x.len()), scaled(x, a, coefficients));
+            add_rows(row, rows(of.weight_hh.start, h.len()), scaled(h, b, coefficients));
+            add_rows(row, rows(of.bias_ih, 1), &[a]);
+            add_rows(row, rows(of.bias_hh, 1), &[b]);
         }
     }
 
@@ -158,17 +198,18 @@ impl<T: Scalar> Linearization<T> {
         for (i, row) in out.chunks_exact_mut(columns).enumerate() {
             let run = weight.start + i * shown..weight.start + (i + 1) * shown;
             if let Some(state) = state {
-                add_product(row, state, &packed.weights()[run.clone()]);
+                add_rows(row, state, &packed.weights()[run.clone()]);
             }
             if let Some(changes) = change.weights {
-                add_product(row, &changes[run.start * columns..run.end * columns], &self.shown);
-                add_product(row, &changes[(bias.start + i) * columns..][..columns], &[T::one()]);
+                add_rows(row, &changes[run.start * columns..run.end * columns], &self.shown);
+                add_rows(row, &changes[(bias.start + i) * columns..][..columns], &[T::one()]);
             }
         }
     }
 }
 
 /// `x factor` in scratch.
+#[inline(always)]
 fn scaled<'a, T: Scalar>(x: &[T], factor: T, scratch: &'a mut [T]) -> &'a [T] {
     for (scaled, &x) in scratch.iter_mut().zip(x) {
         *scaled = x * factor;

@@ -1,7 +1,8 @@
 //! Products of a step's transposed Jacobians with matrices.
 
+use super::kernels::add_rows;
 use super::linearization::Linearization;
-use super::packed::{Packed, add_product};
+use super::packed::Packed;
 use crate::math::Scalar;
 
 /// Where a transposed product goes: matrices of some columns, row by row, overwritten. What is `None` is not wanted.
@@ -96,8 +97,8 @@ impl<T: Scalar> Linearization<T> {
                 for result in 0..layer.results() {
                     let from = if result + 1 == layer.results() { &*last } else { w };
                     let from = &from[unit * columns..(unit + 1) * columns];
-                    add_product(of_a, from, &[layer.input(result, gate)[unit]]);
-                    add_product(of_b, from, &[layer.hidden(result, gate)[unit]]);
+                    add_rows(of_a, from, &[layer.input(result, gate)[unit]]);
+                    add_rows(of_b, from, &[layer.hidden(result, gate)[unit]]);
                 }
                 let of = place.row(gate * units + unit);
                 if let Some(state) = into.state.as_deref_mut() {
@@ -123,7 +124,7 @@ impl<T: Scalar> Linearization<T> {
                 for result in 0..layer.results() {
                     let from = if result + 1 == layer.results() { &*last } else { w };
                     let from = &from[unit * columns..(unit + 1) * columns];
-                    add_product(carried, from, &[layer.carry(result)[unit]]);
+                    add_rows(carried, from, &[layer.carry(result)[unit]]);
                 }
             }
         }

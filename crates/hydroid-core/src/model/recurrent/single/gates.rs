@@ -1,0 +1,114 @@
+//! The sums of a layer's gates from packed weights.
+#![expect(
+    clippy::inline_always,
+    reason = "it must become a part of the function that was compiled for the processor"
+)]
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::super::layout::LayerLayout;
+use super::super::network::Cell;
+use crate::math::Scalar;
+
+/// Rows that are summed side by side.
+const ROWS: usize = 8;
+
+/// The affine maps of a layer's gates, one after the other: `[i f g o]` of an LSTM in one, the sums of a vanilla layer,
+/// `[r z]`, `a_n` and `b_n` of a GRU, of which `a_n` does not read the state, and `b_n` nothing else.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Gates<T> {
+    maps: Vec<Map<T>>,
+}
+
+/// `W_ih x + W_hh h + b` for some rows; either matrix may be missing.
+#[derive(Clone, Debug, PartialEq)]
+struct Map<T> {
+    /// First row of the layer's matrices, and number of rows.
+    first: usize,
+    rows: usize,
+    reads_x: bool,
+    reads_h: bool,
+    /// Block by block of [`ROWS`] rows, filled up with zeros: the biases, then column by column.
+    blocks: Vec<T>,
+}
+
+impl<T: Scalar> Gates<T> {
+    pub(super) fn new(cell: Cell, layer: &LayerLayout) -> Self {
+        let map = |first: usize, rows: usize, reads_x: bool, reads_h: bool| {
+            let columns = 1 + if reads_x { layer.reads } else { 0 } + if reads_h { layer.shown } else { 0 };
+            let blocks = vec![T::zero(); rows.next_multiple_of(ROWS) * columns];
+            Map { first, rows, reads_x, reads_h, blocks }
+        };
+        let maps = if let Cell::Gru { hidden: n } = cell {
+            [map(0, 2 * n, true, true), map(2 * n, n, true, false), map(2 * n, n, false, true)].into()
+        } else {
+            [map(0, layer.rows, true, true)].into()
+        };
+        Self { maps }
+    }
+
+    /// Takes the layer's weights out of the flat ones.
+    pub(super) fn fill(&mut self, layer: &LayerLayout, weights: &[T]) {
+        for map in &mut self.maps {
+            let (reads, shown) =
+                (if map.reads_x { layer.reads } else { 0 }, if map.reads_h { layer.shown } else { 0 });
+            for (block, rows) in
+                map.blocks.chunks_exact_mut(ROWS * (1 + reads + shown)).zip((0..map.rows).step_by(ROWS))
+            {
+                for lane in 0..ROWS.min(map.rows - rows) {
+                    let row = layer.row(map.first + rows + lane);
+                    let bias = |given: bool, at: usize| if given { weights[at] } else { T::zero() };
+                    block[lane] = bias(map.reads_x, row.bias_ih) + bias(map.reads_h, row.bias_hh);
+                    let columns =
+                        weights[row.weight_ih][..reads].iter().chain(&weights[row.weight_hh][..shown]);
+                    for (column, &w) in block[ROWS..].chunks_exact_mut(ROWS).zip(columns) {
+                        column[lane] = w;
+                    }
+                }
+            }
+        }
+    }
+
+    /// The sums, in the order of the maps.
+    #[inline(always)]
+    pub(super) fn sums(&self, x: &[T], h: &[T], mut sums: &mut [T]) {
+        for map in &self.maps {
+            let (own, rest) = sums.split_at_mut(map.rows);
+            map.apply(if map.reads_x { x } else { &[] }, if map.reads_h { h } else { &[] }, own);
+            sums = rest;
+        }
+    }
+}
+
+impl<T: Scalar> Map<T> {
+    #[inline(always)]
+    fn apply(&self, x: &[T], h: &[T], sums: &mut [T]) {
+        let mut blocks = self.blocks.chunks_exact(ROWS * (1 + x.len() + h.len()));
+        let mut whole = sums.chunks_exact_mut(ROWS);
+        for (sums, block) in (&mut whole).zip(&mut blocks) {
+            sums.copy_from_slice(&block_sums(block, x, h));
+        }
+        if let Some(block) = blocks.next() {
+            for (sum, rest) in whole.into_remainder().iter_mut().zip(block_sums(block, x, h)) {
+                *sum = rest;
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn block_sums<T: Scalar>(block: &[T], x: &[T], h: &[T]) -> [T; ROWS] {
+    let mut sums = [T::zero(); ROWS];
+    let (bias, columns) = block.split_at(ROWS);
+    sums.copy_from_slice(bias);
+    let (of_x, of_h) = columns.split_at(ROWS * x.len());
+    for (columns, x) in [(of_x, x), (of_h, h)] {
+        for (column, &x) in columns.chunks_exact(ROWS).zip(x) {
+            for lane in 0..ROWS {
+                sums[lane] += column[lane] * x;
+            }
+        }
+    }
+    sums
+}

@@ -1,0 +1,58 @@
+//! Sums of rows and products with rows, for matrices of any width.
+#![expect(
+    clippy::inline_always,
+    reason = "they must become a part of the function that was compiled for the processor"
+)]
+
+use crate::math::Scalar;
+
+/// `sum += x_0 row_0 + x_1 row_1 + ..`, where `rows` holds as many rows of the length of `sum` as `x` numbers, one
+/// after the other.
+///
+/// Blocks of the sum stay in registers while the rows pass by.
+#[inline(always)]
+pub(super) fn add_rows<T: Scalar>(sum: &mut [T], rows: &[T], x: &[T]) {
+    let done = blocks::<32, T>(sum, rows, x, 0);
+    let done = blocks::<8, T>(sum, rows, x, done);
+    let done = blocks::<4, T>(sum, rows, x, done);
+    blocks::<1, T>(sum, rows, x, done);
+}
+
+/// From column `from` on, as many whole blocks as there are; gives the first column that is left.
+#[inline(always)]
+fn blocks<const WIDTH: usize, T: Scalar>(sum: &mut [T], rows: &[T], x: &[T], from: usize) -> usize {
+    let (len, mut column) = (sum.len(), from);
+    while column + WIDTH <= len {
+        let mut block = [T::zero(); WIDTH];
+        block.copy_from_slice(&sum[column..column + WIDTH]);
+        let mut at = column;
+        for &x in x {
+            let row = &rows[at..at + WIDTH];
+            for lane in 0..WIDTH {
+                block[lane] += row[lane] * x;
+            }
+            at += len;
+        }
+        sum[column..column + WIDTH].copy_from_slice(&block);
+        column += WIDTH;
+    }
+    column
+}
+
+/// `y = W x`, `W` row by row; four sums side by side, or each addition would wait for the last.
+#[inline(always)]
+pub(super) fn product<T: Scalar>(weights: &[T], x: &[T], y: &mut [T]) {
+    for (y, row) in y.iter_mut().zip(weights.chunks_exact(x.len())) {
+        let mut sums = [T::zero(); 4];
+        let (mut left, mut right) = (row.chunks_exact(4), x.chunks_exact(4));
+        for (w, x) in (&mut left).zip(&mut right) {
+            for lane in 0..4 {
+                sums[lane] += w[lane] * x[lane];
+            }
+        }
+        for (lane, (&w, &x)) in left.remainder().iter().zip(right.remainder()).enumerate() {
+            sums[lane] += w * x;
+        }
+        *y = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+    }
+}
