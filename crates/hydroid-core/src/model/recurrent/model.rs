@@ -45,7 +45,8 @@ pub struct Scaling {
 /// b       = output_mean (nothing), y_k (hold), or one sample of the equations
 /// ```
 ///
-/// `y_k` is measured while the model walks along a run, and its own prediction in a rollout.
+/// `y_k` is measured while the model walks along a run, and its own prediction in a rollout. A run starts with
+/// `h = 0`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recurrent {
     /// The network; its inputs are the model's inputs, then with feedback its outputs.
@@ -60,4 +61,37 @@ pub struct Recurrent {
     pub feedback: bool,
     /// Samples that it must have walked before its hidden state is worth something.
     pub wash_out: usize,
+    /// Whether measurements correct its hidden state while it walks; without it they enter by feedback and base alone.
+    pub state_filter: Option<StateFilter>,
+}
+
+/// An extended Kalman filter on the hidden state of a network, its weights being what they are: a warm-up for
+/// networks that do not see their outputs. With `A = df/dh`, `C = dg/dh`, everything in scaled units:
+///
+/// ```text
+/// advance:  h <- f(h, x),            P <- A P A' + process I
+/// observe:  S = C P C' + diag(noise) = L L',   W = P C' L'^-1
+///           h <- h + W L^-1 (z - g(h)),        P <- P - W W'
+/// ```
+///
+/// A run starts with `h = 0`, `P = initial I`. `W W'` keeps `P` symmetric; with `P - K S K'` and an inverse of `S` that is
+/// not symmetric to the last bit it would not stay so. Channels that were not measured are left out of `C` and
+/// `S`.
+///
+/// What is measured before the first sample of a run has passed is not used: the state from which a run starts is none
+/// that the network was ever read out from.
+///
+/// For networks that give the outputs themselves ([`Base::Nothing`]) from inputs alone. Where a measurement also enters
+/// by feedback or by the base, its noise is in the prediction as well as in what the prediction is compared with,
+/// which this filter knows nothing of: [`Recurrent::check`] refuses.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct StateFilter {
+    /// Variance that each number of the hidden state gains over a sample.
+    pub process: f64,
+    /// Variance of each number of the hidden state at the start of a run.
+    pub initial: f64,
+    /// Variance of each output's measurement noise, in units of `correction_scale` squared.
+    pub noise: Vec<f64>,
 }

@@ -1,0 +1,181 @@
+//! Whether the parts of a recurrent model fit together.
+
+use core::fmt;
+
+use super::model::{Base, Recurrent};
+use super::network::NetworkError;
+
+/// A part of a recurrent model that holds numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// [`Recurrent::weights`].
+    Weights,
+    /// [`Scaling::output_mean`](super::Scaling::output_mean).
+    OutputMean,
+    /// [`Scaling::output_scale`](super::Scaling::output_scale).
+    OutputScale,
+    /// [`Scaling::input_mean`](super::Scaling::input_mean).
+    InputMean,
+    /// [`Scaling::input_scale`](super::Scaling::input_scale).
+    InputScale,
+    /// [`Scaling::correction_scale`](super::Scaling::correction_scale).
+    CorrectionScale,
+    /// [`StateFilter::process`](super::StateFilter::process).
+    FilterProcess,
+    /// [`StateFilter::initial`](super::StateFilter::initial).
+    FilterInitial,
+    /// [`StateFilter::noise`](super::StateFilter::noise).
+    FilterNoise,
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Weights => "the network's weights",
+            Self::OutputMean => "the outputs' means",
+            Self::OutputScale => "the outputs' scales",
+            Self::InputMean => "the inputs' means",
+            Self::InputScale => "the inputs' scales",
+            Self::CorrectionScale => "the corrections' scales",
+            Self::FilterProcess => "the state filter's process noise",
+            Self::FilterInitial => "the state filter's initial variance",
+            Self::FilterNoise => "the state filter's measurement noise",
+        })
+    }
+}
+
+/// Why a recurrent model cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecurrentError {
+    /// The network itself cannot be.
+    Network(NetworkError),
+    /// The network does not read what the model would give it.
+    Inputs {
+        /// Inputs of the network.
+        network: usize,
+        /// Inputs of the model, with feedback its outputs too.
+        model: usize,
+    },
+    /// There are more or fewer numbers than the model has places for.
+    Length {
+        /// Of what.
+        part: Part,
+        /// Numbers expected.
+        expected: usize,
+        /// Numbers given.
+        given: usize,
+    },
+    /// A number is not finite, or not positive where it must be.
+    Number {
+        /// Of what.
+        part: Part,
+        /// Its place.
+        index: usize,
+    },
+    /// The equations below the network have other channels than it.
+    Equations {
+        /// Inputs and outputs of the equations.
+        equations: (usize, usize),
+        /// Inputs and outputs of the model.
+        model: (usize, usize),
+    },
+    /// A state filter on a network that sees its outputs or corrects something.
+    Filter,
+}
+
+impl fmt::Display for RecurrentError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Network(error) => error.fmt(f),
+            Self::Inputs { network, model } => {
+                write!(f, "the network reads {network} numbers where the model gives it {model}")
+            }
+            Self::Length { part, expected, given } => {
+                write!(f, "{part}: {expected} numbers expected, {given} given")
+            }
+            Self::Number { part, index } => {
+                let positive = if part.is_positive() { "positive " } else { "" };
+                write!(f, "{part}: number {index} is not a finite {positive}number")
+            }
+            Self::Equations { equations, model } => write!(
+                f,
+                "the equations below the network have {} inputs and {} outputs, the model {} and {}",
+                equations.0, equations.1, model.0, model.1
+            ),
+            Self::Filter => f.write_str(
+                "a state filter is for networks that give the outputs themselves from inputs alone: leave out the filter, or feedback and base",
+            ),
+        }
+    }
+}
+
+impl core::error::Error for RecurrentError {}
+
+impl From<NetworkError> for RecurrentError {
+    fn from(error: NetworkError) -> Self {
+        Self::Network(error)
+    }
+}
+
+impl Part {
+    fn is_positive(self) -> bool {
+        !matches!(self, Self::Weights | Self::OutputMean | Self::InputMean | Self::FilterProcess)
+    }
+
+    fn check(self, numbers: &[f64], expected: usize) -> Result<(), RecurrentError> {
+        if numbers.len() != expected {
+            return Err(RecurrentError::Length { part: self, expected, given: numbers.len() });
+        }
+        let bad = |x: &f64| !x.is_finite() || (self.is_positive() && *x <= 0.0);
+        numbers.iter().position(bad).map_or(Ok(()), |index| Err(RecurrentError::Number { part: self, index }))
+    }
+}
+
+impl Recurrent {
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.network.outputs
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.scaling.input_mean.len()
+    }
+
+    /// Whether the parts fit together and every number can be.
+    ///
+    /// # Errors
+    /// If sizes contradict one another, a number is not finite, or a scale or variance is not positive.
+    pub fn check(&self) -> Result<(), RecurrentError> {
+        self.network.check()?;
+        let (inputs, outputs, scaling) = (self.inputs(), self.outputs(), &self.scaling);
+        let model = inputs + if self.feedback { outputs } else { 0 };
+        if self.network.inputs != model {
+            return Err(RecurrentError::Inputs { network: self.network.inputs, model });
+        }
+        Part::Weights.check(&self.weights, self.network.weights())?;
+        Part::OutputMean.check(&scaling.output_mean, outputs)?;
+        Part::OutputScale.check(&scaling.output_scale, outputs)?;
+        Part::InputMean.check(&scaling.input_mean, inputs)?;
+        Part::InputScale.check(&scaling.input_scale, inputs)?;
+        Part::CorrectionScale.check(&scaling.correction_scale, outputs)?;
+        if let Base::Equations(equations) = &self.base
+            && (equations.inputs(), equations.outputs()) != (inputs, outputs)
+        {
+            let equations = (equations.inputs(), equations.outputs());
+            return Err(RecurrentError::Equations { equations, model: (inputs, outputs) });
+        }
+        if let Some(filter) = &self.state_filter {
+            if self.feedback || !matches!(self.base, Base::Nothing) {
+                return Err(RecurrentError::Filter);
+            }
+            Part::FilterProcess.check(&[filter.process.max(0.0)], 1)?;
+            if filter.process < 0.0 {
+                return Err(RecurrentError::Number { part: Part::FilterProcess, index: 0 });
+            }
+            Part::FilterInitial.check(&[filter.initial], 1)?;
+            Part::FilterNoise.check(&filter.noise, outputs)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,118 @@
+//! Where the weights of a network stand in its flat weights.
+
+use alloc::vec::Vec;
+use core::ops::Range;
+
+use super::network::{Cell, Network};
+
+/// Places of all weights, in the order of [`Network::tensors`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Layers, from the one that reads the input.
+    pub layers: Vec<LayerLayout>,
+    /// `W_hr` of an LSTM's projection, row by row.
+    pub projection: Option<Range<usize>>,
+    /// `W` and `b` of the read-out.
+    pub read_out: Option<(Range<usize>, Range<usize>)>,
+}
+
+/// Places of one layer's weights. Each matrix has [`rows`](Self::rows) rows, one after the other.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LayerLayout {
+    /// Rows of the gates together.
+    pub rows: usize,
+    /// Length of what the layer reads: the network's input, or the `h` of the layer below.
+    pub reads: usize,
+    /// Length of the layer's `h`.
+    pub shown: usize,
+    /// `W_ih`, `rows x reads`.
+    pub weight_ih: Range<usize>,
+    /// `W_hh`, `rows x shown`.
+    pub weight_hh: Range<usize>,
+    /// `b_ih`.
+    pub bias_ih: Range<usize>,
+    /// `b_hh`.
+    pub bias_hh: Range<usize>,
+}
+
+/// The weights that touch one row of a layer's gates; no other row has any of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GateRow {
+    /// Its row of `W_ih`: multiplied by what the layer reads.
+    pub weight_ih: Range<usize>,
+    /// Its row of `W_hh`: multiplied by the layer's `h`.
+    pub weight_hh: Range<usize>,
+    /// Its element of `b_ih`.
+    pub bias_ih: usize,
+    /// Its element of `b_hh`.
+    pub bias_hh: usize,
+}
+
+impl LayerLayout {
+    /// The weights of a row of the gates.
+    pub fn row(&self, row: usize) -> GateRow {
+        let run = |of: &Range<usize>, len: usize| of.start + row * len..of.start + (row + 1) * len;
+        GateRow {
+            weight_ih: run(&self.weight_ih, self.reads),
+            weight_hh: run(&self.weight_hh, self.shown),
+            bias_ih: self.bias_ih.start + row,
+            bias_hh: self.bias_hh.start + row,
+        }
+    }
+}
+
+impl Layout {
+    /// Of a network.
+    pub fn new(network: &Network) -> Self {
+        let (cell, mut end) = (network.cell, 0);
+        let mut next = |len: usize| {
+            end += len;
+            end - len..end
+        };
+        let (rows, shown) = (cell.gate_rows(), cell.shown());
+        let layers = (0..cell.layers())
+            .map(|layer| {
+                let reads = if layer == 0 { network.inputs } else { shown };
+                let (weight_ih, weight_hh) = (next(rows * reads), next(rows * shown));
+                let (bias_ih, bias_hh) = (next(rows), next(rows));
+                LayerLayout { rows, reads, shown, weight_ih, weight_hh, bias_ih, bias_hh }
+            })
+            .collect();
+        let projection = match cell {
+            Cell::Lstm { hidden, projection: Some(projection) } => Some(next(projection * hidden)),
+            _ => None,
+        };
+        let read_out = network.read_out.then(|| (next(network.outputs * shown), next(network.outputs)));
+        Self { layers, projection, read_out }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One order of weights, told twice: by name for files, by place for arithmetic.
+    #[test]
+    fn places_are_those_of_the_tensors() {
+        for cell in [
+            Cell::Lstm { hidden: 5, projection: Some(2) },
+            Cell::Lstm { hidden: 5, projection: None },
+            Cell::Gru { hidden: 4 },
+            Cell::Vanilla { hidden: 3, layers: 3 },
+        ] {
+            let network = Network { cell, inputs: 2, outputs: 2, read_out: true };
+            let layout = Layout::new(&network);
+            let mut places: Vec<Range<usize>> = Vec::new();
+            for layer in &layout.layers {
+                places.extend(
+                    [&layer.weight_ih, &layer.weight_hh, &layer.bias_ih, &layer.bias_hh].map(Clone::clone),
+                );
+            }
+            places.extend(layout.projection);
+            places.extend(layout.read_out.into_iter().flat_map(|(weight, bias)| [weight, bias]));
+            let tensors: Vec<Range<usize>> =
+                network.tensors().iter().map(super::super::Tensor::range).collect();
+            assert_eq!(places, tensors);
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! The session of a recurrent model: present outputs, hidden state, and what its base remembers.
+
+use alloc::boxed::Box;
+use alloc::sync::Arc;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::check::RecurrentError;
+use super::model::{Base, Recurrent};
+use super::single::Packed;
+use crate::model::persistence::take_measured;
+use crate::predict::{Predictor, Workspace, rollout_steps};
+
+/// A run of a [`Recurrent`] model. Every measurement replaces the output; what is not measured is predicted.
+///
+/// The hidden state is zero at the start of a run. A network that reads inputs alone and gives the outputs themselves
+/// predicts from there. Every other must have measured each output once: until then values wait as they were measured,
+/// the equations below it as theirs do ([`Equations::wait`](crate::model::sparse::Equations::wait)), and a network
+/// with feedback does not move.
+///
+/// The snapshot is `[present outputs, memory of the equations, hidden state]`.
+#[derive(Clone, Debug)]
+pub struct RecurrentSession {
+    model: Arc<Recurrent>,
+    weights: Arc<Packed<f64>>,
+    /// Outputs, then what the base remembers, then the network's state.
+    state: Vec<f64>,
+    scratch: Vec<f64>,
+}
+
+impl RecurrentSession {
+    /// A session at the start of a run.
+    ///
+    /// # Errors
+    /// As [`Recurrent::check`].
+    pub fn new(model: Arc<Recurrent>) -> Result<Self, RecurrentError> {
+        model.check()?;
+        let weights = Arc::new(Packed::new(model.network, &model.weights));
+        let len = front_len(&model) + model.network.state_len();
+        let scratch = vec![0.0; scratch_len(&model, &weights)];
+        let mut session = Self { model, weights, state: vec![0.0; len], scratch };
+        session.reset();
+        Ok(session)
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Recurrent {
+        &self.model
+    }
+
+    /// The network's state, as its [`Cell`](super::Cell) lays it out.
+    pub fn hidden(&self) -> &[f64] {
+        &self.state[front_len(&self.model)..]
+    }
+}
+
+/// Numbers in front of the network's state.
+fn front_len(model: &Recurrent) -> usize {
+    if let Base::Equations(equations) = &model.base { equations.state_len() } else { model.outputs() }
+}
+
+fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
+    let base = if let Base::Equations(equations) = &model.base { equations.scratch() } else { 0 };
+    model.network.inputs + model.outputs() + base.max(weights.scratch())
+}
+
+/// What the network reads.
+fn scale_inputs(model: &Recurrent, y: &[f64], c: &[f64], x: &mut [f64]) {
+    let scaling = &model.scaling;
+    let (m, z) = x.split_at_mut(model.inputs());
+    for i in 0..m.len() {
+        m[i] = (c[i] - scaling.input_mean[i]) / scaling.input_scale[i];
+    }
+    for i in 0..z.len() {
+        z[i] = (y[i] - scaling.output_mean[i]) / scaling.output_scale[i];
+    }
+}
+
+/// One sample of the model: `state` as the session has it.
+fn step(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
+    let outputs = model.outputs();
+    let (front, hidden) = state.split_at_mut(front_len(model));
+    let (x, rest) = scratch.split_at_mut(model.network.inputs);
+    let (correction, rest) = rest.split_at_mut(outputs);
+    scale_inputs(model, front, c, x);
+    weights.step(hidden, x, rest);
+    weights.output(hidden, correction);
+    match &model.base {
+        Base::Nothing => front.copy_from_slice(&model.scaling.output_mean),
+        Base::Hold => {}
+        Base::Equations(equations) => equations.step(front, c, rest),
+    }
+    for i in 0..outputs {
+        front[i] += model.scaling.correction_scale[i] * correction[i];
+    }
+}
+
+/// One sample while some output was never measured.
+fn wait(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
+    let (front, hidden) = state.split_at_mut(front_len(model));
+    if !model.feedback {
+        let (x, rest) = scratch.split_at_mut(model.network.inputs);
+        scale_inputs(model, front, c, x);
+        weights.step(hidden, x, rest);
+    }
+    if let Base::Equations(equations) = &model.base {
+        equations.wait(front, c, scratch);
+    }
+}
+
+impl Predictor for RecurrentSession {
+    fn outputs(&self) -> usize {
+        self.model.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.model.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        let base = if let Base::Equations(equations) = &self.model.base { equations.warm_up() } else { 1 };
+        self.model.wash_out.max(base)
+    }
+
+    fn reset(&mut self) {
+        let (front, hidden) = self.state.split_at_mut(front_len(&self.model));
+        front.fill(f64::NAN);
+        hidden.fill(0.0);
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        take_measured(&mut self.state[..self.model.outputs()], y);
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        let (model, weights) = (&*self.model, &*self.weights);
+        let needs_outputs = model.feedback || !matches!(model.base, Base::Nothing);
+        if needs_outputs && self.state[..model.outputs()].iter().any(|y| y.is_nan()) {
+            wait(model, weights, &mut self.state, c, &mut self.scratch);
+        } else {
+            step(model, weights, &mut self.state, c, &mut self.scratch);
+        }
+        // A hidden state that is not a number stays so whatever is measured later: it starts again.
+        let hidden = &mut self.state[front_len(model)..];
+        if !hidden.iter().all(|h| h.is_finite()) {
+            hidden.fill(0.0);
+        }
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        y.copy_from_slice(&self.state[..self.model.outputs()]);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        let (n, m) = (self.outputs(), self.inputs());
+        let steps = rollout_steps(commands, m, y, n);
+        let len = self.state.len();
+        let (state, scratch) = work.take(len + self.scratch.len()).split_at_mut(len);
+        state.copy_from_slice(&self.state);
+        for k in 0..steps {
+            step(&self.model, &self.weights, state, &commands[k * m..(k + 1) * m], scratch);
+            y[k * n..(k + 1) * n].copy_from_slice(&state[..n]);
+        }
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.state.len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        into.copy_from_slice(&self.state);
+    }
+
+    fn restore(&mut self, from: &[f64]) {
+        self.state.copy_from_slice(from);
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        Box::new(self.clone())
+    }
+}

@@ -1,0 +1,66 @@
+//! The networks of an independent implementation (PyTorch, f64): files under `/tests/golden/networks`.
+#![allow(dead_code)] // each test binary uses a part of it
+
+use hydroid_core::math::Scalar;
+use hydroid_core::model::recurrent::{Cell, Network};
+use safetensors::SafeTensors;
+use serde_json::Value;
+
+/// What the thesis calls its networks, with their names in the files.
+pub const NAMES: [&str; 3] = ["lstm", "gru", "rnn"];
+
+pub fn network(name: &str) -> Network {
+    let cell = match name {
+        "lstm" => Cell::Lstm { hidden: 18, projection: Some(3) },
+        "gru" => Cell::Gru { hidden: 18 },
+        _ => Cell::Vanilla { hidden: 18, layers: 2 },
+    };
+    Network { cell, inputs: 2, outputs: 3, read_out: name != "lstm" }
+}
+
+pub fn golden_path(file: &str) -> String {
+    format!("{}/../../tests/golden/{file}", env!("CARGO_MANIFEST_DIR"))
+}
+
+pub fn read(path: &str) -> Vec<u8> {
+    std::fs::read(path).unwrap_or_else(|e| panic!("{path}: {e}"))
+}
+
+/// A tensor of doubles.
+pub fn tensor(file: &SafeTensors, name: &str) -> Vec<f64> {
+    let view = file.tensor(name).unwrap_or_else(|e| panic!("{name}: {e}"));
+    view.data().chunks_exact(8).map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap())).collect()
+}
+
+/// Flat weights from a file that has them under PyTorch's names.
+pub fn weights_of(network: &Network, bytes: &[u8]) -> Vec<f64> {
+    let file = SafeTensors::deserialize(bytes).unwrap();
+    let mut weights = Vec::new();
+    for place in network.tensors() {
+        assert_eq!(file.tensor(&place.name).unwrap().shape(), place.shape(), "{}", place.name);
+        weights.extend(tensor(&file, &place.name));
+    }
+    weights
+}
+
+pub fn golden_weights(name: &str) -> Vec<f64> {
+    weights_of(&network(name), &read(&golden_path(&format!("networks/{name}_weights.safetensors"))))
+}
+
+/// Rows of numbers at `sequence.key` of the golden file, flat.
+pub fn sequence(name: &str, key: &str) -> Vec<f64> {
+    let text = read(&golden_path(&format!("networks/{name}_golden.json")));
+    let json: Value = serde_json::from_slice(&text).unwrap();
+    let rows = json["sequence"][key].as_array().unwrap();
+    rows.iter().flat_map(|row| row.as_array().unwrap().iter().map(|x| x.as_f64().unwrap())).collect()
+}
+
+pub fn rounded<T: Scalar>(x: &[f64]) -> Vec<T> {
+    x.iter().map(|&x| T::of(x)).collect()
+}
+
+/// Largest absolute difference.
+pub fn worst<T: Scalar>(ours: &[T], theirs: &[f64]) -> f64 {
+    assert_eq!(ours.len(), theirs.len());
+    ours.iter().zip(theirs).map(|(a, b)| (a.wide() - b).abs()).fold(0.0, f64::max)
+}
