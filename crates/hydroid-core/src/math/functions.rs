@@ -1,0 +1,58 @@
+//! `exp`, `tanh` and the logistic function of a vector, without branches.
+//!
+//! `e^x = 2^n e^r` with `n` the integer next to `x / ln 2` and `|r| <= ln 2 / 2`, on which a polynomial gives
+//! `q = e^r - 1` (Cody and Waite 1980, Muller, Elementary Functions, ch. 11). The function `e^x - 1 = 2^n q + (2^n - 1)` keeps its digits
+//! near zero, and so does `tanh x = (e^2x - 1) / (e^2x - 1 + 2)`.
+#![expect(
+    clippy::inline_always,
+    reason = "it must become a part of the function that was compiled for the processor"
+)]
+
+use pulp::Simd;
+
+use super::vectors::{Pack, Vectors};
+
+/// `n + ROUND`, and `q = e^r - 1` of the rest.
+#[inline(always)]
+fn reduce<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> (Pack<S, T>, Pack<S, T>) {
+    let constant = |x: T| Pack::splat(simd, x);
+    let rounded = x.mul_add(constant(T::LOG2_E), constant(T::ROUND));
+    let n = rounded - constant(T::ROUND);
+    let r = n.mul_add(constant(T::MINUS_LN_2[1]), n.mul_add(constant(T::MINUS_LN_2[0]), x));
+    let (&last, others) = const { T::EXP.split_last().expect("the polynomial has coefficients") };
+    let p = others.iter().rev().fold(constant(last), |p, &c| p.mul_add(r, constant(c)));
+    (rounded, (p * r).mul_add(r, r))
+}
+
+/// `e^x`.
+#[inline(always)]
+pub(crate) fn exp<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> Pack<S, T> {
+    let x = x.abs().at_most(T::EXP_END).with_sign_of(x);
+    let (rounded, q) = reduce(simd, x);
+    // In two factors, so that numbers below the normal ones and infinity come out by themselves.
+    let round = Pack::splat(simd, T::ROUND);
+    let n = rounded - round;
+    let half = n.mul_add(Pack::splat(simd, T::HALF), round);
+    let other = (n - (half - round)) + round;
+    let first = half.power_of_two();
+    q.mul_add(first, first) * other.power_of_two()
+}
+
+/// `1 / (1 + e^-x)`.
+#[inline(always)]
+pub(crate) fn sigmoid<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> Pack<S, T> {
+    let (rounded, q) = reduce(simd, x.abs().at_most(T::EXP_NORMAL).with_sign_of(-x));
+    let scale = rounded.power_of_two();
+    let one = Pack::splat(simd, T::ONE);
+    one / (one + q.mul_add(scale, scale))
+}
+
+/// `tanh x`.
+#[inline(always)]
+pub(crate) fn tanh<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> Pack<S, T> {
+    let size = x.abs().at_most(T::TANH_END);
+    let (rounded, q) = reduce(simd, size + size);
+    let scale = rounded.power_of_two();
+    let e = q.mul_add(scale, scale - Pack::splat(simd, T::ONE));
+    (e / (e + Pack::splat(simd, T::TWO))).with_sign_of(x)
+}

@@ -1,0 +1,77 @@
+//! Slices walked vector by vector, the last of them in part.
+#![expect(
+    clippy::inline_always,
+    reason = "it must become a part of the function that was compiled for the processor"
+)]
+
+use pulp::Simd;
+
+use super::vectors::{Pack, Vectors};
+
+/// A slice that is read vector by vector.
+#[derive(Clone, Copy)]
+pub(crate) struct Read<'a, S: Simd, T: Vectors> {
+    simd: S,
+    whole: &'a [T::V<S>],
+    rest: &'a [T],
+}
+
+impl<'a, S: Simd, T: Vectors> Read<'a, S, T> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, x: &'a [T]) -> Self {
+        let (whole, rest) = T::whole::<S>(x);
+        Self { simd, whole, rest }
+    }
+
+    /// Vector `k`; behind the end of the slice it is filled with zeros.
+    #[inline(always)]
+    pub(crate) fn get(self, k: usize) -> Pack<S, T> {
+        let v = match self.whole.get(k) {
+            Some(&v) => v,
+            None => T::load_part(self.simd, self.rest),
+        };
+        Pack::new(self.simd, v)
+    }
+}
+
+/// A slice that is read and written vector by vector.
+pub(crate) struct Write<'a, S: Simd, T: Vectors> {
+    simd: S,
+    whole: &'a mut [T::V<S>],
+    rest: &'a mut [T],
+}
+
+impl<'a, S: Simd, T: Vectors> Write<'a, S, T> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, x: &'a mut [T]) -> Self {
+        let (whole, rest) = T::whole_mut::<S>(x);
+        Self { simd, whole, rest }
+    }
+
+    /// Vector `k`; behind the end of the slice it is filled with zeros.
+    #[inline(always)]
+    pub(crate) fn get(&self, k: usize) -> Pack<S, T> {
+        Read { simd: self.simd, whole: self.whole, rest: self.rest }.get(k)
+    }
+
+    /// Writes vector `k`, without what is behind the end of the slice.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, k: usize, x: Pack<S, T>) {
+        match self.whole.get_mut(k) {
+            Some(v) => *v = x.v,
+            None => T::store_part(self.simd, self.rest, x.v),
+        }
+    }
+}
+
+/// Calls `f` for each vector of a slice of `len` numbers.
+#[inline(always)]
+pub(crate) fn each<S: Simd, T: Vectors>(len: usize, mut f: impl FnMut(usize)) {
+    let width = size_of::<T::V<S>>() / size_of::<T>();
+    for k in 0..len / width {
+        f(k);
+    }
+    if len % width > 0 {
+        f(len / width);
+    }
+}

@@ -1,0 +1,257 @@
+//! Vectors of numbers as wide as the processor has them, with operators.
+//!
+//! Every operation works on each number alone and rounds as IEEE 754 says, and a product that is added to something is
+//! not rounded before ([`Pack::mul_add`] is fused on every path: by the instruction where there is one, in software
+//! where not). So a result depends neither on the width of the vectors nor on the processor.
+#![expect(
+    clippy::inline_always,
+    reason = "it must become a part of the function that was compiled for the processor"
+)]
+
+use core::fmt::Debug;
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+use pulp::Simd;
+
+/// What [`Pack`] needs of a number; `f32` and `f64` have it.
+pub trait Vectors: Copy + 'static {
+    /// As many of them as a register holds.
+    type V<S: Simd>: Copy + Debug;
+
+    const HALF: Self;
+    const ONE: Self;
+    const TWO: Self;
+    /// `1.5 * 2^(digits - 1)`: added to a small number it leaves the nearest integer in the last bits.
+    const ROUND: Self;
+    /// `1 / ln 2`.
+    const LOG2_E: Self;
+    /// `-ln 2` in two parts, of which the first has so few digits that its product with an exponent is exact.
+    const MINUS_LN_2: [Self; 2];
+    /// `c` in `e^r = 1 + r + r^2 (c_0 + c_1 r + ..)` for `|r| <= ln 2 / 2`: interpolation at Chebyshev nodes.
+    const EXP: &'static [Self];
+    /// `e^x` is infinite above it, and zero below its negative.
+    const EXP_END: Self;
+    /// For `|x|` up to it, `e^x` is a normal number.
+    const EXP_NORMAL: Self;
+    /// `tanh x` is 1 from it on.
+    const TANH_END: Self;
+
+    fn whole<S: Simd>(x: &[Self]) -> (&[Self::V<S>], &[Self]);
+    fn whole_mut<S: Simd>(x: &mut [Self]) -> (&mut [Self::V<S>], &mut [Self]);
+    fn load_part<S: Simd>(simd: S, from: &[Self]) -> Self::V<S>;
+    fn store_part<S: Simd>(simd: S, to: &mut [Self], x: Self::V<S>);
+    fn splat<S: Simd>(simd: S, x: Self) -> Self::V<S>;
+    fn add<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
+    fn sub<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
+    fn mul<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
+    fn div<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
+    fn neg<S: Simd>(simd: S, a: Self::V<S>) -> Self::V<S>;
+    fn abs<S: Simd>(simd: S, a: Self::V<S>) -> Self::V<S>;
+    fn mul_add<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>, c: Self::V<S>) -> Self::V<S>;
+    fn at_most<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
+    fn with_sign_of<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
+    fn power_of_two<S: Simd>(simd: S, rounded: Self::V<S>) -> Self::V<S>;
+}
+
+/// What is the same for both precisions but for the names that pulp gives its operations.
+macro_rules! operations {
+    ($v:ident, $as_simd:ident, $as_mut_simd:ident, $one:expr, $two_to_the_mantissa:expr,
+        $load:ident, $store:ident, $splat:ident, $neg:ident, $abs:ident, $mul_add:ident,
+        $greater:ident, $select:ident, $or:ident, $and:ident,
+        $splat_bits:ident, $add_bits:ident, $mul_bits:ident, $to_bits:ident, $from_bits:ident,
+        $($own:ident: $operator:ident),*) => {
+        type V<S: Simd> = S::$v;
+
+        #[inline(always)]
+        fn whole<S: Simd>(x: &[Self]) -> (&[S::$v], &[Self]) {
+            S::$as_simd(x)
+        }
+
+        #[inline(always)]
+        fn whole_mut<S: Simd>(x: &mut [Self]) -> (&mut [S::$v], &mut [Self]) {
+            S::$as_mut_simd(x)
+        }
+
+        #[inline(always)]
+        fn load_part<S: Simd>(simd: S, from: &[Self]) -> S::$v {
+            simd.$load(from)
+        }
+
+        #[inline(always)]
+        fn store_part<S: Simd>(simd: S, to: &mut [Self], x: S::$v) {
+            simd.$store(to, x);
+        }
+
+        #[inline(always)]
+        fn splat<S: Simd>(simd: S, x: Self) -> S::$v {
+            simd.$splat(x)
+        }
+
+        $(
+            #[inline(always)]
+            fn $own<S: Simd>(simd: S, a: S::$v, b: S::$v) -> S::$v {
+                simd.$operator(a, b)
+            }
+        )*
+
+        #[inline(always)]
+        fn neg<S: Simd>(simd: S, a: S::$v) -> S::$v {
+            simd.$neg(a)
+        }
+
+        #[inline(always)]
+        fn abs<S: Simd>(simd: S, a: S::$v) -> S::$v {
+            simd.$abs(a)
+        }
+
+        #[inline(always)]
+        fn mul_add<S: Simd>(simd: S, a: S::$v, b: S::$v, c: S::$v) -> S::$v {
+            simd.$mul_add(a, b, c)
+        }
+
+        #[inline(always)]
+        fn at_most<S: Simd>(simd: S, a: S::$v, b: S::$v) -> S::$v {
+            simd.$select(simd.$greater(a, b), b, a)
+        }
+
+        #[inline(always)]
+        fn with_sign_of<S: Simd>(simd: S, a: S::$v, b: S::$v) -> S::$v {
+            simd.$or(a, simd.$and(b, simd.$splat(-0.0)))
+        }
+
+        #[inline(always)]
+        fn power_of_two<S: Simd>(simd: S, rounded: S::$v) -> S::$v {
+            // The product is a shift: it leaves of the bits the last, which are the exponent.
+            let exponent = simd.$mul_bits(simd.$to_bits(rounded), simd.$splat_bits($two_to_the_mantissa));
+            simd.$from_bits(simd.$add_bits(exponent, simd.$splat_bits($one)))
+        }
+    };
+}
+
+impl Vectors for f32 {
+    const HALF: Self = 0.5;
+    const ONE: Self = 1.0;
+    const TWO: Self = 2.0;
+    const ROUND: Self = 12_582_912.0;
+    const LOG2_E: Self = core::f32::consts::LOG2_E;
+    const MINUS_LN_2: [Self; 2] = [-0.693_145_75, -1.428_606_8e-6];
+    const EXP: &'static [Self] = &[0.5, 0.166_665_77, 0.041_666_555, 0.008_363_179, 0.001_392_618_4];
+    const EXP_END: Self = 104.0;
+    const EXP_NORMAL: Self = 87.0;
+    const TANH_END: Self = 10.0;
+
+    operations!(
+        f32s, as_simd_f32s, as_mut_simd_f32s, 1_f32.to_bits(), 1 << 23,
+        partial_load_f32s, partial_store_f32s, splat_f32s, neg_f32s, abs_f32s, mul_add_f32s,
+        greater_than_f32s, select_f32s, or_f32s, and_f32s,
+        splat_u32s, add_u32s, mul_u32s, transmute_u32s_f32s, transmute_f32s_u32s,
+        add: add_f32s, sub: sub_f32s, mul: mul_f32s, div: div_f32s
+    );
+}
+
+impl Vectors for f64 {
+    const HALF: Self = 0.5;
+    const ONE: Self = 1.0;
+    const TWO: Self = 2.0;
+    const ROUND: Self = 6_755_399_441_055_744.0;
+    const LOG2_E: Self = core::f64::consts::LOG2_E;
+    const MINUS_LN_2: [Self; 2] = [-0.693_147_180_485_539_1, -7.440_617_110_012_397e-11];
+    const EXP: &'static [Self] = &[
+        0.500_000_000_000_000_1,
+        0.166_666_666_666_666_69,
+        0.041_666_666_666_624_13,
+        0.008_333_333_333_330_062,
+        0.001_388_888_891_721_371_7,
+        0.000_198_412_698_630_536_18,
+        2.480_152_129_595_437_6e-05,
+        2.755_726_845_999_706_4e-06,
+        2.762_008_844_540_974_6e-07,
+        2.510_038_549_551_032e-08,
+    ];
+    const EXP_END: Self = 746.0;
+    const EXP_NORMAL: Self = 708.0;
+    const TANH_END: Self = 20.0;
+
+    operations!(
+        f64s, as_simd_f64s, as_mut_simd_f64s, 1_f64.to_bits(), 1 << 52,
+        partial_load_f64s, partial_store_f64s, splat_f64s, neg_f64s, abs_f64s, mul_add_f64s,
+        greater_than_f64s, select_f64s, or_f64s, and_f64s,
+        splat_u64s, add_u64s, mul_u64s, transmute_u64s_f64s, transmute_f64s_u64s,
+        add: add_f64s, sub: sub_f64s, mul: mul_f64s, div: div_f64s
+    );
+}
+
+/// A vector with operators.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pack<S: Simd, T: Vectors> {
+    simd: S,
+    pub(crate) v: T::V<S>,
+}
+
+impl<S: Simd, T: Vectors> Pack<S, T> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, v: T::V<S>) -> Self {
+        Self { simd, v }
+    }
+
+    /// The same number everywhere.
+    #[inline(always)]
+    pub(crate) fn splat(simd: S, x: T) -> Self {
+        Self::new(simd, T::splat(simd, x))
+    }
+
+    /// `self * b + c`, rounded once.
+    #[inline(always)]
+    pub(crate) fn mul_add(self, b: Self, c: Self) -> Self {
+        Self::new(self.simd, T::mul_add(self.simd, self.v, b.v, c.v))
+    }
+
+    #[inline(always)]
+    pub(crate) fn abs(self) -> Self {
+        Self::new(self.simd, T::abs(self.simd, self.v))
+    }
+
+    /// The smaller of both; what is not a number stays so.
+    #[inline(always)]
+    pub(crate) fn at_most(self, largest: T) -> Self {
+        Self::new(self.simd, T::at_most(self.simd, self.v, T::splat(self.simd, largest)))
+    }
+
+    /// A number that is not negative, with the sign of another.
+    #[inline(always)]
+    pub(crate) fn with_sign_of(self, other: Self) -> Self {
+        Self::new(self.simd, T::with_sign_of(self.simd, self.v, other.v))
+    }
+
+    /// `2^n` from `n + ROUND` where that is a normal number.
+    #[inline(always)]
+    pub(crate) fn power_of_two(self) -> Self {
+        Self::new(self.simd, T::power_of_two(self.simd, self.v))
+    }
+}
+
+macro_rules! operator {
+    ($($trait:ident: $method:ident),*) => {
+        $(
+            impl<S: Simd, T: Vectors> $trait for Pack<S, T> {
+                type Output = Self;
+
+                #[inline(always)]
+                fn $method(self, other: Self) -> Self {
+                    Self::new(self.simd, T::$method(self.simd, self.v, other.v))
+                }
+            }
+        )*
+    };
+}
+
+operator!(Add: add, Sub: sub, Mul: mul, Div: div);
+
+impl<S: Simd, T: Vectors> Neg for Pack<S, T> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self::new(self.simd, T::neg(self.simd, self.v))
+    }
+}
