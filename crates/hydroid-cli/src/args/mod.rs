@@ -22,6 +22,7 @@ pub use values::{Against, Duration, Horizon, Method, NamedRange, Origin};
   hydroid identify -o demo                      no log at hand: simulates a hydrofoil and identifies it
   hydroid inspect log.csv                       what is in a log, and where it will hurt
   hydroid identify a.csv b.csv c.csv -o out     equations, judgement and report.html from three runs
+  hydroid identify a.csv b.csv c.csv --methods sindy,gru --budget 2m -o out    a recurrent network beside them
   hydroid evaluate out/sindy.safetensors d.csv --horizon 100
   hydroid adapt out/sindy.safetensors d.csv     the same model learning on the way, beside it frozen
 

@@ -1,4 +1,32 @@
 //! Training of recurrent models on shore.
+//!
+//! [`train`] learns the weights of a [`Recurrent`] from runs by backpropagation through time, and keeps those whose
+//! multi-step error on validation runs is least.
+//!
+//! **Windows.** Runs are cut into windows. Over the first samples of one, the wash-out, the hidden state finds itself from
+//! zero while outputs are measured; from its origin on the model hears nothing of the outputs, as in a rollout, and
+//! is compared:
+//!
+//! ```text
+//! L = 1/N  sum over windows, k = 1 .. length, outputs i:   w_i ((y_{o+k,i} - measured_{o+k,i}) / s_i)^2
+//! ```
+//!
+//! with the standard deviation `s_i` of the output in the training runs, the weight `w_i` of the settings, and the number
+//! `N` of measured values among those compared. So the loss is what [`evaluate`](mod@crate::evaluate) judges by, on the
+//! training runs. The gradient goes back through the wash-out too, and through what is fed back. What is compared tiles
+//! each run once in an epoch, from an offset drawn anew. A missing output is not compared, and where it is fed back the
+//! model's own prediction stands for it; a window in which an input is missing is left out.
+//!
+//! **Scaling** is by design ranges: a range is mapped to -2..2. What the network gives is in units of the output where it
+//! corrects nothing, and in units of what it corrects where it has a [`BaseKind`].
+//!
+//! **Determinism.** The weights are a function of runs and settings alone. Random numbers have one stream for each purpose,
+//! restart and epoch; gradients are summed over chunks of windows of a fixed size in a fixed order, so that the number
+//! of threads changes no bit. Only a budget in seconds depends on the machine: it decides the number of epochs before the
+//! first, and [`Trained::epochs`] says what it decided.
+//!
+//! **The optimizer** is Adam with decoupled weight decay, on a gradient that is shortened if long, under a
+//! [`schedule`](mod@schedule) that knows its end.
 
 mod adam;
 mod base;
@@ -16,6 +44,9 @@ mod settings;
 mod team;
 mod unroll;
 mod windows;
+
+#[cfg(test)]
+mod tests;
 
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -1,0 +1,173 @@
+//! Gradients against finite differences of the loss, and files that were cut or changed.
+
+use std::sync::Arc;
+
+use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
+use proptest::prelude::*;
+
+use super::team::{Plan, Team};
+use super::unroll::Chunk;
+use super::*;
+use crate::log::{Channel, Table};
+
+const RANGES: [DesignRange; 2] = [DesignRange { low: -2.0, high: 3.0 }, DesignRange { low: -1.0, high: 1.0 }];
+const INPUT: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
+
+/// A run of a made-up vessel with two outputs, of which some values are missing.
+fn run(samples: usize, phase: f64, missing: &[(usize, usize)]) -> Trajectory {
+    let input: Vec<f64> = (0..samples).map(|k| (0.3 * k as f64 + phase).sin()).collect();
+    let (mut u, mut v) = (0.1, -0.2);
+    let mut outputs = Vec::new();
+    for (k, c) in input.iter().enumerate() {
+        outputs.extend([(0, u), (1, v)].map(|(i, y)| if missing.contains(&(k, i)) { f64::NAN } else { y }));
+        (u, v) = (u + 0.1 * (c - u + v * v), v + 0.1 * (0.5 * u - v));
+    }
+    Trajectory {
+        name: format!("run {phase}"),
+        t0: 0.0,
+        dt: 0.1,
+        outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], outputs),
+        inputs: Table::new([Channel::new("n", "1/s")], input),
+        truth: None,
+    }
+}
+
+/// Equations that are nearly those of the vessel, with a lag of the command.
+fn equations() -> Arc<Equations> {
+    let (u, v, a) = (0, 1, 3);
+    let terms: Vec<Term> = [&[u][..], &[v], &[v, v], &[a]].map(Term::monomial).to_vec();
+    let coefficients = vec![-0.9, 0.0, 0.8, 1.0, 0.6, -1.1, 0.0, 0.0];
+    let lag = Signal::Lag { input: 2, time_constant_s: Real(0.05) };
+    Arc::new(Equations::with_signals(terms, coefficients, 2, 1, vec![lag], 0.1, 2).unwrap())
+}
+
+fn plan_of(settings: &Settings, missing: &[(usize, usize)]) -> Plan<f64> {
+    let runs = [run(60, 0.0, missing), run(45, 1.0, &[])];
+    let refs: Vec<&Trajectory> = runs.iter().collect();
+    let equations = Some(equations());
+    let job = Job { runs: &refs, validation: &refs, outputs: &RANGES, inputs: &INPUT, horizon: 5, equations };
+    plan::plan(&job, settings).unwrap()
+}
+
+fn small(cell: CellKind) -> Settings {
+    Settings {
+        hidden: 4,
+        wash_out_s: Some(0.8),
+        window_s: Some(1.2),
+        channel_weights: vec![1.0, 0.5],
+        precision: Precision::F64,
+        ..Settings::of(cell)
+    }
+}
+
+/// Loss and gradient of a window for each origin of the runs.
+fn loss(plan: &Plan<f64>, chunk: &mut Chunk<f64>, weights: &[f64]) -> f64 {
+    let windows = plan.shape.every(&plan.runs, 7);
+    assert!(windows.len() > 8, "{}", windows.len());
+    chunk.walk(weights, &plan.runs, &windows);
+    chunk.loss(&plan.runs, &plan.channel_weights)
+}
+
+#[test]
+fn gradients_are_differences_of_the_loss() {
+    // Missing in a wash-out and among what is compared.
+    let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
+    let mut worst = 0.0f64;
+    for cell in [CellKind::Lstm, CellKind::Gru, CellKind::Rnn] {
+        for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
+            for feedback in [false, true] {
+                let settings = Settings { base, feedback, ..small(cell) };
+                let plan = plan_of(&settings, &missing);
+                let mut chunk = Chunk::new(
+                    &plan.network,
+                    &plan.base,
+                    &plan.scaling,
+                    feedback,
+                    plan.shape,
+                    20,
+                    true,
+                );
+                let mut rng = random::stream(3, random::Purpose::Weights, 0, 0);
+                let mut weights = init::weights::<f64>(&plan.network, &mut rng);
+                loss(&plan, &mut chunk, &weights);
+                chunk.backward(&plan.runs, &plan.channel_weights, 0.7);
+                let gradient = chunk.gradient().to_vec();
+                let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+                for i in (0..weights.len()).step_by(3) {
+                    let (at, step) = (weights[i], 1e-5);
+                    let [plus, minus] = [step, -step].map(|step| {
+                        weights[i] = at + step;
+                        loss(&plan, &mut chunk, &weights)
+                    });
+                    weights[i] = at;
+                    let difference = 0.7 * (plus - minus) / (2.0 * step);
+                    let error = (gradient[i] - difference).abs() / norm;
+                    assert!(error < 1e-8, "{cell:?} {base:?} {feedback} {i}: {} {difference}", gradient[i]);
+                    worst = worst.max(error);
+                }
+            }
+        }
+    }
+    println!("largest difference: {worst:e} of the gradient");
+}
+
+fn team(settings: &Settings) -> Team<f64> {
+    Team::new(plan_of(settings, &[]))
+}
+
+/// What a training of one epoch leaves, and the numbers of its job.
+fn checkpoint_bytes(settings: &Settings) -> (Vec<u8>, [String; 2]) {
+    let mut team = team(settings);
+    let batches = team.begin(0);
+    (0..batches).for_each(|batch| team.step(batch));
+    team.end();
+    let prints = [String::from("a"), String::from("b")];
+    (checkpoint::encode(&team, 1, &prints).unwrap(), prints)
+}
+
+#[test]
+fn a_checkpoint_holds_all_of_the_state() {
+    let settings = Settings { restarts: 2, ..small(CellKind::Gru) };
+    let (bytes, prints) = checkpoint_bytes(&settings);
+    let mut other = team(&settings);
+    assert_eq!(checkpoint::decode(&bytes, &prints, &mut other), Ok(1));
+    assert_eq!(checkpoint::encode(&other, 1, &prints).unwrap(), bytes);
+    let told = |prints: [&str; 2]| {
+        checkpoint::decode(&bytes, &prints.map(str::to_owned), &mut team(&settings)).unwrap_err()
+    };
+    assert!(told(["a", "c"]).contains("other data"));
+    assert!(told(["c", "b"]).contains("other settings"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn reading_a_checkpoint_never_panics(
+        cut in any::<prop::sample::Index>(),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),
+    ) {
+        let settings = Settings { hidden: 2, ..small(CellKind::Lstm) };
+        let (mut bytes, prints) = checkpoint_bytes(&settings);
+        // Most of the file is numbers; what can go wrong is in front of them.
+        let front = bytes.len().min(700);
+        for (at, value) in changes {
+            bytes[at.index(front)] = value;
+        }
+        let _ = checkpoint::decode(&bytes, &prints, &mut team(&settings));
+        bytes.truncate(cut.index(bytes.len()));
+        prop_assert!(checkpoint::decode(&bytes, &prints, &mut team(&settings)).is_err());
+    }
+}
+
+#[test]
+fn bases_are_what_was_asked_for() {
+    for (base, ratio) in [(BaseKind::Nothing, 1.0), (BaseKind::Hold, 0.1), (BaseKind::Equations, 0.1)] {
+        let plan = plan_of(&Settings { base, ..small(CellKind::Gru) }, &[]);
+        for (correction, scale) in plan.scaling.correction_scale.iter().zip(&plan.scaling.output_scale) {
+            assert!(correction / scale <= ratio && correction / scale >= 1e-3, "{base:?}");
+        }
+        assert_eq!(matches!(plan.base, Base::Nothing), base == BaseKind::Nothing);
+    }
+}

@@ -1,0 +1,211 @@
+//! Trainings from end to end.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use hydroid::evaluate::DesignRange;
+use hydroid::log::{Channel, Table, Trajectory};
+use hydroid::train::{BaseKind, CellKind, Ending, Job, Settings, Status, TrainError, Trained, train};
+
+const OUTPUTS: [DesignRange; 2] = [DesignRange { low: -1.5, high: 1.5 }, DesignRange { low: -1.0, high: 1.0 }];
+const INPUTS: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
+
+/// A made-up vessel of two outputs under steps of its command, with some noise.
+fn run(name: &str, samples: usize, seed: u64) -> Trajectory {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut random = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    let (mut u, mut v, mut c) = (0.0, 0.0, 0.0);
+    let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
+    for k in 0..samples {
+        if k % 15 == 0 {
+            c = random();
+        }
+        inputs.push(c);
+        outputs.extend([u + 0.005 * random(), v + 0.005 * random()]);
+        (u, v) = (u + 0.1 * (c - u - 0.5 * v * v), v + 0.1 * (0.8 * u - 1.5 * v));
+    }
+    Trajectory {
+        name: name.to_owned(),
+        t0: 0.0,
+        dt: 0.1,
+        outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], outputs),
+        inputs: Table::new([Channel::new("n", "1/s")], inputs),
+        truth: None,
+    }
+}
+
+fn settings(cell: CellKind) -> Settings {
+    Settings {
+        hidden: 6,
+        epochs: 6,
+        batch: 8,
+        wash_out_s: Some(2.0),
+        window_s: Some(4.0),
+        learning_rate: 0.02,
+        ..Settings::of(cell)
+    }
+}
+
+type Watched<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
+
+fn with(settings: &Settings, checkpoint: Option<&Path>, watch: Watched<'_>) -> Result<Trained, TrainError> {
+    let (a, b, c) = (run("a", 900, 1), run("b", 500, 2), run("c", 400, 3));
+    let job = Job {
+        runs: &[&a, &b],
+        validation: &[&c],
+        outputs: &OUTPUTS,
+        inputs: &INPUTS,
+        horizon: 20,
+        equations: None,
+    };
+    train(&job, settings, checkpoint, watch)
+}
+
+fn go(settings: &Settings) -> Trained {
+    with(settings, None, &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+/// All but the time that it took.
+fn same(a: &Trained, b: &Trained) {
+    assert_eq!(Trained { seconds: 0.0, ..a.clone() }, Trained { seconds: 0.0, ..b.clone() });
+}
+
+#[test]
+fn every_cell_and_base_learns_the_vessel() {
+    for (cell, base, feedback) in [
+        (CellKind::Lstm, BaseKind::Nothing, false),
+        (CellKind::Gru, BaseKind::Hold, true),
+        (CellKind::Rnn, BaseKind::Nothing, true),
+    ] {
+        let trained = go(&Settings { base, feedback, epochs: 40, ..settings(cell) });
+        let first = trained.history[0].validation;
+        assert!(trained.validation < 0.35, "{cell:?}: {} after {first}", trained.validation);
+        assert_eq!(trained.history.len(), 40);
+        assert_eq!(trained.ending, Ending::Done);
+        let least = trained.history.iter().map(|epoch| epoch.validation).fold(f64::INFINITY, f64::min);
+        assert_eq!((least, trained.history[trained.best_epoch - 1].validation), (trained.validation, least));
+    }
+}
+
+#[test]
+fn the_bytes_do_not_depend_on_threads() {
+    let settings = Settings { restarts: 3, batch: 40, epochs: 3, ..settings(CellKind::Lstm) };
+    let [one, two, three] = [1, 2, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| go(&settings))
+    });
+    same(&one, &two);
+    same(&one, &three);
+    assert_ne!(one.model.weights, go(&Settings { seed: 1, ..settings.clone() }).model.weights);
+    // The first of several restarts is the only one of a training without.
+    let alone = go(&Settings { restarts: 1, ..settings });
+    assert_eq!(alone.validation, one.restarts[0]);
+}
+
+#[test]
+fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
+    let folder = tempfile::tempdir().unwrap();
+    for (index, cell) in [CellKind::Lstm, CellKind::Gru].into_iter().enumerate() {
+        let settings = Settings { restarts: 2, epochs: 40, ..settings(cell) };
+        let whole = go(&settings);
+        let path = folder.path().join(format!("{index}.checkpoint"));
+        let mut interruptions = 0;
+        let parts = loop {
+            let mut begun = None;
+            let result = with(&settings, Some(&path), &mut |status| {
+                let begun = *begun.get_or_insert(status.epoch);
+                if status.epoch >= begun + 9 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            });
+            match result {
+                Ok(trained) => break trained,
+                Err(TrainError::Cancelled(_)) => interruptions += 1,
+                Err(error) => panic!("{error}"),
+            }
+            assert!(interruptions < 20);
+        };
+        same(&whole, &parts);
+        // What is done stays done.
+        same(&whole, &with(&settings, Some(&path), &mut |_| ControlFlow::Break(())).unwrap());
+        let other = Settings { learning_rate: 0.01, ..settings };
+        let error = with(&other, Some(&path), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
+        assert!(error.contains("other settings") && error.contains("checkpoint"), "{error}");
+        std::fs::write(&path, b"not a checkpoint").unwrap();
+        let error = with(&other, Some(&path), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
+        assert!(error.contains("remove it to start anew"), "{error}");
+    }
+}
+
+#[test]
+fn a_budget_is_kept_and_its_epochs_can_be_repeated() {
+    let settings = Settings { epochs: 1_000_000, budget_s: Some(1.0), ..settings(CellKind::Gru) };
+    let begun = Instant::now();
+    let trained = go(&settings);
+    // Machines that run tests are busy with other things: twice the time is still kept as time goes.
+    assert!(begun.elapsed().as_secs_f64() < 2.0, "{:?}", begun.elapsed());
+    assert!(trained.epochs < 1_000_000);
+    if trained.ending == Ending::Done {
+        let again = go(&Settings { epochs: trained.epochs, budget_s: None, ..settings.clone() });
+        assert_eq!(again.history, trained.history);
+        assert_eq!(again.model, trained.model);
+    }
+    let error = with(&Settings { budget_s: Some(1e-6), ..settings }, None, &mut |_| ControlFlow::Continue(()));
+    assert!(matches!(error, Err(TrainError::NoTime { .. })));
+}
+
+#[test]
+fn patience_ends_a_training_that_gets_no_better() {
+    let settings = Settings { patience: Some(3), learning_rate: 1e-9, weight_decay: 1e6, ..settings(CellKind::Rnn) };
+    let trained = go(&Settings { epochs: 500, ..settings });
+    assert_eq!(trained.ending, Ending::Patience);
+    assert_eq!(trained.history.len(), trained.best_epoch + 3);
+}
+
+#[test]
+fn what_cannot_be_is_said() {
+    let told = |settings: Settings| {
+        with(&settings, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
+    };
+    let base = settings(CellKind::Lstm);
+    let of = |change: fn(&mut Settings)| {
+        let mut settings = base.clone();
+        change(&mut settings);
+        told(settings)
+    };
+    assert!(of(|s| s.window_s = Some(1e4)).contains("needs 100021 samples"));
+    assert!(of(|s| s.batch = 0).contains("batch = 0"));
+    assert!(of(|s| s.hidden = 0).contains("at least 1"));
+    assert!(of(|s| s.layers = Some(2)).contains("only rnn has layers"));
+    assert!(of(|s| s.read_out = false).contains("add the read-out"));
+    assert!(of(|s| s.learning_rate = f64::NAN).contains("learning_rate = NaN"));
+    assert!(of(|s| s.channel_weights = vec![1.0]).contains("one number for each output"));
+    assert!(of(|s| s.base = BaseKind::Equations).contains("none are given"));
+    let still = Trajectory {
+        outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], vec![0.0; 1800]),
+        ..run("still", 900, 1)
+    };
+    let one = |runs: &[&Trajectory], validation: &[&Trajectory]| {
+        let job = Job { runs, validation, outputs: &OUTPUTS, inputs: &INPUTS, horizon: 20, equations: None };
+        train(&job, &base, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
+    };
+    let moving = run("moving", 900, 1);
+    assert!(one(&[&still], &[&moving]).contains("'u' never changes"));
+    assert!(one(&[], &[&moving]).contains("no training runs"));
+    assert!(one(&[&moving], &[&run("short", 30, 1)]).contains("no validation run is long enough"));
+    let slow = Trajectory { dt: 0.2, ..run("slow", 900, 1) };
+    assert!(one(&[&moving], &[&slow]).contains("sample time of 0.2 s"));
+}
+
+#[test]
+fn settings_are_read_from_toml_and_mistakes_are_told() {
+    let read: Settings = toml::from_str("cell = \"gru\"\nhidden = 9\nschedule = \"cosine\"").unwrap();
+    assert_eq!((read.cell, read.hidden, read.epochs), (CellKind::Gru, 9, Settings::default().epochs));
+    assert!(toml::from_str::<Settings>("hiden = 9").is_err());
+    let text = toml::to_string(&read).unwrap();
+    assert_eq!(toml::from_str::<Settings>(&text).unwrap(), read);
+}
