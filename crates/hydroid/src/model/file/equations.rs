@@ -23,7 +23,7 @@ const ROOT: &str = "root";
 /// What gives the coefficients their meaning.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Terms {
+pub(super) struct Library {
     terms: Vec<Term>,
     /// Variables beyond outputs and inputs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -31,7 +31,7 @@ pub(super) struct Terms {
     substeps: usize,
 }
 
-/// Structure of a model of equations. (Its fields are those of [`Terms`]: flattening would let unknown ones pass.)
+/// Structure of a model of equations. (Its fields are those of [`Library`]: flattening would let unknown ones pass.)
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Structure {
@@ -44,7 +44,7 @@ pub(super) struct Structure {
     learning: Option<BlendSettings>,
 }
 
-impl Terms {
+impl Library {
     pub(super) fn of(equations: &Equations) -> Self {
         let (terms, signals) = (equations.terms().to_vec(), equations.signals().to_vec());
         Self { terms, signals, substeps: equations.substeps() }
@@ -68,7 +68,7 @@ pub(super) fn coefficients(equations: &Equations) -> Written {
 impl Structure {
     /// Structure and tensors of a model of equations.
     pub(super) fn write(model: &Model, equations: &Equations) -> Result<(Self, Vec<Written>), String> {
-        let Terms { terms, signals, substeps } = Terms::of(equations);
+        let Library { terms, signals, substeps } = Library::of(equations);
         let count = terms.len();
         let learning = model.learning.as_ref().map(|learning| learning.settings.clone());
         let mut tensors = vec![coefficients(equations)];
@@ -94,7 +94,7 @@ impl Structure {
     pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
         let Self { terms, signals, substeps, learning } = self;
         let count = terms.len();
-        let equations = Terms { terms, signals, substeps }.read(tensors, &description)?;
+        let equations = Library { terms, signals, substeps }.read(tensors, &description)?;
         let learning = match learning {
             Some(settings) => Some(Learning { settings, root: numbers(tensors, ROOT, &[count, count])? }),
             None => None,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::recurrent::{NamedTensor, weights_from_torch};
 use super::super::{Body, Description, Members, Model};
-use super::equations::{self, Terms};
+use super::equations::{self, Library};
 use super::tensors::{Written, write};
 
 /// A wash-out at the most \[samples\].
@@ -47,7 +47,7 @@ struct ScalingFields {
 enum BaseFields {
     Nothing,
     Hold,
-    Equations(Terms),
+    Equations(Library),
 }
 
 impl Structure {
@@ -66,7 +66,7 @@ impl Structure {
             Base::Hold => BaseFields::Hold,
             Base::Equations(of) => {
                 tensors.push(equations::coefficients(of));
-                BaseFields::Equations(Terms::of(of))
+                BaseFields::Equations(Library::of(of))
             }
         };
         let structure = Self {
