@@ -9,7 +9,7 @@ use core::alloc::{GlobalAlloc, Layout};
 use core::panic::PanicInfo;
 
 use hydroid_core::model::recurrent::{
-    Base, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
+    Base, Cell, Network, Recurrent, RecurrentSession, Rollout, Scaling, StateFilter,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -46,7 +46,7 @@ pub extern "C" fn hydroid_step(pp: f64, rd: f64) -> f64 {
     session.observe(&[state.u]);
     let mut y = [0.0];
     session.rollout(&[], &mut Workspace::new(), &mut y);
-    y[0] + recurrent(rd)
+    y[0] + recurrent(rd) + batch(rd)
 }
 
 /// A network with a filter on its state.
@@ -74,4 +74,13 @@ fn recurrent(rd: f64) -> f64 {
     let mut y = [0.0];
     session.output(&mut y);
     y[0]
+}
+
+/// A network in batches.
+fn batch(rd: f64) -> f64 {
+    let network = Network { cell: Cell::Gru { hidden: 2 }, inputs: 1, outputs: 1, read_out: true };
+    let mut rollout = Rollout::new(&network, 1);
+    rollout.input_mut().fill(rd);
+    rollout.step();
+    rollout.output()[0]
 }

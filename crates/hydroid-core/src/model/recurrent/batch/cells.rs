@@ -58,7 +58,7 @@ pub(super) struct Cells<T> {
     read_out: Option<Affine<T>>,
     lanes: usize,
     /// The processor's vectors.
-    arch: Arch,
+    pub(super) arch: Arch,
 }
 
 /// The place of a map in the flat weights from its tensors: `rows` rows from row `first` on.

@@ -54,8 +54,11 @@ impl<T: Scalar> Packed<T> {
     /// Packs the weights of a network.
     ///
     /// # Panics
-    /// If there are not [`Network::weights`] numbers.
+    /// If there are not [`Network::weights`] numbers, or the network's sizes cannot be ([`Network::check`]).
     pub fn new(network: Network, weights: &[T]) -> Self {
+        if let Err(error) = network.check() {
+            panic!("{error}");
+        }
         let layout = Layout::new(&network);
         let layers = layout.layers.iter().map(|layer| Gates::new(network.cell, layer)).collect();
         let mut packed = Self { network, layout, weights: vec![T::zero(); network.weights()], layers };
@@ -63,7 +66,7 @@ impl<T: Scalar> Packed<T> {
         packed
     }
 
-    /// Replaces the weights.
+    /// Replaces the weights, without allocating: what a filter on them does from sample to sample.
     ///
     /// # Panics
     /// If there are not [`Network::weights`] numbers.

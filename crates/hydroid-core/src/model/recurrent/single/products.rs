@@ -12,7 +12,7 @@ use super::linearization::Linearization;
 use super::packed::Packed;
 use crate::math::Scalar;
 
-/// Changes of what a step depends on, as matrices of some columns, row by row. What is `None` does not change.
+/// Changes of what a step depends on, as matrices of one or more columns, row by row. What is `None` does not change.
 #[derive(Clone, Copy, Debug)]
 pub struct Change<'a, T> {
     /// `state x columns`.
