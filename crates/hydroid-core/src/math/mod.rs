@@ -60,7 +60,8 @@ impl Scalar for f64 {
     }
 }
 
-/// `x <- e^x`, within 1.5e-7 (`f32`) or 3e-16 (`f64`) of the result.
+/// `x <- e^x`, within 1.5e-7 (`f32`) or 3e-16 (`f64`) of the result; where that is below the normal numbers, of the
+/// smallest of these.
 pub fn exp<T: Scalar>(x: &mut [T]) {
     Arch::new().dispatch(Each { x, function: Function::Exp });
 }
@@ -70,7 +71,8 @@ pub fn tanh<T: Scalar>(x: &mut [T]) {
     Arch::new().dispatch(Each { x, function: Function::Tanh });
 }
 
-/// `x <- 1 / (1 + e^-x)`, within 2.5e-7 (`f32`) or 5e-16 (`f64`) of the result.
+/// `x <- 1 / (1 + e^-x)`, within 2.5e-7 (`f32`) or 5e-16 (`f64`) of the result; where that is below 1e-30 (`f32`) or
+/// 1e-290 (`f64`), of these.
 pub fn sigmoid<T: Scalar>(x: &mut [T]) {
     Arch::new().dispatch(Each { x, function: Function::Sigmoid });
 }

@@ -1,4 +1,5 @@
-//! Recurrent networks: vanilla, GRU and LSTM cells with a linear read-out.
+//! Recurrent networks: vanilla, GRU and LSTM cells with a linear read-out; walked in batches by [`Tape`] (forward and back
+//! through time) and [`Rollout`] (forward only).
 
 mod batch;
 mod check;
