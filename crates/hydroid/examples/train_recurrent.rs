@@ -61,7 +61,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
         for (k, epoch) in trained.history.iter().enumerate() {
             if (k + 1) % (trained.history.len() / 10).max(1) == 0 {
-                println!("  epoch {:4}: loss {:.5}, validation {:.4}", k + 1, epoch.train_loss, epoch.validation);
+                println!(
+                    "  epoch {:4}: loss {:.5}, validation {:.4}",
+                    k + 1,
+                    epoch.train_loss,
+                    epoch.validation
+                );
             }
         }
         for test in &tests {

@@ -71,7 +71,8 @@ mod tests {
     fn steps_are_those_of_the_paper() {
         let (mut adam, mut w) = (Adam::new(1), [0.5f64]);
         let mut expected = 0.5;
-        for (t, g, m, v) in [(1, 1.0, 0.1, 0.001), (2, 1.0, 0.19, 0.001_999), (3, -2.0, -0.029, 0.005_997_001)]
+        for (t, g, m, v) in
+            [(1, 1.0, 0.1, 0.001), (2, 1.0, 0.19, 0.001_999), (3, -2.0, -0.029, 0.005_997_001)]
         {
             adam.step(&mut w, &[g], 0.01, 0.1);
             let (m_hat, v_hat): (f64, f64) = (m / (1.0 - 0.9f64.powi(t)), v / (1.0 - 0.999f64.powi(t)));

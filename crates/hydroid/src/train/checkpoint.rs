@@ -113,7 +113,11 @@ impl Keeper {
     }
 }
 
-pub(super) fn encode<T: Scalar>(team: &Team<T>, epoch: usize, fingerprints: &[String; 2]) -> io::Result<Vec<u8>> {
+pub(super) fn encode<T: Scalar>(
+    team: &Team<T>,
+    epoch: usize,
+    fingerprints: &[String; 2],
+) -> io::Result<Vec<u8>> {
     let [settings, data] = fingerprints.clone();
     let members = &team.members;
     let head = Head {
@@ -161,7 +165,11 @@ pub(super) fn encode<T: Scalar>(team: &Team<T>, epoch: usize, fingerprints: &[St
 }
 
 /// Puts the state of a checkpoint into a team of the same job, and gives the number of epochs that are done.
-pub(super) fn decode<T: Scalar>(bytes: &[u8], ours: &[String; 2], team: &mut Team<T>) -> Result<usize, String> {
+pub(super) fn decode<T: Scalar>(
+    bytes: &[u8],
+    ours: &[String; 2],
+    team: &mut Team<T>,
+) -> Result<usize, String> {
     let damaged = |reason: String| {
         format!("it is damaged, or no checkpoint of a training ({reason}); remove it to start anew")
     };
@@ -193,8 +201,12 @@ pub(super) fn decode<T: Scalar>(bytes: &[u8], ours: &[String; 2], team: &mut Tea
     });
     let total = total.ok_or_else(|| damaged(String::from("its epochs do not add up")))?;
     let table = |name: &str, shape: &[usize]| numbers(&tensors, name, shape).map_err(damaged);
-    let [weights, mean, square, best] =
-        [table("weights", &[r, w])?, table("mean", &[r, w])?, table("square", &[r, w])?, table("best", &[r, w])?];
+    let [weights, mean, square, best] = [
+        table("weights", &[r, w])?,
+        table("mean", &[r, w])?,
+        table("square", &[r, w])?,
+        table("best", &[r, w])?,
+    ];
     let scores = table("score", &[r])?;
     let history = table("history", &[total, 3])?;
     let mut epochs = history.chunks_exact(3).map(|row| Epoch {
@@ -221,7 +233,11 @@ pub(super) fn decode<T: Scalar>(bytes: &[u8], ours: &[String; 2], team: &mut Tea
 fn numbers(tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, String> {
     let tensor = tensors.tensor(name).map_err(|_| format!("tensor '{name}' is missing"))?;
     if tensor.dtype() != Dtype::F64 || tensor.shape() != shape {
-        return Err(format!("tensor '{name}' is {:?} {:?}, not F64 {shape:?}", tensor.dtype(), tensor.shape()));
+        return Err(format!(
+            "tensor '{name}' is {:?} {:?}, not F64 {shape:?}",
+            tensor.dtype(),
+            tensor.shape()
+        ));
     }
     let (chunks, _) = tensor.data().as_chunks::<8>();
     Ok(chunks.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())

@@ -266,6 +266,7 @@ fn finish<T: Scalar>(
             base: plan.base.clone(),
             feedback: settings.feedback,
             wash_out: plan.shape.wash_out,
+            state_filter: None,
         },
         history: member.history.clone(),
         restart,

@@ -63,7 +63,8 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
         runs.iter().map(|run| ScaledRun::new(run, &scaling)).collect()
     };
     let (runs, validation) = (scaled(job.runs), scaled(job.validation));
-    let windows = shape.tiles(&runs, &mut random::stream(settings.seed, random::Purpose::Offsets, 0, 0)).len();
+    let windows =
+        shape.tiles(&runs, &mut random::stream(settings.seed, random::Purpose::Offsets, 0, 0)).len();
     if windows == 0 {
         return Err(shape.none("training", &runs));
     }

@@ -1,7 +1,7 @@
 //! Windows on runs: where a training starts its predictions.
 
-use rand::seq::SliceRandom as _;
 use rand::RngExt as _;
+use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
 
 use hydroid_core::math::Scalar;
@@ -71,7 +71,12 @@ impl Shape {
     }
 
     /// The window at an origin, if it can be used.
-    pub(super) fn window<T: Scalar>(&self, runs: &[ScaledRun<T>], run: usize, origin: usize) -> Option<Window> {
+    pub(super) fn window<T: Scalar>(
+        &self,
+        runs: &[ScaledRun<T>],
+        run: usize,
+        origin: usize,
+    ) -> Option<Window> {
         let data = &runs[run];
         let (first, last) = (origin.checked_sub(self.wash_out)?, origin + self.length);
         if last >= data.samples {
