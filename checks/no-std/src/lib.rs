@@ -8,6 +8,7 @@ use alloc::vec;
 use core::alloc::{GlobalAlloc, Layout};
 use core::panic::PanicInfo;
 
+use hydroid_core::model::recurrent::{Cell, Network, Rollout};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
@@ -43,5 +44,9 @@ pub extern "C" fn hydroid_step(pp: f64, rd: f64) -> f64 {
     session.observe(&[state.u]);
     let mut y = [0.0];
     session.rollout(&[], &mut Workspace::new(), &mut y);
-    y[0]
+    let network = Network { cell: Cell::Gru { hidden: 2 }, inputs: 1, outputs: 1, read_out: true };
+    let mut rollout = Rollout::new(&network, 1);
+    rollout.input_mut().fill(y[0]);
+    rollout.step();
+    y[0] + rollout.output()[0]
 }

@@ -11,6 +11,7 @@ use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
 use hydroid_core::model::Persistence;
+use hydroid_core::model::recurrent::{Cell, Network, Rollout, Tape};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
@@ -87,6 +88,32 @@ fn learning_allocates_nothing(mut adapter: impl Adapter) {
     assert_eq!(count, 0, "allocations while learning");
 }
 
+/// A whole way there and back, and a rollout.
+fn recurrent_batches_allocate_nothing(cell: Cell) {
+    let network = Network { cell, inputs: 2, outputs: 3, read_out: true };
+    let weights: Vec<f32> = (0..network.weights()).map(|k| 0.1 * (k as f32).sin()).collect();
+    let (mut tape, mut rollout) = (Tape::new(&network, 5, 20), Rollout::new(&network, 20));
+    let mut gradient = weights.clone();
+    let count = allocations(|| {
+        tape.load(&weights);
+        rollout.load(&weights);
+        for k in 0..5 {
+            tape.input_mut(k).fill(0.5);
+            tape.step(k);
+            rollout.input_mut().fill(0.5);
+            rollout.step();
+        }
+        tape.begin_backward();
+        for k in (0..5).rev() {
+            tape.output_adjoint_mut(k).fill(1.0);
+            tape.step_back(k);
+        }
+        tape.gradient(&mut gradient);
+    });
+    assert_eq!(count, 0, "allocations in batches of {}", cell.name());
+    assert!(gradient.iter().all(|x| x.is_finite()) && rollout.output()[0].is_finite());
+}
+
 #[test]
 fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
@@ -113,6 +140,9 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         BlendedEquations::new(adapter.equations(), &[(-1.0, 1.0); 5], &blend, None).unwrap(),
     );
     learning_allocates_nothing(adapter.clone());
+    recurrent_batches_allocate_nothing(Cell::Lstm { hidden: 6, projection: Some(3) });
+    recurrent_batches_allocate_nothing(Cell::Gru { hidden: 6 });
+    recurrent_batches_allocate_nothing(Cell::Vanilla { hidden: 6, layers: 2 });
     let recalling = with_signals(&equations);
     a_step_allocates_nothing(&equations);
     a_step_allocates_nothing(&recalling);

@@ -15,12 +15,16 @@ use super::vectors::{Pack, Vectors};
 /// `n + ROUND`, and `q = e^r - 1` of the rest.
 #[inline(always)]
 fn reduce<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> (Pack<S, T>, Pack<S, T>) {
-    let constant = |x: T| Pack::splat(simd, x);
-    let rounded = x.mul_add(constant(T::LOG2_E), constant(T::ROUND));
-    let n = rounded - constant(T::ROUND);
-    let r = n.mul_add(constant(T::MINUS_LN_2[1]), n.mul_add(constant(T::MINUS_LN_2[0]), x));
+    let round = Pack::splat(simd, T::ROUND);
+    let rounded = x.mul_add(Pack::splat(simd, T::LOG2_E), round);
+    let n = rounded - round;
+    let r = n.mul_add(Pack::splat(simd, T::MINUS_LN_2[0]), x);
+    let r = n.mul_add(Pack::splat(simd, T::MINUS_LN_2[1]), r);
     let (&last, others) = const { T::EXP.split_last().expect("the polynomial has coefficients") };
-    let p = others.iter().rev().fold(constant(last), |p, &c| p.mul_add(r, constant(c)));
+    let mut p = Pack::splat(simd, last);
+    for &c in others.iter().rev() {
+        p = p.mul_add(r, Pack::splat(simd, c));
+    }
     (rounded, (p * r).mul_add(r, r))
 }
 

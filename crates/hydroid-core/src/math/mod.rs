@@ -3,6 +3,11 @@
 //! The widest vectors that the processor has are used, found out at run time; the results are the same, to the last
 //! bit, whatever these are, and wherever in a slice a number stands.
 
+#![expect(
+    clippy::inline_always,
+    reason = "it must become a part of the function that was compiled for the processor"
+)]
+
 pub(crate) mod functions;
 pub(crate) mod slices;
 pub(crate) mod vectors;
@@ -10,7 +15,7 @@ pub(crate) mod vectors;
 use num_traits::Float;
 use pulp::{Arch, Simd, WithSimd};
 
-use self::slices::{Write, each};
+use self::slices::{Write, vectors};
 use self::vectors::Vectors;
 
 /// A floating-point number that networks are made of: `f32` or `f64`.
@@ -91,9 +96,21 @@ impl<T: Scalar> WithSimd for Each<'_, T> {
         let len = self.x.len();
         let mut x = Write::new(simd, self.x);
         match self.function {
-            Function::Exp => each::<S, T>(len, |k| x.set(k, functions::exp(simd, x.get(k)))),
-            Function::Tanh => each::<S, T>(len, |k| x.set(k, functions::tanh(simd, x.get(k)))),
-            Function::Sigmoid => each::<S, T>(len, |k| x.set(k, functions::sigmoid(simd, x.get(k)))),
+            Function::Exp => {
+                for k in vectors::<S, T>(len) {
+                    x.set(k, functions::exp(simd, x.get(k)));
+                }
+            }
+            Function::Tanh => {
+                for k in vectors::<S, T>(len) {
+                    x.set(k, functions::tanh(simd, x.get(k)));
+                }
+            }
+            Function::Sigmoid => {
+                for k in vectors::<S, T>(len) {
+                    x.set(k, functions::sigmoid(simd, x.get(k)));
+                }
+            }
         }
     }
 }
@@ -104,42 +121,45 @@ mod tests {
 
     use super::*;
 
-    /// On all vectors that this processor has, narrow ones included.
+    /// On all vectors that this processor has, the narrow ones included.
     #[cfg(target_arch = "x86_64")]
     fn paths<T: Scalar>(x: &[T], function: Function) -> Vec<Vec<T>> {
-        let (mut scalar, mut narrow, mut wide) = (x.to_vec(), x.to_vec(), x.to_vec());
-        pulp::Scalar::new().vectorize(Each { x: &mut scalar, function });
+        let mut paths = Vec::from([x.to_vec()]);
+        Simd::vectorize(pulp::Scalar::new(), Each { x: &mut paths[0], function });
         if let Some(simd) = pulp::x86::V3::try_new() {
-            Simd::vectorize(simd, Each { x: &mut narrow, function });
+            paths.push(x.to_vec());
+            Simd::vectorize(simd, Each { x: &mut paths[1], function });
         }
         if let Some(simd) = pulp::x86::V4::try_new() {
-            Simd::vectorize(simd, Each { x: &mut wide, function });
+            paths.push(x.to_vec());
+            Simd::vectorize(simd, Each { x: &mut paths[2], function });
         }
-        Vec::from([scalar, narrow, wide])
+        paths
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn same_bits<T: Scalar>(x: &[T], bits: fn(T) -> u64) {
+        for function in [Function::Exp, Function::Tanh, Function::Sigmoid] {
+            for x in x.chunks(997) {
+                let paths = paths(x, function);
+                for other in &paths[1..] {
+                    for ((x, a), b) in x.iter().zip(&paths[0]).zip(other) {
+                        let same = bits(*a) == bits(*b) || a.is_nan() && b.is_nan();
+                        assert!(same, "{function:?} of {x:?}: {a:?} and {b:?}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]
     #[cfg(target_arch = "x86_64")]
     fn every_path_gives_the_same_bits() {
-        for function in [Function::Exp, Function::Tanh, Function::Sigmoid] {
-            let x: Vec<f32> =
-                (0..200_000_u32).map(|k| f32::from_bits(k.wrapping_mul(2_654_435_761))).collect();
-            for (k, x) in x.chunks(997).enumerate() {
-                let [scalar, narrow, wide] = &paths(x, function)[..] else { panic!() };
-                for ((a, b), c) in scalar.iter().zip(narrow).zip(wide) {
-                    let same = a.to_bits() == b.to_bits() && b.to_bits() == c.to_bits();
-                    assert!(same || a.is_nan() && b.is_nan() && c.is_nan(), "{k}: {a} {b} {c}");
-                }
-            }
-            let x: Vec<f64> =
-                (0..200_000_u64).map(|k| f64::from_bits(k.wrapping_mul(0x9E37_79B9_7F4A_7C15))).collect();
-            for (k, x) in x.chunks(997).enumerate() {
-                let [scalar, narrow, wide] = &paths(x, function)[..] else { panic!() };
-                for ((a, b), c) in scalar.iter().zip(narrow).zip(wide) {
-                    let same = a.to_bits() == b.to_bits() && b.to_bits() == c.to_bits();
-                    assert!(same || a.is_nan() && b.is_nan() && c.is_nan(), "{k}: {a} {b} {c}");
-                }
-            }
-        }
+        let single: Vec<f32> =
+            (0..200_000_u32).map(|k| f32::from_bits(k.wrapping_mul(2_654_435_761))).collect();
+        same_bits(&single, |x| x.to_bits().into());
+        let double: Vec<f64> =
+            (0..200_000_u64).map(|k| f64::from_bits(k.wrapping_mul(0x9E37_79B9_7F4A_7C15))).collect();
+        same_bits(&double, f64::to_bits);
     }
 }

@@ -4,6 +4,8 @@
     reason = "it must become a part of the function that was compiled for the processor"
 )]
 
+use core::ops::Range;
+
 use pulp::Simd;
 
 use super::vectors::{Pack, Vectors};
@@ -64,14 +66,9 @@ impl<'a, S: Simd, T: Vectors> Write<'a, S, T> {
     }
 }
 
-/// Calls `f` for each vector of a slice of `len` numbers.
+/// The vectors of a slice of `len` numbers. A loop over them in place of a closure for each: a closure would not be
+/// compiled for the processor's vectors.
 #[inline(always)]
-pub(crate) fn each<S: Simd, T: Vectors>(len: usize, mut f: impl FnMut(usize)) {
-    let width = size_of::<T::V<S>>() / size_of::<T>();
-    for k in 0..len / width {
-        f(k);
-    }
-    if len % width > 0 {
-        f(len / width);
-    }
+pub(crate) fn vectors<S: Simd, T: Vectors>(len: usize) -> Range<usize> {
+    0..len.div_ceil(size_of::<T::V<S>>() / size_of::<T>())
 }

@@ -8,34 +8,58 @@
 //! with `a_r`, `a_z` the sums of what comes from the input and from the state. Every slice holds `cells x width`
 //! numbers row by row; the width is the number of sequences that are walked side by side, and 1 in a single step.
 
-use crate::math::{self, Scalar};
+#![expect(
+    clippy::inline_always,
+    reason = "must become a part of the function that was compiled for the processor"
+)]
+
+use pulp::Simd;
+
+use crate::math::Scalar;
+use crate::math::functions::{sigmoid, tanh};
+use crate::math::slices::{Read, Write, vectors};
+use crate::math::vectors::Pack;
 
 /// `[a_r a_z a_n b_n] -> [r z n b_n]` in place, then `h+`.
-pub(crate) fn forward<T: Scalar>(gates: &mut [T], h: &[T], next: &mut [T]) {
-    let n = h.len();
-    math::sigmoid(&mut gates[..2 * n]);
-    for j in 0..n {
-        gates[2 * n + j] += gates[j] * gates[3 * n + j];
-    }
-    math::tanh(&mut gates[2 * n..3 * n]);
-    for j in 0..n {
-        let (z, new) = (gates[n + j], gates[2 * n + j]);
-        next[j] = new + z * (h[j] - new);
+#[inline(always)]
+pub(crate) fn forward<S: Simd, T: Scalar>(simd: S, gates: &mut [T], h: &[T], next: &mut [T]) {
+    let len = h.len();
+    let [mut r, mut z, mut n, b] = quarters(simd, gates, len);
+    let (h, mut next) = (Read::new(simd, h), Write::new(simd, &mut next[..len]));
+    for k in vectors::<S, T>(len) {
+        let (reset, update) = (sigmoid(simd, r.get(k)), sigmoid(simd, z.get(k)));
+        let new = tanh(simd, reset.mul_add(b.get(k), n.get(k)));
+        r.set(k, reset);
+        z.set(k, update);
+        n.set(k, new);
+        next.set(k, update.mul_add(h.get(k) - new, new));
     }
 }
 
 /// From `dL/dh+` in `dh`: the adjoints of `a_r, a_z, a_n, b_n` in place of the gates, and in `dh` the part of
 /// `dL/dh` that does not pass through the gates.
-pub(crate) fn backward<T: Scalar>(gates: &mut [T], h: &[T], dh: &mut [T]) {
-    let n = h.len();
-    let one = T::one();
-    for j in 0..n {
-        let (r, z, new, b) = (gates[j], gates[n + j], gates[2 * n + j], gates[3 * n + j]);
-        let da = dh[j] * (one - z) * (one - new * new);
-        gates[j] = da * b * r * (one - r);
-        gates[n + j] = dh[j] * (h[j] - new) * z * (one - z);
-        gates[2 * n + j] = da;
-        gates[3 * n + j] = da * r;
-        dh[j] *= z;
+#[inline(always)]
+pub(crate) fn backward<S: Simd, T: Scalar>(simd: S, gates: &mut [T], h: &[T], dh: &mut [T]) {
+    let len = h.len();
+    let [mut r, mut z, mut n, mut b] = quarters(simd, gates, len);
+    let (h, mut dh) = (Read::new(simd, h), Write::new(simd, &mut dh[..len]));
+    let one = Pack::splat(simd, T::one());
+    for k in vectors::<S, T>(len) {
+        let (reset, update, new, recalled) = (r.get(k), z.get(k), n.get(k), b.get(k));
+        let dnext = dh.get(k);
+        let da = dnext * (one - update) * (one - new * new);
+        r.set(k, da * recalled * reset * (one - reset));
+        z.set(k, dnext * (h.get(k) - new) * update * (one - update));
+        n.set(k, da);
+        b.set(k, da * reset);
+        dh.set(k, dnext * update);
     }
+}
+
+#[inline(always)]
+fn quarters<S: Simd, T: Scalar>(simd: S, gates: &mut [T], n: usize) -> [Write<'_, S, T>; 4] {
+    let (r, rest) = gates.split_at_mut(n);
+    let (z, rest) = rest.split_at_mut(n);
+    let (new, b) = rest.split_at_mut(n);
+    [Write::new(simd, r), Write::new(simd, z), Write::new(simd, new), Write::new(simd, &mut b[..n])]
 }

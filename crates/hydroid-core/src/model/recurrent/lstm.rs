@@ -5,45 +5,79 @@
 //! c+ = f . c + i . g,   t = tanh(c+),   m = o . t
 //! ```
 //!
-//! Every slice holds `cells x width` numbers row by row, gates `4 cells x width` in the order i, f, g, o; the width
-//! is the number of sequences that are walked side by side, and 1 in a single step.
+//! Every slice holds `cells x width` numbers row by row, the record five times as many, `[i f g o t]`; the width is the number of sequences that are walked side by side, and 1 in a single step.
 
-use crate::math::{self, Scalar};
+#![expect(
+    clippy::inline_always,
+    reason = "must become a part of the function that was compiled for the processor"
+)]
 
-/// `[a_i a_f a_g a_o] -> [i f g o]` in place, then `c+`, `t` and `m`.
-pub(crate) fn forward<T: Scalar>(
-    gates: &mut [T],
+use pulp::Simd;
+
+use crate::math::Scalar;
+use crate::math::functions::{sigmoid, tanh};
+use crate::math::slices::{Read, Write, vectors};
+use crate::math::vectors::Pack;
+
+/// `[a_i a_f a_g a_o .] -> [i f g o t]` in the record, then `c+` and `m`.
+#[inline(always)]
+pub(crate) fn forward<S: Simd, T: Scalar>(
+    simd: S,
+    record: &mut [T],
     cell: &[T],
     next: &mut [T],
-    tanh: &mut [T],
     shown: &mut [T],
 ) {
     let n = cell.len();
-    math::sigmoid(&mut gates[..2 * n]);
-    math::tanh(&mut gates[2 * n..3 * n]);
-    math::sigmoid(&mut gates[3 * n..4 * n]);
-    for j in 0..n {
-        next[j] = gates[n + j].mul_add(cell[j], gates[j] * gates[2 * n + j]);
-    }
-    tanh.copy_from_slice(next);
-    math::tanh(tanh);
-    for j in 0..n {
-        shown[j] = gates[3 * n + j] * tanh[j];
+    let [mut i, mut f, mut g, mut o, mut t] = parts(simd, record, n);
+    let (mut next, mut m) = (Write::new(simd, &mut next[..n]), Write::new(simd, &mut shown[..n]));
+    let c = Read::new(simd, cell);
+    for k in vectors::<S, T>(n) {
+        let (input, forget) = (sigmoid(simd, i.get(k)), sigmoid(simd, f.get(k)));
+        let (new, output) = (tanh(simd, g.get(k)), sigmoid(simd, o.get(k)));
+        let cell = forget.mul_add(c.get(k), input * new);
+        let bounded = tanh(simd, cell);
+        i.set(k, input);
+        f.set(k, forget);
+        g.set(k, new);
+        o.set(k, output);
+        next.set(k, cell);
+        t.set(k, bounded);
+        m.set(k, output * bounded);
     }
 }
 
-/// From `dm = dL/dm` and, in `dcell`, `dL/dc+`: the adjoints of `a` in place of the gates, and `dL/dc` in `dcell`.
-pub(crate) fn backward<T: Scalar>(gates: &mut [T], cell: &[T], tanh: &[T], dm: &[T], dcell: &mut [T]) {
+/// From `dm = dL/dm` and, in `dcell`, `dL/dc+`: the adjoints of `a` in the record in place of the gates, and `dL/dc` in `dcell`.
+#[inline(always)]
+pub(crate) fn backward<S: Simd, T: Scalar>(simd: S, record: &mut [T], cell: &[T], dm: &[T], dcell: &mut [T]) {
     let n = cell.len();
-    let one = T::one();
-    for j in 0..n {
-        let (i, f, g, o) = (gates[j], gates[n + j], gates[2 * n + j], gates[3 * n + j]);
-        let t = tanh[j];
-        let dc = dcell[j] + dm[j] * o * (one - t * t);
-        gates[j] = dc * g * i * (one - i);
-        gates[n + j] = dc * cell[j] * f * (one - f);
-        gates[2 * n + j] = dc * i * (one - g * g);
-        gates[3 * n + j] = dm[j] * t * o * (one - o);
-        dcell[j] = dc * f;
+    let [mut i, mut f, mut g, mut o, t] = parts(simd, record, n);
+    let (c, dm) = (Read::new(simd, cell), Read::new(simd, &dm[..n]));
+    let mut dcell = Write::new(simd, &mut dcell[..n]);
+    let one = Pack::splat(simd, T::one());
+    for k in vectors::<S, T>(n) {
+        let (input, forget, new, output) = (i.get(k), f.get(k), g.get(k), o.get(k));
+        let (bounded, dm) = (t.get(k), dm.get(k));
+        let dc = (dm * output).mul_add(one - bounded * bounded, dcell.get(k));
+        i.set(k, dc * new * input * (one - input));
+        f.set(k, dc * c.get(k) * forget * (one - forget));
+        g.set(k, dc * input * (one - new * new));
+        o.set(k, dm * bounded * output * (one - output));
+        dcell.set(k, dc * forget);
     }
+}
+
+#[inline(always)]
+fn parts<S: Simd, T: Scalar>(simd: S, record: &mut [T], n: usize) -> [Write<'_, S, T>; 5] {
+    let (i, rest) = record.split_at_mut(n);
+    let (f, rest) = rest.split_at_mut(n);
+    let (g, rest) = rest.split_at_mut(n);
+    let (o, t) = rest.split_at_mut(n);
+    [
+        Write::new(simd, i),
+        Write::new(simd, f),
+        Write::new(simd, g),
+        Write::new(simd, o),
+        Write::new(simd, &mut t[..n]),
+    ]
 }

@@ -3,16 +3,36 @@
 //! Slices hold `cells x width` numbers row by row; the width is the number of sequences that are walked side by
 //! side, and 1 in a single step.
 
-use crate::math::{self, Scalar};
+#![expect(
+    clippy::inline_always,
+    reason = "must become a part of the function that was compiled for the processor"
+)]
+
+use pulp::Simd;
+
+use crate::math::Scalar;
+use crate::math::functions::tanh;
+use crate::math::slices::{Read, Write, vectors};
+use crate::math::vectors::Pack;
 
 /// `a -> h+` in place.
-pub(crate) fn forward<T: Scalar>(a: &mut [T]) {
-    math::tanh(a);
+#[inline(always)]
+pub(crate) fn forward<S: Simd, T: Scalar>(simd: S, a: &mut [T]) {
+    let n = a.len();
+    let mut a = Write::new(simd, a);
+    for k in vectors::<S, T>(n) {
+        a.set(k, tanh(simd, a.get(k)));
+    }
 }
 
-/// `dL/dh+ -> dL/da` in place.
-pub(crate) fn backward<T: Scalar>(next: &[T], d: &mut [T]) {
-    for (d, &h) in d.iter_mut().zip(next) {
-        *d *= T::one() - h * h;
+/// `dL/da` from `h+` and `dL/dh+`.
+#[inline(always)]
+pub(crate) fn backward<S: Simd, T: Scalar>(simd: S, next: &[T], dnext: &[T], da: &mut [T]) {
+    let n = next.len();
+    let (h, d, mut da) =
+        (Read::new(simd, next), Read::new(simd, &dnext[..n]), Write::new(simd, &mut da[..n]));
+    let one = Pack::splat(simd, T::one());
+    for k in vectors::<S, T>(n) {
+        da.set(k, d.get(k) * (one - h.get(k) * h.get(k)));
     }
 }

@@ -1,9 +1,15 @@
 //! `out = A a + B b + bias` for all lanes, its transpose, and the gradient of its weights.
 
-use alloc::vec;
-use alloc::vec::Vec;
+#![expect(
+    clippy::inline_always,
+    reason = "must become a part of the function that was compiled for the processor"
+)]
+
+use pulp::Simd;
 
 use super::LANES;
+use super::aligned::Aligned;
+use super::kernel::{self, ROWS, Rows, RowsMut};
 use crate::math::Scalar;
 
 /// Where the weights of an affine map stand in the flat weights of a network.
@@ -19,57 +25,73 @@ pub(super) struct Place {
     pub(super) bias: [Option<usize>; 2],
 }
 
+impl Place {
+    /// Where in the flat weights the number in row `i` and column `j` of `[A B]` stands.
+    fn at(&self, i: usize, j: usize) -> usize {
+        let (a, b) = (self.a, self.b);
+        if j < a.1 { a.0 + i * a.1 + j } else { b.0 + i * b.1 + j - a.1 }
+    }
+
+    fn columns(&self) -> usize {
+        self.a.1 + self.b.1
+    }
+}
+
 /// An affine map of the lanes, with its gradient.
+///
+/// Matrices are cut in blocks of [`ROWS`] rows, filled up with zeros, column by column in each block: what the
+/// kernels read is one stream.
 #[derive(Clone, Debug)]
 pub(super) struct Affine<T> {
     place: Place,
-    /// `[A B bias]`, row by row.
-    matrix: Vec<T>,
-    /// Of `[A B bias]`, row by row, [`LANES`] partial sums each.
-    gradient: Vec<T>,
+    /// `[bias A B]`.
+    matrix: Aligned<T>,
+    /// `[0 [A B]']`.
+    transposed: Aligned<T>,
+    /// Of `[A B bias]`, row by row, [`LANES`] partial sums each; room for whole blocks of rows.
+    gradient: Aligned<T>,
 }
 
 impl<T: Scalar> Affine<T> {
     pub(super) fn new(place: Place) -> Self {
-        let len = place.rows * (place.a.1 + place.b.1 + 1);
-        Self { place, matrix: vec![T::zero(); len], gradient: vec![T::zero(); len * LANES] }
-    }
-
-    fn columns(&self) -> usize {
-        self.place.a.1 + self.place.b.1 + 1
+        let (rows, columns) = (place.rows, place.columns());
+        Self {
+            place,
+            matrix: Aligned::zeros(rows.next_multiple_of(ROWS) * (columns + 1)),
+            transposed: Aligned::zeros(columns.next_multiple_of(ROWS) * (rows + 1)),
+            gradient: Aligned::zeros(rows.next_multiple_of(ROWS) * (columns + 1) * LANES),
+        }
     }
 
     /// Takes its weights out of the flat ones.
     pub(super) fn load(&mut self, weights: &[T]) {
-        let (Place { a, b, bias, .. }, columns) = (self.place, self.columns());
-        for (i, row) in self.matrix.chunks_exact_mut(columns).enumerate() {
-            row[..a.1].copy_from_slice(&weights[a.0 + i * a.1..][..a.1]);
-            row[a.1..a.1 + b.1].copy_from_slice(&weights[b.0 + i * b.1..][..b.1]);
-            row[columns - 1] = bias.iter().flatten().fold(T::zero(), |sum, &at| sum + weights[at + i]);
+        let (rows, columns) = (self.place.rows, self.place.columns());
+        for i in 0..rows {
+            let bias = self.place.bias.iter().flatten().fold(T::zero(), |sum, &at| sum + weights[at + i]);
+            self.matrix[(i - i % ROWS) * (columns + 1) + i % ROWS] = bias;
+            for j in 0..columns {
+                let w = weights[self.place.at(i, j)];
+                self.matrix[(i - i % ROWS) * (columns + 1) + (j + 1) * ROWS + i % ROWS] = w;
+                self.transposed[(j - j % ROWS) * (rows + 1) + (i + 1) * ROWS + j % ROWS] = w;
+            }
         }
     }
 
     /// `out = A a + B b + bias`.
-    pub(super) fn apply(&self, a: &[T], b: &[T], out: &mut [T], lanes: usize) {
-        let columns = self.columns();
-        for (row, out) in self.matrix.chunks_exact(columns).zip(out.chunks_exact_mut(lanes)) {
-            out.fill(row[columns - 1]);
-            for (&w, x) in row.iter().zip(a.chunks_exact(lanes).chain(b.chunks_exact(lanes))) {
-                for (out, &x) in out.iter_mut().zip(x) {
-                    *out = w.mul_add(x, *out);
-                }
-            }
+    #[inline(always)]
+    pub(super) fn apply<S: Simd>(&self, simd: S, a: &[T], b: &[T], out: &mut [T], lanes: usize) {
+        let (x, mut out) = (Rows::new(a, b, lanes), RowsMut::new(out, &mut [], lanes));
+        for (block, weights) in self.matrix.chunks_exact(ROWS * (self.place.columns() + 1)).enumerate() {
+            kernel::product::<S, T, false>(simd, weights, x, &mut out, block * ROWS);
         }
     }
 
     /// `a += A' d`, `b += B' d`.
-    pub(super) fn transpose(&self, d: &[T], a: &mut [T], b: &mut [T], lanes: usize) {
-        for (row, d) in self.matrix.chunks_exact(self.columns()).zip(d.chunks_exact(lanes)) {
-            for (&w, x) in row.iter().zip(a.chunks_exact_mut(lanes).chain(b.chunks_exact_mut(lanes))) {
-                for (x, &d) in x.iter_mut().zip(d) {
-                    *x = w.mul_add(d, *x);
-                }
-            }
+    #[inline(always)]
+    pub(super) fn transpose<S: Simd>(&self, simd: S, d: &[T], a: &mut [T], b: &mut [T], lanes: usize) {
+        let (d, mut out) = (Rows::new(d, &[], lanes), RowsMut::new(a, b, lanes));
+        for (block, weights) in self.transposed.chunks_exact(ROWS * (self.place.rows + 1)).enumerate() {
+            kernel::product::<S, T, true>(simd, weights, d, &mut out, block * ROWS);
         }
     }
 
@@ -79,43 +101,28 @@ impl<T: Scalar> Affine<T> {
     }
 
     /// Adds `d [a b 1]'` to the gradient.
-    pub(super) fn accumulate(&mut self, d: &[T], a: &[T], b: &[T], lanes: usize) {
-        let columns = self.columns();
-        for (sums, d) in self.gradient.chunks_exact_mut(columns * LANES).zip(d.chunks_exact(lanes)) {
-            let (sums, last) = sums.split_at_mut((columns - 1) * LANES);
-            for (sum, x) in
-                sums.chunks_exact_mut(LANES).zip(a.chunks_exact(lanes).chain(b.chunks_exact(lanes)))
-            {
-                for (d, x) in d.chunks_exact(LANES).zip(x.chunks_exact(LANES)) {
-                    for l in 0..LANES {
-                        sum[l] = d[l].mul_add(x[l], sum[l]);
-                    }
-                }
-            }
-            for d in d.chunks_exact(LANES) {
-                for l in 0..LANES {
-                    last[l] += d[l];
-                }
-            }
+    #[inline(always)]
+    pub(super) fn accumulate<S: Simd>(&mut self, simd: S, d: &[T], a: &[T], b: &[T], lanes: usize) {
+        let columns = self.place.columns() + 1;
+        let (d, x) = (Rows::new(d, &[], lanes), Rows::new(a, b, lanes));
+        for (block, sums) in self.gradient.chunks_exact_mut(ROWS * columns * LANES).enumerate() {
+            kernel::outer(simd, d, block * ROWS, x, sums);
         }
     }
 
     /// Writes the gradient to its place in the flat one.
     pub(super) fn gradient(&self, into: &mut [T]) {
-        let (Place { a, b, bias, .. }, columns) = (self.place, self.columns());
+        let (rows, columns) = (self.place.rows, self.place.columns());
         let sum = |i: usize, j: usize| {
-            let at = (i * columns + j) * LANES;
+            let at = (i * (columns + 1) + j) * LANES;
             self.gradient[at..at + LANES].iter().fold(T::zero(), |sum, &x| sum + x)
         };
-        for i in 0..self.place.rows {
-            for j in 0..a.1 {
-                into[a.0 + i * a.1 + j] = sum(i, j);
+        for i in 0..rows {
+            for j in 0..columns {
+                into[self.place.at(i, j)] = sum(i, j);
             }
-            for j in 0..b.1 {
-                into[b.0 + i * b.1 + j] = sum(i, a.1 + j);
-            }
-            for &at in bias.iter().flatten() {
-                into[at + i] = sum(i, columns - 1);
+            for &at in self.place.bias.iter().flatten() {
+                into[at + i] = sum(i, columns);
             }
         }
     }

@@ -1,8 +1,14 @@
 //! One step of all lanes, forward and back, as affine maps and the element-wise functions of the cells.
 
-use alloc::vec;
+#![expect(
+    clippy::inline_always,
+    reason = "must become a part of the function that was compiled for the processor"
+)]
+
 use alloc::vec::Vec;
 use core::iter;
+
+use pulp::{Arch, Simd, WithSimd};
 
 use super::affine::{Affine, Place};
 use crate::math::Scalar;
@@ -51,6 +57,8 @@ pub(super) struct Cells<T> {
     maps: Maps<T>,
     read_out: Option<Affine<T>>,
     lanes: usize,
+    /// The processor's vectors.
+    pub(super) arch: Arch,
 }
 
 /// The place of a map in the flat weights from its tensors: `rows` rows from row `first` on.
@@ -105,7 +113,7 @@ impl<T: Scalar> Cells<T> {
             let [.., weight, bias] = &tensors[..] else { unreachable!("a read-out has two tensors") };
             Affine::new(place(Some(weight), None, [Some(bias), None], 0, weight.rows))
         });
-        Self { maps, read_out, lanes }
+        Self { maps, read_out, lanes, arch: Arch::new() }
     }
 
     fn each(&mut self, mut f: impl FnMut(&mut Affine<T>)) {
@@ -161,30 +169,39 @@ impl<T: Scalar> Cells<T> {
 
     /// One step of all lanes.
     pub(super) fn forward(&self, step: Forward<'_, T>) {
+        self.arch.dispatch(Forwards(self, step));
+    }
+
+    /// One step back of all lanes.
+    pub(super) fn back(&mut self, step: Back<'_, T>) {
+        self.arch.dispatch(Backs(self, step));
+    }
+
+    #[inline(always)]
+    fn forward_with<S: Simd>(&self, simd: S, step: Forward<'_, T>) {
         let lanes = self.lanes;
         let Forward { state, input, record, next, output } = step;
         let shown = match &self.maps {
             Maps::Lstm { hidden, gates, projection } => {
                 let n = hidden * lanes;
                 let ((c, h), (c_next, h_next)) = (state.split_at(n), next.split_at_mut(n));
-                let (activations, rest) = record.split_at_mut(4 * n);
-                let (tanh, m) = rest.split_at_mut(n);
-                gates.apply(input, h, activations, lanes);
+                let (record, m) = record.split_at_mut(5 * n);
+                gates.apply(simd, input, h, &mut record[..4 * n], lanes);
                 match projection {
                     Some(projection) => {
-                        lstm::forward(activations, c, c_next, tanh, m);
-                        projection.apply(m, &[], h_next, lanes);
+                        lstm::forward(simd, record, c, c_next, m);
+                        projection.apply(simd, m, &[], h_next, lanes);
                     }
-                    None => lstm::forward(activations, c, c_next, tanh, h_next),
+                    None => lstm::forward(simd, record, c, c_next, h_next),
                 }
                 &*h_next
             }
             Maps::Gru { hidden, gates, candidate, recalled } => {
                 let n = hidden * lanes;
-                gates.apply(input, state, &mut record[..2 * n], lanes);
-                candidate.apply(input, &[], &mut record[2 * n..3 * n], lanes);
-                recalled.apply(state, &[], &mut record[3 * n..], lanes);
-                gru::forward(record, state, next);
+                gates.apply(simd, input, state, &mut record[..2 * n], lanes);
+                candidate.apply(simd, input, &[], &mut record[2 * n..3 * n], lanes);
+                recalled.apply(simd, state, &[], &mut record[3 * n..], lanes);
+                gru::forward(simd, record, state, next);
                 &*next
             }
             Maps::Vanilla { hidden, layers } => {
@@ -192,19 +209,19 @@ impl<T: Scalar> Cells<T> {
                 for (l, layer) in layers.iter().enumerate() {
                     let (below, here) = next.split_at_mut(l * n);
                     let x = if l == 0 { input } else { &below[(l - 1) * n..] };
-                    layer.apply(x, &state[l * n..(l + 1) * n], &mut here[..n], lanes);
-                    vanilla::forward(&mut here[..n]);
+                    layer.apply(simd, x, &state[l * n..(l + 1) * n], &mut here[..n], lanes);
+                    vanilla::forward(simd, &mut here[..n]);
                 }
                 &next[(layers.len() - 1) * n..]
             }
         };
         if let Some(read_out) = &self.read_out {
-            read_out.apply(shown, &[], output, lanes);
+            read_out.apply(simd, shown, &[], output, lanes);
         }
     }
 
-    /// One step back of all lanes.
-    pub(super) fn back(&mut self, step: Back<'_, T>) {
+    #[inline(always)]
+    fn back_with<S: Simd>(&mut self, simd: S, step: Back<'_, T>) {
         let lanes = self.lanes;
         let Back { state, input, record, next, output_adjoint, state_adjoint, input_adjoint, scratch } = step;
         let shown = match &self.maps {
@@ -214,8 +231,8 @@ impl<T: Scalar> Cells<T> {
         };
         match &mut self.read_out {
             Some(read_out) => {
-                read_out.transpose(output_adjoint, &mut state_adjoint[shown..], &mut [], lanes);
-                read_out.accumulate(output_adjoint, &next[shown..], &[], lanes);
+                read_out.transpose(simd, output_adjoint, &mut state_adjoint[shown..], &mut [], lanes);
+                read_out.accumulate(simd, output_adjoint, &next[shown..], &[], lanes);
             }
             None => {
                 for (d, &y) in state_adjoint[shown..].iter_mut().zip(output_adjoint) {
@@ -228,54 +245,71 @@ impl<T: Scalar> Cells<T> {
             Maps::Lstm { hidden, gates, projection } => {
                 let n = *hidden * lanes;
                 let ((c, h), (dc, dh)) = (state.split_at(n), state_adjoint.split_at_mut(n));
-                let (activations, rest) = record.split_at_mut(4 * n);
-                let (tanh, m) = rest.split_at_mut(n);
+                let (record, m) = record.split_at_mut(5 * n);
                 match projection {
                     Some(projection) => {
                         scratch.fill(T::zero());
-                        projection.transpose(dh, scratch, &mut [], lanes);
-                        projection.accumulate(dh, m, &[], lanes);
-                        lstm::backward(activations, c, tanh, scratch, dc);
+                        projection.transpose(simd, dh, scratch, &mut [], lanes);
+                        projection.accumulate(simd, dh, m, &[], lanes);
+                        lstm::backward(simd, record, c, scratch, dc);
                     }
-                    None => lstm::backward(activations, c, tanh, dh, dc),
+                    None => lstm::backward(simd, record, c, dh, dc),
                 }
                 dh.fill(T::zero());
-                gates.transpose(activations, input_adjoint, dh, lanes);
-                gates.accumulate(activations, input, h, lanes);
+                gates.transpose(simd, &record[..4 * n], input_adjoint, dh, lanes);
+                gates.accumulate(simd, &record[..4 * n], input, h, lanes);
             }
             Maps::Gru { hidden, gates, candidate, recalled } => {
                 let n = *hidden * lanes;
-                gru::backward(record, state, state_adjoint);
+                gru::backward(simd, record, state, state_adjoint);
                 let (da, rest) = record.split_at(2 * n);
                 let (dn, db) = rest.split_at(n);
-                gates.transpose(da, input_adjoint, state_adjoint, lanes);
-                candidate.transpose(dn, input_adjoint, &mut [], lanes);
-                recalled.transpose(db, state_adjoint, &mut [], lanes);
-                gates.accumulate(da, input, state, lanes);
-                candidate.accumulate(dn, input, &[], lanes);
-                recalled.accumulate(db, state, &[], lanes);
+                gates.transpose(simd, da, input_adjoint, state_adjoint, lanes);
+                candidate.transpose(simd, dn, input_adjoint, &mut [], lanes);
+                recalled.transpose(simd, db, state_adjoint, &mut [], lanes);
+                gates.accumulate(simd, da, input, state, lanes);
+                candidate.accumulate(simd, dn, input, &[], lanes);
+                recalled.accumulate(simd, db, state, &[], lanes);
             }
             Maps::Vanilla { hidden, layers } => {
                 let n = *hidden * lanes;
                 for (l, layer) in layers.iter_mut().enumerate().rev() {
                     let (below, here) = state_adjoint.split_at_mut(l * n);
                     let here = &mut here[..n];
-                    vanilla::backward(&next[l * n..(l + 1) * n], here);
-                    scratch.copy_from_slice(here);
+                    vanilla::backward(simd, &next[l * n..(l + 1) * n], here, scratch);
                     here.fill(T::zero());
                     let (dx, x) = match l {
                         0 => (&mut *input_adjoint, input),
                         _ => (&mut below[(l - 1) * n..], &next[(l - 1) * n..l * n]),
                     };
-                    layer.transpose(scratch, dx, here, lanes);
-                    layer.accumulate(scratch, x, &state[l * n..(l + 1) * n], lanes);
+                    layer.transpose(simd, scratch, dx, here, lanes);
+                    layer.accumulate(simd, scratch, x, &state[l * n..(l + 1) * n], lanes);
                 }
             }
         }
     }
 }
 
-/// `rows x lanes` zeros.
-pub(super) fn zeros<T: Scalar>(rows: usize, lanes: usize) -> Vec<T> {
-    vec![T::zero(); rows * lanes]
+/// [`Cells::forward`] for whatever vectors there are.
+struct Forwards<'a, T>(&'a Cells<T>, Forward<'a, T>);
+
+impl<T: Scalar> WithSimd for Forwards<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.0.forward_with(simd, self.1);
+    }
+}
+
+/// [`Cells::back`] for whatever vectors there are.
+struct Backs<'a, T>(&'a mut Cells<T>, Back<'a, T>);
+
+impl<T: Scalar> WithSimd for Backs<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.0.back_with(simd, self.1);
+    }
 }

@@ -1,9 +1,9 @@
 //! A batch of sequences without a record.
 
-use alloc::vec::Vec;
 use core::mem;
 
-use super::cells::{Cells, Forward, zeros};
+use super::aligned::Aligned;
+use super::cells::{Cells, Forward};
 use super::{clear_padding, padded};
 use crate::math::Scalar;
 use crate::model::recurrent::network::Network;
@@ -34,11 +34,11 @@ pub struct Rollout<T> {
     lanes: usize,
     /// Where in the state the output stands, without read-out.
     shown: Option<usize>,
-    state: Vec<T>,
-    next: Vec<T>,
-    input: Vec<T>,
-    record: Vec<T>,
-    output: Vec<T>,
+    state: Aligned<T>,
+    next: Aligned<T>,
+    input: Aligned<T>,
+    record: Aligned<T>,
+    output: Aligned<T>,
 }
 
 impl<T: Scalar> Rollout<T> {
@@ -57,11 +57,11 @@ impl<T: Scalar> Rollout<T> {
             sequences,
             lanes,
             shown: (!network.read_out).then(|| (network.state_len() - network.outputs) * lanes),
-            state: zeros(network.state_len(), lanes),
-            next: zeros(network.state_len(), lanes),
-            input: zeros(network.inputs, lanes),
-            record: zeros(cells.record_rows(), lanes),
-            output: zeros(outputs, lanes),
+            state: Aligned::zeros(network.state_len() * lanes),
+            next: Aligned::zeros(network.state_len() * lanes),
+            input: Aligned::zeros(network.inputs * lanes),
+            record: Aligned::zeros(cells.record_rows() * lanes),
+            output: Aligned::zeros(outputs * lanes),
             cells,
         }
     }

@@ -1,8 +1,7 @@
 //! A batch of sequences with a record for backpropagation through time.
 
-use alloc::vec::Vec;
-
-use super::cells::{Back, Cells, Forward, zeros};
+use super::aligned::Aligned;
+use super::cells::{Back, Cells, Forward};
 use super::{clear_padding, padded};
 use crate::math::Scalar;
 use crate::model::recurrent::network::Network;
@@ -56,14 +55,14 @@ pub struct Tape<T> {
     record_len: usize,
     /// Where in a state its output stands, without read-out.
     shown: Option<usize>,
-    states: Vec<T>,
-    inputs: Vec<T>,
-    records: Vec<T>,
-    outputs: Vec<T>,
-    output_adjoints: Vec<T>,
-    state_adjoint: Vec<T>,
-    input_adjoint: Vec<T>,
-    scratch: Vec<T>,
+    states: Aligned<T>,
+    inputs: Aligned<T>,
+    records: Aligned<T>,
+    outputs: Aligned<T>,
+    output_adjoints: Aligned<T>,
+    state_adjoint: Aligned<T>,
+    input_adjoint: Aligned<T>,
+    scratch: Aligned<T>,
 }
 
 impl<T: Scalar> Tape<T> {
@@ -88,14 +87,14 @@ impl<T: Scalar> Tape<T> {
             output_len: network.outputs * lanes,
             record_len: cells.record_rows() * lanes,
             shown,
-            states: zeros((steps + 1) * network.state_len(), lanes),
-            inputs: zeros(steps * network.inputs, lanes),
-            records: zeros(steps * cells.record_rows(), lanes),
-            outputs: zeros(steps * outputs, lanes),
-            output_adjoints: zeros(steps * network.outputs, lanes),
-            state_adjoint: zeros(network.state_len(), lanes),
-            input_adjoint: zeros(network.inputs, lanes),
-            scratch: zeros(cells.scratch_rows(), lanes),
+            states: Aligned::zeros((steps + 1) * network.state_len() * lanes),
+            inputs: Aligned::zeros(steps * network.inputs * lanes),
+            records: Aligned::zeros(steps * cells.record_rows() * lanes),
+            outputs: Aligned::zeros(steps * outputs * lanes),
+            output_adjoints: Aligned::zeros(steps * network.outputs * lanes),
+            state_adjoint: Aligned::zeros(network.state_len() * lanes),
+            input_adjoint: Aligned::zeros(network.inputs * lanes),
+            scratch: Aligned::zeros(cells.scratch_rows() * lanes),
             cells,
         }
     }
@@ -213,5 +212,64 @@ impl<T: Scalar> Tape<T> {
     /// If `into` is shorter than the weights.
     pub fn gradient(&self, into: &mut [T]) {
         self.cells.gradient(into);
+    }
+}
+
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use alloc::vec;
+    use alloc::vec::Vec;
+
+    use pulp::Arch;
+
+    use super::*;
+    use crate::model::recurrent::Cell;
+
+    /// All numbers of a way there and back with these vectors.
+    fn walked<T: Scalar>(network: &Network, arch: Arch) -> Vec<T> {
+        let number = |k: usize| T::of(0.9 * (0.7 * (k + 1) as f64).sin());
+        let weights: Vec<T> = (0..network.weights()).map(number).collect();
+        let mut tape = Tape::<T>::new(network, 6, 75);
+        tape.cells.arch = arch;
+        tape.load(&weights);
+        for k in 0..6 {
+            tape.input_mut(k).iter_mut().enumerate().for_each(|(j, x)| *x = number(31 * k + j));
+            tape.step(k);
+        }
+        tape.begin_backward();
+        for k in (0..6).rev() {
+            tape.output_adjoint_mut(k).iter_mut().enumerate().for_each(|(j, x)| *x = number(17 * k + j));
+            tape.step_back(k);
+        }
+        let mut gradient = vec![T::zero(); weights.len()];
+        tape.gradient(&mut gradient);
+        [&gradient, tape.state(6), &tape.state_adjoint].concat()
+    }
+
+    #[test]
+    fn every_path_gives_the_same_bits() {
+        let mut paths = Vec::new();
+        paths.extend(pulp::x86::V3::try_new().map(Arch::V3));
+        paths.extend(pulp::x86::V4::try_new().map(Arch::V4));
+        for (cell, read_out) in [
+            (Cell::Lstm { hidden: 7, projection: Some(3) }, false),
+            (Cell::Lstm { hidden: 5, projection: None }, true),
+            (Cell::Gru { hidden: 7 }, true),
+            (Cell::Vanilla { hidden: 6, layers: 3 }, true),
+        ] {
+            let network = Network { cell, inputs: 5, outputs: 3, read_out };
+            let single: Vec<u32> =
+                walked::<f32>(&network, Arch::Scalar).into_iter().map(f32::to_bits).collect();
+            let double: Vec<u64> =
+                walked::<f64>(&network, Arch::Scalar).into_iter().map(f64::to_bits).collect();
+            for &arch in &paths {
+                assert!(
+                    walked::<f32>(&network, arch).into_iter().map(f32::to_bits).eq(single.iter().copied())
+                );
+                assert!(
+                    walked::<f64>(&network, arch).into_iter().map(f64::to_bits).eq(double.iter().copied())
+                );
+            }
+        }
     }
 }

@@ -1,0 +1,55 @@
+//! Numbers that begin where a cache line begins.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::ops::{Deref, DerefMut};
+
+use crate::math::Scalar;
+
+/// Bytes of a cache line, and of the widest vector: no vector of rows that are multiples of it crosses a line, which
+/// would halve the speed of loads.
+const LINE: usize = 64;
+
+/// A slice of fixed length that begins at a multiple of 64 bytes.
+#[derive(Debug)]
+pub(super) struct Aligned<T> {
+    numbers: Vec<T>,
+    begin: usize,
+    len: usize,
+}
+
+impl<T: Scalar> Aligned<T> {
+    pub(super) fn zeros(len: usize) -> Self {
+        let numbers = vec![T::zero(); len + LINE / size_of::<T>()];
+        Self { begin: begin(&numbers), numbers, len }
+    }
+}
+
+fn begin<T>(numbers: &[T]) -> usize {
+    // Where the offset cannot be told, only speed is lost.
+    numbers.as_ptr().align_offset(LINE).min(LINE / size_of::<T>())
+}
+
+impl<T: Clone> Clone for Aligned<T> {
+    fn clone(&self) -> Self {
+        // A copy begins elsewhere.
+        let mut numbers = self.numbers.clone();
+        let begin = begin(&numbers);
+        numbers[begin..begin + self.len].clone_from_slice(self);
+        Self { numbers, begin, len: self.len }
+    }
+}
+
+impl<T> Deref for Aligned<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        &self.numbers[self.begin..self.begin + self.len]
+    }
+}
+
+impl<T> DerefMut for Aligned<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        &mut self.numbers[self.begin..self.begin + self.len]
+    }
+}
