@@ -113,7 +113,11 @@ impl Keeper {
     }
 }
 
-pub(super) fn encode<T: Scalar>(team: &Team<T>, epoch: usize, fingerprints: &[String; 2]) -> io::Result<Vec<u8>> {
+pub(super) fn encode<T: Scalar>(
+    team: &Team<T>,
+    epoch: usize,
+    fingerprints: &[String; 2],
+) -> io::Result<Vec<u8>> {
     let [settings, data] = fingerprints.clone();
     let members = &team.members;
     let head = Head {
@@ -161,7 +165,11 @@ pub(super) fn encode<T: Scalar>(team: &Team<T>, epoch: usize, fingerprints: &[St
 }
 
 /// Puts the state of a checkpoint into a team of the same job, and gives the number of epochs that are done.
-pub(super) fn decode<T: Scalar>(bytes: &[u8], ours: &[String; 2], team: &mut Team<T>) -> Result<usize, String> {
+pub(super) fn decode<T: Scalar>(
+    bytes: &[u8],
+    ours: &[String; 2],
+    team: &mut Team<T>,
+) -> Result<usize, String> {
     let damaged = |reason: String| {
         format!("it is damaged, or no checkpoint of a training ({reason}); remove it to start anew")
     };

@@ -79,15 +79,8 @@ fn gradients_are_differences_of_the_loss() {
             for feedback in [false, true] {
                 let settings = Settings { base, feedback, ..small(cell) };
                 let plan = plan_of(&settings, &missing);
-                let mut chunk = Chunk::new(
-                    &plan.network,
-                    &plan.base,
-                    &plan.scaling,
-                    feedback,
-                    plan.shape,
-                    20,
-                    true,
-                );
+                let mut chunk =
+                    Chunk::new(&plan.network, &plan.base, &plan.scaling, feedback, plan.shape, 20, true);
                 let mut rng = random::stream(3, random::Purpose::Weights, 0, 0);
                 let mut weights = init::weights::<f64>(&plan.network, &mut rng);
                 loss(&plan, &mut chunk, &weights);
