@@ -4,10 +4,11 @@
 //! cargo run --release --example train_recurrent -- TRAIN VALIDATE TEST[,TEST ..] [KEY=VALUE ..]
 //! ```
 //!
-//! `KEY=VALUE` are settings of the training as TOML (`'cell="gru"'`, `epochs=300`; `seeds=3` trains with seeds 0, 1, 2), for
-//! networks that read inputs alone and give the outputs themselves. Ranges are those of the hydrofoil. Logs have columns `u`, `v`, `r`, `u_true`, `v_true`, `r_true`, `PP_cmd`, `RD_ang`. Two figures are told: the RMS error against truth
-//! after 100 steps in open loop from a zero state that 100 commands warmed up, with a start at every 20th
-//! sample; and the mean absolute error in open loop over the whole test log from a zero state.
+//! `KEY=VALUE` are settings of the training as TOML (`'cell="gru"'`, `epochs=300`; `seeds=3` trains with seeds 0, 1, 2),
+//! for networks that read inputs alone and give the outputs themselves. Ranges are those of the hydrofoil. Logs have
+//! columns `u`, `v`, `r`, `u_true`, `v_true`, `r_true`, `PP_cmd`, `RD_ang`. Two figures are told: the RMS error against
+//! truth after 100 steps in open loop from a zero state that 100 commands warmed up, with a start at every 20th sample;
+//! and the mean absolute error in open loop over the whole test log from a zero state.
 
 use std::f64::consts::FRAC_PI_6;
 use std::ops::ControlFlow;
