@@ -1,14 +1,16 @@
 //! Trains a recurrent network on one log, chooses its weights on another, and judges it on a third with truth.
 //!
 //! ```text
-//! cargo run --release --example train_recurrent -- TRAIN VALIDATE TEST [KEY=VALUE ..]
+//! cargo run --release --example train_recurrent -- TRAIN VALIDATE TEST[,TEST ..] [KEY=VALUE ..]
 //! ```
 //!
-//! `KEY=VALUE` are settings of the training (`cell="gru"`, `epochs=300`, `seeds=3` trains with seeds 0, 1, 2). Logs have
-//! columns `u`, `v`, `r`, `u_true`, `v_true`, `r_true`, `PP_cmd`, `RD_ang`. Two figures are told: the RMS error against truth
-//! after 100 steps in open loop from a zero state that 100 commands warmed up, with a start at every 20th
-//! sample; and the mean absolute error in open loop over the whole test log from a zero state.
+//! `KEY=VALUE` are settings of the training as TOML (`'cell="gru"'`, `epochs=300`; `seeds=3` trains with seeds 0, 1, 2),
+//! for networks that read inputs alone and give the outputs themselves. Ranges are those of the hydrofoil. Logs have
+//! columns `u`, `v`, `r`, `u_true`, `v_true`, `r_true`, `PP_cmd`, `RD_ang`. Two figures are told: the RMS error against
+//! truth after 100 steps in open loop from a zero state that 100 commands warmed up, with a start at every 20th sample;
+//! and the mean absolute error in open loop over the whole test log from a zero state.
 
+use std::f64::consts::FRAC_PI_6;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -30,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for key in keys {
         match key.strip_prefix("seeds=") {
             Some(count) => seeds = count.parse()?,
-            None => text.push_str(&format!("{key}\n")),
+            None => text.extend([key.as_str(), "\n"]),
         }
     }
     let settings: Settings = toml::from_str(&text)?;
@@ -38,7 +40,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let tests: Vec<Trajectory> = test_logs.split(',').map(read).collect::<Result<_, _>>()?;
     let range = |low, high| DesignRange { low, high };
     let outputs = [range(0.0, 6.0), range(-1.5, 1.5), range(-1.0, 1.0)];
-    let inputs = [range(-130.0, 350.0), range(-0.5236, 0.5236)];
+    let inputs = [range(-130.0, 350.0), range(-FRAC_PI_6, FRAC_PI_6)];
     let job = Job {
         runs: &[&runs],
         validation: &[&validation],

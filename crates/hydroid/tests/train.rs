@@ -84,7 +84,7 @@ fn every_cell_and_base_learns_the_vessel() {
         (CellKind::Gru, BaseKind::Hold, true),
         (CellKind::Rnn, BaseKind::Nothing, true),
     ] {
-        let trained = go(&Settings { base, feedback, epochs: 40, ..settings(cell) });
+        let trained = go(&Settings { feedback, base, epochs: 40, ..settings(cell) });
         let first = trained.history[0].validation;
         assert!(trained.validation < 0.35, "{cell:?}: {} after {first}", trained.validation);
         assert_eq!(trained.history.len(), 40);

@@ -33,7 +33,7 @@ fn run(name: &str, samples: usize, phase: f64) -> Trajectory {
 #[test]
 fn the_validation_error_is_that_of_the_evaluation() {
     let (a, b) = (run("a", 1500, 0.0), run("b", 500, 100.0));
-    let range = |half| DesignRange { low: -half, high: half };
+    let range = |half: f64| DesignRange { low: -half, high: half };
     let ranges = [range(1.5), range(1.0)];
     for (cell, base, feedback) in [
         (CellKind::Lstm, BaseKind::Nothing, false),

@@ -26,12 +26,14 @@ pub(super) struct Clock {
     epochs: Instant,
     told: Instant,
     budget: Option<f64>,
+    /// Time that an epoch's judgement takes \[s\], as far as it was looked at.
+    judging: f64,
 }
 
 impl Clock {
     pub(super) fn start(budget: Option<f64>) -> Self {
         let start = Instant::now();
-        Self { start, epochs: start, told: start, budget }
+        Self { start, epochs: start, told: start, budget, judging: 0.0 }
     }
 
     /// Time since the start \[s\].
@@ -39,9 +41,9 @@ impl Clock {
         self.start.elapsed().as_secs_f64()
     }
 
-    /// Whether the time is over.
+    /// Whether the time is over, or would be when what was learned is judged.
     pub(super) fn is_over(&self) -> bool {
-        self.budget.is_some_and(|budget| self.seconds() > OVER * budget)
+        self.budget.is_some_and(|budget| self.seconds() + self.judging > OVER * budget)
     }
 
     /// How many epochs fit the budget, by steps that are made and not taken: the schedule must know its end, and may
@@ -57,7 +59,8 @@ impl Clock {
         let step = begun.elapsed().as_secs_f64() / trials as f64;
         let begun = Instant::now();
         team.judge();
-        let epoch = step * batches as f64 + begun.elapsed().as_secs_f64();
+        self.judging = begun.elapsed().as_secs_f64();
+        let epoch = step * batches as f64 + self.judging;
         let left = PLANNED * budget - self.seconds();
         self.epochs = Instant::now();
         // The cast saturates: a negative number of epochs becomes 0, and then 1.

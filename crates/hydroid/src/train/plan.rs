@@ -44,7 +44,7 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
             correction.iter().zip(least).map(|(size, least)| size.max(least)).collect();
     }
     let deviations = scaling::deviations(job.runs);
-    if let Some(c) = deviations.iter().position(|d| !(*d > 0.0)) {
+    if let Some(c) = deviations.iter().position(|d| d.is_nan() || *d <= 0.0) {
         let channel = job.runs[0].outputs.channels()[c].name.clone();
         return Err(TrainError::Constant { channel });
     }
@@ -98,12 +98,18 @@ fn check(job: &Job<'_>) -> Result<(), TrainError> {
                 }
             }
             let expected = job.runs[0].dt;
-            if !((run.dt / expected - 1.0).abs() <= 1e-6) {
+            if differ(run.dt, expected) {
                 return Err(TrainError::SampleTime { run: run.name.clone(), expected, given: run.dt });
             }
         }
     }
     Ok(())
+}
+
+/// Whether two sample times are not the same.
+fn differ(a: f64, b: f64) -> bool {
+    let ratio = a / b;
+    ratio.is_nan() || (ratio - 1.0).abs() > 1e-6
 }
 
 fn base(job: &Job<'_>, settings: &Settings) -> Result<Base, TrainError> {
@@ -119,7 +125,7 @@ fn base(job: &Job<'_>, settings: &Settings) -> Result<Base, TrainError> {
         let (a, b) = (equations.outputs(), equations.inputs());
         return wrong(format!("they have {a} outputs and {b} inputs, the runs {n} and {m}"));
     }
-    if !((equations.dt() / job.runs[0].dt - 1.0).abs() <= 1e-6) {
+    if differ(equations.dt(), job.runs[0].dt) {
         let (a, b) = (equations.dt(), job.runs[0].dt);
         return wrong(format!("they are for samples of {a} s, the runs have {b} s"));
     }

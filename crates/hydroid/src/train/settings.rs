@@ -1,5 +1,7 @@
 //! What a training is told.
 
+use std::fmt::Display;
+
 use hydroid_core::model::recurrent::{Cell, Network, NetworkError};
 use serde::{Deserialize, Serialize};
 
@@ -93,7 +95,7 @@ pub struct Settings {
     pub window_s: Option<f64>,
     /// Passes over the training runs at the most.
     pub epochs: usize,
-    /// Windows of one step of the optimizer.
+    /// Windows of one step of the optimizer; fewer where runs are so short that an epoch would have less than 8 steps.
     pub batch: usize,
     /// Peak step size.
     pub learning_rate: f64,
@@ -132,9 +134,9 @@ impl Default for Settings {
             base: BaseKind::Nothing,
             wash_out_s: None,
             window_s: None,
-            epochs: 200,
-            batch: 64,
-            learning_rate: 1e-2,
+            epochs: 500,
+            batch: 32,
+            learning_rate: 0.03,
             schedule: Schedule::OneCycle,
             weight_decay: 0.0,
             clip: 1.0,
@@ -167,11 +169,11 @@ impl Settings {
         };
         if self.cell != CellKind::Rnn && self.layers.is_some_and(|layers| layers != 1) {
             let needed = "1 for lstm and gru: only rnn has layers";
-            return Err(setting("layers", self.layers.unwrap_or(0), needed));
+            return Err(setting("layers", &self.layers.unwrap_or(0), needed));
         }
         if self.cell != CellKind::Lstm && self.projection.is_some() {
             let needed = "left out: only lstm has a projection";
-            return Err(setting("projection", self.projection.unwrap_or(0), needed));
+            return Err(setting("projection", &self.projection.unwrap_or(0), needed));
         }
         let inputs = inputs + if self.feedback { outputs } else { 0 };
         let network = Network { cell, inputs, outputs, read_out: self.read_out };
@@ -186,7 +188,7 @@ impl Settings {
     pub fn check(&self, outputs: usize) -> Result<(), TrainError> {
         for (what, value) in [("epochs", self.epochs), ("batch", self.batch), ("restarts", self.restarts)] {
             if value == 0 {
-                return Err(setting(what, value, "at least 1"));
+                return Err(setting(what, &value, "at least 1"));
             }
         }
         for (what, value, most) in [
@@ -195,18 +197,18 @@ impl Settings {
             ("epochs", self.epochs, 1 << 30),
         ] {
             if value > most {
-                return Err(setting(what, value, "fewer"));
+                return Err(setting(what, &value, "fewer"));
             }
         }
         let positive = |value: f64| value.is_finite() && value > 0.0;
         if !positive(self.learning_rate) {
-            return Err(setting("learning_rate", self.learning_rate, "a positive number, such as 0.01"));
+            return Err(setting("learning_rate", &self.learning_rate, "a positive number, such as 0.01"));
         }
-        if !(self.clip > 0.0) {
-            return Err(setting("clip", self.clip, "a positive number, such as 1"));
+        if self.clip.is_nan() || self.clip <= 0.0 {
+            return Err(setting("clip", &self.clip, "a positive number, such as 1"));
         }
         if !(self.weight_decay.is_finite() && self.weight_decay >= 0.0) {
-            return Err(setting("weight_decay", self.weight_decay, "zero or a positive number"));
+            return Err(setting("weight_decay", &self.weight_decay, "zero or a positive number"));
         }
         for (what, value) in
             [("wash_out_s", self.wash_out_s), ("window_s", self.window_s), ("budget_s", self.budget_s)]
@@ -214,7 +216,7 @@ impl Settings {
             if let Some(value) = value
                 && !positive(value)
             {
-                return Err(setting(what, value, "a positive number of seconds"));
+                return Err(setting(what, &value, "a positive number of seconds"));
             }
         }
         let weights = &self.channel_weights;
@@ -233,6 +235,6 @@ impl Settings {
     }
 }
 
-fn setting(what: &'static str, value: impl ToString, needed: &'static str) -> TrainError {
+fn setting(what: &'static str, value: &dyn Display, needed: &'static str) -> TrainError {
     TrainError::Setting { what, value: value.to_string(), needed }
 }

@@ -14,7 +14,7 @@ use super::windows::{ScaledRun, Shape, Window, shuffled};
 use super::{Epoch, Settings, init, schedule};
 
 /// Windows of a chunk: enough to fill the widest vectors, few enough that a small batch keeps two threads busy.
-const CHUNK: usize = 32;
+const CHUNK: usize = 16;
 
 /// Steps of the optimizer that an epoch has at least, if the runs hold as many windows.
 const LEAST_STEPS: usize = 8;

@@ -77,7 +77,7 @@ fn gradients_are_differences_of_the_loss() {
     for cell in [CellKind::Lstm, CellKind::Gru, CellKind::Rnn] {
         for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
             for feedback in [false, true] {
-                let settings = Settings { base, feedback, ..small(cell) };
+                let settings = Settings { feedback, base, ..small(cell) };
                 let plan = plan_of(&settings, &missing);
                 let mut chunk =
                     Chunk::new(&plan.network, &plan.base, &plan.scaling, feedback, plan.shape, 20, true);

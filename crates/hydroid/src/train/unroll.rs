@@ -166,7 +166,7 @@ impl<T: Scalar> Chunk<T> {
         let (n, lanes) = (self.shape.outputs, self.tape.lanes());
         let most = T::of(most);
         let rows = self.predicted[(self.shape.wash_out + 1) * n * lanes..].chunks_exact(lanes);
-        rows.into_iter().any(|row| row[..self.windows.len()].iter().any(|z| !(z.abs() <= most)))
+        rows.into_iter().any(|row| row[..self.windows.len()].iter().any(|z| z.is_nan() || z.abs() > most))
     }
 
     /// Goes back over the windows of the last [`walk`](Self::walk): the gradient of `factor` times its sum.
@@ -206,7 +206,7 @@ impl<T: Scalar> Chunk<T> {
             }
             if k <= wash_out {
                 for (a, &own) in adjoint.iter_mut().zip(&self.own[k * row..(k + 1) * row]) {
-                    *a = *a * own;
+                    *a *= own;
                 }
             }
         }
