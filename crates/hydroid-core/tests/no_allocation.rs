@@ -223,6 +223,10 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         let count = allocations(|| {
             session.observe(&[0.1, f64::NAN, 0.3]);
             session.advance(&[0.5, -0.5]);
+            // A state filter corrects from the second sample on, and with fewer outputs than it has room for.
+            session.observe(&[0.2, f64::NAN, 0.1]);
+            session.advance(&[0.5, -0.5]);
+            session.observe(&[0.2, 0.1, 0.1]);
             session.rollout(&commands, &mut work, &mut y);
             session.rollout(&commands[..20], &mut work, &mut y[..30]);
             session.snapshot(&mut snapshot);

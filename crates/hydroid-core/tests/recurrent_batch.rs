@@ -275,3 +275,22 @@ proptest! {
         prop_assert!(same_bits(&whole.1, &late.1));
     }
 }
+
+#[test]
+#[should_panic(expected = "a batch of no sequences")]
+fn a_tape_of_no_sequences_is_refused() {
+    let _ = Tape::<f32>::new(
+        &Network { cell: Cell::Gru { hidden: 2 }, inputs: 1, outputs: 1, read_out: true },
+        3,
+        0,
+    );
+}
+
+#[test]
+#[should_panic(expected = "a batch of no sequences")]
+fn a_rollout_of_no_sequences_is_refused() {
+    let _ = Rollout::<f32>::new(
+        &Network { cell: Cell::Gru { hidden: 2 }, inputs: 1, outputs: 1, read_out: true },
+        0,
+    );
+}

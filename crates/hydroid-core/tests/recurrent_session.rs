@@ -250,9 +250,13 @@ fn a_rollout_that_blows_up_gives_numbers_that_are_not_finite() {
 }
 
 #[test]
-fn warm_up_is_the_wash_out_or_what_the_equations_need() {
+fn warm_up_is_the_wash_out_and_a_sample_or_what_the_equations_need() {
     let mut model = model(Cell::Gru { hidden: 3 }, bases()[2].clone(), false);
-    assert_eq!(session(&model).warm_up(), equations().warm_up().max(7));
+    assert_eq!(session(&model).warm_up(), equations().warm_up().max(8));
+    model.wash_out = 1000;
+    assert_eq!(session(&model).warm_up(), 1001);
+    model.wash_out = 1;
+    assert_eq!(session(&model).warm_up(), equations().warm_up());
     model.wash_out = 0;
     assert_eq!(session(&model).warm_up(), equations().warm_up());
     model.base = Base::Hold;
@@ -292,6 +296,10 @@ fn parts_that_contradict_one_another_are_refused() {
     let filter =
         |process, initial, noise: &[f64]| Some(StateFilter { process, initial, noise: noise.to_vec() });
     assert_eq!(refused(&|m| m.state_filter = filter(-1.0, 1.0, &[1.0, 1.0])), number(Part::FilterProcess, 0));
+    for process in [f64::NAN, f64::INFINITY] {
+        let told = refused(&|m| m.state_filter = filter(process, 1.0, &[1.0, 1.0]));
+        assert_eq!(told, number(Part::FilterProcess, 0), "{process}");
+    }
     assert_eq!(refused(&|m| m.state_filter = filter(0.0, 0.0, &[1.0, 1.0])), number(Part::FilterInitial, 0));
     assert_eq!(refused(&|m| m.state_filter = filter(0.0, 1.0, &[1.0, 0.0])), number(Part::FilterNoise, 1));
     assert_eq!(refused(&|m| m.state_filter = filter(0.0, 1.0, &[1.0])), length(Part::FilterNoise, 2, 1));
@@ -299,4 +307,10 @@ fn parts_that_contradict_one_another_are_refused() {
         refused(&|m| (m.base, m.state_filter) = (Base::Hold, filter(0.0, 1.0, &[1.0, 1.0]))),
         RecurrentError::Filter
     );
+    let large = |m: &mut Recurrent| {
+        m.network.cell = Cell::Gru { hidden: 513 };
+        m.weights = vec![0.0; m.network.weights()];
+        m.state_filter = filter(0.0, 1.0, &[1.0, 1.0]);
+    };
+    assert_eq!(refused(&large), RecurrentError::FilterSize { what: "numbers in the state", given: 513 });
 }

@@ -3,7 +3,9 @@
 
 use std::sync::Arc;
 
-use hydroid_core::model::recurrent::{Base, Recurrent, RecurrentSession, Scaling, StateFilter};
+use hydroid_core::model::recurrent::{
+    Base, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
+};
 use hydroid_core::predict::{Predictor, Workspace};
 use safetensors::SafeTensors;
 
@@ -107,6 +109,48 @@ fn missing_channels_are_left_out() {
     println!("mean error in u one sample ahead: {errors:?}");
     assert_eq!(sessions[2].hidden(), frozen.hidden(), "without measurements, open loop");
     assert!(errors[0] < 0.3 * errors[3] && errors[1] < 0.3 * errors[3], "{errors:?}");
+}
+
+/// The filter's scratch was made for as many outputs as the state has numbers.
+#[test]
+fn outputs_may_be_more_than_the_state_has_numbers() {
+    for hidden in [1, 2] {
+        let network = Network { cell: Cell::Gru { hidden }, inputs: 1, outputs: 3, read_out: true };
+        let weights = (0..network.weights()).map(|k| (k as f64).sin()).collect();
+        let ones = vec![1.0; 3];
+        let scaling = Scaling {
+            output_mean: vec![0.0; 3],
+            output_scale: ones.clone(),
+            input_mean: vec![0.0],
+            input_scale: vec![1.0],
+            correction_scale: ones,
+        };
+        let state_filter = Some(StateFilter { process: 1e-3, initial: 1.0, noise: vec![0.01; 3] });
+        let (base, feedback) = (Base::Nothing, false);
+        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1, state_filter };
+        // It follows measurements of the network itself, begun elsewhere.
+        let open = Recurrent { state_filter: None, ..model.clone() };
+        let mut truth = RecurrentSession::new(Arc::new(open.clone())).unwrap();
+        let mut blind = RecurrentSession::new(Arc::new(open)).unwrap();
+        let mut filtered = RecurrentSession::new(Arc::new(model)).unwrap();
+        truth.observe(&[0.0; 3]);
+        (0..20).for_each(|_| truth.advance(&[-1.0]));
+        let mut far = [0.0; 2];
+        for k in 0..10 {
+            let mut y = [0.0; 3];
+            truth.output(&mut y);
+            filtered.observe(&y);
+            truth.advance(&[0.5]);
+            for (session, far) in [&mut filtered, &mut blind].into_iter().zip(&mut far) {
+                session.advance(&[0.5]);
+                if k == 3 {
+                    let ours = session.hidden().iter().zip(truth.hidden());
+                    *far = ours.map(|(a, b)| (a - b).abs()).sum();
+                }
+            }
+        }
+        assert!(far[0] < 0.2 * far[1], "{hidden}: {far:?}");
+    }
 }
 
 /// Numbers beyond all bounds do not end a session: it starts again.

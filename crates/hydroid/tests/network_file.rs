@@ -132,6 +132,18 @@ fn what_was_written_is_read_and_predicts_the_same() {
     }
 }
 
+/// What may be done with a model that was read: a walk with measurements, so that a state filter corrects, and rollouts.
+fn used(model: &Model) {
+    let mut session = model.session();
+    let (n, m) = (session.outputs(), session.inputs());
+    for k in 0..3 {
+        session.observe(&vec![0.1 * f64::from(k); n]);
+        session.advance(&vec![0.2; m]);
+    }
+    session.observe(&vec![0.1; n]);
+    session.rollout(&vec![0.1; 2 * m], &mut Workspace::new(), &mut vec![0.0; 2 * n]);
+}
+
 /// The JSON in a file's head.
 fn head(bytes: &[u8]) -> Value {
     let (_, metadata) = SafeTensors::read_metadata(bytes).unwrap();
@@ -240,7 +252,8 @@ fn single_precision_of_pytorch_is_read() {
 
 #[test]
 fn damage_does_no_harm() {
-    for model in [&models()[2], &models()[11]] {
+    // An LSTM on equations, one with a state filter, a GRU with feedback on equations.
+    for model in [&models()[2], &models()[0], &models()[17]] {
         let whole = bytes(model);
         for at in 0..whole.len() {
             assert!(decoded(&whole[..at]).is_err());
@@ -248,7 +261,7 @@ fn damage_does_no_harm() {
                 let mut damaged = whole.clone();
                 damaged[at] ^= flip;
                 if let Ok(model) = decoded(&damaged) {
-                    rollout(&model, &vec![0.1; 2 * model.description.inputs.len()]);
+                    used(&model);
                 }
             }
         }
@@ -281,9 +294,40 @@ proptest! {
             structure["wash_out"] = json!(wash_out);
         }, |_, _| true);
         if let Ok(model) = decoded(&file) {
-            rollout(&model, &vec![0.1; 2 * model.description.inputs.len()]);
+            used(&model);
         }
     }
+
+    /// Files that are whole, of any sizes, with a state filter or without.
+    #[test]
+    fn sound_files_are_used_without_harm(
+        hidden in 1usize..6,
+        projection in proptest::option::of(1usize..4),
+        layers in 1usize..3,
+        inputs in 1usize..4,
+        outputs in 1usize..5,
+        kind in 0usize..3,
+    ) {
+        let cell = match kind {
+            0 => Cell::Lstm { hidden, projection: projection.filter(|p| *p < hidden) },
+            1 => Cell::Gru { hidden },
+            _ => Cell::Vanilla { hidden, layers },
+        };
+        let network = Network { cell, inputs, outputs, read_out: true };
+        let model = model(network, some_weights(&network), Base::Nothing, false);
+        prop_assert!(model.recurrent().unwrap().state_filter.is_some());
+        used(&decoded(&bytes(&model)).unwrap());
+    }
+}
+
+/// The matrix of a state filter grows with the square of the state, which the bytes of a file do not bound.
+#[test]
+fn a_state_filter_of_a_large_network_is_refused() {
+    let network =
+        Network { cell: Cell::Vanilla { hidden: 9, layers: 60 }, inputs: 1, outputs: 1, read_out: true };
+    let told = refusal(&bytes(&model(network, some_weights(&network), Base::Nothing, false)));
+    assert!(told.contains("at most 512 numbers in the state, not 540"), "{told}");
+    assert!(decoded(&bytes(&model(network, some_weights(&network), Base::Hold, false))).is_ok());
 }
 
 fn golden(name: &str) -> (Value, Vec<u8>) {

@@ -61,7 +61,7 @@ fn the_validation_error_is_that_of_the_evaluation() {
         };
         let trained = train(&job, &settings, None, &mut |_| ControlFlow::Continue(())).unwrap();
         let mut session = RecurrentSession::new(Arc::new(trained.model.clone())).unwrap();
-        let options = Options { horizon: 25, warm_up: 61, ..Options::default() };
+        let options = Options { horizon: 25, ..Options::default() };
         let evaluation = evaluate("trained", &mut session, &ranges, &[&b], &options, &mut silent()).unwrap();
         let (told, score) = (trained.validation, evaluation.score());
         // Other origins, and a hidden state that knows of more than the wash-out.

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::model::{Base, Recurrent};
+use super::model::{Base, Recurrent, StateFilter};
 use super::network::NetworkError;
 
 /// A part of a recurrent model that holds numbers.
@@ -65,7 +65,7 @@ pub enum RecurrentError {
         /// Numbers given.
         given: usize,
     },
-    /// A number is not finite, or not positive where it must be.
+    /// A number is not finite, or not positive (process noise: negative) where it must be.
     Number {
         /// Of what.
         part: Part,
@@ -81,6 +81,13 @@ pub enum RecurrentError {
     },
     /// A state filter on a network that sees its outputs or corrects something.
     Filter,
+    /// A state filter on a larger network than one can be afforded on.
+    FilterSize {
+        /// Of what: `numbers in the state` or `outputs`.
+        what: &'static str,
+        /// How many there are.
+        given: usize,
+    },
 }
 
 impl fmt::Display for RecurrentError {
@@ -94,8 +101,7 @@ impl fmt::Display for RecurrentError {
                 write!(f, "{part}: {expected} numbers expected, {given} given")
             }
             Self::Number { part, index } => {
-                let positive = if part.is_positive() { "positive " } else { "" };
-                write!(f, "{part}: number {index} is not a finite {positive}number")
+                write!(f, "{part}: number {index} is not a finite {}number", part.wanted().0)
             }
             Self::Equations { equations, model } => write!(
                 f,
@@ -104,6 +110,11 @@ impl fmt::Display for RecurrentError {
             ),
             Self::Filter => f.write_str(
                 "a state filter is for networks that give the outputs themselves from inputs alone: leave out the filter, or feedback and base",
+            ),
+            Self::FilterSize { what, given } => write!(
+                f,
+                "a state filter keeps a matrix of the size of the state, and is for at most {} {what}, not {given}: leave it out, or take a smaller network",
+                StateFilter::MOST
             ),
         }
     }
@@ -118,15 +129,21 @@ impl From<NetworkError> for RecurrentError {
 }
 
 impl Part {
-    fn is_positive(self) -> bool {
-        !matches!(self, Self::Weights | Self::OutputMean | Self::InputMean | Self::FilterProcess)
+    /// What its numbers must be, besides finite.
+    fn wanted(self) -> (&'static str, fn(f64) -> bool) {
+        match self {
+            Self::Weights | Self::OutputMean | Self::InputMean => ("", |_| true),
+            Self::FilterProcess => ("non-negative ", |x| x >= 0.0),
+            _ => ("positive ", |x| x > 0.0),
+        }
     }
 
     fn check(self, numbers: &[f64], expected: usize) -> Result<(), RecurrentError> {
         if numbers.len() != expected {
             return Err(RecurrentError::Length { part: self, expected, given: numbers.len() });
         }
-        let bad = |x: &f64| !x.is_finite() || (self.is_positive() && *x <= 0.0);
+        let (_, wanted) = self.wanted();
+        let bad = |x: &f64| !x.is_finite() || !wanted(*x);
         numbers.iter().position(bad).map_or(Ok(()), |index| Err(RecurrentError::Number { part: self, index }))
     }
 }
@@ -169,10 +186,12 @@ impl Recurrent {
             if self.feedback || !matches!(self.base, Base::Nothing) {
                 return Err(RecurrentError::Filter);
             }
-            Part::FilterProcess.check(&[filter.process.max(0.0)], 1)?;
-            if filter.process < 0.0 {
-                return Err(RecurrentError::Number { part: Part::FilterProcess, index: 0 });
+            for (what, given) in [("numbers in the state", self.network.state_len()), ("outputs", outputs)] {
+                if given > StateFilter::MOST {
+                    return Err(RecurrentError::FilterSize { what, given });
+                }
             }
+            Part::FilterProcess.check(&[filter.process], 1)?;
             Part::FilterInitial.check(&[filter.initial], 1)?;
             Part::FilterNoise.check(&filter.noise, outputs)?;
         }

@@ -59,7 +59,8 @@ pub struct Recurrent {
     pub base: Base,
     /// Whether it sees its outputs.
     pub feedback: bool,
-    /// Samples that it must have walked before its hidden state is worth something.
+    /// Samples that it must have walked before its hidden state is worth something: an origin needs as many before it, and
+    /// itself.
     pub wash_out: usize,
     /// Whether measurements correct its hidden state while it walks; without it they enter by feedback and base alone.
     pub state_filter: Option<StateFilter>,
@@ -94,4 +95,10 @@ pub struct StateFilter {
     pub initial: f64,
     /// Variance of each output's measurement noise, in units of `correction_scale` squared.
     pub noise: Vec<f64>,
+}
+
+impl StateFilter {
+    /// The longest state, and the most outputs, of a network with a filter: its memory and its time grow with the square
+    /// and the cube, and a file must not ask for all there is.
+    pub const MOST: usize = 512;
 }

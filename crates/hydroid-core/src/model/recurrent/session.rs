@@ -147,7 +147,8 @@ impl Predictor for RecurrentSession {
 
     fn warm_up(&self) -> usize {
         let base = if let Base::Equations(equations) = &self.model.base { equations.warm_up() } else { 1 };
-        self.model.wash_out.max(base)
+        // Walked, not seen: the sample at which predictions begin comes on top.
+        self.model.wash_out.saturating_add(1).max(base)
     }
 
     fn reset(&mut self) {

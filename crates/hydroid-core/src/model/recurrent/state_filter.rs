@@ -21,7 +21,8 @@ pub(super) struct Covariance {
     linear: Linearization<f64>,
     /// Whether a step was made since the start of the run.
     moved: bool,
-    /// Two matrices of the size of `p`, and what products want.
+    /// Products of `p`, and what they want: `state x state`, and what an update has of outputs, which may be more than the
+    /// state has numbers.
     product: Vec<f64>,
     transposed: Vec<f64>,
     scratch: Vec<f64>,
@@ -57,8 +58,8 @@ impl Covariance {
             p: vec![0.0; n * n],
             linear,
             moved: false,
-            product: vec![0.0; n * n],
-            transposed: vec![0.0; n * n],
+            product: vec![0.0; n.max(outputs).pow(2)],
+            transposed: vec![0.0; n * n.max(outputs)],
             scratch,
             update,
         };
@@ -89,9 +90,10 @@ impl Covariance {
             let change = Change { state: Some(of), ..Change::default() };
             self.linear.times(packed, change, n, into, scratch);
         };
-        times(&self.p, &mut self.product, &mut self.scratch);
-        transpose(n, n, &self.product, &mut self.transposed);
-        times(&self.transposed, &mut self.p, &mut self.scratch);
+        let (product, transposed) = (&mut self.product[..n * n], &mut self.transposed[..n * n]);
+        times(&self.p, product, &mut self.scratch);
+        transpose(n, n, product, transposed);
+        times(transposed, &mut self.p, &mut self.scratch);
         // Both triangles are the same but for rounding; from here on they are the same.
         for i in 0..n {
             self.p[i * n + i] += self.process;

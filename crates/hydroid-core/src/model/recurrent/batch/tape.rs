@@ -69,11 +69,12 @@ impl<T: Scalar> Tape<T> {
     /// A tape for `steps` steps of `sequences` sequences, all numbers zero.
     ///
     /// # Panics
-    /// If the network's sizes cannot be ([`Network::check`]).
+    /// If the network's sizes cannot be ([`Network::check`]), or there is no sequence.
     pub fn new(network: &Network, steps: usize, sequences: usize) -> Self {
         if let Err(error) = network.check() {
             panic!("{error}");
         }
+        assert!(sequences > 0, "a batch of no sequences: give one at least");
         let lanes = padded(sequences);
         let cells = Cells::new(network, lanes);
         let outputs = if network.read_out { network.outputs } else { 0 };
