@@ -1,9 +1,11 @@
 //! Recurrent networks against PyTorch in double precision: files under `/tests/golden/networks`.
 
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Cell, Network, Tape};
-use safetensors::SafeTensors;
-use serde_json::Value;
+use hydroid_core::model::recurrent::{Network, Tape};
+
+mod networks;
+
+use networks::{NAMES, golden_json, golden_weights, network, numbers};
 
 struct Golden {
     network: Network,
@@ -16,39 +18,20 @@ struct Golden {
     loss: f64,
 }
 
-fn numbers(value: &Value) -> Vec<f64> {
-    match value {
-        Value::Array(values) => values.iter().flat_map(numbers).collect(),
-        value => vec![value.as_f64().unwrap()],
-    }
-}
-
-fn golden(name: &str, network: Network) -> Golden {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/golden/networks");
-    let golden: Value =
-        serde_json::from_str(&std::fs::read_to_string(format!("{folder}/{name}_golden.json")).unwrap())
-            .unwrap();
-    let file = std::fs::read(format!("{folder}/{name}_weights.safetensors")).unwrap();
-    let file = SafeTensors::deserialize(&file).unwrap();
-    let (mut weights, mut gradient) = (vec![0.0; network.weights()], vec![0.0; network.weights()]);
-    for tensor in network.tensors() {
-        let view = file.tensor(&tensor.name).unwrap();
-        assert_eq!(view.shape(), tensor.shape(), "{}", tensor.name);
-        for (w, bytes) in weights[tensor.range()].iter_mut().zip(view.data().chunks_exact(8)) {
-            *w = f64::from_le_bytes(bytes.try_into().unwrap());
-        }
-        gradient[tensor.range()].copy_from_slice(&numbers(&golden["loss"]["gradient"][&tensor.name]));
-    }
-    let rows = |name: &str| golden["sequence"][name].as_array().unwrap().iter().map(numbers).collect();
+fn golden(name: &str) -> Golden {
+    let (network, json) = (network(name), golden_json(name));
+    let gradients = network.tensors();
+    let gradient = gradients.iter().flat_map(|tensor| numbers(&json["loss"]["gradient"][&tensor.name]));
+    let rows = |key: &str| json["sequence"][key].as_array().unwrap().iter().map(numbers).collect();
     Golden {
         network,
-        weights,
-        gradient,
+        weights: golden_weights(name),
+        gradient: gradient.collect(),
         input: rows("input"),
         state: rows("state"),
         output: rows("output"),
         target: rows("target"),
-        loss: golden["loss"]["value"].as_f64().unwrap(),
+        loss: json["loss"]["value"].as_f64().unwrap(),
     }
 }
 
@@ -93,27 +76,15 @@ fn differences<T: Scalar>(golden: &Golden, sequences: usize, lane: usize) -> [f6
     [outputs, states, (loss - golden.loss).abs(), gradient]
 }
 
-fn check(name: &str, cell: Cell, read_out: bool) {
-    let golden = golden(name, Network { cell, inputs: 2, outputs: 3, read_out });
-    for (sequences, lane) in [(1, 0), (21, 17)] {
-        let double = differences::<f64>(&golden, sequences, lane);
-        assert!(double.iter().all(|&d| d <= 1e-12), "{name}, f64: {double:?}");
-        let single = differences::<f32>(&golden, sequences, lane);
-        assert!(single.iter().all(|&d| d <= 1e-5), "{name}, f32: {single:?}");
+#[test]
+fn outputs_loss_and_gradients_are_pytorchs() {
+    for name in NAMES {
+        let golden = golden(name);
+        for (sequences, lane) in [(1, 0), (21, 17)] {
+            let double = differences::<f64>(&golden, sequences, lane);
+            assert!(double.iter().all(|&d| d <= 1e-12), "{name}, f64: {double:?}");
+            let single = differences::<f32>(&golden, sequences, lane);
+            assert!(single.iter().all(|&d| d <= 1e-5), "{name}, f32: {single:?}");
+        }
     }
-}
-
-#[test]
-fn lstm_with_projection() {
-    check("lstm", Cell::Lstm { hidden: 18, projection: Some(3) }, false);
-}
-
-#[test]
-fn gru_with_read_out() {
-    check("gru", Cell::Gru { hidden: 18 }, true);
-}
-
-#[test]
-fn vanilla_of_two_layers_with_read_out() {
-    check("rnn", Cell::Vanilla { hidden: 18, layers: 2 }, true);
 }

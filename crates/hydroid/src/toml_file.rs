@@ -30,6 +30,20 @@ pub enum TomlError {
         /// The keys that there are.
         known: Vec<String>,
     },
+    /// A word that there is not.
+    #[error("{}, line {line}: '{value}' is none of the words that this key takes{}; there are {}", path.display(), nearest.as_ref().map(|n| format!(", did you mean \"{n}\"?")).unwrap_or_default(), known.join(", "))]
+    UnknownValue {
+        /// The file.
+        path: PathBuf,
+        /// Line of the word.
+        line: usize,
+        /// The word.
+        value: String,
+        /// The nearest word that there is, if one is near.
+        nearest: Option<String>,
+        /// The words that there are.
+        known: Vec<String>,
+    },
     /// Not TOML, a missing key, or a value of the wrong kind.
     #[error("{}, line {line}: {message}", path.display())]
     Syntax {
@@ -65,14 +79,21 @@ fn explain(text: &str, path: &Path, error: &toml::de::Error) -> TomlError {
     let start = error.span().unwrap_or(0..0).start;
     let line = text.bytes().take(start).filter(|byte| *byte == b'\n').count() + 1;
     let message = error.message();
-    // serde says: unknown field `a`, expected one of `b`, `c`.
-    if let Some((unknown, expected)) =
-        message.strip_prefix("unknown field ").and_then(|rest| rest.split_once(", expected "))
-    {
-        let key = quoted(unknown).next().unwrap_or(unknown).to_owned();
+    // serde says: unknown field `a`, expected one of `b`, `c`; and the same of a variant.
+    for what in ["unknown field ", "unknown variant "] {
+        let Some((unknown, expected)) =
+            message.strip_prefix(what).and_then(|rest| rest.split_once(", expected "))
+        else {
+            continue;
+        };
+        let word = quoted(unknown).next().unwrap_or(unknown).to_owned();
         let known: Vec<String> = quoted(expected).map(str::to_owned).collect();
-        let nearest = nearest(&key, known.iter().map(String::as_str));
-        return TomlError::UnknownKey { path, line, key, nearest, known };
+        let nearest = nearest(&word, known.iter().map(String::as_str));
+        return if what == "unknown field " {
+            TomlError::UnknownKey { path, line, key: word, nearest, known }
+        } else {
+            TomlError::UnknownValue { path, line, value: word, nearest, known }
+        };
     }
     TomlError::Syntax { path, line, message: message.lines().collect::<Vec<_>>().join("; ") }
 }

@@ -28,6 +28,7 @@ fn made(
         let port = |(name, unit): &(&str, &str)| Port {
             channel: Channel::new(*name, *unit),
             range: DesignRange { low: -1.0, high: 1.0 },
+            visited: None,
         };
         channels.iter().map(port).collect()
     };

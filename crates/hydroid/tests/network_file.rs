@@ -26,6 +26,7 @@ fn model(network: Network, weights: Vec<f64>, base: Base, feedback: bool) -> Mod
     let port = |name: String| Port {
         channel: Channel::new(name, "m/s"),
         range: DesignRange { low: -1.0, high: 1.0 / 3.0 },
+        visited: None,
     };
     let state_filter = (base == Base::Nothing && !feedback).then(|| StateFilter {
         process: 1.0 / 3.0,

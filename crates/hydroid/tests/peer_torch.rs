@@ -32,8 +32,11 @@ fn python() -> Option<String> {
 }
 
 fn model(network: Network) -> Model {
-    let port =
-        |name: String| Port { channel: Channel::new(name, ""), range: DesignRange { low: -1.0, high: 1.0 } };
+    let port = |name: String| Port {
+        channel: Channel::new(name, ""),
+        range: DesignRange { low: -1.0, high: 1.0 },
+        visited: None,
+    };
     let (inputs, outputs) = (network.inputs, network.outputs);
     let recurrent = Recurrent {
         network,

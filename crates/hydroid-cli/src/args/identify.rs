@@ -115,7 +115,8 @@ pub struct Identify {
     /// Trainings of each network from different first weights, of which the best is kept (default: 1)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096), help_heading = "Networks")]
     pub restarts: Option<u16>,
-    /// Go on with trainings that were interrupted in the folder of -o; say all else as it was said
+    /// Insist on going on with trainings that were interrupted in the folder of -o: an error if there is none, or one
+    /// of another job. (Without it the same command goes on as well, and another begins anew)
     #[arg(long, help_heading = "Networks")]
     pub resume: bool,
     /// Seed of everything random (default: 0)

@@ -144,12 +144,15 @@ fn show_model(file: &Path, model: &Model) {
         for port in ports {
             // Of a range that was stated the model may have seen a part, or more.
             let meant = if stated.contains(&port.channel.name.as_str()) { "meant" } else { "trained" };
+            let visited =
+                port.visited.map(|seen| format!(", trained from {:.4} to {:.4}", seen.low, seen.high));
             outln!(
-                "{what:<7} {:<12} {:<8} {meant} from {:.4} to {:.4}",
+                "{what:<7} {:<12} {:<8} {meant} from {:.4} to {:.4}{}",
                 port.channel.name,
                 port.channel.unit,
                 port.range.low,
-                port.range.high
+                port.range.high,
+                visited.unwrap_or_default()
             );
         }
     }

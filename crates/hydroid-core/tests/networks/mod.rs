@@ -47,12 +47,21 @@ pub(crate) fn golden_weights(name: &str) -> Vec<f64> {
     weights_of(&network(name), &read(&golden_path(&format!("networks/{name}_weights.safetensors"))))
 }
 
+pub(crate) fn golden_json(name: &str) -> Value {
+    serde_json::from_slice(&read(&golden_path(&format!("networks/{name}_golden.json")))).unwrap()
+}
+
+/// Numbers in lists of any depth, flat.
+pub(crate) fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(values) => values.iter().flat_map(numbers).collect(),
+        value => vec![value.as_f64().unwrap()],
+    }
+}
+
 /// Rows of numbers at `sequence.key` of the golden file, flat.
 pub(crate) fn sequence(name: &str, key: &str) -> Vec<f64> {
-    let text = read(&golden_path(&format!("networks/{name}_golden.json")));
-    let json: Value = serde_json::from_slice(&text).unwrap();
-    let rows = json["sequence"][key].as_array().unwrap();
-    rows.iter().flat_map(|row| row.as_array().unwrap().iter().map(|x| x.as_f64().unwrap())).collect()
+    numbers(&golden_json(name)["sequence"][key])
 }
 
 pub(crate) fn rounded<T: Scalar>(x: &[f64]) -> Vec<T> {

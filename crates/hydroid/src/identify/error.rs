@@ -1,5 +1,7 @@
 //! Why nothing was identified.
 
+use std::path::PathBuf;
+
 use super::Method;
 use crate::evaluate::EvaluateError;
 use crate::sindy::expression::ExpressionError;
@@ -95,6 +97,53 @@ pub enum IdentifyError {
         /// The method.
         method: Method,
     },
+    /// A network that reads inputs alone, on runs without any.
+    #[error(
+        "the logs have no inputs, and a network that does not see its outputs reads nothing else: name inputs (--inputs), or set feedback = true under [{}]",
+        method.name()
+    )]
+    NoInputs {
+        /// The method.
+        method: Method,
+    },
+    /// A horizon that no run can be judged at.
+    #[error(
+        "a horizon of {horizon} samples ({horizon_s} s) cannot be used: the longest of the {part} runs has {longest} samples, and a prediction needs one to start from. Give a horizon of at most {} samples, or longer runs",
+        longest.saturating_sub(1)
+    )]
+    Horizon {
+        /// `validation` or `test`.
+        part: &'static str,
+        /// As given \[samples\].
+        horizon: usize,
+        /// The same \[s\].
+        horizon_s: f64,
+        /// Samples of the longest run.
+        longest: usize,
+    },
+    /// A model whose predictions begin too late in every run of a part to be judged.
+    #[error(
+        "it cannot be judged: before its predictions count it must have seen {warm_up} samples of a run and each output once, and the horizon has {horizon} samples; none of the {part} runs has both (the longest has {longest} samples). Give longer runs, a shorter --horizon, or a network a shorter wash_out_s"
+    )]
+    Unjudged {
+        /// `validation` or `test`.
+        part: &'static str,
+        /// Samples of warm-up.
+        warm_up: usize,
+        /// Longest horizon \[samples\].
+        horizon: usize,
+        /// Samples of the longest run.
+        longest: usize,
+    },
+    /// Nothing to go on with.
+    #[error(
+        "there is no interrupted training in {} to go on with (--resume): leave out --resume, or name its folder with -o",
+        folder.display()
+    )]
+    NoCheckpoint {
+        /// Where trainings are kept.
+        folder: PathBuf,
+    },
     /// No network.
     #[error("{}: {error}", method.name())]
     Train {
@@ -117,11 +166,22 @@ pub enum IdentifyError {
 }
 
 impl IdentifyError {
+    /// Why, where the method was named already.
+    pub(super) fn without_method(&self) -> String {
+        match self {
+            Self::Train { error, .. } => error.to_string(),
+            other => other.to_string(),
+        }
+    }
+
     /// Whether a method came to nothing on these logs, of which another may make something; wrong input, a file that
     /// cannot be used and an interruption are not of this kind.
     pub(super) fn is_of_a_method(&self) -> bool {
         match self {
-            Self::Sindy(SearchError::AllDiverged(_)) | Self::NoBase { .. } => true,
+            Self::Sindy(SearchError::AllDiverged(_))
+            | Self::NoBase { .. }
+            | Self::NoInputs { .. }
+            | Self::Unjudged { .. } => true,
             Self::Train { error, .. } => matches!(
                 error,
                 TrainError::Diverged { .. }

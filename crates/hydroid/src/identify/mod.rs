@@ -138,7 +138,8 @@ pub fn identify_watched(job: &Job, watch: Watch<'_>) -> Result<Identified, Ident
     let methods = methods(job)?;
     let ranges = design::ranges(&job.ranges, &train)?;
     let parts = Parts::new([train, validation, test], &ranges);
-    job.networks.check(&methods, &parts)?;
+    horizon_fits(job, &parts)?;
+    job.networks.check(job, &methods, &parts)?;
     let mut warnings = job.split.notes.clone();
     let mut trained: Vec<Trained> = Vec::new();
     let mut failure = None;
@@ -151,20 +152,29 @@ pub fn identify_watched(job: &Job, watch: Watch<'_>) -> Result<Identified, Ident
         };
         let after = methods[i..].iter().filter(|method| method.cell().is_some()).count();
         let clock = Instant::now();
-        match train_by(method, job, &parts, &trained, (spent_s, after), &mut tell) {
+        match train_by(method, job, &parts, &trained, (spent_s, after), &mut warnings, &mut tell) {
             Ok(next) => {
                 spent_s += next.training.network().map_or(0.0, |trained| trained.seconds);
                 trained.push(next);
             }
             // What one method cannot learn from these logs another may.
             Err(error) if error.is_of_a_method() && methods.len() > 1 => {
-                warnings.push(Note::warning(format!("no model by the method {}: {error}", method.name())));
+                warnings.push(no_model(method.name(), &error));
                 spent_s += method.cell().map_or(0.0, |_| clock.elapsed().as_secs_f64());
                 failure = failure.or(Some(error));
             }
             Err(error) => return Err(error),
         }
     }
+    // Past values ask for a warm-up as well, which is known only now.
+    trained.retain(|model| match can_be_judged(job, &parts, model.model.session().warm_up()) {
+        Ok(()) => true,
+        Err(error) => {
+            warnings.push(no_model(&model.model.description.name, &error));
+            failure.get_or_insert(error);
+            false
+        }
+    });
     if let (true, Some(error)) = (trained.is_empty(), failure) {
         return Err(error);
     }
@@ -200,16 +210,66 @@ fn methods(job: &Job) -> Result<Vec<Method>, IdentifyError> {
 /// A more complex method must lower the validation error by this share at least to be called best.
 const WORTH: f64 = 0.02;
 
-/// The model with the least validation error, the simpler of two that differ by less than [`WORTH`]. The test
-/// runs have no say in which it is; where its rollouts diverge on them, no model is called best.
+/// The model with the least validation error; of two that differ in complexity the simpler one, if it is worse by less
+/// than [`WORTH`]. The test runs have no say in which it is; where its rollouts diverge on them, no model is called best.
 fn best(candidates: &[Candidate]) -> Option<usize> {
-    let mut order: Vec<usize> =
-        (0..candidates.len()).filter(|&i| candidates[i].validation.diverged == 0).collect();
-    order.sort_by_key(|&i| candidates[i].training.complexity());
-    let score = |i: usize| candidates[i].validation.score();
-    let best =
-        order.into_iter().reduce(|best, i| if score(i) < (1.0 - WORTH) * score(best) { i } else { best });
-    best.filter(|&i| candidates[i].test.diverged == 0)
+    let judged = candidates.iter().map(|candidate| {
+        let score = (candidate.validation.diverged == 0).then(|| candidate.validation.score());
+        (candidate.training.complexity(), score)
+    });
+    best_of(&judged.collect::<Vec<_>>()).filter(|&i| candidates[i].test.diverged == 0)
+}
+
+/// The same of complexities and validation errors; what has no error is out of the question.
+fn best_of<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {
+    let mut order: Vec<(usize, &C, f64)> = judged
+        .iter()
+        .enumerate()
+        .filter_map(|(i, (complexity, score))| Some((i, complexity, (*score)?)))
+        .collect();
+    order.sort_by_key(|&(_, complexity, _)| complexity);
+    let better = |best: (usize, &C, f64), next: (usize, &C, f64)| {
+        let least = if next.1 > best.1 { (1.0 - WORTH) * best.2 } else { best.2 };
+        next.2 < least
+    };
+    let best = order.into_iter().reduce(|best, next| if better(best, next) { next } else { best });
+    best.map(|(i, ..)| i)
+}
+
+/// The warning where one method gave nothing that can be used.
+fn no_model(method: &str, error: &IdentifyError) -> Note {
+    Note::warning(format!("no model by the method {method}: {}", error.without_method()))
+}
+
+/// Whether any run of each part that judges is longer than the horizon: before anything is trained.
+fn horizon_fits(job: &Job, parts: &Parts<'_>) -> Result<(), IdentifyError> {
+    for (part, runs) in parts.judging() {
+        let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0);
+        if job.horizon >= longest {
+            let (horizon, horizon_s) = (job.horizon, job.horizon as f64 * runs[0].dt);
+            return Err(IdentifyError::Horizon { part, horizon, horizon_s, longest });
+        }
+    }
+    Ok(())
+}
+
+/// Whether the runs that judge have an origin for a model of so long a warm-up, as
+/// [`evaluate`](fn@crate::evaluate::evaluate) finds them.
+fn can_be_judged(job: &Job, parts: &Parts<'_>, warm_up: usize) -> Result<(), IdentifyError> {
+    let horizon = job.horizon;
+    for (part, runs) in parts.judging() {
+        let has_origin = |run: &&Trajectory| {
+            let seen = |c: usize| run.outputs.column(c).position(|y| !y.is_nan());
+            let all = (0..run.outputs.width()).try_fold(0, |last: usize, c| Some(last.max(seen(c)?)));
+            let first = all.map(|all| all.max(warm_up.saturating_sub(1)));
+            first.is_some_and(|first| first.saturating_add(horizon) < run.len())
+        };
+        if !runs.iter().any(has_origin) {
+            let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0);
+            return Err(IdentifyError::Unjudged { part, warm_up, horizon, longest });
+        }
+    }
+    Ok(())
 }
 
 /// Runs by their use, and ranges.
@@ -233,6 +293,13 @@ impl<'a> Parts<'a> {
         let given = all.iter().filter(|c| c.given).map(|c| c.channel.name.clone()).collect();
         let visited = ranges(&train);
         Self { train, validation, test, ranges: of(false), inputs: of(true), visited, given }
+    }
+}
+
+impl Parts<'_> {
+    /// The runs that judge, by what messages call them.
+    fn judging(&self) -> [(&'static str, &[&Trajectory]); 2] {
+        [("validation", &self.validation), ("test", &self.test)]
     }
 }
 
@@ -278,5 +345,29 @@ impl Identified {
     /// Every output is predicted better than by trivial means, and nothing diverged.
     pub fn sound(&self) -> bool {
         self.best.is_some() && self.verdicts.iter().all(|v| v.grade != Grade::NotIdentified)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::best_of;
+
+    #[test]
+    fn a_more_complex_method_must_be_worth_it_and_equals_are_told_apart_by_their_error() {
+        for (judged, best) in [
+            (&[(0, Some(1.0)), (2, Some(0.985))][..], Some(0)),
+            (&[(0, Some(1.0)), (2, Some(0.975))], Some(1)),
+            // Networks are of one kind: their order changes nothing, however little they differ.
+            (&[(0, Some(1.0)), (2, Some(0.97)), (2, Some(0.96))], Some(2)),
+            (&[(0, Some(1.0)), (2, Some(0.96)), (2, Some(0.97))], Some(1)),
+            (&[(2, Some(0.97)), (2, Some(0.965))], Some(1)),
+            (&[(2, Some(0.965)), (2, Some(0.97))], Some(0)),
+            (&[(2, Some(0.965)), (0, Some(0.97))], Some(1)),
+            (&[(0, None), (2, Some(5.0))], Some(1)),
+            (&[(0, None)], None),
+            (&[], None),
+        ] {
+            assert_eq!(best_of(judged), best, "{judged:?}");
+        }
     }
 }

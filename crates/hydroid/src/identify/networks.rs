@@ -1,12 +1,13 @@
 //! Recurrent networks among the methods: their settings, their share of the time, their training.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use hydroid_core::model::sparse::Equations;
 use serde::{Deserialize, Serialize};
 
-use super::{IdentifyError, Job, Method, Parts};
+use super::{IdentifyError, Job, Method, Parts, can_be_judged};
+use crate::log::Note;
 use crate::train::{self, BaseKind, CellKind, Precision, Schedule, Settings, TrainError, Trained};
 
 /// Settings of networks; what is not given is the default of [`Settings::of`] the cell. See there for what each is.
@@ -80,9 +81,10 @@ pub struct Networks {
     pub rnn: NetworkSettings,
     /// Time for the training of all networks of the job together \[s\].
     pub budget_s: Option<f64>,
-    /// Folder in which interrupted trainings are kept, each in a file of its own.
+    /// Folder in which interrupted trainings are kept, each in a file of its own. A training of the same job goes on from
+    /// there; the file of another gets out of the way, as `NAME.checkpoint.old`.
     pub checkpoints: Option<PathBuf>,
-    /// Whether trainings that were interrupted go on; else they begin anew.
+    /// Whether there must be a training to go on with: none, or one of another job, is an error.
     pub resume: bool,
 }
 
@@ -105,8 +107,13 @@ impl Networks {
         self.checkpoints.as_ref().map(|folder| folder.join(format!("{}.checkpoint", method.name())))
     }
 
-    /// Whether the methods' settings can be, before time is spent on any of them.
-    pub(super) fn check(&self, methods: &[Method], parts: &Parts<'_>) -> Result<(), IdentifyError> {
+    /// Whether the methods' settings can be, and what is to be gone on with is there, before time is spent on any of them.
+    pub(super) fn check(
+        &self,
+        job: &Job,
+        methods: &[Method],
+        parts: &Parts<'_>,
+    ) -> Result<(), IdentifyError> {
         if let Some(budget) = self.budget_s.filter(|budget| !(budget.is_finite() && *budget > 0.0)) {
             let (what, needed) = ("budget", "a positive number of seconds");
             return Err(IdentifyError::Setting { what, value: budget.to_string(), needed });
@@ -118,13 +125,63 @@ impl Networks {
             let settings = self.settings(cell, 0);
             let wrong = |error| IdentifyError::Train { method, error };
             settings.check(run.outputs.width()).map_err(wrong)?;
-            settings.network(run.inputs.width(), run.outputs.width()).map_err(wrong)?;
+            // Runs without inputs are the matter of this method alone, and told when its turn comes.
+            settings.network(run.inputs.width().max(1), run.outputs.width()).map_err(wrong)?;
             if settings.base == BaseKind::Equations && !equations {
                 return Err(IdentifyError::NoBase { method });
             }
         }
-        Ok(())
+        if self.resume { self.check_kept(job, methods, parts) } else { Ok(()) }
     }
+
+    /// Whether there are trainings to go on with, all of this job.
+    fn check_kept(&self, job: &Job, methods: &[Method], parts: &Parts<'_>) -> Result<(), IdentifyError> {
+        let Some(folder) = &self.checkpoints else { return Ok(()) };
+        let mut found = false;
+        for &method in methods {
+            let (Some(cell), Some(path)) = (method.cell(), self.checkpoint(method)) else { continue };
+            if !path.exists() {
+                continue;
+            }
+            found = true;
+            let settings = self.settings(cell, job.seed);
+            let [same_settings, same_data] = task(job, parts, None).is_kept_in(&settings, &path);
+            // What equations the training stood on is not known before they are found again.
+            let reason = match (same_settings, same_data || settings.base == BaseKind::Equations) {
+                (true, true) => continue,
+                (true, false) => {
+                    "it is of a training on other data, with other ranges or on top of equations"
+                }
+                (false, _) => "it is of a training with other settings, or damaged",
+            };
+            let reason =
+                format!("{reason}; go on with the command that it began with, or leave out --resume");
+            return Err(IdentifyError::Train { method, error: TrainError::Checkpoint { path, reason } });
+        }
+        if found { Ok(()) } else { Err(IdentifyError::NoCheckpoint { folder: folder.clone() }) }
+    }
+}
+
+/// What a network is trained on.
+fn task<'a>(job: &Job, parts: &'a Parts<'_>, equations: Option<Arc<Equations>>) -> train::Job<'a> {
+    train::Job {
+        runs: &parts.train,
+        validation: &parts.validation,
+        outputs: &parts.ranges,
+        inputs: &parts.inputs,
+        horizon: job.horizon,
+        equations,
+    }
+}
+
+/// Samples that the model must see before its predictions count: a wash-out as the training will have it, and the sample
+/// at which they begin.
+fn warm_up(settings: &Settings, parts: &Parts<'_>, equations: Option<&Equations>) -> usize {
+    let longest = parts.train.iter().map(|run| run.len()).max().unwrap_or(0);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and it saturates")]
+    let given = settings.wash_out_s.map(|s| (s / parts.train[0].dt).round().min(1e12) as usize);
+    let wash_out = given.unwrap_or(100.min(longest / 8)).max(1);
+    (wash_out + 1).max(equations.map_or(1, Equations::warm_up))
 }
 
 /// Trains a network. `left` is how many trainings of networks share what is left of the budget, this one among them,
@@ -135,6 +192,7 @@ pub(super) fn train(
     method: Method,
     equations: Option<Arc<Equations>>,
     (spent_s, left): (f64, usize),
+    notes: &mut Vec<Note>,
     watch: train::Watch<'_>,
 ) -> Result<(Settings, Trained), IdentifyError> {
     let networks = &job.networks;
@@ -142,29 +200,50 @@ pub(super) fn train(
     if settings.base == BaseKind::Equations && equations.is_none() {
         return Err(IdentifyError::NoBase { method });
     }
+    if parts.train[0].inputs.width() == 0 && !settings.feedback {
+        return Err(IdentifyError::NoInputs { method });
+    }
     // A training that took less than its share leaves the rest to those after it.
     settings.budget_s =
         networks.budget_s.map(|budget| ((budget - spent_s) / left.max(1) as f64).max(1e-3 * budget));
     let equations = equations.filter(|_| settings.base == BaseKind::Equations);
-    let task = train::Job {
-        runs: &parts.train,
-        validation: &parts.validation,
-        outputs: &parts.ranges,
-        inputs: &parts.inputs,
-        horizon: job.horizon,
-        equations,
-    };
+    // Better known before the training than after.
+    can_be_judged(job, parts, warm_up(&settings, parts, equations.as_deref()))?;
+    let task = task(job, parts, equations);
     let checkpoint = networks.checkpoint(method);
-    if let Some(file) = checkpoint.as_ref().filter(|file| !networks.resume && file.exists()) {
-        // Of another job, which this one takes the place of.
-        std::fs::remove_file(file).map_err(|source| IdentifyError::Train {
-            method,
-            error: TrainError::Checkpoint { path: file.clone(), reason: source.to_string() },
-        })?;
-    }
-    let trained = train::train(&task, &settings, checkpoint.as_deref(), watch)
-        .map_err(|error| IdentifyError::Train { method, error })?;
+    let kept = checkpoint.as_deref().filter(|file| file.exists());
+    let wrong = |error| IdentifyError::Train { method, error };
+    let trained = match (train::train(&task, &settings, checkpoint.as_deref(), watch), kept) {
+        // Nobody asked for what is kept there: it makes room, and is not lost.
+        (Err(TrainError::Checkpoint { reason, .. }), Some(file)) if !networks.resume => {
+            notes.push(out_of_the_way(file, &reason).map_err(wrong)?);
+            train::train(&task, &settings, checkpoint.as_deref(), watch)
+        }
+        (Ok(trained), Some(file)) if !networks.resume => {
+            notes.push(Note::info(format!(
+                "{}: went on from {}, an interrupted training of the same job; the result is that of one without interruption",
+                method.name(),
+                file.display()
+            )));
+            Ok(trained)
+        }
+        (result, _) => result,
+    };
+    let trained = trained.map_err(wrong)?;
     Ok((settings, trained))
+}
+
+/// Renames a checkpoint that this training cannot go on from.
+fn out_of_the_way(file: &Path, reason: &str) -> Result<Note, TrainError> {
+    let old = file.with_extension("checkpoint.old");
+    let renamed = std::fs::rename(file, &old);
+    renamed.map_err(|source| TrainError::Checkpoint {
+        path: file.to_owned(),
+        reason: format!("it is of another training and cannot be renamed ({source}): move it away"),
+    })?;
+    // What stands behind the semicolon is what to do where it was to be gone on with.
+    let why = reason.split(';').next().unwrap_or(reason);
+    Ok(Note::info(format!("{} cannot be gone on from ({why}): it is now {}", file.display(), old.display())))
 }
 
 /// What a model file says of its training: enough to make it again. Nothing that changes from run to run is in it.

@@ -6,9 +6,11 @@ use std::time::Instant;
 
 use hydroid_core::model::sparse::Equations;
 
-use super::{Candidate, IdentifyError, Job, Method, Parts, equations, networks as recurrent, recursive};
+use super::{
+    Candidate, IdentifyError, Job, Method, Parts, equations, networks as recurrent, overview, recursive,
+};
 use crate::evaluate::DesignRange;
-use crate::log::{Channel, Trajectory};
+use crate::log::{Channel, Note, Trajectory};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use crate::sindy::Found;
 use crate::train;
@@ -105,7 +107,7 @@ pub(super) struct Trained {
 /// Hears the fraction of a method that is done, and where the training of a network is.
 pub(super) type Tell<'a> = &'a mut dyn FnMut(f64, Option<&train::Status>) -> ControlFlow<()>;
 
-/// Trains by one method; `before` are the models of the methods before it. Of networks, `(spent_s, left)` says what those
+/// Trains by one method; `before` are the models of the methods before it, `notes` hears what the user should know. Of networks, `(spent_s, left)` says what those
 /// before took, and how many are still to be trained, this one among them.
 pub(super) fn train_by(
     method: Method,
@@ -113,6 +115,7 @@ pub(super) fn train_by(
     parts: &Parts<'_>,
     before: &[Trained],
     networks: (f64, usize),
+    notes: &mut Vec<Note>,
     tell: Tell<'_>,
 ) -> Result<Trained, IdentifyError> {
     let clock = Instant::now();
@@ -154,7 +157,7 @@ pub(super) fn train_by(
         Method::Lstm | Method::Gru | Method::Rnn => {
             let base = sparse.map(|found| Arc::new(found.fit.equations.clone()));
             let watch = &mut |status: &train::Status| tell(status.fraction, Some(status));
-            let (settings, trained) = recurrent::train(job, parts, method, base, networks, watch)?;
+            let (settings, trained) = recurrent::train(job, parts, method, base, networks, notes, watch)?;
             let told = recurrent::provenance(job, &settings, &trained);
             let body = Body::Recurrent(Arc::new(trained.model.clone()));
             let score = trained.validation;
@@ -175,14 +178,21 @@ fn describe(
         settings["ranges_given"] = serde_json::json!(parts.given);
     }
     let run = parts.train[0];
-    let port = |(channel, &range): (&Channel, &DesignRange)| Port { channel: channel.clone(), range };
+    let port = |((channel, &range), &visited): ((&Channel, &DesignRange), &DesignRange)| Port {
+        channel: channel.clone(),
+        range,
+        visited: parts.given.contains(&channel.name).then_some(visited),
+    };
+    let ports = |channels: &[Channel], ranges: &[DesignRange], visited: &[DesignRange]| {
+        channels.iter().zip(ranges).zip(visited).map(port).collect()
+    };
     let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
     Model {
         description: Description {
             name: method.name().to_owned(),
             dt: run.dt,
-            outputs: run.outputs.channels().iter().zip(&parts.ranges).map(port).collect(),
-            inputs: run.inputs.channels().iter().zip(&parts.inputs).map(port).collect(),
+            outputs: ports(run.outputs.channels(), &parts.ranges, &parts.visited),
+            inputs: ports(run.inputs.channels(), &parts.inputs, &overview::input_ranges(&parts.train)),
             reading: reading(job, run.dt),
             provenance: Provenance {
                 hydroid: env!("CARGO_PKG_VERSION").to_owned(),

@@ -87,8 +87,11 @@ pub struct Reading {
 pub struct Port {
     /// Name and unit.
     pub channel: Channel,
-    /// Range in which it was trained or is meant to work.
+    /// Range that it is meant for, if one was stated; else that of the training runs.
     pub range: DesignRange,
+    /// Range of the training runs, where another was stated. (Older files do not have it.)
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub visited: Option<DesignRange>,
 }
 
 /// Where a model comes from: enough to make it again.
@@ -126,7 +129,7 @@ impl Model {
         }
     }
 
-    /// Number of coefficients or weights that are not zero.
+    /// Number of coefficients that are not zero; of a network, number of weights.
     pub fn weights(&self) -> usize {
         match &self.body {
             Body::Equations(equations) => equations.active_terms(),
@@ -188,10 +191,11 @@ impl Model {
         Ok(())
     }
 
-    /// A warning where runs leave the range that the model is meant for by more than a tenth of its width.
+    /// A warning where runs leave the range of the training runs by more than a tenth of its width: a range that was stated
+    /// teaches a model nothing. A file that has the stated range alone is taken at its word.
     pub fn outside(&self, runs: &[Trajectory]) -> Option<Note> {
         let beyond = |port: &Port, values: &mut dyn Iterator<Item = f64>| {
-            let range = port.range;
+            let range = port.visited.unwrap_or(port.range);
             let (low, high) = values.fold((f64::NAN, f64::NAN), |(a, b), x| (a.min(x), b.max(x)));
             let far = (range.low - low).max(high - range.high) > 0.1 * (range.high - range.low);
             let name = &port.channel.name;
@@ -212,10 +216,12 @@ impl Model {
             .enumerate()
             .filter_map(|(c, port)| beyond(port, &mut runs.iter().flat_map(|run| run.inputs.column(c))));
         let outside: Vec<String> = outputs.chain(inputs).collect();
+        let ports = self.description.outputs.iter().chain(&self.description.inputs);
+        let old = !self.description.stated().is_empty() && ports.clone().all(|port| port.visited.is_none());
         (!outside.is_empty()).then(|| {
             Note::warning(format!(
                 "these runs leave the range that the model {}, in {}",
-                if self.description.stated().is_empty() { "was trained on" } else { "is meant for" },
+                if old { "is meant for" } else { "was trained on" },
                 outside.join(", ")
             ))
             .with_remedy(

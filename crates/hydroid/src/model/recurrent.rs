@@ -108,6 +108,10 @@ impl Model {
             recurrent.wash_out,
             recurrent.wash_out as f64 * dt
         ));
+        lines.push(String::from(match &recurrent.state_filter {
+            Some(_) => "state filter: measurements correct its hidden state while it walks",
+            None => "no state filter",
+        }));
         lines
     }
 

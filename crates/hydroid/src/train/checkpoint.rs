@@ -113,6 +113,23 @@ impl Keeper {
     }
 }
 
+impl Job<'_> {
+    /// Whether a file is the checkpoint of a training with these settings, and of one on these data (both false where it
+    /// cannot be read as a checkpoint): to know it before time is spent on what the training needs.
+    pub fn is_kept_in(&self, settings: &Settings, path: &Path) -> [bool; 2] {
+        let head = || -> Option<Head> {
+            if !std::fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() <= LARGEST) {
+                return None;
+            }
+            let bytes = std::fs::read(path).ok()?;
+            let (_, metadata) = SafeTensors::read_metadata(&bytes).ok()?;
+            serde_json::from_str(metadata.metadata().as_ref()?.get(KEY)?).ok()
+        };
+        let ours = fingerprints(self, settings);
+        head().map_or([false; 2], |head| [head.settings == ours[0], head.data == ours[1]])
+    }
+}
+
 pub(super) fn encode<T: Scalar>(
     team: &Team<T>,
     epoch: usize,

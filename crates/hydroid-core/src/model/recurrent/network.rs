@@ -57,7 +57,8 @@ pub enum Cell {
     },
 }
 
-/// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`.
+/// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`. (`f` is the transition, `g` the observation
+/// of a state-space model; what is called wash-out is also known as burn-in.)
 ///
 /// Its weights are one flat slice: the tensors of [`tensors`](Self::tensors) one after the other, each row by row,
 /// with PyTorch's names, so that weights travel both ways.

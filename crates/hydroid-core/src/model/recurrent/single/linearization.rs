@@ -31,7 +31,8 @@ use crate::math::Scalar;
 ///
 /// [`step`](Self::step) makes them; the products are [`times`](Self::times), [`transposed_times`](Self::transposed_times),
 /// [`output_times`](Self::output_times) and [`output_transposed_times`](Self::output_transposed_times). They take the
-/// same weights as the step. Nothing allocates but [`new`](Self::new) and the dense matrices.
+/// same weights as the step: products with the Jacobian (jvp) and with its transpose (vjp), of several vectors at a
+/// time. Nothing allocates but [`new`](Self::new) and the dense matrices.
 #[derive(Clone, Debug)]
 pub struct Linearization<T> {
     pub(super) layers: Vec<LayerPartials<T>>,

@@ -57,6 +57,7 @@ impl<T: Scalar> Linearization<T> {
         units * columns + (2 * columns).max(widest.unwrap_or(0).max(units)) + self.shown.len() * columns
     }
 
+    /// Jacobian times matrix (forward mode, `jvp` of other programs, for several columns at a time):
     /// `out = df/dstate change.state + df/dx change.input + df/dweights change.weights` (`state x columns`).
     ///
     /// # Panics

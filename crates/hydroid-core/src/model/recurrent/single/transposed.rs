@@ -31,6 +31,7 @@ impl<T: Scalar> Gradient<'_, T> {
 }
 
 impl<T: Scalar> Linearization<T> {
+    /// Transposed Jacobian times matrix (reverse mode, `vjp` of other programs, for several columns at a time):
     /// `(df/dstate)' w`, `(df/dx)' w` and `(df/dweights)' w` for `w` of `state x columns`.
     ///
     /// # Panics

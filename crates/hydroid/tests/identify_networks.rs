@@ -1,0 +1,237 @@
+//! Networks in an identification: what is refused before anything is trained, and trainings that were interrupted.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use hydroid::identify::{
+    GateSetting, GivenRanges, Identified, IdentifyError, Job, Lags, Members, Method, NetworkSettings,
+    Networks, SindySettings, Word, identify_watched,
+};
+use hydroid::log::{Channel, Split, Table, Trajectory};
+use hydroid::model::Reading;
+use hydroid::train::TrainError;
+
+/// A first-order lag of two outputs under a sum of sines, or left to itself.
+fn run(samples: usize, phase: f64, driven: bool) -> Trajectory {
+    let (mut u, mut v) = if driven { (0.0, 0.0) } else { (phase.sin(), phase.cos()) };
+    let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
+    for k in 0..samples {
+        let t = 0.1 * k as f64 + phase;
+        let c = if driven { 0.6 * (0.7 * t).sin() + 0.4 * (1.9 * t).sin() } else { -v };
+        inputs.push(c);
+        outputs.extend([u, v]);
+        (u, v) = if driven {
+            (u + 0.1 * (c - u), v + 0.1 * (0.8 * u - 1.5 * v))
+        } else {
+            (u + 0.05 * v, v - 0.05 * u)
+        };
+    }
+    let inputs = if driven { Table::new([Channel::new("n", "1/s")], inputs) } else { Table::new([], vec![]) };
+    let outputs = Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], outputs);
+    Trajectory { name: format!("run {phase}"), t0: 0.0, dt: 0.1, outputs, inputs, truth: None }
+}
+
+/// A job of small networks on runs of so many samples.
+fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) -> Job {
+    Job {
+        methods: methods.to_vec(),
+        split: Split {
+            train: vec![run(train, 0.0, driven)],
+            validation: vec![run(validation, 100.0, driven)],
+            test: vec![run(test, 200.0, driven)],
+            notes: Vec::new(),
+        },
+        reading: Reading::default(),
+        horizon: 25,
+        origin_stride: 1,
+        seed: 0,
+        ranges: GivenRanges::new(),
+        sindy: SindySettings {
+            degree: Some(1),
+            lag: Lags::Word(Word::None),
+            gate: GateSetting::Word(Word::None),
+            ridge: Some(1e-6),
+            members: Members(0),
+            ..SindySettings::default()
+        },
+        networks: Networks {
+            all: NetworkSettings { hidden: Some(3), epochs: Some(2), ..NetworkSettings::default() },
+            ..Networks::default()
+        },
+    }
+}
+
+/// The result, and how often a training was heard of.
+fn done(job: &Job) -> (Result<Identified, IdentifyError>, usize) {
+    let mut heard = 0;
+    let result = identify_watched(job, &mut |stage| {
+        heard += usize::from(stage.training.is_some());
+        ControlFlow::Continue(())
+    });
+    (result, heard)
+}
+
+fn notes(identified: &Identified) -> String {
+    identified.warnings.iter().map(|note| format!("{}\n", note.message)).collect()
+}
+
+#[test]
+fn a_horizon_that_no_run_holds_is_refused_for_all_methods() {
+    for (lengths, part) in [([600, 200, 300], "validation"), ([600, 300, 200], "test")] {
+        for horizon in [200, 10_000_000_000, usize::MAX] {
+            for method in [Method::Sindy, Method::Lagged, Method::Recursive, Method::Gru] {
+                let (result, heard) = done(&Job { horizon, ..job(&[method], lengths, true) });
+                let error = result.unwrap_err();
+                assert!(matches!(&error, IdentifyError::Horizon { longest: 200, .. }), "{error}");
+                let told = error.to_string();
+                assert!(told.contains(part) && told.contains("at most 199 samples"), "{told}");
+                assert_eq!(heard, 0);
+            }
+        }
+    }
+}
+
+/// The wash-out by default is an eighth of 400 samples: predictions begin at sample 50, and reach 25 further.
+#[test]
+fn whether_a_network_can_be_judged_is_known_before_it_is_trained() {
+    let (enough, _) = done(&job(&[Method::Gru], [400, 200, 76], true));
+    let gru = &enough.unwrap().candidates[0];
+    assert_eq!((gru.training.network().unwrap().wash_out, gru.test.windows), (50, 1));
+
+    let (refused, heard) = done(&job(&[Method::Gru], [400, 200, 75], true));
+    let told = refused.unwrap_err().to_string();
+    assert!(told.contains("none of the test runs") && told.contains("wash_out_s"), "{told}");
+    assert_eq!(heard, 0, "nothing was trained in vain");
+
+    let (beside, heard) = done(&job(&[Method::Gru, Method::Sindy], [400, 200, 75], true));
+    let beside = beside.unwrap();
+    assert_eq!((beside.candidates.len(), beside.best, heard), (1, Some(0), 0));
+    assert!(notes(&beside).contains("no model by the method gru: it cannot be judged"), "{}", notes(&beside));
+
+    let mut given = job(&[Method::Gru], [400, 200, 75], true);
+    given.networks.gru.wash_out_s = Some(4.9);
+    assert_eq!(done(&given).0.unwrap().candidates[0].test.windows, 1);
+}
+
+#[test]
+fn runs_without_inputs_are_for_networks_with_feedback() {
+    let mut both = job(&[Method::Sindy, Method::Gru], [600, 300, 300], false);
+    let (result, heard) = done(&both);
+    let identified = result.unwrap();
+    assert_eq!((identified.candidates.len(), heard), (1, 0));
+    let told = notes(&identified);
+    assert!(told.contains("no model by the method gru") && told.contains("feedback = true"), "{told}");
+    both.networks.gru.feedback = Some(true);
+    assert_eq!(done(&both).0.unwrap().candidates.len(), 2);
+}
+
+/// A job that keeps its trainings.
+fn kept_job(folder: &Path) -> Job {
+    let mut job = job(&[Method::Gru], [1_200, 300, 300], true);
+    // Long enough to be heard of several times.
+    job.networks.all.epochs = Some(400);
+    job.networks.checkpoints = Some(folder.to_owned());
+    job
+}
+
+fn interrupt(job: &Job) {
+    let error = identify_watched(job, &mut |stage| match stage.training {
+        Some(status) if status.epoch >= 2 => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    });
+    assert!(matches!(error, Err(IdentifyError::Train { error: TrainError::Cancelled(_), .. })));
+}
+
+#[test]
+fn the_same_job_goes_on_and_another_begins_anew() {
+    let whole = done(&job_without_files()).0.unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let (file, old) = (folder.path().join("gru.checkpoint"), folder.path().join("gru.checkpoint.old"));
+    let kept = kept_job(folder.path());
+    interrupt(&kept);
+    assert!(file.exists());
+
+    // Another job leaves it in peace, under another name.
+    let interrupted = std::fs::read(&file).unwrap();
+    let other = done(&Job { seed: 9, ..kept.clone() }).0.unwrap();
+    assert!(notes(&other).contains("gru.checkpoint.old"), "{}", notes(&other));
+    assert_eq!(std::fs::read(&old).unwrap(), interrupted);
+    assert_ne!(other.candidates[0].model.body, whole.candidates[0].model.body);
+
+    // The same job goes on, and says so.
+    std::fs::rename(&old, &file).unwrap();
+    let again = done(&kept).0.unwrap();
+    assert!(notes(&again).contains("gru: went on from"), "{}", notes(&again));
+    assert_eq!(again.candidates[0].model, whole.candidates[0].model);
+    assert!(!old.exists());
+
+    // So does whoever insists; what was asked for needs no note.
+    std::fs::write(&file, &interrupted).unwrap();
+    let mut insists = kept.clone();
+    insists.networks.resume = true;
+    let again = done(&insists).0.unwrap();
+    assert_eq!(again.candidates[0].model, whole.candidates[0].model);
+    assert!(!notes(&again).contains("went on from"));
+
+    // What cannot be read is not lost either.
+    std::fs::write(&file, b"not a checkpoint").unwrap();
+    let anew = done(&kept).0.unwrap();
+    assert_eq!(anew.candidates[0].model, whole.candidates[0].model);
+    assert_eq!(std::fs::read(&old).unwrap(), b"not a checkpoint");
+}
+
+fn job_without_files() -> Job {
+    let mut job = kept_job(Path::new("."));
+    job.networks.checkpoints = None;
+    job
+}
+
+#[test]
+fn insisting_on_what_is_not_there_is_an_error_before_any_search() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut job = kept_job(folder.path());
+    interrupt(&job);
+    job.networks.resume = true;
+    job.methods.insert(0, Method::Sindy);
+    let refused = |job: &Job| {
+        let error = identify_watched(job, &mut |_| panic!("something was begun"));
+        error.unwrap_err().to_string()
+    };
+    let told = refused(&Job { seed: 9, ..job.clone() });
+    assert!(told.contains("other settings") && told.contains("gru.checkpoint"), "{told}");
+    let mut longer = job.clone();
+    longer.split.train = vec![run(1_300, 0.0, true)];
+    assert!(refused(&longer).contains("other data"));
+    std::fs::write(folder.path().join("gru.checkpoint"), b"not a checkpoint").unwrap();
+    assert!(refused(&job).contains("damaged"));
+    std::fs::remove_file(folder.path().join("gru.checkpoint")).unwrap();
+    assert!(refused(&job).contains("no interrupted training"));
+}
+
+/// A range that was stated teaches nothing: leaving the training runs is told all the same.
+#[test]
+fn leaving_the_training_runs_is_told_whatever_ranges_were_stated() {
+    let mut job = job(&[Method::Sindy], [600, 300, 300], true);
+    job.ranges = [("u", "-15:15"), ("n", "-9:9")].map(|(c, r)| (c.to_owned(), r.parse().unwrap())).into();
+    let model = done(&job).0.unwrap().candidates.remove(0).model;
+    let mut fast = run(300, 3.0, true);
+    assert_eq!(model.outside(&[fast.clone()]), None);
+    let faster = (0..300).flat_map(|k| fast.outputs.row(k).iter().map(|y| 3.0 * y)).collect();
+    fast.outputs = Table::new(fast.outputs.channels().to_vec(), faster);
+    let note = model.outside(&[fast.clone()]).unwrap();
+    assert!(note.message.contains("was trained on, in u ("), "{}", note.message);
+    assert!(!note.message.contains("n ("), "{}", note.message);
+
+    // The file keeps both ranges; one that was written before has the stated range alone.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.safetensors");
+    hydroid::model::write(&model, &path).unwrap();
+    let mut again = hydroid::model::read(&path).unwrap();
+    assert_eq!(again, model);
+    assert!(again.description.outputs[0].visited.is_some_and(|range| range.high < 2.0));
+    assert_eq!(again.description.outputs[1].visited, None);
+    again.description.outputs[1].range.high = 100.0;
+    again.description.outputs.iter_mut().chain(&mut again.description.inputs).for_each(|p| p.visited = None);
+    let judged = again.outside(&[fast]);
+    assert!(judged.is_none_or(|note| !note.message.contains(" u (")));
+}
