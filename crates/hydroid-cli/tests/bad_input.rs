@@ -270,6 +270,19 @@ fn plants_and_excitations_that_do_not_exist() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
+/// A horizon that no run can hold is refused before anything is made of it.
+#[test]
+fn absurd_horizons() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(400));
+    for horizon in ["10000000000", "1e300s", "80"] {
+        for methods in ["sindy", "gru", "lagged,recursive,lstm"] {
+            let rest = ["--methods", methods, "--horizon", horizon];
+            refused(folder.path(), &[IDENTIFY, &rest].concat(), &["horizon", "at most 79 samples"]);
+        }
+    }
+}
+
 /// The same samples in two parts of the split would certify what was never tested.
 #[test]
 fn a_log_that_would_judge_itself() {

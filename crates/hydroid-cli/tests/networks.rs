@@ -119,6 +119,8 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
         "sees the inputs alone",
         "wash-out: 10 samples, 1.000 s",
         "meant from",
+        ", trained from",
+        "no state filter",
         "trained for 3 epochs",
     ] {
         assert!(shown.contains(part), "{part}: {shown}");
@@ -206,8 +208,12 @@ fn a_training_that_was_killed_goes_on_to_the_same_model() {
         let refused = done(path, &job(&[&again[..], &["--resume", "--seed", "9"]].concat()), &[2]);
         assert!(String::from_utf8_lossy(&refused.stderr).contains("other settings"));
     }
-    done(path, &job(&[&again[..], &["--resume"]].concat()), &[0, 1]);
+    // What was done before it was seen left nothing to insist on.
+    let resume: &[&str] = if interrupted { &["--resume"] } else { &[] };
+    done(path, &job(&[&again[..], resume].concat()), &[0, 1]);
     assert!(!checkpoint.exists());
+    let refused = done(path, &job(&[&again[..], &["--resume"]].concat()), &[2]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("no interrupted training in killed"));
     assert_eq!(result(path, "whole", &["gru"]), result(path, "killed", &["gru"]));
 }
 
@@ -261,9 +267,17 @@ fn what_one_method_cannot_learn_loses_no_other() {
         "-o",
         "out",
     ];
+    // The model of an earlier job would pass for one of this.
+    fs::create_dir(path.join("out")).unwrap();
+    fs::write(path.join("out/gru.safetensors"), "of an earlier job").unwrap();
     let both = done(path, &job(&[&rest[..], &["--methods", "gru,sindy"]].concat()), &[0, 1]);
     let told = String::from_utf8_lossy(&both.stderr);
-    assert!(told.contains("warning: no model by the method gru") && told.contains("window_s"), "{told}");
+    assert!(
+        told.contains("warning: no model by the method gru: no training run") && told.contains("window_s"),
+        "{told}"
+    );
+    assert!(told.contains("it is now out/gru.safetensors.old"), "{told}");
+    assert_eq!(fs::read_to_string(path.join("out/gru.safetensors.old")).unwrap(), "of an earlier job");
     assert!(path.join("out/sindy.safetensors").exists() && !path.join("out/gru.safetensors").exists());
     let alone = done(path, &job(&[&rest[..], &["--methods", "gru"]].concat()), &[2]);
     assert!(String::from_utf8_lossy(&alone.stderr).contains("window_s"));
@@ -308,7 +322,7 @@ fn wrong_settings_are_told_with_line_and_remedy() {
     let path = folder.path();
     for (text, words) in [
         ("[network]\nhiden = 3\n", ["line 2", "did you mean hidden?"]),
-        ("[gru]\nbase = \"holt\"\n", ["line 2", "hold"]),
+        ("[gru]\nbase = \"holt\"\n", ["line 2", "did you mean \"hold\"?"]),
         ("\n[rangs]\nu = [0, 1]\n", ["line 2", "did you mean ranges?"]),
         ("[ranges]\nv = [0, 1]\nu = [3, 1]\n", ["line 3", "the lower one first"]),
         ("[identify]\nbudget = \"soon\"\n", ["line 2", "5m"]),

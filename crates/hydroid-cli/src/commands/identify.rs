@@ -2,18 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use hydroid::excitation::Excitation;
-use hydroid::identify::{self, Identified, IdentifyError, Job, Members, Method, Networks, SindySettings};
+use hydroid::identify::{self, Identified, Job, Members, Networks, SindySettings};
 use hydroid::log::{InputDelay, Note, Split, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::report::{self, Context};
 use hydroid::simulate::Options;
-use hydroid::train::TrainError;
 use hydroid::{atomic, log};
 use hydroid_core::vessel::VesselParams;
 use serde_json::json;
 
+use super::leftovers::{kept, model_file, resumable, stale};
 use super::{Outcome, simulate, table};
 use crate::args::{Global, Identify, LogArgs};
 use crate::config::{self, Config};
@@ -97,11 +97,11 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let bar = ui::Bar::new("identifying", global);
     let identified = identify::identify_watched(&job, &mut bar.stages());
     drop(bar);
-    let mut identified = identified.map_err(|error| resumable(error, &job))?;
+    let mut identified = identified.map_err(|error| resumable(error.into(), &job))?;
     identified.warnings.extend(stale(&args.output, &job, &identified)?);
     ui::tell(&identified.warnings, global);
-    let page = page(&files, &job, &identified, &notes)?;
-    let summary = write(&args.output, &identified, &notes, &page)?;
+    let page = page(&files, &job, &identified, &notes).map_err(|error| resumable(error, &job))?;
+    let summary = write(&args.output, &identified, &notes, &page).map_err(|error| resumable(error, &job))?;
     // All that they were for is written.
     for file in kept(&job) {
         let _ = std::fs::remove_file(file);
@@ -112,46 +112,6 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         show(&args.output, &identified);
     }
     Ok(if identified.sound() { Outcome::Done } else { Outcome::Missed })
-}
-
-/// The model of an earlier job would pass for one of this: where a method gave none, it gets out of the way.
-fn stale(folder: &Path, job: &Job, identified: &Identified) -> anyhow::Result<Vec<Note>> {
-    let mut notes = Vec::new();
-    for method in &job.methods {
-        let file = model_file(folder, method.name());
-        let made = identified.candidates.iter().any(|c| c.model.description.name == method.name());
-        if made || !file.exists() {
-            continue;
-        }
-        let old = file.with_extension("safetensors.old");
-        std::fs::rename(&file, &old).with_context(|| {
-            format!("{} is of an earlier job and cannot be renamed: move it away", file.display())
-        })?;
-        notes.push(Note::info(format!(
-            "{} was of an earlier job, and this one gave no model by that method: it is now {}",
-            file.display(),
-            old.display()
-        )));
-    }
-    Ok(notes)
-}
-
-/// Trainings that are kept.
-fn kept(job: &Job) -> impl Iterator<Item = PathBuf> {
-    let networks = job.methods.iter().copied().filter(|method| method.cell().is_some());
-    networks.filter_map(|method: Method| job.networks.checkpoint(method)).filter(|file| file.exists())
-}
-
-/// An error after which something is there to go on from says so.
-fn resumable(error: IdentifyError, job: &Job) -> anyhow::Error {
-    // Whoever insisted in vain is told what to do by the error.
-    let in_vain = matches!(&error, IdentifyError::Train { error: TrainError::Checkpoint { .. }, .. });
-    if in_vain || kept(job).next().is_none() {
-        return error.into();
-    }
-    anyhow::Error::from(error).context(
-        "what was trained is kept up to its last epoch: the same command goes on from there (with --resume it insists)",
-    )
 }
 
 /// What the command line says about networks goes before the file, for all of them.
@@ -363,10 +323,6 @@ fn show_ranges(identified: &Identified) {
             if channel.given { "as given" } else { "of the training runs" }
         );
     }
-}
-
-fn model_file(folder: &Path, name: &str) -> PathBuf {
-    folder.join(format!("{name}.safetensors"))
 }
 
 fn show(folder: &Path, identified: &Identified) {

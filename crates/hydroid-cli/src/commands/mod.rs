@@ -4,6 +4,7 @@ mod adapt;
 mod evaluate;
 mod identify;
 mod inspect;
+mod leftovers;
 mod simulate;
 mod table;
 

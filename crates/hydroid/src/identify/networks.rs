@@ -6,7 +6,8 @@ use std::sync::Arc;
 use hydroid_core::model::sparse::Equations;
 use serde::{Deserialize, Serialize};
 
-use super::{IdentifyError, Job, Method, Parts, can_be_judged};
+use super::judge::can_be_judged;
+use super::{IdentifyError, Job, Method, Parts};
 use crate::log::Note;
 use crate::train::{self, BaseKind, CellKind, Precision, Schedule, Settings, TrainError, Trained};
 

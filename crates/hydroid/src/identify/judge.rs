@@ -1,0 +1,136 @@
+//! Judging: which runs can, on what windows they do, and which model is best.
+
+use super::training::Trained;
+use super::{Candidate, IdentifyError, Job, Parts};
+use crate::evaluate::{self, EvaluateError, evaluate};
+use crate::log::Trajectory;
+use crate::progress::Progress;
+use crate::sindy::SearchError;
+
+impl Parts<'_> {
+    /// The runs that judge, by what messages call them.
+    fn judging(&self) -> [(&'static str, &[&Trajectory]); 2] {
+        [("validation", &self.validation), ("test", &self.test)]
+    }
+}
+
+/// Whether any run of each part that judges is longer than the horizon: before anything is trained.
+pub(super) fn horizon_fits(job: &Job, parts: &Parts<'_>) -> Result<(), IdentifyError> {
+    for (part, runs) in parts.judging() {
+        let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0);
+        if job.horizon >= longest {
+            let (horizon, horizon_s) = (job.horizon, job.horizon as f64 * runs[0].dt);
+            return Err(IdentifyError::Horizon { part, horizon, horizon_s, longest });
+        }
+    }
+    Ok(())
+}
+
+/// Whether the runs that judge have an origin for a model of so long a warm-up, as
+/// [`evaluate`](fn@evaluate) finds them.
+pub(super) fn can_be_judged(job: &Job, parts: &Parts<'_>, warm_up: usize) -> Result<(), IdentifyError> {
+    let horizon = job.horizon;
+    for (part, runs) in parts.judging() {
+        let has_origin = |run: &&Trajectory| {
+            let seen = |c: usize| run.outputs.column(c).position(|y| !y.is_nan());
+            let all = (0..run.outputs.width()).try_fold(0, |last: usize, c| Some(last.max(seen(c)?)));
+            let first = all.map(|all| all.max(warm_up.saturating_sub(1)));
+            first.is_some_and(|first| first.saturating_add(horizon) < run.len())
+        };
+        if !runs.iter().any(has_origin) {
+            let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0);
+            return Err(IdentifyError::Unjudged { part, warm_up, horizon, longest });
+        }
+    }
+    Ok(())
+}
+
+/// Judges all models on the same windows: the warm-up is that of the model that needs most.
+pub(super) fn judged(
+    job: &Job,
+    parts: &Parts<'_>,
+    trained: Vec<Trained>,
+    progress: Progress<'_>,
+) -> Result<Vec<Candidate>, IdentifyError> {
+    let warm_up = trained.iter().map(|t| t.model.session().warm_up()).max().unwrap_or(1);
+    let options = evaluate::Options {
+        horizon: job.horizon,
+        origin_stride: job.origin_stride,
+        warm_up,
+        ..evaluate::Options::default()
+    };
+    let count = trained.len() as f64;
+    let mut candidates = Vec::new();
+    for Trained { model, training, train_seconds, .. } in trained {
+        let start = candidates.len() as f64;
+        let mut judge = |part, runs: &[&Trajectory], from: f64| {
+            let mut report = |f: f64| progress((start + from + 0.5 * f) / count);
+            // A session of its own: one that learns must not have seen the other runs.
+            let mut session = model.session();
+            let name = &model.description.name;
+            evaluate(name, session.as_mut(), &parts.ranges, runs, &options, &mut report).map_err(|error| {
+                match error {
+                    EvaluateError::Cancelled(c) => IdentifyError::Sindy(SearchError::Cancelled(c)),
+                    error => IdentifyError::Evaluate { part, error },
+                }
+            })
+        };
+        let validation = judge("validation", &parts.validation, 0.0)?;
+        let test = judge("test", &parts.test, 0.5)?;
+        candidates.push(Candidate { model, training, train_seconds, validation, test });
+    }
+    Ok(candidates)
+}
+
+/// A more complex method must lower the validation error by this share at least to be called best.
+const WORTH: f64 = 0.02;
+
+/// The model with the least validation error; of two that differ in complexity the simpler one, if it is worse by less
+/// than [`WORTH`]. The test runs have no say in which it is; where its rollouts diverge on them, no model is called best.
+pub(super) fn best(candidates: &[Candidate]) -> Option<usize> {
+    let judged = candidates.iter().map(|candidate| {
+        let score = (candidate.validation.diverged == 0).then(|| candidate.validation.score());
+        (candidate.training.complexity(), score)
+    });
+    best_of(&judged.collect::<Vec<_>>()).filter(|&i| candidates[i].test.diverged == 0)
+}
+
+/// The same of complexities and validation errors; what has no error is out of the question.
+fn best_of<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {
+    let mut order: Vec<(usize, &C, f64)> = judged
+        .iter()
+        .enumerate()
+        .filter_map(|(i, (complexity, score))| Some((i, complexity, (*score)?)))
+        .collect();
+    order.sort_by_key(|&(_, complexity, _)| complexity);
+    let better = |best: (usize, &C, f64), next: (usize, &C, f64)| {
+        let least = if next.1 > best.1 { (1.0 - WORTH) * best.2 } else { best.2 };
+        next.2 < least
+    };
+    let best = order.into_iter().reduce(|best, next| if better(best, next) { next } else { best });
+    best.map(|(i, ..)| i)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::best_of;
+
+    #[test]
+    fn a_more_complex_method_must_be_worth_it_and_equals_are_told_apart_by_their_error() {
+        for (judged, best) in [
+            (&[(0, Some(1.0)), (2, Some(0.985))][..], Some(0)),
+            (&[(0, Some(1.0)), (2, Some(0.975))], Some(1)),
+            // Networks are of one kind: their order changes nothing, however little they differ.
+            (&[(0, Some(1.0)), (2, Some(0.97)), (2, Some(0.96))], Some(2)),
+            (&[(0, Some(1.0)), (2, Some(0.96)), (2, Some(0.97))], Some(1)),
+            (&[(2, Some(0.97)), (2, Some(0.965))], Some(1)),
+            (&[(2, Some(0.965)), (2, Some(0.97))], Some(0)),
+            (&[(2, Some(0.965)), (0, Some(0.97))], Some(1)),
+            (&[(0, None), (2, Some(5.0))], Some(1)),
+            (&[(0, None)], None),
+            (&[], None),
+        ] {
+            assert_eq!(best_of(judged), best, "{judged:?}");
+        }
+    }
+}
