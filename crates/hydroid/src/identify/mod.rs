@@ -4,6 +4,7 @@ mod apart;
 mod design;
 mod equations;
 mod error;
+mod formulation;
 mod judge;
 mod method;
 mod networks;

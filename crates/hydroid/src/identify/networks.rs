@@ -6,6 +6,7 @@ use std::sync::Arc;
 use hydroid_core::model::sparse::Equations;
 use serde::{Deserialize, Serialize};
 
+use super::formulation::{choose, formulations};
 use super::judge::can_be_judged;
 use super::{IdentifyError, Job, Method, Parts};
 use crate::log::Note;
@@ -23,7 +24,7 @@ pub struct NetworkSettings {
     pub projection: Option<usize>,
     /// Whether a linear read-out follows the cell.
     pub read_out: Option<bool>,
-    /// Whether the network sees its outputs.
+    /// Whether the network sees its outputs. Where neither this nor `base` is given, short trainings decide.
     pub feedback: Option<bool>,
     /// What it corrects: `"nothing"`, `"hold"` (it gives increments), or `"equations"` (those of the method sindy or
     /// lagged in the same job).
@@ -94,13 +95,23 @@ impl Networks {
     pub fn settings(&self, cell: CellKind, seed: u64) -> Settings {
         let mut settings = Settings { seed, ..Settings::of(cell) };
         self.all.put(&mut settings);
-        let own = match cell {
+        self.own(cell).put(&mut settings);
+        settings
+    }
+
+    /// The settings that a training may have: one where the formulation is given, else one for each that is tried.
+    fn choices(&self, cell: CellKind, seed: u64, inputs: usize) -> Vec<(Settings, &'static str)> {
+        let given = [&self.all, self.own(cell)].iter().any(|s| s.feedback.is_some() || s.base.is_some());
+        formulations(&self.settings(cell, seed), given, inputs)
+    }
+
+    /// What networks with these cells are told.
+    fn own(&self, cell: CellKind) -> &NetworkSettings {
+        match cell {
             CellKind::Lstm => &self.lstm,
             CellKind::Gru => &self.gru,
             CellKind::Rnn => &self.rnn,
-        };
-        own.put(&mut settings);
-        settings
+        }
     }
 
     /// Where an interrupted training of a method is kept.
@@ -145,10 +156,15 @@ impl Networks {
                 continue;
             }
             found = true;
-            let settings = self.settings(cell, job.seed);
-            let [same_settings, same_data] = task(job, parts, None).is_kept_in(&settings, &path);
-            // What equations the training stood on is not known before they are found again.
-            let reason = match (same_settings, same_data || settings.base == BaseKind::Equations) {
+            let task = task(job, parts, None);
+            let kept = self.choices(cell, job.seed, parts.train[0].inputs.width()).into_iter().map(
+                |(settings, _)| {
+                    let [same_settings, same_data] = task.is_kept_in(&settings, &path);
+                    // What equations the training stood on is not known before they are found again.
+                    (same_settings, same_data || settings.base == BaseKind::Equations)
+                },
+            );
+            let reason = match kept.max().unwrap_or_default() {
                 (true, true) => continue,
                 (true, false) => {
                     "it is of a training on other data, with other ranges or on top of equations"
@@ -197,21 +213,30 @@ pub(super) fn train(
     watch: train::Watch<'_>,
 ) -> Result<(Settings, Trained), IdentifyError> {
     let networks = &job.networks;
-    let mut settings = networks.settings(method.cell().unwrap_or_default(), job.seed);
-    if settings.base == BaseKind::Equations && equations.is_none() {
-        return Err(IdentifyError::NoBase { method });
+    let inputs = parts.train[0].inputs.width();
+    let mut choices = networks.choices(method.cell().unwrap_or_default(), job.seed, inputs);
+    for (settings, _) in &mut choices {
+        if settings.base == BaseKind::Equations && equations.is_none() {
+            return Err(IdentifyError::NoBase { method });
+        }
+        if inputs == 0 && !settings.feedback {
+            return Err(IdentifyError::NoInputs { method });
+        }
+        // A training that took less than its share leaves the rest to those after it.
+        settings.budget_s =
+            networks.budget_s.map(|budget| ((budget - spent_s) / left.max(1) as f64).max(1e-3 * budget));
     }
-    if parts.train[0].inputs.width() == 0 && !settings.feedback {
-        return Err(IdentifyError::NoInputs { method });
-    }
-    // A training that took less than its share leaves the rest to those after it.
-    settings.budget_s =
-        networks.budget_s.map(|budget| ((budget - spent_s) / left.max(1) as f64).max(1e-3 * budget));
-    let equations = equations.filter(|_| settings.base == BaseKind::Equations);
+    let equations = equations.filter(|_| choices.iter().any(|(s, _)| s.base == BaseKind::Equations));
     // Better known before the training than after.
-    can_be_judged(job, parts, warm_up(&settings, parts, equations.as_deref()))?;
+    for (settings, _) in &choices {
+        can_be_judged(job, parts, warm_up(settings, parts, equations.as_deref()))?;
+    }
     let task = task(job, parts, equations);
     let checkpoint = networks.checkpoint(method);
+    let (settings, done) = choose(&task, choices, (method, checkpoint.as_deref()), notes, watch)?;
+    let watch = &mut |status: &train::Status| {
+        watch(&train::Status { fraction: done + (1.0 - done) * status.fraction, ..*status })
+    };
     let kept = checkpoint.as_deref().filter(|file| file.exists());
     let wrong = |error| IdentifyError::Train { method, error };
     let trained = match (train::train(&task, &settings, checkpoint.as_deref(), watch), kept) {

@@ -1,0 +1,105 @@
+//! Which formulation a network gets where none is given: the one that short trainings find best.
+//!
+//! No formulation wins everywhere. On a simulated vessel with white noise on its sensors a network that is driven by the
+//! inputs alone, or hears its outputs, predicts best; on real ships, where wind and waves move the vessel too, one that
+//! gives increments of what was measured does (`docs/networks.md` has the figures). What separates them is large,
+//! and shows after a fraction of a training.
+
+use std::path::Path;
+
+use super::{IdentifyError, Method};
+use crate::log::Note;
+use crate::train::{self, BaseKind, Settings, TrainError};
+
+/// Share of the epochs, or of the time, that the training of each formulation gets before one is chosen.
+const TRIAL: f64 = 0.1;
+
+/// What is tried, the simplest first.
+const FORMULATIONS: [(bool, BaseKind, &str); 3] = [
+    (false, BaseKind::Nothing, "inputs alone"),
+    (true, BaseKind::Nothing, "outputs fed back"),
+    (true, BaseKind::Hold, "outputs fed back, increments"),
+];
+
+/// The settings with each formulation that can be; with a formulation that was given, these as they are.
+pub(super) fn formulations(settings: &Settings, given: bool, inputs: usize) -> Vec<(Settings, &'static str)> {
+    if given {
+        return vec![(settings.clone(), "as given")];
+    }
+    let with = |(feedback, base, name)| (Settings { feedback, base, ..settings.clone() }, name);
+    let can_be = |&(feedback, _, _): &(bool, BaseKind, &str)| feedback || inputs > 0;
+    FORMULATIONS.into_iter().filter(can_be).map(with).collect()
+}
+
+/// The settings to train with: of those given the ones with the least validation error after a short training each,
+/// the simpler of equals; and the share of the whole that this has taken. A training that is kept in `checkpoint` has
+/// been through this: its settings are taken.
+pub(super) fn choose(
+    task: &train::Job<'_>,
+    mut choices: Vec<(Settings, &'static str)>,
+    (method, checkpoint): (Method, Option<&Path>),
+    notes: &mut Vec<Note>,
+    watch: train::Watch<'_>,
+) -> Result<(Settings, f64), IdentifyError> {
+    let kept =
+        |settings: &Settings| checkpoint.is_some_and(|file| task.is_kept_in(settings, file) == [true; 2]);
+    if let Some(begun) = choices.iter().position(|(settings, _)| kept(settings)) {
+        return Ok((choices.swap_remove(begun).0, 0.0));
+    }
+    if choices.len() == 1 {
+        return Ok((choices.swap_remove(0).0, 0.0));
+    }
+    let whole = 1.0 + TRIAL * choices.len() as f64;
+    let mut tried: Vec<(f64, usize)> = Vec::new();
+    let mut failure = None;
+    for (i, (settings, _)) in choices.iter().enumerate() {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a count")]
+        let epochs = ((TRIAL * settings.epochs as f64) as usize).max(1);
+        let budget_s = settings.budget_s.map(|budget| TRIAL * budget);
+        let short = Settings { epochs, budget_s, restarts: 1, patience: None, ..settings.clone() };
+        let tell = &mut |status: &train::Status| {
+            watch(&train::Status { fraction: TRIAL * (i as f64 + status.fraction) / whole, ..*status })
+        };
+        match train::train(task, &short, None, tell) {
+            Ok(trained) => tried.push((trained.validation, i)),
+            Err(error @ TrainError::Cancelled(_)) => return Err(IdentifyError::Train { method, error }),
+            Err(error) => failure = Some(error),
+        }
+    }
+    let best = tried.iter().copied().reduce(|best, next| if next.0 < best.0 { next } else { best });
+    let Some((_, best)) = best else {
+        // None can be trained, and the full training would say the same.
+        let settings = choices.swap_remove(0).0;
+        return match failure {
+            Some(error) => Err(IdentifyError::Train { method, error }),
+            None => Ok((settings, 0.0)),
+        };
+    };
+    let told: Vec<String> = tried.iter().map(|&(score, i)| format!("{} {score:.3}", choices[i].1)).collect();
+    notes.push(Note::info(format!(
+        "{}: {}, by the validation error after short trainings: {}; feedback and base in [network] set it",
+        method.name(),
+        choices[best].1,
+        told.join(", ")
+    )));
+    // What the trials took is not there any more.
+    let left = 2.0 - whole;
+    let (mut settings, _) = choices.swap_remove(best);
+    settings.budget_s = settings.budget_s.map(|budget| budget * left);
+    Ok((settings, 1.0 - 1.0 / whole))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_inputs_a_network_must_hear_its_outputs() {
+        let names = |given, inputs| -> Vec<&str> {
+            formulations(&Settings::default(), given, inputs).into_iter().map(|(_, name)| name).collect()
+        };
+        assert_eq!(names(false, 2), ["inputs alone", "outputs fed back", "outputs fed back, increments"]);
+        assert_eq!(names(false, 0), ["outputs fed back", "outputs fed back, increments"]);
+        assert_eq!(names(true, 0), ["as given"]);
+    }
+}
