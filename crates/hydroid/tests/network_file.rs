@@ -17,6 +17,12 @@ use proptest::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::{Value, json};
 
+// The golden files and their readers are those of the core.
+#[path = "../../hydroid-core/tests/networks/mod.rs"]
+mod networks;
+
+use networks::{NAMES, golden_json, golden_path, numbers, read};
+
 const DT: f64 = 0.1;
 
 /// A model around a network, its channels scaled by nothing.
@@ -331,30 +337,13 @@ fn a_state_filter_of_a_large_network_is_refused() {
     assert!(decoded(&bytes(&model(network, some_weights(&network), Base::Hold, false))).is_ok());
 }
 
-fn golden(name: &str) -> (Value, Vec<u8>) {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/golden/networks");
-    let text = std::fs::read_to_string(format!("{folder}/{name}_golden.json")).unwrap();
-    let weights = std::fs::read(format!("{folder}/{name}_weights.safetensors")).unwrap();
-    (serde_json::from_str(&text).unwrap(), weights)
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    match value {
-        Value::Array(values) => values.iter().flat_map(numbers).collect(),
-        value => vec![value.as_f64().unwrap()],
-    }
-}
-
 /// Files that PyTorch wrote become models that give PyTorch's outputs, and what is written of these models holds the very
 /// tensors of PyTorch's file. (`tests/peers/recurrent_golden.py` makes the files.)
 #[test]
 fn weights_travel_from_pytorch_and_back() {
-    for (name, cell, read_out) in [
-        ("lstm", Cell::Lstm { hidden: 18, projection: Some(3) }, false),
-        ("gru", Cell::Gru { hidden: 18 }, true),
-        ("rnn", Cell::Vanilla { hidden: 18, layers: 2 }, true),
-    ] {
-        let (golden, file) = golden(name);
+    for name in NAMES {
+        let golden = golden_json(name);
+        let file = read(&golden_path(&format!("networks/{name}_weights.safetensors")));
         let theirs = SafeTensors::deserialize(&file).unwrap();
         let parts: Vec<(String, Vec<usize>, Vec<f64>)> = theirs
             .iter()
@@ -367,7 +356,7 @@ fn weights_travel_from_pytorch_and_back() {
             .collect();
         let named: Vec<NamedTensor<'_>> =
             parts.iter().map(|(name, shape, values)| NamedTensor { name, shape, values }).collect();
-        let network = Network { cell, inputs: 2, outputs: 3, read_out };
+        let network = networks::network(name);
         let weights = weights_from_torch(&network, &named).unwrap();
         let model = model(network, weights, Base::Nothing, false);
         let written = bytes(&model);
