@@ -6,6 +6,7 @@
 //! | tensor | shape | |
 //! | --- | --- | --- |
 //! | `weights`, `mean`, `square`, `best` | r x w | weights, Adam's moments, best weights so far |
+//! | `balance` | r x n | weights of the n outputs in the next epoch's loss |
 //! | `score` | r | validation error of the best weights |
 //! | `history` | e x 3 | loss, validation error, step size; restart after restart |
 //!
@@ -27,7 +28,7 @@ use super::{Epoch, Job, Settings, TrainError};
 use crate::atomic;
 
 const KEY: &str = "hydroid_training";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Larger files are no checkpoints.
 const LARGEST: u64 = 1 << 32;
 
@@ -145,6 +146,8 @@ pub(super) fn encode<T: Scalar>(
         .flat_map(|epoch| [epoch.train_loss, epoch.validation, epoch.learning_rate])
         .flat_map(f64::to_le_bytes)
         .collect();
+    let balance = members.iter().flat_map(|member| &member.balance);
+    let balance: Vec<u8> = balance.flat_map(|x| x.to_le_bytes()).collect();
     let scores: Vec<u8> = members.iter().flat_map(|member| member.best_score.to_le_bytes()).collect();
     let (r, w) = (members.len(), team.plan.network.weights());
     let tensors = [
@@ -152,6 +155,7 @@ pub(super) fn encode<T: Scalar>(
         ("mean", vec![r, w], table(|member| &member.adam.mean)),
         ("square", vec![r, w], table(|member| &member.adam.square)),
         ("best", vec![r, w], table(|member| &member.best)),
+        ("balance", vec![r, team.plan.shape.outputs], balance),
         ("score", vec![r], scores),
         ("history", vec![epochs.count(), 3], history),
     ];
@@ -207,6 +211,8 @@ pub(super) fn decode<T: Scalar>(
         table("square", &[r, w])?,
         table("best", &[r, w])?,
     ];
+    let n = team.plan.shape.outputs;
+    let balance = table("balance", &[r, n])?;
     let scores = table("score", &[r])?;
     let history = table("history", &[total, 3])?;
     let mut epochs = history.chunks_exact(3).map(|row| Epoch {
@@ -222,6 +228,7 @@ pub(super) fn decode<T: Scalar>(
         member.adam.steps = told.steps;
         member.best = row(&best);
         member.best_score = scores[i];
+        member.balance.copy_from_slice(&balance[i * n..(i + 1) * n]);
         member.best_epoch = told.best_epoch;
         member.history = epochs.by_ref().take(told.epochs).collect();
         member.idle = told.idle;

@@ -36,6 +36,7 @@ mod error;
 mod fingerprint;
 mod init;
 mod judge;
+mod loss;
 mod plan;
 mod random;
 mod scaling;

@@ -7,6 +7,7 @@ use hydroid_core::model::recurrent::Base;
 use hydroid_core::model::sparse::Equations;
 
 use super::judge::Judge;
+use super::loss::Loss;
 use super::team::Plan;
 use super::windows::{ScaledRun, Shape};
 use super::{BaseKind, Job, Settings, TrainError, random, scaling};
@@ -48,10 +49,7 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
         let channel = job.runs[0].outputs.channels()[c].name.clone();
         return Err(TrainError::Constant { channel });
     }
-    let given = |c: usize| settings.channel_weights.get(c).copied().unwrap_or(1.0);
-    // The network works in units of the design range; errors count in standard deviations, as in the score.
-    let channel_weights =
-        (0..outputs).map(|c| given(c) * (scaling.output_scale[c] / deviations[c]).powi(2)).collect();
+    let loss = Loss::new(settings, &scaling, &deviations);
     let shape = Shape {
         outputs,
         inputs,
@@ -76,7 +74,7 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
         return Err(judged.none("validation", &validation));
     }
     let (settings, epochs) = (settings.clone(), settings.epochs);
-    Ok(Plan { settings, network, base, scaling, shape, runs, validation, judge, channel_weights, epochs })
+    Ok(Plan { settings, network, base, scaling, shape, runs, validation, judge, loss, epochs })
 }
 
 fn check(job: &Job<'_>) -> Result<(), TrainError> {

@@ -2,12 +2,13 @@
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Base, Network, Scaling};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
 use super::adam::{Adam, clip};
 use super::judge::Judge;
+use super::loss::{Loss, Sums};
 use super::random::{Purpose, stream};
 use super::unroll::Chunk;
 use super::windows::{ScaledRun, Shape, Window, shuffled};
@@ -34,7 +35,10 @@ pub(super) struct Member<T> {
     pub(super) idle: bool,
     order: Vec<Window>,
     gradient: Vec<T>,
-    loss: f64,
+    /// What each output weighs in the loss beside the settings' weight, over an epoch.
+    pub(super) balance: Vec<f64>,
+    /// Squared errors of the epoch so far, of each output.
+    sums: Vec<Sums>,
     work: Vec<Work<T>>,
     /// How many of them the present batch fills.
     chunks: usize,
@@ -45,7 +49,7 @@ pub(super) struct Member<T> {
 #[derive(Clone, Debug)]
 struct Work<T> {
     chunk: Chunk<T>,
-    loss: f64,
+    sums: Vec<Sums>,
 }
 
 /// All that does not change in a training.
@@ -59,8 +63,7 @@ pub(super) struct Plan<T> {
     pub(super) runs: Vec<ScaledRun<T>>,
     pub(super) validation: Vec<ScaledRun<T>>,
     pub(super) judge: Judge,
-    /// Weight of an output's squared error in scaled units.
-    pub(super) channel_weights: Vec<f64>,
+    pub(super) loss: Loss,
     pub(super) epochs: usize,
 }
 
@@ -110,7 +113,8 @@ impl<T: Scalar> Team<T> {
                     idle: false,
                     order: Vec::new(),
                     gradient: vec![T::zero(); count],
-                    loss: 0.0,
+                    balance: plan.loss.even(),
+                    sums: vec![[0.0; 2]; plan.shape.outputs],
                     work: Vec::new(),
                     chunks: 0,
                     judging: Vec::new(),
@@ -128,7 +132,7 @@ impl<T: Scalar> Team<T> {
         for (restart, member) in self.members.iter_mut().enumerate().filter(|(_, member)| !member.idle) {
             let mut rng = stream(self.plan.settings.seed, Purpose::Order, restart, epoch);
             member.order = shuffled(&windows, &mut rng);
-            member.loss = 0.0;
+            member.sums.fill([0.0; 2]);
         }
         self.batches
     }
@@ -145,19 +149,22 @@ impl<T: Scalar> Team<T> {
             let factor = 1.0 / targets.max(1) as f64;
             let chunks = windows.len().div_ceil(CHUNK);
             while member.work.len() < chunks {
-                member.work.push(Work { chunk: plan.chunk(plan.shape, true), loss: 0.0 });
+                member.work.push(Work {
+                    chunk: plan.chunk(plan.shape, true),
+                    sums: vec![[0.0; 2]; plan.shape.outputs],
+                });
             }
             member.chunks = chunks;
+            let channels = Arc::new(plan.loss.weights(&member.balance));
             for (work, windows) in member.work.iter_mut().zip(windows.chunks(CHUNK)) {
-                tasks.push((work, member.weights.as_slice(), windows, factor));
+                tasks.push((work, member.weights.as_slice(), windows, Arc::clone(&channels), factor));
             }
         }
-        let run = |(work, weights, windows, factor): (&mut Work<T>, &[T], &[Window], f64)| {
+        tasks.into_par_iter().for_each(|(work, weights, windows, channels, factor)| {
             work.chunk.walk(weights, &plan.runs, windows);
-            work.loss = factor * work.chunk.loss(&plan.runs, &plan.channel_weights);
-            work.chunk.backward(&plan.runs, &plan.channel_weights, factor);
-        };
-        tasks.into_par_iter().for_each(run);
+            work.chunk.squares(&plan.runs, &mut work.sums);
+            work.chunk.backward(&plan.runs, &channels, factor);
+        });
     }
 
     /// A step of each member along the gradient of a batch.
@@ -168,7 +175,9 @@ impl<T: Scalar> Team<T> {
         for member in self.members.iter_mut().filter(|member| !member.idle) {
             member.gradient.fill(T::zero());
             for work in &member.work[..member.chunks] {
-                member.loss += work.loss / self.batches as f64;
+                for (sum, part) in member.sums.iter_mut().zip(&work.sums) {
+                    *sum = [sum[0] + part[0], sum[1] + part[1]];
+                }
                 for (sum, &g) in member.gradient.iter_mut().zip(work.chunk.gradient()) {
                     *sum += g;
                 }
@@ -225,7 +234,9 @@ impl<T: Scalar> Team<T> {
         let learning_rate = self.rate(self.batches);
         let patience = self.plan.settings.patience;
         for (member, validation) in self.members.iter_mut().zip(scores).filter(|(member, _)| !member.idle) {
-            member.history.push(Epoch { train_loss: member.loss, validation, learning_rate });
+            let train_loss = self.plan.loss.value(&member.sums);
+            self.plan.loss.rebalance(&member.sums, &mut member.balance);
+            member.history.push(Epoch { train_loss, validation, learning_rate });
             if validation < member.best_score {
                 member.best.clone_from(&member.weights);
                 member.best_score = validation;

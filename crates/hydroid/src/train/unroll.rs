@@ -4,6 +4,7 @@ use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Base, Network, Scaling, Tape};
 
 use super::base::BaseStep;
+use super::loss::Sums;
 use super::windows::{ScaledRun, Shape, Window};
 
 /// Windows side by side, one in each lane: the unit of work of a thread. Its size is fixed, and gradients of chunks
@@ -86,13 +87,14 @@ impl<T: Scalar> Chunk<T> {
         }
     }
 
-    /// The sum of weighted squared errors of the last [`walk`](Self::walk).
-    pub(super) fn loss(&self, runs: &[ScaledRun<T>], channel_weights: &[f64]) -> f64 {
-        let mut sum = 0.0;
+    /// Squared errors of the last [`walk`](Self::walk), and their number, of each output.
+    pub(super) fn squares(&self, runs: &[ScaledRun<T>], sums: &mut [Sums]) {
+        sums.fill([0.0; 2]);
         for step in 0..self.shape.length {
-            self.compare(runs, step, |i, _, error| sum += channel_weights[i] * error.wide().powi(2));
+            self.compare(runs, step, |i, _, error| {
+                sums[i] = [sums[i][0] + error.wide().powi(2), sums[i][1] + 1.0];
+            });
         }
-        sum
     }
 
     fn step(&mut self, k: usize, runs: &[ScaledRun<T>]) {
