@@ -196,7 +196,7 @@ fn what_cannot_be_is_said() {
         train(&job, &base, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
     };
     let moving = run("moving", 900, 1);
-    assert!(one(&[&still], &[&moving]).contains("'u' never changes"));
+    assert!(one(&[&still], &[&moving]).contains("'u' does not move"));
     assert!(one(&[], &[&moving]).contains("no training runs"));
     assert!(one(&[&moving], &[&run("short", 30, 1)]).contains("no validation run is long enough"));
     let slow = Trajectory { dt: 0.2, ..run("slow", 900, 1) };

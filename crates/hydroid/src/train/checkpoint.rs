@@ -29,6 +29,9 @@ use crate::atomic;
 
 const KEY: &str = "hydroid_training";
 const VERSION: u32 = 2;
+const HYDROID: &str = env!("CARGO_PKG_VERSION");
+/// More steps than any training makes; counting on from here overflows nothing.
+const MOST_STEPS: u64 = 1 << 52;
 /// Larger files are no checkpoints.
 const LARGEST: u64 = 1 << 32;
 
@@ -39,6 +42,8 @@ const EVERY: Duration = Duration::from_millis(500);
 #[serde(deny_unknown_fields)]
 struct Head {
     version: u32,
+    /// Version of hydroid: another one may train otherwise.
+    hydroid: String,
     settings: String,
     data: String,
     /// Epochs that are planned, and that are done.
@@ -78,6 +83,11 @@ impl Keeper {
     pub(super) fn resume<T: Scalar>(&self, team: &mut Team<T>) -> Result<Option<usize>, TrainError> {
         let Some(path) = &self.path else { return Ok(None) };
         let wrong = |reason: String| TrainError::Checkpoint { path: path.clone(), reason };
+        if size(team.members.len(), team.plan.network.weights(), team.plan.epochs) > LARGEST {
+            return Err(wrong(String::from(
+                "it would be larger than 4 GiB; give fewer restarts, a smaller network, or no checkpoint",
+            )));
+        }
         let unreadable = |e: io::Error| wrong(format!("it cannot be read ({e}); name another file"));
         match std::fs::metadata(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -114,6 +124,12 @@ impl Keeper {
     }
 }
 
+/// Bytes of a checkpoint of `r` restarts of `w` weights after all epochs, its head left out of account.
+pub(super) fn size(r: usize, w: usize, epochs: usize) -> u64 {
+    let numbers = w.saturating_mul(4).saturating_add(epochs.saturating_mul(3)).saturating_add(1);
+    (r as u64).saturating_mul(numbers as u64).saturating_mul(8)
+}
+
 pub(super) fn encode<T: Scalar>(
     team: &Team<T>,
     epoch: usize,
@@ -123,6 +139,7 @@ pub(super) fn encode<T: Scalar>(
     let members = &team.members;
     let head = Head {
         version: VERSION,
+        hydroid: HYDROID.to_owned(),
         settings,
         data,
         epochs: team.plan.epochs,
@@ -188,6 +205,12 @@ pub(super) fn decode<T: Scalar>(
         ));
     }
     let head: Head = serde_json::from_value(value).map_err(|e| damaged(e.to_string()))?;
+    if head.hydroid != HYDROID {
+        let theirs = &head.hydroid;
+        return Err(format!(
+            "it is of hydroid {theirs}, this is {HYDROID}, which may train otherwise; go on with that version, or remove it to start anew"
+        ));
+    }
     for (what, theirs, ours) in [("settings", &head.settings, &ours[0]), ("data", &head.data, &ours[1])] {
         if theirs != ours {
             return Err(format!(
@@ -200,7 +223,8 @@ pub(super) fn decode<T: Scalar>(
         return Err(damaged(String::from("its numbers of restarts and epochs cannot be")));
     }
     let total = head.members.iter().try_fold(0usize, |sum, member| {
-        let can_be = member.epochs <= head.epoch && member.best_epoch <= member.epochs;
+        let can_be =
+            member.epochs <= head.epoch && member.best_epoch <= member.epochs && member.steps <= MOST_STEPS;
         if can_be { sum.checked_add(member.epochs) } else { None }
     });
     let total = total.ok_or_else(|| damaged(String::from("its epochs do not add up")))?;

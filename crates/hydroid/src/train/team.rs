@@ -45,10 +45,10 @@ pub(super) struct Member<T> {
     judging: Vec<Vec<f64>>,
 }
 
-/// A chunk at work.
+/// What a chunk of windows comes to.
 #[derive(Clone, Debug)]
 struct Work<T> {
-    chunk: Chunk<T>,
+    gradient: Vec<T>,
     sums: Vec<Sums>,
 }
 
@@ -92,8 +92,25 @@ pub(super) struct Team<T> {
     /// Steps of the present epoch.
     batches: usize,
     epoch: usize,
-    /// Chunks for judging that wait for work: as many as there are threads.
-    spare: Mutex<Vec<Chunk<T>>>,
+    /// For learning and for judging.
+    learners: Pool<T>,
+    judges: Pool<T>,
+}
+
+/// Chunks that wait for work: as many as there are threads, however many restarts.
+#[derive(Debug)]
+struct Pool<T>(Mutex<Vec<Chunk<T>>>);
+
+impl<T> Pool<T> {
+    /// Works with a chunk of the pool, or a new one.
+    fn with(&self, new: impl FnOnce() -> Chunk<T>, work: impl FnOnce(&mut Chunk<T>)) {
+        // What a chunk holds is written over: a lock that was poisoned does no harm.
+        let spare = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = spare().pop();
+        let mut chunk = free.unwrap_or_else(new);
+        work(&mut chunk);
+        spare().push(chunk);
+    }
 }
 
 impl<T: Scalar> Team<T> {
@@ -121,7 +138,8 @@ impl<T: Scalar> Team<T> {
                 }
             })
             .collect();
-        Self { plan, members, batches: 0, epoch: 0, spare: Mutex::default() }
+        let [learners, judges] = [0, 1].map(|_| Pool(Mutex::default()));
+        Self { plan, members, batches: 0, epoch: 0, learners, judges }
     }
 
     /// Begins an epoch, counted from 0; gives its number of steps.
@@ -148,11 +166,10 @@ impl<T: Scalar> Team<T> {
             let targets: usize = windows.iter().map(|window| window.targets).sum();
             let factor = 1.0 / targets.max(1) as f64;
             let chunks = windows.len().div_ceil(CHUNK);
+            let count = member.weights.len();
             while member.work.len() < chunks {
-                member.work.push(Work {
-                    chunk: plan.chunk(plan.shape, true),
-                    sums: vec![[0.0; 2]; plan.shape.outputs],
-                });
+                let sums = vec![[0.0; 2]; plan.shape.outputs];
+                member.work.push(Work { gradient: vec![T::zero(); count], sums });
             }
             member.chunks = chunks;
             let channels = Arc::new(plan.loss.weights(&member.balance));
@@ -160,10 +177,15 @@ impl<T: Scalar> Team<T> {
                 tasks.push((work, member.weights.as_slice(), windows, Arc::clone(&channels), factor));
             }
         }
+        let learners = &self.learners;
+        let new = || plan.chunk(plan.shape, true);
         tasks.into_par_iter().for_each(|(work, weights, windows, channels, factor)| {
-            work.chunk.walk(weights, &plan.runs, windows);
-            work.chunk.squares(&plan.runs, &mut work.sums);
-            work.chunk.backward(&plan.runs, &channels, factor);
+            learners.with(new, |chunk| {
+                chunk.walk(weights, &plan.runs, windows);
+                chunk.squares(&plan.runs, &mut work.sums);
+                chunk.backward(&plan.runs, &channels, factor);
+                work.gradient.copy_from_slice(chunk.gradient());
+            });
         });
     }
 
@@ -178,7 +200,7 @@ impl<T: Scalar> Team<T> {
                 for (sum, part) in member.sums.iter_mut().zip(&work.sums) {
                     *sum = [sum[0] + part[0], sum[1] + part[1]];
                 }
-                for (sum, &g) in member.gradient.iter_mut().zip(work.chunk.gradient()) {
+                for (sum, &g) in member.gradient.iter_mut().zip(&work.gradient) {
                     *sum += g;
                 }
             }
@@ -207,15 +229,11 @@ impl<T: Scalar> Team<T> {
                 tasks.push((squares, member.weights.as_slice(), windows));
             }
         }
-        // What a chunk holds is written over: a lock that was poisoned does no harm.
-        let spare = || self.spare.lock().unwrap_or_else(PoisonError::into_inner);
-        let run = |(squares, weights, windows): (&mut Vec<f64>, &[T], &[Window])| {
-            let free = spare().pop();
-            let mut chunk = free.unwrap_or_else(|| plan.chunk(plan.judge.shape, false));
-            plan.judge.squares(&mut chunk, weights, &plan.validation, windows, squares);
-            spare().push(chunk);
-        };
-        tasks.into_par_iter().for_each(run);
+        let judges = &self.judges;
+        let new = || plan.chunk(plan.judge.shape, false);
+        tasks.into_par_iter().for_each(|(squares, weights, windows)| {
+            judges.with(new, |chunk| plan.judge.squares(chunk, weights, &plan.validation, windows, squares));
+        });
         let score = |member: &Member<T>| {
             let mut sums = vec![0.0; cells];
             for squares in &member.judging {

@@ -30,6 +30,8 @@ use super::windows::{ScaledRun, Shape, Window};
 pub(super) struct Chunk<T> {
     shape: Shape,
     feedback: bool,
+    /// Whether all steps are recorded; else one, over and over.
+    back: bool,
     tape: Tape<T>,
     base: BaseStep,
     windows: Vec<Window>,
@@ -42,6 +44,8 @@ pub(super) struct Chunk<T> {
     /// `dL/dp_k` on the way back.
     adjoint: Vec<T>,
     gradient: Vec<T>,
+    /// The state on its way to the next step, where steps are not recorded.
+    state: Vec<T>,
 }
 
 impl<T: Scalar> Chunk<T> {
@@ -56,12 +60,14 @@ impl<T: Scalar> Chunk<T> {
         back: bool,
     ) -> Self {
         let steps = shape.wash_out + shape.length;
-        let tape = Tape::new(network, steps, size);
+        let tape = Tape::new(network, if back { steps } else { 1 }, size);
         let (n, lanes) = (shape.outputs, tape.lanes());
         let zeros = |steps: usize| vec![T::zero(); steps * n * lanes];
         Self {
             shape,
             feedback,
+            back,
+            state: if back { Vec::new() } else { tape.state(0).to_vec() },
             base: BaseStep::new(base, scaling, lanes, if back { steps } else { 0 }),
             tape,
             windows: Vec::with_capacity(size),
@@ -101,7 +107,14 @@ impl<T: Scalar> Chunk<T> {
         let Shape { outputs: n, inputs: m, wash_out, .. } = self.shape;
         let lanes = self.tape.lanes();
         let row = n * lanes;
-        let input = self.tape.input_mut(k);
+        let record = if self.back { k } else { 0 };
+        let used = self.windows.len();
+        let input = self.tape.input_mut(record);
+        // Lanes without a window walk from zero to zero: what an earlier window left there, or made of it, may be no
+        // number, and gradients are summed over lanes.
+        for row in input.chunks_exact_mut(lanes) {
+            row[used..].fill(T::zero());
+        }
         for (lane, window) in self.windows.iter().enumerate() {
             let at = (window.origin - wash_out + k) * m;
             for (i, &value) in runs[window.run].inputs[at..at + m].iter().enumerate() {
@@ -130,7 +143,7 @@ impl<T: Scalar> Chunk<T> {
         if self.feedback {
             input[m * lanes..].copy_from_slice(&self.seen);
         }
-        self.tape.step(k);
+        self.tape.step(record);
         let next = &mut after[..row];
         let windows = &self.windows;
         let command = |lane: usize| {
@@ -139,13 +152,18 @@ impl<T: Scalar> Chunk<T> {
             runs[window.run].commands.get(at..at + m)
         };
         self.base.step(k, &self.seen, command, next);
-        let given = self.tape.output(k);
+        let given = self.tape.output(record);
         for (i, &ratio) in self.base.ratio.iter().enumerate() {
             let ratio = T::of(ratio);
             let range = i * lanes..(i + 1) * lanes;
             for (next, &g) in next[range.clone()].iter_mut().zip(&given[range]) {
                 *next += ratio * g;
             }
+            next[i * lanes + used..(i + 1) * lanes].fill(T::zero());
+        }
+        if !self.back {
+            self.state.copy_from_slice(self.tape.state(1));
+            self.tape.state_mut().copy_from_slice(&self.state);
         }
     }
 
