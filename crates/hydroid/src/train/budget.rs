@@ -13,6 +13,9 @@ const TELL: Duration = Duration::from_millis(50);
 /// Steps by which the time of an epoch is told, after one that warms caches.
 const TRIALS: usize = 4;
 
+/// How much longer than others the first step may take.
+const COLD: f64 = 10.0;
+
 /// Share of a budget that is planned: the rest is for a machine that turns out slower.
 const PLANNED: f64 = 0.94;
 
@@ -65,10 +68,11 @@ impl Clock {
             let begun = Instant::now();
             team.gradients(trial.saturating_sub(1));
             let took = begun.elapsed().as_secs_f64();
-            // The first one warms caches; it counts where it alone is too long.
+            // The first one warms caches; it tells only of what is far too long.
             step = if trial == 0 { took } else { (step * (trial - 1) as f64 + took) / trial as f64 };
             self.epoch = step * batches as f64;
-            if self.seconds() > OVER * budget {
+            let margin = if trial == 0 { COLD } else { 1.0 };
+            if self.seconds() > OVER * budget || self.epoch > margin * budget {
                 return Err(self.no_time());
             }
             watch(team)?;

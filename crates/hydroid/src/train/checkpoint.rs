@@ -29,6 +29,8 @@ use crate::atomic;
 
 const KEY: &str = "hydroid_training";
 const VERSION: u32 = 2;
+const TOO_LARGE: &str =
+    "it would be larger than 4 GiB; give fewer restarts, a smaller network, or no checkpoint";
 const HYDROID: &str = env!("CARGO_PKG_VERSION");
 /// More steps than any training makes; counting on from here overflows nothing.
 const MOST_STEPS: u64 = 1 << 52;
@@ -83,10 +85,9 @@ impl Keeper {
     pub(super) fn resume<T: Scalar>(&self, team: &mut Team<T>) -> Result<Option<usize>, TrainError> {
         let Some(path) = &self.path else { return Ok(None) };
         let wrong = |reason: String| TrainError::Checkpoint { path: path.clone(), reason };
-        if size(team.members.len(), team.plan.network.weights(), team.plan.epochs) > LARGEST {
-            return Err(wrong(String::from(
-                "it would be larger than 4 GiB; give fewer restarts, a smaller network, or no checkpoint",
-            )));
+        // The rest, a few numbers for each epoch, is looked at when it is there.
+        if size(team.members.len(), team.plan.network.weights()) > LARGEST {
+            return Err(wrong(TOO_LARGE.to_owned()));
         }
         let unreadable = |e: io::Error| wrong(format!("it cannot be read ({e}); name another file"));
         match std::fs::metadata(path) {
@@ -110,7 +111,11 @@ impl Keeper {
         let Some(path) = &self.path else { return Ok(()) };
         let encoded = encode(team, epoch, &self.fingerprints);
         let source = |source| atomic::WriteError { path: path.clone(), source };
-        self.pending = Some(encoded.map_err(source)?);
+        let bytes = encoded.map_err(source)?;
+        if bytes.len() as u64 > LARGEST {
+            return Err(TrainError::Checkpoint { path: path.clone(), reason: TOO_LARGE.to_owned() });
+        }
+        self.pending = Some(bytes);
         if self.written.elapsed() >= EVERY { self.flush() } else { Ok(()) }
     }
 
@@ -124,10 +129,9 @@ impl Keeper {
     }
 }
 
-/// Bytes of a checkpoint of `r` restarts of `w` weights after all epochs, its head left out of account.
-pub(super) fn size(r: usize, w: usize, epochs: usize) -> u64 {
-    let numbers = w.saturating_mul(4).saturating_add(epochs.saturating_mul(3)).saturating_add(1);
-    (r as u64).saturating_mul(numbers as u64).saturating_mul(8)
+/// Bytes of the tables of `r` restarts of `w` weights.
+fn size(r: usize, w: usize) -> u64 {
+    (r as u64).saturating_mul(w as u64).saturating_mul(4 * 8)
 }
 
 pub(super) fn encode<T: Scalar>(

@@ -138,7 +138,7 @@ pub enum TrainError {
         epoch_s: f64,
     },
     /// The checkpoint cannot be used.
-    #[error("cannot go on from checkpoint {}: {reason}", path.display())]
+    #[error("cannot use checkpoint {}: {reason}", path.display())]
     Checkpoint {
         /// The file.
         path: PathBuf,

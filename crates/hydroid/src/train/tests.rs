@@ -112,6 +112,42 @@ fn gradients_are_differences_of_the_loss() {
     println!("largest difference: {worst:e} of the gradient");
 }
 
+/// A batch that ends in few windows, after one in which everything was lost.
+#[test]
+fn lanes_without_a_window_count_for_nothing() {
+    for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
+        for feedback in [false, true] {
+            let plan = plan_of(&Settings { feedback, base, ..small(CellKind::Gru) }, &[(10, 1)]);
+            let chunk =
+                |back| Chunk::new(&plan.network, &plan.base, &plan.scaling, feedback, plan.shape, 20, back);
+            let weights =
+                init::weights::<f64>(&plan.network, &mut random::stream(3, random::Purpose::Weights, 0, 0));
+            let windows = plan.shape.every(&plan.runs, 7);
+            let go = |chunk: &mut Chunk<f64>| {
+                chunk.walk(&weights, &plan.runs, &windows[..3]);
+                chunk.backward(&plan.runs, &channel_weights(&plan), 0.7);
+                let mut sums = [[0.0; 2]; 2];
+                chunk.squares(&plan.runs, &mut sums);
+                (chunk.gradient().to_vec(), sums)
+            };
+            let mut used = chunk(true);
+            for scale in [f64::NAN, 1e200] {
+                let wild: Vec<f64> = weights.iter().map(|w| scale * w).collect();
+                used.walk(&wild, &plan.runs, &windows);
+                used.backward(&plan.runs, &channel_weights(&plan), 0.7);
+            }
+            let (gradient, sums) = go(&mut used);
+            assert!(gradient.iter().all(|g| g.is_finite()));
+            assert_eq!((&gradient, sums), (&go(&mut chunk(true)).0, sums), "{base:?} {feedback}");
+            // The same walk without a record of it.
+            let (mut forward, mut others) = (chunk(false), [[0.0; 2]; 2]);
+            forward.walk(&weights, &plan.runs, &windows[..3]);
+            forward.squares(&plan.runs, &mut others);
+            assert_eq!(others, sums, "{base:?} {feedback}");
+        }
+    }
+}
+
 fn team(settings: &Settings) -> Team<f64> {
     Team::new(plan_of(settings, &[]))
 }
@@ -138,6 +174,18 @@ fn a_checkpoint_holds_all_of_the_state() {
     };
     assert!(told(["a", "c"]).contains("other data"));
     assert!(told(["c", "b"]).contains("other settings"));
+    // The balance is of the epoch that was, no longer even.
+    assert_ne!(other.members[0].balance, [1.0; 2]);
+    other.members[1].adam.steps = u64::MAX;
+    let wild = checkpoint::encode(&other, 1, &prints).unwrap();
+    let refused = checkpoint::decode(&wild, &prints, &mut team(&settings)).unwrap_err();
+    assert!(refused.contains("damaged"), "{refused}");
+    let version = concat!("hydroid\\\":\\\"", env!("CARGO_PKG_VERSION"));
+    let at = bytes.windows(version.len()).position(|part| part == version.as_bytes()).unwrap();
+    let mut older = bytes;
+    older[at + version.len() - 1] ^= 1;
+    let refused = checkpoint::decode(&older, &prints, &mut team(&settings)).unwrap_err();
+    assert!(refused.contains("of hydroid 0."), "{refused}");
 }
 
 proptest! {
