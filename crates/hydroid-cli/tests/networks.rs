@@ -189,28 +189,37 @@ fn kept(child: &mut Child, file: &Path) -> bool {
     panic!("neither done nor kept in five minutes");
 }
 
+/// Epochs that are done, and planned, by a checkpoint.
+fn epochs(checkpoint: &Path) -> [u64; 2] {
+    let bytes = fs::read(checkpoint).unwrap();
+    let (length, rest) = bytes.split_first_chunk().unwrap();
+    let length = usize::try_from(u64::from_le_bytes(*length)).unwrap();
+    let header: Value = serde_json::from_slice(&rest[..length]).unwrap();
+    let head = header["__metadata__"]["hydroid_training"].as_str().unwrap();
+    let head: Value = serde_json::from_str(head).unwrap();
+    ["epoch", "epochs"].map(|key| head[key].as_u64().unwrap())
+}
+
 #[test]
 fn a_training_that_was_killed_goes_on_to_the_same_model() {
     let folder = folder();
     let path = folder.path();
-    // Long enough to be interrupted: the first checkpoint is written after half a second.
-    let rest = ["-c", "small.toml", "--methods", "gru", "--epochs", "60", "-o"];
+    // Seconds long: the first checkpoint is written after half of one.
+    let rest = ["-c", "small.toml", "--methods", "gru", "--epochs", "4000", "-o"];
     done(path, &job(&[&rest[..], &["whole"]].concat()), &[0, 1]);
     let again = [&rest[..], &["killed"]].concat();
     let checkpoint = path.join("killed/gru.checkpoint");
     let mut child = start(path, &job(&again));
-    let interrupted = kept(&mut child, &checkpoint);
+    assert!(kept(&mut child, &checkpoint), "the training was over before it could be killed");
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(!interrupted || !path.join("killed/identify.json").exists());
+    let [epoch, planned] = epochs(&checkpoint);
+    assert!(0 < epoch && epoch < planned, "killed after {epoch} of {planned} epochs");
+    assert!(!path.join("killed/identify.json").exists());
     // Other settings are no way to go on.
-    if interrupted {
-        let refused = done(path, &job(&[&again[..], &["--resume", "--seed", "9"]].concat()), &[2]);
-        assert!(String::from_utf8_lossy(&refused.stderr).contains("other settings"));
-    }
-    // What was done before it was seen left nothing to insist on.
-    let resume: &[&str] = if interrupted { &["--resume"] } else { &[] };
-    done(path, &job(&[&again[..], resume].concat()), &[0, 1]);
+    let refused = done(path, &job(&[&again[..], &["--resume", "--seed", "9"]].concat()), &[2]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("other settings"));
+    done(path, &job(&[&again[..], &["--resume"]].concat()), &[0, 1]);
     assert!(!checkpoint.exists());
     let refused = done(path, &job(&[&again[..], &["--resume"]].concat()), &[2]);
     assert!(String::from_utf8_lossy(&refused.stderr).contains("no interrupted training in killed"));

@@ -16,7 +16,7 @@ use std::path::Path;
 
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
-use hydroid::train::{Job, Settings, Trained, train};
+use hydroid::train::{BaseKind, Job, Settings, Trained, train};
 use hydroid_core::model::recurrent::Rollout;
 
 const WARM_UP: usize = 100;
@@ -36,8 +36,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     let settings: Settings = toml::from_str(&text)?;
+    if settings.feedback || settings.base != BaseKind::Nothing {
+        return Err(
+            "only networks without feedback and base are judged here: for others, `hydroid identify`".into(),
+        );
+    }
     let (runs, validation) = (read(train_log)?, read(validation_log)?);
     let tests: Vec<Trajectory> = test_logs.split(',').map(read).collect::<Result<_, _>>()?;
+    if let Some(short) = tests.iter().find(|test| test.len() <= WARM_UP + HORIZON) {
+        let needed = WARM_UP + HORIZON + 1;
+        return Err(format!("{} has {} samples: give at least {needed}", short.name, short.len()).into());
+    }
     let range = |low, high| DesignRange { low, high };
     let outputs = [range(0.0, 6.0), range(-1.5, 1.5), range(-1.0, 1.0)];
     let inputs = [range(-130.0, 350.0), range(-FRAC_PI_6, FRAC_PI_6)];

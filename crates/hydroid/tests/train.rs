@@ -131,6 +131,7 @@ fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
             assert!(interruptions < 20);
         };
         same(&whole, &parts);
+        assert!(interruptions > 0, "the training was over before it could be interrupted");
         // What is done stays done.
         same(&whole, &with(&settings, Some(&path), &mut |_| ControlFlow::Break(())).unwrap());
         let other = Settings { learning_rate: 0.01, ..settings };
@@ -150,14 +151,41 @@ fn a_budget_is_kept_and_its_epochs_can_be_repeated() {
     // Machines that run tests are busy with other things: twice the time is still kept as time goes.
     assert!(begun.elapsed().as_secs_f64() < 2.0, "{:?}", begun.elapsed());
     assert!(trained.epochs < 1_000_000);
+    let again = go(&Settings { epochs: trained.epochs, budget_s: None, ..settings.clone() });
+    // A machine that got slower on the way ends before the last epoch.
+    assert_eq!(again.history[..trained.history.len()], trained.history);
     if trained.ending == Ending::Done {
-        let again = go(&Settings { epochs: trained.epochs, budget_s: None, ..settings.clone() });
-        assert_eq!(again.history, trained.history);
         assert_eq!(again.model, trained.model);
     }
-    let error =
-        with(&Settings { budget_s: Some(1e-6), ..settings }, None, &mut |_| ControlFlow::Continue(()));
-    assert!(matches!(error, Err(TrainError::NoTime { .. })));
+    let little = Settings { budget_s: Some(1e-6), ..settings.clone() };
+    let error = with(&little, None, &mut |_| ControlFlow::Continue(())).unwrap_err();
+    assert!(matches!(error, TrainError::NoTime { epoch_s, .. } if epoch_s > 1e-6), "{error}");
+    // Steps that are tried can be interrupted.
+    let stopped = with(&settings, None, &mut |status| {
+        assert_eq!(status.fraction, 0.0);
+        ControlFlow::Break(())
+    });
+    assert!(matches!(stopped, Err(TrainError::Cancelled(_))));
+}
+
+/// A budget that is too small for an epoch is not spent first.
+#[test]
+fn a_budget_without_an_epoch_is_refused_at_once() {
+    let settings =
+        Settings { hidden: 300, budget_s: Some(10.0), window_s: Some(30.0), ..settings(CellKind::Lstm) };
+    let begun = Instant::now();
+    let long = run("long", 800_000, 1);
+    let job = Job {
+        runs: &[&long],
+        validation: &[&run("c", 400, 3)],
+        outputs: &OUTPUTS,
+        inputs: &INPUTS,
+        horizon: 20,
+        equations: None,
+    };
+    let error = train(&job, &settings, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
+    assert!(error.contains("which takes about"), "{error}");
+    assert!(begun.elapsed().as_secs_f64() < 9.0, "{:?}", begun.elapsed());
 }
 
 #[test]
@@ -180,6 +208,10 @@ fn what_cannot_be_is_said() {
         told(settings)
     };
     assert!(of(|s| s.window_s = Some(1e4)).contains("needs 100021 samples"));
+    assert!(of(|s| s.window_s = Some(1e4)).contains("or a shorter wash_out_s or window_s"));
+    assert!(
+        of(|s| s.patience = Some(0)).contains("patience = 0 cannot be: give at least 1, or leave it out")
+    );
     assert!(of(|s| s.batch = 0).contains("batch = 0"));
     assert!(of(|s| s.hidden = 0).contains("at least 1"));
     assert!(of(|s| s.layers = Some(2)).contains("only rnn has layers"));
@@ -188,15 +220,35 @@ fn what_cannot_be_is_said() {
     assert!(of(|s| s.channel_weights = vec![1.0]).contains("one number for each output"));
     assert!(of(|s| s.base = BaseKind::Equations).contains("none are given"));
     let still = Trajectory {
-        outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], vec![0.0; 1800]),
+        // The mean of so many tenths is no tenth.
+        outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], vec![0.1; 1800]),
         ..run("still", 900, 1)
     };
+    let horizon = |horizon: usize, validation: &Trajectory| {
+        let runs = &[&run("moving", 900, 1)];
+        let job = Job {
+            runs,
+            validation: &[validation],
+            outputs: &OUTPUTS,
+            inputs: &INPUTS,
+            horizon,
+            equations: None,
+        };
+        train(&job, &base, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
+    };
+    for told in [horizon(usize::MAX, &run("b", 500, 2)), horizon(20, &run("short", 30, 1))] {
+        assert!(told.contains("shorter wash_out_s or horizon (--horizon)"), "{told}");
+    }
+    for (origins, validation) in [("1 origins", &run("one", 41, 2)), ("origins", &still)] {
+        let told = horizon(20, validation);
+        assert!(told.contains(origins) && told.contains("a shorter horizon (--horizon)"), "{told}");
+    }
     let one = |runs: &[&Trajectory], validation: &[&Trajectory]| {
         let job = Job { runs, validation, outputs: &OUTPUTS, inputs: &INPUTS, horizon: 20, equations: None };
         train(&job, &base, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
     };
     let moving = run("moving", 900, 1);
-    assert!(one(&[&still], &[&moving]).contains("'u' never changes"));
+    assert!(one(&[&still], &[&moving]).contains("'u' does not move"));
     assert!(one(&[], &[&moving]).contains("no training runs"));
     assert!(one(&[&moving], &[&run("short", 30, 1)]).contains("no validation run is long enough"));
     let slow = Trajectory { dt: 0.2, ..run("slow", 900, 1) };

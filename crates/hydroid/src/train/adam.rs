@@ -38,13 +38,14 @@ impl<T: Scalar> Adam<T> {
         // Factors of the whole step, so that a weight costs one root and one division.
         let size = T::of(rate / (1.0 - b1.powf(t)));
         let unbias = T::of((1.0 / (1.0 - b2.powf(t))).sqrt());
-        let (keep, epsilon) = (T::of(1.0 - rate * decay), T::of(EPSILON));
+        // Added to the step: 1 - a d rounds to 1 in single precision where a d is less than 3e-8.
+        let (shrink, epsilon) = (T::of(rate * decay), T::of(EPSILON));
         let (b1, b2, one) = (T::of(b1), T::of(b2), T::one());
         let moments = self.mean.iter_mut().zip(&mut self.square);
         for ((w, &g), (m, v)) in weights.iter_mut().zip(gradient).zip(moments) {
             *m = b1 * *m + (one - b1) * g;
             *v = b2 * *v + (one - b2) * g * g;
-            *w = keep * *w - size * *m / (v.sqrt() * unbias + epsilon);
+            *w = *w - (shrink * *w + size * *m / (v.sqrt() * unbias + epsilon));
         }
     }
 }
@@ -83,6 +84,21 @@ mod tests {
         let (mut adam, mut w) = (Adam::new(2), [0.0f64; 2]);
         adam.step(&mut w, &[1e-3, -1e3], 0.01, 0.0);
         assert!((w[0] + 0.01).abs() < 1e-6 && (w[1] - 0.01).abs() < 1e-6);
+    }
+
+    /// A decay of a hundred-millionth a step, in weights that tell less than that apart: the steps carry it.
+    #[test]
+    fn little_decay_acts_in_single_precision() {
+        let end = |decay: f64| {
+            let (mut adam, mut w, mut state) = (Adam::new(1), [1.0f32], 1u64);
+            for _ in 0..100_000 {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                adam.step(&mut w, &[(state >> 33) as f32 / (1u64 << 30) as f32 - 1.0], 1e-4, decay);
+            }
+            f64::from(w[0])
+        };
+        let ratio = end(1e-4) / end(0.0);
+        assert!((ratio - (-1e-3f64).exp()).abs() < 1e-4, "{ratio}");
     }
 
     #[test]

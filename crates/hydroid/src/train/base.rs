@@ -19,7 +19,9 @@ const DIFFERENCE: f64 = 1e-5;
 ///
 /// On the way back `a` becomes `(db/dz)' a`. That of equations is by central differences of a whole sample, which is
 /// exact to 1e-9 and knows of gates and substeps; what a *past* output among the equations' signals passes on to later
-/// samples is left out of it, so that the gradient of such equations is approximate (of lags of commands nothing is).
+/// samples is left out of it, so that the gradient of such equations is approximate: it lacks what the network's correction of one
+/// sample does through the past of a later one, of the size of that term's coefficient times the sample time. (Of lags
+/// of commands nothing is left out.) The loss is exact in any case, and so is the choice of weights.
 #[derive(Clone, Debug)]
 pub(super) struct BaseStep {
     kind: Kind,
@@ -44,6 +46,8 @@ struct Grey {
     states: Vec<f64>,
     scratch: Vec<f64>,
     trial: Vec<f64>,
+    /// `(db/dz)' a` of a lane.
+    sums: Vec<f64>,
     /// `d z+_i / d z_j` of each step, `steps x outputs x outputs x lanes`; empty where nobody goes back.
     derivatives: Vec<f64>,
 }
@@ -63,6 +67,7 @@ impl BaseStep {
                     lanes,
                     states: vec![f64::NAN; lanes * equations.state_len()],
                     scratch: vec![0.0; equations.scratch()],
+                    sums: vec![0.0; n],
                     trial: vec![0.0; 2 * equations.state_len()],
                     derivatives: vec![0.0; steps * n * n * lanes],
                     equations: Equations::clone(equations),
@@ -100,8 +105,8 @@ impl BaseStep {
     }
 
     /// Step `k` back: `a <- (db/dz)' a`.
-    pub(super) fn back<T: Scalar>(&self, k: usize, a: &mut [T]) {
-        match &self.kind {
+    pub(super) fn back<T: Scalar>(&mut self, k: usize, a: &mut [T]) {
+        match &mut self.kind {
             Kind::Nothing => a.fill(T::zero()),
             Kind::Hold => {}
             Kind::Equations(grey) => grey.back(k, a),
@@ -122,7 +127,10 @@ impl Grey {
         let back = (k + 1) * slopes <= self.derivatives.len();
         let (plus, minus) = self.trial.split_at_mut(len);
         for lane in 0..lanes {
-            let Some(c) = command(lane) else { continue };
+            let Some(c) = command(lane) else {
+                (0..n).for_each(|i| next[i * lanes + lane] = T::zero());
+                continue;
+            };
             let state = &mut self.states[lane * len..(lane + 1) * len];
             for i in 0..n {
                 state[i] = self.mean[i] + self.scale[i] * z[i * lanes + lane].wide();
@@ -149,15 +157,14 @@ impl Grey {
         }
     }
 
-    fn back<T: Scalar>(&self, k: usize, a: &mut [T]) {
+    fn back<T: Scalar>(&mut self, k: usize, a: &mut [T]) {
         let (n, lanes) = (self.equations.outputs(), self.lanes);
         let slopes = &self.derivatives[k * n * n * lanes..(k + 1) * n * n * lanes];
-        let mut sums = vec![0.0; n];
         for lane in 0..lanes {
-            for (j, sum) in sums.iter_mut().enumerate() {
+            for (j, sum) in self.sums.iter_mut().enumerate() {
                 *sum = (0..n).map(|i| slopes[(i * n + j) * lanes + lane] * a[i * lanes + lane].wide()).sum();
             }
-            for (j, sum) in sums.iter().enumerate() {
+            for (j, sum) in self.sums.iter().enumerate() {
                 a[j * lanes + lane] = T::of(*sum);
             }
         }

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use hydroid_core::math::Scalar;
 
+use super::TrainError;
 use super::team::Team;
 
 /// How often the caller hears of the training.
@@ -11,6 +12,9 @@ const TELL: Duration = Duration::from_millis(50);
 
 /// Steps by which the time of an epoch is told, after one that warms caches.
 const TRIALS: usize = 4;
+
+/// How much longer than others the first step may take.
+const COLD: f64 = 10.0;
 
 /// Share of a budget that is planned: the rest is for a machine that turns out slower.
 const PLANNED: f64 = 0.94;
@@ -28,12 +32,14 @@ pub(super) struct Clock {
     budget: Option<f64>,
     /// Time that an epoch's judgement takes \[s\], as far as it was looked at.
     judging: f64,
+    /// Time that an epoch takes \[s\], likewise.
+    epoch: f64,
 }
 
 impl Clock {
     pub(super) fn start(budget: Option<f64>) -> Self {
         let start = Instant::now();
-        Self { start, epochs: start, told: start, budget, judging: 0.0 }
+        Self { start, epochs: start, told: start, budget, judging: 0.0, epoch: 0.0 }
     }
 
     /// Time since the start \[s\].
@@ -48,25 +54,47 @@ impl Clock {
 
     /// How many epochs fit the budget, by steps that are made and not taken: the schedule must know its end, and may
     /// not look at the clock on its way there.
-    pub(super) fn epochs<T: Scalar>(&mut self, team: &mut Team<T>) -> usize {
+    pub(super) fn epochs<T: Scalar>(
+        &mut self,
+        team: &mut Team<T>,
+        mut watch: impl FnMut(&Team<T>) -> Result<(), TrainError>,
+    ) -> Result<usize, TrainError> {
         let most = team.plan.epochs;
-        let Some(budget) = self.budget else { return most };
+        let Some(budget) = self.budget else { return Ok(most) };
         let batches = team.begin(0);
-        team.gradients(0);
         let trials = TRIALS.min(batches);
-        let begun = Instant::now();
-        (0..trials).for_each(|batch| team.gradients(batch));
-        let step = begun.elapsed().as_secs_f64() / trials as f64;
+        let mut step = 0.0;
+        for trial in 0..=trials {
+            let begun = Instant::now();
+            team.gradients(trial.saturating_sub(1));
+            let took = begun.elapsed().as_secs_f64();
+            // The first one warms caches; it tells only of what is far too long.
+            step = if trial == 0 { took } else { (step * (trial - 1) as f64 + took) / trial as f64 };
+            self.epoch = step * batches as f64;
+            let margin = if trial == 0 { COLD } else { 1.0 };
+            if self.seconds() > OVER * budget || self.epoch > margin * budget {
+                return Err(self.no_time());
+            }
+            watch(team)?;
+        }
         let begun = Instant::now();
         team.judge();
         self.judging = begun.elapsed().as_secs_f64();
-        let epoch = step * batches as f64 + self.judging;
+        self.epoch += self.judging;
+        if self.seconds() + self.epoch > OVER * budget {
+            return Err(self.no_time());
+        }
         let left = PLANNED * budget - self.seconds();
         self.epochs = Instant::now();
         // The cast saturates: a negative number of epochs becomes 0, and then 1.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let fit = (left / epoch) as usize;
-        fit.clamp(1, most)
+        let fit = (left / self.epoch) as usize;
+        Ok(fit.clamp(1, most))
+    }
+
+    /// The budget is less than an epoch.
+    pub(super) fn no_time(&self) -> TrainError {
+        TrainError::NoTime { budget_s: self.budget.unwrap_or(0.0), epoch_s: self.epoch.max(self.seconds()) }
     }
 
     /// The time that is left when `done` of `epochs` epochs are done, if it is time to tell.

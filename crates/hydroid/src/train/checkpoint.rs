@@ -6,6 +6,7 @@
 //! | tensor | shape | |
 //! | --- | --- | --- |
 //! | `weights`, `mean`, `square`, `best` | r x w | weights, Adam's moments, best weights so far |
+//! | `balance` | r x n | weights of the n outputs in the next epoch's loss |
 //! | `score` | r | validation error of the best weights |
 //! | `history` | e x 3 | loss, validation error, step size; restart after restart |
 //!
@@ -27,7 +28,12 @@ use super::{Epoch, Job, Settings, TrainError};
 use crate::atomic;
 
 const KEY: &str = "hydroid_training";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+const TOO_LARGE: &str =
+    "it would be larger than 4 GiB; give fewer restarts, a smaller network, or no checkpoint";
+const HYDROID: &str = env!("CARGO_PKG_VERSION");
+/// More steps than any training makes; counting on from here overflows nothing.
+const MOST_STEPS: u64 = 1 << 52;
 /// Larger files are no checkpoints.
 const LARGEST: u64 = 1 << 32;
 
@@ -38,6 +44,8 @@ const EVERY: Duration = Duration::from_millis(500);
 #[serde(deny_unknown_fields)]
 struct Head {
     version: u32,
+    /// Version of hydroid: another one may train otherwise.
+    hydroid: String,
     settings: String,
     data: String,
     /// Epochs that are planned, and that are done.
@@ -77,6 +85,10 @@ impl Keeper {
     pub(super) fn resume<T: Scalar>(&self, team: &mut Team<T>) -> Result<Option<usize>, TrainError> {
         let Some(path) = &self.path else { return Ok(None) };
         let wrong = |reason: String| TrainError::Checkpoint { path: path.clone(), reason };
+        // The rest, a few numbers for each epoch, is looked at when it is there.
+        if size(team.members.len(), team.plan.network.weights()) > LARGEST {
+            return Err(wrong(TOO_LARGE.to_owned()));
+        }
         let unreadable = |e: io::Error| wrong(format!("it cannot be read ({e}); name another file"));
         match std::fs::metadata(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -99,7 +111,11 @@ impl Keeper {
         let Some(path) = &self.path else { return Ok(()) };
         let encoded = encode(team, epoch, &self.fingerprints);
         let source = |source| atomic::WriteError { path: path.clone(), source };
-        self.pending = Some(encoded.map_err(source)?);
+        let bytes = encoded.map_err(source)?;
+        if bytes.len() as u64 > LARGEST {
+            return Err(TrainError::Checkpoint { path: path.clone(), reason: TOO_LARGE.to_owned() });
+        }
+        self.pending = Some(bytes);
         if self.written.elapsed() >= EVERY { self.flush() } else { Ok(()) }
     }
 
@@ -130,6 +146,11 @@ impl Job<'_> {
     }
 }
 
+/// Bytes of the tables of `r` restarts of `w` weights.
+fn size(r: usize, w: usize) -> u64 {
+    (r as u64).saturating_mul(w as u64).saturating_mul(4 * 8)
+}
+
 pub(super) fn encode<T: Scalar>(
     team: &Team<T>,
     epoch: usize,
@@ -139,6 +160,7 @@ pub(super) fn encode<T: Scalar>(
     let members = &team.members;
     let head = Head {
         version: VERSION,
+        hydroid: HYDROID.to_owned(),
         settings,
         data,
         epochs: team.plan.epochs,
@@ -162,6 +184,8 @@ pub(super) fn encode<T: Scalar>(
         .flat_map(|epoch| [epoch.train_loss, epoch.validation, epoch.learning_rate])
         .flat_map(f64::to_le_bytes)
         .collect();
+    let balance = members.iter().flat_map(|member| &member.balance);
+    let balance: Vec<u8> = balance.flat_map(|x| x.to_le_bytes()).collect();
     let scores: Vec<u8> = members.iter().flat_map(|member| member.best_score.to_le_bytes()).collect();
     let (r, w) = (members.len(), team.plan.network.weights());
     let tensors = [
@@ -169,6 +193,7 @@ pub(super) fn encode<T: Scalar>(
         ("mean", vec![r, w], table(|member| &member.adam.mean)),
         ("square", vec![r, w], table(|member| &member.adam.square)),
         ("best", vec![r, w], table(|member| &member.best)),
+        ("balance", vec![r, team.plan.shape.outputs], balance),
         ("score", vec![r], scores),
         ("history", vec![epochs.count(), 3], history),
     ];
@@ -201,6 +226,12 @@ pub(super) fn decode<T: Scalar>(
         ));
     }
     let head: Head = serde_json::from_value(value).map_err(|e| damaged(e.to_string()))?;
+    if head.hydroid != HYDROID {
+        let theirs = &head.hydroid;
+        return Err(format!(
+            "it is of hydroid {theirs}, this is {HYDROID}, which may train otherwise; go on with that version, or remove it to start anew"
+        ));
+    }
     for (what, theirs, ours) in [("settings", &head.settings, &ours[0]), ("data", &head.data, &ours[1])] {
         if theirs != ours {
             return Err(format!(
@@ -213,7 +244,8 @@ pub(super) fn decode<T: Scalar>(
         return Err(damaged(String::from("its numbers of restarts and epochs cannot be")));
     }
     let total = head.members.iter().try_fold(0usize, |sum, member| {
-        let can_be = member.epochs <= head.epoch && member.best_epoch <= member.epochs;
+        let can_be =
+            member.epochs <= head.epoch && member.best_epoch <= member.epochs && member.steps <= MOST_STEPS;
         if can_be { sum.checked_add(member.epochs) } else { None }
     });
     let total = total.ok_or_else(|| damaged(String::from("its epochs do not add up")))?;
@@ -224,6 +256,8 @@ pub(super) fn decode<T: Scalar>(
         table("square", &[r, w])?,
         table("best", &[r, w])?,
     ];
+    let n = team.plan.shape.outputs;
+    let balance = table("balance", &[r, n])?;
     let scores = table("score", &[r])?;
     let history = table("history", &[total, 3])?;
     let mut epochs = history.chunks_exact(3).map(|row| Epoch {
@@ -239,6 +273,7 @@ pub(super) fn decode<T: Scalar>(
         member.adam.steps = told.steps;
         member.best = row(&best);
         member.best_score = scores[i];
+        member.balance.copy_from_slice(&balance[i * n..(i + 1) * n]);
         member.best_epoch = told.best_epoch;
         member.history = epochs.by_ref().take(told.epochs).collect();
         member.idle = told.idle;

@@ -70,7 +70,8 @@ pub enum TrainError {
     },
     /// No run holds a whole window.
     #[error(
-        "no {what} run is long enough: a window needs {needed} samples ({wash_out} of wash-out, {length} compared, and the first), the longest run has {longest}. Give longer runs, or a shorter wash_out_s or window_s"
+        "no {what} run is long enough: a window needs {needed} samples ({wash_out} of wash-out, {length} compared, and the first), the longest run has {longest}. Give longer runs, or a shorter wash_out_s or {}",
+        if *what == "validation" { "horizon (--horizon)" } else { "window_s" }
     )]
     TooShort {
         /// `training` or `validation`.
@@ -92,9 +93,19 @@ pub enum TrainError {
         /// `training` or `validation`.
         what: &'static str,
     },
+    /// Nothing varies over the origins of the validation runs, so that errors have no measure.
+    #[error(
+        "the validation runs hold {origins} origins with a wash-out before and {horizon} samples to compare after them, and no output differs from one to the other, so that errors have no measure: give longer validation runs or some that move, or a shorter horizon (--horizon)"
+    )]
+    NoScore {
+        /// How many origins there are.
+        origins: usize,
+        /// Longest horizon \[samples\].
+        horizon: usize,
+    },
     /// An output does not vary in the training runs.
     #[error(
-        "output '{channel}' never changes in the training runs, so that nothing can be learned of it: leave it out, or give runs where it moves"
+        "output '{channel}' does not move by a millionth of its design range in the training runs, so that nothing can be learned of it: leave it out, or give runs where it moves"
     )]
     Constant {
         /// The output.
@@ -117,13 +128,17 @@ pub enum TrainError {
         learning_rate: f64,
     },
     /// The time was over before the first epoch was.
-    #[error("{budget_s} s are not enough for one epoch: give a larger budget_s, or a smaller network")]
+    #[error(
+        "{budget_s} s are not enough for one epoch, which takes about {epoch_s:.2} s: give a larger budget, or a smaller network"
+    )]
     NoTime {
         /// What was given \[s\].
         budget_s: f64,
+        /// What an epoch would have taken \[s\].
+        epoch_s: f64,
     },
     /// The checkpoint cannot be used.
-    #[error("cannot go on from checkpoint {}: {reason}", path.display())]
+    #[error("cannot use checkpoint {}: {reason}", path.display())]
     Checkpoint {
         /// The file.
         path: PathBuf,

@@ -1,6 +1,7 @@
 //! The multi-step error on validation runs.
 
 use hydroid_core::math::Scalar;
+use hydroid_core::model::recurrent::Scaling;
 
 use super::scaling::HALF_RANGE;
 use super::unroll::Chunk;
@@ -8,6 +9,9 @@ use super::windows::{ScaledRun, Shape, Window};
 
 /// A rollout has diverged when it leaves this many times the design range, as in [`evaluate`](crate::evaluate).
 const DIVERGED: f64 = 10.0 * HALF_RANGE;
+
+/// Share of an output's mean square that is no variance, as in [`evaluate`](crate::evaluate).
+const NOISE: f64 = 1e-12;
 
 /// Rolls out from origins in validation runs as [`evaluate`](fn@crate::evaluate::evaluate) does, with two differences
 /// for speed: origins are taken with a stride, and the hidden state at an origin is that after a wash-out instead of
@@ -25,9 +29,18 @@ pub(super) struct Judge {
 
 impl Judge {
     /// With at most about `most` origins.
-    pub(super) fn new<T: Scalar>(shape: Shape, runs: &[ScaledRun<T>], most: usize) -> Self {
+    pub(super) fn new<T: Scalar>(
+        shape: Shape,
+        runs: &[ScaledRun<T>],
+        scaling: &Scaling,
+        most: usize,
+    ) -> Self {
         let possible: usize = runs.iter().map(|run| (run.samples + 1).saturating_sub(shape.samples())).sum();
         let windows = shape.every(runs, possible.div_ceil(most.max(1)).max(1));
+        if windows.is_empty() {
+            // The horizon may be longer than any table.
+            return Self { shape, windows, weights: Vec::new() };
+        }
         let n = shape.outputs;
         let weights = (0..shape.length * n)
             .map(|cell| {
@@ -39,10 +52,18 @@ impl Judge {
                 let count = values().count() as f64;
                 let mean = values().sum::<f64>() / count;
                 let squares: f64 = values().map(|y| (y - mean).powi(2)).sum();
-                (squares > 0.0).then(|| 1.0 / squares)
+                // What `evaluate` takes for noise is so in the output's own units.
+                let own = |z: f64| scaling.output_mean[i] + scaling.output_scale[i] * z;
+                let noise = NOISE * values().map(|z| own(z).powi(2)).sum::<f64>();
+                (scaling.output_scale[i].powi(2) * squares > noise).then(|| 1.0 / squares)
             })
             .collect();
         Self { shape, windows, weights }
+    }
+
+    /// Whether anything varies from origin to origin: one alone has no deviation to measure errors by.
+    pub(super) fn can_judge(&self) -> bool {
+        self.weights.iter().any(Option::is_some)
     }
 
     /// Sums of squared errors of a chunk of windows, for each horizon and output; all infinite if one diverged.

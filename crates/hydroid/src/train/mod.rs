@@ -8,21 +8,26 @@
 //! is compared:
 //!
 //! ```text
-//! L = 1/N  sum over windows, k = 1 .. length, outputs i:   w_i ((y_{o+k,i} - measured_{o+k,i}) / s_i)^2
+//! L     = sum over outputs i:  (N_i / N) w_i e_i
+//! e_i^2 = 1/N_i  sum over windows, k = 1 .. length:   ((y_{o+k,i} - measured_{o+k,i}) / s_i)^2
 //! ```
 //!
-//! with the standard deviation `s_i` of the output in the training runs, the weight `w_i` of the settings, and the number
-//! `N` of measured values among those compared. So the loss is what [`evaluate`](mod@crate::evaluate) judges by, on the
-//! training runs. The gradient goes back through the wash-out too, and through what is fed back. What is compared tiles
+//! with the standard deviation `s_i` of the output in the training runs, the weight `w_i` of the settings, and `N_i` of
+//! `N` values that are compared. So the loss is what [`evaluate`](mod@crate::evaluate) judges by, on the training runs: a
+//! mean of root mean squares. A mean of squares would follow the outputs with the most noise, and hardly see how well
+//! the precise ones are met. What a step goes along is the gradient of the squares, each output's divided by
+//! its `e_i` over the epoch before, which is the gradient of `L` if `e_i` is what it was (in the first epoch all `e_i`
+//! count as equal, and none as less than a thousandth of the largest). The gradient goes back through the wash-out too, and through what is fed back. What is compared tiles
 //! each run once in an epoch, from an offset drawn anew. A missing output is not compared, and where it is fed back the
 //! model's own prediction stands for it; a window in which an input is missing is left out.
 //!
 //! **Scaling** is by design ranges: a range is mapped to -2..2. What the network gives is in units of the output where it
 //! corrects nothing, and in units of what it corrects where it has a [`BaseKind`].
 //!
-//! **Determinism.** The weights are a function of runs and settings alone. Random numbers have one stream for each purpose,
+//! **Determinism.** On one kind of machine the weights are a function of runs and settings alone. Random numbers have one stream for each purpose,
 //! restart and epoch; gradients are summed over chunks of windows of a fixed size in a fixed order, so that the number
-//! of threads changes no bit. Only a budget in seconds depends on the machine: it decides the number of epochs before the
+//! of threads changes no bit. Another processor or system may round `cos`, `pow` or a sum of products otherwise, and
+//! a training carries such a bit far. Only a budget in seconds depends on the machine: it decides the number of epochs before the
 //! first, and [`Trained::epochs`] says what it decided.
 //!
 //! **The optimizer** is Adam with decoupled weight decay, on a gradient that is shortened if long, under a
@@ -36,6 +41,7 @@ mod error;
 mod fingerprint;
 mod init;
 mod judge;
+mod loss;
 mod plan;
 mod random;
 mod scaling;
@@ -89,8 +95,9 @@ pub struct Job<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Epoch {
-    /// Loss in the mean over the epoch's steps: the mean square error in standard deviations of the outputs. Where a
-    /// gradient was no number, infinite or NaN; JSON writes both as null, which is read as infinite.
+    /// Loss over the epoch's windows: the root mean square error in standard deviations of the outputs, in the mean over
+    /// outputs, each by its weight. Where an error was no number, infinite or NaN; JSON writes both as null, which is
+    /// read as infinite.
     #[serde(deserialize_with = "null_is_infinite")]
     pub train_loss: f64,
     /// Validation error after the epoch: the mean over channels and horizons of the NRMSE, as
@@ -118,7 +125,7 @@ pub struct Status {
     pub train_loss: f64,
     /// Least validation error so far over restarts; infinite before there is one.
     pub validation: f64,
-    /// Time that is left as far as one can tell \[s\].
+    /// Time that is left as far as one can tell \[s\]; NaN while steps are tried to plan a budget.
     pub seconds_left: f64,
 }
 
@@ -195,7 +202,10 @@ fn run<T: Scalar>(
     let mut keeper = Keeper::open(checkpoint, job, settings);
     let begun = keeper.resume(&mut team)?;
     if begun.is_none() {
-        team.plan.epochs = clock.epochs(&mut team);
+        team.plan.epochs = clock.epochs(&mut team, |team| match watch(&status(team, 0, 0.0, f64::NAN)) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(Cancelled.into()),
+        })?;
     }
     let first = begun.unwrap_or(0);
     let mut ending = Ending::Done;
@@ -226,7 +236,7 @@ fn run<T: Scalar>(
         ending = Ending::Patience;
     }
     keeper.flush()?;
-    finish(&team, settings, ending, clock.seconds())
+    finish(&team, settings, ending, &clock)
 }
 
 fn status<T: Scalar>(team: &Team<T>, epoch: usize, done: f64, seconds_left: f64) -> Status {
@@ -246,7 +256,7 @@ fn finish<T: Scalar>(
     team: &Team<T>,
     settings: &Settings,
     ending: Ending,
-    seconds: f64,
+    clock: &Clock,
 ) -> Result<Trained, TrainError> {
     let plan = &team.plan;
     let best = team.members.iter().enumerate().filter(|(_, member)| member.best_epoch > 0);
@@ -255,7 +265,7 @@ fn finish<T: Scalar>(
         let restarts = team.members.len();
         return Err(match team.members.iter().map(|member| member.history.len()).max() {
             Some(1..) => TrainError::Diverged { restarts, learning_rate: settings.learning_rate },
-            _ => TrainError::NoTime { budget_s: settings.budget_s.unwrap_or(0.0) },
+            _ => clock.no_time(),
         });
     };
     Ok(Trained {
@@ -277,6 +287,6 @@ fn finish<T: Scalar>(
         ending,
         wash_out: plan.shape.wash_out,
         window: plan.shape.length,
-        seconds,
+        seconds: clock.seconds(),
     })
 }

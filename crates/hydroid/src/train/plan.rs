@@ -7,6 +7,8 @@ use hydroid_core::model::recurrent::Base;
 use hydroid_core::model::sparse::Equations;
 
 use super::judge::Judge;
+use super::loss::Loss;
+use super::scaling::HALF_RANGE;
 use super::team::Plan;
 use super::windows::{ScaledRun, Shape};
 use super::{BaseKind, Job, Settings, TrainError, random, scaling};
@@ -21,6 +23,10 @@ const WINDOW: (usize, usize) = (200, 4);
 /// fraction of learning.
 const LEAST_ORIGINS: usize = 64;
 const MOST_ORIGINS: usize = 512;
+
+/// Share of its design range by which an output must deviate from its mean: the mean of many equal numbers is off by
+/// rounding, and no sensor tells a millionth of its range.
+const STILL: f64 = 1e-6;
 
 /// Steps of learning for one of judging.
 const JUDGING: usize = 6;
@@ -44,14 +50,12 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
             correction.iter().zip(least).map(|(size, least)| size.max(least)).collect();
     }
     let deviations = scaling::deviations(job.runs);
-    if let Some(c) = deviations.iter().position(|d| d.is_nan() || *d <= 0.0) {
+    let moves = |(deviation, scale): (&f64, &f64)| *deviation > STILL * 2.0 * HALF_RANGE * scale;
+    if let Some(c) = deviations.iter().zip(&scaling.output_scale).position(|pair| !moves(pair)) {
         let channel = job.runs[0].outputs.channels()[c].name.clone();
         return Err(TrainError::Constant { channel });
     }
-    let given = |c: usize| settings.channel_weights.get(c).copied().unwrap_or(1.0);
-    // The network works in units of the design range; errors count in standard deviations, as in the score.
-    let channel_weights =
-        (0..outputs).map(|c| given(c) * (scaling.output_scale[c] / deviations[c]).powi(2)).collect();
+    let loss = Loss::new(settings, &scaling, &deviations);
     let shape = Shape {
         outputs,
         inputs,
@@ -70,13 +74,16 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
     }
     let judged = Shape { length: job.horizon, ..shape };
     let learning = windows * shape.samples();
-    let origins = (learning / (JUDGING * judged.samples())).clamp(LEAST_ORIGINS, MOST_ORIGINS);
-    let judge = Judge::new(judged, &validation, origins);
+    let origins = (learning / JUDGING.saturating_mul(judged.samples())).clamp(LEAST_ORIGINS, MOST_ORIGINS);
+    let judge = Judge::new(judged, &validation, &scaling, origins);
     if judge.windows.is_empty() {
         return Err(judged.none("validation", &validation));
     }
+    if !judge.can_judge() {
+        return Err(TrainError::NoScore { origins: judge.windows.len(), horizon: job.horizon });
+    }
     let (settings, epochs) = (settings.clone(), settings.epochs);
-    Ok(Plan { settings, network, base, scaling, shape, runs, validation, judge, channel_weights, epochs })
+    Ok(Plan { settings, network, base, scaling, shape, runs, validation, judge, loss, epochs })
 }
 
 fn check(job: &Job<'_>) -> Result<(), TrainError> {

@@ -88,7 +88,8 @@ pub struct Settings {
     /// What the network corrects.
     pub base: BaseKind,
     /// Time that a window lets the hidden state find itself from zero, without loss \[s\]; 100 samples where not
-    /// given, or an eighth of the longest run if that is less.
+    /// given, or an eighth of the longest run if that is less. The gradient goes back through it all the same: the
+    /// network also learns how to find its state.
     pub wash_out_s: Option<f64>,
     /// Time over which a window compares predictions \[s\]; 200 samples where not given, or a quarter of the longest
     /// run if that is less.
@@ -113,12 +114,14 @@ pub struct Settings {
     pub precision: Precision,
     /// Wall-clock time at the most \[s\]. The number of epochs is made to fit it, so that results depend on the
     /// machine; [`Trained::epochs`](super::Trained::epochs) says how many they were, and the same number under
-    /// `epochs` without a budget repeats the training exactly.
+    /// `epochs` without a budget repeats the training exactly. A training that goes on from a checkpoint keeps its
+    /// number of epochs and has the whole time anew.
     pub budget_s: Option<f64>,
     /// Epochs without a better validation error after which a restart gives up; never where not given.
     pub patience: Option<usize>,
-    /// Weight of each output's squared error, in the order of outputs, where an error of 1 is a standard deviation
-    /// of that output in the training runs; empty: all 1.
+    /// Weight of each output's root mean square error in the loss, in the order of outputs, where an error of 1 is a
+    /// standard deviation of that output in the training runs; empty: all 1, as in the score. An output with weight 0
+    /// is not learned.
     pub channel_weights: Vec<f64>,
 }
 
@@ -190,6 +193,9 @@ impl Settings {
             if value == 0 {
                 return Err(setting(what, &value, "at least 1"));
             }
+        }
+        if self.patience == Some(0) {
+            return Err(setting("patience", &0, "at least 1, or leave it out to train to the end"));
         }
         for (what, value, most) in [
             ("batch", self.batch, 1 << 20),

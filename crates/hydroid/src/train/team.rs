@@ -2,12 +2,13 @@
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Base, Network, Scaling};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
 use super::adam::{Adam, clip};
 use super::judge::Judge;
+use super::loss::{Loss, Sums};
 use super::random::{Purpose, stream};
 use super::unroll::Chunk;
 use super::windows::{ScaledRun, Shape, Window, shuffled};
@@ -34,18 +35,21 @@ pub(super) struct Member<T> {
     pub(super) idle: bool,
     order: Vec<Window>,
     gradient: Vec<T>,
-    loss: f64,
+    /// What each output weighs in the loss beside the settings' weight, over an epoch.
+    pub(super) balance: Vec<f64>,
+    /// Squared errors of the epoch so far, of each output.
+    sums: Vec<Sums>,
     work: Vec<Work<T>>,
     /// How many of them the present batch fills.
     chunks: usize,
     judging: Vec<Vec<f64>>,
 }
 
-/// A chunk at work.
+/// What a chunk of windows comes to.
 #[derive(Clone, Debug)]
 struct Work<T> {
-    chunk: Chunk<T>,
-    loss: f64,
+    gradient: Vec<T>,
+    sums: Vec<Sums>,
 }
 
 /// All that does not change in a training.
@@ -59,8 +63,7 @@ pub(super) struct Plan<T> {
     pub(super) runs: Vec<ScaledRun<T>>,
     pub(super) validation: Vec<ScaledRun<T>>,
     pub(super) judge: Judge,
-    /// Weight of an output's squared error in scaled units.
-    pub(super) channel_weights: Vec<f64>,
+    pub(super) loss: Loss,
     pub(super) epochs: usize,
 }
 
@@ -89,8 +92,25 @@ pub(super) struct Team<T> {
     /// Steps of the present epoch.
     batches: usize,
     epoch: usize,
-    /// Chunks for judging that wait for work: as many as there are threads.
-    spare: Mutex<Vec<Chunk<T>>>,
+    /// For learning and for judging.
+    learners: Pool<T>,
+    judges: Pool<T>,
+}
+
+/// Chunks that wait for work: as many as there are threads, however many restarts.
+#[derive(Debug)]
+struct Pool<T>(Mutex<Vec<Chunk<T>>>);
+
+impl<T> Pool<T> {
+    /// Works with a chunk of the pool, or a new one.
+    fn with(&self, new: impl FnOnce() -> Chunk<T>, work: impl FnOnce(&mut Chunk<T>)) {
+        // What a chunk holds is written over: a lock that was poisoned does no harm.
+        let spare = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = spare().pop();
+        let mut chunk = free.unwrap_or_else(new);
+        work(&mut chunk);
+        spare().push(chunk);
+    }
 }
 
 impl<T: Scalar> Team<T> {
@@ -110,14 +130,16 @@ impl<T: Scalar> Team<T> {
                     idle: false,
                     order: Vec::new(),
                     gradient: vec![T::zero(); count],
-                    loss: 0.0,
+                    balance: plan.loss.even(),
+                    sums: vec![[0.0; 2]; plan.shape.outputs],
                     work: Vec::new(),
                     chunks: 0,
                     judging: Vec::new(),
                 }
             })
             .collect();
-        Self { plan, members, batches: 0, epoch: 0, spare: Mutex::default() }
+        let [learners, judges] = [0, 1].map(|_| Pool(Mutex::default()));
+        Self { plan, members, batches: 0, epoch: 0, learners, judges }
     }
 
     /// Begins an epoch, counted from 0; gives its number of steps.
@@ -128,7 +150,7 @@ impl<T: Scalar> Team<T> {
         for (restart, member) in self.members.iter_mut().enumerate().filter(|(_, member)| !member.idle) {
             let mut rng = stream(self.plan.settings.seed, Purpose::Order, restart, epoch);
             member.order = shuffled(&windows, &mut rng);
-            member.loss = 0.0;
+            member.sums.fill([0.0; 2]);
         }
         self.batches
     }
@@ -144,20 +166,27 @@ impl<T: Scalar> Team<T> {
             let targets: usize = windows.iter().map(|window| window.targets).sum();
             let factor = 1.0 / targets.max(1) as f64;
             let chunks = windows.len().div_ceil(CHUNK);
+            let count = member.weights.len();
             while member.work.len() < chunks {
-                member.work.push(Work { chunk: plan.chunk(plan.shape, true), loss: 0.0 });
+                let sums = vec![[0.0; 2]; plan.shape.outputs];
+                member.work.push(Work { gradient: vec![T::zero(); count], sums });
             }
             member.chunks = chunks;
+            let channels = Arc::new(plan.loss.weights(&member.balance));
             for (work, windows) in member.work.iter_mut().zip(windows.chunks(CHUNK)) {
-                tasks.push((work, member.weights.as_slice(), windows, factor));
+                tasks.push((work, member.weights.as_slice(), windows, Arc::clone(&channels), factor));
             }
         }
-        let run = |(work, weights, windows, factor): (&mut Work<T>, &[T], &[Window], f64)| {
-            work.chunk.walk(weights, &plan.runs, windows);
-            work.loss = factor * work.chunk.loss(&plan.runs, &plan.channel_weights);
-            work.chunk.backward(&plan.runs, &plan.channel_weights, factor);
-        };
-        tasks.into_par_iter().for_each(run);
+        let learners = &self.learners;
+        let new = || plan.chunk(plan.shape, true);
+        tasks.into_par_iter().for_each(|(work, weights, windows, channels, factor)| {
+            learners.with(new, |chunk| {
+                chunk.walk(weights, &plan.runs, windows);
+                chunk.squares(&plan.runs, &mut work.sums);
+                chunk.backward(&plan.runs, &channels, factor);
+                work.gradient.copy_from_slice(chunk.gradient());
+            });
+        });
     }
 
     /// A step of each member along the gradient of a batch.
@@ -168,8 +197,10 @@ impl<T: Scalar> Team<T> {
         for member in self.members.iter_mut().filter(|member| !member.idle) {
             member.gradient.fill(T::zero());
             for work in &member.work[..member.chunks] {
-                member.loss += work.loss / self.batches as f64;
-                for (sum, &g) in member.gradient.iter_mut().zip(work.chunk.gradient()) {
+                for (sum, part) in member.sums.iter_mut().zip(&work.sums) {
+                    *sum = [sum[0] + part[0], sum[1] + part[1]];
+                }
+                for (sum, &g) in member.gradient.iter_mut().zip(&work.gradient) {
                     *sum += g;
                 }
             }
@@ -198,15 +229,11 @@ impl<T: Scalar> Team<T> {
                 tasks.push((squares, member.weights.as_slice(), windows));
             }
         }
-        // What a chunk holds is written over: a lock that was poisoned does no harm.
-        let spare = || self.spare.lock().unwrap_or_else(PoisonError::into_inner);
-        let run = |(squares, weights, windows): (&mut Vec<f64>, &[T], &[Window])| {
-            let free = spare().pop();
-            let mut chunk = free.unwrap_or_else(|| plan.chunk(plan.judge.shape, false));
-            plan.judge.squares(&mut chunk, weights, &plan.validation, windows, squares);
-            spare().push(chunk);
-        };
-        tasks.into_par_iter().for_each(run);
+        let judges = &self.judges;
+        let new = || plan.chunk(plan.judge.shape, false);
+        tasks.into_par_iter().for_each(|(squares, weights, windows)| {
+            judges.with(new, |chunk| plan.judge.squares(chunk, weights, &plan.validation, windows, squares));
+        });
         let score = |member: &Member<T>| {
             let mut sums = vec![0.0; cells];
             for squares in &member.judging {
@@ -225,7 +252,9 @@ impl<T: Scalar> Team<T> {
         let learning_rate = self.rate(self.batches);
         let patience = self.plan.settings.patience;
         for (member, validation) in self.members.iter_mut().zip(scores).filter(|(member, _)| !member.idle) {
-            member.history.push(Epoch { train_loss: member.loss, validation, learning_rate });
+            let train_loss = self.plan.loss.value(&member.sums);
+            self.plan.loss.rebalance(&member.sums, &mut member.balance);
+            member.history.push(Epoch { train_loss, validation, learning_rate });
             if validation < member.best_score {
                 member.best.clone_from(&member.weights);
                 member.best_score = validation;

@@ -66,7 +66,14 @@ fn loss(plan: &Plan<f64>, chunk: &mut Chunk<f64>, weights: &[f64]) -> f64 {
     let windows = plan.shape.every(&plan.runs, 7);
     assert!(windows.len() > 8, "{}", windows.len());
     chunk.walk(weights, &plan.runs, &windows);
-    chunk.loss(&plan.runs, &plan.channel_weights)
+    let mut sums = [[0.0; 2]; 2];
+    chunk.squares(&plan.runs, &mut sums);
+    sums.iter().zip(channel_weights(plan)).map(|([square, _], w)| w * square).sum()
+}
+
+/// As after an epoch in which the second output was met ten times as well.
+fn channel_weights(plan: &Plan<f64>) -> Vec<f64> {
+    plan.loss.weights(&[0.2, 1.8])
 }
 
 #[test]
@@ -84,7 +91,7 @@ fn gradients_are_differences_of_the_loss() {
                 let mut rng = random::stream(3, random::Purpose::Weights, 0, 0);
                 let mut weights = init::weights::<f64>(&plan.network, &mut rng);
                 loss(&plan, &mut chunk, &weights);
-                chunk.backward(&plan.runs, &plan.channel_weights, 0.7);
+                chunk.backward(&plan.runs, &channel_weights(&plan), 0.7);
                 let gradient = chunk.gradient().to_vec();
                 let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
                 for i in (0..weights.len()).step_by(3) {
@@ -103,6 +110,42 @@ fn gradients_are_differences_of_the_loss() {
         }
     }
     println!("largest difference: {worst:e} of the gradient");
+}
+
+/// A batch that ends in few windows, after one in which everything was lost.
+#[test]
+fn lanes_without_a_window_count_for_nothing() {
+    for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
+        for feedback in [false, true] {
+            let plan = plan_of(&Settings { feedback, base, ..small(CellKind::Gru) }, &[(10, 1)]);
+            let chunk =
+                |back| Chunk::new(&plan.network, &plan.base, &plan.scaling, feedback, plan.shape, 20, back);
+            let weights =
+                init::weights::<f64>(&plan.network, &mut random::stream(3, random::Purpose::Weights, 0, 0));
+            let windows = plan.shape.every(&plan.runs, 7);
+            let go = |chunk: &mut Chunk<f64>| {
+                chunk.walk(&weights, &plan.runs, &windows[..3]);
+                chunk.backward(&plan.runs, &channel_weights(&plan), 0.7);
+                let mut sums = [[0.0; 2]; 2];
+                chunk.squares(&plan.runs, &mut sums);
+                (chunk.gradient().to_vec(), sums)
+            };
+            let mut used = chunk(true);
+            for scale in [f64::NAN, 1e200] {
+                let wild: Vec<f64> = weights.iter().map(|w| scale * w).collect();
+                used.walk(&wild, &plan.runs, &windows);
+                used.backward(&plan.runs, &channel_weights(&plan), 0.7);
+            }
+            let (gradient, sums) = go(&mut used);
+            assert!(gradient.iter().all(|g| g.is_finite()));
+            assert_eq!((&gradient, sums), (&go(&mut chunk(true)).0, sums), "{base:?} {feedback}");
+            // The same walk without a record of it.
+            let (mut forward, mut others) = (chunk(false), [[0.0; 2]; 2]);
+            forward.walk(&weights, &plan.runs, &windows[..3]);
+            forward.squares(&plan.runs, &mut others);
+            assert_eq!(others, sums, "{base:?} {feedback}");
+        }
+    }
 }
 
 fn team(settings: &Settings) -> Team<f64> {
@@ -131,6 +174,18 @@ fn a_checkpoint_holds_all_of_the_state() {
     };
     assert!(told(["a", "c"]).contains("other data"));
     assert!(told(["c", "b"]).contains("other settings"));
+    // The balance is of the epoch that was, no longer even.
+    assert_ne!(other.members[0].balance, [1.0; 2]);
+    other.members[1].adam.steps = u64::MAX;
+    let wild = checkpoint::encode(&other, 1, &prints).unwrap();
+    let refused = checkpoint::decode(&wild, &prints, &mut team(&settings)).unwrap_err();
+    assert!(refused.contains("damaged"), "{refused}");
+    let version = concat!("hydroid\\\":\\\"", env!("CARGO_PKG_VERSION"));
+    let at = bytes.windows(version.len()).position(|part| part == version.as_bytes()).unwrap();
+    let mut older = bytes;
+    older[at + version.len() - 1] ^= 1;
+    let refused = checkpoint::decode(&older, &prints, &mut team(&settings)).unwrap_err();
+    assert!(refused.contains("of hydroid 0."), "{refused}");
 }
 
 proptest! {

@@ -4,6 +4,7 @@ use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Base, Network, Scaling, Tape};
 
 use super::base::BaseStep;
+use super::loss::Sums;
 use super::windows::{ScaledRun, Shape, Window};
 
 /// Windows side by side, one in each lane: the unit of work of a thread. Its size is fixed, and gradients of chunks
@@ -29,6 +30,8 @@ use super::windows::{ScaledRun, Shape, Window};
 pub(super) struct Chunk<T> {
     shape: Shape,
     feedback: bool,
+    /// Whether all steps are recorded; else one, over and over.
+    back: bool,
     tape: Tape<T>,
     base: BaseStep,
     windows: Vec<Window>,
@@ -41,6 +44,8 @@ pub(super) struct Chunk<T> {
     /// `dL/dp_k` on the way back.
     adjoint: Vec<T>,
     gradient: Vec<T>,
+    /// The state on its way to the next step, where steps are not recorded.
+    state: Vec<T>,
 }
 
 impl<T: Scalar> Chunk<T> {
@@ -55,12 +60,14 @@ impl<T: Scalar> Chunk<T> {
         back: bool,
     ) -> Self {
         let steps = shape.wash_out + shape.length;
-        let tape = Tape::new(network, steps, size);
+        let tape = Tape::new(network, if back { steps } else { 1 }, size);
         let (n, lanes) = (shape.outputs, tape.lanes());
         let zeros = |steps: usize| vec![T::zero(); steps * n * lanes];
         Self {
             shape,
             feedback,
+            back,
+            state: if back { Vec::new() } else { tape.state(0).to_vec() },
             base: BaseStep::new(base, scaling, lanes, if back { steps } else { 0 }),
             tape,
             windows: Vec::with_capacity(size),
@@ -86,20 +93,28 @@ impl<T: Scalar> Chunk<T> {
         }
     }
 
-    /// The sum of weighted squared errors of the last [`walk`](Self::walk).
-    pub(super) fn loss(&self, runs: &[ScaledRun<T>], channel_weights: &[f64]) -> f64 {
-        let mut sum = 0.0;
+    /// Squared errors of the last [`walk`](Self::walk), and their number, of each output.
+    pub(super) fn squares(&self, runs: &[ScaledRun<T>], sums: &mut [Sums]) {
+        sums.fill([0.0; 2]);
         for step in 0..self.shape.length {
-            self.compare(runs, step, |i, _, error| sum += channel_weights[i] * error.wide().powi(2));
+            self.compare(runs, step, |i, _, error| {
+                sums[i] = [sums[i][0] + error.wide().powi(2), sums[i][1] + 1.0];
+            });
         }
-        sum
     }
 
     fn step(&mut self, k: usize, runs: &[ScaledRun<T>]) {
         let Shape { outputs: n, inputs: m, wash_out, .. } = self.shape;
         let lanes = self.tape.lanes();
         let row = n * lanes;
-        let input = self.tape.input_mut(k);
+        let record = if self.back { k } else { 0 };
+        let used = self.windows.len();
+        let input = self.tape.input_mut(record);
+        // Lanes without a window walk from zero to zero: what an earlier window left there, or made of it, may be no
+        // number, and gradients are summed over lanes.
+        for row in input.chunks_exact_mut(lanes) {
+            row[used..].fill(T::zero());
+        }
         for (lane, window) in self.windows.iter().enumerate() {
             let at = (window.origin - wash_out + k) * m;
             for (i, &value) in runs[window.run].inputs[at..at + m].iter().enumerate() {
@@ -128,7 +143,7 @@ impl<T: Scalar> Chunk<T> {
         if self.feedback {
             input[m * lanes..].copy_from_slice(&self.seen);
         }
-        self.tape.step(k);
+        self.tape.step(record);
         let next = &mut after[..row];
         let windows = &self.windows;
         let command = |lane: usize| {
@@ -137,13 +152,18 @@ impl<T: Scalar> Chunk<T> {
             runs[window.run].commands.get(at..at + m)
         };
         self.base.step(k, &self.seen, command, next);
-        let given = self.tape.output(k);
+        let given = self.tape.output(record);
         for (i, &ratio) in self.base.ratio.iter().enumerate() {
             let ratio = T::of(ratio);
             let range = i * lanes..(i + 1) * lanes;
             for (next, &g) in next[range.clone()].iter_mut().zip(&given[range]) {
                 *next += ratio * g;
             }
+            next[i * lanes + used..(i + 1) * lanes].fill(T::zero());
+        }
+        if !self.back {
+            self.state.copy_from_slice(self.tape.state(1));
+            self.tape.state_mut().copy_from_slice(&self.state);
         }
     }
 

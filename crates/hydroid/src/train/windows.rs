@@ -67,7 +67,7 @@ pub(super) struct Shape {
 impl Shape {
     /// Samples of a run that a window needs: the last prediction is of the sample after the last step.
     pub(super) fn samples(&self) -> usize {
-        self.wash_out + self.length + 1
+        self.wash_out.saturating_add(self.length).saturating_add(1)
     }
 
     /// The window at an origin, if it can be used.
@@ -78,7 +78,7 @@ impl Shape {
         origin: usize,
     ) -> Option<Window> {
         let data = &runs[run];
-        let (first, last) = (origin.checked_sub(self.wash_out)?, origin + self.length);
+        let (first, last) = (origin.checked_sub(self.wash_out)?, origin.saturating_add(self.length));
         if last >= data.samples {
             return None;
         }
