@@ -374,6 +374,7 @@ fn grid(degree: u8) -> Grid {
         ridges: vec![0.0, 1e-6],
         loss: Loss::Squares,
         constraints: Vec::new(),
+        refine: None,
     }
 }
 

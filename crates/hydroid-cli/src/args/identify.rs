@@ -31,11 +31,13 @@ A configuration file can hold all of it but --methods; what the command line say
   [sindy]
   library = \"marine\"           terms = [\"u |u|\", \"v r\"]            lag = { n = 1.5 }    (or \"auto\", \"none\")
   dissipative = true           constraints = [\"u: n |n| >= 0\"]    gate = { output = \"u\", centre = 2.5, slope = 12 }
-  huber = 1.345                members = 50
+  huber = 1.345                members = 50                         refine = false       (or true, \"auto\")
 
   [network]                    [gru]  (or lstm, rnn: before [network])        [ranges]
   feedback = true              hidden = 32                                    u = [0, 6]
   base = \"hold\"                epochs = 400                                   n = \"0:600 [rpm]\"")]
+// Flags of a command line.
+#[allow(clippy::struct_excessive_bools)]
 pub struct Identify {
     /// Training logs, or all logs where none is named for validation and test
     #[arg(value_name = "LOG")]
@@ -83,6 +85,13 @@ pub struct Identify {
     /// usual (default: least squares)
     #[arg(long, value_name = "X", allow_negative_numbers = true, help_heading = "Equations")]
     pub huber: Option<f64>,
+    /// Refine the coefficients by predictions over many steps wherever that makes predictions better (default: only
+    /// where predictions miss the measurements by hardly more than the noise of the sensors)
+    #[arg(long, help_heading = "Equations", conflicts_with = "no_refine")]
+    pub refine: bool,
+    /// Leave the coefficients at the regression's estimate
+    #[arg(long, help_heading = "Equations")]
+    pub no_refine: bool,
     /// Members of the ensemble that gives coefficients their intervals and rollouts their bands; 0 for none
     /// (default: 50)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1000), help_heading = "Equations")]

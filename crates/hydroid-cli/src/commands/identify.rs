@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use hydroid::excitation::Excitation;
-use hydroid::identify::{self, Identified, Job, Members, Networks, SindySettings};
+use hydroid::identify::{self, Identified, Job, Members, Networks, Refine, SindySettings};
 use hydroid::log::{InputDelay, Note, Split, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::report::{self, Context};
@@ -144,6 +144,9 @@ fn said(args: &Identify, sindy: &mut SindySettings) {
     sindy.lag = args.lag.clone().unwrap_or_else(|| std::mem::take(&mut sindy.lag));
     sindy.gate = args.gate.clone().unwrap_or_else(|| std::mem::take(&mut sindy.gate));
     sindy.huber = args.huber.or(sindy.huber);
+    if args.refine || args.no_refine {
+        sindy.refine = Refine::Asked(args.refine);
+    }
     sindy.members = args.members.map_or(sindy.members, |n| Members(n.into()));
     sindy.threshold = args.threshold.or(sindy.threshold);
     sindy.window_s = args.window.or(sindy.window_s);
@@ -280,6 +283,7 @@ fn write(
             "name": candidate.model.description.name,
             "file": file,
             "weights": candidate.model.weights(),
+            "refinement": candidate.found().map(|found| &found.refinement),
             "train_seconds": candidate.train_seconds,
             "training": candidate.training.network().map(|trained| json!({
                 "epochs": trained.history.len(),
@@ -336,6 +340,10 @@ fn show(folder: &Path, identified: &Identified) {
             candidate.training.effort(),
             candidate.train_seconds
         );
+        let refinement = candidate.found().map(|found| &found.refinement);
+        if let Some(text) = refinement.and_then(|refinement| refinement.in_words(model.description.dt)) {
+            outln!("  coefficients {text}");
+        }
         // Where a model that learns starts from is for `inspect`: it has all terms, and they do not stay.
         if model.learning.is_some() {
             outln!("  equations that keep learning on the way; what follows was predicted while learning");

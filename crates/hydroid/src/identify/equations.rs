@@ -95,6 +95,7 @@ pub(super) fn whole(
         grid.regressions = vec![Regression::Weak { intervals: share(0.2) }];
     }
     grid.optimizers = vec![Optimizer::Stepwise(0.0)];
+    grid.refine = None;
     grid.constraints = job.sindy.rules(run, &libraries)?;
     let ridges = job.sindy.ridge.map_or_else(|| vec![0.1, 1.0, 10.0], |ridge| vec![ridge]);
     let mut outcome = Err(IdentifyError::Sindy(SearchError::Empty));

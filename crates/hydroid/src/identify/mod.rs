@@ -30,7 +30,7 @@ pub use error::IdentifyError;
 pub use method::Method;
 pub use networks::{NetworkSettings, Networks};
 pub use overview::{ChannelSummary, overview, ranges};
-pub use settings::{GateSetting, GivenGate, Lags, Members, SindySettings, Word};
+pub use settings::{Auto, GateSetting, GivenGate, Lags, Members, Refine, SindySettings, Word};
 pub use training::Training;
 pub use verdict::{Grade, Verdict, verdicts};
 

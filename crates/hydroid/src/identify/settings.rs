@@ -8,7 +8,7 @@ use super::IdentifyError;
 use super::wording::place;
 use crate::log::Trajectory;
 use crate::sindy::{
-    Criterion, Family, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted,
+    Criterion, Family, Free, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted,
     weak_from_noise,
 };
 
@@ -51,6 +51,10 @@ pub struct SindySettings {
     /// Residuals beyond so many standard deviations count linearly (Huber), so that spikes in a log hardly
     /// move the coefficients; without it least squares.
     pub huber: Option<f64>,
+    /// Whether the chosen equations are refined by predictions over many steps: `"auto"` (where these miss the
+    /// measurements by hardly more than the noise of the sensors, the default), `true` (wherever predictions get better by
+    /// it) or `false`.
+    pub refine: Refine,
     /// Members of the ensemble that tells how sure the coefficients are.
     pub members: Members,
 }
@@ -78,6 +82,31 @@ pub enum Word {
     Auto,
     /// None.
     None,
+}
+
+/// Whether equations are refined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "refine is \"auto\", true or false")]
+pub enum Refine {
+    /// By the errors of predictions and the noise of the sensors.
+    Word(Auto),
+    /// As it is said.
+    Asked(bool),
+}
+
+impl Default for Refine {
+    fn default() -> Self {
+        Self::Word(Auto::Auto)
+    }
+}
+
+/// The word for what decides itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Auto {
+    /// It decides itself.
+    #[default]
+    Auto,
 }
 
 /// Lags of actuators.
@@ -337,6 +366,12 @@ impl SindySettings {
             ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
             constraints: Vec::new(),
+            // What is given stays as it is given.
+            refine: (self.refine != Refine::Asked(false)).then_some(Free {
+                lags: !matches!(self.lag, Lags::Given(_)),
+                gate: !matches!(self.gate, GateSetting::Given(_)),
+                anywhere: self.refine == Refine::Asked(true),
+            }),
         }
     }
 }

@@ -125,6 +125,7 @@ pub(super) fn train_by(
     let of_search = |found: &Found| {
         serde_json::json!({
             "chosen": found.trials[found.chosen],
+            "refinement": found.refinement,
             "asked": job.sindy,
             "horizon": job.horizon,
         })

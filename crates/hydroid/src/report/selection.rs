@@ -56,6 +56,7 @@ fn choice(candidate: &Candidate, found: &Found) -> Result<Markup, ReportError> {
             "Taken was the simplest of those that are within one standard error of the best, and whose rollouts stay bounded if one near the best does. "
             "The test runs had no say. "
             (by_output(candidate, found))
+            @if let Some(text) = found.refinement.in_words(dt) { "The coefficients were " (text) ". " }
             (number::count(found.trials.len())) " settings were tried"
             @if diverged > 0 { ", of which " (number::count(diverged)) " diverged" }
             "; the chosen regression has " (number::count(usize::try_from(rows).unwrap_or(usize::MAX))) " rows"
@@ -93,7 +94,7 @@ fn by_output(candidate: &Candidate, found: &Found) -> Markup {
                 (trial.structure.to_string()) ", " (regression(trial.regression, dt)) ", " (optimizer(trial.optimizer))
                 ", ridge " (ridge(trial.ridge))
             }
-            ". Together they score " (fixed(found.score, 4))
+            ". Together they score " (fixed(found.refinement.before.unwrap_or(found.score), 4))
             @if let Some(chosen) = chosen { ", the chosen setting alone " (fixed(chosen, 4)) }
             ". "
         }

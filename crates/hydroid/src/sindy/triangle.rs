@@ -121,6 +121,17 @@ impl Triangle {
         ridged
     }
 
+    /// The factor of the matrix to whose last column the others are added, `x[j]` times column `j`.
+    #[must_use]
+    pub fn moved(&self, x: &[f64]) -> Self {
+        let mut moved = self.clone();
+        let last = self.width - 1;
+        for row in moved.r.chunks_exact_mut(self.width) {
+            row[last] += row[..last].iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
+        }
+        moved
+    }
+
     /// The factor of some of the columns alone, in the order given.
     ///
     /// # Panics

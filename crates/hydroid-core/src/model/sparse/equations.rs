@@ -288,6 +288,11 @@ impl Equations {
         self.substeps
     }
 
+    /// How signals are made and kept.
+    pub(super) fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
     /// Numbers of scratch that [`derivative`](Self::derivative) needs.
     pub fn slots(&self) -> usize {
         self.program.slots()

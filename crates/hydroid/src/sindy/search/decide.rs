@@ -1,7 +1,9 @@
 //! Which of the trials is taken, output by output, and how sure its coefficients are.
 
+use super::improve::Candidate;
 use super::{Bench, Found, Grid, Judged, SearchError, options};
 use crate::log::Trajectory;
+use crate::progress::Progress;
 use crate::sindy::choose::compose;
 use crate::sindy::ensemble::{Bagging, Ensemble};
 use crate::sindy::fit::Fit;
@@ -39,6 +41,7 @@ impl Bench<'_> {
         training: &[&Trajectory],
         grid: &Grid,
         dt: f64,
+        progress: Progress<'_>,
     ) -> Result<Found, SearchError> {
         let preference = self.preference();
         let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
@@ -50,8 +53,11 @@ impl Bench<'_> {
         let tied = grid.constraints.iter().any(ties_outputs);
         let others: &[usize] = if tied { &[] } else { &preference };
         let (equations, fit, score) = self.by_output(chosen, others)?;
-        let winner = &self.tried[chosen];
         let ensemble = self.ensemble(training, grid, dt, &equations, &fit)?;
+        let candidate = Candidate { rows: &equations, fit, ensemble, score };
+        let (improved, refinement) = self.improve(training, grid, candidate, progress)?;
+        let Candidate { fit, ensemble, score, .. } = improved;
+        let winner = &self.tried[chosen];
         let lost = winner.prepared.unidentifiable();
         let independent: Vec<usize> =
             (0..winner.prepared.terms().len()).filter(|j| !lost.contains(j)).collect();
@@ -65,6 +71,7 @@ impl Bench<'_> {
             rows: (winner.prepared.rows(), winner.prepared.skipped()),
             trials: self.tried.iter().map(|tried| tried.trial.clone()).collect(),
             ensemble,
+            refinement,
             fit,
         })
     }

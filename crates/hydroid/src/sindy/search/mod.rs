@@ -6,6 +6,7 @@
 
 mod decide;
 mod excerpts;
+mod improve;
 
 use std::sync::Arc;
 
@@ -24,6 +25,7 @@ use crate::sindy::fit::{Fit, Prepared};
 use crate::sindy::kernel::Regression;
 use crate::sindy::library::Variables;
 use crate::sindy::options::{FitOptions, Optimizer, Preparation};
+use crate::sindy::refine::Refinement;
 use crate::sindy::robust::Loss;
 use crate::sindy::screen::{Screen, Screened, screen};
 use crate::sindy::structure::Structure;
@@ -43,6 +45,19 @@ pub struct Grid {
     pub loss: Loss,
     /// What the coefficients must obey, in all trials: each [is kept](super::is_kept) by the solver.
     pub constraints: Vec<Constraint>,
+    /// What of the chosen equations is refined by predictions over many steps.
+    pub refine: Option<Free>,
+}
+
+/// What may move beside the coefficients when equations are refined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Free {
+    /// Time constants of lags: not those that are given.
+    pub lags: bool,
+    /// Centre and slope of a gate: not one that is given.
+    pub gate: bool,
+    /// Whether it is tried where predictions miss the measurements by far more than the noise, too.
+    pub anywhere: bool,
 }
 
 impl Grid {
@@ -120,6 +135,8 @@ pub struct Found {
     pub screened: Screened,
     /// How sure the coefficients are; over the terms of `fit`.
     pub ensemble: Option<Ensemble>,
+    /// Whether its coefficients are the regression's or were refined.
+    pub refinement: Refinement,
 }
 
 /// Why the search found nothing.
@@ -228,7 +245,7 @@ pub fn search(
             _ => SearchError::AllDiverged(bench.tried.len()),
         });
     }
-    let found = bench.choose(training, grid, run.dt)?;
+    let found = bench.choose(training, grid, run.dt, &mut |f| progress(0.9 + 0.1 * f))?;
     progress::report(progress, 1.0)?;
     Ok(found)
 }

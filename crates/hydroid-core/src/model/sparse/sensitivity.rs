@@ -1,0 +1,238 @@
+//! What a rollout does when coefficients or its start change: the variational equation.
+
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
+
+use super::equations::{Equations, EquationsError};
+use super::program::{Program, ProgramError};
+use super::signal::Signal;
+use super::term::Term;
+use crate::predict::{Workspace, rollout_steps};
+
+/// Rollouts of equations together with their derivatives with respect to parameters `p`: the outputs at the start,
+/// then some of the coefficients.
+///
+/// With `dy/dt = f(y, c, s, Xi)` and `S = dy/dp`, the variational equation is `dS/dt = df/dy S + df/ds ds/dp + df/dp`.
+/// It passes through the same steps of the Runge-Kutta method as [`Equations::step`], so that `S` is the
+/// derivative of the very rollout, to rounding, and not of the motion that it approximates (Hairer, Norsett,
+/// Wanner, *Solving Ordinary Differential Equations I*, 1993, section I.14). Past outputs among the signals
+/// carry `S` of their time; what was before the start does not depend on `p`.
+#[derive(Clone, Debug)]
+pub struct Sensitivity {
+    equations: Equations,
+    /// The terms that equations or parameters use, then their derivatives.
+    program: Program,
+    /// `(output, slot, coefficient)`.
+    rates: Vec<(usize, usize, f64)>,
+    /// `(output x columns + column, slot, factor)`: columns are the outputs, then the past outputs.
+    slopes: Vec<(usize, usize, f64)>,
+    /// How many samples ago each past output was, and which one it is.
+    pasts: Vec<(usize, usize)>,
+    /// Output and slot of the term of each coefficient among the parameters.
+    direct: Vec<(usize, usize)>,
+}
+
+impl Sensitivity {
+    /// With respect to the coefficients at some places of the table `outputs x terms`.
+    ///
+    /// # Errors
+    /// If a place is none, or the derivatives need more sub-products than a program can hold.
+    pub fn new(equations: &Equations, places: &[usize]) -> Result<Self, EquationsError> {
+        let (n, count) = (equations.outputs(), equations.terms().len());
+        let expected = n * count;
+        if let Some(&given) = places.iter().find(|&&place| place >= expected) {
+            return Err(EquationsError::Shape { expected, given });
+        }
+        let mut book = Book::default();
+        let mut rates = Vec::new();
+        for (place, &xi) in equations.coefficients().iter().enumerate().filter(|(_, xi)| **xi != 0.0) {
+            rates.push((place / count, book.place(&equations.terms()[place % count]), xi));
+        }
+        let mut direct = Vec::new();
+        for &place in places {
+            direct.push((place / count, book.place(&equations.terms()[place % count])));
+        }
+        let first = n + equations.inputs();
+        let mut moving: Vec<usize> = (0..n).collect();
+        let mut pasts = Vec::new();
+        for (index, signal) in equations.signals().iter().enumerate() {
+            if let Signal::Past { variable, samples } = *signal
+                && usize::from(variable) < n
+            {
+                moving.push(first + index);
+                pasts.push((usize::from(samples), usize::from(variable)));
+            }
+        }
+        let mut slopes = Vec::new();
+        for (j, term) in equations.terms().iter().enumerate() {
+            for (column, &variable) in moving.iter().enumerate() {
+                let v =
+                    u16::try_from(variable).map_err(|_| EquationsError::Program(ProgramError::TooLarge))?;
+                for (scale, derivative) in term.derivative(v) {
+                    for output in 0..n {
+                        let xi = equations.coefficient(output, j);
+                        if xi != 0.0 {
+                            slopes.push((
+                                output * moving.len() + column,
+                                book.place(&derivative),
+                                scale * xi,
+                            ));
+                        }
+                    }
+                }
+            }
+        }
+        let program = Program::new(&book.terms, equations.variables()).map_err(EquationsError::Program)?;
+        for place in rates.iter_mut().chain(&mut slopes).map(|(_, place, _)| place) {
+            *place = program.slot(*place);
+        }
+        for (_, place) in &mut direct {
+            *place = program.slot(*place);
+        }
+        Ok(Self { equations: equations.clone(), program, rates, slopes, pasts, direct })
+    }
+
+    /// Number of parameters: one for each output, then one for each place.
+    pub fn parameters(&self) -> usize {
+        self.equations.outputs() + self.direct.len()
+    }
+
+    /// Rolls out from a state ([`Equations::step`]) under commands row by row. Into `y` go the outputs, into `s` their
+    /// derivatives `outputs x parameters`, from the start (0 steps) on: one row more than there are commands.
+    ///
+    /// # Panics
+    /// If the lengths do not fit together.
+    pub fn rollout(
+        &self,
+        start: &[f64],
+        commands: &[f64],
+        work: &mut Workspace,
+        y: &mut [f64],
+        s: &mut [f64],
+    ) {
+        let e = &self.equations;
+        let (n, m, p) = (e.outputs(), e.inputs(), self.parameters());
+        let columns = n + self.pasts.len();
+        let steps = rollout_steps(commands, m, &y[n..], n);
+        assert_eq!(s.len(), (steps + 1) * n * p, "one block of derivatives for each row of outputs");
+        let sizes =
+            [start.len(), self.program.slots(), n, n, n, n * columns, n * p, n * p, columns * p, n * p];
+        let [state, slots, k, sum, before, slope, now, total, stage, rate] =
+            split(work.take(sizes.iter().sum()), sizes);
+        state.copy_from_slice(start);
+        y[..n].copy_from_slice(&start[..n]);
+        s[..n * p].fill(0.0);
+        for i in 0..n {
+            s[i * p + i] = 1.0;
+        }
+        let h = e.dt() / e.substeps() as f64;
+        let share = 0.5 / e.substeps() as f64;
+        for step in 0..steps {
+            let c = &commands[step * m..(step + 1) * m];
+            before.copy_from_slice(&state[..n]);
+            slots[1 + n..=n + m].copy_from_slice(c);
+            e.memory().load_held(state, slots);
+            self.program.evaluate_held(slots);
+            let (known, next) = s.split_at_mut((step + 1) * n * p);
+            now.copy_from_slice(&known[step * n * p..]);
+            for substep in 0..e.substeps() {
+                sum.fill(0.0);
+                total.fill(0.0);
+                for (halves, weight) in [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)] {
+                    let offset = halves as f64 * 0.5 * h;
+                    for i in 0..n {
+                        slots[1 + i] = if halves == 0 { state[i] } else { state[i] + offset * k[i] };
+                    }
+                    for (to, (s, r)) in stage.iter_mut().zip(now.iter().zip(&*rate)) {
+                        *to = if halves == 0 { *s } else { s + offset * r };
+                    }
+                    let time = (2 * substep + halves) as f64 * share;
+                    e.memory().load_moving(state, before, c, slots, (halves, time));
+                    self.past(known, step, time, &mut stage[n * p..]);
+                    self.program.evaluate_moving(slots);
+                    k.fill(0.0);
+                    for &(i, slot, xi) in &self.rates {
+                        k[i] += xi * slots[slot];
+                    }
+                    slope.fill(0.0);
+                    for &(at, slot, factor) in &self.slopes {
+                        slope[at] += factor * slots[slot];
+                    }
+                    self.rate(slope, stage, slots, rate);
+                    axpy(sum, weight, k);
+                    axpy(total, weight, rate);
+                }
+                axpy(&mut state[..n], h / 6.0, sum);
+                axpy(now, h / 6.0, total);
+                e.memory().decay(state, c);
+            }
+            e.memory().shift(state, before, c);
+            next[..n * p].copy_from_slice(now);
+            y[(step + 1) * n..(step + 2) * n].copy_from_slice(&state[..n]);
+        }
+    }
+
+    /// `df/dy S + df/ds ds/dp + df/dp`.
+    fn rate(&self, slope: &[f64], stage: &[f64], slots: &[f64], rate: &mut [f64]) {
+        let (n, p) = (self.equations.outputs(), self.parameters());
+        rate.fill(0.0);
+        for (row, slope) in rate.chunks_exact_mut(p).zip(slope.chunks_exact(n + self.pasts.len())) {
+            for (&factor, s) in slope.iter().zip(stage.chunks_exact(p)) {
+                if factor != 0.0 {
+                    axpy(row, factor, s);
+                }
+            }
+        }
+        for (position, &(output, slot)) in self.direct.iter().enumerate() {
+            rate[output * p + n + position] += slots[slot];
+        }
+    }
+
+    /// Derivatives of the past outputs, at a share of the sample from its start: interpolated as their values are.
+    fn past(&self, known: &[f64], step: usize, time: f64, into: &mut [f64]) {
+        let (n, p) = (self.equations.outputs(), self.parameters());
+        for (&(samples, variable), into) in self.pasts.iter().zip(into.chunks_exact_mut(p)) {
+            into.fill(0.0);
+            for (ago, weight) in [(samples, 1.0 - time), (samples - 1, time)] {
+                if let Some(at) = step.checked_sub(ago) {
+                    axpy(into, weight, &known[(at * n + variable) * p..][..p]);
+                }
+            }
+        }
+    }
+}
+
+/// Terms, each once.
+#[derive(Default)]
+struct Book {
+    index: BTreeMap<Term, usize>,
+    terms: Vec<Term>,
+}
+
+impl Book {
+    fn place(&mut self, term: &Term) -> usize {
+        if let Some(&known) = self.index.get(term) {
+            return known;
+        }
+        self.terms.push(term.clone());
+        self.index.insert(term.clone(), self.terms.len() - 1);
+        self.terms.len() - 1
+    }
+}
+
+/// `to += a x`.
+#[inline]
+fn axpy(to: &mut [f64], a: f64, x: &[f64]) {
+    for (to, x) in to.iter_mut().zip(x) {
+        *to += a * x;
+    }
+}
+
+/// A buffer in parts.
+fn split<const N: usize>(mut buffer: &mut [f64], sizes: [usize; N]) -> [&mut [f64]; N] {
+    sizes.map(|size| {
+        let (part, rest) = core::mem::take(&mut buffer).split_at_mut(size);
+        buffer = rest;
+        part
+    })
+}

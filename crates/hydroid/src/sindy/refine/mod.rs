@@ -1,0 +1,155 @@
+//! Coefficients, lags and gates that minimise the errors of predictions over many steps.
+//!
+//! A regression asks how well the equations explain derivatives. That is neither the most likely answer under noise of
+//! measurement, nor what a model is judged by. With the terms chosen, [`refine`] minimises instead
+//!
+//! ```text
+//! sum over windows of  sum_i ((y_i(0) - x_i) / n_i)^2 + sum_{k = 1..H, i} ((y_i(k) - x_i(k)) / s_i)^2
+//!   + strength sum_j d_j^2 (p_j - p0_j)^2
+//! ```
+//!
+//! over the parameters `p` (coefficients, time constants of lags, centres and slopes of gates) and over the outputs
+//! `x(0)` at the start of every window, from which `x(k)` is rolled out under the logged commands: output-error
+//! identification (Ljung, *System Identification*, 1999, section 7.5) by multiple shooting (Bock, in *Modelling of
+//! Chemical Reaction Systems*, 1981) without conditions of continuity between windows, since a vessel has forces that
+//! no log has. `s_i` is what the predictions from the regression's estimate miss the measurements by (RMS), and `n_i` the
+//! noise of the sensor: where the model is worse than the sensor, `x(0)` stays at the measurement, as it does when
+//! the model is used; on data that have noise alone all errors weigh the same, and the estimate is the most likely.
+//! The last sum holds on to the regression's estimate `p0` where the windows say little, `d_j` being the norm
+//! of the column of `p_j`.
+
+mod descent;
+mod outcome;
+mod parameters;
+mod windows;
+
+use hydroid_core::model::sparse::Equations;
+
+use self::descent::{Pull, Rules, descend};
+pub use self::outcome::{Attempt, Outcome, Refinement};
+use self::parameters::Parameters;
+use self::windows::Windows;
+use super::constraints::Constraints;
+use super::structure::{Lag, Schedule};
+use super::window::noise;
+use crate::evaluate::DesignRange;
+use crate::log::Trajectory;
+use crate::progress::{self, Cancelled, Progress};
+
+/// How far a window's start is from that of the one before, in lengths of a window: each sample is then in the first half
+/// of one window and in the second half of another.
+const STRIDE: f64 = 0.5;
+
+/// Standard deviations in a design range, as a first guess of an output's size.
+const DEVIATIONS: f64 = 5.0;
+
+/// Residuals smaller than this share of the outputs are rounding.
+const FLOOR: f64 = 1e-6;
+
+/// What is refined, and on what.
+#[derive(Clone, Debug)]
+pub struct Refining<'a> {
+    /// Runs to learn from.
+    pub runs: &'a [&'a Trajectory],
+    /// Design ranges of the outputs: what leaves ten times these diverges.
+    pub ranges: &'a [DesignRange],
+    /// Length of a window \[samples\].
+    pub horizon: usize,
+    /// Strengths of the pull towards the start, the strongest first: each descent begins where the one before ended.
+    pub strengths: &'a [f64],
+    /// Errors beyond so many standard deviations count linearly.
+    pub huber: Option<f64>,
+    /// Lags whose time constants are refined.
+    pub lags: &'a [Lag],
+    /// Gates whose centres and slopes are refined.
+    pub gates: &'a [Schedule],
+    /// What the coefficients must obey.
+    pub constraints: &'a Constraints,
+}
+
+/// Refined equations.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// The equations.
+    pub equations: Equations,
+    /// Strength of the pull.
+    pub strength: f64,
+    /// Steps of the descent.
+    pub steps: usize,
+    /// Mean loss of an error, in units of the start's mean square.
+    pub cost: f64,
+}
+
+/// Refines equations, once for each strength. Nothing comes back where their own rollouts diverge, or no run is longer
+/// than a window.
+///
+/// # Errors
+/// If the work was interrupted.
+pub fn refine(
+    refining: &Refining<'_>,
+    equations: &Equations,
+    progress: Progress<'_>,
+) -> Result<Vec<Refined>, Cancelled> {
+    let parameters = Parameters::new(equations, refining.lags, refining.gates);
+    let start = parameters.start();
+    let Some(windows) = windows(refining, equations) else { return Ok(Vec::new()) };
+    let Some(first) = windows.linearise(&parameters, &start) else { return Ok(Vec::new()) };
+    let Some(whole) = first.whole() else { return Ok(Vec::new()) };
+    let unit = |norm: f64| if norm > 0.0 { norm } else { 1.0 };
+    let norms = (0..parameters.len()).map(|j| unit(whole.column_norm(j))).collect();
+    let mut pull = Pull { centre: start.clone(), norms, strength: 1.0 };
+    let rules = Rules::new(refining.constraints, &parameters);
+    let mut refined = Vec::new();
+    let mut from = (start, first);
+    for (index, &strength) in refining.strengths.iter().enumerate() {
+        pull.strength = strength;
+        let share = |f: f64| (index as f64 + f) / refining.strengths.len() as f64;
+        let end = descend(&windows, &parameters, from, &pull, &rules, &mut |f| progress(share(f)))?;
+        if let Ok(equations) = parameters.equations(&end.values) {
+            refined.push(Refined {
+                equations,
+                strength,
+                steps: end.steps,
+                cost: end.linear.cost / end.linear.errors as f64,
+            });
+        }
+        from = (end.values, end.linear);
+    }
+    progress::report(progress, 1.0)?;
+    Ok(refined)
+}
+
+/// What predictions over windows miss the measurements by (RMS), in units of the noise of the sensor of each output.
+/// Nothing comes back where they diverge, or no run is longer than a window.
+pub fn excess(refining: &Refining<'_>, equations: &Equations) -> Option<Vec<f64>> {
+    let windows = windows(refining, equations)?;
+    let share = |(start, weight): (&f64, &f64)| start / weight;
+    Some(windows.start.iter().zip(&windows.weights).map(share).collect())
+}
+
+/// Windows whose errors weigh what the errors of some equations are; none where their rollouts diverge.
+fn windows<'a>(refining: &Refining<'a>, equations: &Equations) -> Option<Windows<'a>> {
+    // A positive number far below 2^53.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let stride = (STRIDE * refining.horizon as f64).ceil().max(1.0) as usize;
+    let sizes: Vec<f64> = refining.ranges.iter().map(|r| (r.high - r.low) / DEVIATIONS).collect();
+    let floor = |value: f64, size: &f64| value.max(FLOOR * size).max(f64::MIN_POSITIVE);
+    let sensors = noise(refining.runs);
+    let start_weights = sensors.iter().zip(&sizes).map(|(noise, size)| 1.0 / floor(*noise, size));
+    let mut windows = Windows {
+        runs: refining.runs,
+        horizon: refining.horizon,
+        stride,
+        weights: sizes.iter().map(|size| 1.0 / floor(*size, size)).collect(),
+        start: start_weights.collect(),
+        ranges: refining.ranges,
+        huber: None,
+    };
+    let first = windows.linearise(&Parameters::fixed(equations), &[])?;
+    for (i, (sum, count)) in first.squares.into_iter().enumerate() {
+        windows.weights[i] = 1.0 / floor((sum / count.max(1) as f64).sqrt(), &sizes[i]);
+        windows.start[i] = windows.start[i].max(windows.weights[i]);
+    }
+    windows.huber = refining.huber;
+    Some(windows)
+}

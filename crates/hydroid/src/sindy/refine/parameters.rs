@@ -1,0 +1,131 @@
+//! What is refined of equations, as a list of numbers.
+
+use hydroid_core::model::sparse::{Equations, EquationsError, Factor, Gate, Real, Shape, Signal, Term};
+
+use crate::sindy::structure::{Lag, Schedule};
+
+/// The numbers that are refined: coefficients, then logarithms of time constants, then centre and logarithm of the slope
+/// of each gate.
+#[derive(Clone, Debug)]
+pub(super) struct Parameters {
+    base: Equations,
+    places: Vec<usize>,
+    /// Places of lags among the signals.
+    lags: Vec<usize>,
+    /// Gates with the variables that they are on.
+    gates: Vec<(u16, Gate)>,
+}
+
+impl Parameters {
+    /// Of equations, with those of their lags and gates that are free.
+    pub(super) fn new(base: &Equations, lags: &[Lag], gates: &[Schedule]) -> Self {
+        let free = |signal: &Signal| match *signal {
+            Signal::Lag { input, time_constant_s } => lags.iter().any(|lag| {
+                base.outputs() + lag.input == usize::from(input)
+                    && Real(lag.time_constant_s) == time_constant_s
+            }),
+            Signal::Past { .. } => false,
+        };
+        let places: Vec<usize> =
+            (0..base.coefficients().len()).filter(|&place| base.coefficients()[place] != 0.0).collect();
+        let count = base.terms().len();
+        let mut known = Vec::new();
+        for &place in &places {
+            for factor in base.terms()[place % count].factors() {
+                if let Shape::Above(gate) | Shape::Below(gate) = factor.shape
+                    && gates.iter().any(|g| g.output == usize::from(factor.variable) && g.gate == gate)
+                    && !known.contains(&(factor.variable, gate))
+                {
+                    known.push((factor.variable, gate));
+                }
+            }
+        }
+        let lags = (0..base.signals().len()).filter(|&i| free(&base.signals()[i])).collect();
+        Self { base: base.clone(), places, lags, gates: known }
+    }
+
+    /// None: equations as they are.
+    pub(super) fn fixed(base: &Equations) -> Self {
+        Self { base: base.clone(), places: Vec::new(), lags: Vec::new(), gates: Vec::new() }
+    }
+
+    /// Their number.
+    pub(super) fn len(&self) -> usize {
+        self.places.len() + self.hidden()
+    }
+
+    /// Number of those that are no coefficients.
+    pub(super) fn hidden(&self) -> usize {
+        self.lags.len() + 2 * self.gates.len()
+    }
+
+    /// Terms of the table of all coefficients.
+    pub(super) fn terms(&self) -> usize {
+        self.base.terms().len()
+    }
+
+    /// Places of the coefficients in the table of all.
+    pub(super) fn places(&self) -> &[usize] {
+        &self.places
+    }
+
+    /// Their values in the equations that they were made from.
+    pub(super) fn start(&self) -> Vec<f64> {
+        let coefficients = self.places.iter().map(|&place| self.base.coefficients()[place]);
+        let lags = self.lags.iter().map(|&i| match self.base.signals()[i] {
+            Signal::Lag { time_constant_s, .. } => time_constant_s.0.ln(),
+            Signal::Past { .. } => 0.0,
+        });
+        let gates = self.gates.iter().flat_map(|(_, gate)| [gate.centre.0, gate.slope.0.ln()]);
+        coefficients.chain(lags).chain(gates).collect()
+    }
+
+    /// Sizes that steps of finite differences are small beside: one for each parameter that is no coefficient.
+    pub(super) fn sizes(&self) -> Vec<f64> {
+        let lags = self.lags.iter().map(|_| 1.0);
+        lags.chain(self.gates.iter().flat_map(|(_, gate)| [1.0 / gate.slope.0, 1.0])).collect()
+    }
+
+    /// The equations that have these values.
+    pub(super) fn equations(&self, values: &[f64]) -> Result<Equations, EquationsError> {
+        let (coefficients, hidden) = values.split_at(self.places.len());
+        let (lags, gates) = hidden.split_at(self.lags.len());
+        let mut table = self.base.coefficients().to_vec();
+        for (&place, &value) in self.places.iter().zip(coefficients) {
+            table[place] = value;
+        }
+        let mut signals = self.base.signals().to_vec();
+        for (&i, ln) in self.lags.iter().zip(lags) {
+            if let Signal::Lag { time_constant_s, .. } = &mut signals[i] {
+                *time_constant_s = Real(ln.exp());
+            }
+        }
+        let moved: Vec<Gate> = gates
+            .chunks_exact(2)
+            .map(|pair| Gate { centre: Real(pair[0]), slope: Real(pair[1].exp()) })
+            .collect();
+        let terms = self.base.terms().iter().map(|term| self.moved(term, &moved)).collect();
+        let b = &self.base;
+        Equations::with_signals(terms, table, b.outputs(), b.inputs(), signals, b.dt(), b.substeps())
+    }
+
+    /// A term with the gates where they are now.
+    fn moved(&self, term: &Term, moved: &[Gate]) -> Term {
+        if self.gates.is_empty() {
+            return term.clone();
+        }
+        let now = |variable: u16, gate: Gate| {
+            let at = self.gates.iter().position(|known| *known == (variable, gate));
+            at.map_or(gate, |at| moved[at])
+        };
+        let factors = term.factors().iter().map(|&Factor { variable, shape }| {
+            let shape = match shape {
+                Shape::Above(gate) => Shape::Above(now(variable, gate)),
+                Shape::Below(gate) => Shape::Below(now(variable, gate)),
+                other => other,
+            };
+            Factor { variable, shape }
+        });
+        Term::new(factors.collect())
+    }
+}
