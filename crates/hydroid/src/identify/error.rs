@@ -190,6 +190,7 @@ impl IdentifyError {
                     | TrainError::Constant { .. }
                     | TrainError::Equations { .. }
                     | TrainError::NoTime { .. }
+                    | TrainError::NoScore { .. }
             ),
             _ => false,
         }

@@ -79,7 +79,7 @@ fn summary(networks: &[(&Candidate, &Trained)]) -> Markup {
     html! {
         (table(&heads, &rows, 1))
         p.small {
-            "Loss: mean squared error over the compared part of a training window, 1 being the variance of the output. "
+            "Loss: root mean square error over the compared part of the training windows, 1 being the standard deviation of an output, in the mean over outputs. "
             "Validation: mean NRMSE of rollouts over all outputs and horizons. "
             "Restarts: the same training from other first weights; the least validation error of each, the one that was kept in bold."
         }
