@@ -55,7 +55,12 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
             ..SindySettings::default()
         },
         networks: Networks {
-            all: NetworkSettings { hidden: Some(3), epochs: Some(2), ..NetworkSettings::default() },
+            all: NetworkSettings {
+                hidden: Some(3),
+                epochs: Some(2),
+                feedback: Some(false),
+                ..NetworkSettings::default()
+            },
             ..Networks::default()
         },
     }
@@ -72,7 +77,7 @@ fn done(job: &Job) -> (Result<Identified, IdentifyError>, usize) {
 }
 
 fn notes(identified: &Identified) -> String {
-    identified.warnings.iter().map(|note| format!("{}\n", note.message)).collect()
+    identified.warnings.iter().flat_map(|note| [note.message.as_str(), "\n"]).collect()
 }
 
 #[test]
