@@ -155,7 +155,7 @@ fn a_constant_output_has_no_equation() {
         *line = cells.join(",");
     }
     write(&folder, "bad.csv", &lines);
-    refused(folder.path(), IDENTIFY, &["'u'", "vary"]);
+    refused(folder.path(), &[IDENTIFY, &["--horizon", "20"]].concat(), &["'u'", "vary"]);
     // A command that never moves is told, but other commands may do.
     let mut lines = good(400);
     for line in &mut lines[1..] {
@@ -196,12 +196,13 @@ fn settings_that_make_no_sense() {
         ("--ridge=nan", ["ridge", "NaN"]),
         ("--threshold=-1", ["threshold", "-1"]),
         ("--window=0", ["window", "positive"]),
-        ("--horizon=100000", ["validation", "100000"]),
-        ("--window=1000", ["regression rows", "too few"]),
+        ("--horizon=100000", ["test runs", "100000"]),
         ("--dt=-1", ["step", "positive"]),
     ] {
         refused(folder.path(), &[IDENTIFY, &[option]].concat(), &words);
     }
+    let longest = [IDENTIFY, &["--window=1000", "--horizon=20"]].concat();
+    refused(folder.path(), &longest, &["regression rows", "too few"]);
     // A library that nobody could search is refused at once, whatever its number of terms.
     let many: Vec<String> = (0..30).map(|i| format!("c{i}_cmd")).collect();
     let mut lines = vec![format!("t,u,{}", many.join(","))];
