@@ -37,7 +37,7 @@ pub struct NetworkSettings {
     pub epochs: Option<usize>,
     /// Windows of one step of the optimizer.
     pub batch: Option<usize>,
-    /// Peak step size.
+    /// Peak step size; where it is not given 0.03, or 0.01 on a base.
     pub learning_rate: Option<f64>,
     /// How the step size goes.
     pub schedule: Option<Schedule>,
@@ -102,7 +102,11 @@ impl Networks {
     /// The settings that a training may have: one where the formulation is given, else one for each that is tried.
     fn choices(&self, cell: CellKind, seed: u64, inputs: usize) -> Vec<(Settings, &'static str)> {
         let given = [&self.all, self.own(cell)].iter().any(|s| s.feedback.is_some() || s.base.is_some());
-        formulations(&self.settings(cell, seed), given, inputs)
+        let mut choices = formulations(&self.settings(cell, seed), given, inputs);
+        if [&self.all, self.own(cell)].iter().all(|s| s.learning_rate.is_none()) {
+            choices.iter_mut().for_each(|(settings, _)| settings.learning_rate = usual_rate(settings.base));
+        }
+        choices
     }
 
     /// What networks with these cells are told.
@@ -176,6 +180,15 @@ impl Networks {
             return Err(IdentifyError::Train { method, error: TrainError::Checkpoint { path, reason } });
         }
         if found { Ok(()) } else { Err(IdentifyError::NoCheckpoint { folder: folder.clone() }) }
+    }
+}
+
+/// Peak step size where none is given. What a network corrects adds up over a rollout, and so do its gradients: on real
+/// ships the training of increments blows up at 0.03, and does not at 0.01.
+fn usual_rate(base: BaseKind) -> f64 {
+    match base {
+        BaseKind::Nothing => Settings::default().learning_rate,
+        BaseKind::Hold | BaseKind::Equations => 0.01,
     }
 }
 
