@@ -104,7 +104,9 @@ impl Networks {
         let given = [&self.all, self.own(cell)].iter().any(|s| s.feedback.is_some() || s.base.is_some());
         let mut choices = formulations(&self.settings(cell, seed), given, inputs);
         if [&self.all, self.own(cell)].iter().all(|s| s.learning_rate.is_none()) {
-            choices.iter_mut().for_each(|(settings, _)| settings.learning_rate = usual_rate(settings.base));
+            for (settings, _) in &mut choices {
+                settings.learning_rate = usual_rate(settings.base);
+            }
         }
         choices
     }
