@@ -113,7 +113,8 @@ fn the_bytes_do_not_depend_on_threads() {
 fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
     let folder = tempfile::tempdir().unwrap();
     for (index, cell) in [CellKind::Lstm, CellKind::Gru].into_iter().enumerate() {
-        let settings = Settings { restarts: 2, epochs: 40, ..settings(cell) };
+        // Long enough to be heard of several times, on a fast machine too.
+        let settings = Settings { restarts: 2, epochs: 400, ..settings(cell) };
         let whole = go(&settings);
         let path = folder.path().join(format!("{index}.checkpoint"));
         let mut interruptions = 0;
@@ -128,7 +129,7 @@ fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
                 Err(TrainError::Cancelled(_)) => interruptions += 1,
                 Err(error) => panic!("{error}"),
             }
-            assert!(interruptions < 20);
+            assert!(interruptions < 200);
         };
         same(&whole, &parts);
         assert!(interruptions > 0, "the training was over before it could be interrupted");
