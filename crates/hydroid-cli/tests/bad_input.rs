@@ -206,7 +206,7 @@ fn settings_that_make_no_sense() {
     // A library that nobody could search is refused at once, whatever its number of terms.
     let many: Vec<String> = (0..30).map(|i| format!("c{i}_cmd")).collect();
     let mut lines = vec![format!("t,u,{}", many.join(","))];
-    for k in 0..200u32 {
+    for k in 0..800u32 {
         let cells: Vec<String> = (0..31).map(|i| (0.1 * f64::from(k * (i + 3))).sin().to_string()).collect();
         lines.push(format!("{:.1},{}", 0.1 * f64::from(k), cells.join(",")));
     }
