@@ -14,6 +14,7 @@ mod equations;
 mod factor;
 mod gate;
 mod increments;
+pub mod kalman;
 mod least_squares;
 mod scale;
 mod settings;

@@ -8,7 +8,9 @@
     reason = "it must become a part of the function that was compiled for the processor"
 )]
 
+pub(crate) mod aligned;
 pub(crate) mod functions;
+pub(crate) mod rows;
 pub(crate) mod slices;
 pub(crate) mod vectors;
 

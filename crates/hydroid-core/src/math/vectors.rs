@@ -2,7 +2,7 @@
 //!
 //! Every operation works on each number alone and rounds as IEEE 754 says, and a product that is added to something is
 //! not rounded before ([`Pack::mul_add`] is fused on every path: by the instruction where there is one, in software
-//! where not). So a result depends neither on the width of the vectors nor on the processor.
+//! where not), but for [`Pack::sum`]. So a result depends neither on the width of the vectors nor on the processor.
 #![expect(
     clippy::inline_always,
     reason = "it must become a part of the function that was compiled for the processor"
@@ -51,12 +51,13 @@ pub trait Vectors: Copy + 'static {
     fn at_most<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
     fn with_sign_of<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
     fn power_of_two<S: Simd>(simd: S, rounded: Self::V<S>) -> Self::V<S>;
+    fn sum<S: Simd>(simd: S, a: Self::V<S>) -> Self;
 }
 
 /// What is the same for both precisions but for the names that pulp gives its operations.
 macro_rules! operations {
     ($v:ident, $as_simd:ident, $as_mut_simd:ident, $one:expr, $two_to_the_mantissa:expr,
-        $load:ident, $store:ident, $splat:ident, $neg:ident, $abs:ident, $mul_add:ident,
+        $load:ident, $store:ident, $splat:ident, $sum:ident, $neg:ident, $abs:ident, $mul_add:ident,
         $greater:ident, $select:ident, $or:ident, $and:ident,
         $splat_bits:ident, $add_bits:ident, $mul_bits:ident, $to_bits:ident, $from_bits:ident,
         $($own:ident: $operator:ident),*) => {
@@ -120,6 +121,11 @@ macro_rules! operations {
         }
 
         #[inline(always)]
+        fn sum<S: Simd>(simd: S, a: S::$v) -> Self {
+            simd.$sum(a)
+        }
+
+        #[inline(always)]
         fn power_of_two<S: Simd>(simd: S, rounded: S::$v) -> S::$v {
             // The product is a shift: it leaves of the bits the last, which are the exponent.
             let exponent = simd.$mul_bits(simd.$to_bits(rounded), simd.$splat_bits($two_to_the_mantissa));
@@ -142,7 +148,7 @@ impl Vectors for f32 {
 
     operations!(
         f32s, as_simd_f32s, as_mut_simd_f32s, 1_f32.to_bits(), 1 << 23,
-        partial_load_f32s, partial_store_f32s, splat_f32s, neg_f32s, abs_f32s, mul_add_f32s,
+        partial_load_f32s, partial_store_f32s, splat_f32s, reduce_sum_f32s, neg_f32s, abs_f32s, mul_add_f32s,
         greater_than_f32s, select_f32s, or_f32s, and_f32s,
         splat_u32s, add_u32s, mul_u32s, transmute_u32s_f32s, transmute_f32s_u32s,
         add: add_f32s, sub: sub_f32s, mul: mul_f32s, div: div_f32s
@@ -174,7 +180,7 @@ impl Vectors for f64 {
 
     operations!(
         f64s, as_simd_f64s, as_mut_simd_f64s, 1_f64.to_bits(), 1 << 52,
-        partial_load_f64s, partial_store_f64s, splat_f64s, neg_f64s, abs_f64s, mul_add_f64s,
+        partial_load_f64s, partial_store_f64s, splat_f64s, reduce_sum_f64s, neg_f64s, abs_f64s, mul_add_f64s,
         greater_than_f64s, select_f64s, or_f64s, and_f64s,
         splat_u64s, add_u64s, mul_u64s, transmute_u64s_f64s, transmute_f64s_u64s,
         add: add_f64s, sub: sub_f64s, mul: mul_f64s, div: div_f64s
@@ -221,6 +227,12 @@ impl<S: Simd, T: Vectors> Pack<S, T> {
     #[inline(always)]
     pub(crate) fn with_sign_of(self, other: Self) -> Self {
         Self::new(self.simd, T::with_sign_of(self.simd, self.v, other.v))
+    }
+
+    /// The sum of all its numbers; the only operation whose rounding depends on the width of the vectors.
+    #[inline(always)]
+    pub(crate) fn sum(self) -> T {
+        T::sum(self.simd, self.v)
     }
 
     /// `2^n` from `n + ROUND` where that is a normal number.

@@ -19,4 +19,4 @@ pub use layout::{GateRow, LayerLayout, Layout};
 pub use model::{Base, Recurrent, Scaling, StateFilter};
 pub use network::{Cell, Network, NetworkError, Tensor};
 pub use session::RecurrentSession;
-pub use single::{Change, Gradient, LayerPartials, Linearization, Packed};
+pub use single::{Blocks, Change, Gradient, LayerPartials, Linearization, Packed};

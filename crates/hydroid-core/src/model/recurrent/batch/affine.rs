@@ -8,7 +8,7 @@
 use pulp::Simd;
 
 use super::LANES;
-use super::aligned::Aligned;
+use crate::math::aligned::Aligned;
 use super::kernel::{self, ROWS, Rows, RowsMut};
 use crate::math::Scalar;
 

@@ -6,7 +6,6 @@
 //! the lanes beyond the sequences has no effect on anything.
 
 mod affine;
-mod aligned;
 mod cells;
 mod kernel;
 mod rollout;

@@ -2,7 +2,7 @@
 
 use core::mem;
 
-use super::aligned::Aligned;
+use crate::math::aligned::Aligned;
 use super::cells::{Cells, Forward};
 use super::{clear_padding, padded};
 use crate::math::Scalar;

@@ -1,6 +1,6 @@
 //! A batch of sequences with a record for backpropagation through time.
 
-use super::aligned::Aligned;
+use crate::math::aligned::Aligned;
 use super::cells::{Back, Cells, Forward};
 use super::{clear_padding, padded};
 use crate::math::Scalar;

@@ -13,8 +13,8 @@ use super::super::layout::Layout;
 use super::super::network::{Cell, Network};
 use super::super::{gru, lstm, vanilla};
 use super::gates::Gates;
-use super::kernels::product;
 use crate::math::Scalar;
+use crate::math::rows::product;
 
 /// A network's weights as a step of one sequence reads them fastest: the rows of the gates in blocks that are summed
 /// side by side, and biases that are always added together as one.

@@ -7,10 +7,10 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::super::layout::Layout;
-use super::kernels::add_rows;
 use super::linearization::Linearization;
 use super::packed::Packed;
 use crate::math::Scalar;
+use crate::math::rows::add_rows;
 
 /// Changes of what a step depends on, as matrices of one or more columns, row by row. What is `None` does not change.
 #[derive(Clone, Copy, Debug)]
@@ -21,11 +21,13 @@ pub struct Change<'a, T> {
     pub input: Option<&'a [T]>,
     /// `weights x columns`.
     pub weights: Option<&'a [T]>,
+    /// What the weights do to each row of [`Blocks`](super::Blocks), where that is known already: `rows x columns`.
+    pub local: Option<&'a [T]>,
 }
 
 impl<T> Default for Change<'_, T> {
     fn default() -> Self {
-        Self { state: None, input: None, weights: None }
+        Self { state: None, input: None, weights: None, local: None }
     }
 }
 
@@ -91,6 +93,7 @@ impl<T: Scalar> Linearization<T> {
                 state: change.state.map(|state| &state[own_state(layer)]),
                 input: if layer == 0 { change.input } else { Some(&below[own_state(layer - 1)]) },
                 weights: change.weights,
+                local: change.local,
             };
             self.layer_times(packed, layer, change, columns, &mut out[..len * columns], scratch);
         }
@@ -121,6 +124,10 @@ impl<T: Scalar> Linearization<T> {
                     &mut out[(result * units + unit) * columns..][..columns]
                 };
                 self.unit_times(packed, (index, result, unit), change, row, coefficients);
+                if let Some(local) = change.local {
+                    let at = (index * units + unit) * layer.results() + result;
+                    add_rows(row, &local[at * columns..(at + 1) * columns], &[T::one()]);
+                }
             }
         }
         if let Some(place) = projection {
@@ -131,6 +138,10 @@ impl<T: Scalar> Linearization<T> {
                 if let Some(changes) = changes {
                     let changes = &changes[s * units * columns..(s + 1) * units * columns];
                     add_rows(row, changes, layer.projected());
+                }
+                if let Some(local) = change.local {
+                    let at = (units + s) * layer.results();
+                    add_rows(row, &local[at * columns..(at + 1) * columns], &[T::one()]);
                 }
             }
         }
@@ -204,6 +215,10 @@ impl<T: Scalar> Linearization<T> {
             if let Some(changes) = change.weights {
                 add_rows(row, &changes[run.start * columns..run.end * columns], &self.shown);
                 add_rows(row, &changes[(bias.start + i) * columns..][..columns], &[T::one()]);
+            }
+            if let Some(local) = change.local {
+                let at = (self.first_output_block() + i) * self.layers[0].results();
+                add_rows(row, &local[at * columns..(at + 1) * columns], &[T::one()]);
             }
         }
     }

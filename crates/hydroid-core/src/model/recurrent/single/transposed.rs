@@ -1,9 +1,9 @@
 //! Products of a step's transposed Jacobians with matrices.
 
-use super::kernels::add_rows;
 use super::linearization::Linearization;
 use super::packed::Packed;
 use crate::math::Scalar;
+use crate::math::rows::add_rows;
 
 /// Where a transposed product goes: matrices of some columns, row by row, overwritten. What is `None` is not wanted.
 #[derive(Debug)]

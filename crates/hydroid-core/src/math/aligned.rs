@@ -12,14 +12,14 @@ const LINE: usize = 64;
 
 /// A slice of fixed length that begins at a multiple of 64 bytes.
 #[derive(Debug)]
-pub(super) struct Aligned<T> {
+pub(crate) struct Aligned<T> {
     numbers: Vec<T>,
     begin: usize,
     len: usize,
 }
 
 impl<T: Scalar> Aligned<T> {
-    pub(super) fn zeros(len: usize) -> Self {
+    pub(crate) fn zeros(len: usize) -> Self {
         let numbers = vec![T::zero(); len + LINE / size_of::<T>()];
         Self { begin: begin(&numbers), numbers, len }
     }

@@ -11,7 +11,7 @@ use crate::math::Scalar;
 ///
 /// Blocks of the sum stay in registers while the rows pass by.
 #[inline(always)]
-pub(super) fn add_rows<T: Scalar>(sum: &mut [T], rows: &[T], x: &[T]) {
+pub(crate) fn add_rows<T: Scalar>(sum: &mut [T], rows: &[T], x: &[T]) {
     let done = blocks::<32, T>(sum, rows, x, 0);
     let done = blocks::<8, T>(sum, rows, x, done);
     let done = blocks::<4, T>(sum, rows, x, done);
@@ -41,7 +41,7 @@ fn blocks<const WIDTH: usize, T: Scalar>(sum: &mut [T], rows: &[T], x: &[T], fro
 
 /// `y = W x`, `W` row by row; four sums side by side, or each addition would wait for the last.
 #[inline(always)]
-pub(super) fn product<T: Scalar>(weights: &[T], x: &[T], y: &mut [T]) {
+pub(crate) fn product<T: Scalar>(weights: &[T], x: &[T], y: &mut [T]) {
     for (y, row) in y.iter_mut().zip(weights.chunks_exact(x.len())) {
         let mut sums = [T::zero(); 4];
         let (mut left, mut right) = (row.chunks_exact(4), x.chunks_exact(4));

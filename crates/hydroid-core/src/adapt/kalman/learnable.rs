@@ -1,0 +1,62 @@
+//! What the filter asks of a model.
+
+use alloc::vec::Vec;
+
+use crate::math::Scalar;
+
+/// A step model whose weights a [`Filter`](super::Filter) can learn: `h+ = f(h, x, theta)`, `y = g(h+, theta)`.
+///
+/// Its weights come in blocks. Block `b` works through [`rows`](Self::rows) numbers of its own, its local rows, and a step
+/// is made of nothing but the state and these:
+///
+/// ```text
+/// dh+/dtheta = C L        dy/dtheta = D L        L = diag(L_1, L_2, ..),  L_b: rows x weights of block b
+/// ```
+///
+/// `L` is given by [`local`](Self::local), `C` and `D` are applied by [`chain`](Self::chain) and
+/// [`output_chain`](Self::output_chain) and stand nowhere: a unit of a network has its gates' weights to itself, while
+/// the projection or the layers above mix all of them. A model without such structure is one block whose rows are its
+/// state.
+///
+/// Matrices are row by row. Nothing allocates.
+pub trait Learnable<T: Scalar>: Clone + Send + Sync {
+    /// Length of the state `h`.
+    fn state_len(&self) -> usize;
+
+    /// Length of the input `x`.
+    fn inputs(&self) -> usize;
+
+    /// Length of the output `y`.
+    fn outputs(&self) -> usize;
+
+    /// Where the weights of each block stand among [`weights`](Self::weights). No weight is in two blocks.
+    fn blocks(&self) -> &[Vec<usize>];
+
+    /// Local rows of every block; what a block has less is zero.
+    fn rows(&self) -> usize;
+
+    /// All weights.
+    fn weights(&self) -> &[T];
+
+    /// Takes other weights into use; the partials of the last step stay those of the weights it was made with.
+    fn set_weights(&mut self, weights: &[T]);
+
+    /// `h <- f(h, x)`, keeping what its partials are made of.
+    fn step(&mut self, h: &mut [T], x: &[T]);
+
+    /// `y = g(h)`.
+    fn output(&self, h: &[T], y: &mut [T]);
+
+    /// Partials of a local row of the last step with respect to the weights of its block.
+    fn local(&self, block: usize, row: usize, into: &mut [T]);
+
+    /// `out = df/dh state + C local` of the last step, with the weights that the model has: `state` is
+    /// `state x columns`, `local` is `blocks rows x columns`, `out` is `state x columns`.
+    fn chain(&self, state: &[T], local: &[T], columns: usize, out: &mut [T], scratch: &mut [T]);
+
+    /// `out = dg/dh state + D local` at the state after the last step; `out` is `outputs x columns`.
+    fn output_chain(&self, state: &[T], local: &[T], columns: usize, out: &mut [T]);
+
+    /// Numbers of scratch that [`chain`](Self::chain) wants for so many columns.
+    fn scratch(&self, columns: usize) -> usize;
+}

@@ -1,0 +1,129 @@
+//! Which weights work together.
+
+use alloc::vec::Vec;
+
+use super::super::network::{Cell, Network};
+use super::linearization::Linearization;
+use super::packed::Packed;
+use crate::math::Scalar;
+
+/// The weights of a network in blocks: each works through rows of numbers that no other block touches.
+///
+/// | block | weights | rows |
+/// | --- | --- | --- |
+/// | each unit of each layer | its row of every gate: `W_ih`, `W_hh`, `b_ih`, `b_hh` | its results: `c+` and `s(o) tanh(c+)` of an LSTM, `h+` of the others |
+/// | each row of an LSTM's projection | its row of `W_hr` | `h+` |
+/// | each output of the read-out | its row of `W`, and of `b` | `y` |
+///
+/// What a change of the weights does to a step is what it does to these rows ([`Linearization::local`]: block by
+/// block, a few numbers for each weight) and what these do to the step ([`Change::local`](super::Change)). A filter
+/// on the weights touches the covariance of all weights with the first alone. Every block counts as many rows as the
+/// one that has most; what a block has less is zero.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Blocks {
+    rows: usize,
+    /// Of each block, where its weights stand in the flat weights.
+    places: Vec<Vec<usize>>,
+    /// Blocks of the units and of the projection; those of the read-out come after them.
+    transition: usize,
+    /// The first block of the last layer.
+    last_layer: usize,
+}
+
+impl Blocks {
+    /// Of a network whose weights are packed.
+    pub fn new<T: Scalar>(packed: &Packed<T>) -> Self {
+        let (layout, Network { cell, .. }) = (packed.layout(), packed.network());
+        let (units, gates, rows) = match *cell {
+            Cell::Lstm { hidden, .. } => (hidden, 4, 2),
+            Cell::Gru { hidden } => (hidden, 3, 1),
+            Cell::Vanilla { hidden, .. } => (hidden, 1, 1),
+        };
+        let mut places = Vec::new();
+        for layer in &layout.layers {
+            for unit in 0..units {
+                let of_gate = |gate: usize| {
+                    let row = layer.row(gate * units + unit);
+                    row.weight_ih.chain(row.weight_hh).chain([row.bias_ih, row.bias_hh])
+                };
+                places.push((0..gates).flat_map(of_gate).collect());
+            }
+        }
+        let last_layer = (layout.layers.len() - 1) * units;
+        if let Some(projection) = &layout.projection {
+            places.extend(projection.clone().collect::<Vec<_>>().chunks(units).map(<[usize]>::to_vec));
+        }
+        let transition = places.len();
+        if let Some((weight, bias)) = &layout.read_out {
+            let shown = cell.shown();
+            places.extend(bias.clone().enumerate().map(|(i, bias)| {
+                (weight.start + i * shown..weight.start + (i + 1) * shown).chain([bias]).collect::<Vec<_>>()
+            }));
+        }
+        Self { rows, places, transition, last_layer }
+    }
+
+    /// Rows that every block counts.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Where the weights of each block stand in the flat weights.
+    pub fn places(&self) -> &[Vec<usize>] {
+        &self.places
+    }
+
+    /// Blocks that the state depends on; the outputs alone depend on the others.
+    pub fn transition(&self) -> usize {
+        self.transition
+    }
+
+    /// The first block of the last layer.
+    pub fn last_layer(&self) -> usize {
+        self.last_layer
+    }
+}
+
+impl<T: Scalar> Linearization<T> {
+    /// The first block of the read-out.
+    pub(super) fn first_output_block(&self) -> usize {
+        let units = self.layers[0].units();
+        // A projection is shorter than what it projects.
+        let projected = if self.shown().len() == units { 0 } else { self.shown().len() };
+        self.layers.len() * units + projected
+    }
+
+    /// Partials of a row of a block with respect to the block's weights, in their order ([`Blocks`]).
+    ///
+    /// # Panics
+    /// If there is no such block, or `into` has not one number for each of its weights.
+    pub fn local(&self, block: usize, row: usize, into: &mut [T]) {
+        let units = self.layers[0].units();
+        let Some(layer) = self.layers.get(block / units).filter(|layer| row < layer.results()) else {
+            return self.local_of_output(block, row, into);
+        };
+        let unit = block % units;
+        let (x, h) = (layer.x(), layer.h());
+        for (gate, into) in into.chunks_exact_mut(x.len() + h.len() + 2).enumerate() {
+            let (a, b) = (layer.input(row, gate)[unit], layer.hidden(row, gate)[unit]);
+            let (of_x, rest) = into.split_at_mut(x.len());
+            let (of_h, biases) = rest.split_at_mut(h.len());
+            of_x.iter_mut().zip(x).for_each(|(into, &x)| *into = a * x);
+            of_h.iter_mut().zip(h).for_each(|(into, &h)| *into = b * h);
+            biases.copy_from_slice(&[a, b]);
+        }
+    }
+
+    /// The same of the projection and the read-out, which have one row.
+    fn local_of_output(&self, block: usize, row: usize, into: &mut [T]) {
+        if row > 0 {
+            into.fill(T::zero());
+        } else if block < self.first_output_block() {
+            into.copy_from_slice(self.layers[0].projected());
+        } else {
+            let (weights, bias) = into.split_at_mut(self.shown().len());
+            weights.copy_from_slice(self.shown());
+            bias.fill(T::one());
+        }
+    }
+}
