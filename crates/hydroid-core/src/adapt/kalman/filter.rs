@@ -1,4 +1,8 @@
 //! The extended Kalman filter over state and weights.
+#![expect(
+    clippy::inline_always,
+    reason = "what a step is made of must become a part of the function that was compiled for the processor"
+)]
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -7,7 +11,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::gain::Gain;
 use super::learnable::Learnable;
-use super::triangle::{Pass, Triangle};
+use super::triangle::{Pass, Span, Triangle};
 use super::tuning::{Tuning, TuningError};
 use crate::math::Scalar;
 use crate::math::rows::add_rows;
@@ -47,7 +51,7 @@ pub struct Filter<T, M> {
     given: Vec<T>,
     /// `R`, which may move.
     noise: Vec<T>,
-    /// `P_hh` (`n x n`), `P_ht` (`n x width`), `P_tt`.
+    /// `P_hh` (`n x n`), `P_ht` (`n x width`, in panels), `P_tt`.
     hh: Vec<T>,
     ht: Vec<T>,
     tt: Triangle<T>,
@@ -56,10 +60,10 @@ pub struct Filter<T, M> {
     /// Of each padded weight: where it stands among the weights. Padding stands nowhere.
     places: Vec<Option<usize>>,
     weight_noise: Vec<T>,
-    /// What the last measurement takes from `P_tt`, `rank x width`; whether there is something to take.
+    /// What the last measurement takes from `P_tt`, `rank x width` in panels; whether there is something to take.
     downdate: Vec<T>,
     pending: bool,
-    /// `L`, by local row (`rows x width`), and `L P_tt` (`blocks rows x width`).
+    /// `L` (`rows x width`) and `L P_tt` (`blocks rows x width`), in panels.
     local: Vec<T>,
     products: Vec<T>,
     /// Whether a step was made since the last measurement.
@@ -76,8 +80,10 @@ struct Scratch<T> {
     /// `n x max(n, outputs)`, twice.
     square: Vec<T>,
     turned: Vec<T>,
-    /// `n x width`.
+    /// A panel of `n x width`.
     wide: Vec<T>,
+    /// What the weights change by (`width`).
+    change: Vec<T>,
     /// `G_h'` (`outputs x n`).
     narrow: Vec<T>,
     /// The model's.
@@ -101,13 +107,14 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         let tt = Triangle::new(learned.iter().map(|&b| (model.blocks()[b].len(), b * rows)));
         let width = tt.width();
         let mut places = vec![None; width];
-        for (columns, &b) in tt.columns().zip(&learned) {
-            for (column, &place) in columns.zip(&model.blocks()[b]) {
+        for (span, &b) in tt.spans().iter().zip(&learned) {
+            for (column, &place) in span.weights().zip(&model.blocks()[b]) {
                 places[column] = Some(place);
             }
         }
         let weight_noise = places.iter().map(|p| T::of(p.map_or(0.0, |p| tuning.weight_noise[p]))).collect();
         let (all_rows, side) = (model.blocks().len() * rows, n.max(outputs));
+        let widest = tt.spans().iter().map(|span| span.padded).max().unwrap_or(0);
         let weights = model.weights().to_vec();
         let mut filter = Self {
             state: vec![T::zero(); n],
@@ -131,9 +138,10 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
                 by_output: vec![T::zero(); all_rows * outputs],
                 square: vec![T::zero(); n * side],
                 turned: vec![T::zero(); n * side],
-                wide: vec![T::zero(); n * width],
+                wide: vec![T::zero(); n * widest],
+                change: vec![T::zero(); width],
                 narrow: vec![T::zero(); outputs * n],
-                chain: vec![T::zero(); model.scratch(width.max(side))],
+                chain: vec![T::zero(); model.scratch(widest.max(side))],
             },
             model,
             tuning,
@@ -191,12 +199,15 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     /// The diagonals of `P_hh` and `P_tt` (in the order of the weights; zero for those that are not learned), after the last
     /// measurement.
     pub fn variances(&self) -> (Vec<T>, Vec<T>) {
-        let (n, width) = (self.state.len(), self.tt.width());
-        let mut padded = vec![T::zero(); width];
+        let n = self.state.len();
+        let mut padded = vec![T::zero(); self.tt.width()];
         self.tt.clone().diagonal(&mut padded);
         if self.pending {
-            for w in self.downdate.chunks_exact(width) {
-                padded.iter_mut().zip(w).for_each(|(p, &w)| *p -= w * w);
+            for span in self.tt.spans() {
+                let panel = &self.downdate[span.panel(Triangle::<T>::rank(self.noise.len()))];
+                for w in panel.chunks_exact(span.padded) {
+                    padded[span.panel(1)].iter_mut().zip(w).for_each(|(p, &w)| *p -= w * w);
+                }
             }
         }
         let mut of_weights = vec![T::zero(); self.weights.len()];
@@ -217,17 +228,19 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.linearize();
         let keeps = T::of(1.0 - self.tuning.leak);
         let grows = keeps / T::of(self.tuning.forgetting).sqrt();
-        let mut pass = Pass {
-            downdate: if self.pending { &self.downdate } else { &[] },
+        let all_rows = self.all_rows();
+        self.tt.pass(&mut Pass {
+            downdate: self.pending.then_some(&self.downdate),
+            rank: Triangle::<T>::rank(self.noise.len()),
             scale: grows * grows,
             noise: &self.weight_noise,
             local: &self.local,
             rows: self.model.rows(),
             products: &mut self.products,
-        };
-        self.tt.pass(&mut pass);
+            all_rows,
+        });
         self.pending = false;
-        self.spread(grows);
+        Arch::new().dispatch(Spread { filter: self, grows });
         if self.tuning.leak > 0.0 {
             for (weight, &given) in self.weights.iter_mut().zip(&self.given) {
                 *weight = given + keeps * (*weight - given);
@@ -237,29 +250,55 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.moved = true;
     }
 
+    /// Local rows of all blocks, learned or not.
+    fn all_rows(&self) -> usize {
+        self.model.blocks().len() * self.model.rows()
+    }
+
     /// `L` of the step that was just made.
     fn linearize(&mut self) {
-        let width = self.tt.width();
-        for (columns, &block) in self.tt.columns().zip(&self.learned) {
-            for (row, all) in self.local.chunks_exact_mut(width).enumerate() {
-                self.model.local(block, row, &mut all[columns.clone()]);
+        let rows = self.model.rows();
+        for (span, &block) in self.tt.spans().iter().zip(&self.learned) {
+            let panel = &mut self.local[span.panel(rows)];
+            for (row, partials) in panel.chunks_exact_mut(span.padded).enumerate() {
+                self.model.local(block, row, &mut partials[..span.len]);
             }
         }
     }
 
     /// `P_hh` and `P_ht` of the time update, from `L P_tt`; with `G = [A B]`, `[P_hh P_ht]+ = G P G', G P`.
+    #[inline(always)]
     fn spread(&mut self, grows: T) {
-        let (n, width) = (self.state.len(), self.tt.width());
-        let blocks = (self.learned.as_slice(), self.model.rows());
+        let (n, rows, all_rows, scale) = (self.state.len(), self.model.rows(), self.all_rows(), grows * grows);
         let Scratch { by_state, square, turned, wide, chain, .. } = &mut self.scratch;
         // G P, columns of the state: A P_hh + B P_th, B P_th = C (L P_th).
-        local_products(&self.local, &self.ht, self.tt.columns(), blocks, width, by_state);
+        for span in self.tt.spans() {
+            local_products(span, &self.local[span.panel(rows)], &self.ht[span.panel(n)], by_state);
+        }
         self.model.chain(&self.hh, by_state, n, &mut square[..n * n], chain);
-        // G P, columns of the weights.
-        self.model.chain(&self.ht, &self.products, width, wide, chain);
-        // G (G P)'.
         transpose(n, n, &square[..n * n], &mut turned[..n * n]);
-        local_products(&self.local, wide, self.tt.columns(), blocks, width, by_state);
+        for span in self.tt.spans() {
+            // G P, columns of the weights; and L of them, for G (G P)'.
+            let (ht, wide) = (&mut self.ht[span.panel(n)], &mut wide[..n * span.padded]);
+            let products = &mut self.products[span.panel(all_rows)];
+            self.model.chain(ht, products, span.padded, wide, chain);
+            let local = &self.local[span.panel(rows)];
+            local_products(span, local, wide, by_state);
+            for (ht, &wide) in ht.iter_mut().zip(&*wide) {
+                *ht = wide * grows;
+            }
+            // L P_tt becomes that of the covariance after the time update, which the outputs depend on.
+            if scale != T::one() {
+                products.iter_mut().for_each(|p| *p = *p * scale);
+            }
+            let own = &mut products[span.row * span.padded..(span.row + rows) * span.padded];
+            for (own, local) in own.chunks_exact_mut(span.padded).zip(local.chunks_exact(span.padded)) {
+                let noise = &self.weight_noise[span.weights()];
+                for ((p, &l), &noise) in own.iter_mut().zip(local).zip(noise) {
+                    *p += noise * l;
+                }
+            }
+        }
         self.model.chain(&turned[..n * n], by_state, n, &mut square[..n * n], chain);
         let noise = T::of(self.tuning.state_noise);
         for i in 0..n {
@@ -270,26 +309,6 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
                 self.hh[j * n + i] = p;
             }
             self.hh[i * (n + 1)] += noise;
-        }
-        for (ht, &wide) in self.ht.iter_mut().zip(&*wide) {
-            *ht = wide * grows;
-        }
-        self.after_time_update(grows * grows);
-    }
-
-    /// `L P_tt` becomes that of the covariance after the time update, for the blocks that the outputs depend on.
-    fn after_time_update(&mut self, scale: T) {
-        let (width, rows) = (self.tt.width(), self.model.rows());
-        for (columns, &block) in self.tt.columns().zip(&self.learned) {
-            for row in 0..rows {
-                let products = &mut self.products[(block * rows + row) * width..][..width];
-                if scale != T::one() {
-                    products.iter_mut().for_each(|p| *p = *p * scale);
-                }
-                for column in columns.clone() {
-                    products[column] += self.weight_noise[column] * self.local[row * width + column];
-                }
-            }
         }
     }
 
@@ -303,8 +322,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
             return Correction::None;
         }
         self.moved = false;
-        let (n, width) = (self.state.len(), self.tt.width());
-        self.expect();
+        Arch::new().dispatch(Expect { filter: self });
         let deviations = self.gain.take(z, &self.noise);
         let limit = T::of(self.tuning.huber);
         let weight = if deviations > limit { self.gain.soften(limit) } else { T::one() };
@@ -313,22 +331,11 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
             self.reset();
             return Correction::Lost;
         }
-        self.gain.whiten(&mut self.scratch.narrow, n);
-        self.gain.whiten(&mut self.downdate, width);
-        let count = self.gain.measured.len();
-        self.downdate[count * width..].fill(T::zero());
+        Arch::new().dispatch(Correct { filter: self });
         self.pending = true;
-        let w_h = &self.scratch.narrow[..count * n];
-        let w_t = &self.downdate[..count * width];
-        Arch::new().dispatch(Downdate { n, width, w_h, w_t, hh: &mut self.hh, ht: &mut self.ht });
-        for (k, &e) in self.gain.whitened[..count].iter().enumerate() {
-            for (h, &w) in self.state.iter_mut().zip(&w_h[k * n..]) {
-                *h += w * e;
-            }
-            for (&place, &w) in self.places.iter().zip(&w_t[k * width..]) {
-                if let Some(place) = place {
-                    self.weights[place] += w * e;
-                }
+        for (&place, &change) in self.places.iter().zip(&self.scratch.change) {
+            if let Some(place) = place {
+                self.weights[place] += change;
             }
         }
         self.model.set_weights(&self.weights);
@@ -343,43 +350,74 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     }
 
     /// What the outputs are expected to be: `y`, `G' = H P` and `H P H'`, before any measurement.
+    #[inline(always)]
     fn expect(&mut self) {
-        let (n, q, width) = (self.state.len(), self.gain.predicted.len(), self.tt.width());
-        let blocks = (self.learned.as_slice(), self.model.rows());
+        let (n, q, rows, all_rows) = (self.state.len(), self.noise.len(), self.model.rows(), self.all_rows());
+        let rank = Triangle::<T>::rank(q);
         let Scratch { by_state, by_output, turned, narrow, .. } = &mut self.scratch;
         self.model.output(&self.state, &mut self.gain.predicted);
-        local_products(&self.local, &self.ht, self.tt.columns(), blocks, width, by_state);
+        for span in self.tt.spans() {
+            let (local, ht) = (&self.local[span.panel(rows)], &self.ht[span.panel(n)]);
+            local_products(span, local, ht, by_state);
+            let gain = &mut self.downdate[span.panel(rank)][..q * span.padded];
+            self.model.output_chain(ht, &self.products[span.panel(all_rows)], span.padded, gain);
+            local_products(span, local, gain, by_output);
+        }
         self.model.output_chain(&self.hh, by_state, n, narrow);
-        let gain = &mut self.downdate[..q * width];
-        self.model.output_chain(&self.ht, &self.products, width, gain);
         transpose(q, n, narrow, &mut turned[..n * q]);
-        local_products(&self.local, gain, self.tt.columns(), blocks, width, by_output);
         self.model.output_chain(&turned[..n * q], by_output, q, &mut self.gain.spread);
+    }
+
+    /// `W`, and what it takes from `P_hh` and `P_ht` and adds to state and weights.
+    #[inline(always)]
+    fn correct(&mut self) {
+        let (n, rank, count) = (self.state.len(), Triangle::<T>::rank(self.noise.len()), self.gain.measured.len());
+        let (w_h, e) = (&mut self.scratch.narrow, &self.gain.whitened[..count]);
+        self.gain.whiten(w_h, n);
+        add_rows(&mut self.state, &w_h[..count * n], e);
+        for span in self.tt.spans() {
+            let w_t = &mut self.downdate[span.panel(rank)];
+            self.gain.whiten(w_t, span.padded);
+            let (w_t, rest) = w_t.split_at_mut(count * span.padded);
+            rest.fill(T::zero());
+            let change = &mut self.scratch.change[span.panel(1)];
+            change.fill(T::zero());
+            add_rows(change, w_t, e);
+            for (i, ht) in self.ht[span.panel(n)].chunks_exact_mut(span.padded).enumerate() {
+                add_minus_column(ht, w_t, w_h, i, n);
+            }
+        }
+        for (i, hh) in self.hh.chunks_exact_mut(n).enumerate() {
+            add_minus_column(hh, &w_h[..count * n], w_h, i, n);
+        }
     }
 }
 
-/// `L M'`, where `M` is `count x width` and what comes out `blocks rows x count`.
-fn local_products<T: Scalar>(
-    local: &[T],
-    matrix: &[T],
-    columns: impl Iterator<Item = core::ops::Range<usize>>,
-    (learned, rows): (&[usize], usize),
-    width: usize,
-    out: &mut [T],
-) {
-    let count = matrix.len() / width.max(1);
-    for (columns, &block) in columns.zip(learned) {
-        for row in 0..rows {
-            let partials = &local[row * width..][columns.clone()];
-            for j in 0..count {
-                let of = &matrix[j * width..][columns.clone()];
-                out[(block * rows + row) * count + j] = dot(partials, of);
-            }
+/// `row -= sum_k w_h[k][i] rows[k]`.
+#[inline(always)]
+fn add_minus_column<T: Scalar>(row: &mut [T], rows: &[T], w_h: &[T], i: usize, n: usize) {
+    for (k, other) in rows.chunks_exact(row.len()).enumerate() {
+        let w = w_h[k * n + i];
+        for (row, &other) in row.iter_mut().zip(other) {
+            *row -= w * other;
+        }
+    }
+}
+
+/// A block's rows of `L M'`, from its panels of both: `M` has as many rows as there are columns of what comes out.
+#[inline(always)]
+fn local_products<T: Scalar>(span: &Span, local: &[T], matrix: &[T], out: &mut [T]) {
+    let count = matrix.len() / span.padded;
+    for (row, partials) in local.chunks_exact(span.padded).enumerate() {
+        let out = &mut out[(span.row + row) * count..][..count];
+        for (out, of) in out.iter_mut().zip(matrix.chunks_exact(span.padded)) {
+            *out = dot(partials, of);
         }
     }
 }
 
 /// Eight sums side by side, or each addition would wait for the last.
+#[inline(always)]
 fn dot<T: Scalar>(a: &[T], b: &[T]) -> T {
     let mut sums = [T::zero(); 8];
     let (mut left, mut right) = (a.chunks_exact(8), b.chunks_exact(8));
@@ -403,29 +441,25 @@ fn transpose<T: Copy>(rows: usize, columns: usize, matrix: &[T], into: &mut [T])
     }
 }
 
-/// `P_hh -= W_h W_h'`, `P_ht -= W_h W_t'`, as what [`Arch`] compiles for the processor.
-struct Downdate<'a, T> {
-    n: usize,
-    width: usize,
-    w_h: &'a [T],
-    w_t: &'a [T],
-    hh: &'a mut [T],
-    ht: &'a mut [T],
-}
-
-impl<T: Scalar> WithSimd for Downdate<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Self { n, width, w_h, w_t, hh, ht } = self;
-        let count = w_h.len() / n.max(1);
-        for i in 0..n {
-            for k in 0..count {
-                let minus = [-w_h[k * n + i]];
-                add_rows(&mut hh[i * n..(i + 1) * n], &w_h[k * n..(k + 1) * n], &minus);
-                add_rows(&mut ht[i * width..(i + 1) * width], &w_t[k * width..(k + 1) * width], &minus);
+/// Parts of a step as what [`Arch`] compiles for the processor.
+macro_rules! dispatched {
+    ($($name:ident: $method:ident($($argument:ident: $type:ty),*)),*) => {
+        $(
+            struct $name<'a, T, M> {
+                filter: &'a mut Filter<T, M>,
+                $($argument: $type),*
             }
-        }
-    }
+
+            impl<T: Scalar, M: Learnable<T>> WithSimd for $name<'_, T, M> {
+                type Output = ();
+
+                #[inline(always)]
+                fn with_simd<S: Simd>(self, _: S) {
+                    self.filter.$method($(self.$argument),*);
+                }
+            }
+        )*
+    };
 }
+
+dispatched!(Spread: spread(grows: T), Expect: expect(), Correct: correct());

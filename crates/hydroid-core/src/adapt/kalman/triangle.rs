@@ -27,21 +27,30 @@ pub(super) struct Triangle<T> {
 }
 
 /// A block of weights.
+///
+/// Matrices with a column for each weight are kept in panels, one for each block, each row by row: what works on a block's
+/// columns finds them side by side.
 #[derive(Clone, Copy, Debug)]
-struct Span {
+pub(super) struct Span {
     /// Where it begins, among the padded weights.
     start: usize,
     /// Number of weights.
-    len: usize,
+    pub(super) len: usize,
     /// With padding.
-    padded: usize,
+    pub(super) padded: usize,
     /// Its first row among the products.
-    row: usize,
+    pub(super) row: usize,
 }
 
 impl Span {
-    fn columns(&self) -> Range<usize> {
-        self.start..self.start + self.padded
+    /// Its panel of a matrix of so many rows.
+    pub(super) fn panel(&self, rows: usize) -> Range<usize> {
+        rows * self.start..rows * (self.start + self.padded)
+    }
+
+    /// Its weights among the padded ones.
+    pub(super) fn weights(&self) -> Range<usize> {
+        self.start..self.start + self.len
     }
 }
 
@@ -54,17 +63,19 @@ impl Span {
 /// ```
 #[derive(Debug)]
 pub(super) struct Pass<'a, T> {
-    /// `rank x width`; nothing, or as many rows as [`Triangle::rank`] says, of which some may be zero.
-    pub(super) downdate: &'a [T],
+    /// `rank x width`, in panels; as many rows as [`Triangle::rank`] says, of which some may be zero. `None` takes nothing.
+    pub(super) downdate: Option<&'a [T]>,
+    pub(super) rank: usize,
     pub(super) scale: T,
     /// `width`.
     pub(super) noise: &'a [T],
-    /// `rows x width`: row `r` has the local row `r` of each block, at the block's columns.
+    /// `rows x width`, in panels: of each block its local rows.
     pub(super) local: &'a [T],
     /// Local rows of each block.
     pub(super) rows: usize,
-    /// `blocks rows x width`, overwritten for the blocks that are here.
+    /// `all_rows x width`, in panels; overwritten in the rows of the blocks that are here.
     pub(super) products: &'a mut [T],
+    pub(super) all_rows: usize,
 }
 
 /// Vectors that are downdated by, and local rows, in one go; for more the pass is made again.
@@ -98,9 +109,9 @@ impl<T: Scalar> Triangle<T> {
         self.width
     }
 
-    /// Columns of each block, without padding.
-    pub(super) fn columns(&self) -> impl Iterator<Item = Range<usize>> {
-        self.spans.iter().map(|span| span.start..span.start + span.len)
+    /// Its blocks.
+    pub(super) fn spans(&self) -> &[Span] {
+        &self.spans
     }
 
     /// All numbers, for those who keep them.
@@ -136,36 +147,29 @@ impl<T: Scalar> Triangle<T> {
 
     /// One pass.
     pub(super) fn pass(&mut self, pass: &mut Pass<'_, T>) {
-        let width = self.width;
-        let (first, rest) = pass.downdate.split_at(pass.downdate.len().min(MOST_RANK * width));
-        let mut more = rest.chunks(MOST_RANK * width);
-        let mut from = 0;
-        let mut now = Some(first);
-        loop {
-            let rows = (pass.rows - from).min(MOST_ROWS);
-            let downdate = now.unwrap_or(&[]);
-            // Products are of what is left when all has been taken off.
-            now = more.next();
-            let last = now.is_none();
-            let scale = if last && from + rows == pass.rows { pass.scale } else { T::one() };
-            Arch::new().dispatch(Dispatch { triangle: self, pass, downdate, scale, rows: from..from + rows });
-            if last {
-                from += rows;
-                if from == pass.rows {
-                    break;
-                }
-            }
+        let rank = if pass.downdate.is_some() { pass.rank } else { 0 };
+        // Products are of what is left when all has been taken off, so these passes come first.
+        let first = if rank <= 3 { 0 } else { rank - MOST_RANK };
+        for vectors in (0..first).step_by(MOST_RANK) {
+            let (vectors, rows) = (vectors..vectors + MOST_RANK, 0..pass.rows.min(MOST_ROWS));
+            Arch::new().dispatch(Dispatch { triangle: self, pass, vectors, scale: T::one(), rows });
+        }
+        for row in (0..pass.rows).step_by(MOST_ROWS) {
+            let vectors = if row == 0 { first..rank } else { 0..0 };
+            let rows = row..(row + MOST_ROWS).min(pass.rows);
+            let scale = if rows.end == pass.rows { pass.scale } else { T::one() };
+            Arch::new().dispatch(Dispatch { triangle: self, pass, vectors, scale, rows });
         }
         let noise = pass.noise;
         self.each_diagonal(|at, p| *p += noise[at]);
     }
 }
 
-/// A pass as what [`Arch`] compiles for the processor.
+/// A pass with some of the vectors and of the local rows, as what [`Arch`] compiles for the processor.
 struct Dispatch<'a, 'b, T> {
     triangle: &'a mut Triangle<T>,
     pass: &'a mut Pass<'b, T>,
-    downdate: &'a [T],
+    vectors: Range<usize>,
     scale: T,
     rows: Range<usize>,
 }
@@ -175,7 +179,7 @@ impl<T: Scalar> WithSimd for Dispatch<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (self.downdate.len() / self.triangle.width.max(1), self.rows.len()) {
+        match (self.vectors.len(), self.rows.len()) {
             (0, 1) => self.tiles::<S, 0, 1>(simd),
             (0, _) => self.tiles::<S, 0, 2>(simd),
             (3, 1) => self.tiles::<S, 3, 1>(simd),
@@ -189,31 +193,37 @@ impl<T: Scalar> WithSimd for Dispatch<'_, '_, T> {
 impl<T: Scalar> Dispatch<'_, '_, T> {
     #[inline(always)]
     fn tiles<S: Simd, const RANK: usize, const ROWS: usize>(self, simd: S) {
-        let Self { triangle, pass, downdate, scale, rows } = self;
-        let width = triangle.width;
-        let w = |q: usize, at: Range<usize>| &downdate[q * width..(q + 1) * width][at];
-        let local = |r: usize, at: Range<usize>| &pass.local[(rows.start + r) * width..][at];
+        let Self { triangle, pass, vectors, scale, rows } = self;
+        let downdate = pass.downdate.unwrap_or(&[]);
         let mut begin = 0;
         for (i, above) in triangle.spans.iter().enumerate() {
-            let at = above.start..above.start + above.len;
+            let w_rows = from_fn::<_, RANK, _>(|q| {
+                &downdate[above.panel(pass.rank)][(vectors.start + q) * above.padded..][..above.len]
+            });
+            let l_rows = from_fn::<_, ROWS, _>(|r| {
+                &pass.local[above.panel(pass.rows)][(rows.start + r) * above.padded..][..above.len]
+            });
             for (j, span) in triangle.spans.iter().enumerate().skip(i) {
                 let len = above.len * span.padded;
+                let w = if RANK == 0 { &[] } else { &downdate[span.panel(pass.rank)] };
+                let l = &pass.local[span.panel(pass.rows)];
                 let mut tile = Tile::<T, RANK, ROWS> {
                     numbers: &mut triangle.tiles[begin..begin + len],
-                    w_rows: from_fn(|q| w(q, at.clone())),
-                    w_columns: from_fn(|q| w(q, span.columns())),
-                    l_rows: from_fn(|r| local(r, at.clone())),
-                    l_columns: from_fn(|r| local(r, span.columns())),
+                    padded: span.padded,
+                    w_rows,
+                    w_columns: from_fn(|q| &w[(vectors.start + q) * span.padded..][..span.padded]),
+                    l_rows,
+                    l_columns: from_fn(|r| &l[(rows.start + r) * span.padded..][..span.padded]),
                     scale,
                 };
                 begin += len;
-                let row = |span: &Span, r: usize| (span.row + rows.start + r) * width;
-                let sums: [_; ROWS] = from_fn(|r| row(above, r) + span.start);
+                let sums = span.panel(pass.all_rows).start + (above.row + rows.start) * span.padded;
+                let sums = sums..sums + ROWS * span.padded;
                 if i == j {
-                    tile.all::<S, false>(simd, pass.products, sums, [0; ROWS], span.padded);
+                    tile.all::<S, false>(simd, pass.products, sums, 0, 0);
                 } else {
-                    let mirrored = from_fn(|r| row(span, r) + above.start);
-                    tile.all::<S, true>(simd, pass.products, sums, mirrored, span.padded);
+                    let mirrored = above.panel(pass.all_rows).start + (span.row + rows.start) * above.padded;
+                    tile.all::<S, true>(simd, pass.products, sums, mirrored, above.padded);
                 }
             }
         }
@@ -223,6 +233,7 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
 /// A tile's part of a pass; vectors at the tile's rows and at its columns.
 struct Tile<'a, T, const RANK: usize, const ROWS: usize> {
     numbers: &'a mut [T],
+    padded: usize,
     w_rows: [&'a [T]; RANK],
     w_columns: [&'a [T]; RANK],
     l_rows: [&'a [T]; ROWS],
@@ -231,27 +242,37 @@ struct Tile<'a, T, const RANK: usize, const ROWS: usize> {
 }
 
 impl<T: Scalar, const RANK: usize, const ROWS: usize> Tile<'_, T, RANK, ROWS> {
-    /// All rows. `L_rows tile` goes to the products at `sums`, a tile's width each; where the tile has a mirror image,
-    /// `L_columns tile'` goes to those at `mirrored`.
+    /// All rows. `L_rows tile` goes to the products at `sums`; where the tile has a mirror image, `L_columns tile'` goes
+    /// to those from `mirrored` on, whose rows are `stride` apart.
     #[inline(always)]
     fn all<S: Simd, const MIRROR: bool>(
         &mut self,
         simd: S,
         products: &mut [T],
-        sums: [usize; ROWS],
-        mirrored: [usize; ROWS],
-        padded: usize,
+        sums: Range<usize>,
+        mirrored: usize,
+        stride: usize,
     ) {
-        for at in sums {
-            products[at..at + padded].fill(T::zero());
-        }
-        let rows = self.numbers.len() / padded;
+        products[sums.clone()].fill(T::zero());
+        let rows = self.numbers.len() / self.padded;
         let fours = rows / 4 * 4;
-        for k in (0..fours).step_by(4) {
-            self.some::<S, 4, MIRROR>(simd, k, products, sums, mirrored, padded);
-        }
-        for k in fours..rows {
-            self.some::<S, 1, MIRROR>(simd, k, products, sums, mirrored, padded);
+        let mut k = 0;
+        while k < rows {
+            let (mut dots, count) = ([[T::zero(); ROWS]; 4], if k < fours { 4 } else { 1 });
+            let into = &mut products[sums.clone()];
+            if count == 4 {
+                self.some::<S, 4, MIRROR>(simd, k, into, &mut dots);
+            } else {
+                self.some::<S, 1, MIRROR>(simd, k, into, &mut dots);
+            }
+            if MIRROR {
+                for r in 0..ROWS {
+                    for n in 0..count {
+                        products[mirrored + r * stride + k + n] = dots[n][r];
+                    }
+                }
+            }
+            k += count;
         }
     }
 
@@ -261,25 +282,23 @@ impl<T: Scalar, const RANK: usize, const ROWS: usize> Tile<'_, T, RANK, ROWS> {
         &mut self,
         simd: S,
         k: usize,
-        products: &mut [T],
-        sums: [usize; ROWS],
-        mirrored: [usize; ROWS],
-        padded: usize,
+        sums: &mut [T],
+        dots: &mut [[T; ROWS]; 4],
     ) {
         let splat = |x: T| Pack::<S, T>::splat(simd, x);
         let minus_w: [[_; RANK]; N] = from_fn(|n| from_fn(|q| splat(-self.w_rows[q][k + n])));
         let l: [[_; ROWS]; N] = from_fn(|n| from_fn(|r| splat(self.l_rows[r][k + n])));
-        let w_columns: [_; RANK] = self.w_columns.map(|w| T::whole::<S>(w).0);
-        let l_columns: [_; ROWS] = self.l_columns.map(|l| T::whole::<S>(l).0);
         let scale = splat(self.scale);
-        let mut dots = [[splat(T::zero()); ROWS]; N];
-        let numbers = T::whole_mut::<S>(&mut self.numbers[k * padded..(k + N) * padded]).0;
+        let numbers = T::whole_mut::<S>(&mut self.numbers[k * self.padded..(k + N) * self.padded]).0;
         let vectors = numbers.len() / N;
+        let w_columns: [_; RANK] = self.w_columns.map(|w| &T::whole::<S>(w).0[..vectors]);
+        let l_columns: [_; ROWS] = self.l_columns.map(|l| &T::whole::<S>(l).0[..vectors]);
+        let sums = &mut T::whole_mut::<S>(sums).0[..ROWS * vectors];
+        let mut dot = [[splat(T::zero()); ROWS]; N];
         for c in 0..vectors {
             let w: [_; RANK] = from_fn(|q| Pack::new(simd, w_columns[q][c]));
             let l_column: [_; ROWS] = from_fn(|r| Pack::new(simd, l_columns[r][c]));
-            let mut sum: [_; ROWS] =
-                from_fn(|r| Pack::new(simd, T::whole::<S>(&products[sums[r]..sums[r] + padded]).0[c]));
+            let mut sum: [_; ROWS] = from_fn(|r| Pack::new(simd, sums[r * vectors + c]));
             for n in 0..N {
                 let mut p = Pack::new(simd, numbers[n * vectors + c]);
                 for q in 0..RANK {
@@ -288,20 +307,18 @@ impl<T: Scalar, const RANK: usize, const ROWS: usize> Tile<'_, T, RANK, ROWS> {
                 for r in 0..ROWS {
                     sum[r] = l[n][r].mul_add(p, sum[r]);
                     if MIRROR {
-                        dots[n][r] = l_column[r].mul_add(p, dots[n][r]);
+                        dot[n][r] = l_column[r].mul_add(p, dot[n][r]);
                     }
                 }
                 numbers[n * vectors + c] = (p * scale).v;
             }
             for r in 0..ROWS {
-                T::whole_mut::<S>(&mut products[sums[r]..sums[r] + padded]).0[c] = sum[r].v;
+                sums[r * vectors + c] = sum[r].v;
             }
         }
         if MIRROR {
             for n in 0..N {
-                for r in 0..ROWS {
-                    products[mirrored[r] + k + n] = dots[n][r].sum();
-                }
+                dots[n] = from_fn(|r| dot[n][r].sum());
             }
         }
     }

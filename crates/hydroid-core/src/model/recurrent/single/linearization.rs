@@ -9,10 +9,12 @@ use alloc::vec::Vec;
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::super::layout::LayerLayout;
 use super::super::network::Cell;
 use super::super::{gru, lstm, vanilla};
 use super::packed::Packed;
 use crate::math::Scalar;
+use crate::math::rows::add_rows;
 
 /// The partials of one step, `state+ = f(state, x, weights)` and `y = g(state+, weights)`.
 ///
@@ -55,6 +57,9 @@ pub struct LayerPartials<T> {
     input: Vec<T>,
     hidden: Vec<T>,
     carry: Vec<T>,
+    /// Partials of the results with respect to `h` through the gates, and to `x`: `results units x h`, `x reads`.
+    of_h: Vec<T>,
+    of_x: Vec<T>,
     /// As [`Packed::layer_step`] leaves it.
     scratch: Vec<T>,
     /// An adjoint of the results, one unit wide, and what an LSTM's way back uses up.
@@ -150,6 +155,37 @@ impl<T: Scalar> LayerPartials<T> {
     }
 }
 
+impl<T: Scalar> LayerPartials<T> {
+    /// What the gates make of `h` and `x`.
+    #[inline(always)]
+    fn gather(&mut self, weights: &[T], place: &LayerLayout) {
+        let (units, reads, shown) = (self.units, self.x.len(), place.shown);
+        self.of_h.fill(T::zero());
+        self.of_x.fill(T::zero());
+        for at in 0..self.results * units {
+            let (result, unit) = (at / units, at % units);
+            for gate in 0..self.gates {
+                let row = place.row(gate * units + unit);
+                let (a, b) = (self.input(result, gate)[unit], self.hidden(result, gate)[unit]);
+                add_rows(&mut self.of_x[at * reads..(at + 1) * reads], &weights[row.weight_ih], &[a]);
+                add_rows(&mut self.of_h[at * shown..(at + 1) * shown], &weights[row.weight_hh], &[b]);
+            }
+        }
+    }
+
+    /// Partials of a result of a unit with respect to `h` before the step, through the gates.
+    pub(super) fn of_h(&self, result: usize, unit: usize) -> &[T] {
+        let len = self.h().len();
+        &self.of_h[(result * self.units + unit) * len..][..len]
+    }
+
+    /// The same with respect to `x`.
+    pub(super) fn of_x(&self, result: usize, unit: usize) -> &[T] {
+        let len = self.x.len();
+        &self.of_x[(result * self.units + unit) * len..][..len]
+    }
+}
+
 /// A step as what [`Arch`] compiles for the processor.
 struct Step<'a, T> {
     linear: &'a mut Linearization<T>,
@@ -186,6 +222,8 @@ impl<T: Scalar> Linearization<T> {
             input: vec![T::zero(); results * gates * units],
             hidden: vec![T::zero(); results * gates * units],
             carry: vec![T::zero(); results * units],
+            of_h: vec![T::zero(); results * units * cell.shown()],
+            of_x: vec![T::zero(); results * units * reads],
             scratch: vec![T::zero(); packed.scratch()],
             adjoint: vec![T::zero(); units],
             record: vec![T::zero(); 5 * units],
@@ -214,6 +252,7 @@ impl<T: Scalar> Linearization<T> {
             layer.before.copy_from_slice(own);
             packed.layer_step(simd, index, x, own, &mut layer.scratch);
             layer.differentiate(simd, packed.network().cell, own);
+            layer.gather(packed.weights(), &packed.layout().layers[index]);
         }
         self.shown.copy_from_slice(packed.shown(state));
     }

@@ -158,27 +158,14 @@ impl<T: Scalar> Linearization<T> {
         coefficients: &mut [T],
     ) {
         let (layer, place) = (&self.layers[index], &packed.layout().layers[index]);
-        let (weights, columns, units) = (packed.weights(), row.len(), layer.units());
+        let (columns, units) = (row.len(), layer.units());
         let (x, h) = (layer.x(), layer.h());
         if let Some(state) = change.state {
-            let carried = &state[unit * columns..(unit + 1) * columns];
-            add_rows(row, carried, &[layer.carry(result)[unit]]);
-            let sums = &mut coefficients[..h.len()];
-            sums.fill(T::zero());
-            for gate in 0..layer.gates() {
-                let run = place.row(gate * units + unit).weight_hh;
-                add_rows(sums, &weights[run], &[layer.hidden(result, gate)[unit]]);
-            }
-            add_rows(row, &state[layer.h_at() * columns..], sums);
+            add_rows(row, &state[unit * columns..(unit + 1) * columns], &[layer.carry(result)[unit]]);
+            add_rows(row, &state[layer.h_at() * columns..], layer.of_h(result, unit));
         }
         if let Some(input) = change.input {
-            let sums = &mut coefficients[..x.len()];
-            sums.fill(T::zero());
-            for gate in 0..layer.gates() {
-                let run = place.row(gate * units + unit).weight_ih;
-                add_rows(sums, &weights[run], &[layer.input(result, gate)[unit]]);
-            }
-            add_rows(row, input, sums);
+            add_rows(row, input, layer.of_x(result, unit));
         }
         let Some(changes) = change.weights else { return };
         for gate in 0..layer.gates() {
