@@ -131,12 +131,18 @@ fn recurrent_sessions(equations: &Arc<Equations>) -> Vec<Box<dyn Predictor>> {
 /// Hundreds of samples with a row at most of them.
 fn learning_allocates_nothing(mut adapter: impl Adapter) {
     let mut learned = 0;
+    let mut memory = vec![0.0; adapter.memory_len()];
+    let (mut work, mut deviations) = (Workspace::new(), [0.0; 9]);
+    adapter.deviations(&[0.1; 40], &[1, 7, 20], &mut work, &mut deviations);
     let count = allocations(|| {
         for k in 0..500 {
             let x = 0.01 * f64::from(k);
             adapter.observe(&[x.sin(), (1.3 * x).cos(), (2.1 * x).sin()]);
             adapter.advance(&[(0.7 * x).sin(), (0.4 * x).cos()]);
             learned += usize::from(adapter.outcome() != Outcome::Waiting);
+            adapter.deviations(&[0.1; 40], &[1, 7, 20], &mut work, &mut deviations);
+            adapter.save(&mut memory);
+            adapter.load(&memory);
         }
     });
     assert!(learned > 2000, "{learned}");

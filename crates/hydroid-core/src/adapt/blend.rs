@@ -6,6 +6,7 @@ use alloc::vec::Vec;
 
 use super::equations::RecursiveEquations;
 use super::gate::Gate;
+use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::settings::{MOST_PACES, MOST_SAMPLES, Settings, SettingsError};
 use super::weighted::WeightedSession;
 use super::{Adapter, Innovation, Outcome};
@@ -267,7 +268,7 @@ impl Predictor for BlendedEquations {
         self.blended.advance(c);
         let at = (self.past.seen % self.past.horizon) * c.len();
         self.past.commands[at..][..c.len()].copy_from_slice(c);
-        self.past.seen += 1;
+        self.past.seen = self.past.seen.saturating_add(1);
     }
 
     fn output(&self, y: &mut [f64]) {
@@ -315,5 +316,43 @@ impl Adapter for BlendedEquations {
     fn freeze(&mut self, frozen: bool) {
         self.frozen = frozen;
         self.experts.iter_mut().for_each(|expert| expert.freeze(frozen));
+    }
+
+    fn memory_len(&self) -> usize {
+        let experts: usize = self.experts.iter().map(Adapter::memory_len).sum();
+        let past = self.past.snapshots.len() + self.past.commands.len() + 1;
+        experts + self.blended.snapshot_len() + self.losses.len() + self.shares.len() + past + 1
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "room for the memory");
+        let mut into = Writer::new(into);
+        self.experts.iter().for_each(|expert| expert.save(into.part(expert.memory_len())));
+        self.blended.snapshot(into.part(self.blended.snapshot_len()));
+        into.numbers(&self.losses);
+        into.numbers(&self.shares);
+        into.numbers(&self.past.snapshots);
+        into.numbers(&self.past.commands);
+        into.count(self.past.seen);
+        into.flag(self.frozen);
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
+        let mut from = Reader::new(from);
+        self.experts.iter_mut().for_each(|expert| expert.load(from.part(expert.memory_len())));
+        self.blended.restore(from.part(self.blended.snapshot_len()));
+        self.blended.weights(&mut self.weights);
+        from.numbers(&mut self.losses);
+        from.numbers(&mut self.shares);
+        from.numbers(&mut self.past.snapshots);
+        from.numbers(&mut self.past.commands);
+        self.past.seen = from.count(MOST_COUNTED);
+        self.frozen = from.flag();
+    }
+
+    fn deviations(&self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
+        assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
+        deviations.fill(f64::NAN);
     }
 }

@@ -7,6 +7,7 @@ use alloc::vec::Vec;
 use super::gate::Noise;
 use super::increments::Increments;
 use super::least_squares::RecursiveLeastSquares;
+use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::scale::rms_over_range;
 use super::settings::{Settings, SettingsError};
 use super::weighted::WeightedSession;
@@ -203,7 +204,7 @@ impl RecursiveEquations {
     /// Takes the measurement into the window; says whether a row is ready.
     fn collect(&mut self, y: &[f64]) -> bool {
         let Library { program, inverse, slots, start, holds, known, held, seen, phi, z } = &mut self.library;
-        *seen += 1;
+        *seen = seen.saturating_add(1);
         let complete = y.iter().all(|y| !y.is_nan()) && *seen >= self.session.warm_up();
         let interval = *known && *held;
         let mut ready = false;
@@ -417,5 +418,48 @@ impl Adapter for RecursiveEquations {
 
     fn freeze(&mut self, frozen: bool) {
         self.frozen = frozen;
+    }
+
+    fn memory_len(&self) -> usize {
+        let kernels: usize = self.groups.iter().map(|group| group.kernel.memory_len()).sum();
+        // Two flags and a counter of the library, and whether the adapter is frozen.
+        let rest = self.library.start.len() + 4;
+        self.session.snapshot_len() + self.rows.memory_len() + self.noise.memory_len() + kernels + rest
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "room for the memory");
+        let mut into = Writer::new(into);
+        self.session.snapshot(into.part(self.session.snapshot_len()));
+        self.rows.save(&mut into);
+        self.noise.save(&mut into);
+        self.groups.iter().for_each(|group| group.kernel.save(&mut into));
+        into.numbers(&self.library.start);
+        into.flag(self.library.known);
+        into.flag(self.library.held);
+        into.count(self.library.seen);
+        into.flag(self.frozen);
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
+        let mut from = Reader::new(from);
+        self.session.restore(from.part(self.session.snapshot_len()));
+        self.session.weights(&mut self.weights);
+        self.rows.load(&mut from);
+        self.noise.load(&mut from);
+        self.groups.iter_mut().for_each(|group| group.kernel.load(&mut from));
+        from.numbers(&mut self.library.start);
+        self.library.known = from.flag();
+        self.library.held = from.flag();
+        self.library.seen = from.count(MOST_COUNTED);
+        self.frozen = from.flag();
+        self.outcome = Outcome::Waiting;
+        self.innovations.clear();
+    }
+
+    fn deviations(&self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
+        assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
+        deviations.fill(f64::NAN);
     }
 }

@@ -3,6 +3,8 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::memory::{Reader, Writer};
+
 /// `P = U D U'` with `U` unit upper triangular and `D` diagonal and positive (Bierman, *Factorization Methods
 /// for Discrete Sequential Estimation*, 1977, chapter V; Ljung, *System Identification*, 2nd ed., section
 /// 11.7).
@@ -51,6 +53,23 @@ impl Factor {
             }
         }
         own
+    }
+
+    /// How many numbers [`save`](Self::save) writes.
+    pub(super) fn memory_len(&self) -> usize {
+        self.columns.len() + self.d.len()
+    }
+
+    /// The covariance; a row that was met is not part of it.
+    pub(super) fn save(&self, into: &mut Writer<'_>) {
+        into.numbers(&self.columns);
+        into.numbers(&self.d);
+    }
+
+    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
+        from.numbers(&mut self.columns);
+        from.numbers(&mut self.d);
+        self.f.fill(0.0);
     }
 
     /// Whether all numbers are of a size that squares and products of them can have.

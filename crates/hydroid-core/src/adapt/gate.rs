@@ -3,6 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::{Innovation, Outcome, Rejection};
 
 /// Limits on the largest innovation of a row \[standard deviations\].
@@ -63,6 +64,23 @@ impl Noise {
     pub(super) fn new(outputs: usize, gate: Gate, longest: usize, row_s: f64) -> Self {
         let rate = (row_s / MEMORY_S).min(LARGEST_SHARE);
         Self { gate, variance: vec![0.0; outputs], rows: 0, streak: 0, longest, rate }
+    }
+
+    /// How many numbers [`save`](Self::save) writes.
+    pub(super) fn memory_len(&self) -> usize {
+        self.variance.len() + 2
+    }
+
+    pub(super) fn save(&self, into: &mut Writer<'_>) {
+        into.numbers(&self.variance);
+        into.count(self.rows);
+        into.count(self.streak);
+    }
+
+    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
+        from.numbers(&mut self.variance);
+        self.rows = from.count(MOST_COUNTED);
+        self.streak = from.count(MOST_COUNTED);
     }
 
     /// Completes the innovations of a row (their values are given, and in `deviation` their `phi' P phi`) and

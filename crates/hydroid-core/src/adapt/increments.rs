@@ -3,6 +3,8 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::memory::{Reader, Writer};
+
 /// Collects a run into rows
 ///
 /// ```text
@@ -50,6 +52,27 @@ impl Increments {
             filled: 0,
             full: 0,
         }
+    }
+
+    /// How many numbers [`save`](Self::save) writes.
+    pub(super) fn memory_len(&self) -> usize {
+        self.starts.len() + self.sums.len() + 3
+    }
+
+    pub(super) fn save(&self, into: &mut Writer<'_>) {
+        into.numbers(&self.starts);
+        into.numbers(&self.sums);
+        into.count(self.current);
+        into.count(self.filled);
+        into.count(self.full);
+    }
+
+    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
+        from.numbers(&mut self.starts);
+        from.numbers(&mut self.sums);
+        self.current = from.count(self.blocks - 1);
+        self.filled = from.count(self.stride - 1);
+        self.full = from.count(self.blocks);
     }
 
     /// Intervals in a row.

@@ -4,6 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::factor::Factor;
+use super::memory::{Reader, Writer};
 
 /// Recursive least squares for several targets on one regressor.
 ///
@@ -92,6 +93,25 @@ impl RecursiveLeastSquares {
         let n = root.len().isqrt();
         let own = Self::new(n, coefficients, information, leak);
         Self { factor: Factor::inverse(root, 1.0 / information), root: Some(root.to_vec()), ..own }
+    }
+
+    /// How many numbers [`save`](Self::save) writes.
+    pub(super) fn memory_len(&self) -> usize {
+        self.factor.memory_len() + self.theta.len() + 1
+    }
+
+    /// Covariance, coefficients, and whose turn it is; a row that was met is not part of it.
+    pub(super) fn save(&self, into: &mut Writer<'_>) {
+        self.factor.save(into);
+        into.numbers(&self.theta);
+        into.count(self.turn);
+    }
+
+    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
+        self.factor.load(from);
+        from.numbers(&mut self.theta);
+        self.turn = from.count(self.len() - 1);
+        self.innovations.fill(0.0);
     }
 
     /// Whether prior and covariance are of a size to compute with: [`Factor::is_sound`].

@@ -16,11 +16,12 @@ mod gate;
 mod increments;
 pub mod kalman;
 mod least_squares;
+mod memory;
 mod scale;
 mod settings;
 mod weighted;
 
-use crate::predict::Predictor;
+use crate::predict::{Predictor, Workspace};
 
 pub use blend::{BlendSettings, BlendedEquations};
 pub use equations::RecursiveEquations;
@@ -49,6 +50,33 @@ pub trait Adapter: Predictor {
 
     /// Whether to learn at all. A frozen adapter predicts with the weights it has.
     fn freeze(&mut self, frozen: bool);
+
+    /// How many numbers [`save`](Self::save) gives; constant over the life of the adapter.
+    fn memory_len(&self) -> usize;
+
+    /// Copies all that predictions and further learning depend on: state and weights, as in a
+    /// [`snapshot`](Predictor::snapshot), and covariances, windows that are filling, and counters beside them.
+    ///
+    /// # Panics
+    /// If `into` has not [`memory_len`](Self::memory_len) numbers.
+    fn save(&self, into: &mut [f64]);
+
+    /// Puts back what [`save`](Self::save) gave, by an adapter of the same model and settings: from the next
+    /// sample on both do the same to the last bit. Until then the [`outcome`](Self::outcome) is
+    /// [`Outcome::Waiting`].
+    ///
+    /// # Panics
+    /// If `from` has not [`memory_len`](Self::memory_len) numbers.
+    fn load(&mut self, from: &[f64]);
+
+    /// Standard deviations of what will be measured at the given `horizons` (ascending, in samples, at least 1)
+    /// under the commands `c_k, ..` (rows of `commands`; as many as the last horizon): uncertainty of weights and
+    /// state and the noise of the measurement together. Into `deviations` go `horizons x outputs` numbers in the
+    /// units of the outputs; NaN where the adapter knows none. Nothing is allocated once `work` has grown.
+    ///
+    /// # Panics
+    /// If the lengths do not fit together.
+    fn deviations(&self, commands: &[f64], horizons: &[usize], work: &mut Workspace, deviations: &mut [f64]);
 }
 
 /// What a sample did to the weights.
