@@ -43,31 +43,33 @@ pub enum Correction {
 /// taken when the next step's products with it are made, in one pass ([`Triangle::pass`]).
 #[derive(Clone, Debug)]
 pub struct Filter<T, M> {
-    model: M,
-    tuning: Tuning,
+    pub(super) model: M,
+    pub(super) tuning: Tuning,
     /// `h`, all weights, and those that were given.
-    state: Vec<T>,
-    weights: Vec<T>,
+    pub(super) state: Vec<T>,
+    pub(super) weights: Vec<T>,
     given: Vec<T>,
     /// `R`, which may move.
-    noise: Vec<T>,
+    pub(super) noise: Vec<T>,
     /// `P_hh` (`n x n`), `P_ht` (`n x width`, in panels), `P_tt`.
-    hh: Vec<T>,
-    ht: Vec<T>,
-    tt: Triangle<T>,
+    pub(super) hh: Vec<T>,
+    pub(super) ht: Vec<T>,
+    pub(super) tt: Triangle<T>,
     /// Which block each block of the triangle is.
     learned: Vec<usize>,
     /// Of each padded weight: where it stands among the weights. Padding stands nowhere.
     places: Vec<Option<usize>>,
     weight_noise: Vec<T>,
     /// What the last measurement takes from `P_tt`, `rank x width` in panels; whether there is something to take.
-    downdate: Vec<T>,
-    pending: bool,
+    pub(super) downdate: Vec<T>,
+    pub(super) pending: bool,
     /// `L` (`rows x width`) and `L P_tt` (`blocks rows x width`), in panels.
-    local: Vec<T>,
-    products: Vec<T>,
+    pub(super) local: Vec<T>,
+    pub(super) products: Vec<T>,
     /// Whether a step was made since the last measurement.
-    moved: bool,
+    pub(super) moved: bool,
+    /// Whether measurements change the weights.
+    pub(super) learns: bool,
     gain: Gain<T>,
     scratch: Scratch<T>,
 }
@@ -132,6 +134,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
             local: vec![T::zero(); rows * width],
             products: vec![T::zero(); all_rows * width],
             moved: false,
+            learns: true,
             gain: Gain::new(outputs),
             scratch: Scratch {
                 by_state: vec![T::zero(); all_rows * n],
@@ -175,6 +178,30 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.moved = false;
     }
 
+    /// Whether measurements change the weights, as they do at first. Otherwise they correct the state alone, the
+    /// uncertainty of the weights being what it is (the Schmidt-Kalman filter, which considers it).
+    pub fn learn(&mut self, learns: bool) {
+        self.learns = learns;
+    }
+
+    /// `h` and `theta` become these; how uncertain they are stays. The step before is none that a measurement belongs to.
+    pub fn set(&mut self, state: impl IntoIterator<Item = T>, weights: impl IntoIterator<Item = T>) {
+        self.state.iter_mut().zip(state).for_each(|(into, h)| *into = h);
+        self.weights.iter_mut().zip(weights).for_each(|(into, w)| *into = w);
+        self.model.set_weights(&self.weights);
+        self.moved = false;
+    }
+
+    /// Whether a step was made since the last measurement.
+    pub fn has_moved(&self) -> bool {
+        self.moved
+    }
+
+    /// Whether the weights move without measurements.
+    pub fn leaks(&self) -> bool {
+        self.tuning.leak > 0.0
+    }
+
     /// The model, with the weights of the moment.
     pub fn model(&self) -> &M {
         &self.model
@@ -188,6 +215,11 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     /// All weights `theta` of the moment, learned or not.
     pub fn weights(&self) -> &[T] {
         &self.weights
+    }
+
+    /// `R` of each output, which moves where [`Tuning::noise_rate`] says so.
+    pub fn noise(&self) -> &[T] {
+        &self.noise
     }
 
     /// What was expected of the last measurement that [`observe`](Self::observe) was given: innovations `z - y`, NaN where
@@ -332,21 +364,26 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
             return Correction::Lost;
         }
         Arch::new().dispatch(Correct { filter: self });
-        self.pending = true;
+        self.pending = self.learns;
+        if !self.learns {
+            return self.made(deviations, weight);
+        }
         for (&place, &change) in self.places.iter().zip(&self.scratch.change) {
             if let Some(place) = place {
                 self.weights[place] += change;
             }
         }
         self.model.set_weights(&self.weights);
+        self.made(deviations, weight)
+    }
+
+    /// What came of a measurement that was used; `R` follows it.
+    fn made(&mut self, deviations: T, weight: T) -> Correction {
         if self.tuning.noise_rate > 0.0 {
             self.gain.follow(&mut self.noise, T::of(self.tuning.noise_rate));
         }
-        Correction::Made {
-            nis: self.gain.nis().wide(),
-            deviations: deviations.wide(),
-            weight: weight.wide(),
-        }
+        let (deviations, weight) = (deviations.wide(), weight.wide());
+        Correction::Made { nis: self.gain.nis().wide(), deviations, weight }
     }
 
     /// What the outputs are expected to be: `y`, `G' = H P` and `H P H'`, before any measurement.

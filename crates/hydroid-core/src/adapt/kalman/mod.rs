@@ -33,10 +33,13 @@ mod filter;
 mod gain;
 mod learnable;
 mod network;
+mod saved;
+mod session;
 mod triangle;
 mod tuning;
 
 pub use filter::{Correction, Filter};
 pub use learnable::Learnable;
 pub use network::LearnableNetwork;
+pub use session::{KalmanError, KalmanNetwork};
 pub use tuning::{Tuning, TuningError};

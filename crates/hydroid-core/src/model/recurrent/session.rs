@@ -23,7 +23,8 @@ use crate::predict::{Predictor, Workspace, rollout_steps};
 /// the network reads out of it, once the first sample has passed.
 ///
 /// The snapshot is `[present outputs, memory of the equations, hidden state]`; the filter's covariance, which
-/// predictions do not depend on, is not in it.
+/// predictions do not depend on, is not in it. That of a session [with weights of its own](Self::with_own_weights)
+/// ends with the weights.
 #[derive(Clone, Debug)]
 pub struct RecurrentSession {
     model: Arc<Recurrent>,
@@ -32,6 +33,8 @@ pub struct RecurrentSession {
     state: Vec<f64>,
     scratch: Vec<f64>,
     filter: Option<Covariance>,
+    /// Whether the weights travel with the snapshots.
+    own_weights: bool,
 }
 
 impl RecurrentSession {
@@ -45,9 +48,59 @@ impl RecurrentSession {
         let len = front_len(&model) + model.network.state_len();
         let scratch = vec![0.0; scratch_len(&model, &weights)];
         let filter = model.state_filter.as_ref().map(|filter| Covariance::new(filter, &weights));
-        let mut session = Self { model, weights, state: vec![0.0; len], scratch, filter };
+        let mut session =
+            Self { model, weights, state: vec![0.0; len], scratch, filter, own_weights: false };
         session.reset();
         Ok(session)
+    }
+
+    /// A session whose weights are its own, to be changed on the way; without a filter on its state.
+    ///
+    /// # Errors
+    /// As [`Recurrent::check`].
+    pub fn with_own_weights(model: Arc<Recurrent>) -> Result<Self, RecurrentError> {
+        Ok(Self { own_weights: true, filter: None, ..Self::new(model)? })
+    }
+
+    /// Weights of the moment, as [`Network::tensors`](super::Network::tensors) has them.
+    pub fn weights(&self) -> &[f64] {
+        self.weights.weights()
+    }
+
+    /// Takes others into use. The first time that a session changes weights which others share, it allocates.
+    pub(crate) fn set_weights(&mut self, weights: &[f64]) {
+        Arc::make_mut(&mut self.weights).set_weights(weights);
+    }
+
+    /// The network's state, to be corrected.
+    pub(crate) fn hidden_mut(&mut self) -> &mut [f64] {
+        &mut self.state[front_len(&self.model)..]
+    }
+
+    /// What the network would read under a command, scaled.
+    pub(crate) fn inputs_of_network(&self, c: &[f64], x: &mut [f64]) {
+        scale_inputs(&self.model, &self.state, c, x);
+    }
+
+    /// The outputs become what the network reads out of its state: for networks that give them themselves.
+    pub(crate) fn read_out(&mut self) {
+        let (outputs, hidden) = self.state.split_at_mut(front_len(&self.model));
+        let scratch = &mut self.scratch[..self.model.outputs()];
+        read_out(&self.model, &self.weights, hidden, outputs, scratch);
+    }
+
+    /// What the network adds to its base, at its present state.
+    pub(crate) fn correction(&self, into: &mut [f64]) {
+        self.weights.output(self.hidden(), into);
+        for (into, scale) in into.iter_mut().zip(&self.model.scaling.correction_scale) {
+            *into *= scale;
+        }
+    }
+
+    /// Whether it waits for outputs that were never measured.
+    pub(crate) fn is_waiting(&self) -> bool {
+        let needs_outputs = self.model.feedback || !matches!(self.model.base, Base::Nothing);
+        needs_outputs && self.state[..self.model.outputs()].iter().any(|y| y.is_nan())
     }
 
     /// The model.
@@ -189,8 +242,7 @@ impl Predictor for RecurrentSession {
             read_out(model, weights, hidden, outputs, &mut rest[..model.outputs()]);
             return self.start_again_if_lost();
         }
-        let needs_outputs = model.feedback || !matches!(model.base, Base::Nothing);
-        if needs_outputs && self.state[..model.outputs()].iter().any(|y| y.is_nan()) {
+        if self.is_waiting() {
             wait(model, weights, &mut self.state, c, &mut self.scratch);
         } else {
             step(model, weights, &mut self.state, c, &mut self.scratch);
@@ -215,18 +267,31 @@ impl Predictor for RecurrentSession {
     }
 
     fn snapshot_len(&self) -> usize {
-        self.state.len()
+        self.state.len() + if self.own_weights { self.weights().len() } else { 0 }
     }
 
     fn snapshot(&self, into: &mut [f64]) {
-        into.copy_from_slice(&self.state);
+        let (state, weights) = into.split_at_mut(self.state.len());
+        state.copy_from_slice(&self.state);
+        if self.own_weights {
+            weights.copy_from_slice(self.weights());
+        }
     }
 
     fn restore(&mut self, from: &[f64]) {
-        self.state.copy_from_slice(from);
+        let (state, weights) = from.split_at(self.state.len());
+        self.state.copy_from_slice(state);
+        if self.own_weights {
+            self.set_weights(weights);
+        }
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
-        Box::new(self.clone())
+        let mut fork = self.clone();
+        if self.own_weights {
+            // At once: restoring must not allocate.
+            let _ = Arc::make_mut(&mut fork.weights);
+        }
+        Box::new(fork)
     }
 }

@@ -1,0 +1,70 @@
+//! A filter's memory as a flat slice.
+
+use super::filter::Filter;
+use super::learnable::Learnable;
+use crate::adapt::memory::{Reader, Writer};
+use crate::math::Scalar;
+
+fn write<T: Scalar>(writer: &mut Writer<'_>, numbers: &[T]) {
+    for (into, &x) in writer.part(numbers.len()).iter_mut().zip(numbers) {
+        *into = x.wide();
+    }
+}
+
+fn read<T: Scalar>(reader: &mut Reader<'_>, into: &mut [T]) {
+    let from = reader.part(into.len());
+    for (into, &x) in into.iter_mut().zip(from) {
+        *into = T::of(x);
+    }
+}
+
+impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
+    /// How many numbers [`save`](Self::save) gives.
+    pub fn memory_len(&self) -> usize {
+        let matrices = [&self.hh, &self.ht, &self.downdate, &self.local, &self.products].map(|m| m.len());
+        3 + self.state.len()
+            + self.weights.len()
+            + self.noise.len()
+            + self.tt.numbers().len()
+            + matrices.iter().sum::<usize>()
+    }
+
+    /// Copies all that it goes on from.
+    ///
+    /// # Panics
+    /// If `into` has not [`memory_len`](Self::memory_len) numbers.
+    pub fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "a memory of another length");
+        let mut writer = Writer::new(into);
+        for flag in [self.pending, self.moved, self.learns] {
+            writer.flag(flag);
+        }
+        for numbers in [&self.state, &self.weights, &self.noise, &self.hh, &self.ht] {
+            write(&mut writer, numbers);
+        }
+        write(&mut writer, self.tt.numbers());
+        for numbers in [&self.downdate, &self.local, &self.products] {
+            write(&mut writer, numbers);
+        }
+    }
+
+    /// Puts back what a filter of the same model and tuning saved; both go on to the same last bit.
+    ///
+    /// # Panics
+    /// If `from` has not [`memory_len`](Self::memory_len) numbers.
+    pub fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of another length");
+        let mut reader = Reader::new(from);
+        for flag in [&mut self.pending, &mut self.moved, &mut self.learns] {
+            *flag = reader.flag();
+        }
+        for numbers in [&mut self.state, &mut self.weights, &mut self.noise, &mut self.hh, &mut self.ht] {
+            read(&mut reader, numbers);
+        }
+        read(&mut reader, self.tt.numbers_mut());
+        for numbers in [&mut self.downdate, &mut self.local, &mut self.products] {
+            read(&mut reader, numbers);
+        }
+        self.model.set_weights(&self.weights);
+    }
+}

@@ -1,0 +1,293 @@
+//! A recurrent model that learns on the way.
+
+use alloc::boxed::Box;
+use alloc::sync::Arc;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::filter::{Correction, Filter};
+use super::network::LearnableNetwork;
+use super::tuning::{Tuning, TuningError};
+use crate::adapt::memory::{Reader, Writer};
+use crate::adapt::{Adapter, Innovation, Outcome, Rejection};
+use crate::math::Scalar;
+use crate::model::recurrent::{Base, Packed, Recurrent, RecurrentError, RecurrentSession};
+use crate::predict::{Predictor, Workspace};
+
+/// Why a model cannot learn so.
+#[derive(Clone, Debug, PartialEq)]
+pub enum KalmanError {
+    /// The model makes no sense.
+    Model(RecurrentError),
+    /// The tuning does not fit it.
+    Tuning(TuningError),
+}
+
+impl core::fmt::Display for KalmanError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Model(error) => error.fmt(f),
+            Self::Tuning(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for KalmanError {}
+
+/// A session of a [`Recurrent`] model whose hidden state and weights are estimated by a [`Filter`], in scaled units: the
+/// tuning is in those of the network's input and output.
+///
+/// A network that gives the outputs themselves from inputs alone is corrected in both, and its present outputs are what
+/// it reads out of its state. One that sees its outputs, or stands on a base, takes the measurements as its inputs: what
+/// it gives next is compared with the measurement less the base, and the noise of the measurement it began from counts as
+/// noise of that; its present outputs are the measured ones.
+///
+/// `T` is the precision of the filter; predictions are made in double precision.
+///
+/// The snapshot is that of a [`RecurrentSession`] with weights of its own.
+#[derive(Clone, Debug)]
+pub struct KalmanNetwork<T: Scalar> {
+    session: RecurrentSession,
+    filter: Filter<T, LearnableNetwork<T>>,
+    /// What the network's output is added to, at the present sample.
+    base: Vec<f64>,
+    /// Input and output of the network, in double precision and in the filter's.
+    x: Vec<f64>,
+    z: Vec<f64>,
+    x_filter: Vec<T>,
+    z_filter: Vec<T>,
+    /// Hidden state and weights on their way from the filter.
+    wide: Vec<f64>,
+    outcome: Outcome,
+    nis: f64,
+    innovations: Vec<Innovation>,
+}
+
+impl<T: Scalar> KalmanNetwork<T> {
+    /// A session at the start of a run, with the model's weights.
+    ///
+    /// # Errors
+    /// If model or tuning make no sense, or do not fit together.
+    pub fn new(model: Arc<Recurrent>, tuning: Tuning) -> Result<Self, KalmanError> {
+        let session = RecurrentSession::with_own_weights(Arc::clone(&model)).map_err(KalmanError::Model)?;
+        let weights: Vec<T> = model.weights.iter().map(|&w| T::of(w)).collect();
+        let network = LearnableNetwork::new(Packed::new(model.network, &weights));
+        let filter = Filter::new(network, tuning).map_err(KalmanError::Tuning)?;
+        let outputs = model.outputs();
+        Ok(Self {
+            base: vec![f64::NAN; outputs],
+            x: vec![0.0; model.network.inputs],
+            z: vec![0.0; outputs],
+            x_filter: vec![T::zero(); model.network.inputs],
+            z_filter: vec![T::zero(); outputs],
+            wide: vec![0.0; model.network.state_len().max(weights.len())],
+            outcome: Outcome::Waiting,
+            nis: f64::NAN,
+            innovations: Vec::with_capacity(outputs),
+            session,
+            filter,
+        })
+    }
+
+    /// The model with the weights that it was given at first.
+    pub fn model(&self) -> &Recurrent {
+        self.session.model()
+    }
+
+    /// The filter.
+    pub fn filter(&self) -> &Filter<T, LearnableNetwork<T>> {
+        &self.filter
+    }
+
+    /// Normalised innovation squared of the last sample; NaN where nothing was learned from.
+    pub fn nis(&self) -> f64 {
+        self.nis
+    }
+
+    /// Whether what it gives is the outputs, from inputs alone.
+    fn is_plain(&self) -> bool {
+        let model = self.session.model();
+        matches!(model.base, Base::Nothing) && !model.feedback
+    }
+
+    /// Takes state and weights of the filter into use.
+    fn take_over(&mut self, weights: bool) {
+        let state = self.filter.state();
+        self.session.hidden_mut().iter_mut().zip(state).for_each(|(into, h)| *into = h.wide());
+        if weights {
+            let wide = &mut self.wide[..self.filter.weights().len()];
+            wide.iter_mut().zip(self.filter.weights()).for_each(|(into, w)| *into = w.wide());
+            self.session.set_weights(wide);
+        }
+        if self.is_plain() {
+            self.session.read_out();
+        }
+    }
+
+    /// What the filter made of the measurement that stands in `z`, in units of the outputs.
+    fn note(&mut self, correction: Correction) {
+        self.innovations.clear();
+        self.nis = f64::NAN;
+        self.outcome = match correction {
+            Correction::None => Outcome::Waiting,
+            Correction::Lost => Outcome::Rejected(Rejection::NotFinite),
+            Correction::Made { nis, deviations, weight } => {
+                self.nis = nis;
+                let scale = &self.session.model().scaling.correction_scale;
+                let (e, s) = self.filter.innovation();
+                self.innovations.extend(e.iter().zip(s).zip(scale).map(|((e, s), scale)| Innovation {
+                    value: e.wide() * scale,
+                    deviation: s.wide().sqrt() * scale,
+                }));
+                if weight < 1.0 { Outcome::Inflated { deviations, weight } } else { Outcome::Accepted }
+            }
+        };
+    }
+}
+
+impl<T: Scalar> Predictor for KalmanNetwork<T> {
+    fn outputs(&self) -> usize {
+        self.session.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.session.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        self.session.warm_up()
+    }
+
+    fn reset(&mut self) {
+        self.session.reset();
+        self.filter.reset();
+        self.base.fill(f64::NAN);
+        self.note(Correction::None);
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        let scale = &self.session.model().scaling.correction_scale;
+        for i in 0..y.len() {
+            self.z[i] = (y[i] - self.base[i]) / scale[i];
+            // What is infinite was not measured.
+            self.z_filter[i] = if self.z[i].is_finite() { T::of(self.z[i]) } else { T::nan() };
+        }
+        // A plain network's outputs are what it reads out of its state, as soon as it has made a step.
+        if !(self.is_plain() && self.filter.has_moved()) {
+            self.session.observe(y);
+        }
+        let correction = self.filter.observe(&self.z_filter);
+        if correction != Correction::None {
+            self.take_over(true);
+        }
+        self.note(correction);
+        if y.iter().any(|y| y.is_infinite()) {
+            self.outcome = Outcome::Rejected(Rejection::NotFinite);
+        }
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        if self.session.is_waiting() {
+            // The network of one that hears its outputs rests until it has heard each of them; without feedback it walks
+            // on, and the filter with it.
+            self.base.fill(f64::NAN);
+            if self.session.model().feedback {
+                return self.session.advance(c);
+            }
+        }
+        self.session.inputs_of_network(c, &mut self.x);
+        for (into, &x) in self.x_filter.iter_mut().zip(&self.x) {
+            *into = T::of(x);
+        }
+        match &self.session.model().base {
+            Base::Nothing => self.base.copy_from_slice(&self.session.model().scaling.output_mean),
+            Base::Hold => self.session.output(&mut self.base),
+            Base::Equations(_) => {}
+        }
+        self.session.advance(c);
+        if let Base::Equations(_) = self.session.model().base {
+            // What the equations gave: the outputs less what the network added.
+            self.session.output(&mut self.base);
+            self.session.correction(&mut self.z);
+            self.base.iter_mut().zip(&self.z).for_each(|(base, z)| *base -= z);
+        }
+        self.filter.advance(&self.x_filter);
+        if self.filter.state().iter().all(|h| h.is_finite()) {
+            self.take_over(self.filter.leaks());
+        } else {
+            // Whatever is measured later, it would stay so.
+            self.filter.restart();
+            self.filter.reset();
+            self.session.hidden_mut().fill(0.0);
+        }
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        self.session.output(y);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.session.rollout(commands, work, y);
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.session.snapshot_len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        self.session.snapshot(into);
+    }
+
+    /// The filter goes on from the state and the weights of the snapshot; how uncertain they are stays as it is now.
+    fn restore(&mut self, from: &[f64]) {
+        self.session.restore(from);
+        let narrow = |x: &f64| T::of(*x);
+        self.filter.set(self.session.hidden().iter().map(narrow), self.session.weights().iter().map(narrow));
+        self.base.fill(f64::NAN);
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        self.session.fork()
+    }
+}
+
+impl<T: Scalar> Adapter for KalmanNetwork<T> {
+    fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+
+    fn innovations(&self) -> &[Innovation] {
+        &self.innovations
+    }
+
+    fn weights(&self) -> &[f64] {
+        self.session.weights()
+    }
+
+    fn freeze(&mut self, frozen: bool) {
+        self.filter.learn(!frozen);
+    }
+
+    fn memory_len(&self) -> usize {
+        self.session.snapshot_len() + self.base.len() + self.filter.memory_len()
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        let mut writer = Writer::new(into);
+        self.session.snapshot(writer.part(self.session.snapshot_len()));
+        writer.numbers(&self.base);
+        self.filter.save(writer.part(self.filter.memory_len()));
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        let mut reader = Reader::new(from);
+        self.session.restore(reader.part(self.session.snapshot_len()));
+        reader.numbers(&mut self.base);
+        self.filter.load(reader.part(self.filter.memory_len()));
+        self.note(Correction::None);
+    }
+
+    fn deviations(&self, _: &[f64], _: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
+        deviations.fill(f64::NAN);
+    }
+}
