@@ -1,0 +1,205 @@
+//! Networks that learn along logs with truth, beside the same networks frozen.
+//!
+//! ```text
+//! cargo run --release --example adapt_lawns -- MODEL[,MODEL ..] LOG[,LOG ..] [KEY=VALUE ..]
+//! ```
+//!
+//! Models are files of hydroid's recurrent networks that see inputs alone, or PyTorch's tensors with `norm.*` beside them, as
+//! the reference has them; errors are medians over all of them. `KEY=VALUE` is the tuning, in scaled units: `p0`, `q`,
+//! `p0_h`, `q_h`, `r` (times the variance of the true noise), `leak`, `forgetting`, `huber`, `noise_rate`, `weights`
+//! (`all`, `last`, `read_out`).
+//!
+//! Windows start at samples 100, 105, ..; from the filtered state the network is run 100 steps on the logged commands with the
+//! weights of that moment; errors are means of the absolute difference from the truth. `frozen`: no measurement enters;
+//! `filtered`: a filter corrects the state alone (`P0_h` 1, `Q_h` 1e-4, true noise).
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
+use hydroid::model::{self, Body, NamedTensor, weights_from_torch};
+use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
+use hydroid_core::model::recurrent::{
+    Base, Blocks, Cell, Network, Packed, Recurrent, RecurrentSession, Scaling, StateFilter,
+};
+use hydroid_core::predict::{Predictor, Workspace};
+use safetensors::SafeTensors;
+
+type Failure = Box<dyn std::error::Error>;
+
+const HORIZON: usize = 100;
+const SHOWN: [usize; 5] = [1, 5, 20, 50, 100];
+/// Of the simulated sensors.
+const NOISE: [f64; 3] = [0.01, 0.01, 0.017_453_292_519_943_295];
+
+/// Mean error at each horizon of each output.
+type Errors = Vec<[f64; 3]>;
+
+fn main() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [models, logs, keys @ ..] = arguments.as_slice() else {
+        return Err("give MODEL[,MODEL ..] LOG[,LOG ..] [KEY=VALUE ..]".into());
+    };
+    let mut settings = BTreeMap::new();
+    for key in keys {
+        let (name, value) = key.split_once('=').ok_or("settings are KEY=VALUE")?;
+        settings.insert(name.to_owned(), value.to_owned());
+    }
+    let models: Vec<Recurrent> = models.split(',').map(network).collect::<Result<_, _>>()?;
+    let runs: Vec<Trajectory> = logs.split(',').map(read).collect::<Result<_, _>>()?;
+    let mut score = (0.0, 0.0);
+    for run in &runs {
+        let all = std::thread::scope(|scope| {
+            let workers: Vec<_> = models
+                .iter()
+                .map(|model| scope.spawn(|| three(model, run, &settings).map_err(|e| e.to_string())))
+                .collect();
+            workers.into_iter().map(|w| w.join().map_err(|_| "a run panicked".to_owned())?).collect::<Result<Vec<_>, _>>()
+        })?;
+        println!("{} ({} windows)", run.name, (run.len() - HORIZON).saturating_sub(100).div_ceil(5));
+        let medians: Vec<Errors> = (0..3).map(|part| median(all.iter().map(|errors| &errors[part]))).collect();
+        for (name, errors) in ["frozen", "filtered", "adapted"].iter().zip(&medians) {
+            let row: Vec<String> = SHOWN.iter().map(|&n| format!("{:.4?}", errors[n - 1])).collect();
+            println!("  {name:8} {}", row.join("  "));
+        }
+        let first = |c: usize| {
+            let loses = |n: &usize| medians[2][*n][c] >= medians[0][*n][c].min(medians[1][*n][c]);
+            (0..HORIZON).find(loses).map_or("-".into(), |n| (n + 1).to_string())
+        };
+        println!("  first horizon that loses: {} {} {}", first(0), first(1), first(2));
+        for n in SHOWN {
+            for c in 0..3 {
+                score.0 += medians[2][n - 1][c].ln();
+                score.1 += 1.0;
+            }
+        }
+    }
+    println!("geometric mean of all adapted errors shown: {:.5}", f64::exp(score.0 / score.1));
+    Ok(())
+}
+
+/// Frozen, filtered, adapted.
+fn three(model: &Recurrent, run: &Trajectory, settings: &BTreeMap<String, String>) -> Result<[Errors; 3], Failure> {
+    let noise: Vec<f64> =
+        NOISE.iter().zip(&model.scaling.correction_scale).map(|(s, scale)| (s / scale).powi(2)).collect();
+    let filter = StateFilter { process: 1e-4, initial: 1.0, noise: noise.clone() };
+    let frozen = Arc::new(Recurrent { state_filter: None, ..model.clone() });
+    let filtered = Arc::new(Recurrent { state_filter: Some(filter), ..model.clone() });
+    let number = |key: &str, default: f64| settings.get(key).map_or(Ok(default), |v| v.parse::<f64>());
+    let r = number("r", 5.0)?;
+    let noise: Vec<f64> = noise.iter().map(|n| r * n).collect();
+    let mut tuning = Tuning {
+        leak: number("leak", 3e-5)?,
+        forgetting: number("forgetting", 1.0)?,
+        huber: number("huber", f64::INFINITY)?,
+        noise_rate: number("noise_rate", 0.0)?,
+        ..Tuning::uniform(
+            model.weights.len(),
+            number("p0", 4e-3)?,
+            number("q", 1e-7)?,
+            (number("p0_h", 1.0)?, number("q_h", 1e-5)?),
+            &noise,
+        )
+    };
+    let blocks = Blocks::new(&Packed::new(model.network, &model.weights));
+    let from = match settings.get("weights").map_or("all", String::as_str) {
+        "read_out" => blocks.transition(),
+        "last" => blocks.last_layer(),
+        _ => 0,
+    };
+    for &place in blocks.places()[..from].iter().flatten() {
+        (tuning.initial_weights[place], tuning.weight_noise[place]) = (0.0, 0.0);
+    }
+    let learning = KalmanNetwork::<f64>::new(Arc::clone(&frozen), tuning)?;
+    Ok([
+        errors(RecurrentSession::new(frozen)?, run),
+        errors(RecurrentSession::new(filtered)?, run),
+        errors(learning, run),
+    ])
+}
+
+fn errors(mut session: impl Predictor, run: &Trajectory) -> Errors {
+    let truth = run.truth.as_ref().unwrap_or(&run.outputs);
+    let commands: Vec<f64> = (0..run.len()).flat_map(|k| run.inputs.row(k).to_vec()).collect();
+    let (mut sums, mut windows) = (vec![[0.0; 3]; HORIZON], 0.0);
+    let (mut work, mut y) = (Workspace::new(), vec![0.0; 3 * HORIZON]);
+    for k in 0..run.len() - HORIZON {
+        session.observe(run.outputs.row(k));
+        if k >= 100 && k % 5 == 0 {
+            session.rollout(&commands[2 * k..2 * (k + HORIZON)], &mut work, &mut y);
+            for (n, sums) in sums.iter_mut().enumerate() {
+                for c in 0..3 {
+                    sums[c] += (y[3 * n + c] - truth.row(k + n + 1)[c]).abs();
+                }
+            }
+            windows += 1.0;
+        }
+        session.advance(run.inputs.row(k));
+    }
+    sums.iter_mut().flatten().for_each(|sum| *sum /= windows);
+    sums
+}
+
+fn median<'a>(all: impl Iterator<Item = &'a Errors> + Clone) -> Errors {
+    let middle = |n: usize, c: usize| {
+        let mut values: Vec<f64> = all.clone().map(|errors| errors[n][c]).collect();
+        values.sort_unstable_by(f64::total_cmp);
+        0.5 * (values[values.len() / 2] + values[(values.len() - 1) / 2])
+    };
+    (0..HORIZON).map(|n| std::array::from_fn(|c| middle(n, c))).collect()
+}
+
+fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
+    let path = path.as_ref();
+    let raw = log::read(Path::new(path))?;
+    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
+    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
+    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
+    Ok(prepared.runs.remove(0))
+}
+
+fn network(path: impl AsRef<str>) -> Result<Recurrent, Failure> {
+    let path = path.as_ref();
+    let bytes = std::fs::read(path)?;
+    let file = SafeTensors::deserialize(&bytes)?;
+    if file.tensor("norm.output_mean").is_err() {
+        let Body::Recurrent(model) = model::read(Path::new(path))?.body else {
+            return Err(format!("{path} is no recurrent network").into());
+        };
+        return Ok((*model).clone());
+    }
+    let tensors: Vec<(String, Vec<usize>, Vec<f64>)> = file
+        .iter()
+        .map(|(name, view)| {
+            let values = view.data().chunks_exact(8).filter_map(|b| b.try_into().ok()).map(f64::from_le_bytes);
+            (name.to_owned(), view.shape().to_vec(), values.collect())
+        })
+        .collect();
+    let named: Vec<NamedTensor<'_>> =
+        tensors.iter().map(|(name, shape, values)| NamedTensor { name, shape, values }).collect();
+    let of = |name: &str| -> Result<Vec<f64>, Failure> {
+        let found = tensors.iter().find(|(own, ..)| own == name).ok_or(format!("{path}: no tensor {name}"))?;
+        Ok(found.2.clone())
+    };
+    let cells = [
+        (Cell::Lstm { hidden: 18, projection: Some(3) }, false),
+        (Cell::Gru { hidden: 18 }, true),
+        (Cell::Vanilla { hidden: 18, layers: 2 }, true),
+    ];
+    let (network, weights) = cells
+        .into_iter()
+        .map(|(cell, read_out)| Network { cell, inputs: 2, outputs: 3, read_out })
+        .find_map(|network| Some((network, weights_from_torch(&network, &named).ok()?)))
+        .ok_or(format!("{path} is none of the thesis's networks"))?;
+    let scaling = Scaling {
+        output_mean: of("norm.output_mean")?,
+        output_scale: of("norm.output_std")?,
+        input_mean: of("norm.input_mean")?,
+        input_scale: of("norm.input_std")?,
+        correction_scale: of("norm.output_std")?,
+    };
+    let (base, feedback, wash_out) = (Base::Nothing, false, 100);
+    Ok(Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter: None })
+}
+
