@@ -56,3 +56,20 @@ pub(crate) fn product<T: Scalar>(weights: &[T], x: &[T], y: &mut [T]) {
         *y = (sums[0] + sums[1]) + (sums[2] + sums[3]);
     }
 }
+
+/// `a' b`; eight sums side by side, or each addition would wait for the last.
+#[inline(always)]
+pub(crate) fn dot<T: Scalar>(a: &[T], b: &[T]) -> T {
+    let mut sums = [T::zero(); 8];
+    let (mut left, mut right) = (a.chunks_exact(8), b.chunks_exact(8));
+    for (a, b) in (&mut left).zip(&mut right) {
+        for lane in 0..8 {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    for (lane, (&a, &b)) in left.remainder().iter().zip(right.remainder()).enumerate() {
+        sums[lane] += a * b;
+    }
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
+}

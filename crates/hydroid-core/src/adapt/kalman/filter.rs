@@ -14,7 +14,7 @@ use super::learnable::Learnable;
 use super::triangle::{Pass, Span, Triangle};
 use super::tuning::{Tuning, TuningError};
 use crate::math::Scalar;
-use crate::math::rows::add_rows;
+use crate::math::rows::{add_rows, dot};
 
 /// What a measurement did.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,6 +86,7 @@ struct Scratch<T> {
     wide: Vec<T>,
     /// What the weights change by (`width`).
     change: Vec<T>,
+    taken: Vec<T>,
     /// `G_h'` (`outputs x n`).
     narrow: Vec<T>,
     /// The model's.
@@ -143,6 +144,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
                 turned: vec![T::zero(); n * side],
                 wide: vec![T::zero(); n * widest],
                 change: vec![T::zero(); width],
+                taken: vec![T::zero(); Triangle::<T>::rank(outputs)],
                 narrow: vec![T::zero(); outputs * n],
                 chain: vec![T::zero(); model.scratch(widest.max(side))],
             },
@@ -249,6 +251,38 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
             }
         }
         ((0..n).map(|i| self.hh[i * (n + 1)]).collect(), of_weights)
+    }
+
+    /// Adds to `out` the variances of linear functions of state and weights, after the last measurement. `by_state` and
+    /// `by_weights` have their gradients as columns: `state x functions`, `weights x functions`.
+    pub(super) fn add_variances(&mut self, by_state: &[f64], by_weights: &[f64], out: &mut [f64]) {
+        let (n, count) = (self.state.len(), out.len());
+        let rank = Triangle::<T>::rank(self.noise.len());
+        let Scratch { change: v, square: v_h, taken, .. } = &mut self.scratch;
+        let v_h = &mut v_h[..n];
+        for (r, out) in out.iter_mut().enumerate() {
+            v_h.iter_mut().enumerate().for_each(|(i, v)| *v = T::of(by_state[i * count + r]));
+            for (v, &place) in v.iter_mut().zip(&self.places) {
+                *v = place.map_or(T::zero(), |place| T::of(by_weights[place * count + r]));
+            }
+            let mut sum = self.tt.quadratic(v);
+            for (row, &v_i) in self.hh.chunks_exact(n).zip(&*v_h) {
+                sum += v_i * dot(row, v_h);
+            }
+            taken.fill(T::zero());
+            for span in self.tt.spans() {
+                let v = &v[span.panel(1)];
+                for (ht, &v_i) in self.ht[span.panel(n)].chunks_exact(span.padded).zip(&*v_h) {
+                    let cross = v_i * dot(ht, v);
+                    sum += cross + cross;
+                }
+                if self.pending {
+                    let w = self.downdate[span.panel(rank)].chunks_exact(span.padded);
+                    w.zip(&mut *taken).for_each(|(w, taken)| *taken += dot(w, v));
+                }
+            }
+            *out += taken.iter().fold(sum, |sum, &taken| sum - taken * taken).wide();
+        }
     }
 
     /// Time update: `h <- f(h, x)`, `theta <- theta_0 + (1 - leak) (theta - theta_0)`.
@@ -451,23 +485,6 @@ fn local_products<T: Scalar>(span: &Span, local: &[T], matrix: &[T], out: &mut [
             *out = dot(partials, of);
         }
     }
-}
-
-/// Eight sums side by side, or each addition would wait for the last.
-#[inline(always)]
-fn dot<T: Scalar>(a: &[T], b: &[T]) -> T {
-    let mut sums = [T::zero(); 8];
-    let (mut left, mut right) = (a.chunks_exact(8), b.chunks_exact(8));
-    for (a, b) in (&mut left).zip(&mut right) {
-        for lane in 0..8 {
-            sums[lane] += a[lane] * b[lane];
-        }
-    }
-    for (lane, (&a, &b)) in left.remainder().iter().zip(right.remainder()).enumerate() {
-        sums[lane] += a * b;
-    }
-    let [a, b, c, d, e, f, g, h] = sums;
-    ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
 fn transpose<T: Copy>(rows: usize, columns: usize, matrix: &[T], into: &mut [T]) {

@@ -29,6 +29,7 @@
 //! `P_tt` is what takes time and memory. It is touched by what a step does to the weights of each block by itself alone
 //! ([`Learnable`]), half of it is kept, and it is read and written once a sample.
 
+mod ahead;
 mod filter;
 mod gain;
 mod learnable;

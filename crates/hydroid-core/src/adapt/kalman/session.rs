@@ -5,6 +5,7 @@ use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::ahead::Ahead;
 use super::filter::{Correction, Filter};
 use super::network::LearnableNetwork;
 use super::tuning::{Tuning, TuningError};
@@ -61,6 +62,7 @@ pub struct KalmanNetwork<T: Scalar> {
     outcome: Outcome,
     nis: f64,
     innovations: Vec<Innovation>,
+    ahead: Ahead,
 }
 
 impl<T: Scalar> KalmanNetwork<T> {
@@ -84,6 +86,7 @@ impl<T: Scalar> KalmanNetwork<T> {
             outcome: Outcome::Waiting,
             nis: f64::NAN,
             innovations: Vec::with_capacity(outputs),
+            ahead: Ahead::new(&model),
             session,
             filter,
         })
@@ -287,7 +290,33 @@ impl<T: Scalar> Adapter for KalmanNetwork<T> {
         self.note(Correction::None);
     }
 
-    fn deviations(&self, _: &[f64], _: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
-        deviations.fill(f64::NAN);
+    /// Of weights, state and measurement together, through the rollout's gradients; NaN for a network on equations.
+    /// Allocates where a horizon is longer than any before.
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        _: &mut Workspace,
+        deviations: &mut [f64],
+    ) {
+        let q = self.session.outputs();
+        assert_eq!(deviations.len(), horizons.len() * q, "one row of deviations for each horizon");
+        let last = horizons.iter().copied().max().unwrap_or(0);
+        let commands = &commands[..last * self.session.inputs()];
+        if self.session.is_waiting() || !self.ahead.walk(&self.session, commands) {
+            return deviations.fill(f64::NAN);
+        }
+        let scale = &self.session.model().scaling.correction_scale;
+        for (&horizon, into) in horizons.iter().zip(deviations.chunks_exact_mut(q)) {
+            self.ahead.back(&self.session, horizon);
+            let noise = |i: usize| self.filter.noise()[i].wide() * scale[i] * scale[i];
+            for (i, into) in into.iter_mut().enumerate() {
+                // Of the measurement itself, and of those that the rollout begins from.
+                let begun = |j: usize| self.ahead.outputs[j * q + i].powi(2) * noise(j);
+                *into = noise(i) + (0..q).map(begun).sum::<f64>();
+            }
+            self.filter.add_variances(&self.ahead.state, &self.ahead.weights, into);
+            into.iter_mut().for_each(|variance| *variance = num_traits::Float::sqrt(variance.max(0.0)));
+        }
     }
 }

@@ -12,6 +12,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::math::Scalar;
 use crate::math::aligned::Aligned;
+use crate::math::rows::dot;
 use crate::math::vectors::Pack;
 
 /// A symmetric matrix in tiles, one for each pair of blocks of weights; of every two that mirror each other, one.
@@ -145,6 +146,11 @@ impl<T: Scalar> Triangle<T> {
         }
     }
 
+    /// `v' P v` of a vector (`width`).
+    pub(super) fn quadratic(&self, v: &[T]) -> T {
+        Arch::new().dispatch(Quadratic { triangle: self, v })
+    }
+
     /// One pass.
     pub(super) fn pass(&mut self, pass: &mut Pass<'_, T>) {
         let rank = if pass.downdate.is_some() { pass.rank } else { 0 };
@@ -227,6 +233,35 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
                 }
             }
         }
+    }
+}
+
+/// A quadratic form as what [`Arch`] compiles for the processor.
+struct Quadratic<'a, T> {
+    triangle: &'a Triangle<T>,
+    v: &'a [T],
+}
+
+impl<T: Scalar> WithSimd for Quadratic<'_, T> {
+    type Output = T;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> T {
+        let Self { triangle, v } = self;
+        let (mut begin, mut sum) = (0, T::zero());
+        for (i, above) in triangle.spans.iter().enumerate() {
+            for (j, span) in triangle.spans.iter().enumerate().skip(i) {
+                let tile = &triangle.tiles[begin..begin + above.len * span.padded];
+                begin += tile.len();
+                let mut own = T::zero();
+                for (row, &v_k) in tile.chunks_exact(span.padded).zip(&v[above.weights()]) {
+                    own += v_k * dot(row, &v[span.panel(1)]);
+                }
+                // Its mirror image counts as well.
+                sum += if i == j { own } else { own + own };
+            }
+        }
+        sum
     }
 }
 

@@ -67,6 +67,11 @@ impl RecurrentSession {
         self.weights.weights()
     }
 
+    /// The network with the weights of the moment.
+    pub(crate) fn packed(&self) -> &Packed<f64> {
+        &self.weights
+    }
+
     /// Takes others into use. The first time that a session changes weights which others share, it allocates.
     pub(crate) fn set_weights(&mut self, weights: &[f64]) {
         Arc::make_mut(&mut self.weights).set_weights(weights);
@@ -79,7 +84,7 @@ impl RecurrentSession {
 
     /// What the network would read under a command, scaled.
     pub(crate) fn inputs_of_network(&self, c: &[f64], x: &mut [f64]) {
-        scale_inputs(&self.model, &self.state, c, x);
+        self.model.scale(&self.state, c, x);
     }
 
     /// The outputs become what the network reads out of its state: for networks that give them themselves.
@@ -136,15 +141,17 @@ fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
     model.network.inputs + model.outputs() + base.max(weights.scratch()).max(model.outputs())
 }
 
-/// What the network reads.
-fn scale_inputs(model: &Recurrent, y: &[f64], c: &[f64], x: &mut [f64]) {
-    let scaling = &model.scaling;
-    let (m, z) = x.split_at_mut(model.inputs());
-    for i in 0..m.len() {
-        m[i] = (c[i] - scaling.input_mean[i]) / scaling.input_scale[i];
-    }
-    for i in 0..z.len() {
-        z[i] = (y[i] - scaling.output_mean[i]) / scaling.output_scale[i];
+impl Recurrent {
+    /// What the network reads where the outputs are `y` and the commands `c`.
+    pub(crate) fn scale(&self, y: &[f64], c: &[f64], x: &mut [f64]) {
+        let scaling = &self.scaling;
+        let (m, z) = x.split_at_mut(self.inputs());
+        for i in 0..m.len() {
+            m[i] = (c[i] - scaling.input_mean[i]) / scaling.input_scale[i];
+        }
+        for i in 0..z.len() {
+            z[i] = (y[i] - scaling.output_mean[i]) / scaling.output_scale[i];
+        }
     }
 }
 
@@ -163,7 +170,7 @@ fn step(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], 
     let (front, hidden) = state.split_at_mut(front_len(model));
     let (x, rest) = scratch.split_at_mut(model.network.inputs);
     let (correction, rest) = rest.split_at_mut(outputs);
-    scale_inputs(model, front, c, x);
+    model.scale(front, c, x);
     weights.step(hidden, x, rest);
     weights.output(hidden, correction);
     match &model.base {
@@ -181,7 +188,7 @@ fn wait(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], 
     let (front, hidden) = state.split_at_mut(front_len(model));
     if !model.feedback {
         let (x, rest) = scratch.split_at_mut(model.network.inputs);
-        scale_inputs(model, front, c, x);
+        model.scale(front, c, x);
         weights.step(hidden, x, rest);
     }
     if let Base::Equations(equations) = &model.base {
@@ -237,7 +244,7 @@ impl Predictor for RecurrentSession {
         if let Some(filter) = &mut self.filter {
             let (outputs, hidden) = self.state.split_at_mut(front_len(model));
             let (x, rest) = self.scratch.split_at_mut(model.network.inputs);
-            scale_inputs(model, outputs, c, x);
+            model.scale(outputs, c, x);
             filter.step(weights, hidden, x);
             read_out(model, weights, hidden, outputs, &mut rest[..model.outputs()]);
             return self.start_again_if_lost();
