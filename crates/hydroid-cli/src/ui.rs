@@ -2,6 +2,7 @@
 
 use std::io::{IsTerminal, Write as _};
 use std::ops::ControlFlow;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use hydroid::identify::Stage;
@@ -12,14 +13,29 @@ use crate::args::Global;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// From now on the first ctrl-C asks the work to stop cleanly, the second ends the program.
+/// What is to be done at an interruption by who waits for input and cannot look out for it.
+static AT_INTERRUPT: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
+
+/// From now on the first ctrl-C (or SIGTERM, or a terminal that is closed) asks the work to stop cleanly, the
+/// second ends the program.
 pub fn catch_interrupt() {
     // Without a handler ctrl-C ends the program at once; files are written atomically in either case.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             std::process::exit(130);
         }
+        // In a thread of its own, so that the second ctrl-C is heard.
+        if let Some(act) = AT_INTERRUPT.lock().ok().and_then(|mut act| act.take()) {
+            std::thread::spawn(act);
+        }
     });
+}
+
+/// At an interruption this is done, in a thread of its own; it has to end the program.
+pub fn at_interrupt(act: impl FnOnce() + Send + 'static) {
+    if let Ok(mut place) = AT_INTERRUPT.lock() {
+        *place = Some(Box::new(act));
+    }
 }
 
 /// Whether ctrl-C was pressed.

@@ -9,6 +9,7 @@ pub mod adapt;
 pub mod atomic;
 pub mod evaluate;
 pub mod excitation;
+mod fnv;
 pub mod identify;
 pub mod log;
 pub mod model;

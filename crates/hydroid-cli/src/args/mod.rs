@@ -171,25 +171,49 @@ pub struct Judging {
     pub against: Against,
 }
 
-/// Let a model learn along a log, and compare it with the same model frozen
+/// A live stream.
+#[derive(Clone, Debug, ClapArgs)]
+#[command(next_help_heading = "Live stream")]
+pub struct StreamArgs {
+    /// Serve the log line by line, as - does standard input
+    #[arg(long)]
+    pub stream: bool,
+    /// Horizons of the predictions in the answers: samples, ascending (default: 1,10,50,100)
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub horizons: Option<Vec<usize>>,
+    /// Keep the state in this file, at least once in a second of the stream, and go on from it if it is there: lines
+    /// up to its time are skipped without an answer
+    #[arg(long, value_name = "FILE")]
+    pub state: Option<PathBuf>,
+    /// Say in each answer how long it took [us]
+    #[arg(long)]
+    pub timing: bool,
+}
+
+/// Let a model learn along a log, and compare it with the same model frozen; or serve a live stream
 ///
 /// Walks the log once, sample by sample. At every origin the adapted model predicts with what it had learned
 /// by then, and nothing later. The coefficients follow by recursive least squares with forgetting; the model
 /// itself stays the prior, to which coefficients return that the log says nothing about.
+///
+/// With - (standard input) or --stream it is a service: each line, CSV below a header or a JSON object, is
+/// answered at once with a line of JSON that holds what became of the sample, the estimate, and predictions with
+/// their bands.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
   hydroid adapt out/sindy.safetensors today.csv --horizon 20s
   hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
-  cat today.csv | hydroid adapt out/sindy.safetensors - --json > adapted.json
+  my-logger | hydroid adapt out/sindy.safetensors - --horizons 1,10,50 --state boat.state | my-controller
+  hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
 
 Exit status: 0 adapted is at least as good as frozen in the mean of outputs and horizons, and no rollout of it
-diverged; 1 otherwise; 2 wrong input.")]
+diverged; 1 otherwise; 2 wrong input. Of a stream: 0 at its end, 2 wrong input, 130 interrupted, with state and
+model written.")]
 pub struct Adapt {
     /// The model
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
-    /// The log; - for CSV on standard input, which is read to its end before anything is judged, because
-    /// predictions are compared with what came after them
+    /// The log; - to serve a stream on standard input
     #[arg(value_name = "LOG|-")]
     pub run: PathBuf,
     /// Where to write the model with the coefficients that it had at the end
@@ -216,6 +240,8 @@ pub struct Adapt {
     pub no_gate: bool,
     #[command(flatten)]
     pub judging: Judging,
+    #[command(flatten)]
+    pub stream: StreamArgs,
     #[command(flatten)]
     pub log: LogArgs,
 }

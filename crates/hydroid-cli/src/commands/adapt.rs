@@ -1,8 +1,10 @@
 //! `hydroid adapt`.
 
+mod stream;
+
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use hydroid::adapt::{self, Gate, Options, Report};
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
@@ -17,26 +19,22 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     // Said before the log is read: no log would change it.
     adapt::adaptable(&model).with_context(|| format!("{} cannot be adapted", args.model.display()))?;
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
-    let raw = if args.run == Path::new("-") {
-        log::read_from(std::io::stdin().lock(), "standard input")?
-    } else {
-        log::read(&args.run)?
-    };
+    if args.stream.stream || args.run == Path::new("-") {
+        return stream::run(args, global, &model, reading);
+    }
+    let given = &args.stream;
+    ensure!(
+        given.horizons.is_none() && given.state.is_none() && !given.timing,
+        "--horizons, --state and --timing are of a live stream: add --stream, or give - for standard input"
+    );
+    let raw = log::read(&args.run)?;
     let prepared = log::prepare(&[raw], &reading.selection, &reading.options).with_context(|| {
         format!("a log for {}, which steps {} s, cannot be used", args.model.display(), model.description.dt)
     })?;
     ui::tell(&prepared.notes, global);
     model.check(&prepared.runs)?;
     ui::tell(model.outside(&prepared.runs).as_slice(), global);
-    let options = Options {
-        forgetting_s: args.forgetting,
-        window_s: args.window,
-        prior_s: args.prior,
-        leak: !args.no_leak,
-        all_terms: args.all_terms,
-        gate: if args.no_gate { Gate::OPEN } else { Gate::default() },
-        evaluate: evaluate::options(args.judging, model.description.dt),
-    };
+    let options = options(args, model.description.dt);
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("adapting", global);
     let adapted = adapt::adapt(&model, &runs, &options, &mut bar.callback())
@@ -54,6 +52,19 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let better = report.adapted.score() <= report.frozen.score();
     ui::tell(&doubts(report), global);
     Ok(if better && report.adapted.diverged == 0 { Outcome::Done } else { Outcome::Missed })
+}
+
+/// What the command line says, for a model that steps `dt` seconds.
+fn options(args: &Adapt, dt: f64) -> Options {
+    Options {
+        forgetting_s: args.forgetting,
+        window_s: args.window,
+        prior_s: args.prior,
+        leak: !args.no_leak,
+        all_terms: args.all_terms,
+        gate: if args.no_gate { Gate::OPEN } else { Gate::default() },
+        evaluate: evaluate::options(args.judging, dt),
+    }
 }
 
 /// What speaks against using what was learned.

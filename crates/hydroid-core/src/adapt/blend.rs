@@ -114,6 +114,7 @@ impl BlendedEquations {
                 gate: settings.gate,
             };
             RecursiveEquations::with_root(equations, ranges, &settings, root)
+                .map(RecursiveEquations::without_deviations)
         };
         let experts = settings.priors_s.iter().map(expert).collect::<Result<Vec<_>, _>>()?;
         let blended = experts[0].weighted();
@@ -351,6 +352,7 @@ impl Adapter for BlendedEquations {
         self.frozen = from.flag();
     }
 
+    /// None are known: which pace will turn out to be right is not a matter of variances.
     fn deviations(&self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
         assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
         deviations.fill(f64::NAN);

@@ -1,5 +1,7 @@
 //! Sparse equations whose coefficients are adapted by recursive least squares.
 
+mod adapter;
+
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -7,11 +9,11 @@ use alloc::vec::Vec;
 use super::gate::Noise;
 use super::increments::Increments;
 use super::least_squares::RecursiveLeastSquares;
-use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::scale::rms_over_range;
 use super::settings::{Settings, SettingsError};
+use super::spread::Spread;
 use super::weighted::WeightedSession;
-use super::{Adapter, Innovation, Outcome, Rejection};
+use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
 use crate::predict::{Predictor, Workspace};
 
@@ -47,6 +49,10 @@ pub struct RecursiveEquations {
     groups: Vec<Group>,
     rows: Increments,
     noise: Noise,
+    /// None where nobody asks for deviations.
+    spread: Option<Spread>,
+    /// What is expected of the next sample.
+    expected: Vec<f64>,
     /// Per row.
     lambda: f64,
     /// Of a row: the part of its window that no row before it had.
@@ -165,6 +171,7 @@ impl RecursiveEquations {
         if !groups.iter().all(|group| group.kernel.is_sound()) {
             return Err(SettingsError::Root);
         }
+        let own = adaptable(equations, &places)?;
         Ok(Self {
             lambda,
             weight: rows.stride() as f64 / rows.samples() as f64,
@@ -186,14 +193,21 @@ impl RecursiveEquations {
             frozen: false,
             outcome: Outcome::Waiting,
             innovations: Vec::with_capacity(n),
+            spread: Some(Spread::new(&own, &places).map_err(SettingsError::Equations)?),
+            expected: vec![f64::NAN; n],
             weights: places.iter().map(|&p| equations.coefficients()[p]).collect(),
-            session: WeightedSession::new(adaptable(equations, &places)?, places),
+            session: WeightedSession::new(own, places),
         })
     }
 
     /// The equations of the moment.
     pub fn equations(&self) -> &Equations {
         self.session.equations()
+    }
+
+    /// The same without deviations, for which nothing is reckoned on the way then.
+    pub(super) fn without_deviations(self) -> Self {
+        Self { spread: None, ..self }
     }
 
     /// A session that predicts as this one does and does not learn.
@@ -276,11 +290,19 @@ impl RecursiveEquations {
             }
         }
         self.session.set_weights(&self.weights);
+        self.spread_weights();
+    }
+
+    fn spread_weights(&mut self) {
+        if let Some(spread) = &mut self.spread {
+            spread.set_coefficients(self.session.coefficients());
+        }
     }
 
     /// The other way: the kernels go on from the session's coefficients.
     fn adopt(&mut self) {
         self.session.weights(&mut self.weights);
+        self.spread_weights();
         for group in &mut self.groups {
             let n = group.terms.len();
             for (theta, &first) in group.kernel.coefficients_mut().chunks_exact_mut(n).zip(&group.firsts) {
@@ -353,9 +375,18 @@ impl Predictor for RecursiveEquations {
         self.library.known = false;
         self.library.held = false;
         self.library.seen = 0;
+        self.expected.fill(f64::NAN);
+        if let Some(spread) = &mut self.spread {
+            spread.restart();
+        }
     }
 
     fn observe(&mut self, y: &[f64]) {
+        if let Some(spread) = &mut self.spread {
+            spread.observe(y, &self.expected);
+        }
+        // A second sample at the same time is no error of a step.
+        self.expected.fill(f64::NAN);
         self.session.observe(y);
         self.innovations.clear();
         let ready = self.collect(y);
@@ -372,6 +403,7 @@ impl Predictor for RecursiveEquations {
             *start = *slot;
         }
         self.session.advance(c);
+        self.session.output(&mut self.expected);
     }
 
     fn output(&self, y: &mut [f64]) {
@@ -393,6 +425,7 @@ impl Predictor for RecursiveEquations {
     /// Puts state and coefficients back; the covariance stays, and the window starts anew.
     fn restore(&mut self, from: &[f64]) {
         self.session.restore(from);
+        self.expected.fill(f64::NAN);
         self.library.known = false;
         self.library.held = false;
         self.adopt();
@@ -400,66 +433,5 @@ impl Predictor for RecursiveEquations {
 
     fn fork(&self) -> Box<dyn Predictor> {
         self.session.fork()
-    }
-}
-
-impl Adapter for RecursiveEquations {
-    fn outcome(&self) -> Outcome {
-        self.outcome
-    }
-
-    fn innovations(&self) -> &[Innovation] {
-        &self.innovations
-    }
-
-    fn weights(&self) -> &[f64] {
-        &self.weights
-    }
-
-    fn freeze(&mut self, frozen: bool) {
-        self.frozen = frozen;
-    }
-
-    fn memory_len(&self) -> usize {
-        let kernels: usize = self.groups.iter().map(|group| group.kernel.memory_len()).sum();
-        // Two flags and a counter of the library, and whether the adapter is frozen.
-        let rest = self.library.start.len() + 4;
-        self.session.snapshot_len() + self.rows.memory_len() + self.noise.memory_len() + kernels + rest
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "room for the memory");
-        let mut into = Writer::new(into);
-        self.session.snapshot(into.part(self.session.snapshot_len()));
-        self.rows.save(&mut into);
-        self.noise.save(&mut into);
-        self.groups.iter().for_each(|group| group.kernel.save(&mut into));
-        into.numbers(&self.library.start);
-        into.flag(self.library.known);
-        into.flag(self.library.held);
-        into.count(self.library.seen);
-        into.flag(self.frozen);
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
-        let mut from = Reader::new(from);
-        self.session.restore(from.part(self.session.snapshot_len()));
-        self.session.weights(&mut self.weights);
-        self.rows.load(&mut from);
-        self.noise.load(&mut from);
-        self.groups.iter_mut().for_each(|group| group.kernel.load(&mut from));
-        from.numbers(&mut self.library.start);
-        self.library.known = from.flag();
-        self.library.held = from.flag();
-        self.library.seen = from.count(MOST_COUNTED);
-        self.frozen = from.flag();
-        self.outcome = Outcome::Waiting;
-        self.innovations.clear();
-    }
-
-    fn deviations(&self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
-        assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
-        deviations.fill(f64::NAN);
     }
 }

@@ -116,6 +116,12 @@ impl Factor {
         variance
     }
 
+    /// `phi' P phi` of a row that is not met: nothing is kept of it.
+    pub(super) fn variance(&self, phi: impl Fn(usize) -> f64 + Copy) -> f64 {
+        let f = |j: usize| phi(j) + self.column(j).iter().enumerate().map(|(i, u)| u * phi(i)).sum::<f64>();
+        (0..self.len()).map(|j| self.d[j] * f(j) * f(j)).sum()
+    }
+
     /// Meets the row that is 1 at `i` and 0 elsewhere.
     pub fn project_unit(&mut self, i: usize) {
         self.f[..i].fill(0.0);

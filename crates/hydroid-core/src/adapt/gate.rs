@@ -33,13 +33,13 @@ impl Gate {
 }
 
 /// Rows before the noise is known well enough to judge by.
-const FEWEST_ROWS: usize = 30;
+pub(super) const FEWEST_ROWS: usize = 30;
 
 /// Time \[s\] over which the noise is learned, and the largest share of one row in it: on real vessels the size
 /// of what the model leaves out changes with what the vessel does. (With the forgetting time of the coefficients, a
 /// minute, 64 and 83 % of the tug's innovations were inside the 80 and 95 % band; so, 74 and 90 %.)
-const MEMORY_S: f64 = 20.0;
-const LARGEST_SHARE: f64 = 0.1;
+pub(super) const MEMORY_S: f64 = 20.0;
+pub(super) const LARGEST_SHARE: f64 = 0.1;
 
 /// The part of an innovation that uncertain coefficients can excuse is bounded by that of the noise. A spike
 /// in an output makes large regressors, whose innovation would otherwise excuse itself.
@@ -64,6 +64,11 @@ impl Noise {
     pub(super) fn new(outputs: usize, gate: Gate, longest: usize, row_s: f64) -> Self {
         let rate = (row_s / MEMORY_S).min(LARGEST_SHARE);
         Self { gate, variance: vec![0.0; outputs], rows: 0, streak: 0, longest, rate }
+    }
+
+    /// Variance of the noise of each output's rows, once it is known.
+    pub(super) fn variances(&self) -> Option<&[f64]> {
+        (self.rows >= FEWEST_ROWS).then_some(&self.variance)
     }
 
     /// How many numbers [`save`](Self::save) writes.

@@ -144,6 +144,11 @@ impl RecursiveLeastSquares {
         self.factor.covariance(i, j)
     }
 
+    /// `phi' P phi` of a row whose numbers are given by position, in units of the noise variance.
+    pub(super) fn variance(&self, phi: impl Fn(usize) -> f64 + Copy) -> f64 {
+        self.factor.variance(phi)
+    }
+
     /// Forgets: the data's weight by `lambda`, the prior's not. Once for each row, before
     /// [`predict`](Self::predict) or after [`correct`](Self::correct).
     pub fn forget(&mut self, lambda: f64) {

@@ -19,6 +19,7 @@ mod least_squares;
 mod memory;
 mod scale;
 mod settings;
+mod spread;
 mod weighted;
 
 use crate::predict::{Predictor, Workspace};

@@ -35,6 +35,16 @@ impl WeightedSession {
         self.session.equations().load(self.session.state(), c, slots);
     }
 
+    /// The state of the moment, as [`Equations::step`] moves it.
+    pub(super) fn state(&self) -> &[f64] {
+        self.session.state()
+    }
+
+    /// All coefficients, `outputs x terms`.
+    pub(super) fn coefficients(&self) -> &[f64] {
+        &self.coefficients
+    }
+
     /// Where the adapted coefficients stand in `outputs x terms`.
     pub fn places(&self) -> &[usize] {
         &self.places

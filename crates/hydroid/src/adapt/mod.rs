@@ -14,11 +14,13 @@
 //! memory follows a change faster (30 s: 0.36, 60 s: 0.41, 120 s: 0.50) and costs where nothing
 //! changes (30 s and a prior of 3 s: up to 1.02; 60 s and 10 s: at most 1.00).
 
+pub mod stream;
 mod watch;
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::{RecursiveEquations, Settings, SettingsError};
+use hydroid_core::adapt::{Adapter, RecursiveEquations, Settings, SettingsError};
+use hydroid_core::model::sparse::Equations;
 use serde::Serialize;
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
@@ -240,17 +242,21 @@ pub fn adapt(
         coverage: watched.coverage(),
         settings: used,
     };
-    Ok(Adapted { model: with_weights(model, &adapter, runs, used), report })
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
+    Ok(Adapted { model: learned(model, adapter.weights(), &names, used)?, report })
 }
 
-/// The model with the adapter's equations; its provenance says from where and how.
-fn with_weights(model: &Model, adapter: &RecursiveEquations, runs: &[&Trajectory], used: Used) -> Model {
+/// The model with the weights that an adapter of [`adapter`] has; its provenance says from which runs, and how.
+///
+/// # Errors
+/// If they are not weights of this model under these settings.
+pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: Used) -> Result<Model, AdaptError> {
+    let equations = with_weights(adaptable(model)?.equations(), weights, used.all_terms)?;
     let mut model = model.clone();
-    model.body = Body::Equations(Arc::new(adapter.equations().clone()));
+    model.body = Body::Equations(Arc::new(equations));
     // They spread around coefficients that the model no longer has.
     model.members = Members::default();
-    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    let entry = serde_json::json!({ "runs": names, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });
+    let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });
     let settings = &mut model.description.provenance.settings;
     if !settings.is_object() {
         *settings = serde_json::json!({ "chosen": settings.take() });
@@ -260,5 +266,27 @@ fn with_weights(model: &Model, adapter: &RecursiveEquations, runs: &[&Trajectory
         Some(before) => before.push(entry),
         None => settings["adapted"] = serde_json::json!([entry]),
     }
-    model
+    Ok(model)
+}
+
+/// Equations with other coefficients where there are some, or everywhere.
+fn with_weights(equations: &Equations, weights: &[f64], all_terms: bool) -> Result<Equations, AdaptError> {
+    let adapts = |xi: &f64| all_terms || *xi != 0.0;
+    let mut coefficients = equations.coefficients().to_vec();
+    if coefficients.iter().filter(|xi| adapts(xi)).count() != weights.len() {
+        return Err(AdaptError::Settings(SettingsError::Nothing));
+    }
+    for (xi, weight) in coefficients.iter_mut().filter(|xi| adapts(xi)).zip(weights) {
+        *xi = *weight;
+    }
+    Equations::with_signals(
+        equations.terms().to_vec(),
+        coefficients,
+        equations.outputs(),
+        equations.inputs(),
+        equations.signals().to_vec(),
+        equations.dt(),
+        equations.substeps(),
+    )
+    .map_err(|error| AdaptError::Settings(SettingsError::Equations(error)))
 }

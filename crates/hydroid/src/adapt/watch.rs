@@ -44,8 +44,8 @@ pub struct Coverage {
 }
 
 /// Half-widths of the bands of a normal distribution \[standard deviations\].
-const BAND_80: f64 = 1.281_55;
-const BAND_95: f64 = 1.959_96;
+pub(super) const BAND_80: f64 = 1.281_55;
+pub(super) const BAND_95: f64 = 1.959_96;
 
 /// Passes everything on to the adapter, and watches.
 pub(super) struct Watched<'a> {

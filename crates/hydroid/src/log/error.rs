@@ -353,6 +353,16 @@ pub enum LogError {
         "there are logs to validate on, but none to test on: name some with --test, or name neither and let the runs be split"
     )]
     NoTest,
+    /// A line of a stream that cannot be read.
+    #[error("{path}, line {line}: {reason}")]
+    BadLine {
+        /// Where the stream comes from.
+        path: String,
+        /// Line.
+        line: u64,
+        /// What is wrong, in which column, and what to do.
+        reason: String,
+    },
     /// A step, gap limit or delay that makes no sense.
     #[error("{what} of {value} cannot be used: {reason}")]
     BadOption {

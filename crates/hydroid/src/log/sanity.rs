@@ -27,20 +27,33 @@ pub(crate) fn check(columns: &Columns) -> Result<(), LogError> {
 
 /// Velocities and yaw rates have limits of their own; a bare `u`, `v`, `r` is meant in SI units.
 fn limit(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), LogError> {
-    let (limit, unit) = match (channel.name.as_str(), channel.unit.as_str()) {
-        (_, "m/s") | ("u" | "v", "") => (FASTEST_M_S, "m/s"),
-        (_, "rad/s") | ("r", "") => (FASTEST_RAD_S, "rad/s"),
-        _ => return Ok(()),
-    };
-    match values.iter().position(|x| x.abs() > limit) {
+    let fastest = fastest(channel).map_or(f64::INFINITY, |(limit, _)| limit);
+    match values.iter().position(|x| x.abs() > fastest) {
         None => Ok(()),
-        Some(k) => Err(LogError::Absurd {
-            path: columns.path.clone(),
-            line: columns.lines[k],
+        Some(k) => check_value(channel, values[k], &columns.path, columns.lines[k]),
+    }
+}
+
+/// The limit of a channel and its unit.
+fn fastest(channel: &Channel) -> Option<(f64, &'static str)> {
+    match (channel.name.as_str(), channel.unit.as_str()) {
+        (_, "m/s") | ("u" | "v", "") => Some((FASTEST_M_S, "m/s")),
+        (_, "rad/s") | ("r", "") => Some((FASTEST_RAD_S, "rad/s")),
+        _ => None,
+    }
+}
+
+/// Refuses a value of an output that no vessel has.
+pub(crate) fn check_value(channel: &Channel, value: f64, path: &str, line: u64) -> Result<(), LogError> {
+    match fastest(channel) {
+        Some((limit, unit)) if value.abs() > limit => Err(LogError::Absurd {
+            path: path.to_owned(),
+            line,
             column: channel.name.clone(),
-            value: format!("{} {unit} is more than any vessel does ({limit} {unit})", values[k]),
+            value: format!("{value} {unit} is more than any vessel does ({limit} {unit})"),
             remedy: "if the unit is another, state it (`name [deg/s]`, `name [km/h]`); if it is a spike, blank the cell",
         }),
+        _ => Ok(()),
     }
 }
 

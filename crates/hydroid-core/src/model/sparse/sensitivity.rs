@@ -22,10 +22,13 @@ pub struct Sensitivity {
     equations: Equations,
     /// The terms that equations or parameters use, then their derivatives.
     program: Program,
-    /// `(output, slot, coefficient)`.
+    /// `(output, slot, coefficient)`, and where in the table the coefficient stands.
     rates: Vec<(usize, usize, f64)>,
+    rate_places: Vec<usize>,
     /// `(output x columns + column, slot, factor)`: columns are the outputs, then the past outputs.
     slopes: Vec<(usize, usize, f64)>,
+    /// Place of the coefficient in each factor, and what it is multiplied by.
+    slope_places: Vec<(usize, f64)>,
     /// How many samples ago each past output was, and which one it is.
     pasts: Vec<(usize, usize)>,
     /// Output and slot of the term of each coefficient among the parameters.
@@ -44,9 +47,10 @@ impl Sensitivity {
             return Err(EquationsError::Shape { expected, given });
         }
         let mut book = Book::default();
-        let mut rates = Vec::new();
+        let (mut rates, mut rate_places) = (Vec::new(), Vec::new());
         for (place, &xi) in equations.coefficients().iter().enumerate().filter(|(_, xi)| **xi != 0.0) {
             rates.push((place / count, book.place(&equations.terms()[place % count]), xi));
+            rate_places.push(place);
         }
         let mut direct = Vec::new();
         for &place in places {
@@ -63,7 +67,7 @@ impl Sensitivity {
                 pasts.push((usize::from(samples), usize::from(variable)));
             }
         }
-        let mut slopes = Vec::new();
+        let (mut slopes, mut slope_places) = (Vec::new(), Vec::new());
         for (j, term) in equations.terms().iter().enumerate() {
             for (column, &variable) in moving.iter().enumerate() {
                 let v =
@@ -77,6 +81,7 @@ impl Sensitivity {
                                 book.place(&derivative),
                                 scale * xi,
                             ));
+                            slope_places.push((output * count + j, scale));
                         }
                     }
                 }
@@ -89,7 +94,42 @@ impl Sensitivity {
         for (_, place) in &mut direct {
             *place = program.slot(*place);
         }
-        Ok(Self { equations: equations.clone(), program, rates, slopes, pasts, direct })
+        Ok(Self {
+            equations: equations.clone(),
+            program,
+            rates,
+            rate_places,
+            slopes,
+            slope_places,
+            pasts,
+            direct,
+        })
+    }
+
+    /// Other coefficients for the same equations; what was zero stays so, as in
+    /// [`Equations::set_coefficients`]. Nothing is allocated.
+    ///
+    /// # Panics
+    /// If there is not one for each place of the table.
+    pub fn set_coefficients(&mut self, coefficients: &[f64]) {
+        self.equations.set_coefficients(coefficients);
+        for ((_, _, xi), &place) in self.rates.iter_mut().zip(&self.rate_places) {
+            *xi = coefficients[place];
+        }
+        for ((_, _, factor), &(place, scale)) in self.slopes.iter_mut().zip(&self.slope_places) {
+            *factor = scale * coefficients[place];
+        }
+    }
+
+    /// Numbers of scratch that [`rollout_in`](Self::rollout_in) needs.
+    pub fn scratch(&self) -> usize {
+        self.sizes().iter().sum()
+    }
+
+    fn sizes(&self) -> [usize; 10] {
+        let (n, p) = (self.equations.outputs(), self.parameters());
+        let (columns, slots) = (n + self.pasts.len(), self.program.slots());
+        [self.equations.state_len(), slots, n, n, n, n * columns, n * p, n * p, columns * p, n * p]
     }
 
     /// Number of parameters: one for each output, then one for each place.
@@ -110,15 +150,26 @@ impl Sensitivity {
         y: &mut [f64],
         s: &mut [f64],
     ) {
+        self.rollout_in(start, commands, work.take(self.scratch()), y, s);
+    }
+
+    /// The same in a scratch memory of [`scratch`](Self::scratch) numbers.
+    ///
+    /// # Panics
+    /// As [`rollout`](Self::rollout).
+    pub fn rollout_in(
+        &self,
+        start: &[f64],
+        commands: &[f64],
+        scratch: &mut [f64],
+        y: &mut [f64],
+        s: &mut [f64],
+    ) {
         let e = &self.equations;
         let (n, m, p) = (e.outputs(), e.inputs(), self.parameters());
-        let columns = n + self.pasts.len();
         let steps = rollout_steps(commands, m, &y[n..], n);
         assert_eq!(s.len(), (steps + 1) * n * p, "one block of derivatives for each row of outputs");
-        let sizes =
-            [start.len(), self.program.slots(), n, n, n, n * columns, n * p, n * p, columns * p, n * p];
-        let [state, slots, k, sum, before, slope, now, total, stage, rate] =
-            split(work.take(sizes.iter().sum()), sizes);
+        let [state, slots, k, sum, before, slope, now, total, stage, rate] = split(scratch, self.sizes());
         state.copy_from_slice(start);
         y[..n].copy_from_slice(&start[..n]);
         s[..n * p].fill(0.0);

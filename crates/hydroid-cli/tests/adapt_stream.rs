@@ -1,0 +1,285 @@
+//! `hydroid adapt MODEL -`: a live stream from end to end.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
+    command.current_dir(folder).args(args);
+    command
+}
+
+fn done(folder: &Path, args: &[&str]) -> Output {
+    let output = hydroid(folder, args).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{args:?}: {}", text(&output.stderr));
+    output
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A model of the simple vessel, and a log of the same vessel with other drag; made once.
+fn prepared() -> &'static Path {
+    static FOLDER: OnceLock<TempDir> = OnceLock::new();
+    FOLDER
+        .get_or_init(|| {
+            let folder = TempDir::new().unwrap();
+            let at = folder.path();
+            let vessel = text(&done(at, &["simulate", "simple", "--print-vessel"]).stdout);
+            fs::write(at.join("fouled.toml"), vessel.replace("77.55", "124.0").replace("162.5", "260.0"))
+                .unwrap();
+            for (plant, seed, file) in [
+                ("simple", "1", "a.csv"),
+                ("simple", "2", "b.csv"),
+                ("fouled.toml", "3", "c.csv"),
+                ("simple", "4", "d.csv"),
+            ] {
+                done(at, &["simulate", plant, "--seed", seed, "--duration", "300", "-o", file]);
+            }
+            let args =
+                "identify a.csv --validate b.csv --test d.csv --outputs u,v,r,P_f --methods sindy -o out -q";
+            done(at, &args.split(' ').collect::<Vec<_>>());
+            folder
+        })
+        .path()
+}
+
+const MODEL: &str = "out/sindy.safetensors";
+
+/// A service that is running, and its answers.
+struct Service {
+    child: Child,
+    answers: BufReader<ChildStdout>,
+}
+
+impl Service {
+    fn start(args: &[&str]) -> Self {
+        let mut child = hydroid(prepared(), args)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let answers = BufReader::new(child.stdout.take().unwrap());
+        Self { child, answers }
+    }
+
+    fn send(&mut self, line: &str) {
+        let stdin = self.child.stdin.as_mut().unwrap();
+        writeln!(stdin, "{line}").unwrap();
+        stdin.flush().unwrap();
+    }
+
+    /// Waits for the next answer.
+    fn answer(&mut self) -> String {
+        let mut line = String::new();
+        self.answers.read_line(&mut line).unwrap();
+        line
+    }
+}
+
+fn lines(file: &str) -> Vec<String> {
+    fs::read_to_string(prepared().join(file)).unwrap().lines().map(str::to_owned).collect()
+}
+
+fn value(line: &str) -> Value {
+    serde_json::from_str(line).unwrap()
+}
+
+#[test]
+fn a_streamed_log_teaches_the_same_model_as_one_that_is_read_as_a_whole() {
+    let at = prepared();
+    done(at, &["adapt", MODEL, "c.csv", "-o", "batch.safetensors", "--json"]);
+    let streamed = done(at, &["adapt", MODEL, "c.csv", "--stream", "-o", "streamed.safetensors"]);
+    let read = |file: &str| fs::read(at.join(file)).unwrap();
+    assert!(read("batch.safetensors") == read("streamed.safetensors"));
+    let answers = text(&streamed.stdout);
+    assert_eq!(answers.lines().count(), lines("c.csv").len() - 1);
+    let last = value(answers.lines().last().unwrap());
+    for key in ["line", "t", "status", "estimate", "prediction", "band_80", "band_95"] {
+        assert!(!last[key].is_null(), "{key}");
+    }
+    assert_eq!(last["prediction"]["horizons"], serde_json::json!([1, 10, 50, 100]));
+    assert!(last["us"].is_null(), "answers are the same twice");
+    let summary = text(&streamed.stderr);
+    let share = |from: &str| -> f64 {
+        let rest = &summary[summary.find(from).unwrap() + from.len()..];
+        rest[..rest.find(" %").unwrap()].parse().unwrap()
+    };
+    assert!((70.0..90.0).contains(&share("80 %: ")) && (90.0..99.0).contains(&share("95 %: ")), "{summary}");
+    for words in ["lines: ", "accepted", "from line to answer"] {
+        assert!(summary.contains(words), "{summary}");
+    }
+}
+
+#[test]
+fn bands_hold_what_is_measured_under_the_commands_that_were_planned() {
+    const AHEAD: usize = 50;
+    // The vessel that the model was made for: what bands know nothing of is a model that is wrong.
+    let lines = lines("d.csv");
+    let names: Vec<&str> = lines[0].split(',').map(|cell| cell.split(" [").next().unwrap()).collect();
+    let rows: Vec<Vec<f64>> =
+        lines[1..].iter().map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    let at = |name: &str| names.iter().position(|n| *n == name).unwrap();
+    let commands = [at("PP_cmd"), at("RD_cmd")];
+    let mut text_of = String::new();
+    for k in 0..rows.len() - AHEAD {
+        let mut sample = serde_json::Map::new();
+        for name in ["t", "u", "v", "r", "P_f", "PP_cmd", "RD_cmd"] {
+            sample.insert(name.to_owned(), rows[k][at(name)].into());
+        }
+        let plan: Vec<_> = rows[k..k + AHEAD].iter().map(|row| commands.map(|c| row[c])).collect();
+        sample.insert("commands".to_owned(), serde_json::json!(plan));
+        text_of += &format!("{}\n", Value::Object(sample));
+    }
+    fs::write(prepared().join("planned.jsonl"), text_of).unwrap();
+    let output =
+        done(prepared(), &["adapt", MODEL, "planned.jsonl", "--stream", "--horizons", "1,10,50", "-q"]);
+    let answers: Vec<Value> = text(&output.stdout).lines().map(value).collect();
+    for (index, horizon) in [1, 10, 50].into_iter().enumerate() {
+        let (mut of_80, mut of_95, mut all) = (0.0, 0.0, 0.0);
+        for (now, then) in answers[500..].iter().zip(&answers[500 + horizon..]) {
+            for channel in ["u", "v", "r", "P_f"] {
+                let number = |part: &str| now[part][channel][index].as_f64().unwrap();
+                let miss = (then["estimate"][channel].as_f64().unwrap() - number("prediction")).abs();
+                of_80 += f64::from(u8::from(miss <= number("band_80")));
+                of_95 += f64::from(u8::from(miss <= number("band_95")));
+                all += 1.0;
+            }
+        }
+        let shares = (of_80 / all, of_95 / all);
+        assert!(
+            (0.73..0.87).contains(&shares.0) && (0.91..0.98).contains(&shares.1),
+            "{horizon}: {shares:?}"
+        );
+    }
+}
+
+#[test]
+fn an_answer_comes_before_the_next_line_is_sent() {
+    let mut service = Service::start(&["adapt", MODEL, "-", "--horizons", "1,20", "--timing"]);
+    for (k, line) in lines("c.csv").iter().take(50).enumerate() {
+        service.send(line);
+        if k > 0 {
+            let answer = value(&service.answer());
+            assert_eq!(answer["line"], k + 1);
+            assert!(answer["us"].as_f64().unwrap() > 0.0);
+            assert_eq!(answer["prediction"]["u"].as_array().unwrap().len(), 2);
+        }
+    }
+    // A mistake is answered too, and the stream goes on.
+    service.send("4.9,oops");
+    assert_eq!(value(&service.answer())["status"], "error");
+    drop(service.child.stdin.take());
+    let output = service.child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("1 error"));
+}
+
+#[test]
+fn a_service_that_was_killed_goes_on_to_the_same_answers_and_the_same_model() {
+    let at = prepared();
+    let lines = lines("c.csv");
+    let whole = done(at, &["adapt", MODEL, "c.csv", "--stream", "-o", "whole.safetensors"]);
+    let expected: Vec<String> = text(&whole.stdout).lines().map(str::to_owned).collect();
+    for (killed, state) in [(3, "early.state"), (1234, "late.state")] {
+        let mut service = Service::start(&["adapt", MODEL, "-", "--state", state]);
+        service.send(&lines[0]);
+        for (line, expected) in lines[1..killed].iter().zip(&expected) {
+            service.send(line);
+            assert_eq!(service.answer().trim_end(), expected);
+        }
+        // At an arbitrary moment: there is a line that may or may not have been answered.
+        service.send(&lines[killed]);
+        service.child.kill().unwrap();
+        service.child.wait().unwrap();
+        let model = format!("{state}.safetensors");
+        let again = done(at, &["adapt", MODEL, "c.csv", "--stream", "--state", state, "-o", &model]);
+        let answers: Vec<String> = text(&again.stdout).lines().map(str::to_owned).collect();
+        let lost = killed + answers.len() - (expected.len());
+        assert!(lost <= 12, "more than the last second was lost: {lost} lines");
+        assert!(text(&again.stderr).contains("going on from"));
+        assert_eq!(answers, expected[expected.len() - answers.len()..]);
+        let read = |file: &str| fs::read(at.join(file)).unwrap();
+        assert!(read(&model) == read("whole.safetensors"), "killed after {killed}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interruption_leaves_state_and_model() {
+    let at = prepared();
+    for (signal, name) in [("-TERM", "term"), ("-INT", "int")] {
+        let (state, model) = (format!("{name}.state"), format!("{name}.safetensors"));
+        let mut service = Service::start(&["adapt", MODEL, "-", "--state", &state, "-o", &model]);
+        for line in lines("c.csv").iter().take(105) {
+            service.send(line);
+        }
+        for _ in 0..104 {
+            service.answer();
+        }
+        let kill = Command::new("kill").args([signal, &service.child.id().to_string()]).status();
+        assert!(kill.unwrap().success());
+        // It waits for a line all the while.
+        let stdin = service.child.stdin.take();
+        let output = service.child.wait_with_output().unwrap();
+        drop(stdin);
+        assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+        assert!(text(&output.stderr).contains("lines: "));
+        assert!(at.join(&model).exists());
+        // Nothing at all was lost.
+        let again = hydroid(at, &["adapt", MODEL, "c.csv", "--stream", "--state", &state]).output().unwrap();
+        let first = text(&again.stdout).lines().next().map(value).unwrap();
+        assert_eq!(first["line"], 106);
+    }
+}
+
+#[test]
+fn what_cannot_be_served_is_told_with_a_remedy() {
+    let at = prepared();
+    let refused = |args: &[&str], input: &str, words: &str| {
+        let mut child = hydroid(at, args)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // It may have ended without reading.
+        let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {}", text(&output.stdout));
+        assert!(text(&output.stderr).contains(words), "{args:?}: {}", text(&output.stderr));
+    };
+    refused(&["adapt", MODEL, "-"], "", "standard input is empty");
+    refused(&["adapt", MODEL, "-"], "1,2,3\n", "not column names");
+    refused(&["adapt", MODEL, "-"], "t,u,v\n", "no column `r`");
+    refused(&["adapt", MODEL, "-", "--horizons", "5,1"], "", "must ascend");
+    refused(&["adapt", MODEL, "-", "--horizons", "0"], "", "must ascend");
+    refused(&["adapt", MODEL, "-", "--horizon", "5s"], "", "--horizons");
+    refused(&["adapt", MODEL, "-", "--input-delay=-3"], "", "must be known when the next sample comes");
+    refused(&["adapt", MODEL, "none.csv", "--stream"], "", "none.csv");
+    refused(&["adapt", MODEL, "c.csv", "--timing"], "", "--stream");
+    refused(&["adapt", MODEL, "-", "--state", "."], "", "name a file");
+    // States of another model, of other settings, and one that was cut short: none is overwritten.
+    let header = lines("c.csv")[..30].join("\n");
+    fs::write(at.join("thirty.csv"), header).unwrap();
+    done(at, &["adapt", MODEL, "thirty.csv", "--stream", "--state", "kept.state", "-o", "other.safetensors"]);
+    let kept = fs::read(at.join("kept.state")).unwrap();
+    refused(&["adapt", "other.safetensors", "-", "--state", "kept.state"], "", "another model");
+    refused(
+        &["adapt", MODEL, "-", "--state", "kept.state", "--prior", "5"],
+        "",
+        "prior_s: 10.0 there, 5.0 here",
+    );
+    assert_eq!(fs::read(at.join("kept.state")).unwrap(), kept);
+    fs::write(at.join("kept.state"), &kept[..kept.len() - 9]).unwrap();
+    refused(&["adapt", MODEL, "-", "--state", "kept.state"], "", "damaged");
+    assert_eq!(fs::read(at.join("kept.state")).unwrap().len(), kept.len() - 9);
+}

@@ -1,0 +1,99 @@
+//! Recursive equations as an [`Adapter`]: what is asked of them besides predicting.
+
+use super::super::memory::{MOST_COUNTED, Reader, Writer};
+use super::super::spread::Spread;
+use super::super::{Adapter, Innovation, Outcome};
+use super::{Group, RecursiveEquations};
+use crate::predict::{Predictor, Workspace};
+
+impl Adapter for RecursiveEquations {
+    fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+
+    fn innovations(&self) -> &[Innovation] {
+        &self.innovations
+    }
+
+    fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+    }
+
+    fn memory_len(&self) -> usize {
+        let kernels: usize = self.groups.iter().map(|group| group.kernel.memory_len()).sum();
+        // Two flags and a counter of the library, and whether the adapter is frozen.
+        let rest = self.library.start.len() + self.expected.len() + 4;
+        let rest = rest + self.spread.as_ref().map_or(0, Spread::memory_len);
+        self.session.snapshot_len() + self.rows.memory_len() + self.noise.memory_len() + kernels + rest
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "room for the memory");
+        let mut into = Writer::new(into);
+        self.session.snapshot(into.part(self.session.snapshot_len()));
+        self.rows.save(&mut into);
+        self.noise.save(&mut into);
+        self.groups.iter().for_each(|group| group.kernel.save(&mut into));
+        into.numbers(&self.library.start);
+        into.flag(self.library.known);
+        into.flag(self.library.held);
+        into.count(self.library.seen);
+        into.flag(self.frozen);
+        into.numbers(&self.expected);
+        if let Some(spread) = &self.spread {
+            spread.save(&mut into);
+        }
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
+        let mut from = Reader::new(from);
+        self.session.restore(from.part(self.session.snapshot_len()));
+        self.session.weights(&mut self.weights);
+        self.rows.load(&mut from);
+        self.noise.load(&mut from);
+        self.groups.iter_mut().for_each(|group| group.kernel.load(&mut from));
+        from.numbers(&mut self.library.start);
+        self.library.known = from.flag();
+        self.library.held = from.flag();
+        self.library.seen = from.count(MOST_COUNTED);
+        self.frozen = from.flag();
+        from.numbers(&mut self.expected);
+        if let Some(spread) = &mut self.spread {
+            spread.load(&mut from);
+        }
+        self.spread_weights();
+        self.outcome = Outcome::Waiting;
+        self.innovations.clear();
+    }
+
+    /// Known after some rows; see [`Spread`] for what they are made of.
+    fn deviations(&self, commands: &[f64], horizons: &[usize], work: &mut Workspace, deviations: &mut [f64]) {
+        let n = self.outputs();
+        assert_eq!(deviations.len(), horizons.len() * n, "a row for each horizon");
+        let (Some(spread), Some(variances)) = (&self.spread, self.noise.variances()) else {
+            deviations.fill(f64::NAN);
+            return;
+        };
+        // Of the coefficients of one output the covariance is that of its group, times the noise of its rows; those
+        // of two outputs are independent, as their noise is taken to be.
+        let uncertain = |s: &[f64]| -> f64 {
+            let of_group = |group: &Group| -> f64 {
+                let of_output = |(&output, &first): (&usize, &usize)| {
+                    let phi = |t: usize| s[first + t] * self.library.inverse[group.terms[t]];
+                    variances[output] * group.kernel.variance(phi)
+                };
+                group.outputs.iter().zip(&group.firsts).map(of_output).sum()
+            };
+            self.groups.iter().map(of_group).sum()
+        };
+        let samples = self.rows.samples();
+        let rows = (variances, samples, samples as f64 * self.equations().dt());
+        let scratch = work.take(spread.scratch(horizons.last().copied().unwrap_or(0)));
+        spread.deviations((self.session.state(), commands), horizons, rows, uncertain, scratch, deviations);
+    }
+}

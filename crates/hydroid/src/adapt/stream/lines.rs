@@ -1,0 +1,84 @@
+//! Lines of a source that may send anything, and never an end of line.
+
+use std::io::{self, BufRead};
+
+/// Longest line \[bytes\].
+pub const LONGEST_LINE: usize = 1 << 20;
+
+/// What stands between two ends of line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Line<'a> {
+    /// All of it.
+    Whole(&'a [u8]),
+    /// More than [`LONGEST_LINE`]: dropped.
+    TooLong,
+}
+
+/// Reads line by line into one buffer.
+#[derive(Debug)]
+pub struct Lines<R> {
+    reader: R,
+    buffer: Vec<u8>,
+}
+
+impl<R: BufRead> Lines<R> {
+    /// From the start of a source.
+    pub fn new(reader: R) -> Self {
+        Self { reader, buffer: Vec::new() }
+    }
+
+    /// The next line without its end, or nothing at the end of the source. Waits until it is there.
+    ///
+    /// # Errors
+    /// If the source cannot be read.
+    pub fn next_line(&mut self) -> io::Result<Option<Line<'_>>> {
+        self.buffer.clear();
+        let (mut any, mut long) = (false, false);
+        loop {
+            let chunk = match self.reader.fill_buf() {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                other => other?,
+            };
+            if chunk.is_empty() && !any {
+                return Ok(None);
+            }
+            any = true;
+            let end = chunk.iter().position(|b| *b == b'\n');
+            let part = &chunk[..end.unwrap_or(chunk.len())];
+            let done = end.is_some() || chunk.is_empty();
+            long |= self.buffer.len() + part.len() > LONGEST_LINE;
+            if !long {
+                self.buffer.extend_from_slice(part);
+            }
+            let used = part.len() + usize::from(end.is_some());
+            self.reader.consume(used);
+            if done {
+                break;
+            }
+        }
+        if long {
+            return Ok(Some(Line::TooLong));
+        }
+        let line = self.buffer.strip_suffix(b"\r").unwrap_or(&self.buffer);
+        Ok(Some(Line::Whole(line)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_anywhere_and_are_never_too_long_for_memory() {
+        let mut text = b"a\r\n\nb".to_vec();
+        text.extend(vec![b'x'; LONGEST_LINE]);
+        text.extend(b"\nc");
+        let mut lines = Lines::new(io::BufReader::with_capacity(7, &text[..]));
+        assert_eq!(lines.next_line().unwrap(), Some(Line::Whole(b"a")));
+        assert_eq!(lines.next_line().unwrap(), Some(Line::Whole(b"")));
+        assert_eq!(lines.next_line().unwrap(), Some(Line::TooLong));
+        assert_eq!(lines.next_line().unwrap(), Some(Line::Whole(b"c")));
+        assert_eq!(lines.next_line().unwrap(), None);
+        assert!(lines.buffer.capacity() <= 2 * LONGEST_LINE);
+    }
+}
