@@ -22,10 +22,8 @@ const VANILLA: Network =
 fn step<T: Scalar>(bencher: Bencher, network: Network) {
     let weights: Vec<T> = (0..network.weights()).map(|k| T::of(0.3 * (0.7 * k as f64 + 0.1).sin())).collect();
     let model = LearnableNetwork::new(Packed::new(network, &weights));
-    let tuning = Tuning {
-        leak: 3e-5,
-        ..Tuning::uniform(weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &[2e-4, 2e-3, 2e-2])
-    };
+    let tuning =
+        Tuning { leak: 3e-5, ..Tuning::uniform(weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &[2e-4, 2e-3, 2e-2]) };
     let mut filter = Filter::new(model, tuning).unwrap();
     let mut k = 0.0;
     bencher.bench_local(|| {

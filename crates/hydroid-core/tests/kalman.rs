@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::kalman::{Correction, Filter, KalmanNetwork, Learnable, LearnableNetwork, Tuning, TuningError};
+use hydroid_core::adapt::kalman::{
+    Correction, Filter, KalmanNetwork, Learnable, LearnableNetwork, Tuning, TuningError,
+};
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
 use hydroid_core::model::recurrent::{Base, Cell, Linearization, Network, Packed, Recurrent, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -109,7 +111,8 @@ impl Naive {
         let (n, m) = (self.state.len(), self.given.len());
         let mut y = vec![0.0; z.len()];
         self.packed.output(&self.state, &mut y);
-        let (c, d) = (self.linear.dense_output_state(&self.packed), self.linear.dense_output_weights(&self.packed));
+        let (c, d) =
+            (self.linear.dense_output_state(&self.packed), self.linear.dense_output_weights(&self.packed));
         let measured: Vec<usize> = (0..z.len()).filter(|&i| !z[i].is_nan()).collect();
         let row = |&i: &usize| [&c[i * n..(i + 1) * n], &d[i * m..(i + 1) * m]].concat();
         let h: Matrix = measured.iter().map(row).collect();
@@ -133,7 +136,11 @@ impl Naive {
 fn sample(k: usize, outputs: usize) -> (Vec<f64>, Vec<f64>) {
     let t = k as f64;
     let z = |i: usize| {
-        if (k * 7 + i * 3) % 11 == 0 { f64::NAN } else { 0.5 * (0.11 * t + i as f64).sin() + 0.1 * (1.7 * t).cos() }
+        if (k * 7 + i * 3) % 11 == 0 {
+            f64::NAN
+        } else {
+            0.5 * (0.11 * t + i as f64).sin() + 0.1 * (1.7 * t).cos()
+        }
     };
     (vec![(0.3 * t).sin(), (0.07 * t).cos()], (0..outputs).map(z).collect())
 }
@@ -250,7 +257,8 @@ fn errors_fall_while_it_learns() {
             y = truth(k, &y);
             errors.push(predicted.iter().zip(&y).map(|(a, b)| (a - b).abs()).sum::<f64>());
         }
-        let mean = |range: std::ops::Range<usize>| errors[range.clone()].iter().sum::<f64>() / range.len() as f64;
+        let mean =
+            |range: std::ops::Range<usize>| errors[range.clone()].iter().sum::<f64>() / range.len() as f64;
         assert!(mean(1300..1500) < 0.25 * mean(0..100), "{} {}", mean(0..100), mean(1300..1500));
     }
 }
@@ -330,7 +338,12 @@ fn nonsense_is_refused_or_survived() {
     assert!(matches!(with(&|t| t.forgetting = 0.0), Some(TuningError::Number(_))));
     assert!(matches!(with(&|t| t.huber = f64::NAN), Some(TuningError::Number(_))));
     assert!(matches!(with(&|t| t.initial_weights[3] = -1.0), Some(TuningError::Number(_))));
-    assert!(matches!(with(&|t| { t.weight_noise.pop(); }), Some(TuningError::Length(_))));
+    assert!(matches!(
+        with(&|t| {
+            t.weight_noise.pop();
+        }),
+        Some(TuningError::Length(_))
+    ));
     for mut session in formulations() {
         let n = session.outputs();
         for k in 0..20 {
@@ -387,10 +400,7 @@ fn the_noise_is_followed() {
     let given = weights(network, 0.6);
     let model = LearnableNetwork::new(Packed::new(network, &given));
     let noise = [1e-4; 3];
-    let tuning = Tuning {
-        noise_rate: 0.002,
-        ..Tuning::uniform(given.len(), 0.0, 0.0, (1e-4, 1e-8), &noise)
-    };
+    let tuning = Tuning { noise_rate: 0.002, ..Tuning::uniform(given.len(), 0.0, 0.0, (1e-4, 1e-8), &noise) };
     let mut filter = Filter::new(model, tuning).unwrap();
     let truth = Packed::new(network, &given);
     let (mut h, mut scratch, mut y) = (vec![0.0; network.state_len()], vec![0.0; truth.scratch()], [0.0; 3]);

@@ -55,10 +55,14 @@ fn main() -> Result<(), Failure> {
                 .iter()
                 .map(|model| scope.spawn(|| three(model, run, &settings).map_err(|e| e.to_string())))
                 .collect();
-            workers.into_iter().map(|w| w.join().map_err(|_| "a run panicked".to_owned())?).collect::<Result<Vec<_>, _>>()
+            workers
+                .into_iter()
+                .map(|w| w.join().map_err(|_| "a run panicked".to_owned())?)
+                .collect::<Result<Vec<_>, _>>()
         })?;
         println!("{} ({} windows)", run.name, (run.len() - HORIZON).saturating_sub(100).div_ceil(5));
-        let medians: Vec<Errors> = (0..3).map(|part| median(all.iter().map(|errors| &errors[part]))).collect();
+        let medians: Vec<Errors> =
+            (0..3).map(|part| median(all.iter().map(|errors| &errors[part]))).collect();
         for (name, errors) in ["frozen", "filtered", "adapted"].iter().zip(&medians) {
             let row: Vec<String> = SHOWN.iter().map(|&n| format!("{:.4?}", errors[n - 1])).collect();
             println!("  {name:8} {}", row.join("  "));
@@ -80,7 +84,11 @@ fn main() -> Result<(), Failure> {
 }
 
 /// Frozen, filtered, adapted.
-fn three(model: &Recurrent, run: &Trajectory, settings: &BTreeMap<String, String>) -> Result<[Errors; 3], Failure> {
+fn three(
+    model: &Recurrent,
+    run: &Trajectory,
+    settings: &BTreeMap<String, String>,
+) -> Result<[Errors; 3], Failure> {
     let noise: Vec<f64> =
         NOISE.iter().zip(&model.scaling.correction_scale).map(|(s, scale)| (s / scale).powi(2)).collect();
     let filter = StateFilter { process: 1e-4, initial: 1.0, noise: noise.clone() };
@@ -172,14 +180,16 @@ fn network(path: impl AsRef<str>) -> Result<Recurrent, Failure> {
     let tensors: Vec<(String, Vec<usize>, Vec<f64>)> = file
         .iter()
         .map(|(name, view)| {
-            let values = view.data().chunks_exact(8).filter_map(|b| b.try_into().ok()).map(f64::from_le_bytes);
+            let values =
+                view.data().chunks_exact(8).filter_map(|b| b.try_into().ok()).map(f64::from_le_bytes);
             (name.to_owned(), view.shape().to_vec(), values.collect())
         })
         .collect();
     let named: Vec<NamedTensor<'_>> =
         tensors.iter().map(|(name, shape, values)| NamedTensor { name, shape, values }).collect();
     let of = |name: &str| -> Result<Vec<f64>, Failure> {
-        let found = tensors.iter().find(|(own, ..)| own == name).ok_or(format!("{path}: no tensor {name}"))?;
+        let found =
+            tensors.iter().find(|(own, ..)| own == name).ok_or(format!("{path}: no tensor {name}"))?;
         Ok(found.2.clone())
     };
     let cells = [
@@ -202,4 +212,3 @@ fn network(path: impl AsRef<str>) -> Result<Recurrent, Failure> {
     let (base, feedback, wash_out) = (Base::Nothing, false, 100);
     Ok(Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter: None })
 }
-

@@ -21,6 +21,7 @@ fn model() -> Model {
         channel: Channel::new(name, unit),
         range: DesignRange { low: -2.0, high: 2.0 },
         visited: None,
+        noise: None,
     };
     let mut reading = Reading::default();
     reading.selection.time = Some("t".to_owned());

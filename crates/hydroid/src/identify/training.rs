@@ -10,7 +10,7 @@ use super::{
     Candidate, IdentifyError, Job, Method, Parts, equations, networks as recurrent, overview, recursive,
 };
 use crate::evaluate::DesignRange;
-use crate::log::{Channel, Note, Trajectory};
+use crate::log::{Channel, Note, Trajectory, noise_level};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use crate::sindy::Found;
 use crate::train;
@@ -179,10 +179,16 @@ fn describe(
         settings["ranges_given"] = serde_json::json!(parts.given);
     }
     let run = parts.train[0];
+    let noise = noise_level(&parts.train);
+    let noise = |channel: &Channel| {
+        let output = run.outputs.channels().iter().position(|output| output.name == channel.name);
+        output.map(|i| noise[i]).filter(|std| *std > 0.0)
+    };
     let port = |((channel, &range), &visited): ((&Channel, &DesignRange), &DesignRange)| Port {
         channel: channel.clone(),
         range,
         visited: parts.given.contains(&channel.name).then_some(visited),
+        noise: noise(channel),
     };
     let ports = |channels: &[Channel], ranges: &[DesignRange], visited: &[DesignRange]| {
         channels.iter().zip(ranges).zip(visited).map(port).collect()

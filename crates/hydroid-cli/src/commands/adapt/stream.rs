@@ -39,7 +39,7 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
     );
     let piped = args.run == Path::new("-");
     let name = if piped { "standard input".to_owned() } else { args.run.display().to_string() };
-    let (adapter, used) = adapt::adapter(model, &super::options(args, model.description.dt))
+    let (adapter, used) = adapt::adapter(model, &super::options(args, model)?, &[])
         .context("the model cannot learn from a stream")?;
     let options = Options {
         name: name.clone(),
@@ -47,7 +47,7 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
         horizons: args.stream.horizons.clone().unwrap_or_else(|| HORIZONS.to_vec()),
         timing: args.stream.timing,
     };
-    let mut stream = Stream::new(model, Box::new(adapter), options)?;
+    let mut stream = Stream::new(model, adapter, options)?;
     if let Some(path) = &args.stream.state {
         let file =
             std::fs::read(&args.model).with_context(|| format!("{} cannot be read", args.model.display()))?;
@@ -135,7 +135,7 @@ impl Service {
             let run = Path::new(&self.name)
                 .file_name()
                 .map_or(Cow::Borrowed(self.name.as_str()), |name| name.to_string_lossy());
-            let learned = adapt::learned(&self.model, self.stream.weights(), &[&run], self.used)?;
+            let learned = adapt::learned(&self.model, self.stream.weights(), &[&run], &self.used)?;
             model::write(&learned, path)?;
         }
         if !self.global.quiet {

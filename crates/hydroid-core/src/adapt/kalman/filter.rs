@@ -335,7 +335,8 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     /// `P_hh` and `P_ht` of the time update, from `L P_tt`; with `G = [A B]`, `[P_hh P_ht]+ = G P G', G P`.
     #[inline(always)]
     fn spread(&mut self, grows: T) {
-        let (n, rows, all_rows, scale) = (self.state.len(), self.model.rows(), self.all_rows(), grows * grows);
+        let (n, rows, all_rows, scale) =
+            (self.state.len(), self.model.rows(), self.all_rows(), grows * grows);
         let Scratch { by_state, square, turned, wide, chain, .. } = &mut self.scratch;
         // G P, columns of the state: A P_hh + B P_th, B P_th = C (L P_th).
         for span in self.tt.spans() {
@@ -442,7 +443,8 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     /// `W`, and what it takes from `P_hh` and `P_ht` and adds to state and weights.
     #[inline(always)]
     fn correct(&mut self) {
-        let (n, rank, count) = (self.state.len(), Triangle::<T>::rank(self.noise.len()), self.gain.measured.len());
+        let (n, rank, count) =
+            (self.state.len(), Triangle::<T>::rank(self.noise.len()), self.gain.measured.len());
         let (w_h, e) = (&mut self.scratch.narrow, &self.gain.whitened[..count]);
         self.gain.whiten(w_h, n);
         add_rows(&mut self.state, &w_h[..count * n], e);
