@@ -68,8 +68,8 @@ fn ask(stream: &mut Stream, line: &str) -> Option<Value> {
 }
 
 /// Status and note, or message.
-fn told(answer: &Option<Value>) -> (&str, &str) {
-    let answer = answer.as_ref().unwrap();
+fn told(answer: Option<&Value>) -> (&str, &str) {
+    let answer = answer.unwrap();
     let note = answer["note"].as_str().or(answer["message"].as_str());
     (answer["status"].as_str().unwrap(), note.unwrap_or(""))
 }
@@ -100,7 +100,7 @@ fn every_kind_of_line_has_its_answer() {
         ("1.7,\"1.1\",5,1,10", "waiting", ""),
     ] {
         let answer = ask(&mut stream, line);
-        let (found, note) = told(&answer);
+        let (found, note) = told(answer.as_ref());
         assert!(found == status && note.contains(words), "{line}: {answer:?}");
     }
     let mut out = Vec::new();
@@ -198,7 +198,7 @@ fn times_may_be_stamps_and_wind_an_input() {
         let stamp =
             ["2020-08-03T11:04:37.125Z", "2020-08-03T11:04:37.225Z", "2020-08-03T13:04:37.125+02:00"][k];
         let answer = ask(&mut stream, &format!("{stamp};0,5;0;0;0"));
-        assert_eq!(told(&answer).0, *status, "{answer:?}");
+        assert_eq!(told(answer.as_ref()).0, *status, "{answer:?}");
         assert!(*status == "late" || answer.unwrap()["estimate"]["u"] == 0.5);
     }
     let mut reading = model().description.reading;

@@ -71,7 +71,7 @@ impl Adapter for RecursiveEquations {
         self.innovations.clear();
     }
 
-    /// Known after some rows; see [`Spread`] for what they are made of.
+    /// Known after some rows: of what the sensors add, what the equations leave out, and uncertain coefficients.
     fn deviations(&self, commands: &[f64], horizons: &[usize], work: &mut Workspace, deviations: &mut [f64]) {
         let n = self.outputs();
         assert_eq!(deviations.len(), horizons.len() * n, "a row for each horizon");
