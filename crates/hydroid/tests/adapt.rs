@@ -140,7 +140,8 @@ fn what_cannot_be_adapted_is_refused() {
     let model = identified(Split { train, validation, test, notes: Vec::new() }, 20, 20);
     let refused = |options: Options| adapt(&model, &[&run], &options, &mut silent()).unwrap_err();
     for window_s in [0.0, 0.01, -3.0, 120.0, f64::NAN, f64::INFINITY] {
-        let error = refused(by_least_squares(LeastSquares { window_s: Some(window_s), ..Default::default() }));
+        let error =
+            refused(by_least_squares(LeastSquares { window_s: Some(window_s), ..Default::default() }));
         assert!(matches!(error, AdaptError::Window { .. }), "{error}");
     }
     let error = refused(by_least_squares(LeastSquares { forgetting_s: -1.0, ..Default::default() }));

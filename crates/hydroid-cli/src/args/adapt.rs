@@ -121,7 +121,8 @@ pub struct StreamArgs {
 #[command(after_help = "Examples:
   hydroid adapt out/sindy.safetensors today.csv --horizon 20s
   hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
-  my-logger | hydroid adapt out/sindy.safetensors - --horizons 1,10,50 --state boat.state | my-controller
+  hydroid adapt out/gru.safetensors today.csv --noise u=0.01,v=0.01,r=0.02
+  logger | hydroid adapt out/sindy.safetensors - --state boat.state | controller
   hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
 
 Exit status: 0 adapted is at least as good as frozen in the mean of outputs and horizons, and no rollout of it

@@ -59,7 +59,8 @@ impl Layout {
         model.check(&[Trajectory {
             name: name.to_owned(),
             t0: 0.0,
-            dt: model.description.dt,
+            // Of a stream with a clock it is the model that decides; another step that is said is a mistake.
+            dt: reading.options.dt.unwrap_or(model.description.dt),
             outputs: Table::new(outputs, Vec::new()),
             inputs: Table::new(inputs, Vec::new()),
             truth: None,
