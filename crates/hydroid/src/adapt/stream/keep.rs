@@ -23,7 +23,7 @@ pub(super) struct Keeper {
 
 impl Stream {
     /// Keeps the state in a file from now on, once in a second of the stream at the least, and goes on from it if
-    /// it is there: lines up to its time are then skipped. `model` is the [`fingerprint`] of the model's file,
+    /// it is there: lines up to its time are then skipped. `model` is the [`fingerprint`](super::fingerprint) of the model's file,
     /// `settings` are those of the adapter. Gives the time that it goes on from.
     ///
     /// # Errors
