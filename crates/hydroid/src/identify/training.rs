@@ -60,13 +60,17 @@ impl Training {
                 format!("chosen among {} settings", found.trials.len())
             }
             Self::Recurrent(trained) => format!(
-                "epoch {} of {}{}",
+                "epoch {} of {}{}{}",
                 trained.best_epoch,
                 trained.history.len(),
                 if trained.restarts.len() > 1 {
                     format!(", the best of {} restarts", trained.restarts.len())
                 } else {
                     String::new()
+                },
+                match &trained.refit {
+                    Some(refit) if refit.is_taken() => ", then trained again on all runs",
+                    _ => "",
                 }
             ),
         }
@@ -161,8 +165,13 @@ pub(super) fn train_by(
             let (settings, trained) = recurrent::train(job, parts, method, base, networks, notes, watch)?;
             let told = recurrent::provenance(job, &settings, &trained);
             let body = Body::Recurrent(Arc::new(trained.model.clone()));
+            let mut model = describe(job, parts, method, body, told);
+            if trained.refit.as_ref().is_some_and(train::Refit::is_taken) {
+                let Provenance { training, validation, .. } = &mut model.description.provenance;
+                training.extend_from_slice(validation);
+            }
             let score = trained.validation;
-            (describe(job, parts, method, body, told), Training::Recurrent(Arc::new(trained)), score)
+            (model, Training::Recurrent(Arc::new(trained)), score)
         }
     };
     Ok(Trained { model, training, train_seconds: clock.elapsed().as_secs_f64(), score })
