@@ -30,7 +30,7 @@ fn folder() -> TempDir {
     }
     fs::write(
         folder.path().join("small.toml"),
-        "[network]\nfeedback = false\nhidden = 4\nepochs = 3\nbatch = 8\nwash_out_s = 1\nwindow_s = 4\n[rnn]\nlayers = 1\n",
+        "[network]\nhidden = 4\nepochs = 3\nbatch = 8\nwash_out_s = 1\nwindow_s = 4\n[rnn]\nlayers = 1\n",
     )
     .unwrap();
     folder
