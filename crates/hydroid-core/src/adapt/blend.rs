@@ -353,7 +353,7 @@ impl Adapter for BlendedEquations {
     }
 
     /// None are known: which pace will turn out to be right is not a matter of variances.
-    fn deviations(&self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
+    fn deviations(&mut self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
         assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
         deviations.fill(f64::NAN);
     }
