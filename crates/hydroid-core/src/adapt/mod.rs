@@ -77,7 +77,13 @@ pub trait Adapter: Predictor {
     ///
     /// # Panics
     /// If the lengths do not fit together.
-    fn deviations(&mut self, commands: &[f64], horizons: &[usize], work: &mut Workspace, deviations: &mut [f64]);
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        work: &mut Workspace,
+        deviations: &mut [f64],
+    );
 }
 
 /// What a sample did to the weights.

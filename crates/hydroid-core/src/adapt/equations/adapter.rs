@@ -72,7 +72,13 @@ impl Adapter for RecursiveEquations {
     }
 
     /// Known after some rows; see [`Spread`] for what they are made of.
-    fn deviations(&mut self, commands: &[f64], horizons: &[usize], work: &mut Workspace, deviations: &mut [f64]) {
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        work: &mut Workspace,
+        deviations: &mut [f64],
+    ) {
         let n = self.outputs();
         assert_eq!(deviations.len(), horizons.len() * n, "a row for each horizon");
         let (Some(spread), Some(variances)) = (&self.spread, self.noise.variances()) else {
