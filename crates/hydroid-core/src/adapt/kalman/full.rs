@@ -243,7 +243,9 @@ impl<T: Scalar> Full<T> {
             }
             // L P_tt becomes that of the covariance after the time update, which the outputs depend on.
             if scale != T::one() {
-                products.iter_mut().for_each(|p| *p = *p * scale);
+                for p in products.iter_mut() {
+                    *p *= scale;
+                }
             }
             let own = &mut products[span.row * span.padded..(span.row + rows) * span.padded];
             for (own, local) in own.chunks_exact_mut(span.padded).zip(local.chunks_exact(span.padded)) {

@@ -1,5 +1,6 @@
 //! What a filter keeps of how uncertain state and weights are.
 
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::full::Full;
@@ -14,7 +15,7 @@ use crate::math::Scalar;
 #[derive(Clone, Debug)]
 pub(super) enum Joint<T> {
     Full(Full<T>),
-    Reduced(Reduced<T>),
+    Reduced(Box<Reduced<T>>),
 }
 
 /// The same of each.
@@ -32,7 +33,7 @@ impl<T: Scalar> Joint<T> {
     pub(super) fn new<M: Learnable<T>>(model: &M, tuning: &Tuning, learned: Vec<usize>) -> Self {
         match tuning.memory {
             Memory::Full => Self::Full(Full::new(model, tuning, learned)),
-            _ => Self::Reduced(Reduced::new(model, tuning, &learned)),
+            _ => Self::Reduced(Box::new(Reduced::new(model, tuning, &learned))),
         }
     }
 

@@ -61,7 +61,9 @@ impl<T: Scalar> Root<T> {
                 take(row, above, self.at(i, k));
             }
             let inverse = T::one() / self.at(i, i);
-            row.iter_mut().for_each(|x| *x = *x * inverse);
+            for x in row.iter_mut() {
+                *x *= inverse;
+            }
         }
     }
 
@@ -74,7 +76,9 @@ impl<T: Scalar> Root<T> {
                 take(row, below, self.at(i + 1 + k, i));
             }
             let inverse = T::one() / self.at(i, i);
-            row.iter_mut().for_each(|x| *x = *x * inverse);
+            for x in row.iter_mut() {
+                *x *= inverse;
+            }
         }
     }
 }

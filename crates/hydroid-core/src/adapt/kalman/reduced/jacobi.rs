@@ -1,4 +1,8 @@
 //! Eigenvectors of small symmetric matrices.
+#![expect(
+    clippy::inline_always,
+    reason = "what a correction is made of must become a part of the function that was compiled for the processor"
+)]
 
 use crate::math::Scalar;
 
@@ -9,6 +13,7 @@ const SWEEPS: usize = 12;
 /// eigenvalues are left on the diagonal of `A`, the rows of `E` are the eigenvectors. `A` is `count x count`, both halves.
 ///
 /// `E` is orthogonal whatever happens; what is below rounding of the trace is not rotated away.
+#[inline(always)]
 pub(super) fn eigenvectors<T: Scalar>(a: &mut [T], e: &mut [T], count: usize) {
     e.fill(T::zero());
     (0..count).for_each(|i| e[i * (count + 1)] = T::one());
@@ -31,21 +36,27 @@ pub(super) fn eigenvectors<T: Scalar>(a: &mut [T], e: &mut [T], count: usize) {
 }
 
 /// Rotates two rows, and columns, so that what they share is zero.
+#[inline(always)]
 fn turn<T: Scalar>(a: &mut [T], e: &mut [T], count: usize, (p, q): (usize, usize)) {
     let shared = a[p * count + q];
     let theta = (a[q * (count + 1)] - a[p * (count + 1)]) / (shared + shared);
     let t = theta.signum() / (theta.abs() + (theta * theta + T::one()).sqrt());
     let c = T::one() / (t * t + T::one()).sqrt();
     let s = t * c;
-    for row in a.chunks_exact_mut(count) {
-        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-    }
-    for matrix in [a, e] {
+    let (low, high) = (a[p * (count + 1)] - t * shared, a[q * (count + 1)] + t * shared);
+    for matrix in [&mut *a, e] {
         let (above, below) = matrix.split_at_mut(q * count);
         for (x, y) in above[p * count..(p + 1) * count].iter_mut().zip(&mut below[..count]) {
             (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
         }
     }
+    // The columns are the rows, but for the four where they meet.
+    for k in 0..count {
+        a[k * count + p] = a[p * count + k];
+        a[k * count + q] = a[q * count + k];
+    }
+    (a[p * (count + 1)], a[q * (count + 1)]) = (low, high);
+    (a[p * count + q], a[q * count + p]) = (T::zero(), T::zero());
 }
 
 #[cfg(test)]

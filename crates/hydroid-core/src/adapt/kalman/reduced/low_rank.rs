@@ -134,7 +134,7 @@ impl<T: Scalar> LowRank<T> {
             let (v, noise) = (&mut self.v[panel.of(1)], &noise[panel.of(1)]);
             for direction in directions.chunks_exact_mut(panel.width) {
                 for ((w, &v), &q) in direction.iter_mut().zip(&*v).zip(noise) {
-                    *w = *w * (grows * share(v, q));
+                    *w *= grows * share(v, q);
                 }
             }
             for (v, &q) in v.iter_mut().zip(noise) {
@@ -175,7 +175,7 @@ impl<T: Scalar> LowRank<T> {
                 for (r, w) in directions[panel.of(*rank)].chunks_exact(width).enumerate() {
                     take(out, w, products[r * count + k]);
                 }
-                out.iter_mut().zip(v).for_each(|(out, &v)| *out = *out * v);
+                out.iter_mut().zip(v).for_each(|(out, &v)| *out *= v);
             }
         }
     }

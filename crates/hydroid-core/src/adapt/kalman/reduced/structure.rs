@@ -4,6 +4,7 @@
     reason = "what a step is made of must become a part of the function that was compiled for the processor"
 )]
 
+use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -19,7 +20,7 @@ use crate::math::Scalar;
 pub(super) enum Structure<T> {
     Blocks(Blocks<T>),
     Diagonal(Diagonal<T>),
-    LowRank(LowRank<T>),
+    LowRank(Box<LowRank<T>>),
 }
 
 impl<T: Scalar> Structure<T> {
@@ -28,7 +29,7 @@ impl<T: Scalar> Structure<T> {
         match memory {
             Memory::Full | Memory::Blocks { .. } => Self::Blocks(Blocks::new(panels)),
             Memory::Diagonal => Self::Diagonal(Diagonal::new(panels.iter().map(|panel| panel.width).sum())),
-            Memory::LowRank { rank } => Self::LowRank(LowRank::new(panels, rank, outputs)),
+            Memory::LowRank { rank } => Self::LowRank(Box::new(LowRank::new(panels, rank, outputs))),
         }
     }
 
