@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let columns = "--outputs u,v,r --inputs PP_cmd,RD_ang";
     run(at, &format!("identify a.csv --validate b.csv --test c.csv {columns} --methods sindy -o out -q"))?;
     let log = std::fs::read_to_string(at.join("c.csv"))?;
-    let short: String = log.lines().take(1000).map(|line| format!("{line}\n")).collect();
+    let short: String = log.lines().take(1000).flat_map(|line| [line, "\n"]).collect();
     println!("{:58} {:>8} {:>8} {:>8}", "us from a line to its answer", "median", "99/100", "longest");
     let adapt = "adapt out/sindy.safetensors - -q";
     for (what, line, log, pause_ms) in [

@@ -137,7 +137,8 @@ fn bands_hold_what_is_measured_under_the_commands_that_were_planned() {
         }
         let plan: Vec<_> = rows[k..k + AHEAD].iter().map(|row| commands.map(|c| row[c])).collect();
         sample.insert("commands".to_owned(), serde_json::json!(plan));
-        text_of += &format!("{}\n", Value::Object(sample));
+        text_of += &Value::Object(sample).to_string();
+        text_of.push('\n');
     }
     fs::write(prepared().join("planned.jsonl"), text_of).unwrap();
     let output =

@@ -167,6 +167,23 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
     assert_eq!(result(path, "one", &networks), result(path, "two", &networks));
 }
 
+#[test]
+fn a_refit_is_told_of_and_leaves_no_checkpoint() {
+    let folder = folder();
+    let path = folder.path();
+    let config = fs::read_to_string(path.join("small.toml")).unwrap();
+    fs::write(path.join("refit.toml"), config.replacen("[network]", "[network]\nrefit = true", 1)).unwrap();
+    let rest = ["-c", "refit.toml", "--methods", "gru", "--epochs", "60", "-o", "out"];
+    done(path, &job(&rest), &[0, 1]);
+    let (_, summary) = result(path, "out", &["gru"]);
+    assert_eq!(summary["models"][0]["training"]["refit"], "taken", "{}", summary["warnings"]);
+    let page = fs::read_to_string(path.join("out/report.html")).unwrap();
+    assert!(page.contains("trained again on training and validation runs together"));
+    let names = fs::read_dir(path.join("out")).unwrap().map(|file| file.unwrap().file_name());
+    let names: Vec<_> = names.filter(|name| name.to_string_lossy().contains("checkpoint")).collect();
+    assert!(names.is_empty(), "{names:?}");
+}
+
 fn start(path: &Path, args: &[&str]) -> Child {
     std::process::Command::new(assert_cmd::cargo::cargo_bin!("hydroid"))
         .current_dir(path)

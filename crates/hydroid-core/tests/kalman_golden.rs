@@ -36,8 +36,7 @@ fn model(name: &str) -> (Arc<Recurrent>, Tuning) {
     let noise: Vec<f64> =
         sigma.iter().zip(&scaling.output_scale).map(|(s, scale)| 5.0 * (s / scale).powi(2)).collect();
     let weights = weights_of(&network, &bytes);
-    let tuning =
-        Tuning { leak: 3e-5, ..Tuning::uniform(weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &noise) };
+    let tuning = Tuning { leak: 3e-5, ..Tuning::uniform(weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &noise) };
     let (base, feedback, wash_out) = (Base::Nothing, false, 100);
     (Arc::new(Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter: None }), tuning)
 }

@@ -123,7 +123,7 @@ proptest! {
         let mut sum = vec![0.0; n * columns];
         for which in 0..3 {
             let one = |i: usize| (i == which).then_some(parts[i]);
-            let change = Change { state: one(0), input: one(1), weights: one(2) };
+            let change = Change { state: one(0), input: one(1), weights: one(2), local: None };
             linear.times(&packed, change, columns, &mut out, &mut scratch);
             let expected = times(&dense[which], parts[which], columns);
             close("times", &out, &expected)?;
@@ -131,7 +131,7 @@ proptest! {
                 *sum += x;
             }
         }
-        let all = Change { state: Some(parts[0]), input: Some(parts[1]), weights: Some(parts[2]) };
+        let all = Change { state: Some(parts[0]), input: Some(parts[1]), weights: Some(parts[2]), local: None };
         linear.times(&packed, all, columns, &mut out, &mut scratch);
         close("all changes", &out, &sum)?;
 

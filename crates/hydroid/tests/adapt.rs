@@ -9,7 +9,7 @@ mod ridge_baseline;
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use hydroid::adapt::{self, AdaptError, Options, adapt};
+use hydroid::adapt::{self, AdaptError, LeastSquares, Options, adapt};
 use hydroid::evaluate::{self, Evaluation};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GivenRanges, Job, Method, Networks, SindySettings, identify};
@@ -128,6 +128,10 @@ fn a_vessel_whose_drag_grows_on_the_way_is_followed_and_a_steady_one_is_left_alo
     assert!((coverage.of_80 - 0.80).abs() < 0.03 && (coverage.of_95 - 0.95).abs() < 0.02, "{coverage:?}");
 }
 
+fn by_least_squares(least_squares: LeastSquares) -> Options {
+    Options { least_squares, ..Options::default() }
+}
+
 #[test]
 fn what_cannot_be_adapted_is_refused() {
     let run = record(VesselParams::simple(), 1, 120.0).to_trajectory(&OUTPUTS).unwrap();
@@ -136,15 +140,17 @@ fn what_cannot_be_adapted_is_refused() {
     let model = identified(Split { train, validation, test, notes: Vec::new() }, 20, 20);
     let refused = |options: Options| adapt(&model, &[&run], &options, &mut silent()).unwrap_err();
     for window_s in [0.0, 0.01, -3.0, 120.0, f64::NAN, f64::INFINITY] {
-        let error = refused(Options { window_s: Some(window_s), ..Options::default() });
+        let error =
+            refused(by_least_squares(LeastSquares { window_s: Some(window_s), ..Default::default() }));
         assert!(matches!(error, AdaptError::Window { .. }), "{error}");
     }
-    let error = refused(Options { forgetting_s: -1.0, ..Options::default() });
+    let error = refused(by_least_squares(LeastSquares { forgetting_s: -1.0, ..Default::default() }));
     assert!(error.to_string().contains("the forgetting time"), "{error}");
     let horizon = evaluate::Options { horizon: 5000, ..evaluate::Options::default() };
     let error = refused(Options { evaluate: horizon, ..Options::default() });
     assert!(matches!(error, AdaptError::Evaluate(_)), "{error}");
-    assert!(adapt::adapter(&model, &Options { window_s: Some(2.0), ..Options::default() }).is_ok());
+    let two = by_least_squares(LeastSquares { window_s: Some(2.0), ..Default::default() });
+    assert!(adapt::adapter(&model, &two, &[]).is_ok());
 }
 
 /// The natural test of the data's README: equations of runs at up to 10 rps, sailed through zigzags at 12 rps.

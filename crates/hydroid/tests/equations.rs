@@ -29,6 +29,7 @@ fn made(
             channel: Channel::new(*name, *unit),
             range: DesignRange { low: -1.0, high: 1.0 },
             visited: None,
+            noise: None,
         };
         channels.iter().map(port).collect()
     };

@@ -213,6 +213,23 @@ fn insisting_on_what_is_not_there_is_an_error_before_any_search() {
     assert!(refused(&job).contains("no interrupted training"));
 }
 
+/// What has learned from the validation runs is not judged on them.
+#[test]
+fn validation_judges_the_network_before_a_refit() {
+    let mut plain = job(&[Method::Gru], [600, 300, 300], true);
+    plain.networks.all.epochs = Some(40);
+    let mut again = plain.clone();
+    again.networks.all.refit = Some(true);
+    let [plain, again] = [plain, again].map(|job| done(&job).0.unwrap());
+    let (before, after) = (&plain.candidates[0], &again.candidates[0]);
+    assert!(after.training.network().unwrap().refit.as_ref().unwrap().is_taken());
+    assert_eq!(after.validation, before.validation);
+    assert_ne!((&after.test, &after.model.body), (&before.test, &before.model.body));
+    let runs = |of: &hydroid::model::Model| of.description.provenance.training.len();
+    assert_eq!((runs(&before.model), runs(&after.model)), (1, 2));
+    assert!(notes(&again).contains("gru: trained once more over 40 epochs on"), "{}", notes(&again));
+}
+
 /// A range that was stated teaches nothing: leaving the training runs is told all the same.
 #[test]
 fn leaving_the_training_runs_is_told_whatever_ranges_were_stated() {

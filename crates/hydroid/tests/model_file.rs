@@ -16,7 +16,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::{Value, json};
 
 fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
-    Port { channel: Channel::new(name, unit), range: DesignRange { low, high }, visited: None }
+    Port { channel: Channel::new(name, unit), range: DesignRange { low, high }, visited: None, noise: None }
 }
 
 /// Coefficients of a member: it has the fourth term of the second equation instead of the second one.

@@ -33,6 +33,7 @@ fn model(network: Network, weights: Vec<f64>, base: Base, feedback: bool) -> Mod
         channel: Channel::new(name, "m/s"),
         range: DesignRange { low: -1.0, high: 1.0 / 3.0 },
         visited: None,
+        noise: None,
     };
     let state_filter = (base == Base::Nothing && !feedback).then(|| StateFilter {
         process: 1.0 / 3.0,

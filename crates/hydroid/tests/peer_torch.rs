@@ -36,6 +36,7 @@ fn model(network: Network) -> Model {
         channel: Channel::new(name, ""),
         range: DesignRange { low: -1.0, high: 1.0 },
         visited: None,
+        noise: None,
     };
     let (inputs, outputs) = (network.inputs, network.outputs);
     let recurrent = Recurrent {

@@ -21,6 +21,7 @@ fn model() -> Model {
         channel: Channel::new(name, unit),
         range: DesignRange { low: -2.0, high: 2.0 },
         visited: None,
+        noise: None,
     };
     let mut reading = Reading::default();
     reading.selection.time = Some("t".to_owned());
@@ -49,9 +50,9 @@ fn model() -> Model {
 
 fn stream_reading(reading: Reading) -> Result<Stream, StreamError> {
     let model = model();
-    let (adapter, _) = adapter(&model, &adapt::Options::default()).unwrap();
+    let (adapter, _) = adapter(&model, &adapt::Options::default(), &[]).unwrap();
     let options = Options { name: "test".to_owned(), reading, horizons: vec![1, 5], timing: false };
-    Stream::new(&model, Box::new(adapter), options)
+    Stream::new(&model, adapter, options)
 }
 
 fn stream() -> Stream {
@@ -68,8 +69,8 @@ fn ask(stream: &mut Stream, line: &str) -> Option<Value> {
 }
 
 /// Status and note, or message.
-fn told(answer: &Option<Value>) -> (&str, &str) {
-    let answer = answer.as_ref().unwrap();
+fn told(answer: Option<&Value>) -> (&str, &str) {
+    let answer = answer.unwrap();
     let note = answer["note"].as_str().or(answer["message"].as_str());
     (answer["status"].as_str().unwrap(), note.unwrap_or(""))
 }
@@ -100,7 +101,7 @@ fn every_kind_of_line_has_its_answer() {
         ("1.7,\"1.1\",5,1,10", "waiting", ""),
     ] {
         let answer = ask(&mut stream, line);
-        let (found, note) = told(&answer);
+        let (found, note) = told(answer.as_ref());
         assert!(found == status && note.contains(words), "{line}: {answer:?}");
     }
     let mut out = Vec::new();
@@ -198,7 +199,7 @@ fn times_may_be_stamps_and_wind_an_input() {
         let stamp =
             ["2020-08-03T11:04:37.125Z", "2020-08-03T11:04:37.225Z", "2020-08-03T13:04:37.125+02:00"][k];
         let answer = ask(&mut stream, &format!("{stamp};0,5;0;0;0"));
-        assert_eq!(told(&answer).0, *status, "{answer:?}");
+        assert_eq!(told(answer.as_ref()).0, *status, "{answer:?}");
         assert!(*status == "late" || answer.unwrap()["estimate"]["u"] == 0.5);
     }
     let mut reading = model().description.reading;

@@ -35,7 +35,8 @@ A configuration file can hold all of it but --methods; what the command line say
 
   [network]                    [gru]  (or lstm, rnn: before [network])        [ranges]
   feedback = true              hidden = 32                                    u = [0, 6]
-  base = \"hold\"                epochs = 400                                   n = \"0:600 [rpm]\"")]
+  base = \"hold\"                epochs = 400                                   n = \"0:600 [rpm]\"
+  refit = true")]
 // Flags of a command line.
 #[allow(clippy::struct_excessive_bools)]
 pub struct Identify {

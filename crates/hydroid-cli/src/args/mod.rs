@@ -1,17 +1,18 @@
 //! What can be said on the command line.
 
+mod adapt;
 mod identify;
 mod values;
 
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, Parser, Subcommand};
-use hydroid::adapt::{FORGETTING_S as FORGETTING, PRIOR_S as PRIOR};
 use hydroid::log::{CommandTiming, InputDelay};
 
+pub use adapt::{Adapt, EquationsArgs, NetworksArgs};
 pub use identify::Identify;
 use values::parse_timing;
-pub use values::{Against, Duration, Horizon, Method, NamedRange, Origin};
+pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Origin};
 
 /// Learns how a surface vessel moves from its own log.
 #[derive(Debug, Parser)]
@@ -169,81 +170,6 @@ pub struct Judging {
     /// What predictions are compared with
     #[arg(long, default_value = "measurement")]
     pub against: Against,
-}
-
-/// A live stream.
-#[derive(Clone, Debug, ClapArgs)]
-#[command(next_help_heading = "Live stream")]
-pub struct StreamArgs {
-    /// Serve the log line by line, as - does standard input
-    #[arg(long)]
-    pub stream: bool,
-    /// Horizons of the predictions in the answers: samples, ascending (default: 1,10,50,100)
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub horizons: Option<Vec<usize>>,
-    /// Keep the state in this file, at least once in a second of the stream, and go on from it if it is there: lines
-    /// up to its time are skipped without an answer
-    #[arg(long, value_name = "FILE")]
-    pub state: Option<PathBuf>,
-    /// Say in each answer how long it took [us]
-    #[arg(long)]
-    pub timing: bool,
-}
-
-/// Let a model learn along a log, and compare it with the same model frozen; or serve a live stream
-///
-/// Walks the log once, sample by sample. At every origin the adapted model predicts with what it had learned
-/// by then, and nothing later. The coefficients follow by recursive least squares with forgetting; the model
-/// itself stays the prior, to which coefficients return that the log says nothing about.
-///
-/// With - (standard input) or --stream it is a service: each line, CSV below a header or a JSON object, is
-/// answered at once with a line of JSON that holds what became of the sample, the estimate, and predictions with
-/// their bands.
-#[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid adapt out/sindy.safetensors today.csv --horizon 20s
-  hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
-  my-logger | hydroid adapt out/sindy.safetensors - --horizons 1,10,50 --state boat.state | my-controller
-  hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
-
-Exit status: 0 adapted is at least as good as frozen in the mean of outputs and horizons, and no rollout of it
-diverged; 1 otherwise; 2 wrong input. Of a stream: 0 at its end, 2 wrong input, 130 interrupted, with state and
-model written.")]
-pub struct Adapt {
-    /// The model
-    #[arg(value_name = "MODEL")]
-    pub model: PathBuf,
-    /// The log; - to serve a stream on standard input
-    #[arg(value_name = "LOG|-")]
-    pub run: PathBuf,
-    /// Where to write the model with the coefficients that it had at the end
-    #[arg(long, short, value_name = "FILE")]
-    pub output: Option<PathBuf>,
-    /// Time [s] after which a sample counts 1/e; inf to forget nothing
-    #[arg(long, value_name = "S", default_value_t = FORGETTING, allow_negative_numbers = true)]
-    pub forgetting: f64,
-    /// Learn from increments over this time [s] (default: what the model's identification chose, or 1)
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub window: Option<f64>,
-    /// Seconds of lively sailing that the model is worth: so long takes the log to count as much as it does
-    #[arg(long, value_name = "S", default_value_t = PRIOR, allow_negative_numbers = true)]
-    pub prior: f64,
-    /// Coefficients about which the log has long said nothing stay where they are, instead of returning to
-    /// the model's
-    #[arg(long)]
-    pub no_leak: bool,
-    /// Terms of the library that are not in an equation may enter it
-    #[arg(long)]
-    pub all_terms: bool,
-    /// Learn from outliers as from every other sample
-    #[arg(long)]
-    pub no_gate: bool,
-    #[command(flatten)]
-    pub judging: Judging,
-    #[command(flatten)]
-    pub stream: StreamArgs,
-    #[command(flatten)]
-    pub log: LogArgs,
 }
 
 /// How to read logs.

@@ -46,6 +46,23 @@ impl FromStr for Duration {
     }
 }
 
+/// A number and its channel: `u=0.01`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedNumber {
+    pub name: String,
+    pub number: f64,
+}
+
+impl FromStr for NamedNumber {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("'{text}' is no number of a channel: write NAME=NUMBER, as in u=0.01");
+        let (name, number) = text.split_once('=').ok_or_else(wrong)?;
+        Ok(Self { name: name.trim().to_owned(), number: number.trim().parse().map_err(|_| wrong())? })
+    }
+}
+
 /// A design range and its channel: `u=0:6`, `u=0:12 [kn]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedRange {

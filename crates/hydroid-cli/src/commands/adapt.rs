@@ -8,10 +8,10 @@ use anyhow::{Context, ensure};
 use hydroid::adapt::{self, Gate, Options, Report};
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
-use hydroid::model;
+use hydroid::model::{self, Model};
 
 use super::{Outcome, evaluate, table};
-use crate::args::{Adapt, Global};
+use crate::args::{Adapt, EquationsArgs, Global, NamedNumber, NetworksArgs};
 use crate::{logs, ui};
 
 pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
@@ -34,7 +34,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     ui::tell(&prepared.notes, global);
     model.check(&prepared.runs)?;
     ui::tell(model.outside(&prepared.runs).as_slice(), global);
-    let options = options(args, model.description.dt);
+    let options = options(args, &model)?;
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("adapting", global);
     let adapted = adapt::adapt(&model, &runs, &options, &mut bar.callback())
@@ -54,17 +54,73 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     Ok(if better && report.adapted.diverged == 0 { Outcome::Done } else { Outcome::Missed })
 }
 
-/// What the command line says, for a model that steps `dt` seconds.
-fn options(args: &Adapt, dt: f64) -> Options {
-    Options {
-        forgetting_s: args.forgetting,
-        window_s: args.window,
-        prior_s: args.prior,
-        leak: !args.no_leak,
-        all_terms: args.all_terms,
-        gate: if args.no_gate { Gate::OPEN } else { Gate::default() },
-        evaluate: evaluate::options(args.judging, dt),
+/// What the command line says, for a model; what it says of models of another kind is refused.
+fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
+    let mut options =
+        Options { evaluate: evaluate::options(args.judging, model.description.dt), ..Options::default() };
+    if model.equations().is_some() {
+        ensure!(
+            args.networks == NetworksArgs::default(),
+            "options under 'Learning of networks' are for networks: this is a model of kind '{}'",
+            model.kind()
+        );
+        let given = &args.equations;
+        let settings = &mut options.least_squares;
+        settings.forgetting_s = args.forgetting.unwrap_or(settings.forgetting_s);
+        settings.window_s = given.window;
+        settings.prior_s = given.prior.unwrap_or(settings.prior_s);
+        settings.leak = !given.no_leak;
+        settings.all_terms = given.all_terms;
+        if given.no_gate {
+            settings.gate = Gate::OPEN;
+        }
+        return Ok(options);
     }
+    ensure!(
+        args.equations == EquationsArgs::default(),
+        "options under 'Learning of equations' are for equations: this is a model of kind '{}'",
+        model.kind()
+    );
+    let (given, settings) = (&args.networks, &mut options.kalman);
+    for (value, into) in [
+        (args.forgetting, &mut settings.forgetting_s),
+        (given.noise_factor, &mut settings.noise_factor),
+        (given.weight_variance, &mut settings.weight_variance),
+        (given.weight_noise, &mut settings.weight_noise_per_s),
+        (given.state_noise, &mut settings.state_noise_per_s),
+        (given.leak, &mut settings.leak_s),
+        (given.huber, &mut settings.huber),
+        (given.adaptive_noise, &mut settings.adaptive_noise_s),
+    ] {
+        *into = value.unwrap_or(*into);
+    }
+    settings.weights = given.weights.map_or(settings.weights, Into::into);
+    settings.single_precision = given.single_precision;
+    settings.noise = noise(&given.noise, model)?;
+    Ok(options)
+}
+
+/// The noise of each output, where it is given.
+fn noise(given: &[NamedNumber], model: &Model) -> anyhow::Result<Option<Vec<f64>>> {
+    if given.is_empty() {
+        return Ok(None);
+    }
+    let outputs: Vec<&str> =
+        model.description.outputs.iter().map(|port| port.channel.name.as_str()).collect();
+    for said in given {
+        ensure!(
+            outputs.contains(&said.name.as_str()),
+            "--noise: '{}' is no output of the model, which has {}",
+            said.name,
+            outputs.join(", ")
+        );
+    }
+    let of = |name: &&str| {
+        let said = given.iter().find(|said| said.name == **name);
+        said.map(|said| said.number)
+            .with_context(|| format!("--noise: '{name}' is missing: give all outputs"))
+    };
+    outputs.iter().map(of).collect::<anyhow::Result<_>>().map(Some)
 }
 
 /// What speaks against using what was learned.

@@ -291,6 +291,7 @@ fn write(
                 "restart": trained.restart,
                 "restarts": trained.restarts,
                 "ending": trained.ending,
+                "refit": trained.refit.as_ref().map(|refit| refit.outcome),
                 "history": trained.history,
             })),
             "validation": candidate.validation,

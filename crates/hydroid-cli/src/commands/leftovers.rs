@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use hydroid::identify::{Identified, IdentifyError, Job, Method};
 use hydroid::log::Note;
-use hydroid::train::TrainError;
+use hydroid::train::{TrainError, refit_checkpoint};
 
 /// Where the model of a method is written.
 pub fn model_file(folder: &Path, name: &str) -> PathBuf {
@@ -37,7 +37,8 @@ pub fn stale(folder: &Path, job: &Job, identified: &Identified) -> anyhow::Resul
 /// Trainings that are kept.
 pub fn kept(job: &Job) -> impl Iterator<Item = PathBuf> {
     let networks = job.methods.iter().copied().filter(|method| method.cell().is_some());
-    networks.filter_map(|method: Method| job.networks.checkpoint(method)).filter(|file| file.exists())
+    let files = networks.filter_map(|method: Method| job.networks.checkpoint(method));
+    files.flat_map(|file| [refit_checkpoint(&file), file]).filter(|file| file.exists())
 }
 
 /// An error after which something is there to go on from says so.

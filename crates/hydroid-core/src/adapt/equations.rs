@@ -30,7 +30,7 @@ struct Group {
     z: Vec<f64>,
 }
 
-/// An [`Adapter`] of sparse equations: what is called recursive `SINDy`.
+/// An [`Adapter`](super::Adapter) of sparse equations: what is called recursive `SINDy`.
 ///
 /// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients. The rows of the regression are increments over a
 /// window of samples against the library averaged over the same window (see `sindy::kernel` on shore: the

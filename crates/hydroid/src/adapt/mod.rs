@@ -2,73 +2,36 @@
 //!
 //! Both walk the same runs through [`evaluate`](fn@evaluate); at each origin the adapted model predicts with the weights
 //! of that moment, learned from the samples up to it and none after.
-//!
-//! # How the defaults were chosen
-//!
-//! On six records that appear in no table of results: the tug's `run1`, the tanker's zigzag at 10 rps
-//! (`13_22_52`), a simulated vessel whose drag grows by 1.6, the same vessel unchanged, the reference's
-//! lawn-mower `lawn3` with a model of the low-speed mode alone, and a hydrofoil under a model that leaves its
-//! mode and its hidden force out. Forgetting times of 30, 60, 120, 300 s, priors of 3, 10, 30, 100 s, windows
-//! of 0.5, 1, 2, 5 s or the model's own. The window that identification has chosen by rollouts suits the
-//! tanker (15 s: 0.86 of the frozen error, 1 s: 1.00) and the tug less (5 s: 0.87, 1 s: 0.79). Shorter
-//! memory follows a change faster (30 s: 0.36, 60 s: 0.41, 120 s: 0.50) and costs where nothing
-//! changes (30 s and a prior of 3 s: up to 1.02; 60 s and 10 s: at most 1.00).
 
+mod kalman;
+mod least_squares;
 pub mod stream;
 mod watch;
 
-use std::sync::Arc;
-
-use hydroid_core::adapt::{Adapter, RecursiveEquations, Settings, SettingsError};
-use hydroid_core::model::sparse::Equations;
+use hydroid_core::adapt::kalman::KalmanError;
+use hydroid_core::adapt::{Adapter, SettingsError};
 use serde::Serialize;
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
-use crate::model::{Body, Members, Model, Motion};
+use crate::model::{Body, Model};
 use crate::progress::Progress;
 use watch::Watched;
 
 pub use hydroid_core::adapt::Gate;
+pub use kalman::{Kalman, UsedKalman, Which};
+pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
 pub use watch::{Counts, Coverage, Times};
 
 /// How to adapt, and how to judge it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
-    /// Time \[s\] after which a sample counts `1/e`; infinite to forget nothing.
-    pub forgetting_s: f64,
-    /// Time \[s\] that an increment spans (default: what the model's own identification chose, or 1 s).
-    pub window_s: Option<f64>,
-    /// Seconds of lively sailing that the model from shore is worth.
-    pub prior_s: f64,
-    /// Whether coefficients about which the log has long said nothing return to the model from shore.
-    pub leak: bool,
-    /// Whether terms that are not in an equation may enter it.
-    pub all_terms: bool,
-    /// What happens to samples that are far off.
-    pub gate: Gate,
+    /// For equations.
+    pub least_squares: LeastSquares,
+    /// For networks.
+    pub kalman: Kalman,
     /// Horizons and origins.
     pub evaluate: evaluate::Options,
-}
-
-/// Forgetting time \[s\] where none is asked for; see the [module](self) for why.
-pub const FORGETTING_S: f64 = 60.0;
-
-/// What the model from shore is worth \[s\] where nothing else is asked for.
-pub const PRIOR_S: f64 = 10.0;
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            forgetting_s: FORGETTING_S,
-            window_s: None,
-            prior_s: PRIOR_S,
-            leak: true,
-            all_terms: false,
-            gate: Gate::default(),
-            evaluate: evaluate::Options::default(),
-        }
-    }
 }
 
 /// Frozen beside adapted.
@@ -91,20 +54,13 @@ pub struct Report {
 }
 
 /// The settings that were used; they stand in the adapted model's provenance.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Used {
-    /// Forgetting time \[s\]; `null` where nothing is forgotten.
-    pub forgetting_s: f64,
-    /// Time that an increment spans \[s\].
-    pub window_s: f64,
-    /// What the prior is worth \[s\].
-    pub prior_s: f64,
-    /// Leak towards the model from shore.
-    pub leak: bool,
-    /// All terms of the library.
-    pub all_terms: bool,
-    /// Innovations beyond which samples weigh less, and are rejected \[standard deviations\].
-    pub gate: [f64; 2],
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "method", rename_all = "snake_case")]
+pub enum Used {
+    /// Of equations.
+    LeastSquares(UsedLeastSquares),
+    /// Of a network.
+    Kalman(UsedKalman),
 }
 
 /// An adapted model and how it did.
@@ -119,9 +75,9 @@ pub struct Adapted {
 /// Why a model cannot be adapted.
 #[derive(Debug, thiserror::Error)]
 pub enum AdaptError {
-    /// A model that is not made of equations.
+    /// A model that nothing here can adapt.
     #[error(
-        "a model of kind '{kind}' cannot learn on the way yet: recursive least squares needs equations. Give a model that the methods sindy, lagged or recursive made; `hydroid evaluate` judges this one as it stands"
+        "a model of kind '{kind}' cannot learn on the way: give one of equations (methods sindy, lagged, recursive) or a recurrent network (lstm, gru, rnn); `hydroid evaluate` judges this one as it stands"
     )]
     Kind {
         /// Of the model.
@@ -130,6 +86,27 @@ pub enum AdaptError {
     /// The settings make no sense.
     #[error("the model cannot be adapted: {0}")]
     Settings(SettingsError),
+    /// The filter cannot be tuned so.
+    #[error("the network cannot be adapted: {0}")]
+    Kalman(#[from] KalmanError),
+    /// Nobody says how noisy the sensors are.
+    #[error(
+        "how noisy the outputs are is not known: the model file does not say it, and a stream cannot be looked through first. Give standard deviations, as in --noise u=0.01,v=0.01,r=0.02"
+    )]
+    NoNoise,
+    /// A standard deviation that is none.
+    #[error(
+        "the noise of '{channel}' has a standard deviation of {std}: it must be positive. Give it, as in --noise {channel}=0.01"
+    )]
+    Noise {
+        /// The output.
+        channel: String,
+        /// Given or found.
+        std: f64,
+    },
+    /// Weights that are not those of the model.
+    #[error("what was learned are no weights of this model")]
+    Weights,
     /// The window does not fit the log.
     #[error(
         "a window of {window_s} s does not fit: it must be at least one sample ({dt} s), and shorter than the longest run ({longest_s} s)"
@@ -147,62 +124,33 @@ pub enum AdaptError {
     Evaluate(#[from] EvaluateError),
 }
 
-/// The settings of the core for a model.
+/// Whether a model can be adapted.
 ///
 /// # Errors
-/// If the options do not fit the model.
-pub fn settings(model: &Model, options: &Options) -> Result<Settings, AdaptError> {
-    let dt = model.description.dt;
-    let wanted = options.window_s.unwrap_or_else(|| default_window_s(model));
-    if !(wanted >= 0.5 * dt && wanted / dt < 1e6) {
-        return Err(AdaptError::Window { window_s: wanted, dt, longest_s: f64::INFINITY });
+/// If nothing here adapts a model of its kind.
+pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
+    match &model.body {
+        Body::Equations(_) | Body::Recurrent(_) => Ok(()),
     }
-    // Between one and a million.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let window = (wanted / dt).round().max(1.0) as usize;
-    Ok(Settings {
-        forgetting_s: options.forgetting_s,
-        window,
-        prior_s: options.prior_s,
-        leak: options.leak,
-        all_terms: options.all_terms,
-        gate: options.gate,
-    })
 }
 
-/// The equations that are adapted.
-///
-/// # Errors
-/// If the model is not made of equations.
-pub fn adaptable(model: &Model) -> Result<Motion<'_>, AdaptError> {
-    model.equations().ok_or_else(|| AdaptError::Kind { kind: model.kind() })
-}
-
-/// The session that adapts a model, and the settings that it was made with.
+/// The session that adapts a model, and the settings that it was made with. `runs` are looked through for what the model does
+/// not know of its sensors; there may be none.
 ///
 /// # Errors
 /// If the options do not fit the model.
-pub fn adapter(model: &Model, options: &Options) -> Result<(RecursiveEquations, Used), AdaptError> {
-    let settings = settings(model, options)?;
-    let adapter = adaptable(model)?.learner(&settings).map_err(AdaptError::Settings)?;
-    let used = Used {
-        forgetting_s: settings.forgetting_s,
-        window_s: settings.window as f64 * model.description.dt,
-        prior_s: settings.prior_s,
-        leak: settings.leak,
-        all_terms: settings.all_terms,
-        gate: [settings.gate.inflate, settings.gate.reject],
-    };
-    Ok((adapter, used))
-}
-
-/// The window that the model's identification chose by rollouts, or a second. A weak form counts half: its test
-/// function averages about as much as an increment over half of its window.
-fn default_window_s(model: &Model) -> f64 {
-    let chosen = &model.description.provenance.settings["chosen"]["regression"];
-    let intervals = |kind: &str| chosen[kind]["intervals"].as_f64();
-    let intervals = intervals("midpoint").or(intervals("weak").map(|n| (0.5 * n).max(1.0)));
-    intervals.map_or(1.0, |intervals| intervals * model.description.dt)
+pub fn adapter(
+    model: &Model,
+    options: &Options,
+    runs: &[&Trajectory],
+) -> Result<(Box<dyn Adapter>, Used), AdaptError> {
+    if let Some(motion) = model.equations() {
+        let (adapter, used) = least_squares::adapter(model, &motion, &options.least_squares)?;
+        return Ok((Box::new(adapter), Used::LeastSquares(used)));
+    }
+    let Body::Recurrent(network) = &model.body else { return Err(AdaptError::Kind { kind: model.kind() }) };
+    let (adapter, used) = kalman::adapter(model, network, &options.kalman, runs)?;
+    Ok((adapter, Used::Kalman(used)))
 }
 
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
@@ -215,11 +163,12 @@ pub fn adapt(
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
-    let (mut adapter, used) = adapter(model, options)?;
+    let (mut adapter, used) = adapter(model, options, runs)?;
     let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
-    if used.window_s >= longest_s {
-        let dt = model.description.dt;
-        return Err(AdaptError::Window { window_s: used.window_s, dt, longest_s });
+    if let Used::LeastSquares(UsedLeastSquares { window_s, .. }) = used
+        && window_s >= longest_s
+    {
+        return Err(AdaptError::Window { window_s, dt: model.description.dt, longest_s });
     }
     let ranges = model.output_ranges();
     let name = &model.description.name;
@@ -228,34 +177,44 @@ pub fn adapt(
     let frozen = evaluate(name, frozen_session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
         progress(0.5 * done)
     })?;
-    let mut watched = Watched::new(&mut adapter);
+    let filtered = if let Used::Kalman(used) = &used { kalman::filtered(model, &used.noise) } else { None };
+    let frozen_filtered = match filtered {
+        Some(filtered) => {
+            let name = format!("{name}, state filtered");
+            Some(evaluate(&name, filtered.session().as_mut(), &ranges, runs, &options.evaluate, &mut |_| {
+                progress(0.5)
+            })?)
+        }
+        None => None,
+    };
+    let mut watched = Watched::new(adapter.as_mut());
     let adapted =
         evaluate(&format!("{name}, adapted"), &mut watched, &ranges, runs, &options.evaluate, &mut |done| {
             progress(0.5 + 0.5 * done)
         })?;
     let report = Report {
         frozen,
-        frozen_filtered: None,
+        frozen_filtered,
         adapted,
         guard: watched.counts(),
         us_per_sample: watched.times(),
         coverage: watched.coverage(),
-        settings: used,
+        settings: used.clone(),
     };
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    Ok(Adapted { model: learned(model, adapter.weights(), &names, used)?, report })
+    Ok(Adapted { model: learned(model, adapter.weights(), &names, &used)?, report })
 }
 
 /// The model with the weights that an adapter of [`adapter`] has; its provenance says from which runs, and how.
 ///
 /// # Errors
 /// If they are not weights of this model under these settings.
-pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: Used) -> Result<Model, AdaptError> {
-    let equations = with_weights(adaptable(model)?.equations(), weights, used.all_terms)?;
-    let mut model = model.clone();
-    model.body = Body::Equations(Arc::new(equations));
-    // They spread around coefficients that the model no longer has.
-    model.members = Members::default();
+pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: &Used) -> Result<Model, AdaptError> {
+    let mut model = match (used, &model.body) {
+        (Used::LeastSquares(used), _) => least_squares::learned(model, weights, used.all_terms)?,
+        (Used::Kalman(_), Body::Recurrent(network)) => kalman::learned(model, network, weights)?,
+        (Used::Kalman(_), _) => return Err(AdaptError::Weights),
+    };
     let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });
     let settings = &mut model.description.provenance.settings;
     if !settings.is_object() {
@@ -267,26 +226,4 @@ pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: Used) -> Res
         None => settings["adapted"] = serde_json::json!([entry]),
     }
     Ok(model)
-}
-
-/// Equations with other coefficients where there are some, or everywhere.
-fn with_weights(equations: &Equations, weights: &[f64], all_terms: bool) -> Result<Equations, AdaptError> {
-    let adapts = |xi: &f64| all_terms || *xi != 0.0;
-    let mut coefficients = equations.coefficients().to_vec();
-    if coefficients.iter().filter(|xi| adapts(xi)).count() != weights.len() {
-        return Err(AdaptError::Settings(SettingsError::Nothing));
-    }
-    for (xi, weight) in coefficients.iter_mut().filter(|xi| adapts(xi)).zip(weights) {
-        *xi = *weight;
-    }
-    Equations::with_signals(
-        equations.terms().to_vec(),
-        coefficients,
-        equations.outputs(),
-        equations.inputs(),
-        equations.signals().to_vec(),
-        equations.dt(),
-        equations.substeps(),
-    )
-    .map_err(|error| AdaptError::Settings(SettingsError::Equations(error)))
 }

@@ -56,7 +56,8 @@ pub(super) fn choose(
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a count")]
         let epochs = ((TRIAL * settings.epochs as f64) as usize).max(1);
         let budget_s = settings.budget_s.map(|budget| TRIAL * budget);
-        let short = Settings { epochs, budget_s, restarts: 1, patience: None, ..settings.clone() };
+        let short =
+            Settings { epochs, budget_s, restarts: 1, patience: None, refit: false, ..settings.clone() };
         let tell = &mut |status: &train::Status| {
             watch(&train::Status { fraction: TRIAL * (i as f64 + status.fraction) / whole, ..*status })
         };

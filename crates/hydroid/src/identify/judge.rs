@@ -1,9 +1,12 @@
 //! Judging: which runs can, on what windows they do, and which model is best.
 
+use std::sync::Arc;
+
 use super::training::Trained;
 use super::{Candidate, IdentifyError, Job, Parts};
 use crate::evaluate::{self, EvaluateError, evaluate};
 use crate::log::Trajectory;
+use crate::model::{Body, Model};
 use crate::progress::Progress;
 use crate::sindy::SearchError;
 
@@ -64,7 +67,7 @@ pub(super) fn judged(
     let mut candidates = Vec::new();
     for Trained { model, training, train_seconds, .. } in trained {
         let start = candidates.len() as f64;
-        let mut judge = |part, runs: &[&Trajectory], from: f64| {
+        let mut judge = |part, model: &Model, runs: &[&Trajectory], from: f64| {
             let mut report = |f: f64| progress((start + from + 0.5 * f) / count);
             // A session of its own: one that learns must not have seen the other runs.
             let mut session = model.session();
@@ -76,8 +79,13 @@ pub(super) fn judged(
                 }
             })
         };
-        let validation = judge("validation", &parts.validation, 0.0)?;
-        let test = judge("test", &parts.test, 0.5)?;
+        // What has learned from the validation runs has nothing to say on them.
+        let unseeing = training.network().filter(|trained| trained.refit.is_some()).map(|trained| Model {
+            body: Body::Recurrent(Arc::new(trained.unseeing().clone())),
+            ..model.clone()
+        });
+        let validation = judge("validation", unseeing.as_ref().unwrap_or(&model), &parts.validation, 0.0)?;
+        let test = judge("test", &model, &parts.test, 0.5)?;
         candidates.push(Candidate { model, training, train_seconds, validation, test });
     }
     Ok(candidates)

@@ -10,7 +10,9 @@ use super::formulation::{choose, formulations};
 use super::judge::can_be_judged;
 use super::{IdentifyError, Job, Method, Parts};
 use crate::log::Note;
-use crate::train::{self, BaseKind, CellKind, Precision, Schedule, Settings, TrainError, Trained};
+use crate::train::{
+    self, BaseKind, CellKind, Outcome, Precision, Refit, Schedule, Settings, TrainError, Trained,
+};
 
 /// Settings of networks; what is not given is the default of [`Settings::of`] the cell. See there for what each is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -47,6 +49,8 @@ pub struct NetworkSettings {
     pub clip: Option<f64>,
     /// Trainings from different first weights.
     pub restarts: Option<usize>,
+    /// Whether what was chosen learns from training and validation runs together in the end.
+    pub refit: Option<bool>,
     /// Precision of the training.
     pub precision: Option<Precision>,
     /// Epochs without a better validation error after which a restart gives up.
@@ -60,7 +64,8 @@ impl NetworkSettings {
         macro_rules! put {
             ($($field:ident)*) => { $(if let Some(value) = &self.$field { into.$field = value.clone(); })* };
         }
-        put!(hidden read_out feedback base epochs batch learning_rate schedule weight_decay clip restarts precision);
+        put!(hidden read_out feedback base epochs batch learning_rate schedule weight_decay clip restarts);
+        put!(refit precision);
         put!(channel_weights);
         into.layers = self.layers.or(into.layers);
         into.projection = self.projection.or(into.projection);
@@ -271,7 +276,28 @@ pub(super) fn train(
         (result, _) => result,
     };
     let trained = trained.map_err(wrong)?;
+    notes.extend(trained.refit.as_ref().map(|refit| of_refit(method, &trained, refit)));
     Ok((settings, trained))
+}
+
+/// What is to be known of a training on all runs.
+fn of_refit(method: Method, trained: &Trained, refit: &Refit) -> Note {
+    let name = method.name();
+    match refit.outcome {
+        Outcome::Taken => Note::info(format!(
+            "{name}: trained once more over {} epochs on training and validation runs together; its errors on the validation runs are those of the network before",
+            trained.history.len()
+        )),
+        Outcome::Worse => Note::warning(format!(
+            "{name}: the training on training and validation runs together went wrong (error {:.3} on the validation runs, {:.3} before it): the network before it stands",
+            refit.validation, trained.validation
+        ))
+        .with_remedy("a smaller learning_rate, or another --seed"),
+        Outcome::Budget => Note::warning(format!(
+            "{name}: the time was over before it had learned from training and validation runs together: the network before it stands"
+        ))
+        .with_remedy("a longer --budget"),
+    }
 }
 
 /// Renames a checkpoint that this training cannot go on from.
@@ -301,5 +327,6 @@ pub(super) fn provenance(job: &Job, settings: &Settings, trained: &Trained) -> s
         "restart": trained.restart,
         "restarts": trained.restarts,
         "ending": trained.ending,
+        "refit": trained.refit.as_ref().map(|refit| refit.outcome),
     })
 }

@@ -10,7 +10,7 @@ use super::{
     Candidate, IdentifyError, Job, Method, Parts, equations, networks as recurrent, overview, recursive,
 };
 use crate::evaluate::DesignRange;
-use crate::log::{Channel, Note, Trajectory};
+use crate::log::{Channel, Note, Trajectory, noise_level};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use crate::sindy::Found;
 use crate::train;
@@ -60,13 +60,17 @@ impl Training {
                 format!("chosen among {} settings", found.trials.len())
             }
             Self::Recurrent(trained) => format!(
-                "epoch {} of {}{}",
+                "epoch {} of {}{}{}",
                 trained.best_epoch,
                 trained.history.len(),
                 if trained.restarts.len() > 1 {
                     format!(", the best of {} restarts", trained.restarts.len())
                 } else {
                     String::new()
+                },
+                match &trained.refit {
+                    Some(refit) if refit.is_taken() => ", then trained again on all runs",
+                    _ => "",
                 }
             ),
         }
@@ -161,8 +165,13 @@ pub(super) fn train_by(
             let (settings, trained) = recurrent::train(job, parts, method, base, networks, notes, watch)?;
             let told = recurrent::provenance(job, &settings, &trained);
             let body = Body::Recurrent(Arc::new(trained.model.clone()));
+            let mut model = describe(job, parts, method, body, told);
+            if trained.refit.as_ref().is_some_and(train::Refit::is_taken) {
+                let Provenance { training, validation, .. } = &mut model.description.provenance;
+                training.extend_from_slice(validation);
+            }
             let score = trained.validation;
-            (describe(job, parts, method, body, told), Training::Recurrent(Arc::new(trained)), score)
+            (model, Training::Recurrent(Arc::new(trained)), score)
         }
     };
     Ok(Trained { model, training, train_seconds: clock.elapsed().as_secs_f64(), score })
@@ -179,10 +188,16 @@ fn describe(
         settings["ranges_given"] = serde_json::json!(parts.given);
     }
     let run = parts.train[0];
+    let noise = noise_level(&parts.train);
+    let noise = |channel: &Channel| {
+        let output = run.outputs.channels().iter().position(|output| output.name == channel.name);
+        output.map(|i| noise[i]).filter(|std| *std > 0.0)
+    };
     let port = |((channel, &range), &visited): ((&Channel, &DesignRange), &DesignRange)| Port {
         channel: channel.clone(),
         range,
         visited: parts.given.contains(&channel.name).then_some(visited),
+        noise: noise(channel),
     };
     let ports = |channels: &[Channel], ranges: &[DesignRange], visited: &[DesignRange]| {
         channels.iter().zip(ranges).zip(visited).map(port).collect()

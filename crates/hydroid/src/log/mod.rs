@@ -30,7 +30,7 @@ pub use clock::Clock;
 pub use columns::rows;
 pub use csv::{BadCell, FirstStamp, RawColumn, RawLog, read, read_from};
 pub use error::LogError;
-pub use inspect::{Inspection, inspect};
+pub use inspect::{Inspection, inspect, noise_level};
 pub use note::{Note, Severity};
 pub use prepare::{PrepareOptions, Prepared, prepare};
 pub use selection::{ChannelSpec, Selection, Wind};

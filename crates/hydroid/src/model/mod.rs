@@ -92,6 +92,9 @@ pub struct Port {
     /// Range of the training runs, where another was stated. (Older files do not have it.)
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visited: Option<DesignRange>,
+    /// Standard deviation of the white noise of an output in the training runs. (Inputs and older files do not have it.)
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<f64>,
 }
 
 /// Where a model comes from: enough to make it again.

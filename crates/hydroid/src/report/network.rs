@@ -7,7 +7,7 @@ use super::number::{self, fixed};
 use super::page::{Section, cell, columns, figure, table};
 use super::{ReportError, Subject, style};
 use crate::identify::Candidate;
-use crate::train::{Ending, Trained};
+use crate::train::{Ending, Refit, Trained};
 
 /// The section; nothing where no network was trained.
 pub(super) fn section(subject: &Subject<'_>) -> Result<Option<Section>, ReportError> {
@@ -43,9 +43,17 @@ fn about(candidate: &Candidate, trained: &Trained) -> Markup {
         h4 { (candidate.model.description.name) }
         ul {
             @for line in candidate.model.network_text() { li { (line) } }
-            li { (number::count(candidate.model.weights())) " weights, of " (ending(trained)) }
+            li {
+                (number::count(candidate.model.weights())) " weights, of " (ending(trained))
+                @if learned_from_all(trained) { ", then trained again on training and validation runs together" }
+            }
         }
     }
+}
+
+/// Whether the model has learned from the validation runs as well.
+fn learned_from_all(trained: &Trained) -> bool {
+    trained.refit.as_ref().is_some_and(Refit::is_taken)
 }
 
 fn ending(trained: &Trained) -> String {
@@ -122,6 +130,11 @@ pub(super) fn choice(trained: &Trained) -> Markup {
             "and the epoch with the least mean NRMSE over all outputs and horizons was kept. The test runs had no say. "
             "A window lets the state find itself for " (number::count(trained.wash_out)) " samples and then compares "
             (number::count(trained.window)) "."
+            @if learned_from_all(trained) {
+                " Then the same training was made once more on training and validation runs together, to its end: the model "
+                "has the weights of that. Its errors on the validation runs are those of the network before, which had not "
+                "learned from them."
+            }
         }
     }
 }

@@ -30,6 +30,9 @@
 //! a training carries such a bit far. Only a budget in seconds depends on the machine: it decides the number of epochs before the
 //! first, and [`Trained::epochs`] says what it decided.
 //!
+//! **All runs.** With [`Settings::refit`] what was chosen is trained once more on training and validation runs together
+//! ([`refit`]).
+//!
 //! **The optimizer** is Adam with decoupled weight decay, on a gradient that is shortened if long, under a
 //! [`schedule`](mod@schedule) that knows its end.
 
@@ -44,6 +47,7 @@ mod judge;
 mod loss;
 mod plan;
 mod random;
+mod refit;
 mod scaling;
 pub mod schedule;
 mod settings;
@@ -72,6 +76,7 @@ use checkpoint::Keeper;
 use team::Team;
 
 pub use error::TrainError;
+pub use refit::{Outcome, Refit, refit_checkpoint};
 pub use settings::{BaseKind, CellKind, Precision, Schedule, Settings};
 
 /// What to train on.
@@ -147,7 +152,8 @@ pub enum Ending {
 /// A model that was trained, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trained {
-    /// The model with the best weights of the best restart.
+    /// The model with the best weights of the best restart, or, if a [`refit`](Self::refit) was taken, with those that
+    /// have learned from the validation runs as well.
     pub model: Recurrent,
     /// The epochs of that restart.
     pub history: Vec<Epoch>,
@@ -170,6 +176,16 @@ pub struct Trained {
     pub window: usize,
     /// Time that it took \[s\].
     pub seconds: f64,
+    /// What came of learning from the validation runs as well, where that was asked for. All other figures are of the
+    /// training before.
+    pub refit: Option<Refit>,
+}
+
+impl Trained {
+    /// The network to judge on validation runs: it has not learned from them.
+    pub fn unseeing(&self) -> &Recurrent {
+        self.refit.as_ref().map_or(&self.model, |refit| &refit.before)
+    }
 }
 
 /// Trains a recurrent model.
@@ -197,11 +213,45 @@ fn run<T: Scalar>(
     checkpoint: Option<&Path>,
     watch: Watch<'_>,
 ) -> Result<Trained, TrainError> {
+    if settings.refit {
+        return refit::train::<T>(job, settings, checkpoint, watch);
+    }
+    let (team, ending, clock) = advance::<T>(job, settings, checkpoint, watch, Aim::Choose)?;
+    finish(&team, settings, ending, &clock)
+}
+
+/// What the epochs of a training are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Aim {
+    /// To find the best of them; where there is a budget, as many as fit it.
+    Choose,
+    /// To get to the last of them, from the first weights of this restart: only that one is judged.
+    End { restart: usize },
+}
+
+impl Aim {
+    /// The first of the restarts.
+    fn first(self) -> usize {
+        match self {
+            Self::Choose => 0,
+            Self::End { restart } => restart,
+        }
+    }
+}
+
+/// Trains to the end.
+fn advance<T: Scalar>(
+    job: &Job<'_>,
+    settings: &Settings,
+    checkpoint: Option<&Path>,
+    watch: Watch<'_>,
+    aim: Aim,
+) -> Result<(Team<T>, Ending, Clock), TrainError> {
     let mut clock = Clock::start(settings.budget_s);
-    let mut team = Team::<T>::new(plan::plan(job, settings)?);
+    let mut team = Team::<T>::new(plan::plan(job, settings)?, aim);
     let mut keeper = Keeper::open(checkpoint, job, settings);
     let begun = keeper.resume(&mut team)?;
-    if begun.is_none() {
+    if begun.is_none() && aim == Aim::Choose {
         team.plan.epochs = clock.epochs(&mut team, |team| match watch(&status(team, 0, 0.0, f64::NAN)) {
             ControlFlow::Continue(()) => Ok(()),
             ControlFlow::Break(()) => Err(Cancelled.into()),
@@ -236,7 +286,7 @@ fn run<T: Scalar>(
         ending = Ending::Patience;
     }
     keeper.flush()?;
-    finish(&team, settings, ending, &clock)
+    Ok((team, ending, clock))
 }
 
 fn status<T: Scalar>(team: &Team<T>, epoch: usize, done: f64, seconds_left: f64) -> Status {
@@ -288,5 +338,6 @@ fn finish<T: Scalar>(
         wash_out: plan.shape.wash_out,
         window: plan.shape.length,
         seconds: clock.seconds(),
+        refit: None,
     })
 }

@@ -108,6 +108,9 @@ pub struct Settings {
     pub clip: f64,
     /// Trainings from different first weights, in parallel; the best on validation runs is kept.
     pub restarts: usize,
+    /// Whether what was chosen is trained once more, over as many epochs, on training and validation runs together; the
+    /// model has the last weights of that, unless it went wrong ([`Refit`](super::Refit)).
+    pub refit: bool,
     /// Seed of first weights and of the order of windows.
     pub seed: u64,
     /// Precision of the training.
@@ -144,6 +147,7 @@ impl Default for Settings {
             weight_decay: 0.0,
             clip: 1.0,
             restarts: 1,
+            refit: false,
             seed: 0,
             precision: Precision::F32,
             budget_s: None,

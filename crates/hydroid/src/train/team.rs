@@ -12,7 +12,7 @@ use super::loss::{Loss, Sums};
 use super::random::{Purpose, stream};
 use super::unroll::Chunk;
 use super::windows::{ScaledRun, Shape, Window, shuffled};
-use super::{Epoch, Settings, init, schedule};
+use super::{Aim, Epoch, Settings, init, schedule};
 
 /// Windows of a chunk: enough to fill the widest vectors, few enough that a small batch keeps two threads busy.
 const CHUNK: usize = 16;
@@ -89,6 +89,7 @@ impl<T: Scalar> Plan<T> {
 pub(super) struct Team<T> {
     pub(super) plan: Plan<T>,
     pub(super) members: Vec<Member<T>>,
+    aim: Aim,
     /// Steps of the present epoch.
     batches: usize,
     epoch: usize,
@@ -114,9 +115,10 @@ impl<T> Pool<T> {
 }
 
 impl<T: Scalar> Team<T> {
-    pub(super) fn new(plan: Plan<T>) -> Self {
+    pub(super) fn new(plan: Plan<T>, aim: Aim) -> Self {
         let members = (0..plan.settings.restarts)
             .map(|restart| {
+                let restart = aim.first() + restart;
                 let mut rng = stream(plan.settings.seed, Purpose::Weights, restart, 0);
                 let weights = init::weights::<T>(&plan.network, &mut rng);
                 let count = weights.len();
@@ -139,7 +141,7 @@ impl<T: Scalar> Team<T> {
             })
             .collect();
         let [learners, judges] = [0, 1].map(|_| Pool(Mutex::default()));
-        Self { plan, members, batches: 0, epoch: 0, learners, judges }
+        Self { plan, members, aim, batches: 0, epoch: 0, learners, judges }
     }
 
     /// Begins an epoch, counted from 0; gives its number of steps.
@@ -148,6 +150,7 @@ impl<T: Scalar> Team<T> {
         self.batches = self.plan.batches(windows.len());
         self.epoch = epoch;
         for (restart, member) in self.members.iter_mut().enumerate().filter(|(_, member)| !member.idle) {
+            let restart = self.aim.first() + restart;
             let mut rng = stream(self.plan.settings.seed, Purpose::Order, restart, epoch);
             member.order = shuffled(&windows, &mut rng);
             member.sums.fill([0.0; 2]);
@@ -246,9 +249,11 @@ impl<T: Scalar> Team<T> {
         self.members.iter().map(|member| if member.idle { f64::INFINITY } else { score(member) }).collect()
     }
 
-    /// Ends an epoch: judges, keeps the best weights, and lets those give up who have not been better for long.
+    /// Ends an epoch: judges, keeps the best weights, and lets those give up who have not been better for long. Where
+    /// the last weights are wanted, the others are not judged.
     pub(super) fn end(&mut self) {
-        let scores = self.judge();
+        let wanted = self.aim == Aim::Choose || self.epoch + 1 == self.plan.epochs;
+        let scores = if wanted { self.judge() } else { vec![f64::INFINITY; self.members.len()] };
         let learning_rate = self.rate(self.batches);
         let patience = self.plan.settings.patience;
         for (member, validation) in self.members.iter_mut().zip(scores).filter(|(member, _)| !member.idle) {

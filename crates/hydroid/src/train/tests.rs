@@ -149,7 +149,7 @@ fn lanes_without_a_window_count_for_nothing() {
 }
 
 fn team(settings: &Settings) -> Team<f64> {
-    Team::new(plan_of(settings, &[]))
+    Team::new(plan_of(settings, &[]), Aim::Choose)
 }
 
 /// What a training of one epoch leaves, and the numbers of its job.

@@ -14,7 +14,7 @@ use hydroid::log::{LogError, Note};
 use hydroid::model::{self, Model, Reading};
 
 use super::super::Outcome;
-use crate::args::{Adapt, Global, Horizon};
+use crate::args::{Adapt, Against, Global, Horizon, Origin};
 use crate::ui;
 
 /// Horizons where none are asked for \[samples\].
@@ -34,12 +34,15 @@ struct Service {
 pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> anyhow::Result<Outcome> {
     let judging = args.judging;
     ensure!(
-        judging.horizon == Horizon::Samples(100) && judging.origin_stride == 1,
-        "--horizon and --origin-stride judge a log that is read as a whole; a stream has --horizons 1,10,100"
+        judging.horizon == Horizon::Samples(100)
+            && judging.origin_stride == 1
+            && judging.origin == Origin::Measured
+            && judging.against == Against::Measurement,
+        "--horizon, --origin-stride, --origin and --against judge a log that is read as a whole; a stream has --horizons 1,10,100"
     );
     let piped = args.run == Path::new("-");
     let name = if piped { "standard input".to_owned() } else { args.run.display().to_string() };
-    let (adapter, used) = adapt::adapter(model, &super::options(args, model.description.dt))
+    let (adapter, used) = adapt::adapter(model, &super::options(args, model)?, &[])
         .context("the model cannot learn from a stream")?;
     let options = Options {
         name: name.clone(),
@@ -47,7 +50,7 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
         horizons: args.stream.horizons.clone().unwrap_or_else(|| HORIZONS.to_vec()),
         timing: args.stream.timing,
     };
-    let mut stream = Stream::new(model, Box::new(adapter), options)?;
+    let mut stream = Stream::new(model, adapter, options)?;
     if let Some(path) = &args.stream.state {
         let file =
             std::fs::read(&args.model).with_context(|| format!("{} cannot be read", args.model.display()))?;
@@ -75,7 +78,7 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
         global,
         finished: false,
     };
-    serve(reader, Arc::new(Mutex::new(service)))
+    serve(reader, &Arc::new(Mutex::new(service)))
 }
 
 /// Nothing that was in use when another thread panicked is half-done: answers are written whole.
@@ -83,8 +86,8 @@ fn lock(service: &Mutex<Service>) -> MutexGuard<'_, Service> {
     service.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn serve(reader: Box<dyn BufRead>, service: Arc<Mutex<Service>>) -> anyhow::Result<Outcome> {
-    let interrupted = Arc::clone(&service);
+fn serve(reader: Box<dyn BufRead>, service: &Arc<Mutex<Service>>) -> anyhow::Result<Outcome> {
+    let interrupted = Arc::clone(service);
     // Who waits for a line cannot look out for an interruption. A line that is being answered is finished first.
     ui::at_interrupt(move || {
         let mut service = lock(&interrupted);
@@ -103,11 +106,11 @@ fn serve(reader: Box<dyn BufRead>, service: Arc<Mutex<Service>>) -> anyhow::Resu
     let mut lines = Lines::new(reader);
     let mut out = std::io::stdout();
     loop {
-        let name = || lock(&service).name.clone();
+        let name = || lock(service).name.clone();
         let Some(line) = lines.next_line().map_err(|source| LogError::Read { path: name(), source })? else {
             break;
         };
-        let mut service = lock(&service);
+        let mut service = lock(service);
         let served = service.stream.serve(line, &mut out);
         let notes = service.stream.take_notes();
         ui::tell(&notes, service.global);
@@ -117,7 +120,7 @@ fn serve(reader: Box<dyn BufRead>, service: Arc<Mutex<Service>>) -> anyhow::Resu
             other => other?,
         }
     }
-    let mut service = lock(&service);
+    let mut service = lock(service);
     if !service.stream.has_begun() {
         return Err(LogError::Empty { path: service.name.clone() }.into());
     }
@@ -135,7 +138,7 @@ impl Service {
             let run = Path::new(&self.name)
                 .file_name()
                 .map_or(Cow::Borrowed(self.name.as_str()), |name| name.to_string_lossy());
-            let learned = adapt::learned(&self.model, self.stream.weights(), &[&run], self.used)?;
+            let learned = adapt::learned(&self.model, self.stream.weights(), &[&run], &self.used)?;
             model::write(&learned, path)?;
         }
         if !self.global.quiet {

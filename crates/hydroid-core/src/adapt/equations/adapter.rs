@@ -71,7 +71,7 @@ impl Adapter for RecursiveEquations {
         self.innovations.clear();
     }
 
-    /// Known after some rows; see [`Spread`] for what they are made of.
+    /// Known after some rows: of what the sensors add, what the equations leave out, and uncertain coefficients.
     fn deviations(
         &mut self,
         commands: &[f64],

@@ -48,8 +48,7 @@ impl RecurrentSession {
         let len = front_len(&model) + model.network.state_len();
         let scratch = vec![0.0; scratch_len(&model, &weights)];
         let filter = model.state_filter.as_ref().map(|filter| Covariance::new(filter, &weights));
-        let mut session =
-            Self { model, weights, state: vec![0.0; len], scratch, filter, own_weights: false };
+        let mut session = Self { model, weights, state: vec![0.0; len], scratch, filter, own_weights: false };
         session.reset();
         Ok(session)
     }

@@ -85,7 +85,8 @@ impl Clock {
         let steps = ((t - self.place) / self.dt).round();
         let late = t - self.place - steps * self.dt;
         let fast = self.interval < FASTER * self.dt;
-        if steps < 1.0 || fast && late < -0.5 * self.interval {
+        // More steps than a gap has come from a state that is none.
+        if !(1.0..=MOST_SKIPPED + 1.0).contains(&steps) || fast && late < -0.5 * self.interval {
             return Arrival::Between;
         }
         self.place += steps * self.dt;

@@ -59,7 +59,8 @@ impl Layout {
         model.check(&[Trajectory {
             name: name.to_owned(),
             t0: 0.0,
-            dt: model.description.dt,
+            // Of a stream with a clock it is the model that decides; another step that is said is a mistake.
+            dt: reading.options.dt.unwrap_or(model.description.dt),
             outputs: Table::new(outputs, Vec::new()),
             inputs: Table::new(inputs, Vec::new()),
             truth: None,
@@ -91,8 +92,8 @@ fn csv(line: &str, name: &str) -> Result<(Format, RawLog), LogError> {
     Ok((format, RawLog { path: name.to_owned(), columns, lines: Vec::new() }))
 }
 
-/// The keys of the first object are the columns. A channel that it leaves out may come later; that it has none
-/// of the outputs, or no time, is a mistake.
+/// The keys of the first object are the columns. An output that it leaves out may come later; that it has none of
+/// them, or not all commands, is a mistake: nothing could be predicted.
 fn object(
     line: &str,
     name: &str,
@@ -105,13 +106,12 @@ fn object(
     let mut log = RawLog { path: name.to_owned(), columns, lines: Vec::new() };
     let selection = &reading.selection;
     let wind = selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]);
-    for (specs, enough) in [
-        (selection.outputs.iter().collect::<Vec<_>>(), 1),
-        (selection.inputs.iter().chain(wind).collect(), 0),
-    ] {
+    let outputs: Vec<&ChannelSpec> = selection.outputs.iter().collect();
+    let commands: Vec<&ChannelSpec> = selection.inputs.iter().chain(wind).collect();
+    for (specs, least) in [(outputs, 1), (commands.clone(), commands.len())] {
         let absent: Vec<&ChannelSpec> =
             specs.iter().copied().filter(|spec| find(&log, &spec.column).is_none()).collect();
-        if let Some(first) = absent.first().filter(|_| specs.len() < absent.len() + enough) {
+        if let Some(first) = absent.first().filter(|_| specs.len() < absent.len() + least) {
             return Err(unknown(&log, &first.column));
         }
         for spec in absent {

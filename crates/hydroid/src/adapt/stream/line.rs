@@ -110,21 +110,21 @@ impl Place<'_> {
         let columns = &self.layout.columns;
         sample.t = match &columns.time {
             Time::Even(dt) => row as f64 * dt,
-            Time::Column { source, .. } => self.time(item(source.column)?, source, comma)?,
+            Time::Column { source, .. } => self.time(&item(source.column)?, source, comma)?,
         };
         sample.outputs.clear();
         for source in &columns.outputs {
-            let value = self.value(item(source.column)?, source, comma)?;
+            let value = self.value(&item(source.column)?, source, comma)?;
             sanity::check_value(&source.channel, value, &self.layout.name, self.line)?;
             sample.outputs.push(value);
         }
         sample.inputs.clear();
         for source in &columns.inputs {
-            sample.inputs.push(self.value(item(source.column)?, source, comma)?);
+            sample.inputs.push(self.value(&item(source.column)?, source, comma)?);
         }
         if let Some([speed, direction]) = &columns.wind {
-            let square = self.value(item(speed.column)?, speed, comma)?.powi(2);
-            let angle = self.value(item(direction.column)?, direction, comma)?;
+            let square = self.value(&item(speed.column)?, speed, comma)?.powi(2);
+            let angle = self.value(&item(direction.column)?, direction, comma)?;
             if direction.channel.unit.is_empty() && angle.abs() > std::f64::consts::TAU + 0.01 {
                 let name = &self.layout.names[direction.column];
                 return Err(self.bad(format!(
@@ -136,9 +136,9 @@ impl Place<'_> {
         Ok(())
     }
 
-    fn time(&self, item: Item<'_>, source: &Source, comma: bool) -> Result<f64, LogError> {
+    fn time(&self, item: &Item<'_>, source: &Source, comma: bool) -> Result<f64, LogError> {
         let column = &self.layout.names[source.column];
-        let t = match &item {
+        let t = match item {
             Item::Number(t) => t * source.factor,
             Item::Missing => f64::NAN,
             Item::Text(text) => match number(text, comma) {
@@ -160,9 +160,9 @@ impl Place<'_> {
         Ok(t)
     }
 
-    fn value(&self, item: Item<'_>, source: &Source, comma: bool) -> Result<f64, LogError> {
+    fn value(&self, item: &Item<'_>, source: &Source, comma: bool) -> Result<f64, LogError> {
         let column = &self.layout.names[source.column];
-        let value = match &item {
+        let value = match item {
             Item::Missing => return Ok(f64::NAN),
             Item::Number(x) => *x,
             Item::Text(text) => match number(text, comma) {

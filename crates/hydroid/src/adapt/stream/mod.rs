@@ -11,13 +11,14 @@
 //! | `clock`, `commands` | the place of a sample on the model's grid; which command acts where |
 //! | `session` | the walk of the adapter |
 //! | `answer`, `latency`, `summary` | what is said of it |
-//! | [`State`] | the file from which a stream goes on after it was killed |
+//! | [`State`], `keep` | the file from which a stream goes on after it was killed |
 //!
 //! A line that cannot be used is answered as well, and changes nothing.
 
 mod answer;
 mod clock;
 mod commands;
+mod keep;
 mod latency;
 mod layout;
 mod line;
@@ -28,12 +29,10 @@ mod summary;
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
-use serde::Serialize;
-use serde_json::Value;
 
 use super::Coverage;
 use crate::atomic::WriteError;
@@ -43,6 +42,7 @@ use crate::model::{Mismatch, Model, Reading};
 use answer::{Status, Writer};
 use clock::{Arrival, Clock};
 use commands::Commands;
+use keep::Keeper;
 use latency::Latency;
 use layout::Layout;
 use line::Sample;
@@ -54,9 +54,6 @@ pub use summary::{LineCounts, Summary};
 
 /// Farthest horizon \[samples\].
 pub const FARTHEST: usize = 10_000;
-
-/// Log time \[s\] that a kill may cost at the most.
-const KEPT_EVERY_S: f64 = 1.0;
 
 /// Gaps \[s\] from which on a time without a unit is doubted to be in seconds.
 const DOUBTFUL_S: f64 = 30.0;
@@ -105,7 +102,9 @@ pub enum StreamError {
 /// Tells one model file from another.
 pub fn fingerprint(file: &[u8]) -> String {
     let mut fnv = Fnv::new();
-    file.iter().for_each(|&byte| fnv.byte(byte));
+    for &byte in file {
+        fnv.byte(byte);
+    }
     fnv.hex()
 }
 
@@ -129,16 +128,6 @@ pub struct Stream {
     notes: Vec<Note>,
     /// Time up to which an earlier session has answered.
     answered: Option<f64>,
-}
-
-/// Where the state is kept, and of what.
-struct Keeper {
-    path: PathBuf,
-    model: String,
-    settings: Value,
-    /// Time of the last sample in the file; NaN before the first.
-    kept: f64,
-    failed: bool,
 }
 
 impl Stream {
@@ -174,37 +163,6 @@ impl Stream {
             notes: Vec::new(),
             answered: None,
         })
-    }
-
-    /// Keeps the state in a file from now on, once in a second of the stream at the least, and goes on from it if
-    /// it is there: lines up to its time are then skipped. `model` is the [`fingerprint`] of the model's file,
-    /// `settings` are those of the adapter. Gives the time that it goes on from.
-    ///
-    /// # Errors
-    /// If the file is there and is not a state of this model with these settings.
-    pub fn keep_in(
-        &mut self,
-        path: &Path,
-        model: String,
-        settings: &impl Serialize,
-    ) -> Result<Option<f64>, StreamError> {
-        let wrong = |reason: String| StreamError::State { path: path.to_owned(), reason };
-        let settings = serde_json::json!({ "learning": settings, "reading": self.options.reading });
-        let state = State::read(path)?;
-        if let Some(state) = &state {
-            state.fits(&model, &settings).map_err(wrong)?;
-            let lens = (state.commands.len(), state.memory.len());
-            if lens != (self.commands.memory_len(), self.session.adapter().memory_len()) {
-                return Err(wrong("it has another size; remove it to start anew".to_owned()));
-            }
-            self.clock.recall(state.clock);
-            self.commands.recall(&state.commands);
-            self.session.adapter_mut().load(&state.memory);
-            self.answered = Some(self.clock.taken());
-        }
-        let (path, kept) = (path.to_owned(), self.clock.taken());
-        self.keeper = Some(Keeper { path, model, settings, kept, failed: false });
-        Ok(self.answered)
     }
 
     /// Takes a line, and writes and flushes its answer if it has one: the header and blank lines have none. Then
@@ -322,7 +280,7 @@ impl Stream {
                 say(&mut self.note, format_args!("{deviations:.1} standard deviations off"));
             }
             Outcome::Rejected(Rejection::NotFinite) => {
-                say(&mut self.note, format_args!("too large to learn from"))
+                say(&mut self.note, format_args!("too large to learn from"));
             }
             Outcome::Waiting | Outcome::Accepted | Outcome::RolledBack => {}
         }
@@ -339,55 +297,6 @@ impl Stream {
         if !self.commands.known() {
             say(&mut self.note, format_args!("the command that acts now is not known yet"));
         }
-    }
-
-    /// Writes the state where the next sample might come too late for it.
-    fn keep_if_due(&mut self) -> Result<(), StreamError> {
-        let (t, dt) = (self.clock.taken(), self.model.description.dt);
-        match &mut self.keeper {
-            // Half a step more: a sample may be so far from its place.
-            Some(keeper) if keeper.kept.is_nan() && !t.is_nan() => self.keep(),
-            Some(keeper) if t - keeper.kept + 1.5 * dt > KEPT_EVERY_S && t > keeper.kept => {
-                let failed = keeper.failed;
-                // A full disk must not stop a vessel from being predicted; a place that never could be written is
-                // told at the first sample.
-                let result = self.keep();
-                if let (Err(error), Some(keeper)) = (&result, &mut self.keeper) {
-                    keeper.failed = true;
-                    if !failed {
-                        self.notes.push(Note::warning(error.to_string()));
-                    }
-                }
-                Ok(())
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn keep(&mut self) -> Result<(), StreamError> {
-        let Some(keeper) = &mut self.keeper else { return Ok(()) };
-        let adapter = self.session.adapter();
-        let mut memory = vec![0.0; adapter.memory_len()];
-        adapter.save(&mut memory);
-        let state = State {
-            model: keeper.model.clone(),
-            settings: keeper.settings.clone(),
-            clock: self.clock.memory(),
-            commands: self.commands.memory(),
-            memory,
-        };
-        state.write(&keeper.path)?;
-        (keeper.kept, keeper.failed) = (self.clock.taken(), false);
-        Ok(())
-    }
-
-    /// Keeps the state at the end, or where the work is interrupted.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn finish(&mut self) -> Result<(), StreamError> {
-        let behind = |keeper: &Keeper| self.clock.taken() > keeper.kept || keeper.kept.is_nan();
-        if !self.clock.is_new() && self.keeper.as_ref().is_some_and(behind) { self.keep() } else { Ok(()) }
     }
 
     /// Whether the header, or the first object, has come.

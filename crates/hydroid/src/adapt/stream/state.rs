@@ -52,7 +52,9 @@ fn sum(clock: &[f64], commands: &[f64], memory: &[f64]) -> String {
     let mut fnv = Fnv::new();
     for part in [clock, commands, memory] {
         fnv.word(part.len() as u64);
-        part.iter().for_each(|&x| fnv.number(x));
+        for &x in part {
+            fnv.number(x);
+        }
     }
     fnv.hex()
 }

@@ -11,7 +11,7 @@ mod stats;
 
 pub use delay::{Confidence, DelayEstimate};
 pub use excitation::InputReport;
-pub use noise::NoiseReport;
+pub use noise::{NoiseReport, noise_level};
 pub use stats::{ColumnReport, Disagreement};
 
 use super::clock::Clock;

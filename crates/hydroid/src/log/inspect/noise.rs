@@ -90,6 +90,25 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
     reports
 }
 
+/// Standard deviation of the white noise of each output; where none is to be seen, of what second differences have of it at
+/// the most. It is 0 for an output that does not move.
+pub fn noise_level(runs: &[&Trajectory]) -> Vec<f64> {
+    let outputs = runs.first().map_or(0, |run| run.outputs.channels().len());
+    let level = |i: usize| {
+        let second: Vec<Vec<f64>> = runs
+            .iter()
+            .map(|run| {
+                let y: Vec<f64> = run.outputs.column(i).collect();
+                y.windows(3).map(|y| y[2] - 2.0 * y[1] + y[0]).collect()
+            })
+            .collect();
+        let white = correlation(&second, 1).is_some_and(|ratio| ratio < -0.5);
+        let variance = if white { -covariance(&second, 1).0 / 4.0 } else { covariance(&second, 0).0 / 6.0 };
+        variance.max(0.0).sqrt()
+    };
+    (0..outputs).map(level).collect()
+}
+
 /// Autocovariance at a lag over all runs, around zero, and the number of products it is the mean of.
 fn covariance(series: &[Vec<f64>], lag: usize) -> (f64, usize) {
     let (mut sum, mut n) = (0.0, 0_usize);

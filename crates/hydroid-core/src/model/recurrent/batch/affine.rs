@@ -8,9 +8,9 @@
 use pulp::Simd;
 
 use super::LANES;
-use crate::math::aligned::Aligned;
 use super::kernel::{self, ROWS, Rows, RowsMut};
 use crate::math::Scalar;
+use crate::math::aligned::Aligned;
 
 /// Where the weights of an affine map stand in the flat weights of a network.
 #[derive(Clone, Copy, Debug, Default)]

@@ -2,10 +2,10 @@
 
 use core::mem;
 
-use crate::math::aligned::Aligned;
 use super::cells::{Cells, Forward};
 use super::{clear_padding, padded};
 use crate::math::Scalar;
+use crate::math::aligned::Aligned;
 use crate::model::recurrent::network::Network;
 
 /// A batch of sequences walked forward, each state in the place of the one before it: what tries many commands.

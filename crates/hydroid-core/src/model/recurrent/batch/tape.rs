@@ -1,9 +1,9 @@
 //! A batch of sequences with a record for backpropagation through time.
 
-use crate::math::aligned::Aligned;
 use super::cells::{Back, Cells, Forward};
 use super::{clear_padding, padded};
 use crate::math::Scalar;
+use crate::math::aligned::Aligned;
 use crate::model::recurrent::network::Network;
 
 /// A batch of sequences that is walked step by step, forward and back.

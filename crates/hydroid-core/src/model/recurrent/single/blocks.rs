@@ -26,6 +26,8 @@ pub struct Blocks {
     places: Vec<Vec<usize>>,
     /// Blocks of the units and of the projection; those of the read-out come after them.
     transition: usize,
+    /// The first block after the units.
+    projection: usize,
     /// The first block of the last layer.
     last_layer: usize,
 }
@@ -50,6 +52,7 @@ impl Blocks {
             }
         }
         let last_layer = (layout.layers.len() - 1) * units;
+        let units_end = places.len();
         if let Some(projection) = &layout.projection {
             places.extend(projection.clone().collect::<Vec<_>>().chunks(units).map(<[usize]>::to_vec));
         }
@@ -60,7 +63,7 @@ impl Blocks {
                 (weight.start + i * shown..weight.start + (i + 1) * shown).chain([bias]).collect::<Vec<_>>()
             }));
         }
-        Self { rows, places, transition, last_layer }
+        Self { rows, places, transition, projection: units_end, last_layer }
     }
 
     /// Rows that every block counts.
@@ -76,6 +79,15 @@ impl Blocks {
     /// Blocks that the state depends on; the outputs alone depend on the others.
     pub fn transition(&self) -> usize {
         self.transition
+    }
+
+    /// The first block of what the outputs are read out by: the read-out, or the projection where that is the output.
+    pub fn read_out(&self) -> usize {
+        if self.transition < self.places.len() {
+            self.transition
+        } else {
+            self.projection.min(self.transition)
+        }
     }
 
     /// The first block of the last layer.

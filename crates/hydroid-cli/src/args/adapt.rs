@@ -1,0 +1,154 @@
+//! Arguments of `hydroid adapt`.
+
+use std::path::PathBuf;
+
+use clap::{Args as ClapArgs, ValueEnum};
+use hydroid::adapt::Which;
+
+use super::values::NamedNumber;
+use super::{Judging, LogArgs};
+
+/// How equations learn.
+#[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
+#[command(next_help_heading = "Learning of equations")]
+pub struct EquationsArgs {
+    /// Learn from increments over this time [s] (default: what the model's identification chose, or 1)
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub window: Option<f64>,
+    /// Seconds of lively sailing that the model is worth: so long takes the log to count as much as it does (default:
+    /// 10)
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub prior: Option<f64>,
+    /// Coefficients about which the log has long said nothing stay where they are, instead of returning to
+    /// the model's
+    #[arg(long)]
+    pub no_leak: bool,
+    /// Terms of the library that are not in an equation may enter it
+    #[arg(long)]
+    pub all_terms: bool,
+    /// Learn from outliers as from every other sample
+    #[arg(long)]
+    pub no_gate: bool,
+}
+
+/// How networks learn.
+#[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
+#[command(next_help_heading = "Learning of networks (variances of the scaled network)")]
+pub struct NetworksArgs {
+    /// Standard deviation of the noise of each output, in its SI unit: u=0.01,v=0.01,r=0.02 (default: as in the logs that the
+    /// model was trained on)
+    #[arg(long, value_name = "NAME=STD", value_delimiter = ',')]
+    pub noise: Vec<NamedNumber>,
+    /// The noise counts for so many times its variance: what else the model misses is in there
+    #[arg(long, value_name = "X")]
+    pub noise_factor: Option<f64>,
+    /// Variance of each weight at the start: how far the vessel may be from the model
+    #[arg(long, value_name = "P0")]
+    pub weight_variance: Option<f64>,
+    /// Variance that each weight gains in a second: how fast the vessel may change
+    #[arg(long, value_name = "Q")]
+    pub weight_noise: Option<f64>,
+    /// Variance that each number of the hidden state gains in a second
+    #[arg(long, value_name = "Q")]
+    pub state_noise: Option<f64>,
+    /// Time constant [s] with which weights return to those of the model; inf not to
+    #[arg(long, value_name = "S")]
+    pub leak: Option<f64>,
+    /// Innovations of more standard deviations than this weigh less
+    #[arg(long, value_name = "DEVIATIONS")]
+    pub huber: Option<f64>,
+    /// Time [s] over which the noise follows what is measured
+    #[arg(long, value_name = "S")]
+    pub adaptive_noise: Option<f64>,
+    /// Which weights learn
+    #[arg(long, value_name = "WHICH", value_enum)]
+    pub weights: Option<WhichWeights>,
+    /// The filter works in single precision
+    #[arg(long)]
+    pub single_precision: bool,
+}
+
+/// Which weights of a network learn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum WhichWeights {
+    /// All
+    All,
+    /// Those of the last layer, and of what comes after it
+    LastLayer,
+    /// Those of the read-out (of the projection, where it is the output)
+    ReadOut,
+}
+
+impl From<WhichWeights> for Which {
+    fn from(which: WhichWeights) -> Self {
+        match which {
+            WhichWeights::All => Self::All,
+            WhichWeights::LastLayer => Self::LastLayer,
+            WhichWeights::ReadOut => Self::ReadOut,
+        }
+    }
+}
+
+/// A live stream.
+#[derive(Clone, Debug, ClapArgs)]
+#[command(next_help_heading = "Live stream")]
+pub struct StreamArgs {
+    /// Serve the log line by line, as - does standard input
+    #[arg(long)]
+    pub stream: bool,
+    /// Horizons of the predictions in the answers: samples, ascending (default: 1,10,50,100)
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub horizons: Option<Vec<usize>>,
+    /// Keep the state in this file, at least once in a second of the stream, and go on from it if it is there: lines
+    /// up to its time are skipped without an answer
+    #[arg(long, value_name = "FILE")]
+    pub state: Option<PathBuf>,
+    /// Say in each answer how long it took [us]
+    #[arg(long)]
+    pub timing: bool,
+}
+
+/// Let a model learn along a log, and compare it with the same model frozen; or serve a live stream
+///
+/// Walks the log once, sample by sample. At every origin the adapted model predicts with what it had learned
+/// by then, and nothing later. The coefficients follow by recursive least squares with forgetting; the model
+/// itself stays the prior, to which coefficients return that the log says nothing about.
+///
+/// With - (standard input) or --stream it is a service: each line, CSV below a header or a JSON object, is
+/// answered at once with a line of JSON that holds what became of the sample, the estimate, and predictions with
+/// their bands.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid adapt out/sindy.safetensors today.csv --horizon 20s
+  hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
+  hydroid adapt out/gru.safetensors today.csv --noise u=0.01,v=0.01,r=0.02
+  logger | hydroid adapt out/sindy.safetensors - --state boat.state | controller
+  hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
+
+Exit status: 0 adapted is at least as good as frozen in the mean of outputs and horizons, and no rollout of it
+diverged; 1 otherwise; 2 wrong input. Of a stream: 0 at its end, 2 wrong input, 130 interrupted, with state and
+model written.")]
+pub struct Adapt {
+    /// The model
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// The log; - to serve a stream on standard input
+    #[arg(value_name = "LOG|-")]
+    pub run: PathBuf,
+    /// Where to write the model with the coefficients or weights that it had at the end
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Time [s] after which a sample counts 1/e; inf to forget nothing (default: 60 for equations, inf for networks)
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub forgetting: Option<f64>,
+    #[command(flatten)]
+    pub equations: EquationsArgs,
+    #[command(flatten)]
+    pub networks: NetworksArgs,
+    #[command(flatten)]
+    pub judging: Judging,
+    #[command(flatten)]
+    pub stream: StreamArgs,
+    #[command(flatten)]
+    pub log: LogArgs,
+}

@@ -1,0 +1,205 @@
+//! Networks: an extended Kalman filter over hidden state and weights.
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::Adapter;
+use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
+use hydroid_core::model::recurrent::{Base, Blocks, Packed, Recurrent, StateFilter};
+use serde::Serialize;
+
+use super::AdaptError;
+use crate::log::{Trajectory, noise_level};
+use crate::model::{Body, Model};
+
+/// How networks are adapted. Variances are in the units of the scaled network: its inputs and outputs are about 1 in size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kalman {
+    /// Variance of each weight at the start: how far the vessel may be from the model.
+    pub weight_variance: f64,
+    /// Variance that each weight gains in a second: how fast the vessel may change.
+    pub weight_noise_per_s: f64,
+    /// Variance of each number of the hidden state at the start of a run.
+    pub state_variance: f64,
+    /// Variance that each number of the hidden state gains in a second.
+    pub state_noise_per_s: f64,
+    /// Standard deviation of the noise of each output, in its unit (default: as in the logs that the model was trained on,
+    /// or as in the log that it is adapted on).
+    pub noise: Option<Vec<f64>>,
+    /// The filter takes the variance of the noise for so many times of what it is: what else the model misses from one sample to
+    /// the next is in there.
+    pub noise_factor: f64,
+    /// Time constant \[s\] with which weights return to those from shore; infinite not to.
+    pub leak_s: f64,
+    /// Time \[s\] after which a sample counts `1/e`; infinite to forget nothing.
+    pub forgetting_s: f64,
+    /// Innovations of more standard deviations than this weigh less (Huber); infinite to trust all of them.
+    pub huber: f64,
+    /// Time \[s\] over which the noise follows what is measured; infinite to keep it.
+    pub adaptive_noise_s: f64,
+    /// Which weights are learned.
+    pub weights: Which,
+    /// Whether the filter works in single precision.
+    pub single_precision: bool,
+}
+
+/// Which weights are learned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Which {
+    /// All of them.
+    #[default]
+    All,
+    /// Those of the last layer, and what comes after it.
+    LastLayer,
+    /// Those of the read-out (of the projection, where it is the output).
+    ReadOut,
+}
+
+impl Default for Kalman {
+    fn default() -> Self {
+        Self {
+            weight_variance: 4e-3,
+            weight_noise_per_s: 1e-6,
+            state_variance: 1.0,
+            state_noise_per_s: 1e-4,
+            noise: None,
+            noise_factor: 5.0,
+            leak_s: 3000.0,
+            forgetting_s: f64::INFINITY,
+            huber: f64::INFINITY,
+            adaptive_noise_s: f64::INFINITY,
+            weights: Which::All,
+            single_precision: false,
+        }
+    }
+}
+
+/// The settings that were used, with what was chosen written out; infinite times are `null`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[expect(missing_docs, reason = "as in Kalman, of which they are")]
+pub struct UsedKalman {
+    pub weight_variance: f64,
+    pub weight_noise_per_s: f64,
+    pub state_variance: f64,
+    pub state_noise_per_s: f64,
+    pub noise: Vec<f64>,
+    pub noise_factor: f64,
+    pub leak_s: f64,
+    pub forgetting_s: f64,
+    pub huber: f64,
+    pub adaptive_noise_s: f64,
+    pub weights: Which,
+    pub single_precision: bool,
+}
+
+/// Process noise of the filter on the state alone, for one sample.
+const STATE_FILTER_PROCESS: f64 = 1e-4;
+
+impl Kalman {
+    /// Standard deviation of the noise of each output.
+    pub(super) fn noise_of(&self, model: &Model, runs: &[&Trajectory]) -> Result<Vec<f64>, AdaptError> {
+        let outputs = &model.description.outputs;
+        let noise: Vec<f64> = if let Some(noise) = &self.noise {
+            noise.clone()
+        } else if let Some(known) = outputs.iter().map(|port| port.noise).collect() {
+            known
+        } else if runs.is_empty() {
+            return Err(AdaptError::NoNoise);
+        } else {
+            noise_level(runs)
+        };
+        let wrong = |std: &f64| !(*std > 0.0 && std.is_finite());
+        if noise.len() != outputs.len() {
+            return Err(AdaptError::Noise { channel: "outputs".to_owned(), std: f64::NAN });
+        }
+        match noise.iter().position(wrong) {
+            Some(i) => Err(AdaptError::Noise { channel: outputs[i].channel.name.clone(), std: noise[i] }),
+            None => Ok(noise),
+        }
+    }
+
+    /// The tuning of the core's filter, for a network that steps `dt` seconds.
+    fn tuning(&self, network: &Recurrent, noise: &[f64], dt: f64) -> Tuning {
+        let per_sample = |time_s: f64| 1.0 - (-dt / time_s).exp();
+        let scaled = |(std, scale): (&f64, &f64)| self.noise_factor * (std / scale).powi(2);
+        let noise: Vec<f64> = noise.iter().zip(&network.scaling.correction_scale).map(scaled).collect();
+        let state = (self.state_variance, self.state_noise_per_s * dt);
+        let weights = network.weights.len();
+        let mut tuning = Tuning {
+            leak: per_sample(self.leak_s),
+            forgetting: 1.0 - per_sample(self.forgetting_s),
+            huber: self.huber,
+            noise_rate: per_sample(self.adaptive_noise_s),
+            ..Tuning::uniform(weights, self.weight_variance, self.weight_noise_per_s * dt, state, &noise)
+        };
+        let blocks = Blocks::new(&Packed::new(network.network, &network.weights));
+        let kept = match self.weights {
+            Which::All => 0,
+            Which::LastLayer => blocks.last_layer(),
+            Which::ReadOut => blocks.read_out(),
+        };
+        for &place in blocks.places()[..kept].iter().flatten() {
+            tuning.initial_weights[place] = 0.0;
+            tuning.weight_noise[place] = 0.0;
+        }
+        tuning
+    }
+}
+
+/// The session that adapts a network, and the settings that it was made with. `runs` tell the noise where nothing else does.
+pub(super) fn adapter(
+    model: &Model,
+    network: &Arc<Recurrent>,
+    options: &Kalman,
+    runs: &[&Trajectory],
+) -> Result<(Box<dyn Adapter>, UsedKalman), AdaptError> {
+    let noise = options.noise_of(model, runs)?;
+    let tuning = options.tuning(network, &noise, model.description.dt);
+    let plain = Arc::new(Recurrent { state_filter: None, ..(**network).clone() });
+    let adapter: Box<dyn Adapter> = if options.single_precision {
+        Box::new(KalmanNetwork::<f32>::new(plain, tuning)?)
+    } else {
+        Box::new(KalmanNetwork::<f64>::new(plain, tuning)?)
+    };
+    let Kalman { weight_variance, weight_noise_per_s, state_variance, state_noise_per_s, .. } = *options;
+    let Kalman {
+        noise_factor, leak_s, forgetting_s, huber, adaptive_noise_s, weights, single_precision, ..
+    } = *options;
+    let used = UsedKalman {
+        weight_variance,
+        weight_noise_per_s,
+        state_variance,
+        state_noise_per_s,
+        noise,
+        noise_factor,
+        leak_s,
+        forgetting_s,
+        huber,
+        adaptive_noise_s,
+        weights,
+        single_precision,
+    };
+    Ok((adapter, used))
+}
+
+/// The model with a filter on its state alone; none for those whose state a measurement enters otherwise.
+pub(super) fn filtered(model: &Model, noise: &[f64]) -> Option<Model> {
+    let Body::Recurrent(network) = &model.body else { return None };
+    if network.feedback || network.base != Base::Nothing {
+        return None;
+    }
+    let variance = |(std, scale): (&f64, &f64)| (std / scale).powi(2);
+    let noise = noise.iter().zip(&network.scaling.correction_scale).map(variance).collect();
+    let filter = StateFilter { process: STATE_FILTER_PROCESS, initial: 1.0, noise };
+    let body = Arc::new(Recurrent { state_filter: Some(filter), ..(**network).clone() });
+    Some(Model { body: Body::Recurrent(body), ..model.clone() })
+}
+
+/// The model with the weights that an adapter of its network has.
+pub(super) fn learned(model: &Model, network: &Recurrent, weights: &[f64]) -> Result<Model, AdaptError> {
+    if weights.len() != network.weights.len() || weights.iter().any(|w| !w.is_finite()) {
+        return Err(AdaptError::Weights);
+    }
+    let network = Recurrent { weights: weights.to_vec(), ..network.clone() };
+    Ok(Model { body: Body::Recurrent(Arc::new(network)), ..model.clone() })
+}

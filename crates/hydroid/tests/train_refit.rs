@@ -1,0 +1,114 @@
+//! Networks that learn from the validation runs in the end.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use hydroid::evaluate::{DesignRange, Options, evaluate};
+use hydroid::log::{Channel, Table, Trajectory};
+use hydroid::train::{CellKind, Ending, Job, Outcome, Schedule, Settings, Trained, train};
+use hydroid_core::model::recurrent::{Recurrent, RecurrentSession};
+
+const OUTPUT: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
+const INPUT: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
+const HORIZON: usize = 20;
+
+/// A vessel with quadratic drag under steps of its command, of a size.
+fn run(name: &str, samples: usize, size: f64, seed: u64) -> Trajectory {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let (mut y, mut c) = (0.0f64, 0.0);
+    let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
+    for k in 0..samples {
+        if k % 15 == 0 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            c = size * ((state >> 33) as f64 / f64::from(1u32 << 30) - 1.0);
+        }
+        inputs.push(c);
+        outputs.push(y);
+        y += 0.1 * (c - 0.3 * y - 2.0 * y * y.abs());
+    }
+    let table = |name: &str, values| Table::new([Channel::new(name, "")], values);
+    let (outputs, inputs) = (table("u", outputs), table("n", inputs));
+    Trajectory { name: name.to_owned(), t0: 0.0, dt: 0.1, outputs, inputs, truth: None }
+}
+
+/// A slow run to learn from, a fast one to choose on.
+fn go(settings: &Settings) -> Trained {
+    on(settings, &run("slow", 900, 0.1, 1), &run("fast", 500, 1.0, 2))
+}
+
+fn on(settings: &Settings, learn: &Trajectory, choose: &Trajectory) -> Trained {
+    let (runs, validation) = ([learn], [choose]);
+    let (outputs, inputs) = (&OUTPUT, &INPUT);
+    let job =
+        Job { runs: &runs, validation: &validation, outputs, inputs, horizon: HORIZON, equations: None };
+    train(&job, settings, None, &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+fn settings() -> Settings {
+    Settings {
+        hidden: 6,
+        epochs: 60,
+        restarts: 2,
+        wash_out_s: Some(2.0),
+        window_s: Some(4.0),
+        learning_rate: 0.02,
+        ..Settings::of(CellKind::Gru)
+    }
+}
+
+#[test]
+fn the_model_has_learned_from_all_runs_and_the_network_before_it_has_not() {
+    let (before, after) = (go(&settings()), go(&Settings { refit: true, ..settings() }));
+    let refit = after.refit.clone().unwrap();
+    assert_eq!((refit.outcome, after.unseeing()), (Outcome::Taken, &before.model));
+    assert!(refit.validation < 0.5 * before.validation, "{} {}", refit.validation, before.validation);
+    // Another fast run, new to both.
+    let new = run("new", 500, 1.0, 3);
+    let score = |model: &Recurrent| {
+        let mut session = RecurrentSession::new(Arc::new(model.clone())).unwrap();
+        let options = Options { horizon: HORIZON, ..Options::default() };
+        let progress = &mut |_| ControlFlow::Continue(());
+        evaluate("gru", &mut session, &OUTPUT, &[&new], &options, progress).unwrap().score()
+    };
+    let [old, learned] = [&before.model, &after.model].map(score);
+    assert!(learned < 0.5 * old, "{learned} {old}");
+    // All else that is told is of the training before.
+    let told = Trained { model: before.model.clone(), refit: None, seconds: before.seconds, ..after };
+    assert_eq!(told, before);
+}
+
+/// Long steps to the end: the last weights are hardly ever as good as the best on the way.
+#[test]
+fn a_refit_that_went_wrong_is_not_taken() {
+    let (a, b) = (run("a", 900, 1.0, 1), run("b", 500, 1.0, 2));
+    let outcomes: Vec<Outcome> = (0..4)
+        .map(|seed| {
+            let wild = Settings { learning_rate: 0.5, schedule: Schedule::Constant, seed, ..settings() };
+            let (before, after) = (on(&wild, &a, &b), on(&Settings { refit: true, ..wild }, &a, &b));
+            let refit = after.refit.unwrap();
+            assert_eq!(refit.before, before.model);
+            let worse = refit.outcome == Outcome::Worse;
+            assert_eq!(refit.validation > before.validation, worse);
+            assert_eq!(after.model == before.model, worse);
+            refit.outcome
+        })
+        .collect();
+    assert!(outcomes.contains(&Outcome::Worse), "{outcomes:?}");
+}
+
+#[test]
+fn a_budget_is_shared_with_the_refit_and_kept() {
+    let settings = Settings { epochs: 1_000_000, budget_s: Some(1.0), refit: true, ..settings() };
+    let begun = std::time::Instant::now();
+    let trained = go(&settings);
+    assert!(begun.elapsed().as_secs_f64() < 2.0, "{:?}", begun.elapsed());
+    let refit = trained.refit.as_ref().unwrap();
+    // The training before has 900 samples, the second 1,400: it leaves time for it, and goes on as planned in it.
+    assert!(trained.seconds < 1.5 && trained.epochs < 1_000_000);
+    if refit.outcome == Outcome::Budget {
+        assert_eq!(&trained.model, &refit.before);
+    } else if trained.ending == Ending::Done {
+        let again = go(&Settings { epochs: trained.epochs, budget_s: None, ..settings });
+        assert_eq!((again.model, again.refit), (trained.model.clone(), trained.refit.clone()));
+    }
+}
