@@ -375,8 +375,8 @@ proptest! {
         };
         let mut filter = Filter::new(model, tuning).unwrap();
         for k in 0..300 {
-            let t = seed + k as f64;
-            let x: Vec<f64> = (0..2).map(|i| (0.37 * t + i as f64).sin() * 2.0).collect();
+            let t = seed + f64::from(k);
+            let x: Vec<f64> = (0..2).map(|i| (0.37 * t + f64::from(i)).sin() * 2.0).collect();
             let z: Vec<f64> = (0..network.outputs).map(|i| (0.9 * t * (1 + i) as f64).sin()).collect();
             filter.advance(&x);
             let made = matches!(filter.observe(&z), Correction::Made { .. });

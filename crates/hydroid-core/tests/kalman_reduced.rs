@@ -144,7 +144,9 @@ impl Naive {
         let mut groups: Vec<usize> = (0..m).collect();
         if let Memory::Blocks { group } = tuning.memory {
             for (b, block) in LearnableNetwork::new(packed.clone()).blocks().iter().enumerate() {
-                block.iter().for_each(|&place| groups[place] = b / group);
+                for &place in block {
+                    groups[place] = b / group;
+                }
             }
         }
         Self {
@@ -468,8 +470,8 @@ proptest! {
         };
         let mut filter = Filter::new(model, tuning).unwrap();
         for k in 0..300 {
-            let t = seed + k as f64;
-            let x: Vec<f64> = (0..2).map(|i| (0.37 * t + i as f64).sin() * 2.0).collect();
+            let t = seed + f64::from(k);
+            let x: Vec<f64> = (0..2).map(|i| (0.37 * t + f64::from(i)).sin() * 2.0).collect();
             let z: Vec<f64> = (0..network.outputs).map(|i| (0.9 * t * (1 + i) as f64).sin()).collect();
             filter.learn(k % 50 < 40);
             filter.advance(&x);

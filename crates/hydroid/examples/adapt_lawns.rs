@@ -74,7 +74,7 @@ fn main() -> Result<(), Failure> {
         })?;
         println!("{} ({} windows)", run.name, (run.len() - HORIZON).saturating_sub(100).div_ceil(5));
         let medians: Vec<Errors> =
-            (0..3).map(|part| median(all.iter().map(|outcome| &outcome.errors[part]))).collect();
+            (0..3).map(|part| median(&all.iter().map(|outcome| &outcome.errors[part]))).collect();
         for (name, errors) in ["frozen", "filtered", "adapted"].iter().zip(&medians) {
             let row: Vec<String> = SHOWN.iter().map(|&n| format!("{:.4?}", errors[n - 1])).collect();
             println!("  {name:8} {}", row.join("  "));
@@ -185,7 +185,7 @@ fn errors(mut session: impl Predictor, run: &Trajectory) -> (Errors, f64) {
     (sums, time_us)
 }
 
-fn median<'a>(all: impl Iterator<Item = &'a Errors> + Clone) -> Errors {
+fn median<'a>(all: &(impl Iterator<Item = &'a Errors> + Clone)) -> Errors {
     let middle = |n: usize, c: usize| {
         let mut values: Vec<f64> = all.clone().map(|errors| errors[n][c]).collect();
         values.sort_unstable_by(f64::total_cmp);

@@ -56,7 +56,7 @@ pub(crate) fn inverse(a: &Matrix) -> Matrix {
 pub(crate) fn sample(k: usize, outputs: usize) -> (Vec<f64>, Vec<f64>) {
     let t = k as f64;
     let z = |i: usize| {
-        if (k * 7 + i * 3) % 11 == 0 {
+        if (k * 7 + i * 3).is_multiple_of(11) {
             f64::NAN
         } else {
             0.5 * (0.11 * t + i as f64).sin() + 0.1 * (1.7 * t).cos()

@@ -14,7 +14,7 @@ use crate::math::Scalar;
 /// its columns (`width`), of which [`places`](Self::places) says where they stand among the weights.
 #[derive(Clone, Debug)]
 pub(super) enum Joint<T> {
-    Full(Full<T>),
+    Full(Box<Full<T>>),
     Reduced(Box<Reduced<T>>),
 }
 
@@ -32,7 +32,7 @@ impl<T: Scalar> Joint<T> {
     /// Of the blocks that are learned; all zero.
     pub(super) fn new<M: Learnable<T>>(model: &M, tuning: &Tuning, learned: Vec<usize>) -> Self {
         match tuning.memory {
-            Memory::Full => Self::Full(Full::new(model, tuning, learned)),
+            Memory::Full => Self::Full(Box::new(Full::new(model, tuning, learned))),
             _ => Self::Reduced(Box::new(Reduced::new(model, tuning, &learned))),
         }
     }
