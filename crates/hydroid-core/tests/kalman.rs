@@ -6,57 +6,19 @@ use hydroid_core::adapt::kalman::{
     Correction, Filter, KalmanNetwork, Learnable, LearnableNetwork, Tuning, TuningError,
 };
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
-use hydroid_core::model::recurrent::{Base, Cell, Linearization, Network, Packed, Recurrent, Scaling};
+use hydroid_core::model::recurrent::{Base, Linearization, Network, Packed, Recurrent, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
-fn weights(network: Network, size: f64) -> Vec<f64> {
-    (0..network.weights()).map(|k| size * (k as f64 * 12.9898 + 0.3).sin()).collect()
-}
+mod dense;
 
-fn cells() -> [Network; 5] {
-    let with = |cell, outputs, read_out| Network { cell, inputs: 2, outputs, read_out };
-    [
-        with(Cell::Lstm { hidden: 5, projection: Some(3) }, 3, false),
-        with(Cell::Lstm { hidden: 4, projection: None }, 2, true),
-        with(Cell::Gru { hidden: 5 }, 3, true),
-        with(Cell::Vanilla { hidden: 4, layers: 2 }, 2, true),
-        with(Cell::Gru { hidden: 3 }, 6, true),
-    ]
-}
+use dense::{Matrix, cells, inverse, product, sample, transposed, tuning, weights};
 
-type Matrix = Vec<Vec<f64>>;
-
-fn product(a: &Matrix, b: &Matrix) -> Matrix {
-    a.iter()
-        .map(|row| (0..b[0].len()).map(|j| row.iter().zip(b).map(|(x, b)| x * b[j]).sum()).collect())
-        .collect()
-}
-
-fn transposed(a: &Matrix) -> Matrix {
-    (0..a[0].len()).map(|j| a.iter().map(|row| row[j]).collect()).collect()
-}
-
-/// By Gauss and Jordan, with pivots.
-fn inverse(a: &Matrix) -> Matrix {
-    let n = a.len();
-    let mut rows: Matrix = (0..n)
-        .map(|i| a[i].iter().copied().chain((0..n).map(|j| f64::from(u8::from(i == j)))).collect())
-        .collect();
-    for i in 0..n {
-        let pivot = (i..n).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs())).unwrap();
-        rows.swap(i, pivot);
-        let by = rows[i][i];
-        rows[i].iter_mut().for_each(|x| *x /= by);
-        let own = rows[i].clone();
-        for (k, row) in rows.iter_mut().enumerate() {
-            let by = row[i];
-            if k != i {
-                row.iter_mut().zip(&own).for_each(|(x, y)| *x -= by * y);
-            }
-        }
+fn close(ours: &[f64], theirs: &[f64], what: &str) {
+    assert_eq!(ours.len(), theirs.len());
+    for (a, b) in ours.iter().zip(theirs) {
+        assert!((a - b).abs() < 1e-10 * (1.0 + b.abs()), "{what}: {a} {b}");
     }
-    rows.into_iter().map(|row| row[n..].to_vec()).collect()
 }
 
 /// The filter as a textbook has it: `P <- F P F' + Q`, `K = P H' S^-1`, `P <- (I - K H) P`, all dense.
@@ -129,37 +91,6 @@ impl Naive {
         let weights: Vec<f64> =
             self.packed.weights().iter().enumerate().map(|(i, w)| w + change(n + i)).collect();
         self.packed.set_weights(&weights);
-    }
-}
-
-/// Inputs and measurements, some of which are missing.
-fn sample(k: usize, outputs: usize) -> (Vec<f64>, Vec<f64>) {
-    let t = k as f64;
-    let z = |i: usize| {
-        if (k * 7 + i * 3) % 11 == 0 {
-            f64::NAN
-        } else {
-            0.5 * (0.11 * t + i as f64).sin() + 0.1 * (1.7 * t).cos()
-        }
-    };
-    (vec![(0.3 * t).sin(), (0.07 * t).cos()], (0..outputs).map(z).collect())
-}
-
-fn tuning(network: Network) -> Tuning {
-    let weights = network.weights();
-    let noise: Vec<f64> = (0..network.outputs).map(|i| 0.02 + 0.01 * i as f64).collect();
-    let mut tuning = Tuning::uniform(weights, 0.05, 1e-4, (0.7, 1e-3), &noise);
-    // No two weights alike.
-    for (i, q) in tuning.weight_noise.iter_mut().enumerate() {
-        *q *= 1.0 + (i % 5) as f64;
-    }
-    Tuning { leak: 1e-3, forgetting: 0.998, ..tuning }
-}
-
-fn close(ours: &[f64], theirs: &[f64], what: &str) {
-    assert_eq!(ours.len(), theirs.len());
-    for (a, b) in ours.iter().zip(theirs) {
-        assert!((a - b).abs() < 1e-10 * (1.0 + b.abs()), "{what}: {a} {b}");
     }
 }
 
@@ -444,8 +375,8 @@ proptest! {
         };
         let mut filter = Filter::new(model, tuning).unwrap();
         for k in 0..300 {
-            let t = seed + k as f64;
-            let x: Vec<f64> = (0..2).map(|i| (0.37 * t + i as f64).sin() * 2.0).collect();
+            let t = seed + f64::from(k);
+            let x: Vec<f64> = (0..2).map(|i| (0.37 * t + f64::from(i)).sin() * 2.0).collect();
             let z: Vec<f64> = (0..network.outputs).map(|i| (0.9 * t * (1 + i) as f64).sin()).collect();
             filter.advance(&x);
             let made = matches!(filter.observe(&z), Correction::Made { .. });

@@ -55,7 +55,7 @@ fn the_trace_is_that_of_the_reference() {
         let reference = rows(&format!("{name}_filter_trace.csv"));
         let (model, tuning) = model(name);
         let mut session = KalmanNetwork::<f64>::new(Arc::clone(&model), tuning).unwrap();
-        let mut worst = vec![0.0_f64; 11];
+        let mut worst = [0.0_f64; 11];
         for (k, row) in reference.iter().enumerate() {
             step(&mut session, &log, k);
             let (e, s) = session.filter().innovation();

@@ -7,6 +7,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
@@ -149,6 +150,27 @@ fn learning_allocates_nothing(mut adapter: impl Adapter) {
     assert_eq!(count, 0, "allocations while learning");
 }
 
+/// Networks that learn, whatever they keep of their covariance.
+fn learning_networks_allocate_nothing() {
+    for memory in [Memory::Full, Memory::Blocks { group: 2 }, Memory::Diagonal, Memory::LowRank { rank: 3 }] {
+        let (cell, feedback, ones, zeros) = (Cell::Gru { hidden: 4 }, false, vec![1.0; 3], vec![0.0; 3]);
+        let network = Network { cell, inputs: 2, outputs: 3, read_out: true };
+        let weights: Vec<f64> = (0..network.weights()).map(|k| 0.3 * (k as f64).sin()).collect();
+        let scaling = Scaling {
+            output_mean: zeros.clone(),
+            output_scale: ones.clone(),
+            input_mean: zeros[..2].to_vec(),
+            input_scale: ones[..2].to_vec(),
+            correction_scale: ones,
+        };
+        let uniform = Tuning::uniform(weights.len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
+        let tuning = Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, memory, ..uniform };
+        let (base, state_filter) = (Base::Nothing, None);
+        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter };
+        learning_allocates_nothing(KalmanNetwork::<f64>::new(Arc::new(model), tuning).unwrap());
+    }
+}
+
 /// A whole way there and back, and a rollout.
 fn recurrent_batches_allocate_nothing(cell: Cell) {
     let network = Network { cell, inputs: 2, outputs: 3, read_out: true };
@@ -201,6 +223,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         BlendedEquations::new(adapter.equations(), &[(-1.0, 1.0); 5], &blend, None).unwrap(),
     );
     learning_allocates_nothing(adapter.clone());
+    learning_networks_allocate_nothing();
     recurrent_batches_allocate_nothing(Cell::Lstm { hidden: 6, projection: Some(3) });
     recurrent_batches_allocate_nothing(Cell::Gru { hidden: 6 });
     recurrent_batches_allocate_nothing(Cell::Vanilla { hidden: 6, layers: 2 });

@@ -7,19 +7,21 @@
 //! Models are files of hydroid's recurrent networks that see inputs alone, or PyTorch's tensors with `norm.*` beside them, as
 //! the reference has them; errors are medians over all of them. `KEY=VALUE` is the tuning, in scaled units: `p0`, `q`,
 //! `p0_h`, `q_h`, `r` (times the variance of the true noise), `leak`, `forgetting`, `huber`, `noise_rate`, `weights`
-//! (`all`, `last`, `read_out`).
+//! (`all`, `last`, `read_out`), `memory` (`full`, `blocks:GROUP`, `diagonal`, `low_rank:RANK`).
 //!
 //! Windows start at samples 100, 105, ..; from the filtered state the network is run 100 steps on the logged commands with the
 //! weights of that moment; errors are means of the absolute difference from the truth. `frozen`: no measurement enters;
-//! `filtered`: a filter corrects the state alone (`P0_h` 1, `Q_h` 1e-4, true noise).
+//! `filtered`: a filter corrects the state alone (`P0_h` 1, `Q_h` 1e-4, true noise). Beside them, the numbers that are kept
+//! of the covariance, and the median time of a sample's measurement and step.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
 use hydroid::model::{self, Body, NamedTensor, weights_from_torch};
-use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
+use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
 use hydroid_core::model::recurrent::{
     Base, Blocks, Cell, Network, Packed, Recurrent, RecurrentSession, Scaling, StateFilter,
 };
@@ -35,6 +37,16 @@ const NOISE: [f64; 3] = [0.01, 0.01, 0.017_453_292_519_943_295];
 
 /// Mean error at each horizon of each output.
 type Errors = Vec<[f64; 3]>;
+
+/// What became of a model along a run.
+struct Outcome {
+    /// Frozen, filtered, adapted.
+    errors: [Errors; 3],
+    /// Numbers that are kept of the covariance.
+    kept: usize,
+    /// Of a measurement and a step, median.
+    time_us: f64,
+}
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -62,11 +74,13 @@ fn main() -> Result<(), Failure> {
         })?;
         println!("{} ({} windows)", run.name, (run.len() - HORIZON).saturating_sub(100).div_ceil(5));
         let medians: Vec<Errors> =
-            (0..3).map(|part| median(all.iter().map(|errors| &errors[part]))).collect();
+            (0..3).map(|part| median(&all.iter().map(|outcome| &outcome.errors[part]))).collect();
         for (name, errors) in ["frozen", "filtered", "adapted"].iter().zip(&medians) {
             let row: Vec<String> = SHOWN.iter().map(|&n| format!("{:.4?}", errors[n - 1])).collect();
             println!("  {name:8} {}", row.join("  "));
         }
+        let cost = |outcome: &Outcome| format!("{} kept, {:.1} us a sample", outcome.kept, outcome.time_us);
+        println!("  {}", all.iter().map(cost).collect::<Vec<_>>().join("; "));
         let first = |c: usize| {
             let loses = |n: &usize| medians[2][*n][c] >= medians[0][*n][c].min(medians[1][*n][c]);
             (0..HORIZON).find(loses).map_or("-".into(), |n| (n + 1).to_string())
@@ -83,12 +97,11 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Frozen, filtered, adapted.
 fn three(
     model: &Recurrent,
     run: &Trajectory,
     settings: &BTreeMap<String, String>,
-) -> Result<[Errors; 3], Failure> {
+) -> Result<Outcome, Failure> {
     let noise: Vec<f64> =
         NOISE.iter().zip(&model.scaling.correction_scale).map(|(s, scale)| (s / scale).powi(2)).collect();
     let filter = StateFilter { process: 1e-4, initial: 1.0, noise: noise.clone() };
@@ -102,6 +115,7 @@ fn three(
         forgetting: number("forgetting", 1.0)?,
         huber: number("huber", f64::INFINITY)?,
         noise_rate: number("noise_rate", 0.0)?,
+        memory: settings.get("memory").map_or(Ok(Memory::Full), |value| memory(value))?,
         ..Tuning::uniform(
             model.weights.len(),
             number("p0", 4e-3)?,
@@ -120,20 +134,38 @@ fn three(
         (tuning.initial_weights[place], tuning.weight_noise[place]) = (0.0, 0.0);
     }
     let learning = KalmanNetwork::<f64>::new(Arc::clone(&frozen), tuning)?;
-    Ok([
-        errors(RecurrentSession::new(frozen)?, run),
-        errors(RecurrentSession::new(filtered)?, run),
-        errors(learning, run),
-    ])
+    let kept = learning.filter().covariance_len();
+    let (adapted, time_us) = errors(learning, run);
+    let errors = [
+        errors(RecurrentSession::new(frozen)?, run).0,
+        errors(RecurrentSession::new(filtered)?, run).0,
+        adapted,
+    ];
+    Ok(Outcome { errors, kept, time_us })
 }
 
-fn errors(mut session: impl Predictor, run: &Trajectory) -> Errors {
+fn memory(value: &str) -> Result<Memory, Failure> {
+    let (name, number) = value.split_once(':').unwrap_or((value, ""));
+    Ok(match name {
+        "full" => Memory::Full,
+        "blocks" => Memory::Blocks { group: number.parse()? },
+        "diagonal" => Memory::Diagonal,
+        "low_rank" => Memory::LowRank { rank: number.parse()? },
+        _ => return Err(format!("no memory {value}: full, blocks:GROUP, diagonal, low_rank:RANK").into()),
+    })
+}
+
+/// Errors, and the median time of a sample in microseconds.
+fn errors(mut session: impl Predictor, run: &Trajectory) -> (Errors, f64) {
     let truth = run.truth.as_ref().unwrap_or(&run.outputs);
     let commands: Vec<f64> = (0..run.len()).flat_map(|k| run.inputs.row(k).to_vec()).collect();
     let (mut sums, mut windows) = (vec![[0.0; 3]; HORIZON], 0.0);
     let (mut work, mut y) = (Workspace::new(), vec![0.0; 3 * HORIZON]);
+    let mut times = Vec::with_capacity(run.len());
     for k in 0..run.len() - HORIZON {
+        let start = Instant::now();
         session.observe(run.outputs.row(k));
+        let observed = start.elapsed();
         if k >= 100 && k % 5 == 0 {
             session.rollout(&commands[2 * k..2 * (k + HORIZON)], &mut work, &mut y);
             for (n, sums) in sums.iter_mut().enumerate() {
@@ -143,13 +175,17 @@ fn errors(mut session: impl Predictor, run: &Trajectory) -> Errors {
             }
             windows += 1.0;
         }
+        let start = Instant::now();
         session.advance(run.inputs.row(k));
+        times.push(observed + start.elapsed());
     }
+    times.sort_unstable();
+    let time_us = times.get(times.len() / 2).map_or(f64::NAN, |time| 1e6 * time.as_secs_f64());
     sums.iter_mut().flatten().for_each(|sum| *sum /= windows);
-    sums
+    (sums, time_us)
 }
 
-fn median<'a>(all: impl Iterator<Item = &'a Errors> + Clone) -> Errors {
+fn median<'a>(all: &(impl Iterator<Item = &'a Errors> + Clone)) -> Errors {
     let middle = |n: usize, c: usize| {
         let mut values: Vec<f64> = all.clone().map(|errors| errors[n][c]).collect();
         values.sort_unstable_by(f64::total_cmp);

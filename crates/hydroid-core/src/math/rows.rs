@@ -12,15 +12,28 @@ use crate::math::Scalar;
 /// Blocks of the sum stay in registers while the rows pass by.
 #[inline(always)]
 pub(crate) fn add_rows<T: Scalar>(sum: &mut [T], rows: &[T], x: &[T]) {
-    let done = blocks::<32, T>(sum, rows, x, 0);
-    let done = blocks::<8, T>(sum, rows, x, done);
-    let done = blocks::<4, T>(sum, rows, x, done);
-    blocks::<1, T>(sum, rows, x, done);
+    let len = sum.len();
+    add_parts(sum, rows, len, x);
+}
+
+/// The same of rows that begin `stride` numbers apart, and may go on where the sum ends.
+#[inline(always)]
+pub(crate) fn add_parts<T: Scalar>(sum: &mut [T], rows: &[T], stride: usize, x: &[T]) {
+    let done = blocks::<32, T>(sum, rows, stride, x, 0);
+    let done = blocks::<8, T>(sum, rows, stride, x, done);
+    let done = blocks::<4, T>(sum, rows, stride, x, done);
+    blocks::<1, T>(sum, rows, stride, x, done);
 }
 
 /// From column `from` on, as many whole blocks as there are; gives the first column that is left.
 #[inline(always)]
-fn blocks<const WIDTH: usize, T: Scalar>(sum: &mut [T], rows: &[T], x: &[T], from: usize) -> usize {
+fn blocks<const WIDTH: usize, T: Scalar>(
+    sum: &mut [T],
+    rows: &[T],
+    stride: usize,
+    x: &[T],
+    from: usize,
+) -> usize {
     let (len, mut column) = (sum.len(), from);
     while column + WIDTH <= len {
         let mut block = [T::zero(); WIDTH];
@@ -31,7 +44,7 @@ fn blocks<const WIDTH: usize, T: Scalar>(sum: &mut [T], rows: &[T], x: &[T], fro
             for lane in 0..WIDTH {
                 block[lane] += row[lane] * x;
             }
-            at += len;
+            at += stride;
         }
         sum[column..column + WIDTH].copy_from_slice(&block);
         column += WIDTH;

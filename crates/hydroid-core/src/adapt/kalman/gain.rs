@@ -1,15 +1,20 @@
 //! What a measurement tells: innovations, their covariance, and its factor.
+#![expect(
+    clippy::inline_always,
+    reason = "what a correction is made of must become a part of the function that was compiled for the processor"
+)]
 
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::root::{Root, gather};
 use crate::math::Scalar;
 
-/// Of the outputs of one sample. `S` and `L` are `measured x measured`, row by row.
+/// Of the outputs of one sample. `S = L L'` are `measured x measured`.
 #[derive(Clone, Debug)]
 pub(super) struct Gain<T> {
     outputs: usize,
-    /// `S` without the noise, of all outputs.
+    /// `S` without the noise, of all outputs, row by row.
     pub(super) spread: Vec<T>,
     /// `y`, as predicted before the measurement.
     pub(super) predicted: Vec<T>,
@@ -21,8 +26,8 @@ pub(super) struct Gain<T> {
     pub(super) noise: Vec<T>,
     /// Outputs that were measured.
     pub(super) measured: Vec<usize>,
-    /// `L`, lower triangle.
-    factor: Vec<T>,
+    /// `L`.
+    pub(super) root: Root<T>,
     /// `L^-1 e`.
     pub(super) whitened: Vec<T>,
     column: Vec<T>,
@@ -38,7 +43,7 @@ impl<T: Scalar> Gain<T> {
             variance: vec![T::nan(); outputs],
             noise: vec![T::zero(); outputs],
             measured: Vec::with_capacity(outputs),
-            factor: vec![T::zero(); outputs * outputs],
+            root: Root::new(outputs),
             whitened: vec![T::zero(); outputs],
             column: vec![T::zero(); outputs],
         }
@@ -87,52 +92,28 @@ impl<T: Scalar> Gain<T> {
     /// `S = L L'` and `L^-1 e`; false where `S` is not positive, which it can be for numbers alone that have left all
     /// bounds.
     pub(super) fn factor(&mut self) -> bool {
-        let count = self.measured.len();
-        for i in 0..count {
-            let row = self.measured[i];
-            self.whitened[i] = self.innovation[row];
-            for j in 0..=i {
-                let mut rest = self.spread[row * self.outputs + self.measured[j]];
-                if i == j {
-                    rest += self.noise[row];
-                }
-                for k in 0..j {
-                    rest -= self.factor[i * count + k] * self.factor[j * count + k];
-                }
-                self.factor[i * count + j] = if i > j {
-                    rest / self.factor[j * count + j]
-                } else if rest > T::zero() && rest.is_finite() {
-                    rest.sqrt()
-                } else {
-                    return false;
-                };
-            }
-            for k in 0..i {
-                let known = self.whitened[k];
-                self.whitened[i] -= self.factor[i * count + k] * known;
-            }
-            let l = self.factor[i * count + i];
-            self.whitened[i] = self.whitened[i] / l;
+        let Self { outputs, spread, noise, measured, root, whitened, innovation, .. } = self;
+        let entry = |i: usize, j: usize| {
+            let (row, column) = (measured[i], measured[j]);
+            let spread = spread[row * *outputs + column];
+            if i == j { spread + noise[row] } else { spread }
+        };
+        if !root.factor(measured.len(), entry) {
+            return false;
         }
-        self.whitened[..count].iter().all(|e| e.is_finite())
+        for (whitened, &i) in whitened.iter_mut().zip(&*measured) {
+            *whitened = innovation[i];
+        }
+        let whitened = &mut whitened[..measured.len()];
+        root.forward(whitened, 1);
+        whitened.iter().all(|e| e.is_finite())
     }
 
     /// `W' = L^-1 G'` in place: of the rows of `G'` (`outputs x columns`) those that were measured, moved to the front.
+    #[inline(always)]
     pub(super) fn whiten(&self, rows: &mut [T], columns: usize) {
-        let count = self.measured.len();
-        for (i, &from) in self.measured.iter().enumerate() {
-            rows.copy_within(from * columns..(from + 1) * columns, i * columns);
-            let (above, row) = rows.split_at_mut(i * columns);
-            let row = &mut row[..columns];
-            for k in 0..i {
-                let l = self.factor[i * count + k];
-                for (row, &above) in row.iter_mut().zip(&above[k * columns..]) {
-                    *row -= l * above;
-                }
-            }
-            let inverse = T::one() / self.factor[i * count + i];
-            row.iter_mut().for_each(|x| *x = *x * inverse);
-        }
+        gather(&self.measured, rows, columns);
+        self.root.forward(rows, columns);
     }
 
     /// Normalised innovation squared, `e' S^-1 e`.
@@ -156,9 +137,9 @@ impl<T: Scalar> Gain<T> {
             for k in i..count {
                 let mut x = if k == i { T::one() } else { T::zero() };
                 for l in i..k {
-                    x -= self.factor[k * count + l] * self.column[l];
+                    x -= self.root.at(k, l) * self.column[l];
                 }
-                x = x / self.factor[k * count + k];
+                x = x / self.root.at(k, k);
                 self.column[k] = x;
                 square += x * x;
                 product += x * self.whitened[k];

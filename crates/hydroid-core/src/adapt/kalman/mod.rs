@@ -27,13 +27,19 @@
 //! hundred samples.
 //!
 //! `P_tt` is what takes time and memory. It is touched by what a step does to the weights of each block by itself alone
-//! ([`Learnable`]), half of it is kept, and it is read and written once a sample.
+//! ([`Learnable`]), half of it is kept, and it is read and written once a sample. [`Memory`] chooses less of it, which does
+//! not grow with the square of the number of weights.
 
 mod ahead;
+mod dispatched;
 mod filter;
+mod full;
 mod gain;
+mod joint;
 mod learnable;
 mod network;
+mod reduced;
+mod root;
 mod saved;
 mod session;
 mod triangle;
@@ -43,4 +49,4 @@ pub use filter::{Correction, Filter};
 pub use learnable::Learnable;
 pub use network::LearnableNetwork;
 pub use session::{KalmanError, KalmanNetwork};
-pub use tuning::{Tuning, TuningError};
+pub use tuning::{Memory, Tuning, TuningError};

@@ -21,12 +21,10 @@ fn read<T: Scalar>(reader: &mut Reader<'_>, into: &mut [T]) {
 impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     /// How many numbers [`save`](Self::save) gives.
     pub fn memory_len(&self) -> usize {
-        let matrices = [&self.hh, &self.ht, &self.downdate, &self.local, &self.products].map(|m| m.len());
         3 + self.state.len()
             + self.weights.len()
             + self.noise.len()
-            + self.tt.numbers().len()
-            + matrices.iter().sum::<usize>()
+            + self.joint.parts().iter().map(|part| part.len()).sum::<usize>()
     }
 
     /// Copies all that it goes on from.
@@ -36,14 +34,13 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     pub fn save(&self, into: &mut [f64]) {
         assert_eq!(into.len(), self.memory_len(), "a memory of another length");
         let mut writer = Writer::new(into);
-        for flag in [self.pending, self.moved, self.learns] {
+        for flag in [self.joint.pending(), self.moved, self.learns] {
             writer.flag(flag);
         }
-        for numbers in [&self.state, &self.weights, &self.noise, &self.hh, &self.ht] {
+        for numbers in [&self.state, &self.weights, &self.noise] {
             write(&mut writer, numbers);
         }
-        write(&mut writer, self.tt.numbers());
-        for numbers in [&self.downdate, &self.local, &self.products] {
+        for numbers in self.joint.parts() {
             write(&mut writer, numbers);
         }
     }
@@ -55,14 +52,14 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     pub fn load(&mut self, from: &[f64]) {
         assert_eq!(from.len(), self.memory_len(), "a memory of another length");
         let mut reader = Reader::new(from);
-        for flag in [&mut self.pending, &mut self.moved, &mut self.learns] {
+        self.joint.set_pending(reader.flag());
+        for flag in [&mut self.moved, &mut self.learns] {
             *flag = reader.flag();
         }
-        for numbers in [&mut self.state, &mut self.weights, &mut self.noise, &mut self.hh, &mut self.ht] {
+        for numbers in [&mut self.state, &mut self.weights, &mut self.noise] {
             read(&mut reader, numbers);
         }
-        read(&mut reader, self.tt.numbers_mut());
-        for numbers in [&mut self.downdate, &mut self.local, &mut self.products] {
+        for numbers in self.joint.parts_mut() {
             read(&mut reader, numbers);
         }
         self.model.set_weights(&self.weights);

@@ -71,7 +71,8 @@ impl<T: Scalar> KalmanNetwork<T> {
     /// # Errors
     /// If model or tuning make no sense, or do not fit together.
     pub fn new(model: Arc<Recurrent>, tuning: Tuning) -> Result<Self, KalmanError> {
-        let session = RecurrentSession::with_own_weights(Arc::clone(&model)).map_err(KalmanError::Model)?;
+        let session = RecurrentSession::with_own_weights(model).map_err(KalmanError::Model)?;
+        let model = session.model();
         let weights: Vec<T> = model.weights.iter().map(|&w| T::of(w)).collect();
         let network = LearnableNetwork::new(Packed::new(model.network, &weights));
         let filter = Filter::new(network, tuning).map_err(KalmanError::Tuning)?;
@@ -86,7 +87,7 @@ impl<T: Scalar> KalmanNetwork<T> {
             outcome: Outcome::Waiting,
             nis: f64::NAN,
             innovations: Vec::with_capacity(outputs),
-            ahead: Ahead::new(&model),
+            ahead: Ahead::new(model),
             session,
             filter,
         })
@@ -316,7 +317,9 @@ impl<T: Scalar> Adapter for KalmanNetwork<T> {
                 *into = noise(i) + (0..q).map(begun).sum::<f64>();
             }
             self.filter.add_variances(&self.ahead.state, &self.ahead.weights, into);
-            into.iter_mut().for_each(|variance| *variance = num_traits::Float::sqrt(variance.max(0.0)));
+            for variance in into.iter_mut() {
+                *variance = num_traits::Float::sqrt(variance.max(0.0));
+            }
         }
     }
 }

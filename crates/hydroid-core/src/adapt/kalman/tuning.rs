@@ -3,6 +3,38 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
+/// What is kept of the covariance of the weights.
+///
+/// | memory | kept | numbers, of `m` weights |
+/// | --- | --- | --- |
+/// | `Full` | all of it | `m^2 / 2` |
+/// | `Blocks` | what is between weights of the same group of blocks | `m` times the size of a group, half |
+/// | `Diagonal` | the variance of each weight | `m` |
+/// | `LowRank` | in the inverse, a diagonal and some directions | `m (rank + 1)` |
+///
+/// All but `Full` keep how the state depends on the weights as well, `m` times the length of the state. Weights that
+/// are not learned cost nothing where no weight of their block is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Memory {
+    /// All of it.
+    #[default]
+    Full,
+    /// What is between weights of the same group of neighbouring [`Learnable::blocks`](super::Learnable::blocks): with
+    /// one block a group the node-decoupled filter (Puskorius and Feldkamp, 1991, "Decoupled extended Kalman filter
+    /// training of feedforward layered networks"), with all in one group the full one.
+    Blocks {
+        /// Blocks in a group.
+        group: usize,
+    },
+    /// Each weight by itself.
+    Diagonal,
+    /// A diagonal and so many directions, in the inverse of the covariance.
+    LowRank {
+        /// Directions.
+        rank: usize,
+    },
+}
+
 /// Tuning of a [`Filter`](super::Filter), in the (scaled) units of its model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuning {
@@ -27,6 +59,8 @@ pub struct Tuning {
     pub huber: f64,
     /// Share of a measurement's own evidence in the `R` of its channel, which then follows the noise; 0 to keep `R`.
     pub noise_rate: f64,
+    /// What is kept of the covariance.
+    pub memory: Memory,
 }
 
 /// Why a filter cannot be tuned so.
@@ -56,7 +90,8 @@ impl core::fmt::Display for TuningError {
 impl core::error::Error for TuningError {}
 
 impl Tuning {
-    /// The same variance and noise for all weights; no leak, nothing forgotten, all measurements trusted.
+    /// The same variance and noise for all weights; no leak, nothing forgotten, all measurements trusted, the full
+    /// covariance.
     pub fn uniform(weights: usize, initial: f64, noise: f64, state: (f64, f64), measurement: &[f64]) -> Self {
         Self {
             initial_state: state.0,
@@ -68,6 +103,7 @@ impl Tuning {
             forgetting: 1.0,
             huber: f64::INFINITY,
             noise_rate: 0.0,
+            memory: Memory::Full,
         }
     }
 
@@ -94,6 +130,8 @@ impl Tuning {
             ("the forgetting factor", share(1.0 - self.forgetting)),
             ("Huber's limit", self.huber > 0.0),
             ("the rate of the measurement noise", share(self.noise_rate)),
+            ("the size of a group of blocks", self.memory != Memory::Blocks { group: 0 }),
+            ("the rank", self.memory != Memory::LowRank { rank: 0 }),
         ];
         if let Some((what, _)) = numbers.into_iter().find(|(_, sound)| !sound) {
             return Err(TuningError::Number(what));

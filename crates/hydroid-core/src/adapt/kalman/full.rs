@@ -1,0 +1,329 @@
+//! The covariance of state and weights, all of it.
+#![expect(
+    clippy::inline_always,
+    reason = "what a step is made of must become a part of the function that was compiled for the processor"
+)]
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::dispatched::dispatched;
+use super::gain::Gain;
+use super::learnable::Learnable;
+use super::root::{take_column, transpose};
+use super::triangle::{Pass, Span, Triangle};
+use super::tuning::Tuning;
+use crate::math::Scalar;
+use crate::math::rows::{add_rows, dot};
+
+/// `P` as the [module](super) has it.
+///
+/// The covariance of the weights is touched once a sample, in `advance`: what the last measurement takes from it is
+/// taken when the next step's products with it are made, in one pass ([`Triangle::pass`]).
+#[derive(Clone, Debug)]
+pub(super) struct Full<T> {
+    /// `P_hh` (`n x n`), `P_ht` (`n x width`, in panels), `P_tt`.
+    hh: Vec<T>,
+    ht: Vec<T>,
+    tt: Triangle<T>,
+    /// Which block each block of the triangle is.
+    learned: Vec<usize>,
+    /// Of each padded weight: where it stands among the weights. Padding stands nowhere.
+    pub(super) places: Vec<Option<usize>>,
+    weight_noise: Vec<T>,
+    /// What the last measurement takes from `P_tt`, `rank x width` in panels; whether there is something to take.
+    downdate: Vec<T>,
+    pub(super) pending: bool,
+    /// `L` (`rows x width`) and `L P_tt` (`blocks rows x width`), in panels.
+    local: Vec<T>,
+    products: Vec<T>,
+    scratch: Scratch<T>,
+}
+
+#[derive(Clone, Debug)]
+struct Scratch<T> {
+    /// `blocks rows x n`, and `x outputs`; of blocks that are not learned they stay zero.
+    by_state: Vec<T>,
+    by_output: Vec<T>,
+    /// `n x max(n, outputs)`, twice.
+    square: Vec<T>,
+    turned: Vec<T>,
+    /// A panel of `n x width`.
+    wide: Vec<T>,
+    taken: Vec<T>,
+    /// `G_h'` (`outputs x n`).
+    narrow: Vec<T>,
+    /// The model's.
+    chain: Vec<T>,
+}
+
+impl<T: Scalar> Full<T> {
+    /// Of the weights that are learned, block by block; all zero.
+    pub(super) fn new<M: Learnable<T>>(model: &M, tuning: &Tuning, learned: Vec<usize>) -> Self {
+        let (n, outputs, rows) = (model.state_len(), model.outputs(), model.rows());
+        let tt = Triangle::new(learned.iter().map(|&b| (model.blocks()[b].len(), b * rows)));
+        let width = tt.width();
+        let mut places = vec![None; width];
+        for (span, &b) in tt.spans().iter().zip(&learned) {
+            for (column, &place) in span.weights().zip(&model.blocks()[b]) {
+                places[column] = Some(place);
+            }
+        }
+        let weight_noise = places.iter().map(|p| T::of(p.map_or(0.0, |p| tuning.weight_noise[p]))).collect();
+        let (all_rows, side) = (model.blocks().len() * rows, n.max(outputs));
+        let widest = tt.spans().iter().map(|span| span.padded).max().unwrap_or(0);
+        Self {
+            hh: vec![T::zero(); n * n],
+            ht: vec![T::zero(); n * width],
+            tt,
+            learned,
+            places,
+            weight_noise,
+            downdate: vec![T::zero(); Triangle::<T>::rank(outputs) * width],
+            pending: false,
+            local: vec![T::zero(); rows * width],
+            products: vec![T::zero(); all_rows * width],
+            scratch: Scratch {
+                by_state: vec![T::zero(); all_rows * n],
+                by_output: vec![T::zero(); all_rows * outputs],
+                square: vec![T::zero(); n * side],
+                turned: vec![T::zero(); n * side],
+                wide: vec![T::zero(); n * widest],
+                taken: vec![T::zero(); Triangle::<T>::rank(outputs)],
+                narrow: vec![T::zero(); outputs * n],
+                chain: vec![T::zero(); model.scratch(widest.max(side))],
+            },
+        }
+    }
+
+    /// `P_tt` becomes diagonal (`width`), `P_ht` zero.
+    pub(super) fn restart(&mut self, initial: &[T]) {
+        self.tt.set_diagonal(initial);
+        self.ht.fill(T::zero());
+        self.pending = false;
+    }
+
+    /// `P_hh` becomes a multiple of one, `P_ht` zero.
+    pub(super) fn reset(&mut self, initial: T) {
+        let n = self.hh.len().isqrt();
+        self.hh.fill(T::zero());
+        for i in 0..n {
+            self.hh[i * (n + 1)] = initial;
+        }
+        self.ht.fill(T::zero());
+    }
+
+    /// The diagonals of `P_hh` and `P_tt` (`width`).
+    pub(super) fn variances(&self) -> (Vec<T>, Vec<T>) {
+        let n = self.hh.len().isqrt();
+        let mut padded = vec![T::zero(); self.tt.width()];
+        self.tt.clone().diagonal(&mut padded);
+        if self.pending {
+            let rank = self.scratch.taken.len();
+            for span in self.tt.spans() {
+                for w in self.downdate[span.panel(rank)].chunks_exact(span.padded) {
+                    padded[span.panel(1)].iter_mut().zip(w).for_each(|(p, &w)| *p -= w * w);
+                }
+            }
+        }
+        ((0..n).map(|i| self.hh[i * (n + 1)]).collect(), padded)
+    }
+
+    /// `v' P v` of state (`n`) and weights (`width`).
+    pub(super) fn variance(&mut self, v_h: &[T], v_t: &[T]) -> T {
+        let n = v_h.len();
+        let taken = &mut self.scratch.taken;
+        let mut sum = self.tt.quadratic(v_t);
+        for (row, &v_i) in self.hh.chunks_exact(n).zip(v_h) {
+            sum += v_i * dot(row, v_h);
+        }
+        let rank = taken.len();
+        taken.fill(T::zero());
+        for span in self.tt.spans() {
+            let v = &v_t[span.panel(1)];
+            for (ht, &v_i) in self.ht[span.panel(n)].chunks_exact(span.padded).zip(v_h) {
+                let cross = v_i * dot(ht, v);
+                sum += cross + cross;
+            }
+            if self.pending {
+                let w = self.downdate[span.panel(rank)].chunks_exact(span.padded);
+                w.zip(&mut *taken).for_each(|(w, taken)| *taken += dot(w, v));
+            }
+        }
+        taken.iter().fold(sum, |sum, &taken| sum - taken * taken)
+    }
+
+    /// Numbers that it keeps of `P`.
+    pub(super) fn len(&self) -> usize {
+        self.hh.len() + self.ht.len() + self.tt.numbers().len()
+    }
+
+    /// All that it goes on from, but for the flag.
+    pub(super) fn parts(&self) -> [&[T]; 6] {
+        [&self.hh, &self.ht, self.tt.numbers(), &self.downdate, &self.local, &self.products]
+    }
+
+    /// The same, to put it back.
+    pub(super) fn parts_mut(&mut self) -> [&mut [T]; 6] {
+        let Self { hh, ht, tt, downdate, local, products, .. } = self;
+        [hh, ht, tt.numbers_mut(), downdate, local, products]
+    }
+
+    /// Time update of a step that was just made; the weights' part grows by `grows^2`, the state's by `noise`.
+    pub(super) fn advance<M: Learnable<T>>(&mut self, model: &M, grows: T, noise: T) {
+        self.linearize(model);
+        let all_rows = model.blocks().len() * model.rows();
+        self.tt.pass(&mut Pass {
+            downdate: self.pending.then_some(&self.downdate),
+            rank: self.scratch.taken.len(),
+            scale: grows * grows,
+            noise: &self.weight_noise,
+            local: &self.local,
+            rows: model.rows(),
+            products: &mut self.products,
+            all_rows,
+        });
+        self.pending = false;
+        Arch::new().dispatch(Spread { own: self, model, grows, noise });
+    }
+
+    /// What is expected of the outputs, into `gain`.
+    pub(super) fn expect<M: Learnable<T>>(&mut self, model: &M, gain: &mut Gain<T>) {
+        Arch::new().dispatch(Expect { own: self, model, gain });
+    }
+
+    /// Takes what a measurement tells from `P`, adds it to the state, and gives what it adds to the weights (`width`), which
+    /// are corrected where `learns`.
+    pub(super) fn correct<M: Learnable<T>>(
+        &mut self,
+        model: &M,
+        gain: &Gain<T>,
+        state: &mut [T],
+        change: &mut [T],
+        learns: bool,
+    ) {
+        Arch::new().dispatch(Correct { own: self, model, gain, state, change });
+        self.pending = learns;
+    }
+
+    /// `L` of the step that was just made.
+    fn linearize<M: Learnable<T>>(&mut self, model: &M) {
+        let rows = model.rows();
+        for (span, &block) in self.tt.spans().iter().zip(&self.learned) {
+            let panel = &mut self.local[span.panel(rows)];
+            for (row, partials) in panel.chunks_exact_mut(span.padded).enumerate() {
+                model.local(block, row, &mut partials[..span.len]);
+            }
+        }
+    }
+
+    /// `P_hh` and `P_ht` of the time update, from `L P_tt`; with `G = [A B]`, `[P_hh P_ht]+ = G P G', G P`.
+    #[inline(always)]
+    fn spread<M: Learnable<T>>(&mut self, model: &M, grows: T, noise: T) {
+        let (n, rows, scale) = (model.state_len(), model.rows(), grows * grows);
+        let all_rows = model.blocks().len() * rows;
+        let Scratch { by_state, square, turned, wide, chain, .. } = &mut self.scratch;
+        // G P, columns of the state: A P_hh + B P_th, B P_th = C (L P_th).
+        for span in self.tt.spans() {
+            local_products(span, &self.local[span.panel(rows)], &self.ht[span.panel(n)], by_state);
+        }
+        model.chain(&self.hh, by_state, n, &mut square[..n * n], chain);
+        transpose(n, n, &square[..n * n], &mut turned[..n * n]);
+        for span in self.tt.spans() {
+            // G P, columns of the weights; and L of them, for G (G P)'.
+            let (ht, wide) = (&mut self.ht[span.panel(n)], &mut wide[..n * span.padded]);
+            let products = &mut self.products[span.panel(all_rows)];
+            model.chain(ht, products, span.padded, wide, chain);
+            let local = &self.local[span.panel(rows)];
+            local_products(span, local, wide, by_state);
+            for (ht, &wide) in ht.iter_mut().zip(&*wide) {
+                *ht = wide * grows;
+            }
+            // L P_tt becomes that of the covariance after the time update, which the outputs depend on.
+            if scale != T::one() {
+                for p in products.iter_mut() {
+                    *p *= scale;
+                }
+            }
+            let own = &mut products[span.row * span.padded..(span.row + rows) * span.padded];
+            for (own, local) in own.chunks_exact_mut(span.padded).zip(local.chunks_exact(span.padded)) {
+                let noise = &self.weight_noise[span.weights()];
+                for ((p, &l), &noise) in own.iter_mut().zip(local).zip(noise) {
+                    *p += noise * l;
+                }
+            }
+        }
+        model.chain(&turned[..n * n], by_state, n, &mut square[..n * n], chain);
+        for i in 0..n {
+            for j in 0..=i {
+                // Both triangles are the same but for rounding; from here on they are the same.
+                let p = square[i * n + j];
+                self.hh[i * n + j] = p;
+                self.hh[j * n + i] = p;
+            }
+            self.hh[i * (n + 1)] += noise;
+        }
+    }
+
+    /// `G' = H P` and `H P H'`, before any measurement.
+    #[inline(always)]
+    fn expected<M: Learnable<T>>(&mut self, model: &M, gain: &mut Gain<T>) {
+        let (n, q, rows) = (model.state_len(), model.outputs(), model.rows());
+        let (all_rows, rank) = (model.blocks().len() * rows, self.scratch.taken.len());
+        let Scratch { by_state, by_output, turned, narrow, .. } = &mut self.scratch;
+        for span in self.tt.spans() {
+            let (local, ht) = (&self.local[span.panel(rows)], &self.ht[span.panel(n)]);
+            local_products(span, local, ht, by_state);
+            let product = &mut self.downdate[span.panel(rank)][..q * span.padded];
+            model.output_chain(ht, &self.products[span.panel(all_rows)], span.padded, product);
+            local_products(span, local, product, by_output);
+        }
+        model.output_chain(&self.hh, by_state, n, narrow);
+        transpose(q, n, narrow, &mut turned[..n * q]);
+        model.output_chain(&turned[..n * q], by_output, q, &mut gain.spread);
+    }
+
+    /// `W`, and what it takes from `P_hh` and `P_ht` and adds to state and weights.
+    #[inline(always)]
+    fn corrected<M: Learnable<T>>(&mut self, _: &M, gain: &Gain<T>, state: &mut [T], all: &mut [T]) {
+        let (n, rank, count) = (state.len(), self.scratch.taken.len(), gain.measured.len());
+        let (w_h, e) = (&mut self.scratch.narrow, &gain.whitened[..count]);
+        gain.whiten(w_h, n);
+        add_rows(state, &w_h[..count * n], e);
+        for span in self.tt.spans() {
+            let w_t = &mut self.downdate[span.panel(rank)];
+            gain.whiten(w_t, span.padded);
+            let (w_t, rest) = w_t.split_at_mut(count * span.padded);
+            rest.fill(T::zero());
+            let change = &mut all[span.panel(1)];
+            change.fill(T::zero());
+            add_rows(change, w_t, e);
+            for (i, ht) in self.ht[span.panel(n)].chunks_exact_mut(span.padded).enumerate() {
+                take_column(ht, w_t, w_h, i, n);
+            }
+        }
+        for (i, hh) in self.hh.chunks_exact_mut(n).enumerate() {
+            take_column(hh, &w_h[..count * n], w_h, i, n);
+        }
+    }
+}
+
+/// A block's rows of `L M'`, from its panels of both: `M` has as many rows as there are columns of what comes out.
+#[inline(always)]
+fn local_products<T: Scalar>(span: &Span, local: &[T], matrix: &[T], out: &mut [T]) {
+    let count = matrix.len() / span.padded;
+    for (row, partials) in local.chunks_exact(span.padded).enumerate() {
+        let out = &mut out[(span.row + row) * count..][..count];
+        for (out, of) in out.iter_mut().zip(matrix.chunks_exact(span.padded)) {
+            *out = dot(partials, of);
+        }
+    }
+}
+
+dispatched!(Full<'a>:
+    Spread = spread(model: &'a M, grows: T, noise: T) -> ();
+    Expect = expected(model: &'a M, gain: &'a mut Gain<T>) -> ();
+    Correct = corrected(model: &'a M, gain: &'a Gain<T>, state: &'a mut [T], change: &'a mut [T]) -> ();
+);
