@@ -158,6 +158,11 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         (&self.gain.innovation, &self.gain.variance)
     }
 
+    /// `S - R` of all outputs as the last measurement found it, row by row: what it was not sure of before.
+    pub fn spread_before(&self) -> &[T] {
+        &self.gain.spread
+    }
+
     /// The diagonals of `P_hh` and `P_tt` (in the order of the weights; zero for those that are not learned), after the last
     /// measurement.
     pub fn variances(&self) -> (Vec<T>, Vec<T>) {
