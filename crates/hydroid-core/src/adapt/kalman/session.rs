@@ -141,7 +141,7 @@ impl<T: Scalar> KalmanNetwork<T> {
                 let (e, s) = self.filter.innovation();
                 self.innovations.extend(e.iter().zip(s).zip(scale).map(|((e, s), scale)| Innovation {
                     value: e.wide() * scale,
-                    deviation: s.wide().sqrt() * scale,
+                    deviation: num_traits::Float::sqrt(s.wide()) * scale,
                 }));
                 if weight < 1.0 { Outcome::Inflated { deviations, weight } } else { Outcome::Accepted }
             }
@@ -313,7 +313,7 @@ impl<T: Scalar> Adapter for KalmanNetwork<T> {
             let noise = |i: usize| self.filter.noise()[i].wide() * scale[i] * scale[i];
             for (i, into) in into.iter_mut().enumerate() {
                 // Of the measurement itself, and of those that the rollout begins from.
-                let begun = |j: usize| self.ahead.outputs[j * q + i].powi(2) * noise(j);
+                let begun = |j: usize| num_traits::Float::powi(self.ahead.outputs[j * q + i], 2) * noise(j);
                 *into = noise(i) + (0..q).map(begun).sum::<f64>();
             }
             self.filter.add_variances(&self.ahead.state, &self.ahead.weights, into);

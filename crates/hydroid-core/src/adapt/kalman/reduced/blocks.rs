@@ -8,9 +8,12 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::array::from_fn;
 
+use pulp::{Arch, Simd, WithSimd};
+
 use super::panels::Panel;
 use crate::math::Scalar;
 use crate::math::rows::add_parts;
+use crate::math::vectors::Pack;
 
 /// `P = diag(P_1, P_2, ..)`, one for each panel: of each its lower triangle, row by row. That the other half is kept nowhere
 /// makes it symmetric.
@@ -52,28 +55,8 @@ impl<T: Scalar> Blocks<T> {
     }
 
     /// `out = rows P`; of each, `count` rows.
-    #[inline(always)]
     pub(super) fn times(&self, panels: &[Panel], count: usize, rows: &[T], out: &mut [T]) {
-        let mut begin = 0;
-        for panel in panels {
-            let (rows, out) = (&rows[panel.of(count)], &mut out[panel.of(count)]);
-            out.fill(T::zero());
-            for i in 0..panel.width {
-                let p = &self.numbers[begin..=begin + i];
-                begin += i + 1;
-                let (mut x, mut out, mut left) = (rows, &mut *out, count);
-                while left > 0 {
-                    let some = if left < SIDE_BY_SIDE { 1 } else { SIDE_BY_SIDE };
-                    let (own, rest) = out.split_at_mut(some * panel.width);
-                    if some == 1 {
-                        row_times::<1, T>(p, x, own, panel.width);
-                    } else {
-                        row_times::<SIDE_BY_SIDE, T>(p, x, own, panel.width);
-                    }
-                    (x, out, left) = (&x[some * panel.width..], rest, left - some);
-                }
-            }
-        }
+        Arch::new().dispatch(Times { numbers: &self.numbers, panels, count, rows, out });
     }
 
     /// `P <- P - sum_k w_k w_k'`, of its blocks; `w` are the first `count` of `rows` rows.
@@ -98,31 +81,71 @@ impl<T: Scalar> Blocks<T> {
 /// Rows that share the loads of the covariance: as many as vessels have outputs.
 const SIDE_BY_SIDE: usize = 3;
 
-/// What a row of the triangle, up to its diagonal, is in `N` products: `out_i += p x` and, mirrored, `out += p x_i`.
-#[inline(always)]
-fn row_times<const N: usize, T: Scalar>(p: &[T], x: &[T], out: &mut [T], width: usize) {
-    const LANES: usize = 8;
-    let i = p.len() - 1;
-    let x_i: [T; N] = from_fn(|n| x[n * width + i]);
-    let mut sums = [[T::zero(); LANES]; N];
-    let whole = i / LANES * LANES;
-    for at in (0..whole).step_by(LANES) {
-        let p = &p[at..at + LANES];
-        for n in 0..N {
-            let x = &x[n * width + at..][..LANES];
-            let out = &mut out[n * width + at..][..LANES];
-            for lane in 0..LANES {
-                sums[n][lane] += p[lane] * x[lane];
-                out[lane] += p[lane] * x_i[n];
+/// A product as what [`Arch`] compiles for the processor.
+struct Times<'a, T> {
+    numbers: &'a [T],
+    panels: &'a [Panel],
+    count: usize,
+    rows: &'a [T],
+    out: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Times<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { numbers, panels, count, rows, out } = self;
+        let mut begin = 0;
+        for panel in panels {
+            let (rows, out) = (&rows[panel.of(count)], &mut out[panel.of(count)]);
+            out.fill(T::zero());
+            for i in 0..panel.width {
+                let p = &numbers[begin..=begin + i];
+                begin += i + 1;
+                let some = SIDE_BY_SIDE * panel.width;
+                for (x, out) in rows.chunks(some).zip(out.chunks_mut(some)) {
+                    if x.len() == some {
+                        row_times::<S, T, SIDE_BY_SIDE>(simd, p, x, out, panel.width);
+                    } else {
+                        for (x, out) in x.chunks_exact(panel.width).zip(out.chunks_exact_mut(panel.width)) {
+                            row_times::<S, T, 1>(simd, p, x, out, panel.width);
+                        }
+                    }
+                }
             }
         }
     }
-    for n in 0..N {
-        let mut sum: T = sums[n].iter().copied().sum::<T>() + p[i] * x_i[n];
-        for at in whole..i {
-            sum += p[at] * x[n * width + at];
-            out[n * width + at] += p[at] * x_i[n];
+}
+
+/// What a row of the triangle, up to its diagonal, is in `N` products: `out_i += p x` and, mirrored, `out += p x_i`.
+#[inline(always)]
+fn row_times<S: Simd, T: Scalar, const N: usize>(simd: S, p: &[T], x: &[T], out: &mut [T], width: usize) {
+    let i = p.len() - 1;
+    let (diagonal, p) = (p[i], &p[..i]);
+    let x: [&[T]; N] = from_fn(|n| &x[n * width..(n + 1) * width]);
+    let mut rows = out.chunks_exact_mut(width);
+    let mut out: [&mut [T]; N] = from_fn(|_| rows.next().unwrap_or_default());
+    let (p_whole, p_rest) = T::whole::<S>(p);
+    let (len, whole) = (p_whole.len(), i - p_rest.len());
+    let x_i = x.map(|x| x[i]);
+    let x_whole = x.map(|x| &T::whole::<S>(&x[..i]).0[..len]);
+    let out_whole = out.each_mut().map(|out| &mut T::whole_mut::<S>(&mut out[..i]).0[..len]);
+    let by = x_i.map(|x| Pack::<S, T>::splat(simd, x));
+    let mut sums = [Pack::<S, T>::splat(simd, T::zero()); N];
+    for c in 0..len {
+        let p = Pack::new(simd, p_whole[c]);
+        for n in 0..N {
+            sums[n] = p.mul_add(Pack::new(simd, x_whole[n][c]), sums[n]);
+            out_whole[n][c] = p.mul_add(by[n], Pack::new(simd, out_whole[n][c])).v;
         }
-        out[n * width + i] += sum;
+    }
+    for n in 0..N {
+        let mut sum = sums[n].sum() + diagonal * x_i[n];
+        for (&p, (&x, out)) in p_rest.iter().zip(x[n][whole..i].iter().zip(&mut out[n][whole..i])) {
+            sum += p * x;
+            *out += p * x_i[n];
+        }
+        out[n][i] += sum;
     }
 }
