@@ -7,7 +7,7 @@
 //! Models are files of hydroid's recurrent networks that see inputs alone, or PyTorch's tensors with `norm.*` beside them, as
 //! the reference has them; errors are medians over all of them. `KEY=VALUE` is the tuning, in scaled units: `p0`, `q`,
 //! `p0_h`, `q_h`, `r` (times the variance of the true noise), `leak`, `forgetting`, `huber`, `noise_rate`, `weights`
-//! (`all`, `last`, `read_out`), `memory` (`full`, `blocks:GROUP`, `diagonal`, `low_rank:RANK`).
+//! (`all`, `last`, `read_out`), `memory` (`full`, `blocks:GROUP`, `diagonal`, `low-rank:RANK`).
 //!
 //! Windows start at samples 100, 105, ..; from the filtered state the network is run 100 steps on the logged commands with the
 //! weights of that moment; errors are means of the absolute difference from the truth. `frozen`: no measurement enters;
@@ -115,7 +115,7 @@ fn three(
         forgetting: number("forgetting", 1.0)?,
         huber: number("huber", f64::INFINITY)?,
         noise_rate: number("noise_rate", 0.0)?,
-        memory: settings.get("memory").map_or(Ok(Memory::Full), |value| memory(value))?,
+        memory: settings.get("memory").map_or(Ok(Memory::Full), |value| value.parse::<Memory>())?,
         ..Tuning::uniform(
             model.weights.len(),
             number("p0", 4e-3)?,
@@ -142,17 +142,6 @@ fn three(
         adapted,
     ];
     Ok(Outcome { errors, kept, time_us })
-}
-
-fn memory(value: &str) -> Result<Memory, Failure> {
-    let (name, number) = value.split_once(':').unwrap_or((value, ""));
-    Ok(match name {
-        "full" => Memory::Full,
-        "blocks" => Memory::Blocks { group: number.parse()? },
-        "diagonal" => Memory::Diagonal,
-        "low_rank" => Memory::LowRank { rank: number.parse()? },
-        _ => return Err(format!("no memory {value}: full, blocks:GROUP, diagonal, low_rank:RANK").into()),
-    })
 }
 
 /// Errors, and the median time of a sample in microseconds.

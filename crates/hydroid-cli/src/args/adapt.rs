@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
-use hydroid::adapt::Which;
+use hydroid::adapt::{Memory, Which};
 
 use super::values::NamedNumber;
 use super::{Judging, LogArgs};
@@ -63,6 +63,10 @@ pub struct NetworksArgs {
     /// Which weights learn
     #[arg(long, value_name = "WHICH", value_enum)]
     pub weights: Option<WhichWeights>,
+    /// How much of the covariance of the weights is kept: full, blocks:GROUP (of so many neighbouring units), diagonal,
+    /// low-rank:RANK
+    #[arg(long, value_name = "WHAT", value_parser = str::parse::<Memory>)]
+    pub memory: Option<Memory>,
     /// The filter works in single precision
     #[arg(long)]
     pub single_precision: bool,

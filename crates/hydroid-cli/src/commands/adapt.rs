@@ -95,6 +95,7 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         *into = value.unwrap_or(*into);
     }
     settings.weights = given.weights.map_or(settings.weights, Into::into);
+    settings.memory = given.memory.unwrap_or(settings.memory);
     settings.single_precision = given.single_precision;
     settings.noise = noise(&given.noise, model)?;
     Ok(options)

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
-use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
+use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
 use hydroid_core::model::recurrent::{Base, Blocks, Packed, Recurrent, StateFilter};
 use serde::Serialize;
 
@@ -38,6 +38,8 @@ pub struct Kalman {
     pub adaptive_noise_s: f64,
     /// Which weights are learned.
     pub weights: Which,
+    /// How much of the covariance of the weights is kept.
+    pub memory: Memory,
     /// Whether the filter works in single precision.
     pub single_precision: bool,
 }
@@ -69,6 +71,7 @@ impl Default for Kalman {
             huber: f64::INFINITY,
             adaptive_noise_s: f64::INFINITY,
             weights: Which::All,
+            memory: Memory::Full,
             single_precision: false,
         }
     }
@@ -89,6 +92,7 @@ pub struct UsedKalman {
     pub huber: f64,
     pub adaptive_noise_s: f64,
     pub weights: Which,
+    pub memory: String,
     pub single_precision: bool,
 }
 
@@ -140,6 +144,7 @@ impl Kalman {
             forgetting: 1.0 - per_sample(self.forgetting_s),
             huber: self.huber,
             noise_rate: per_sample(self.adaptive_noise_s),
+            memory: self.memory,
             ..Tuning::uniform(weights, self.weight_variance, self.weight_noise_per_s * dt, state, &noise)
         };
         let blocks = Blocks::new(&Packed::new(network.network, &network.weights));
@@ -173,7 +178,15 @@ pub(super) fn adapter(
     };
     let Kalman { weight_variance, weight_noise_per_s, state_variance, state_noise_per_s, .. } = *options;
     let Kalman {
-        noise_factor, leak_s, forgetting_s, huber, adaptive_noise_s, weights, single_precision, ..
+        noise_factor,
+        leak_s,
+        forgetting_s,
+        huber,
+        adaptive_noise_s,
+        weights,
+        memory,
+        single_precision,
+        ..
     } = *options;
     let used = UsedKalman {
         weight_variance,
@@ -187,6 +200,7 @@ pub(super) fn adapter(
         huber,
         adaptive_noise_s,
         weights,
+        memory: memory.to_string(),
         single_precision,
     };
     Ok((adapter, used))

@@ -19,6 +19,7 @@ use crate::progress::Progress;
 use watch::Watched;
 
 pub use hydroid_core::adapt::Gate;
+pub use hydroid_core::adapt::kalman::Memory;
 pub use kalman::{Kalman, UsedKalman, Which};
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
 pub use watch::{Counts, Coverage, Times};

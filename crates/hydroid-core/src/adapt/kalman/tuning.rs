@@ -35,6 +35,36 @@ pub enum Memory {
     },
 }
 
+impl core::fmt::Display for Memory {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Full => write!(f, "full"),
+            Self::Blocks { group } => write!(f, "blocks:{group}"),
+            Self::Diagonal => write!(f, "diagonal"),
+            Self::LowRank { rank } => write!(f, "low-rank:{rank}"),
+        }
+    }
+}
+
+impl core::str::FromStr for Memory {
+    type Err = &'static str;
+
+    /// As it is displayed.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let wrong = "a memory is one of full, blocks:GROUP, diagonal, low-rank:RANK, as in low-rank:20";
+        let (kind, number) = text.split_once(':').map_or((text, None), |(kind, number)| (kind, Some(number)));
+        let number =
+            number.map(|number| number.parse::<usize>().ok().filter(|&n| n > 0).ok_or(wrong)).transpose()?;
+        match (kind, number) {
+            ("full", None) => Ok(Self::Full),
+            ("diagonal", None) => Ok(Self::Diagonal),
+            ("blocks", Some(group)) => Ok(Self::Blocks { group }),
+            ("low-rank", Some(rank)) => Ok(Self::LowRank { rank }),
+            _ => Err(wrong),
+        }
+    }
+}
+
 /// Tuning of a [`Filter`](super::Filter), in the (scaled) units of its model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuning {
