@@ -399,6 +399,27 @@ fn memory_goes_on_to_the_last_bit() {
     }
 }
 
+/// Over many samples rounding must not pile up, in single precision and with little noise either.
+#[test]
+fn single_precision_lasts() {
+    let network = cells()[2];
+    for memory in ALL {
+        let given: Vec<f32> = weights(network, 0.6).iter().map(|&w| f32::of(w)).collect();
+        let uniform = Tuning::uniform(network.weights(), 4e-3, 1e-7, (1.0, 1e-5), &[2e-4, 2e-3, 2e-2]);
+        let tuning = Tuning { leak: 3e-5, memory, ..uniform };
+        let mut filter = Filter::new(LearnableNetwork::new(Packed::new(network, &given)), tuning).unwrap();
+        for k in 0..30_000 {
+            let (x, z) = sample(k, network.outputs);
+            let [x, z] = [x, z].map(|numbers| numbers.into_iter().map(f32::of).collect::<Vec<_>>());
+            filter.advance(&x);
+            assert_ne!(filter.observe(&z), Correction::Lost, "{memory:?}: {k}");
+        }
+        let (hh, tt) = filter.variances();
+        assert!(hh.iter().chain(&tt).all(|&p| p > 0.0), "{memory:?}: {hh:?} {tt:?}");
+        assert!(filter.weights().iter().all(|w| w.abs() < 100.0), "{memory:?}");
+    }
+}
+
 /// What is expected of predictions is that of the full filter where the covariance is.
 #[test]
 fn deviations_ahead_are_those_of_the_full_filter() {
