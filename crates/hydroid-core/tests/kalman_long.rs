@@ -40,14 +40,15 @@ struct Voyage {
     plant: Plant,
     state: State,
     command: Command,
-    left: u32,
+    /// Samples that it is held for yet.
+    left: f64,
     draws: Draws,
 }
 
 impl Voyage {
     fn begin() -> Self {
         let plant = Plant::new(&VesselParams::hydrofoil()).unwrap();
-        Self { plant, state: State::REST, command: Command { pp: 0.0, rd: 0.0 }, left: 0, draws: Draws(7) }
+        Self { plant, state: State::REST, command: Command { pp: 0.0, rd: 0.0 }, left: 0.0, draws: Draws(7) }
     }
 
     fn measured(&mut self) -> [f64; 3] {
@@ -57,12 +58,12 @@ impl Voyage {
     }
 
     fn sail(&mut self) -> [f64; 2] {
-        if self.left == 0 {
-            self.left = self.draws.between(20.0, 120.0) as u32;
+        if self.left < 1.0 {
+            self.left = self.draws.between(20.0, 120.0);
             self.command =
                 Command { pp: self.draws.between(-60.0, 350.0), rd: self.draws.between(-0.5, 0.5) };
         }
-        self.left -= 1;
+        self.left -= 1.0;
         let actuation = self.plant.actuation(&self.command);
         for _ in 0..10 {
             self.state = self.plant.advance_under(&self.state, &actuation, 0.01);
@@ -102,7 +103,7 @@ fn smallest_eigenvalue(m: &[f64]) -> f64 {
     if p == 0.0 {
         return mean;
     }
-    let b = |i: usize| (m[i] - if i % 4 == 0 { mean } else { 0.0 }) / p;
+    let b = |i: usize| (m[i] - if i.is_multiple_of(4) { mean } else { 0.0 }) / p;
     let det = b(0) * (b(4) * b(8) - b(5) * b(7)) - b(1) * (b(3) * b(8) - b(5) * b(6))
         + b(2) * (b(3) * b(7) - b(4) * b(6));
     let angle = (0.5 * det).clamp(-1.0, 1.0).acos() / 3.0;
