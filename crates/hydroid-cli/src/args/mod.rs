@@ -57,7 +57,7 @@ pub enum Command {
     Inspect(Inspect),
     Identify(Box<Identify>),
     Evaluate(Evaluate),
-    Adapt(Adapt),
+    Adapt(Box<Adapt>),
 }
 
 /// Simulate a vessel and write its log
