@@ -1,0 +1,159 @@
+//! `hydroid adapt` on a recurrent network: a hydrofoil that was logged at low speed alone, and then flies.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
+    command.current_dir(folder).args(args.split(' '));
+    command
+}
+
+fn run(folder: &Path, args: &str) -> Output {
+    hydroid(folder, args).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A small network of low speed, and a log that leaves it; made once.
+fn prepared() -> &'static Path {
+    static FOLDER: OnceLock<TempDir> = OnceLock::new();
+    FOLDER
+        .get_or_init(|| {
+            let folder = TempDir::new().unwrap();
+            let at = folder.path();
+            let low = "simulate hydrofoil --excitation low-speed --duration";
+            for args in [
+                &format!("{low} 900 --seed 1 -o a.csv"),
+                &format!("{low} 200 --seed 2 -o b.csv"),
+                &format!("{low} 200 --seed 3 -o c.csv"),
+                "simulate hydrofoil --excitation lawn-mower --leg-speeds 1.5,4,2 --duration 240 --seed 4 -o lawn.csv",
+            ] {
+                assert_eq!(run(at, args).status.code(), Some(0), "{args}");
+            }
+            let settings = "[network]\nhidden = 8\nepochs = 60\nfeedback = false\nlearning_rate = 0.01\n";
+            fs::write(at.join("net.toml"), settings).unwrap();
+            let identified = run(
+                at,
+                "identify a.csv --validate b.csv --test c.csv --outputs u,v,r --methods gru -c net.toml --range u=0:6,v=-1.5:1.5,r=-1:1,PP_cmd=-130:350 -o out -q",
+            );
+            assert!(matches!(identified.status.code(), Some(0 | 1)), "{}", text(&identified.stderr));
+            folder
+        })
+        .path()
+}
+
+const MODEL: &str = "out/gru.safetensors";
+
+fn report(args: &str) -> Value {
+    let output = run(prepared(), args);
+    assert_eq!(output.status.code(), Some(0), "{args}: {}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn a_network_learns_to_fly_and_is_written_with_its_history() {
+    let report = report("adapt out/gru.safetensors lawn.csv -o adapted.safetensors --against truth --json");
+    let mae = |part: &str, step: usize| report[part]["mae"][step - 1][0].as_f64().unwrap();
+    for step in [1, 20, 100] {
+        let frozen = mae("frozen", step).min(mae("frozen_filtered", step));
+        assert!(mae("adapted", step) < 0.6 * frozen, "{step}: {} {frozen}", mae("adapted", step));
+    }
+    assert_eq!(report["settings"]["method"], "kalman");
+    // The noise is what the training log shows: 1 cm/s and 1 deg/s.
+    for (noise, truth) in report["settings"]["noise"].as_array().unwrap().iter().zip([0.01, 0.01, 0.01745]) {
+        assert!((noise.as_f64().unwrap() / truth - 1.0).abs() < 0.1, "{noise}");
+    }
+    let coverage = report["coverage"]["95"].as_f64().unwrap();
+    assert!((0.85..=1.0).contains(&coverage), "{coverage}");
+    let inspected = run(prepared(), "inspect adapted.safetensors --json");
+    let inspected: Value = serde_json::from_slice(&inspected.stdout).unwrap();
+    let adapted = &inspected["description"]["provenance"]["settings"]["adapted"][0];
+    assert_eq!(adapted["runs"][0], "lawn.csv");
+    assert_eq!(adapted["settings"], report["settings"]);
+}
+
+#[test]
+fn every_way_to_learn_less_still_learns() {
+    let frozen = report("adapt out/gru.safetensors lawn.csv --json -q");
+    let frozen = frozen["frozen"]["rmse"][0][0].as_f64().unwrap();
+    for option in [
+        "--memory blocks:1",
+        "--memory low-rank:5",
+        "--memory diagonal",
+        "--weights read-out",
+        "--single-precision",
+        "--huber 3 --adaptive-noise 60 --leak 600 --forgetting 300",
+    ] {
+        let report = report(&format!("adapt out/gru.safetensors lawn.csv --json -q {option}"));
+        let adapted = report["adapted"]["rmse"][0][0].as_f64().unwrap();
+        assert!(adapted < 0.5 * frozen, "{option}: {adapted} {frozen}");
+    }
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    for (options, words) in [
+        ("--noise u=0.01", "'v' is missing"),
+        ("--noise u=0.01,v=0.01,r=0.02,w=1", "'w' is no output"),
+        ("--noise u=0,v=0.01,r=0.02", "standard deviation of 0"),
+        ("--noise u", "NAME=NUMBER"),
+        ("--memory blocks:0", "low-rank:20"),
+        ("--memory much", "low-rank:20"),
+        ("--weight-variance=-1", "initial variance"),
+        ("--prior 3", "are for equations"),
+        ("--forgetting 0", "forgetting"),
+    ] {
+        let output = run(prepared(), &format!("adapt {MODEL} lawn.csv {options}"));
+        assert_eq!(output.status.code(), Some(2), "{options}");
+        let told = text(&output.stderr);
+        assert!(told.contains(words) && !told.contains("panicked"), "{options}: {told}");
+    }
+}
+
+/// A kill costs nothing: answers and model are those of a service that was left alone.
+#[test]
+fn a_service_that_was_killed_goes_on_to_the_same_model() {
+    let at = prepared();
+    let options = "--stream --horizons 1,20 -q";
+    let whole = run(at, &format!("adapt {MODEL} lawn.csv {options} -o whole.safetensors"));
+    assert_eq!(whole.status.code(), Some(0), "{}", text(&whole.stderr));
+    let whole = text(&whole.stdout);
+    let log = fs::read_to_string(at.join("lawn.csv")).unwrap();
+
+    let mut child = hydroid(at, &format!("adapt {MODEL} - --horizons 1,20 -q --state kept.state"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let mut answers = BufReader::new(child.stdout.take().unwrap()).lines();
+    for (k, line) in log.lines().take(1208).enumerate() {
+        writeln!(stdin, "{line}").unwrap();
+        if k > 0 {
+            let answer: Value = serde_json::from_str(&answers.next().unwrap().unwrap()).unwrap();
+            assert!(answer["status"] == "accepted" || k == 1, "{answer}");
+            assert!(k < 2 || answer["band_95"]["u"][1].as_f64().unwrap() > 0.0, "{answer}");
+        }
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let rest =
+        run(at, &format!("adapt {MODEL} lawn.csv {options} --state kept.state -o resumed.safetensors"));
+    assert_eq!(rest.status.code(), Some(0), "{}", text(&rest.stderr));
+    let rest = text(&rest.stdout);
+    let (rest, whole): (Vec<&str>, Vec<&str>) = (rest.lines().collect(), whole.lines().collect());
+    assert!(rest.len() > whole.len() - 1208, "{} of {}", rest.len(), whole.len());
+    assert_eq!(rest, whole[whole.len() - rest.len()..]);
+    let model = |name: &str| fs::read(at.join(name)).unwrap();
+    assert_eq!(model("whole.safetensors"), model("resumed.safetensors"));
+}
