@@ -7,7 +7,8 @@
 //! Models are files of hydroid's recurrent networks that see inputs alone, or PyTorch's tensors with `norm.*` beside them, as
 //! the reference has them; errors are medians over all of them. `KEY=VALUE` is the tuning, in scaled units: `p0`, `q`,
 //! `p0_h`, `q_h`, `r` (times the variance of the true noise), `leak`, `forgetting`, `huber`, `noise_rate`, `weights`
-//! (`all`, `last`, `read_out`), `memory` (`full`, `blocks:GROUP`, `diagonal`, `low-rank:RANK`).
+//! (`all`, `last`, `read_out`), `memory` (`full`, `blocks:GROUP`, `diagonal`, `low-rank:RANK`). `bands=1` counts how often the
+//! 80 and 95 % bands hold what is measured.
 //!
 //! Windows start at samples 100, 105, ..; from the filtered state the network is run 100 steps on the logged commands with the
 //! weights of that moment; errors are means of the absolute difference from the truth. `frozen`: no measurement enters;
@@ -21,6 +22,7 @@ use std::time::Instant;
 
 use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
 use hydroid::model::{self, Body, NamedTensor, weights_from_torch};
+use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
 use hydroid_core::model::recurrent::{
     Base, Blocks, Cell, Network, Packed, Recurrent, RecurrentSession, Scaling, StateFilter,
@@ -108,18 +110,18 @@ fn three(
     let frozen = Arc::new(Recurrent { state_filter: None, ..model.clone() });
     let filtered = Arc::new(Recurrent { state_filter: Some(filter), ..model.clone() });
     let number = |key: &str, default: f64| settings.get(key).map_or(Ok(default), |v| v.parse::<f64>());
-    let r = number("r", 5.0)?;
+    let r = number("r", 3.0)?;
     let noise: Vec<f64> = noise.iter().map(|n| r * n).collect();
     let mut tuning = Tuning {
-        leak: number("leak", 3e-5)?,
+        leak: number("leak", 3.03e-5)?,
         forgetting: number("forgetting", 1.0)?,
         huber: number("huber", f64::INFINITY)?,
         noise_rate: number("noise_rate", 0.0)?,
         memory: settings.get("memory").map_or(Ok(Memory::Full), |value| value.parse::<Memory>())?,
         ..Tuning::uniform(
             model.weights.len(),
-            number("p0", 4e-3)?,
-            number("q", 1e-7)?,
+            number("p0", 0.02)?,
+            number("q", 3e-8)?,
             (number("p0_h", 1.0)?, number("q_h", 1e-5)?),
             &noise,
         )
@@ -132,6 +134,9 @@ fn three(
     };
     for &place in blocks.places()[..from].iter().flatten() {
         (tuning.initial_weights[place], tuning.weight_noise[place]) = (0.0, 0.0);
+    }
+    if settings.contains_key("bands") {
+        bands(KalmanNetwork::<f64>::new(Arc::clone(&frozen), tuning.clone())?, run);
     }
     let learning = KalmanNetwork::<f64>::new(Arc::clone(&frozen), tuning)?;
     let kept = learning.filter().covariance_len();
@@ -172,6 +177,35 @@ fn errors(mut session: impl Predictor, run: &Trajectory) -> (Errors, f64) {
     let time_us = times.get(times.len() / 2).map_or(f64::NAN, |time| 1e6 * time.as_secs_f64());
     sums.iter_mut().flatten().for_each(|sum| *sum /= windows);
     (sums, time_us)
+}
+
+/// How often the 80 and 95 % bands hold what is measured, at the horizons shown; windows begin every 25 samples.
+fn bands(mut session: KalmanNetwork<f64>, run: &Trajectory) {
+    let commands: Vec<f64> = (0..run.len()).flat_map(|k| run.inputs.row(k).to_vec()).collect();
+    let (mut work, mut y) = (Workspace::new(), vec![0.0; 3 * HORIZON]);
+    let mut deviations = vec![0.0; 3 * SHOWN.len()];
+    let (mut inside, mut windows) = ([[[0.0; 2]; 3]; SHOWN.len()], 0.0);
+    for k in 0..run.len() - HORIZON {
+        session.observe(run.outputs.row(k));
+        if k >= 100 && k % 25 == 0 {
+            let commands = &commands[2 * k..2 * (k + HORIZON)];
+            session.rollout(commands, &mut work, &mut y);
+            session.deviations(commands, &SHOWN, &mut work, &mut deviations);
+            for (h, n) in SHOWN.iter().enumerate() {
+                for c in 0..3 {
+                    let off = (run.outputs.row(k + n)[c] - y[3 * (n - 1) + c]).abs() / deviations[3 * h + c];
+                    inside[h][c][0] += f64::from(u8::from(off < 1.281_55));
+                    inside[h][c][1] += f64::from(u8::from(off < 1.959_96));
+                }
+            }
+            windows += 1.0;
+        }
+        session.advance(run.inputs.row(k));
+    }
+    for (n, inside) in SHOWN.iter().zip(&inside) {
+        let share = inside.map(|[a, b]| format!("{:.0}/{:.0}", 100.0 * a / windows, 100.0 * b / windows));
+        println!("  bands of {}, {n} steps: {} %", run.name, share.join("  "));
+    }
 }
 
 fn median<'a>(all: &(impl Iterator<Item = &'a Errors> + Clone)) -> Errors {
