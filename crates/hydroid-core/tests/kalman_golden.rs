@@ -6,39 +6,20 @@ use std::sync::Arc;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
 use hydroid_core::adapt::{Adapter, Outcome};
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Base, Recurrent, Scaling};
+use hydroid_core::model::recurrent::Recurrent;
 use hydroid_core::predict::{Predictor, Workspace};
-use safetensors::SafeTensors;
 
 mod networks;
 
-use networks::{NAMES, golden_path, network, read, tensor, weights_of};
-
-/// Rows of numbers of a golden file.
-fn rows(file: &str) -> Vec<Vec<f64>> {
-    let text = String::from_utf8(read(&golden_path(&format!("adaptation/{file}")))).unwrap();
-    text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
-}
+use networks::{NAMES, pretrained, rows};
 
 /// A network trained on low speed alone, and the reference's tuning (`filter.json`).
 fn model(name: &str) -> (Arc<Recurrent>, Tuning) {
-    let network = network(name);
-    let bytes = read(&golden_path(&format!("adaptation/{name}_pretrained.safetensors")));
-    let file = SafeTensors::deserialize(&bytes).unwrap();
-    let scaling = Scaling {
-        output_mean: tensor(&file, "norm.output_mean"),
-        output_scale: tensor(&file, "norm.output_std"),
-        input_mean: tensor(&file, "norm.input_mean"),
-        input_scale: tensor(&file, "norm.input_std"),
-        correction_scale: tensor(&file, "norm.output_std"),
-    };
-    let sigma = [0.01, 0.01, 1.0_f64.to_radians()];
-    let noise: Vec<f64> =
-        sigma.iter().zip(&scaling.output_scale).map(|(s, scale)| 5.0 * (s / scale).powi(2)).collect();
-    let weights = weights_of(&network, &bytes);
-    let tuning = Tuning { leak: 3e-5, ..Tuning::uniform(weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &noise) };
-    let (base, feedback, wash_out) = (Base::Nothing, false, 100);
-    (Arc::new(Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter: None }), tuning)
+    let (model, noise) = pretrained(name);
+    let noise: Vec<f64> = noise.iter().map(|variance| 5.0 * variance).collect();
+    let tuning =
+        Tuning { leak: 3e-5, ..Tuning::uniform(model.weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &noise) };
+    (Arc::new(model), tuning)
 }
 
 /// A step: command `k`, then measurement `k + 1`. The reference does not use the measurement before the first command.

@@ -11,14 +11,12 @@ use std::sync::Arc;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
 use hydroid_core::adapt::{Adapter, Outcome};
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Base, Recurrent, Scaling};
 use hydroid_core::predict::Predictor;
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
-use safetensors::SafeTensors;
 
 mod networks;
 
-use networks::{golden_path, network, read, tensor, weights_of};
+use networks::pretrained;
 
 /// Uniform numbers from a linear congruential generator (Knuth), whose high bits are good enough to shake a vessel.
 struct Draws(u64);
@@ -74,23 +72,10 @@ impl Voyage {
 
 /// The thesis's LSTM, trained on low speed alone, with the reference's tuning.
 fn learner<T: Scalar>() -> (KalmanNetwork<T>, Vec<f64>) {
-    let network = network("lstm");
-    let bytes = read(&golden_path("adaptation/lstm_pretrained.safetensors"));
-    let file = SafeTensors::deserialize(&bytes).unwrap();
-    let scaling = Scaling {
-        output_mean: tensor(&file, "norm.output_mean"),
-        output_scale: tensor(&file, "norm.output_std"),
-        input_mean: tensor(&file, "norm.input_mean"),
-        input_scale: tensor(&file, "norm.input_std"),
-        correction_scale: tensor(&file, "norm.output_std"),
-    };
-    let sigma = [0.01, 0.01, 1.0_f64.to_radians()];
-    let noise: Vec<f64> =
-        sigma.iter().zip(&scaling.output_scale).map(|(s, scale)| 5.0 * (s / scale).powi(2)).collect();
-    let weights = weights_of(&network, &bytes);
-    let tuning = Tuning { leak: 3e-5, ..Tuning::uniform(weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &noise) };
-    let (base, feedback, wash_out) = (Base::Nothing, false, 100);
-    let model = Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter: None };
+    let (model, noise) = pretrained("lstm");
+    let noise: Vec<f64> = noise.iter().map(|variance| 5.0 * variance).collect();
+    let tuning =
+        Tuning { leak: 3e-5, ..Tuning::uniform(model.weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &noise) };
     (KalmanNetwork::new(Arc::new(model), tuning).unwrap(), noise)
 }
 

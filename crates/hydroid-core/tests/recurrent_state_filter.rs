@@ -7,36 +7,17 @@ use hydroid_core::model::recurrent::{
     Base, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
 };
 use hydroid_core::predict::{Predictor, Workspace};
-use safetensors::SafeTensors;
 
 mod networks;
 
-use networks::{NAMES, golden_path, network, read, tensor, weights_of};
-
-/// Rows of numbers of a golden file.
-fn rows(file: &str) -> Vec<Vec<f64>> {
-    let text = String::from_utf8(read(&golden_path(&format!("adaptation/{file}")))).unwrap();
-    text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
-}
+use networks::{NAMES, pretrained, rows};
 
 /// A network trained on low speed alone. The filter is that of the reference: process noise 1e-4, measurement noise
 /// as simulated (1 cm/s, 1 cm/s, 1 deg/s).
 fn model(name: &str, filtered: bool) -> Recurrent {
-    let network = network(name);
-    let bytes = read(&golden_path(&format!("adaptation/{name}_pretrained.safetensors")));
-    let file = SafeTensors::deserialize(&bytes).unwrap();
-    let scaling = Scaling {
-        output_mean: tensor(&file, "norm.output_mean"),
-        output_scale: tensor(&file, "norm.output_std"),
-        input_mean: tensor(&file, "norm.input_mean"),
-        input_scale: tensor(&file, "norm.input_std"),
-        correction_scale: tensor(&file, "norm.output_std"),
-    };
-    let sigma = [0.01, 0.01, 1.0_f64.to_radians()];
-    let noise = sigma.iter().zip(&scaling.output_scale).map(|(s, scale)| (s / scale).powi(2)).collect();
+    let (model, noise) = pretrained(name);
     let state_filter = filtered.then_some(StateFilter { process: 1e-4, initial: 1.0, noise });
-    let weights = weights_of(&network, &bytes);
-    Recurrent { network, weights, scaling, base: Base::Nothing, feedback: false, wash_out: 100, state_filter }
+    Recurrent { state_filter, ..model }
 }
 
 /// Mean absolute errors against the truth at horizons 1..100 of each output, over windows that begin every 5 samples

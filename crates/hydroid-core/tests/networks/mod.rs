@@ -2,7 +2,7 @@
 #![allow(dead_code)] // each test binary uses a part of it
 
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Cell, Network};
+use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, Scaling};
 use safetensors::SafeTensors;
 use serde_json::Value;
 
@@ -45,6 +45,32 @@ pub(crate) fn weights_of(network: &Network, bytes: &[u8]) -> Vec<f64> {
 
 pub(crate) fn golden_weights(name: &str) -> Vec<f64> {
     weights_of(&network(name), &read(&golden_path(&format!("networks/{name}_weights.safetensors"))))
+}
+
+/// Rows of numbers of a file of `adaptation`.
+pub(crate) fn rows(file: &str) -> Vec<Vec<f64>> {
+    let text = String::from_utf8(read(&golden_path(&format!("adaptation/{file}")))).unwrap();
+    text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
+}
+
+/// A network trained on low speed alone, and the variances of the simulated sensors (1 cm/s, 1 cm/s, 1 deg/s) in its scaled
+/// units.
+pub(crate) fn pretrained(name: &str) -> (Recurrent, Vec<f64>) {
+    let network = network(name);
+    let bytes = read(&golden_path(&format!("adaptation/{name}_pretrained.safetensors")));
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let scaling = Scaling {
+        output_mean: tensor(&file, "norm.output_mean"),
+        output_scale: tensor(&file, "norm.output_std"),
+        input_mean: tensor(&file, "norm.input_mean"),
+        input_scale: tensor(&file, "norm.input_std"),
+        correction_scale: tensor(&file, "norm.output_std"),
+    };
+    let sigma = [0.01, 0.01, 1.0_f64.to_radians()];
+    let noise = sigma.iter().zip(&scaling.output_scale).map(|(s, scale)| (s / scale).powi(2)).collect();
+    let weights = weights_of(&network, &bytes);
+    let (base, feedback, wash_out) = (Base::Nothing, false, 100);
+    (Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter: None }, noise)
 }
 
 pub(crate) fn golden_json(name: &str) -> Value {
