@@ -154,7 +154,7 @@ fn what_cannot_be_adapted_is_refused() {
 }
 
 /// The natural test of the data's README: equations of runs at up to 10 rps, sailed through zigzags at 12 rps.
-/// The defaults were chosen with the zigzag at 10 rps (documentation of `hydroid::adapt`), never with these: on
+/// The defaults were chosen with the zigzag at 10 rps (documentation of `hydroid::adapt::least_squares`), never with these: on
 /// that of 15 deg adapting gains nothing, on the others much.
 #[test]
 fn esso_learns_a_propeller_speed_that_it_never_saw() {

@@ -4,7 +4,7 @@
 //! of that moment, learned from the samples up to it and none after.
 
 mod kalman;
-mod least_squares;
+pub mod least_squares;
 pub mod stream;
 mod watch;
 

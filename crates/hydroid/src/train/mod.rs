@@ -31,7 +31,7 @@
 //! first, and [`Trained::epochs`] says what it decided.
 //!
 //! **All runs.** With [`Settings::refit`] what was chosen is trained once more on training and validation runs together
-//! ([`refit`]).
+//! (`refit`).
 //!
 //! **The optimizer** is Adam with decoupled weight decay, on a gradient that is shortened if long, under a
 //! [`schedule`](mod@schedule) that knows its end.
