@@ -17,6 +17,7 @@ fn model() -> Model {
         channel: Channel::new(name, ""),
         range: DesignRange { low: -2.0, high: 2.0 },
         visited: None,
+        noise: None,
     };
     let mut reading = Reading::default();
     reading.selection.outputs = vec![ChannelSpec::named("u")];
@@ -50,14 +51,14 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         _ => b"{\"t\":0,\"u\":0,\"n\":0}\n",
     };
     let model = model();
-    let (adapter, _) = adapter(&model, &adapt::Options::default()).unwrap();
+    let (adapter, _) = adapter(&model, &adapt::Options::default(), &[]).unwrap();
     let options = Options {
         name: String::from("fuzz"),
         reading: model.description.reading.clone(),
         horizons: vec![1, 3],
         timing: false,
     };
-    let mut stream = Stream::new(&model, Box::new(adapter), options).unwrap();
+    let mut stream = Stream::new(&model, adapter, options).unwrap();
     let all = [header, bytes].concat();
     let mut lines = Lines::new(&all[..]);
     while let Some(line) = lines.next_line().unwrap() {
