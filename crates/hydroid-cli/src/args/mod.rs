@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use hydroid::log::{CommandTiming, InputDelay};
 
-pub use adapt::{Adapt, EquationsArgs, NetworksArgs};
+pub use adapt::{Adapt, EquationsArgs, Learner, NetworksArgs};
 pub use identify::Identify;
 use values::parse_timing;
 pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Origin};
@@ -57,7 +57,7 @@ pub enum Command {
     Inspect(Inspect),
     Identify(Box<Identify>),
     Evaluate(Evaluate),
-    Adapt(Adapt),
+    Adapt(Box<Adapt>),
 }
 
 /// Simulate a vessel and write its log
