@@ -88,6 +88,44 @@ fn a_model_learns_along_a_log_and_is_written_with_its_history() {
 }
 
 #[test]
+fn equations_learn_by_the_filter_where_it_is_asked_for() {
+    let folder = prepared();
+    let at = folder.path();
+    let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "-o", "adapted.safetensors", "--json"];
+    let output = hydroid(at, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["settings"]["method"], "kalman");
+    let nrmse = |part: &str| report[part]["nrmse"][99][0].as_f64().unwrap();
+    for part in ["frozen", "frozen_filtered"] {
+        assert!(nrmse("adapted") < 0.7 * nrmse(part), "{part}: {} {}", nrmse("adapted"), nrmse(part));
+    }
+    let inspected = hydroid(at, &["inspect", "adapted.safetensors", "--json"]);
+    let model: Value = serde_json::from_slice(&inspected.stdout).unwrap();
+    assert_eq!(model["description"]["provenance"]["settings"]["adapted"][0]["settings"], report["settings"]);
+    // What was learned is worth something on the next log.
+    let judged = |model: &str| {
+        let output = hydroid(at, &["evaluate", model, "c.csv", "--json"]);
+        let judged: Value = serde_json::from_slice(&output.stdout).unwrap();
+        judged["nrmse"][99][0].as_f64().unwrap()
+    };
+    assert!(judged("adapted.safetensors") < 0.7 * judged(MODEL));
+    // The options of the filter are understood, and a stream takes them.
+    let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "--weight-variance", "0.02", "--json"];
+    let noise = ["--noise", "u=0.01,v=0.01,r=0.01,P_f=1", "--memory", "low-rank:3"];
+    let output = hydroid(at, &[&args[..], &noise].concat());
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["settings"]["weight_variance"], 0.02);
+    assert_eq!(report["settings"]["memory"], "low-rank:3");
+    assert_eq!(report["settings"]["noise"][0], 0.01);
+    let output = hydroid(at, &["adapt", MODEL, "c.csv", "--stream", "--learner", "kalman"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let answers = text(&output.stdout);
+    let last: Value = serde_json::from_str(answers.lines().last().unwrap()).unwrap();
+    assert_eq!(last["status"], "accepted", "{last}");
+}
+
+#[test]
 fn adapting_that_makes_things_worse_says_so_with_its_exit_status() {
     let folder = prepared();
     // The vessel that it was made for, and hardly any memory: worse, if only a little.
@@ -113,6 +151,14 @@ fn wrong_input_is_told_with_a_remedy() {
     refused(&["adapt", MODEL, "c.csv", "--forgetting", "-5"], "forgetting time");
     refused(&["adapt", MODEL, "c.csv", "--prior", "0"], "prior");
     refused(&["adapt", MODEL, "c.csv", "--outputs", "u,v,r"], "outputs");
+    refused(&["adapt", MODEL, "c.csv", "--weight-variance", "1"], "equations with --learner kalman");
+    let kalman = |rest: [&'static str; 2]| {
+        [["adapt", MODEL, "c.csv", "--learner", "kalman"].as_slice(), &rest].concat()
+    };
+    refused(&kalman(["--prior", "5"]), "'Learning by least squares'");
+    refused(&kalman(["--weights", "read-out"]), "are for networks");
+    refused(&kalman(["--huber", "0"]), "Huber's limit");
+    refused(&kalman(["--noise", "u=0.1"]), "'v' is missing");
     let empty = command(at, &["adapt", MODEL, "-"]).write_stdin("").output().unwrap();
     assert_eq!(empty.status.code(), Some(2));
     assert!(text(&empty.stderr).contains("standard input"), "{}", text(&empty.stderr));

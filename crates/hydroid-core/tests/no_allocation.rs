@@ -7,7 +7,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
+use hydroid_core::adapt::kalman::{KalmanEquations, KalmanNetwork, LearnableEquations, Memory, Tuning};
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
@@ -171,6 +171,13 @@ fn learning_networks_allocate_nothing() {
     }
 }
 
+/// Equations that learn by a filter.
+fn filtered(equations: &Equations) -> KalmanEquations {
+    let model = LearnableEquations::new(equations, &[(-1.0, 1.0); 5]).unwrap();
+    let uniform = Tuning::uniform(model.places().len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
+    KalmanEquations::new(model, Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, ..uniform }).unwrap()
+}
+
 /// A whole way there and back, and a rollout.
 fn recurrent_batches_allocate_nothing(cell: Cell) {
     let network = Network { cell, inputs: 2, outputs: 3, read_out: true };
@@ -223,6 +230,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         BlendedEquations::new(adapter.equations(), &[(-1.0, 1.0); 5], &blend, None).unwrap(),
     );
     learning_allocates_nothing(adapter.clone());
+    learning_allocates_nothing(filtered(&equations));
     learning_networks_allocate_nothing();
     recurrent_batches_allocate_nothing(Cell::Lstm { hidden: 6, projection: Some(3) });
     recurrent_batches_allocate_nothing(Cell::Gru { hidden: 6 });
@@ -232,6 +240,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     a_step_allocates_nothing(&recalling);
     let recalls = RecursiveEquations::new(&recalling, &[(-1.0, 1.0); 5], &settings).unwrap();
     learning_allocates_nothing(recalls.clone());
+    learning_allocates_nothing(filtered(&recalling));
     learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
     let below = Arc::new(recalling.clone());
     let sessions: [Box<dyn Predictor>; 7] = [

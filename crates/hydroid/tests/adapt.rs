@@ -9,7 +9,7 @@ mod ridge_baseline;
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use hydroid::adapt::{self, AdaptError, LeastSquares, Options, adapt};
+use hydroid::adapt::{self, AdaptError, Kalman, LeastSquares, Options, Used, Which, adapt};
 use hydroid::evaluate::{self, Evaluation};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GivenRanges, Job, Method, Networks, SindySettings, identify};
@@ -128,6 +128,51 @@ fn a_vessel_whose_drag_grows_on_the_way_is_followed_and_a_steady_one_is_left_alo
     assert!((coverage.of_80 - 0.80).abs() < 0.03 && (coverage.of_95 - 0.95).abs() < 0.02, "{coverage:?}");
 }
 
+fn by_the_filter(kalman: Kalman) -> Options {
+    Options { method: adapt::Method::Kalman, kalman, ..Options::default() }
+}
+
+/// The same by the filter, which also knows the outputs better than they are measured.
+#[test]
+fn the_filter_follows_a_vessel_whose_drag_grows_too() {
+    let model = simple_vessel();
+    let change = 4000;
+    let run = with_growing_drag(12, 1000.0, 1.6, change);
+    let judged = evaluate::Options { warm_up: change, ..evaluate::Options::default() };
+    let options = Options { evaluate: judged, ..by_the_filter(Kalman::of_equations()) };
+    let result = adapt(&model, &[&run], &options, &mut silent()).unwrap();
+    let report = &result.report;
+    assert_eq!((report.frozen.diverged, report.adapted.diverged), (0, 0));
+    let filtered = report.frozen_filtered.as_ref().unwrap();
+    assert_eq!(filtered.diverged, 0);
+    for horizon in [20, 100] {
+        let (of_frozen, of_filtered) =
+            (ratios(&report.adapted, &report.frozen, horizon), ratios(&report.adapted, filtered, horizon));
+        for ratios in [of_frozen, of_filtered] {
+            assert!(ratios[..3].iter().all(|r| *r < 0.35) && ratios[3] < 1.06, "{horizon}: {ratios:?}");
+        }
+    }
+    assert!(matches!(report.settings, Used::Kalman(_)));
+    let next = with_growing_drag(13, 300.0, 1.6, 0);
+    let judge = |model: &Model| {
+        let options = evaluate::Options { origin_stride: 10, ..evaluate::Options::default() };
+        let ranges = model.output_ranges();
+        evaluate::evaluate("", model.session().as_mut(), &ranges, &[&next], &options, &mut silent()).unwrap()
+    };
+    assert!(ratios(&judge(&result.model), &judge(&model), 100)[..3].iter().all(|r| *r < 0.5));
+
+    // Nothing changes.
+    let steady = record(VesselParams::simple(), 14, 900.0).to_trajectory(&OUTPUTS).unwrap();
+    let judged = evaluate::Options { origin_stride: 5, ..evaluate::Options::default() };
+    let options = Options { evaluate: judged, ..by_the_filter(Kalman::of_equations()) };
+    let report = adapt(&model, &[&steady], &options, &mut silent()).unwrap().report;
+    for (horizon, most) in [(1, 0.96), (20, 1.03), (100, 1.06)] {
+        let ratios = ratios(&report.adapted, &report.frozen, horizon);
+        assert!(ratios.iter().all(|r| *r < most), "{horizon}: {ratios:?}");
+    }
+    assert!(report.coverage.of_80 > 0.75 && report.coverage.of_95 > 0.92, "{:?}", report.coverage);
+}
+
 fn by_least_squares(least_squares: LeastSquares) -> Options {
     Options { least_squares, ..Options::default() }
 }
@@ -149,6 +194,12 @@ fn what_cannot_be_adapted_is_refused() {
     let horizon = evaluate::Options { horizon: 5000, ..evaluate::Options::default() };
     let error = refused(Options { evaluate: horizon, ..Options::default() });
     assert!(matches!(error, AdaptError::Evaluate(_)), "{error}");
+    let error = refused(by_the_filter(Kalman { weights: Which::ReadOut, ..Kalman::of_equations() }));
+    assert!(error.to_string().contains("is for networks"), "{error}");
+    let error = refused(by_the_filter(Kalman { single_precision: true, ..Kalman::of_equations() }));
+    assert!(error.to_string().contains("is for networks"), "{error}");
+    let error = refused(by_the_filter(Kalman { weight_variance: -1.0, ..Kalman::of_equations() }));
+    assert!(error.to_string().contains("the model cannot be adapted"), "{error}");
     let two = by_least_squares(LeastSquares { window_s: Some(2.0), ..Default::default() });
     assert!(adapt::adapter(&model, &two, &[]).is_ok());
 }

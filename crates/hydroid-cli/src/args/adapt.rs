@@ -8,9 +8,9 @@ use hydroid::adapt::{Memory, Which};
 use super::values::NamedNumber;
 use super::{Judging, LogArgs};
 
-/// How equations learn.
+/// How equations learn by least squares.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
-#[command(next_help_heading = "Learning of equations")]
+#[command(next_help_heading = "Learning by least squares (equations)")]
 pub struct EquationsArgs {
     /// Learn from increments over this time [s] (default: what the model's identification chose, or 1)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
@@ -31,9 +31,11 @@ pub struct EquationsArgs {
     pub no_gate: bool,
 }
 
-/// How networks learn.
+/// How networks learn, and equations by the filter.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
-#[command(next_help_heading = "Learning of networks (variances of the scaled network)")]
+#[command(
+    next_help_heading = "Learning by the filter (networks, and equations with --learner kalman; variances of the scaled model)"
+)]
 pub struct NetworksArgs {
     /// Standard deviation of the noise of each output, in its SI unit: u=0.01,v=0.01,r=0.02 (default: as in the logs that the
     /// model was trained on)
@@ -48,7 +50,7 @@ pub struct NetworksArgs {
     /// Variance that each weight gains in a second: how fast the vessel may change
     #[arg(long, value_name = "Q")]
     pub weight_noise: Option<f64>,
-    /// Variance that each number of the hidden state gains in a second
+    /// Variance that each number of the state gains in a second: of a network the hidden one, of equations the outputs
     #[arg(long, value_name = "Q")]
     pub state_noise: Option<f64>,
     /// Time constant [s] with which weights return to those of the model; inf not to
@@ -60,14 +62,14 @@ pub struct NetworksArgs {
     /// Time [s] over which the noise follows what is measured
     #[arg(long, value_name = "S")]
     pub adaptive_noise: Option<f64>,
-    /// Which weights learn
+    /// Which weights learn (networks)
     #[arg(long, value_name = "WHICH", value_enum)]
     pub weights: Option<WhichWeights>,
     /// How much of the covariance of the weights is kept: full, blocks:GROUP (of so many neighbouring units), diagonal,
     /// low-rank:RANK
     #[arg(long, value_name = "WHAT", value_parser = str::parse::<Memory>)]
     pub memory: Option<Memory>,
-    /// The filter works in single precision
+    /// The filter works in single precision (networks)
     #[arg(long)]
     pub single_precision: bool,
 }
@@ -93,6 +95,15 @@ impl From<WhichWeights> for Which {
     }
 }
 
+/// How equations learn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Learner {
+    /// Recursive least squares on increments
+    LeastSquares,
+    /// An extended Kalman filter over outputs and coefficients: it filters the noise of the sensors, too
+    Kalman,
+}
+
 /// A live stream.
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Live stream")]
@@ -115,8 +126,10 @@ pub struct StreamArgs {
 /// Let a model learn along a log, and compare it with the same model frozen; or serve a live stream
 ///
 /// Walks the log once, sample by sample. At every origin the adapted model predicts with what it had learned
-/// by then, and nothing later. The coefficients follow by recursive least squares with forgetting; the model
-/// itself stays the prior, to which coefficients return that the log says nothing about.
+/// by then, and nothing later. The coefficients of equations follow by recursive least squares with forgetting; the
+/// model itself stays the prior, to which coefficients return that the log says nothing about. The weights of a
+/// network, and with --learner kalman coefficients too, are estimated together with the state by an extended Kalman
+/// filter.
 ///
 /// With - (standard input) or --stream it is a service: each line, CSV below a header or a JSON object, is
 /// answered at once with a line of JSON that holds what became of the sample, the estimate, and predictions with
@@ -125,6 +138,7 @@ pub struct StreamArgs {
 #[command(after_help = "Examples:
   hydroid adapt out/sindy.safetensors today.csv --horizon 20s
   hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
+  hydroid adapt out/sindy.safetensors today.csv --learner kalman --noise u=0.01,v=0.01,r=0.02
   hydroid adapt out/gru.safetensors today.csv --noise u=0.01,v=0.01,r=0.02
   logger | hydroid adapt out/sindy.safetensors - --state boat.state | controller
   hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
@@ -142,7 +156,10 @@ pub struct Adapt {
     /// Where to write the model with the coefficients or weights that it had at the end
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Time [s] after which a sample counts 1/e; inf to forget nothing (default: 60 for equations, inf for networks)
+    /// How the model learns: equations by least squares (the default) or by the filter, networks by the filter
+    #[arg(long, value_name = "HOW", value_enum)]
+    pub learner: Option<Learner>,
+    /// Time [s] after which a sample counts 1/e; inf to forget nothing (default: 60 for least squares, inf for the filter)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub forgetting: Option<f64>,
     #[command(flatten)]

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use hydroid::log::{CommandTiming, InputDelay};
 
-pub use adapt::{Adapt, EquationsArgs, NetworksArgs};
+pub use adapt::{Adapt, EquationsArgs, Learner, NetworksArgs};
 pub use identify::Identify;
 use values::parse_timing;
 pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Origin};

@@ -5,13 +5,13 @@ mod stream;
 use std::path::Path;
 
 use anyhow::{Context, ensure};
-use hydroid::adapt::{self, Gate, Options, Report};
+use hydroid::adapt::{self, Gate, Kalman, Method, Options, Report, Used};
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
 use hydroid::model::{self, Model};
 
 use super::{Outcome, evaluate, table};
-use crate::args::{Adapt, EquationsArgs, Global, NamedNumber, NetworksArgs};
+use crate::args::{Adapt, EquationsArgs, Global, Learner, NamedNumber, NetworksArgs};
 use crate::{logs, ui};
 
 pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
@@ -58,10 +58,11 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
 fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     let mut options =
         Options { evaluate: evaluate::options(args.judging, model.description.dt), ..Options::default() };
-    if model.equations().is_some() {
+    let equations = model.equations().is_some();
+    if equations && args.learner != Some(Learner::Kalman) {
         ensure!(
             args.networks == NetworksArgs::default(),
-            "options under 'Learning of networks' are for networks: this is a model of kind '{}'",
+            "options under 'Learning by the filter' are for networks, and for equations with --learner kalman: this is a model of kind '{}'",
             model.kind()
         );
         let given = &args.equations;
@@ -77,10 +78,23 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         return Ok(options);
     }
     ensure!(
-        args.equations == EquationsArgs::default(),
-        "options under 'Learning of equations' are for equations: this is a model of kind '{}'",
+        equations || args.learner != Some(Learner::LeastSquares),
+        "--learner least-squares is for equations: this is a model of kind '{}', which learns by the filter",
         model.kind()
     );
+    ensure!(
+        args.equations == EquationsArgs::default(),
+        "options under 'Learning by least squares' are for equations that learn so: this is a model of kind '{}', which is to learn by the filter",
+        model.kind()
+    );
+    if equations {
+        ensure!(
+            args.networks.weights.is_none() && !args.networks.single_precision,
+            "--weights and --single-precision are for networks: this is a model of kind '{}'",
+            model.kind()
+        );
+        (options.method, options.kalman) = (Method::Kalman, Kalman::of_equations());
+    }
     let (given, settings) = (&args.networks, &mut options.kalman);
     for (value, into) in [
         (args.forgetting, &mut settings.forgetting_s),
@@ -127,7 +141,12 @@ fn noise(given: &[NamedNumber], model: &Model) -> anyhow::Result<Option<Vec<f64>
 /// What speaks against using what was learned.
 fn doubts(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
-    let remedy = "keep the model as it was; try a longer --forgetting or a larger --prior";
+    let remedy = match report.settings {
+        Used::LeastSquares(_) => "keep the model as it was; try a longer --forgetting or a larger --prior",
+        Used::Kalman(_) => {
+            "keep the model as it was; try a smaller --weight-variance or a larger --noise-factor"
+        }
+    };
     if report.adapted.score() > report.frozen.score() {
         notes.push(
             Note::warning("on this log the model that learned predicts worse than the one that did not")

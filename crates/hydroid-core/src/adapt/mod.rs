@@ -7,6 +7,8 @@
 //! | adapter | what it adapts, and how |
 //! | --- | --- |
 //! | [`RecursiveEquations`] | coefficients of sparse equations, by [`RecursiveLeastSquares`] on increments |
+//! | [`KalmanEquations`](kalman::KalmanEquations) | the same, with the outputs, by an extended Kalman [`Filter`](kalman::Filter) |
+//! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by such a filter |
 //! | [`BlendedEquations`] | several of these at different paces, weighed by what they have predicted of late |
 
 mod blend;

@@ -40,6 +40,11 @@ impl WeightedSession {
         self.session.state()
     }
 
+    /// The same, to put others in their place.
+    pub(super) fn state_mut(&mut self) -> &mut [f64] {
+        self.session.state_mut()
+    }
+
     /// All coefficients, `outputs x terms`.
     pub(super) fn coefficients(&self) -> &[f64] {
         &self.coefficients

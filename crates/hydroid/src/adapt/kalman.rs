@@ -1,4 +1,4 @@
-//! Networks: an extended Kalman filter over hidden state and weights.
+//! An extended Kalman filter over state and weights: for networks, and its options.
 
 use std::sync::Arc;
 
@@ -11,14 +11,19 @@ use super::AdaptError;
 use crate::log::{Trajectory, noise_level};
 use crate::model::{Body, Model, Port};
 
-/// How networks are adapted. Variances are in the units of the scaled network: its inputs and outputs are about 1 in size.
+/// How networks are adapted, and equations by the filter. Variances are in the units of the scaled network, whose inputs and
+/// outputs are about 1 in size, or of scaled equations
+/// ([`LearnableEquations`](hydroid_core::adapt::kalman::LearnableEquations)), whose state is their outputs.
+///
+/// The default is for networks; for equations it is [`of_equations`](Self::of_equations).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kalman {
     /// Variance of each weight at the start: how far the vessel may be from the model.
     pub weight_variance: f64,
     /// Variance that each weight gains in a second: how fast the vessel may change.
     pub weight_noise_per_s: f64,
-    /// Variance of each number of the hidden state at the start of a run.
+    /// Variance of each number of the hidden state at the start of a run. That of equations is as uncertain as its
+    /// measurement.
     pub state_variance: f64,
     /// Variance that each number of the hidden state gains in a second.
     pub state_noise_per_s: f64,
@@ -36,11 +41,11 @@ pub struct Kalman {
     pub huber: f64,
     /// Time \[s\] over which the noise follows what is measured; infinite to keep it.
     pub adaptive_noise_s: f64,
-    /// Which weights are learned.
+    /// Which weights are learned. Equations have no layers.
     pub weights: Which,
     /// How much of the covariance of the weights is kept.
     pub memory: Memory,
-    /// Whether the filter works in single precision.
+    /// Whether the filter works in single precision; that of equations does not.
     pub single_precision: bool,
 }
 
@@ -132,21 +137,46 @@ impl Kalman {
         Ok(noise.iter().zip(outputs).map(|(std, port)| std.max(least(port))).collect())
     }
 
-    /// The tuning of the core's filter, for a network that steps `dt` seconds.
-    fn tuning(&self, network: &Recurrent, noise: &[f64], dt: f64) -> Tuning {
+    /// The tuning of the core's filter where all weights are learned, for outputs of that noise, scaled by `scale`, and steps
+    /// of `dt` seconds.
+    pub(super) fn uniform(&self, weights: usize, noise: &[f64], scale: &[f64], dt: f64) -> Tuning {
         let per_sample = |time_s: f64| 1.0 - (-dt / time_s).exp();
         let scaled = |(std, scale): (&f64, &f64)| self.noise_factor * (std / scale).powi(2);
-        let noise: Vec<f64> = noise.iter().zip(&network.scaling.correction_scale).map(scaled).collect();
+        let noise: Vec<f64> = noise.iter().zip(scale).map(scaled).collect();
         let state = (self.state_variance, self.state_noise_per_s * dt);
-        let weights = network.weights.len();
-        let mut tuning = Tuning {
+        Tuning {
             leak: per_sample(self.leak_s),
             forgetting: 1.0 - per_sample(self.forgetting_s),
             huber: self.huber,
             noise_rate: per_sample(self.adaptive_noise_s),
             memory: self.memory,
             ..Tuning::uniform(weights, self.weight_variance, self.weight_noise_per_s * dt, state, &noise)
-        };
+        }
+    }
+
+    /// These, with the noise that was taken.
+    pub(super) fn used(&self, noise: Vec<f64>) -> UsedKalman {
+        UsedKalman {
+            weight_variance: self.weight_variance,
+            weight_noise_per_s: self.weight_noise_per_s,
+            state_variance: self.state_variance,
+            state_noise_per_s: self.state_noise_per_s,
+            noise,
+            noise_factor: self.noise_factor,
+            leak_s: self.leak_s,
+            forgetting_s: self.forgetting_s,
+            huber: self.huber,
+            adaptive_noise_s: self.adaptive_noise_s,
+            weights: self.weights,
+            memory: self.memory.to_string(),
+            single_precision: self.single_precision,
+        }
+    }
+
+    /// The tuning for a network.
+    fn tuning(&self, network: &Recurrent, noise: &[f64], dt: f64) -> Tuning {
+        let scale = &network.scaling.correction_scale;
+        let mut tuning = self.uniform(network.weights.len(), noise, scale, dt);
         let blocks = Blocks::new(&Packed::new(network.network, &network.weights));
         let kept = match self.weights {
             Which::All => 0,
@@ -176,34 +206,7 @@ pub(super) fn adapter(
     } else {
         Box::new(KalmanNetwork::<f64>::new(plain, tuning)?)
     };
-    let Kalman { weight_variance, weight_noise_per_s, state_variance, state_noise_per_s, .. } = *options;
-    let Kalman {
-        noise_factor,
-        leak_s,
-        forgetting_s,
-        huber,
-        adaptive_noise_s,
-        weights,
-        memory,
-        single_precision,
-        ..
-    } = *options;
-    let used = UsedKalman {
-        weight_variance,
-        weight_noise_per_s,
-        state_variance,
-        state_noise_per_s,
-        noise,
-        noise_factor,
-        leak_s,
-        forgetting_s,
-        huber,
-        adaptive_noise_s,
-        weights,
-        memory: memory.to_string(),
-        single_precision,
-    };
-    Ok((adapter, used))
+    Ok((adapter, options.used(noise)))
 }
 
 /// The model with a filter on its state alone; none for those whose state a measurement enters otherwise.

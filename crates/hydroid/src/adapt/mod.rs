@@ -3,6 +3,7 @@
 //! Both walk the same runs through [`evaluate`](fn@evaluate); at each origin the adapted model predicts with the weights
 //! of that moment, learned from the samples up to it and none after.
 
+mod equations;
 mod kalman;
 pub mod least_squares;
 pub mod stream;
@@ -24,12 +25,24 @@ pub use kalman::{Kalman, UsedKalman, Which};
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
 pub use watch::{Counts, Coverage, Times};
 
+/// How equations learn. Networks learn by the filter, whatever is chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Recursive least squares on increments: the coefficients, beside a state that is measured.
+    #[default]
+    LeastSquares,
+    /// An extended Kalman filter: the coefficients together with the outputs, which it filters.
+    Kalman,
+}
+
 /// How to adapt, and how to judge it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
-    /// For equations.
+    /// How equations learn.
+    pub method: Method,
+    /// For equations that learn by least squares.
     pub least_squares: LeastSquares,
-    /// For networks.
+    /// For networks, and for equations that learn by the filter: then [`Kalman::of_equations`] is where to begin.
     pub kalman: Kalman,
     /// Horizons and origins.
     pub evaluate: evaluate::Options,
@@ -40,7 +53,8 @@ pub struct Options {
 pub struct Report {
     /// The model as it is, restarted from each measurement.
     pub frozen: Evaluation,
-    /// The model with a filter on its state alone; none for models without a hidden state.
+    /// The model with a filter on its state alone; none for equations that learn by least squares, and networks whose state a
+    /// measurement enters otherwise.
     pub frozen_filtered: Option<Evaluation>,
     /// The model that learns on the way.
     pub adapted: Evaluation,
@@ -60,7 +74,7 @@ pub struct Report {
 pub enum Used {
     /// Of equations.
     LeastSquares(UsedLeastSquares),
-    /// Of a network.
+    /// Of a network, or of equations that learn by the filter.
     Kalman(UsedKalman),
 }
 
@@ -88,8 +102,14 @@ pub enum AdaptError {
     #[error("the model cannot be adapted: {0}")]
     Settings(SettingsError),
     /// The filter cannot be tuned so.
-    #[error("the network cannot be adapted: {0}")]
+    #[error("the model cannot be adapted: {0}")]
     Kalman(#[from] KalmanError),
+    /// What only networks have.
+    #[error("{what} is for networks: this is a model of equations")]
+    OnlyNetworks {
+        /// Asked for.
+        what: &'static str,
+    },
     /// Nobody says how noisy the sensors are.
     #[error(
         "how noisy the outputs are is not known: the model file does not say it, and a stream cannot be looked through first. Give standard deviations, as in --noise u=0.01,v=0.01,r=0.02"
@@ -146,6 +166,10 @@ pub fn adapter(
     runs: &[&Trajectory],
 ) -> Result<(Box<dyn Adapter>, Used), AdaptError> {
     if let Some(motion) = model.equations() {
+        if options.method == Method::Kalman {
+            let (adapter, used) = equations::adapter(model, &motion, &options.kalman, runs)?;
+            return Ok((Box::new(adapter), Used::Kalman(used)));
+        }
         let (adapter, used) = least_squares::adapter(model, &motion, &options.least_squares)?;
         return Ok((Box::new(adapter), Used::LeastSquares(used)));
     }
@@ -178,11 +202,15 @@ pub fn adapt(
     let frozen = evaluate(name, frozen_session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
         progress(0.5 * done)
     })?;
-    let filtered = if let Used::Kalman(used) = &used { kalman::filtered(model, &used.noise) } else { None };
+    let filtered = match (&used, model.equations()) {
+        (Used::LeastSquares(_), _) => None,
+        (Used::Kalman(used), None) => kalman::filtered(model, &used.noise).map(|model| model.session()),
+        (Used::Kalman(_), Some(motion)) => Some(equations::filtered(model, &motion, &options.kalman, runs)?),
+    };
     let frozen_filtered = match filtered {
-        Some(filtered) => {
+        Some(mut filtered) => {
             let name = format!("{name}, state filtered");
-            Some(evaluate(&name, filtered.session().as_mut(), &ranges, runs, &options.evaluate, &mut |_| {
+            Some(evaluate(&name, filtered.as_mut(), &ranges, runs, &options.evaluate, &mut |_| {
                 progress(0.5)
             })?)
         }
@@ -214,7 +242,7 @@ pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: &Used) -> Re
     let mut model = match (used, &model.body) {
         (Used::LeastSquares(used), _) => least_squares::learned(model, weights, used.all_terms)?,
         (Used::Kalman(_), Body::Recurrent(network)) => kalman::learned(model, network, weights)?,
-        (Used::Kalman(_), _) => return Err(AdaptError::Weights),
+        (Used::Kalman(_), Body::Equations(_)) => least_squares::learned(model, weights, false)?,
     };
     let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });
     let settings = &mut model.description.provenance.settings;

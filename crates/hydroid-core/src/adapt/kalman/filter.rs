@@ -104,8 +104,21 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     /// Back to the start of a run: the state is zero, as uncertain as at first. What was learned stays.
     pub fn reset(&mut self) {
         self.state.fill(T::zero());
-        self.joint.reset(T::of(self.tuning.initial_state));
+        self.by_state.fill(T::of(self.tuning.initial_state));
+        self.joint.reset(&self.by_state);
         self.moved = false;
+    }
+
+    /// The start of a run, of a model whose state is its outputs: these were measured. What was learned stays.
+    pub(super) fn begin(&mut self, state: impl IntoIterator<Item = T>) {
+        self.state.iter_mut().zip(state).for_each(|(into, h)| *into = h);
+        self.joint.reset(&self.noise);
+        self.moved = false;
+    }
+
+    /// `Q_h`.
+    pub(super) fn state_noise(&self) -> f64 {
+        self.tuning.state_noise
     }
 
     /// Whether measurements change the weights, as they do at first. Otherwise they correct the state alone, the

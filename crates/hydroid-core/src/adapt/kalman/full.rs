@@ -105,11 +105,11 @@ impl<T: Scalar> Full<T> {
         self.pending = false;
     }
 
-    /// `P_hh` becomes a multiple of one, `P_ht` zero.
-    pub(super) fn reset(&mut self, initial: T) {
-        let n = self.hh.len().isqrt();
+    /// `P_hh` becomes diagonal, `P_ht` zero.
+    pub(super) fn reset(&mut self, initial: &[T]) {
+        let n = initial.len();
         self.hh.fill(T::zero());
-        for i in 0..n {
+        for (i, &initial) in initial.iter().enumerate() {
             self.hh[i * (n + 1)] = initial;
         }
         self.ht.fill(T::zero());

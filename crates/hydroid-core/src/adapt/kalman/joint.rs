@@ -47,8 +47,8 @@ impl<T: Scalar> Joint<T> {
         each!(self, joint => joint.restart(initial));
     }
 
-    /// The state is as uncertain as this says, independent of the weights.
-    pub(super) fn reset(&mut self, initial: T) {
+    /// Each number of the state is as uncertain as this says, independent of all others and of the weights.
+    pub(super) fn reset(&mut self, initial: &[T]) {
         each!(self, joint => joint.reset(initial));
     }
 

@@ -32,6 +32,8 @@
 
 mod ahead;
 mod dispatched;
+mod equations;
+mod equations_session;
 mod filter;
 mod full;
 mod gain;
@@ -45,6 +47,8 @@ mod session;
 mod triangle;
 mod tuning;
 
+pub use equations::LearnableEquations;
+pub use equations_session::KalmanEquations;
 pub use filter::{Correction, Filter};
 pub use learnable::Learnable;
 pub use network::LearnableNetwork;

@@ -39,6 +39,11 @@ impl EquationsSession {
         &self.state
     }
 
+    /// The same, to put others in their place.
+    pub(crate) fn state_mut(&mut self) -> &mut [f64] {
+        &mut self.state
+    }
+
     /// The same run with equations of its own, which change from sample to sample without touching those
     /// of other sessions.
     pub(crate) fn equations_mut(&mut self) -> &mut Equations {

@@ -154,12 +154,12 @@ impl<T: Scalar> Reduced<T> {
         self.structure.set_diagonal(&self.panels, initial);
     }
 
-    /// The state is as uncertain as this says, of itself.
-    pub(super) fn reset(&mut self, initial: T) {
-        let n = self.pi.len().isqrt();
+    /// Each number of the state is as uncertain as this says, of itself.
+    pub(super) fn reset(&mut self, initial: &[T]) {
+        let n = initial.len();
         self.psi.fill(T::zero());
         self.pi.fill(T::zero());
-        (0..n).for_each(|i| self.pi[i * (n + 1)] = initial);
+        (0..n).for_each(|i| self.pi[i * (n + 1)] = initial[i]);
     }
 
     /// `Pi <- Pi + Psi P_tt Psi'`, as many rows at a time as there are outputs.

@@ -1,0 +1,220 @@
+//! Sparse equations, their coefficients as weights.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use num_traits::Float;
+
+use super::learnable::Learnable;
+use crate::adapt::scale::rms_over_range;
+use crate::adapt::settings::SettingsError;
+use crate::math::rows::add_rows;
+use crate::model::sparse::{Equations, Sensitivity};
+
+/// Sparse equations `dy/dt = Xi theta(y, c, s)` with the partials of their last step: the outputs are the state, the
+/// coefficients that are not zero the weights.
+///
+/// Both are in units in which one tuning suits all vessels. With `[low, high]` the design range of an output, and `rms_j`
+/// the root mean square of term `j` over the design ranges ([`rms_over_range`]),
+///
+/// ```text
+/// h_i  = (y_i - (low_i + high_i) / 2) / scale_i        scale_i = (high_i - low_i) / 2
+/// w_ij = Xi_ij rms_j / size_i                          size_i  = sqrt(sum_j (Xi_ij rms_j)^2), of the coefficients given
+/// ```
+///
+/// so that the weights of each equation begin as a vector of length one. A step is one sample under a held command; its
+/// partials `A = dh+/dh` and `B = dh+/dw` are those of the Runge-Kutta steps themselves ([`Sensitivity`]). The input `x` is
+/// the command, then what the signals remember (`[c, memory]`, as [`Equations::step`] has it behind the outputs): it is
+/// taken as known, past outputs too, though these were estimated.
+#[derive(Clone, Debug)]
+pub struct LearnableEquations {
+    equations: Equations,
+    sensitivity: Sensitivity,
+    /// Of each output.
+    mean: Vec<f64>,
+    scale: Vec<f64>,
+    /// Of each weight: where it stands in the table of coefficients, and the coefficient that is 1.
+    blocks: [Vec<usize>; 1],
+    places: Vec<usize>,
+    units: Vec<f64>,
+    weights: Vec<f64>,
+    coefficients: Vec<f64>,
+    /// `A` and `B` of the last step.
+    by_state: Vec<f64>,
+    by_weights: Vec<f64>,
+    /// Of a rollout of one sample.
+    start: Vec<f64>,
+    y: Vec<f64>,
+    s: Vec<f64>,
+    scratch: Vec<f64>,
+}
+
+impl LearnableEquations {
+    /// From equations fitted on shore, and the design range `(low, high)` of each output, then each input.
+    ///
+    /// # Errors
+    /// If there is not one finite range for each, no coefficient that is not zero, or the derivatives cannot be made.
+    pub fn new(equations: &Equations, ranges: &[(f64, f64)]) -> Result<Self, SettingsError> {
+        let (n, m, count) = (equations.outputs(), equations.inputs(), equations.terms().len());
+        let finite = ranges.iter().all(|(low, high)| low.is_finite() && high.is_finite());
+        if ranges.len() != n + m || !finite {
+            return Err(SettingsError::Ranges);
+        }
+        let given = equations.coefficients();
+        let places: Vec<usize> = (0..given.len()).filter(|&place| given[place] != 0.0).collect();
+        if places.is_empty() {
+            return Err(SettingsError::Nothing);
+        }
+        let sensitivity = Sensitivity::new(equations, &places).map_err(SettingsError::Equations)?;
+        let mut all_ranges = ranges.to_vec();
+        all_ranges.extend(equations.signals().iter().map(|signal| ranges[usize::from(signal.source())]));
+        let rms: Vec<f64> = equations.terms().iter().map(|term| rms_over_range(term, &all_ranges)).collect();
+        let square = |place: &usize| Float::powi(given[*place] * rms[place % count], 2);
+        let size = |i: usize| places.iter().filter(|p| *p / count == i).map(square).sum();
+        let sizes: Vec<f64> = (0..n).map(|i| Float::sqrt(size(i))).collect();
+        let units: Vec<f64> = places.iter().map(|place| sizes[place / count] / rms[place % count]).collect();
+        if !units.iter().all(|unit| *unit > 0.0 && unit.is_finite()) {
+            return Err(SettingsError::Extreme("a coefficient"));
+        }
+        let half = |(low, high): &(f64, f64)| 0.5 * (high - low);
+        let scale = ranges[..n].iter().map(half).map(|half| if half > 0.0 { half } else { 1.0 }).collect();
+        let mut own = Self {
+            mean: ranges[..n].iter().map(|(low, high)| 0.5 * (low + high)).collect(),
+            scale,
+            blocks: [(0..places.len()).collect()],
+            weights: vec![0.0; places.len()],
+            coefficients: given.to_vec(),
+            by_state: vec![0.0; n * n],
+            by_weights: vec![0.0; n * places.len()],
+            start: vec![0.0; equations.state_len()],
+            y: vec![0.0; 2 * n],
+            s: vec![0.0; 2 * n * sensitivity.parameters()],
+            scratch: vec![0.0; sensitivity.scratch()],
+            equations: equations.clone(),
+            sensitivity,
+            places,
+            units,
+        };
+        let weights: Vec<f64> = own.places.iter().zip(&own.units).map(|(&p, unit)| given[p] / unit).collect();
+        // As it does later: what was put back is the same to the last bit.
+        own.set_weights(&weights);
+        Ok(own)
+    }
+
+    /// The equations, with the coefficients that they were given at first.
+    pub fn equations(&self) -> &Equations {
+        &self.equations
+    }
+
+    /// What one is of each scaled output, in its unit.
+    pub fn scale(&self) -> &[f64] {
+        &self.scale
+    }
+
+    /// Where the weights stand in the table of coefficients, `outputs x terms`.
+    pub fn places(&self) -> &[usize] {
+        &self.places
+    }
+
+    /// The coefficient that a weight of one stands for.
+    pub fn units(&self) -> &[f64] {
+        &self.units
+    }
+
+    /// An output in scaled units, from its own.
+    pub fn scaled(&self, output: usize, y: f64) -> f64 {
+        (y - self.mean[output]) / self.scale[output]
+    }
+
+    /// The other way.
+    pub fn unscaled(&self, output: usize, h: f64) -> f64 {
+        self.mean[output] + self.scale[output] * h
+    }
+
+    /// Rollouts with their derivatives to outputs and coefficients, those of the moment.
+    pub(super) fn sensitivity(&self) -> &Sensitivity {
+        &self.sensitivity
+    }
+}
+
+impl Learnable<f64> for LearnableEquations {
+    fn state_len(&self) -> usize {
+        self.equations.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.equations.inputs() + self.equations.state_len() - self.equations.outputs()
+    }
+
+    fn outputs(&self) -> usize {
+        self.equations.outputs()
+    }
+
+    fn blocks(&self) -> &[Vec<usize>] {
+        &self.blocks
+    }
+
+    fn rows(&self) -> usize {
+        self.equations.outputs()
+    }
+
+    fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    fn set_weights(&mut self, weights: &[f64]) {
+        self.weights.copy_from_slice(weights);
+        for ((&place, unit), weight) in self.places.iter().zip(&self.units).zip(weights) {
+            self.coefficients[place] = weight * unit;
+        }
+        self.sensitivity.set_coefficients(&self.coefficients);
+    }
+
+    fn step(&mut self, h: &mut [f64], x: &[f64]) {
+        let (n, m, count) = (self.equations.outputs(), self.equations.inputs(), self.places.len());
+        let (c, memory) = x[..self.inputs()].split_at(m);
+        for (i, h) in h.iter().enumerate() {
+            self.start[i] = self.mean[i] + self.scale[i] * h;
+        }
+        self.start[n..].copy_from_slice(memory);
+        self.sensitivity.rollout_in(&self.start, c, &mut self.scratch, &mut self.y, &mut self.s);
+        let p = self.sensitivity.parameters();
+        for (i, row) in self.s[n * p..].chunks_exact(p).enumerate() {
+            let (by_outputs, by_coefficients) = row.split_at(n);
+            let by = 1.0 / self.scale[i];
+            for (j, s) in by_outputs.iter().enumerate() {
+                self.by_state[i * n + j] = s * self.scale[j] * by;
+            }
+            let into = &mut self.by_weights[i * count..(i + 1) * count];
+            for ((into, s), unit) in into.iter_mut().zip(by_coefficients).zip(&self.units) {
+                *into = s * unit * by;
+            }
+            h[i] = (self.y[n + i] - self.mean[i]) * by;
+        }
+    }
+
+    fn output(&self, h: &[f64], y: &mut [f64]) {
+        y.copy_from_slice(h);
+    }
+
+    fn local(&self, _: usize, row: usize, into: &mut [f64]) {
+        let count = self.places.len();
+        into[..count].copy_from_slice(&self.by_weights[row * count..(row + 1) * count]);
+    }
+
+    fn chain(&self, state: &[f64], local: &[f64], columns: usize, out: &mut [f64], _: &mut [f64]) {
+        let n = self.equations.outputs();
+        out.copy_from_slice(local);
+        for (out, by_state) in out.chunks_exact_mut(columns).zip(self.by_state.chunks_exact(n)) {
+            add_rows(out, state, by_state);
+        }
+    }
+
+    fn output_chain(&self, state: &[f64], _: &[f64], _: usize, out: &mut [f64]) {
+        out.copy_from_slice(state);
+    }
+
+    fn scratch(&self, _: usize) -> usize {
+        0
+    }
+}
