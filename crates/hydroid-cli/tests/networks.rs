@@ -134,8 +134,10 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
     assert!(shown["equations"].is_null() && shown["network"]["scaling"]["input_mean"].is_array());
     let refused = done(path, &["inspect", "out/lstm.safetensors", "--latex"], &[2]);
     assert!(String::from_utf8_lossy(&refused.stderr).contains("has no equations"));
-    let refused = done(path, &["adapt", "out/rnn.safetensors", "c.csv"], &[2]);
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("cannot learn on the way yet"));
+    let learned =
+        done(path, &["adapt", "out/rnn.safetensors", "c.csv", "--horizon", "10", "--json"], &[0, 1]);
+    let learned: Value = serde_json::from_slice(&learned.stdout).unwrap();
+    assert_eq!(learned["settings"]["method"], "kalman");
     let judged =
         done(path, &["evaluate", "out/rnn.safetensors", "c.csv", "--horizon", "10", "--json"], &[0, 1]);
     let judged: Value = serde_json::from_slice(&judged.stdout).unwrap();
