@@ -41,32 +41,33 @@ pub struct NetworksArgs {
     /// model was trained on)
     #[arg(long, value_name = "NAME=STD", value_delimiter = ',')]
     pub noise: Vec<NamedNumber>,
-    /// The noise counts for so many times its variance: what else the model misses is in there
+    /// The noise counts for so many times its variance: what else the model misses is in there (default: 3; equations 1)
     #[arg(long, value_name = "X")]
     pub noise_factor: Option<f64>,
-    /// Variance of each weight at the start: how far the vessel may be from the model
+    /// Variance of each weight at the start: how far the vessel may be from the model (default: 0.02; equations 0.001)
     #[arg(long, value_name = "P0")]
     pub weight_variance: Option<f64>,
-    /// Variance that each weight gains in a second: how fast the vessel may change
+    /// Variance that each weight gains in a second: how fast the vessel may change (default: 3e-7; equations 1e-6)
     #[arg(long, value_name = "Q")]
     pub weight_noise: Option<f64>,
     /// Variance that each number of the state gains in a second: of a network the hidden one, of equations the outputs
+    /// (default: 1e-4; equations 1e-3)
     #[arg(long, value_name = "Q")]
     pub state_noise: Option<f64>,
-    /// Time constant [s] with which weights return to those of the model; inf not to
+    /// Time constant [s] with which weights return to those of the model; inf not to (default: 3300; equations inf)
     #[arg(long, value_name = "S")]
     pub leak: Option<f64>,
-    /// Innovations of more standard deviations than this weigh less
+    /// Innovations of more standard deviations than this weigh less (default: inf)
     #[arg(long, value_name = "DEVIATIONS")]
     pub huber: Option<f64>,
-    /// Time [s] over which the noise follows what is measured
+    /// Time [s] over which the noise follows what is measured (default: inf)
     #[arg(long, value_name = "S")]
     pub adaptive_noise: Option<f64>,
-    /// Which weights learn (networks)
+    /// Which weights learn (networks; default: all)
     #[arg(long, value_name = "WHICH", value_enum)]
     pub weights: Option<WhichWeights>,
     /// How much of the covariance of the weights is kept: full, blocks:GROUP (of so many neighbouring units), diagonal,
-    /// low-rank:RANK
+    /// low-rank:RANK (default: full)
     #[arg(long, value_name = "WHAT", value_parser = str::parse::<Memory>)]
     pub memory: Option<Memory>,
     /// The filter works in single precision (networks)
