@@ -251,8 +251,21 @@ fn frozen_it_filters_the_state_and_keeps_its_weights() {
         differs |= a != b;
     }
     assert!(differs);
-    // A leak moves nothing that was not learned.
     close(session.weights(), &given, "weights");
+    // What was learned before stays as well: no leak moves it.
+    session.freeze(false);
+    for k in 0..20 {
+        session.observe(&sample(k, 3).1);
+        session.advance(&sample(k, 3).0);
+    }
+    session.freeze(true);
+    let learned = session.weights().to_vec();
+    assert_ne!(learned, given);
+    for k in 0..20 {
+        session.advance(&sample(k, 3).0);
+        session.observe(&sample(k, 3).1);
+    }
+    assert_eq!(session.weights(), learned);
 }
 
 #[test]

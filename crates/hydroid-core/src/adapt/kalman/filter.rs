@@ -213,10 +213,13 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     /// If `x` is shorter than the model's input.
     pub fn advance(&mut self, x: &[T]) {
         self.model.step(&mut self.state, x);
-        let keeps = T::of(1.0 - self.tuning.leak);
-        let grows = keeps / T::of(self.tuning.forgetting).sqrt();
+        // Weights that do not learn stay where they are, and nothing of them is forgotten.
+        let (leak, forgetting) =
+            if self.learns { (self.tuning.leak, self.tuning.forgetting) } else { (0.0, 1.0) };
+        let keeps = T::of(1.0 - leak);
+        let grows = keeps / T::of(forgetting).sqrt();
         self.joint.advance(&self.model, grows, T::of(self.tuning.state_noise));
-        if self.tuning.leak > 0.0 {
+        if leak > 0.0 {
             for (weight, &given) in self.weights.iter_mut().zip(&self.given) {
                 *weight = given + keeps * (*weight - given);
             }
