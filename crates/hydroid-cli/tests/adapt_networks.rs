@@ -82,6 +82,17 @@ fn a_network_learns_to_fly_and_is_written_with_its_history() {
 }
 
 #[test]
+fn the_table_has_all_three_side_by_side() {
+    let output = run(prepared(), "adapt out/gru.safetensors lawn.csv -q");
+    let told = text(&output.stdout);
+    let head: Vec<&str> = told.lines().next().unwrap().split_whitespace().collect();
+    let columns = "horizon output RMSE frozen filtered adapted NRMSE frozen filtered adapted persistence";
+    assert_eq!(head.join(" "), columns);
+    // Time, output and its unit, then a number in each column.
+    assert_eq!(told.lines().nth(1).unwrap().split_whitespace().count(), 4 + 7, "{told}");
+}
+
+#[test]
 fn every_way_to_learn_less_still_learns() {
     let frozen = report("adapt out/gru.safetensors lawn.csv --json -q");
     let frozen = frozen["frozen"]["rmse"][0][0].as_f64().unwrap();

@@ -165,14 +165,15 @@ fn doubts(report: &Report) -> Vec<Note> {
                 lost.join(", "),
                 if lost.len() == 1 { "is" } else { "are" }
             ))
-            .with_remedy("do not use these equations on this vessel as it is"),
+            .with_remedy("do not use this model on this vessel as it is"),
         );
     }
     notes
 }
 
 fn show(report: &Report, written: Option<&Path>) {
-    ui::write_out(format_args!("{}\n", table::side_by_side(&report.frozen, &report.adapted)));
+    let table = table::side_by_side(&report.frozen, report.frozen_filtered.as_ref(), &report.adapted);
+    ui::write_out(format_args!("{table}\n"));
     let (guard, times, coverage) = (report.guard, report.us_per_sample, report.coverage);
     outln!(
         "learned from {} rows ({} with less weight), rejected {}, rolled back {}",

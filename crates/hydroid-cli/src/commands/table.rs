@@ -106,32 +106,40 @@ pub fn band(band: &BandCoverage, evaluation: &Evaluation) -> String {
     text
 }
 
-/// Two evaluations of the same windows, ready to print: NRMSE of the model frozen and adapted.
-pub fn side_by_side(frozen: &Evaluation, adapted: &Evaluation) -> String {
+/// Evaluations of the same windows, ready to print: the model frozen, with a filter on its state where there is one, and
+/// adapted.
+pub fn side_by_side(frozen: &Evaluation, filtered: Option<&Evaluation>, adapted: &Evaluation) -> String {
     let mut text = String::new();
-    let mut line = |cells: [&str; 7]| {
-        let [horizon, channel, rmse, rmse_adapted, nrmse, nrmse_adapted, kept] = cells;
-        let _ = writeln!(
-            text,
-            "{horizon:>10}  {channel:<16} {rmse:>12} {rmse_adapted:>12} {nrmse:>13} {nrmse_adapted:>13} {kept:>12}"
-        );
+    let mut line = |horizon: &str, channel: &str, cells: &[String]| {
+        let _ = write!(text, "{horizon:>10}  {channel:<16}");
+        for cell in cells {
+            let _ = write!(text, " {cell:>13}");
+        }
+        text.push('\n');
     };
-    line(["horizon", "output", "RMSE frozen", "adapted", "NRMSE frozen", "adapted", "persistence"]);
+    let all: Vec<(&str, &Evaluation)> =
+        [("frozen", Some(frozen)), ("filtered", filtered), ("adapted", Some(adapted))]
+            .into_iter()
+            .filter_map(|(name, evaluation)| Some((name, evaluation?)))
+            .collect();
+    // The first column of each figure says what it is.
+    let heads = |figure: &str| -> Vec<String> {
+        let head = |(i, (name, _)): (usize, &(&str, _))| {
+            if i == 0 { format!("{figure} {name}") } else { (*name).to_owned() }
+        };
+        all.iter().enumerate().map(head).collect()
+    };
+    line("horizon", "output", &[heads("RMSE"), heads("NRMSE"), vec!["persistence".to_owned()]].concat());
     for horizon in horizons(frozen) {
         let Some(h) = frozen.at(horizon) else { continue };
         for (c, channel) in frozen.channels.iter().enumerate() {
             let unit = &frozen.units[c];
             let name = if unit.is_empty() { channel.clone() } else { format!("{channel} [{unit}]") };
             let time = if c == 0 { format!("{:.4} s", horizon as f64 * frozen.dt) } else { String::new() };
-            line([
-                &trim(&time),
-                &name,
-                &figure(frozen.rmse[h][c]),
-                &figure(adapted.rmse[h][c]),
-                &format!("{:.3}", frozen.nrmse[h][c]),
-                &format!("{:.3}", adapted.nrmse[h][c]),
-                &format!("{:.3}", frozen.persistence.nrmse[h][c]),
-            ]);
+            let rmse = all.iter().map(|(_, evaluation)| figure(evaluation.rmse[h][c]));
+            let nrmse = all.iter().map(|(_, evaluation)| format!("{:.3}", evaluation.nrmse[h][c]));
+            let kept = format!("{:.3}", frozen.persistence.nrmse[h][c]);
+            line(&trim(&time), &name, &rmse.chain(nrmse).chain([kept]).collect::<Vec<_>>());
         }
     }
     let _ = writeln!(
