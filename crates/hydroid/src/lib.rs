@@ -9,6 +9,7 @@ pub mod adapt;
 pub mod atomic;
 pub mod evaluate;
 pub mod excitation;
+pub mod faults;
 mod fnv;
 pub mod identify;
 pub mod log;

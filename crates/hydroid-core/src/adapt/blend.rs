@@ -9,7 +9,7 @@ use super::gate::Gate;
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::settings::{MOST_PACES, MOST_SAMPLES, Settings, SettingsError};
 use super::weighted::WeightedSession;
-use super::{Adapter, Innovation, Outcome};
+use super::{Adapter, Health, Innovation, Outcome};
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace};
 
@@ -317,6 +317,19 @@ impl Adapter for BlendedEquations {
     fn freeze(&mut self, frozen: bool) {
         self.frozen = frozen;
         self.experts.iter_mut().for_each(|expert| expert.freeze(frozen));
+    }
+
+    fn inflate(&mut self, factor: f64) {
+        self.experts.iter_mut().for_each(|expert| expert.inflate(factor));
+    }
+
+    fn restart(&mut self) {
+        self.experts.iter_mut().for_each(Adapter::restart);
+    }
+
+    /// Those of its paces are positive by construction.
+    fn health(&self) -> Health {
+        Health::UNKNOWN
     }
 
     fn memory_len(&self) -> usize {

@@ -58,6 +58,8 @@ pub struct RecursiveEquations {
     /// Of a row: the part of its window that no row before it had.
     weight: f64,
     frozen: bool,
+    /// The next row has so many times the noise.
+    inflation: f64,
     outcome: Outcome,
     innovations: Vec<Innovation>,
     /// The weights in the layout of the session's places.
@@ -191,6 +193,7 @@ impl RecursiveEquations {
             groups,
             rows,
             frozen: false,
+            inflation: 1.0,
             outcome: Outcome::Waiting,
             innovations: Vec::with_capacity(n),
             spread: Some(Spread::new(&own, &places).map_err(SettingsError::Equations)?),
@@ -265,6 +268,7 @@ impl RecursiveEquations {
             Outcome::Inflated { weight, .. } => weight,
             _ => return outcome,
         };
+        let share = share / self.inflation;
         // Infinitely many deviations, where there was no noise at all.
         if !(1.0 / (share * self.weight)).is_finite() {
             return outcome;
@@ -391,6 +395,7 @@ impl Predictor for RecursiveEquations {
         self.innovations.clear();
         let ready = self.collect(y);
         self.outcome = if ready && !self.frozen { self.learn() } else { Outcome::Waiting };
+        self.inflation = 1.0;
     }
 
     fn advance(&mut self, c: &[f64]) {

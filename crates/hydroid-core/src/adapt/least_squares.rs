@@ -49,6 +49,8 @@ use super::memory::{Reader, Writer};
 #[derive(Clone, Debug)]
 pub struct RecursiveLeastSquares {
     factor: Factor,
+    /// The numbers that it began with.
+    initial: Vec<f64>,
     /// Targets x coefficients.
     theta: Vec<f64>,
     prior: Vec<f64>,
@@ -70,8 +72,10 @@ impl RecursiveLeastSquares {
     pub fn new(n: usize, coefficients: &[f64], information: f64, leak: bool) -> Self {
         assert!(n > 0 && coefficients.len().is_multiple_of(n), "coefficients do not fill whole rows");
         assert!(information > 0.0 && information.is_finite(), "the prior must be worth something");
+        let factor = Factor::new(n, 1.0 / information);
         Self {
-            factor: Factor::new(n, 1.0 / information),
+            initial: numbers(&factor),
+            factor,
             theta: coefficients.to_vec(),
             prior: coefficients.to_vec(),
             information,
@@ -92,7 +96,8 @@ impl RecursiveLeastSquares {
     pub fn with_root(coefficients: &[f64], information: f64, root: &[f64], leak: bool) -> Self {
         let n = root.len().isqrt();
         let own = Self::new(n, coefficients, information, leak);
-        Self { factor: Factor::inverse(root, 1.0 / information), root: Some(root.to_vec()), ..own }
+        let factor = Factor::inverse(root, 1.0 / information);
+        Self { initial: numbers(&factor), factor, root: Some(root.to_vec()), ..own }
     }
 
     /// How many numbers [`save`](Self::save) writes.
@@ -112,6 +117,12 @@ impl RecursiveLeastSquares {
         from.numbers(&mut self.theta);
         self.turn = from.count(self.len() - 1);
         self.innovations.fill(0.0);
+    }
+
+    /// The covariance is as at the start; the coefficients stay.
+    pub fn restart(&mut self) {
+        self.factor.load(&mut Reader::new(&self.initial));
+        self.turn = 0;
     }
 
     /// Whether prior and covariance are of a size to compute with: [`Factor::is_sound`].
@@ -209,6 +220,13 @@ impl RecursiveLeastSquares {
             *e = 0.0;
         }
     }
+}
+
+/// All of a factor.
+fn numbers(factor: &Factor) -> Vec<f64> {
+    let mut numbers = vec![0.0; factor.memory_len()];
+    factor.save(&mut Writer::new(&mut numbers));
+    numbers
 }
 
 /// `theta += e gain`.

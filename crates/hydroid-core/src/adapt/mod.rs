@@ -10,11 +10,13 @@
 //! | [`KalmanEquations`](kalman::KalmanEquations) | the same, with the outputs, by an extended Kalman [`Filter`](kalman::Filter) |
 //! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by such a filter |
 //! | [`BlendedEquations`] | several of these at different paces, weighed by what they have predicted of late |
+//! | [`Guard`](guard::Guard) | what another one does, as long as that is to be trusted |
 
 mod blend;
 mod equations;
 mod factor;
 mod gate;
+pub mod guard;
 mod increments;
 pub mod kalman;
 mod least_squares;
@@ -48,11 +50,25 @@ pub trait Adapter: Predictor {
     /// deviation for each output, in the same unit. Empty where the outcome is [`Outcome::Waiting`].
     fn innovations(&self) -> &[Innovation];
 
-    /// The weights of the moment, in the model's own units and layout.
+    /// The weights of the moment, in the model's own units and layout. A [`snapshot`](Predictor::snapshot) ends with them.
     fn weights(&self) -> &[f64];
 
     /// Whether to learn at all. A frozen adapter predicts with the weights it has.
     fn freeze(&mut self, frozen: bool);
+
+    /// The next measurement counts as one with so many times the variance of the noise; that after it does not.
+    fn inflate(&mut self, factor: f64);
+
+    /// Forgets how sure it is of the weights: their covariance is as at the start. The weights stay.
+    fn restart(&mut self);
+
+    /// Whether the covariance is one.
+    fn health(&self) -> Health;
+
+    /// The guard that this is, if it is one.
+    fn guard(&self) -> Option<&guard::Guard> {
+        None
+    }
 
     /// How many numbers [`save`](Self::save) gives; constant over the life of the adapter.
     fn memory_len(&self) -> usize;
@@ -86,6 +102,20 @@ pub trait Adapter: Predictor {
         work: &mut Workspace,
         deviations: &mut [f64],
     );
+}
+
+/// Signs that a covariance gives before errors do. NaN is what an adapter does not know, or cannot get wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Health {
+    /// The smallest variance of a weight, in its scaled unit.
+    pub least_variance: f64,
+    /// The smallest `S_ii / R_ii` of the last measurement: what is expected of it is never surer than its noise.
+    pub sureness: f64,
+}
+
+impl Health {
+    /// Nothing is known.
+    pub const UNKNOWN: Self = Self { least_variance: f64::NAN, sureness: f64::NAN };
 }
 
 /// What a sample did to the weights.

@@ -4,11 +4,14 @@
 //! of that moment, learned from the samples up to it and none after.
 
 mod equations;
+mod events;
+mod guarded;
 mod kalman;
 pub mod least_squares;
 pub mod stream;
 mod watch;
 
+use hydroid_core::adapt::guard::GuardError;
 use hydroid_core::adapt::kalman::KalmanError;
 use hydroid_core::adapt::{Adapter, SettingsError};
 use serde::Serialize;
@@ -19,7 +22,9 @@ use crate::model::{Body, Model};
 use crate::progress::Progress;
 use watch::Watched;
 
+pub use events::Happened;
 pub use hydroid_core::adapt::Gate;
+pub use hydroid_core::adapt::guard::GuardSettings;
 pub use hydroid_core::adapt::kalman::Memory;
 pub use kalman::{Kalman, UsedKalman, Which};
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
@@ -44,6 +49,8 @@ pub struct Options {
     pub least_squares: LeastSquares,
     /// For networks, and for equations that learn by the filter: then [`Kalman::of_equations`] is where to begin.
     pub kalman: Kalman,
+    /// Whether, and how, what is learned is guarded.
+    pub guard: Option<GuardSettings>,
     /// Horizons and origins.
     pub evaluate: evaluate::Options,
 }
@@ -60,6 +67,8 @@ pub struct Report {
     pub adapted: Evaluation,
     /// What became of the samples.
     pub guard: Counts,
+    /// What the guard did, if there was one, but for the snapshots that it took.
+    pub events: Vec<Happened>,
     /// Time that the adapter took for a sample.
     pub us_per_sample: Times,
     /// How often its bands were right.
@@ -110,6 +119,9 @@ pub enum AdaptError {
         /// Asked for.
         what: &'static str,
     },
+    /// The guard does not fit the model.
+    #[error("the model cannot be guarded: {0}")]
+    Guard(GuardError),
     /// Nobody says how noisy the sensors are.
     #[error(
         "how noisy the outputs are is not known: the model file does not say it, and a stream cannot be looked through first. Give standard deviations, as in --noise u=0.01,v=0.01,r=0.02"
@@ -161,6 +173,18 @@ pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
 /// # Errors
 /// If the options do not fit the model.
 pub fn adapter(
+    model: &Model,
+    options: &Options,
+    runs: &[&Trajectory],
+) -> Result<(Box<dyn Adapter>, Used), AdaptError> {
+    match &options.guard {
+        Some(settings) => guarded::guard(model, options, settings, runs),
+        None => learner(model, options, runs),
+    }
+}
+
+/// The same without a guard.
+fn learner(
     model: &Model,
     options: &Options,
     runs: &[&Trajectory],
@@ -226,6 +250,7 @@ pub fn adapt(
         frozen_filtered,
         adapted,
         guard: watched.counts(),
+        events: events::happened(watched.events(), runs, &events::names(model)),
         us_per_sample: watched.times(),
         coverage: watched.coverage(),
         settings: used.clone(),

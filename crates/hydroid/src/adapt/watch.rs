@@ -3,6 +3,7 @@
 
 use std::time::Instant;
 
+use hydroid_core::adapt::guard::{Action, Event};
 use hydroid_core::adapt::{Adapter, Outcome};
 use hydroid_core::predict::{Predictor, Workspace};
 use serde::Serialize;
@@ -18,6 +19,10 @@ pub struct Counts {
     pub rejected: usize,
     /// Undone.
     pub rolled_back: usize,
+    /// Samples of which the guard used less than was measured.
+    pub touched: usize,
+    /// Samples from which predictions were made by the model that learns, by its snapshot, and by the one from shore.
+    pub predicted_by: [usize; 3],
 }
 
 /// Time for one sample, observed and advanced \[microseconds\].
@@ -51,6 +56,7 @@ pub(super) const BAND_95: f64 = 1.959_96;
 pub(super) struct Watched<'a> {
     adapter: &'a mut dyn Adapter,
     counts: Counts,
+    events: Vec<Event>,
     /// Innovations, those inside the 80 % band, and those inside the 95 % band.
     banded: [usize; 3],
     /// Of each sample \[microseconds\].
@@ -60,7 +66,14 @@ pub(super) struct Watched<'a> {
 
 impl<'a> Watched<'a> {
     pub(super) fn new(adapter: &'a mut dyn Adapter) -> Self {
-        Self { adapter, counts: Counts::default(), banded: [0; 3], times: Vec::new(), observing_us: 0.0 }
+        Self {
+            adapter,
+            counts: Counts::default(),
+            events: Vec::new(),
+            banded: [0; 3],
+            times: Vec::new(),
+            observing_us: 0.0,
+        }
     }
 
     pub(super) fn counts(&self) -> Counts {
@@ -82,7 +95,27 @@ impl<'a> Watched<'a> {
         Times { median: at(500), p99: at(990), max: at(1000) }
     }
 
+    /// What the guard did, if there is one; without the snapshots that it took.
+    pub(super) fn events(&self) -> &[Event] {
+        &self.events
+    }
+
     fn watch(&mut self) {
+        if let Some(guard) = self.adapter.guard() {
+            let touches = |action: &Action| {
+                matches!(
+                    action,
+                    Action::Spike { .. }
+                        | Action::Inflated { .. }
+                        | Action::Stuck { .. }
+                        | Action::Believed { .. }
+                )
+            };
+            self.counts.touched += usize::from(guard.events().iter().any(|event| touches(&event.action)));
+            self.counts.predicted_by[guard.active().index()] += 1;
+            let said = guard.events().iter().filter(|event| !matches!(event.action, Action::Kept { .. }));
+            self.events.extend(said);
+        }
         match self.adapter.outcome() {
             Outcome::Waiting => {}
             Outcome::Accepted => self.counts.accepted += 1,

@@ -2,7 +2,7 @@
 
 use super::super::memory::{MOST_COUNTED, Reader, Writer};
 use super::super::spread::Spread;
-use super::super::{Adapter, Innovation, Outcome};
+use super::super::{Adapter, Health, Innovation, Outcome};
 use super::{Group, RecursiveEquations};
 use crate::predict::{Predictor, Workspace};
 
@@ -21,6 +21,19 @@ impl Adapter for RecursiveEquations {
 
     fn freeze(&mut self, frozen: bool) {
         self.frozen = frozen;
+    }
+
+    fn inflate(&mut self, factor: f64) {
+        self.inflation = factor;
+    }
+
+    fn restart(&mut self) {
+        self.groups.iter_mut().for_each(|group| group.kernel.restart());
+    }
+
+    /// Its covariance is positive by construction.
+    fn health(&self) -> Health {
+        Health::UNKNOWN
     }
 
     fn memory_len(&self) -> usize {

@@ -11,7 +11,7 @@ use super::filter::{Correction, Filter};
 use super::learnable::Learnable;
 use super::tuning::{Tuning, TuningError};
 use crate::adapt::memory::{Reader, Writer};
-use crate::adapt::{Adapter, Innovation, Outcome, Rejection, WeightedSession};
+use crate::adapt::{Adapter, Health, Innovation, Outcome, Rejection, WeightedSession};
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace};
 
@@ -260,6 +260,18 @@ impl Adapter for KalmanEquations {
 
     fn freeze(&mut self, frozen: bool) {
         self.filter.learn(!frozen);
+    }
+
+    fn inflate(&mut self, factor: f64) {
+        self.filter.inflate(factor);
+    }
+
+    fn restart(&mut self) {
+        self.filter.restart();
+    }
+
+    fn health(&self) -> Health {
+        self.filter.health()
     }
 
     fn memory_len(&self) -> usize {

@@ -7,6 +7,7 @@ use super::gain::Gain;
 use super::joint::Joint;
 use super::learnable::Learnable;
 use super::tuning::{Tuning, TuningError};
+use crate::adapt::Health;
 use crate::math::Scalar;
 
 /// What a measurement did.
@@ -50,6 +51,8 @@ pub struct Filter<T, M> {
     /// Whether measurements change the weights.
     pub(super) learns: bool,
     gain: Gain<T>,
+    /// What the noise of the next measurement is multiplied by.
+    inflation: T,
     /// A vector of state and weights, the latter in the order of the covariance's columns: how they change.
     by_state: Vec<T>,
     change: Vec<T>,
@@ -79,6 +82,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
             moved: false,
             learns: true,
             gain: Gain::new(outputs),
+            inflation: T::one(),
             by_state: vec![T::zero(); n],
             change: vec![T::zero(); joint.places().len()],
             joint,
@@ -125,6 +129,21 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     /// uncertainty of the weights being what it is (the Schmidt-Kalman filter, which considers it).
     pub fn learn(&mut self, learns: bool) {
         self.learns = learns;
+    }
+
+    /// Whether they do.
+    pub fn learns(&self) -> bool {
+        self.learns
+    }
+
+    /// The next measurement has so many times the variance of the noise.
+    pub fn inflate(&mut self, factor: T) {
+        self.inflation = factor;
+    }
+
+    /// Signs of a covariance that is none. (Of its smallest variance only the last measurement tells.)
+    pub fn health(&self) -> Health {
+        Health { least_variance: f64::NAN, sureness: self.gain.sureness().wide() }
     }
 
     /// `h` and `theta` become these; how uncertain they are stays. The step before is none that a measurement belongs to.
@@ -241,6 +260,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.model.output(&self.state, &mut self.gain.predicted);
         self.joint.expect(&self.model, &mut self.gain);
         let deviations = self.gain.take(z, &self.noise);
+        self.gain.inflate(core::mem::replace(&mut self.inflation, T::one()));
         let limit = T::of(self.tuning.huber);
         let weight = if deviations > limit { self.gain.soften(limit) } else { T::one() };
         let Self { model, state, joint, gain, change, .. } = self;

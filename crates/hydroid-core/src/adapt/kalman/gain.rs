@@ -72,6 +72,21 @@ impl<T: Scalar> Gain<T> {
         largest
     }
 
+    /// What was measured is so many times as noisy.
+    pub(super) fn inflate(&mut self, factor: T) {
+        for &i in &self.measured {
+            let more = self.noise[i] * (factor - T::one());
+            self.noise[i] += more;
+            self.variance[i] += more;
+        }
+    }
+
+    /// The smallest `S_ii / R_ii` of what was measured; infinite where nothing was.
+    pub(super) fn sureness(&self) -> T {
+        let of = |&i: &usize| self.variance[i] / self.noise[i];
+        self.measured.iter().map(of).fold(T::infinity(), |least, x| if x >= least { least } else { x })
+    }
+
     /// A channel that is farther off than `limit` standard deviations counts as one with so much more noise that it pulls
     /// as hard as one at the limit: the weight `w = limit / deviations` of Huber's loss on the innovation, `S_ii / w` in
     /// the place of `S_ii`. Gives the least weight.

@@ -10,7 +10,7 @@ use super::filter::{Correction, Filter};
 use super::network::LearnableNetwork;
 use super::tuning::{Tuning, TuningError};
 use crate::adapt::memory::{Reader, Writer};
-use crate::adapt::{Adapter, Innovation, Outcome, Rejection};
+use crate::adapt::{Adapter, Health, Innovation, Outcome, Rejection};
 use crate::math::Scalar;
 use crate::model::recurrent::{Base, Packed, Recurrent, RecurrentError, RecurrentSession};
 use crate::predict::{Predictor, Workspace};
@@ -182,7 +182,7 @@ impl<T: Scalar> Predictor for KalmanNetwork<T> {
         }
         let correction = self.filter.observe(&self.z_filter);
         if correction != Correction::None {
-            self.take_over(true);
+            self.take_over(self.filter.learns());
         }
         self.note(correction);
         if y.iter().any(|y| y.is_infinite()) {
@@ -270,6 +270,18 @@ impl<T: Scalar> Adapter for KalmanNetwork<T> {
 
     fn freeze(&mut self, frozen: bool) {
         self.filter.learn(!frozen);
+    }
+
+    fn inflate(&mut self, factor: f64) {
+        self.filter.inflate(T::of(factor));
+    }
+
+    fn restart(&mut self) {
+        self.filter.restart();
+    }
+
+    fn health(&self) -> Health {
+        self.filter.health()
     }
 
     fn memory_len(&self) -> usize {

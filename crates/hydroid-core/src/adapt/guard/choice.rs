@@ -1,0 +1,176 @@
+//! Which model predicts: records, tests, and the account of what the guarantee leaves.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::event::{Cause, Expert};
+use super::settings::GuardSettings;
+use super::trial::Tested;
+use crate::adapt::memory::{Reader, Writer};
+
+/// A model is dropped at once when a test finds it worse than the one from shore by this, beside twice the noise floor.
+const FAILED: f64 = 1.5;
+
+/// Shares of the account at which predictions go back to the model from shore, and are free again.
+const TIGHT: f64 = 0.3;
+const FREE: f64 = 0.15;
+
+/// A model is used as long as its record is not worse than that of the one from shore by the guarantee itself, and again when
+/// it is not by this, beside half the noise floor ..
+const AGAIN: f64 = 1.1;
+
+/// .. or when, of late and over the last stride, it has not had more than this share of the other's errors: where the vessel
+/// does what it has never done, all records are bad, and the one that learns gets better first.
+const SPRINT: f64 = 0.7;
+
+/// A learner whose record is worse than another's by this, beside twice the noise floor, is losing: so much a test as it is
+/// worse, at most `AT_ONCE`, until it has lost `LOST_AT`. One that has just come into water that it had forgotten
+/// learns again within seconds, and is left alone.
+const LOSES: f64 = 2.0;
+const AT_ONCE: f64 = 8.0;
+const LOST_AT: f64 = 40.0;
+
+/// Chooses.
+#[derive(Clone, Debug)]
+pub(super) struct Choice {
+    pub(super) active: Expert,
+    /// Errors of late; NaN before the first test.
+    pub(super) record: [f64; 3],
+    share: f64,
+    floor: f64,
+    factor: f64,
+    /// What each test added to the account, those of the window, and where the next goes.
+    account: Vec<f64>,
+    at: usize,
+    tight: bool,
+    /// What the learner has lost, of late.
+    lost: f64,
+}
+
+impl Choice {
+    /// `floor` is the noise of a measurement, as errors are measured.
+    pub(super) fn new(settings: &GuardSettings, floor: f64) -> Self {
+        Self {
+            active: Expert::Learner,
+            record: [f64::NAN; 3],
+            share: (settings.stride as f64 / settings.record as f64).min(1.0),
+            floor,
+            factor: settings.factor,
+            account: vec![0.0; settings.window.div_ceil(settings.stride)],
+            at: 0,
+            tight: false,
+            lost: 0.0,
+        }
+    }
+
+    /// What predictions may have been worse than `factor` times those of the model from shore, summed over the tests of a window.
+    fn allowance(&self) -> f64 {
+        self.floor * self.account.len() as f64
+    }
+
+    /// The most that has been used of it by any window that is not over: with the model from shore in use from now on, no
+    /// window can end with more.
+    fn used(&self) -> f64 {
+        let count = self.account.len();
+        let (mut sum, mut most) = (0.0, 0.0f64);
+        for back in 1..=count {
+            sum += self.account[(self.at + count - back) % count];
+            most = most.max(sum);
+        }
+        most
+    }
+
+    /// Takes a test into account; says why another model is in use from now on, if one is.
+    pub(super) fn take(&mut self, tested: &Tested) -> Option<Cause> {
+        let frozen = Expert::Frozen.index();
+        for (record, &far) in self.record.iter_mut().zip(&tested.far) {
+            // What blew up is forgotten, in time.
+            let far = far.min(1e3);
+            *record = if record.is_nan() { far } else { *record + self.share * (far - *record) };
+        }
+        let excess = tested.far[tested.used.index()] - self.factor * tested.far[frozen];
+        self.account[self.at] = if excess.is_nan() { f64::INFINITY } else { excess };
+        self.at = (self.at + 1) % self.account.len();
+        let used = self.used() / self.allowance();
+        self.tight = used > if self.tight { FREE } else { TIGHT };
+
+        let fails = |error: f64, than: f64| error.is_nan() || error > FAILED * than + 2.0 * self.floor;
+        let (now, shore) = (tested.now, tested.far[frozen]);
+        let failed = [
+            fails(now, shore) || fails(tested.near[0], tested.near[frozen]),
+            fails(tested.far[Expert::Kept.index()], shore),
+            false,
+        ];
+        let sprints = now < SPRINT * shore && tested.near[0] < SPRINT * tested.near[frozen];
+        let may = |expert: Expert| {
+            !failed[expert.index()] && (self.keeps_up(expert) || (sprints && expert == Expert::Learner))
+        };
+        let next = if self.tight {
+            Expert::Frozen
+        } else {
+            Expert::ALL.into_iter().find(|&expert| may(expert)).unwrap_or(Expert::Frozen)
+        };
+        let cause = if self.tight {
+            Cause::Guarantee
+        } else if failed[self.active.index()] {
+            Cause::Test
+        } else {
+            Cause::Record
+        };
+        let changed = next != self.active;
+        self.active = next;
+        changed.then_some(cause)
+    }
+
+    /// Whether the record of a model is good enough beside that of the one from shore.
+    fn keeps_up(&self, expert: Expert) -> bool {
+        let (own, shore) = (self.record[expert.index()], self.record[Expert::Frozen.index()]);
+        if expert == self.active {
+            own <= self.factor * shore + self.floor
+        } else {
+            own <= AGAIN * shore + 0.5 * self.floor
+        }
+    }
+
+    /// Whether the learner is lost, and whose weights it should have: to be asked once after each test.
+    pub(super) fn rescue(&mut self) -> Option<Expert> {
+        let [learner, kept, frozen] = self.record;
+        let to = if kept <= frozen { Expert::Kept } else { Expert::Frozen };
+        let worse = learner / (LOSES * kept.min(frozen) + 2.0 * self.floor);
+        self.lost = if worse > 1.0 { self.lost + worse.min(AT_ONCE) } else { 0.0 };
+        if self.lost < LOST_AT {
+            return None;
+        }
+        self.lost = 0.0;
+        self.record[Expert::Learner.index()] = self.record[to.index()];
+        Some(to)
+    }
+
+    /// Whether what the learner knows is worth a snapshot: it has been as good as the last one, and in use.
+    pub(super) fn deserves(&self) -> bool {
+        let [learner, kept, _] = self.record;
+        self.active == Expert::Learner && learner <= kept
+    }
+
+    pub(super) fn memory_len(&self) -> usize {
+        self.record.len() + self.account.len() + 4
+    }
+
+    pub(super) fn save(&self, into: &mut Writer<'_>) {
+        into.numbers(&self.record);
+        into.numbers(&self.account);
+        into.count(self.active.index());
+        into.count(self.at);
+        into.numbers(&[self.lost]);
+        into.flag(self.tight);
+    }
+
+    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
+        from.numbers(&mut self.record);
+        from.numbers(&mut self.account);
+        self.active = Expert::ALL[from.count(Expert::ALL.len() - 1)];
+        self.at = from.count(self.account.len() - 1);
+        from.numbers(core::slice::from_mut(&mut self.lost));
+        self.tight = from.flag();
+    }
+}

@@ -1,0 +1,537 @@
+//! The guard: a learner that is watched, and predictions that are never much worse than those of the model from shore.
+//!
+//! A [`Guard`] is an [`Adapter`] around another one, the learner. It walks two more along: the model from shore as it is,
+//! its state filtered (*frozen*), and the learner as it was when it was last found good (*snapshot*). What is measured
+//! goes through [`Sensor`](sensor)s first: what was not measured at all is not learned from. Every
+//! [`stride`](GuardSettings::stride) samples a shadow [test](trial) rolls out what the three would have predicted a horizon
+//! `H` ago, and what the learner would with the weights that it has now, under the commands that came, and compares with
+//! what was measured. By these errors
+//!
+//! ```text
+//! e_k = mean over outputs and the last stride of steps of |predicted - measured| / (half the design range)
+//! ```
+//!
+//! one of the three is [chosen](choice) to predict; a learner that is lost gets the weights of a better one back.
+//!
+//! **Guarantee.** Over any window of `N` tests, whatever the learner does,
+//!
+//! ```text
+//! sum e_guarded <= factor sum e_frozen + N floor         floor = mean over outputs of noise / (half the design range)
+//! ```
+//!
+//! if the predictions that are under way when the account is found [tight](choice) cost no more than what is left of it then,
+//! 0.6 `N floor`: there are at most `H / stride + 1` of them, made by a model that had passed the test at the sample from
+//! which it predicts. The account is kept over all windows that are not over yet, so that from the moment at which it is
+//! tight the frozen model, which adds nothing to it, ends all of them within the guarantee.
+
+mod choice;
+mod event;
+mod sensor;
+mod settings;
+mod trial;
+
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::memory::{MOST_COUNTED, Reader, Writer};
+use super::{Adapter, Health, Innovation, Outcome, Rejection};
+use crate::predict::{Predictor, Workspace};
+use choice::Choice;
+use sensor::{Sensor, Verdict};
+use trial::Trial;
+
+pub use event::{Action, Cause, Event, Expert};
+pub use settings::GuardSettings;
+
+/// Distances from the design range, in its width, at which learning stops and at which it goes on.
+const OUTSIDE: f64 = 0.5;
+const INSIDE: f64 = 0.4;
+
+/// Why a learner cannot be guarded so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GuardError {
+    /// The settings make no sense.
+    Settings,
+    /// There is not one finite range, or one positive noise, for each channel.
+    Ranges,
+    /// The models are not of one kind: their snapshots differ.
+    Models,
+}
+
+impl core::fmt::Display for GuardError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Settings => write!(
+                f,
+                "the guard's times must be positive, its stride not longer than its horizon and that not longer than its window, its factor at least 1"
+            ),
+            Self::Ranges => write!(
+                f,
+                "the guard needs a finite design range of each channel, and the noise of each output"
+            ),
+            Self::Models => {
+                write!(f, "the guard needs the frozen model in the same form as the one that learns")
+            }
+        }
+    }
+}
+
+impl core::error::Error for GuardError {}
+
+/// A learner under guard; see the [module](self).
+pub struct Guard {
+    learner: Box<dyn Adapter>,
+    kept: Box<dyn Adapter>,
+    frozen: Box<dyn Adapter>,
+    settings: GuardSettings,
+    ranges: Vec<(f64, f64)>,
+    sensors: Vec<Sensor>,
+    trial: Trial,
+    choice: Choice,
+    events: Vec<Event>,
+    outcome: Outcome,
+    /// Samples observed, and those until learning goes on, until the next snapshot, and the time to rest the next time.
+    sample: u64,
+    rest: usize,
+    keep: usize,
+    next_rest: usize,
+    /// Whether learning has stopped outside the design range, and whether who owns the guard stopped it.
+    outside: bool,
+    stopped: bool,
+    measured: Vec<f64>,
+    command: Vec<f64>,
+    expected: [Vec<f64>; 3],
+    snapshot: [Vec<f64>; 2],
+}
+
+impl core::fmt::Debug for Guard {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { settings, choice, sample, .. } = self;
+        let part = f.debug_struct("Guard").field("settings", settings).field("sample", sample).finish();
+        part.and_then(|()| write!(f, " {:?}", choice.active))
+    }
+}
+
+impl Guard {
+    /// Guards a learner. `frozen` and `kept` are two of the same model which do not learn (their weights are not to change by
+    /// themselves); `ranges` are the design ranges `(low, high)` of outputs, then inputs, and `noise` the standard
+    /// deviation of each output's noise.
+    ///
+    /// # Errors
+    /// If these do not fit together.
+    pub fn new(
+        learner: Box<dyn Adapter>,
+        [frozen, kept]: [Box<dyn Adapter>; 2],
+        ranges: &[(f64, f64)],
+        noise: &[f64],
+        settings: GuardSettings,
+    ) -> Result<Self, GuardError> {
+        let (n, m) = (learner.outputs(), learner.inputs());
+        if !settings.is_sound() {
+            return Err(GuardError::Settings);
+        }
+        let sound = |&(low, high): &(f64, f64)| low.is_finite() && high.is_finite() && low < high;
+        let positive = |noise: &f64| *noise > 0.0 && noise.is_finite();
+        if ranges.len() != n + m
+            || noise.len() != n
+            || !ranges[..n].iter().all(sound)
+            || !noise.iter().all(positive)
+        {
+            return Err(GuardError::Ranges);
+        }
+        let len = learner.snapshot_len();
+        if [&frozen, &kept]
+            .iter()
+            .any(|other| other.snapshot_len() != len || other.weights().len() != learner.weights().len())
+        {
+            return Err(GuardError::Models);
+        }
+        let scale: Vec<f64> = ranges[..n].iter().map(|(low, high)| 0.5 * (high - low)).collect();
+        let floor = noise.iter().zip(&scale).map(|(noise, scale)| noise / scale).sum::<f64>() / n as f64;
+        Ok(Self {
+            trial: Trial::new(learner.as_ref(), &scale, &settings),
+            choice: Choice::new(&settings, floor),
+            ranges: ranges.to_vec(),
+            sensors: vec![Sensor::default(); n],
+            events: Vec::with_capacity(4 * n + 8),
+            outcome: Outcome::Waiting,
+            sample: 0,
+            rest: 0,
+            keep: settings.keep,
+            next_rest: settings.record,
+            outside: false,
+            stopped: false,
+            measured: vec![f64::NAN; n],
+            command: vec![f64::NAN; m],
+            expected: [vec![f64::NAN; n], vec![f64::NAN; n], vec![f64::NAN; n]],
+            snapshot: [vec![0.0; len], vec![0.0; len]],
+            learner,
+            kept,
+            frozen,
+            settings,
+        })
+    }
+
+    /// What was done at the last sample.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// The model that predicts.
+    pub fn active(&self) -> Expert {
+        self.choice.active
+    }
+
+    /// Errors of late of each model, in the order of [`Expert::ALL`]; NaN before the first test.
+    pub fn record(&self) -> [f64; 3] {
+        self.choice.record
+    }
+
+    /// The learner.
+    pub fn learner(&self) -> &dyn Adapter {
+        self.learner.as_ref()
+    }
+
+    fn expert(&self, expert: Expert) -> &dyn Adapter {
+        match expert {
+            Expert::Learner => self.learner.as_ref(),
+            Expert::Kept => self.kept.as_ref(),
+            Expert::Frozen => self.frozen.as_ref(),
+        }
+    }
+
+    fn note(&mut self, action: Action) {
+        if self.events.len() < self.events.capacity() {
+            self.events.push(Event { sample: self.sample, action });
+        }
+    }
+
+    /// What is used of a measurement, into `measured`; gives the factor that its noise is to be taken with.
+    fn screen(&mut self, y: &[f64]) -> f64 {
+        let experts = [&self.learner, &self.kept, &self.frozen];
+        for (into, expert) in self.expected.iter_mut().zip(experts) {
+            expert.output(into);
+        }
+        let mut most = 1.0;
+        for (i, &value) in y.iter().enumerate() {
+            let sensor = &mut self.sensors[i];
+            let missing = sensor.missing;
+            let expected = core::array::from_fn(|expert| self.expected[expert][i]);
+            let verdict = sensor.judge(value, expected, &self.settings);
+            let corrected = value - sensor.offset;
+            let output = i;
+            let (used, action) = match verdict {
+                Verdict::Sound if missing >= self.settings.repeats => {
+                    (corrected, Some(Action::Back { output, missing }))
+                }
+                Verdict::Sound => (corrected, None),
+                Verdict::Missing => (f64::NAN, None),
+                Verdict::Inflate { deviations, factor } => {
+                    most = f64::max(most, factor);
+                    (corrected, Some(Action::Inflated { output, deviations, factor }))
+                }
+                Verdict::Spike { deviations } => (f64::NAN, Some(Action::Spike { output, deviations })),
+                Verdict::Stuck { repeats } => {
+                    // Said once.
+                    let action = (missing == 0).then_some(Action::Stuck { output, repeats });
+                    (f64::NAN, action)
+                }
+                Verdict::Offset { offset } => (corrected, Some(Action::Offset { output, offset })),
+                Verdict::Believed { deviations } => {
+                    (corrected, Some(Action::Believed { output, deviations }))
+                }
+            };
+            self.measured[i] = used;
+            if let Some(action) = action {
+                self.note(action);
+            }
+        }
+        most
+    }
+
+    /// Whether outputs and command are so far outside of the design range that nothing is to be learned there.
+    fn watch_range(&mut self) {
+        let values = self.measured.iter().chain(&self.command);
+        let distance = |(x, (low, high)): (&f64, &(f64, f64))| (low - x).max(x - high) / (high - low);
+        let (mut channel, mut most) = (0, f64::NEG_INFINITY);
+        for (i, distance) in values.zip(&self.ranges).map(distance).enumerate() {
+            // What is not known, or has no range, is not outside.
+            if distance > most && distance.is_finite() {
+                (channel, most) = (i, distance);
+            }
+        }
+        if !self.outside && most > OUTSIDE {
+            self.outside = true;
+            self.note(Action::Outside { channel, distance: most });
+        } else if self.outside && most < INSIDE {
+            self.outside = false;
+            self.note(Action::Inside);
+        }
+    }
+
+    fn let_learn(&mut self) {
+        self.rest = self.rest.saturating_sub(1);
+        self.learner.freeze(self.stopped || self.outside || self.rest > 0);
+    }
+
+    /// The learner's weights, and its state, become those of another model.
+    fn roll_back(&mut self, to: Expert) {
+        let [learner, kept, frozen] = self.choice.record;
+        let better = if to == Expert::Kept { kept } else { frozen };
+        let [snapshot, _] = &mut self.snapshot;
+        match to {
+            Expert::Kept => self.kept.snapshot(snapshot),
+            _ => self.frozen.snapshot(snapshot),
+        }
+        self.learner.restore(snapshot);
+        // What led astray once may do so again: each time it waits for longer.
+        self.rest = self.next_rest;
+        self.next_rest = (2 * self.next_rest).min(4 * self.settings.window);
+        self.outcome = Outcome::RolledBack;
+        self.note(Action::RolledBack { to, errors: [learner, better] });
+    }
+
+    /// Takes a snapshot of the learner's weights.
+    fn take_snapshot(&mut self) {
+        self.keep = self.settings.keep;
+        self.next_rest = (self.next_rest / 2).max(self.settings.record);
+        let [snapshot, _] = &mut self.snapshot;
+        self.learner.snapshot(snapshot);
+        self.kept.restore(snapshot);
+        let [learner, kept, _] = &mut self.choice.record;
+        *kept = *learner;
+        let error = *learner;
+        self.note(Action::Kept { error });
+    }
+
+    fn judge(&mut self) {
+        let Some(tested) = self.trial.test(self.learner.as_ref()) else { return };
+        let before = self.choice.active;
+        if let Some(cause) = self.choice.take(&tested) {
+            let errors = [tested.far[before.index()], tested.far[Expert::Frozen.index()]];
+            self.note(Action::Switched { to: self.choice.active, cause, errors });
+        }
+        if let Some(to) = self.choice.rescue() {
+            self.roll_back(to);
+        }
+        self.keep = self.keep.saturating_sub(self.settings.stride);
+        if self.keep == 0 && self.choice.deserves() {
+            self.take_snapshot();
+        }
+    }
+
+    /// Whether the learner is one still; a covariance that is not sound starts again.
+    fn check_health(&mut self) {
+        let lost = self.outcome == Outcome::Rejected(Rejection::NotFinite);
+        let Health { least_variance, sureness } = self.learner.health();
+        // Not less than: NaN is what an adapter does not know.
+        if lost || least_variance < 0.0 || sureness < 1.0 - 1e-6 {
+            self.learner.restart();
+            self.note(Action::Restarted);
+        }
+        if self.learner.weights().iter().any(|w| !w.is_finite()) {
+            self.roll_back(Expert::Kept);
+        }
+    }
+
+    /// Puts the state of a snapshot in a model, whose weights stay as they are.
+    fn restore_state(expert: &mut dyn Adapter, from: &[f64], own: &mut [f64]) {
+        expert.snapshot(own);
+        let kept = own.len() - expert.weights().len();
+        own[..kept].copy_from_slice(&from[..kept]);
+        expert.restore(own);
+    }
+}
+
+impl Predictor for Guard {
+    fn outputs(&self) -> usize {
+        self.learner.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.learner.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        self.learner.warm_up()
+    }
+
+    fn reset(&mut self) {
+        self.learner.reset();
+        self.kept.reset();
+        self.frozen.reset();
+        self.sensors.iter_mut().for_each(Sensor::reset);
+        self.trial.reset();
+        self.command.fill(f64::NAN);
+        self.events.clear();
+        self.outcome = Outcome::Waiting;
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        self.events.clear();
+        let factor = if self.settings.sensors {
+            self.screen(y)
+        } else {
+            self.measured.copy_from_slice(y);
+            1.0
+        };
+        self.watch_range();
+        self.let_learn();
+        if factor > 1.0 {
+            self.learner.inflate(factor);
+            self.kept.inflate(factor);
+            self.frozen.inflate(factor);
+        }
+        let Self { learner, kept, frozen, measured, .. } = self;
+        learner.observe(measured);
+        kept.observe(measured);
+        frozen.observe(measured);
+        self.outcome = self.learner.outcome();
+        self.trial.see(&self.measured);
+        if self.trial.is_due() {
+            self.check_health();
+            self.judge();
+            let experts = [self.learner.as_ref(), self.kept.as_ref(), self.frozen.as_ref()];
+            self.trial.mark(experts, self.choice.active);
+        }
+        self.sample += 1;
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        self.command.copy_from_slice(c);
+        self.trial.hold(c);
+        self.learner.advance(c);
+        self.kept.advance(c);
+        self.frozen.advance(c);
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        self.expert(self.choice.active).output(y);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.expert(self.choice.active).rollout(commands, work, y);
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.learner.snapshot_len()
+    }
+
+    /// That of the model that predicts.
+    fn snapshot(&self, into: &mut [f64]) {
+        self.expert(self.choice.active).snapshot(into);
+    }
+
+    /// The learner goes on from state and weights of the snapshot, the others from its state.
+    fn restore(&mut self, from: &[f64]) {
+        let Self { learner, kept, frozen, snapshot: [_, own], .. } = self;
+        learner.restore(from);
+        Self::restore_state(kept.as_mut(), from, own);
+        Self::restore_state(frozen.as_mut(), from, own);
+        self.trial.reset();
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        self.expert(self.choice.active).fork()
+    }
+}
+
+impl Adapter for Guard {
+    /// That of the learner; a spike in every output that was measured counts as an outlier.
+    fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+
+    fn innovations(&self) -> &[Innovation] {
+        self.learner.innovations()
+    }
+
+    /// What was learned, whichever model predicts.
+    fn weights(&self) -> &[f64] {
+        self.learner.weights()
+    }
+
+    fn freeze(&mut self, frozen: bool) {
+        self.stopped = frozen;
+        self.learner.freeze(frozen);
+    }
+
+    fn inflate(&mut self, factor: f64) {
+        self.learner.inflate(factor);
+        self.kept.inflate(factor);
+        self.frozen.inflate(factor);
+    }
+
+    fn restart(&mut self) {
+        self.learner.restart();
+    }
+
+    fn health(&self) -> Health {
+        self.learner.health()
+    }
+
+    fn guard(&self) -> Option<&Guard> {
+        Some(self)
+    }
+
+    fn memory_len(&self) -> usize {
+        let experts = self.learner.memory_len() + self.kept.memory_len() + self.frozen.memory_len();
+        let sensors = self.sensors.len() * Sensor::MEMORY_LEN;
+        experts + sensors + self.trial.memory_len() + self.choice.memory_len() + self.command.len() + 6
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "room for the memory");
+        let mut into = Writer::new(into);
+        for expert in [&self.learner, &self.kept, &self.frozen] {
+            expert.save(into.part(expert.memory_len()));
+        }
+        self.sensors.iter().for_each(|sensor| sensor.save(&mut into));
+        self.trial.save(&mut into);
+        self.choice.save(&mut into);
+        into.numbers(&self.command);
+        // Exact up to 2^53.
+        into.numbers(&[self.sample as f64]);
+        for count in [self.rest, self.keep, self.next_rest] {
+            into.count(count);
+        }
+        into.flag(self.outside);
+        into.flag(self.stopped);
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
+        let mut from = Reader::new(from);
+        for expert in [&mut self.learner, &mut self.kept, &mut self.frozen] {
+            expert.load(from.part(expert.memory_len()));
+        }
+        self.sensors.iter_mut().for_each(|sensor| sensor.load(&mut from));
+        self.trial.load(&mut from);
+        self.choice.load(&mut from);
+        from.numbers(&mut self.command);
+        self.sample = from.count(MOST_COUNTED) as u64;
+        for count in [&mut self.rest, &mut self.keep, &mut self.next_rest] {
+            *count = from.count(MOST_COUNTED);
+        }
+        self.outside = from.flag();
+        self.stopped = from.flag();
+        self.events.clear();
+        self.outcome = Outcome::Waiting;
+    }
+
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        work: &mut Workspace,
+        deviations: &mut [f64],
+    ) {
+        let expert = match self.choice.active {
+            Expert::Learner => &mut self.learner,
+            Expert::Kept => &mut self.kept,
+            Expert::Frozen => &mut self.frozen,
+        };
+        expert.deviations(commands, horizons, work, deviations);
+    }
+}

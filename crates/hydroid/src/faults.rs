@@ -1,0 +1,298 @@
+//! Faults of sensors, put into a log on purpose: a user's own worst day.
+//!
+//! ```text
+//! spikes=0.01             one sample of an output in a hundred is anywhere within the range of the channel, and beyond
+//! dropout=u:10s           the output is not measured for so long
+//! stuck=r:5s              it repeats its last value for so long
+//! bias=v:0.2              it is off by so much (in its SI unit) from then on
+//! ..@120                  the fault begins at this time of the run [s]; else somewhere in its middle, by the seed
+//! ```
+//!
+//! Several are separated by commas, and a kind may come more than once. What was measured before becomes the truth of a run that
+//! had none, so that predictions can be judged by it.
+
+use std::str::FromStr;
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use crate::log::{Table, Trajectory};
+
+/// A fault.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fault {
+    /// Each sample of each output, with this probability, is anything.
+    Spikes {
+        /// From 0 to 1.
+        probability: f64,
+    },
+    /// An output is not measured for a while.
+    Dropout {
+        /// Which, and when.
+        on: Place,
+        /// For how long \[s\].
+        duration_s: f64,
+    },
+    /// An output repeats its last value for a while.
+    Stuck {
+        /// Which, and when.
+        on: Place,
+        /// For how long \[s\].
+        duration_s: f64,
+    },
+    /// An output has an offset from some time on.
+    Bias {
+        /// Which, and when.
+        on: Place,
+        /// In its SI unit.
+        offset: f64,
+    },
+}
+
+/// Where a fault is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Name of the output.
+    pub output: String,
+    /// Time in the run \[s\] at which it begins; somewhere in the middle four fifths if none is given.
+    pub at_s: Option<f64>,
+}
+
+/// Faults and the seed of what is random about them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Faults {
+    /// In the order in which they are put in.
+    pub list: Vec<Fault>,
+    /// Of spikes, and of times that are not given.
+    pub seed: u64,
+}
+
+/// Faults that cannot be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FaultError {
+    /// Not one of the forms.
+    #[error(
+        "'{0}' is no fault: write spikes=0.01, dropout=u:10s, stuck=r:5s or bias=v:0.2, each with @TIME behind it if it is to begin at that time [s]"
+    )]
+    Form(String),
+    /// The run has no such output.
+    #[error("a fault is asked for in '{output}', and the outputs are {known}")]
+    Output {
+        /// Asked for.
+        output: String,
+        /// Those that there are.
+        known: String,
+    },
+}
+
+impl FromStr for Faults {
+    type Err = FaultError;
+
+    fn from_str(text: &str) -> Result<Self, FaultError> {
+        let list = text.split(',').map(|one| one.trim().parse()).collect::<Result<_, _>>()?;
+        Ok(Self { list, seed: 0 })
+    }
+}
+
+impl FromStr for Fault {
+    type Err = FaultError;
+
+    fn from_str(text: &str) -> Result<Self, FaultError> {
+        let wrong = || FaultError::Form(text.to_owned());
+        let (kind, rest) = text.split_once('=').ok_or_else(wrong)?;
+        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(wrong);
+        let time = |text: &str| {
+            let text = text.trim();
+            number(text.strip_suffix('s').unwrap_or(text))
+                .and_then(|t| if t >= 0.0 { Ok(t) } else { Err(wrong()) })
+        };
+        if kind.trim() == "spikes" {
+            let probability = number(rest)?;
+            if !(0.0..=1.0).contains(&probability) {
+                return Err(wrong());
+            }
+            return Ok(Self::Spikes { probability });
+        }
+        let (rest, at_s) = match rest.split_once('@') {
+            Some((rest, at)) => (rest, Some(time(at)?)),
+            None => (rest, None),
+        };
+        let (output, size) = rest.split_once(':').ok_or_else(wrong)?;
+        let output = output.trim().to_owned();
+        if output.is_empty() {
+            return Err(wrong());
+        }
+        let on = Place { output, at_s };
+        match kind.trim() {
+            "dropout" => Ok(Self::Dropout { on, duration_s: time(size)? }),
+            "stuck" => Ok(Self::Stuck { on, duration_s: time(size)? }),
+            "bias" => Ok(Self::Bias { on, offset: number(size)? }),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl Faults {
+    /// Puts them into runs, in their order; each run has random numbers of its own.
+    ///
+    /// # Errors
+    /// If a run has not an output that a fault is asked for in.
+    pub fn inject(&self, runs: &mut [Trajectory]) -> Result<(), FaultError> {
+        for (index, run) in runs.iter_mut().enumerate() {
+            let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+            rng.set_stream(index as u64);
+            self.inject_one(run, &mut rng)?;
+        }
+        Ok(())
+    }
+
+    fn inject_one(&self, run: &mut Trajectory, rng: &mut ChaCha8Rng) -> Result<(), FaultError> {
+        let (width, len) = (run.outputs.width(), run.len());
+        let channels = run.outputs.channels().to_vec();
+        let ranges: Vec<(f64, f64)> = (0..width).map(|c| range(run.outputs.column(c))).collect();
+        let mut values = run.outputs.rows(0, len).to_vec();
+        let place = |on: &Place, rng: &mut ChaCha8Rng| -> Result<(usize, usize), FaultError> {
+            let found = channels.iter().position(|channel| channel.name == on.output);
+            let known = || channels.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
+            let output =
+                found.ok_or_else(|| FaultError::Output { output: on.output.clone(), known: known() })?;
+            // Drawn in any case: what is given for one fault changes no other.
+            let share = 0.1 + 0.8 * rng.random::<f64>();
+            let at = on.at_s.map_or(share * len as f64, |at| at / run.dt);
+            Ok((output, samples(at, len)))
+        };
+        for fault in &self.list {
+            match fault {
+                Fault::Spikes { probability } => {
+                    for (k, value) in values.iter_mut().enumerate() {
+                        let (hit, size) = (rng.random::<f64>(), rng.random::<f64>());
+                        if hit < *probability {
+                            let (low, high) = ranges[k % width];
+                            *value = low + (2.0 * size - 0.5) * (high - low);
+                        }
+                    }
+                }
+                Fault::Dropout { on, duration_s } => {
+                    let (output, from) = place(on, rng)?;
+                    for k in from..from.saturating_add(samples(duration_s / run.dt, len)).min(len) {
+                        values[k * width + output] = f64::NAN;
+                    }
+                }
+                Fault::Stuck { on, duration_s } => {
+                    let (output, from) = place(on, rng)?;
+                    for k in from.max(1)..from.saturating_add(samples(duration_s / run.dt, len)).min(len) {
+                        values[k * width + output] = values[(k - 1) * width + output];
+                    }
+                }
+                Fault::Bias { on, offset } => {
+                    let (output, from) = place(on, rng)?;
+                    (from..len).for_each(|k| values[k * width + output] += offset);
+                }
+            }
+        }
+        let clean = std::mem::replace(&mut run.outputs, Table::new(channels, values));
+        run.truth.get_or_insert(clean);
+        Ok(())
+    }
+}
+
+/// A number of samples, within the run.
+fn samples(count: f64, len: usize) -> usize {
+    // Casts saturate.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let count = count.round().max(0.0) as usize;
+    count.min(len)
+}
+
+fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::NAN, f64::NAN), |(low, high), x| (x.min(low), x.max(high)))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::log::Channel;
+
+    fn run() -> Trajectory {
+        let channels = vec![Channel::new("u", "m/s"), Channel::new("r", "rad/s")];
+        let values = (0..400).map(|k| (0.01 * f64::from(k)).sin()).collect();
+        let inputs = Table::new(vec![Channel::new("n", "")], vec![0.0; 200]);
+        Trajectory {
+            name: "a".into(),
+            t0: 0.0,
+            dt: 0.1,
+            outputs: Table::new(channels, values),
+            inputs,
+            truth: None,
+        }
+    }
+
+    #[test]
+    fn each_fault_is_where_it_was_asked_for() {
+        let clean = run();
+        let faults: Faults = "dropout=u:2s@5, stuck=r:1s@10,bias=u:0.25@15".parse().unwrap();
+        let mut runs = [run()];
+        faults.inject(&mut runs).unwrap();
+        let [faulty] = &runs;
+        assert_eq!(faulty.truth.as_ref(), Some(&clean.outputs));
+        for k in 0..200 {
+            let (row, was) = (faulty.outputs.row(k), clean.outputs.row(k));
+            match k {
+                50..70 => assert!(row[0].is_nan()),
+                150.. => assert_eq!(row[0], was[0] + 0.25),
+                _ => assert_eq!(row[0], was[0]),
+            }
+            let stuck = if (100..110).contains(&k) { clean.outputs.row(99)[1] } else { was[1] };
+            assert_eq!(row[1], stuck);
+        }
+    }
+
+    #[test]
+    fn spikes_are_as_frequent_as_was_asked_for_and_the_same_again() {
+        let faults = Faults { seed: 3, .."spikes=0.1".parse().unwrap() };
+        let made = || {
+            let mut runs = [run(), run()];
+            faults.inject(&mut runs).unwrap();
+            runs
+        };
+        let [first, second] = made();
+        let clean = run();
+        let hit = |run: &Trajectory| (0..200).filter(|&k| run.outputs.row(k) != clean.outputs.row(k)).count();
+        assert!((20..60).contains(&hit(&first)), "{}", hit(&first));
+        assert_ne!(first.outputs, second.outputs, "runs have spikes of their own");
+        assert_eq!([first, second], made());
+    }
+
+    #[test]
+    fn what_is_no_fault_is_told() {
+        for wrong in [
+            "",
+            "spikes",
+            "spikes=2",
+            "spikes=nan",
+            "dropout=u",
+            "stuck=:5s",
+            "bias=v:x",
+            "leak=u:3",
+            "dropout=u:-1s",
+        ] {
+            assert!(matches!(wrong.parse::<Faults>(), Err(FaultError::Form(_))), "{wrong}");
+        }
+        let faults: Faults = "bias=w:1".parse().unwrap();
+        let told = faults.inject(&mut [run()]).unwrap_err().to_string();
+        assert!(told.contains("'w'") && told.contains("u, r"), "{told}");
+    }
+
+    proptest! {
+        #[test]
+        fn text_never_panics(text in ".{0,40}", kind in "(spikes|dropout|stuck|bias)=[a-z*]{0,2}:?[-0-9.e]{0,8}s?@?[-0-9.]{0,6}") {
+            for text in [text, kind] {
+                if let Ok(faults) = text.parse::<Faults>() {
+                    let _ = faults.inject(&mut [run()]);
+                }
+            }
+        }
+    }
+}
