@@ -16,6 +16,7 @@ use super::root::{take_column, transpose};
 use super::triangle::{Pass, Span, Triangle};
 use super::tuning::Tuning;
 use crate::math::Scalar;
+use crate::math::aligned::Aligned;
 use crate::math::rows::{add_rows, dot};
 
 /// `P` as the [module](super) has it.
@@ -26,7 +27,7 @@ use crate::math::rows::{add_rows, dot};
 pub(super) struct Full<T> {
     /// `P_hh` (`n x n`), `P_ht` (`n x width`, in panels), `P_tt`.
     hh: Vec<T>,
-    ht: Vec<T>,
+    ht: Aligned<T>,
     tt: Triangle<T>,
     /// Which block each block of the triangle is.
     learned: Vec<usize>,
@@ -34,11 +35,11 @@ pub(super) struct Full<T> {
     pub(super) places: Vec<Option<usize>>,
     weight_noise: Vec<T>,
     /// What the last measurement takes from `P_tt`, `rank x width` in panels; whether there is something to take.
-    downdate: Vec<T>,
+    downdate: Aligned<T>,
     pub(super) pending: bool,
     /// `L` (`rows x width`) and `L P_tt` (`blocks rows x width`), in panels.
-    local: Vec<T>,
-    products: Vec<T>,
+    local: Aligned<T>,
+    products: Aligned<T>,
     scratch: Scratch<T>,
 }
 
@@ -51,7 +52,7 @@ struct Scratch<T> {
     square: Vec<T>,
     turned: Vec<T>,
     /// A panel of `n x width`.
-    wide: Vec<T>,
+    wide: Aligned<T>,
     taken: Vec<T>,
     /// `G_h'` (`outputs x n`).
     narrow: Vec<T>,
@@ -63,7 +64,7 @@ impl<T: Scalar> Full<T> {
     /// Of the weights that are learned, block by block; all zero.
     pub(super) fn new<M: Learnable<T>>(model: &M, tuning: &Tuning, learned: Vec<usize>) -> Self {
         let (n, outputs, rows) = (model.state_len(), model.outputs(), model.rows());
-        let tt = Triangle::new(learned.iter().map(|&b| (model.blocks()[b].len(), b * rows)));
+        let tt = Triangle::new(learned.iter().map(|&b| (model.blocks()[b].len(), b * rows, model.split(b))));
         let width = tt.width();
         let mut places = vec![None; width];
         for (span, &b) in tt.spans().iter().zip(&learned) {
@@ -76,21 +77,21 @@ impl<T: Scalar> Full<T> {
         let widest = tt.spans().iter().map(|span| span.padded).max().unwrap_or(0);
         Self {
             hh: vec![T::zero(); n * n],
-            ht: vec![T::zero(); n * width],
+            ht: Aligned::zeros(n * width),
             tt,
             learned,
             places,
             weight_noise,
-            downdate: vec![T::zero(); Triangle::<T>::rank(outputs) * width],
+            downdate: Aligned::zeros(Triangle::<T>::rank(outputs) * width),
             pending: false,
-            local: vec![T::zero(); rows * width],
-            products: vec![T::zero(); all_rows * width],
+            local: Aligned::zeros(rows * width),
+            products: Aligned::zeros(all_rows * width),
             scratch: Scratch {
                 by_state: vec![T::zero(); all_rows * n],
                 by_output: vec![T::zero(); all_rows * outputs],
                 square: vec![T::zero(); n * side],
                 turned: vec![T::zero(); n * side],
-                wide: vec![T::zero(); n * widest],
+                wide: Aligned::zeros(n * widest),
                 taken: vec![T::zero(); Triangle::<T>::rank(outputs)],
                 narrow: vec![T::zero(); outputs * n],
                 chain: vec![T::zero(); model.scratch(widest.max(side))],

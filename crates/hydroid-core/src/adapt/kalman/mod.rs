@@ -39,6 +39,7 @@ mod full;
 mod gain;
 mod joint;
 mod learnable;
+mod narrow;
 mod network;
 mod reduced;
 mod root;

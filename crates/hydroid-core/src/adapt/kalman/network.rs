@@ -52,6 +52,10 @@ impl<T: Scalar> Learnable<T> for LearnableNetwork<T> {
         self.blocks.rows()
     }
 
+    fn split(&self, block: usize) -> Option<usize> {
+        Some(self.blocks.split(block))
+    }
+
     fn weights(&self) -> &[T] {
         self.packed.weights()
     }

@@ -10,6 +10,7 @@ use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::narrow::{self, Lines};
 use crate::math::Scalar;
 use crate::math::aligned::Aligned;
 use crate::math::rows::dot;
@@ -41,12 +42,24 @@ pub(super) struct Span {
     pub(super) padded: usize,
     /// Its first row among the products.
     pub(super) row: usize,
+    /// How many of its weights work through its first local row alone, where the others do through the second alone.
+    split: Option<usize>,
 }
+
+/// What a triangle must know of a block: its number of weights, the first of its rows among the products, and how many of its
+/// weights work through its first local row alone, the others through the second alone, if that is so.
+pub(super) type Block = (usize, usize, Option<usize>);
 
 impl Span {
     /// Its panel of a matrix of so many rows.
     pub(super) fn panel(&self, rows: usize) -> Range<usize> {
         rows * self.start..rows * (self.start + self.padded)
+    }
+
+    /// One of the rows of that.
+    #[inline(always)]
+    fn row_of<'a, T>(&self, matrix: &'a [T], rows: usize, row: usize) -> &'a [T] {
+        &matrix[self.panel(rows)][row * self.padded..][..self.padded]
     }
 
     /// Its weights among the padded ones.
@@ -85,14 +98,14 @@ const MOST_ROWS: usize = 2;
 
 impl<T: Scalar> Triangle<T> {
     /// Numbers in a cache line.
-    pub(super) const LANES: usize = 64 / size_of::<T>();
+    const LANES: usize = T::LINE;
 
-    /// All zero. Of each block, its number of weights and the first of its rows among the products.
-    pub(super) fn new(blocks: impl Iterator<Item = (usize, usize)>) -> Self {
+    /// All zero.
+    pub(super) fn new(blocks: impl Iterator<Item = Block>) -> Self {
         let (mut width, mut spans) = (0, Vec::new());
-        for (len, row) in blocks {
+        for (len, row, split) in blocks {
             let padded = len.next_multiple_of(Self::LANES);
-            spans.push(Span { start: width, len, padded, row });
+            spans.push(Span { start: width, len, padded, row, split });
             width += padded;
         }
         let len = spans.iter().map(|span| span.len * (width - span.start)).sum();
@@ -201,16 +214,26 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
     fn tiles<S: Simd, const RANK: usize, const ROWS: usize>(self, simd: S) {
         let Self { triangle, pass, vectors, scale, rows } = self;
         let downdate = pass.downdate.unwrap_or(&[]);
-        let mut begin = 0;
+        let (mut begin, mut lines) = (0, Lines::new());
         for (i, above) in triangle.spans.iter().enumerate() {
-            let w_rows = from_fn::<_, RANK, _>(|q| {
-                &downdate[above.panel(pass.rank)][(vectors.start + q) * above.padded..][..above.len]
-            });
-            let l_rows = from_fn::<_, ROWS, _>(|r| {
-                &pass.local[above.panel(pass.rows)][(rows.start + r) * above.padded..][..above.len]
-            });
+            let w_rows =
+                from_fn::<_, RANK, _>(|q| &above.row_of(downdate, pass.rank, vectors.start + q)[..above.len]);
+            let l_rows =
+                from_fn::<_, ROWS, _>(|r| &above.row_of(pass.local, pass.rows, rows.start + r)[..above.len]);
             for (j, span) in triangle.spans.iter().enumerate().skip(i) {
                 let len = above.len * span.padded;
+                if rows.len() == pass.rows
+                    && let (Some(_), Some(_)) = (above.split, span.split)
+                    && RANK <= 3
+                    && size_of::<T::V<S>>() == 64
+                {
+                    let numbers = &mut triangle.tiles[begin..begin + len];
+                    let pair = Pair::<T, RANK> { above, span, mirror: i != j, scale, numbers, downdate };
+                    if pair.narrow::<S>(simd, pass, &mut lines) {
+                        begin += len;
+                        continue;
+                    }
+                }
                 let w = if RANK == 0 { &[] } else { &downdate[span.panel(pass.rank)] };
                 let l = &pass.local[span.panel(pass.rows)];
                 let mut tile = Tile::<T, RANK, ROWS> {
@@ -231,6 +254,74 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
                     let mirrored = above.panel(pass.all_rows).start + (span.row + rows.start) * above.padded;
                     tile.all::<S, true>(simd, pass.products, sums, mirrored, above.padded);
                 }
+            }
+        }
+    }
+}
+
+/// A tile, and the blocks that it stands between.
+struct Pair<'a, T, const RANK: usize> {
+    above: &'a Span,
+    span: &'a Span,
+    mirror: bool,
+    scale: T,
+    numbers: &'a mut [T],
+    downdate: &'a [T],
+}
+
+impl<T: Scalar, const RANK: usize> Pair<'_, T, RANK> {
+    /// Its part of a pass, if there are loops for tiles of this width.
+    #[inline(always)]
+    fn narrow<S: Simd>(self, simd: S, pass: &mut Pass<'_, T>, lines: &mut Lines<T>) -> bool {
+        let (lanes, span) = (T::LINE, self.span);
+        let split = span.split.unwrap_or(span.len);
+        let (head, tail) = (split.div_ceil(lanes), span.len.div_ceil(lanes) - split / lanes);
+        match (span.padded / lanes, head, if split == span.len { 0 } else { tail }) {
+            (1, _, 0) => self.runs::<S, 1, 1, 0>(simd, pass, lines),
+            (2, _, 0) => self.runs::<S, 2, 2, 0>(simd, pass, lines),
+            (3, _, 0) => self.runs::<S, 3, 3, 0>(simd, pass, lines),
+            (4, _, 0) => self.runs::<S, 4, 4, 0>(simd, pass, lines),
+            (5, _, 0) => self.runs::<S, 5, 5, 0>(simd, pass, lines),
+            (2, ..=2, 1) => self.runs::<S, 2, 2, 1>(simd, pass, lines),
+            (3, ..=3, ..=2) => self.runs::<S, 3, 3, 2>(simd, pass, lines),
+            (4, ..=3, ..=2) => self.runs::<S, 4, 3, 2>(simd, pass, lines),
+            (5, ..=4, ..=2) => self.runs::<S, 5, 4, 2>(simd, pass, lines),
+            _ => return false,
+        }
+        true
+    }
+
+    /// The rows that work through the first local row, and those that do through the second.
+    #[inline(always)]
+    fn runs<S: Simd, const VECTORS: usize, const HEAD: usize, const TAIL: usize>(
+        self,
+        simd: S,
+        pass: &mut Pass<'_, T>,
+        lines: &mut Lines<T>,
+    ) {
+        let Self { above, span, mirror, scale, numbers, downdate } = self;
+        let split = above.split.unwrap_or(above.len);
+        let (first, second) = numbers.split_at_mut(split * span.padded);
+        let (last, all_rows) = (pass.rows - 1, pass.all_rows);
+        for (r, numbers, weights) in [(0, first, 0..split), (1, second, split..above.len)] {
+            if weights.is_empty() {
+                continue;
+            }
+            let rows = narrow::Rows::<T, RANK> {
+                numbers,
+                w_rows: from_fn(|q| &above.row_of(downdate, pass.rank, q)[weights.clone()]),
+                w_columns: from_fn(|q| span.row_of(downdate, pass.rank, q)),
+                l_rows: &above.row_of(pass.local, pass.rows, r)[weights.clone()],
+                l_columns: [0, last].map(|r| span.row_of(pass.local, pass.rows, r)),
+                scale,
+            };
+            let sums = span.panel(all_rows).start + (above.row + r) * span.padded;
+            let dots =
+                [0, 1].map(|r| above.panel(all_rows).start + (span.row + r) * above.padded + weights.start);
+            if mirror {
+                rows.pass::<S, VECTORS, HEAD, TAIL, true>(simd, pass.products, sums, dots, lines);
+            } else {
+                rows.pass::<S, VECTORS, HEAD, TAIL, false>(simd, pass.products, sums, dots, lines);
             }
         }
     }

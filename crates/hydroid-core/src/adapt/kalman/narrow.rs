@@ -1,0 +1,125 @@
+//! Tiles so narrow that all that a row of them meets stays in registers.
+#![expect(
+    clippy::inline_always,
+    reason = "what a pass is made of must become a part of the function that was compiled for the processor"
+)]
+
+use pulp::Simd;
+
+use crate::math::Scalar;
+use crate::math::vectors::Pack;
+
+/// Some rows of a tile, all of which work through one local row, and what a [`Pass`](super::triangle::Pass) does with them.
+pub(super) struct Rows<'a, T, const RANK: usize> {
+    /// Of the tile.
+    pub(super) numbers: &'a mut [T],
+    /// What the downdate has at these rows, and at the tile's columns.
+    pub(super) w_rows: [&'a [T]; RANK],
+    pub(super) w_columns: [&'a [T]; RANK],
+    /// The local row of these rows, and those of the columns, of which the second may be all zero.
+    pub(super) l_rows: &'a [T],
+    pub(super) l_columns: [&'a [T]; 2],
+    pub(super) scale: T,
+}
+
+/// Room for two lots of as many lines as a line has numbers.
+#[repr(align(64))]
+pub(super) struct Lines<T>([[T; 16 * 16]; 2]);
+
+impl<T: Scalar> Lines<T> {
+    #[inline(always)]
+    pub(super) fn new() -> Self {
+        Self([[T::zero(); 16 * 16]; 2])
+    }
+}
+
+impl<T: Scalar, const RANK: usize> Rows<'_, T, RANK> {
+    /// `VECTORS` to a row, of which the first `HEAD` meet the columns' first local row, and the last `TAIL` the second.
+    /// `l_rows tile` goes to the products at `sums`; if the tile has a mirror image, `l_columns tile'` to those at `dots`.
+    #[inline(always)]
+    pub(super) fn pass<
+        S: Simd,
+        const VECTORS: usize,
+        const HEAD: usize,
+        const TAIL: usize,
+        const MIRROR: bool,
+    >(
+        self,
+        simd: S,
+        products: &mut [T],
+        sums: usize,
+        dots: [usize; 2],
+        lines: &mut Lines<T>,
+    ) {
+        let lanes = T::LINE;
+        let width = VECTORS * lanes;
+        let rows = self.numbers.len() / width;
+        let zero = Pack::<S, T>::splat(simd, T::zero());
+        // Loops, no closures: those would be compiled without the vectors.
+        let mut w = [[zero; VECTORS]; RANK];
+        for q in 0..RANK {
+            let columns = &T::whole::<S>(self.w_columns[q]).0[..VECTORS];
+            for v in 0..VECTORS {
+                w[q][v] = -Pack::new(simd, columns[v]);
+            }
+        }
+        let mut l = [[zero; VECTORS]; 2];
+        for r in 0..2 {
+            let columns = &T::whole::<S>(self.l_columns[r]).0[..VECTORS];
+            for v in 0..VECTORS {
+                l[r][v] = Pack::new(simd, columns[v]);
+            }
+        }
+        let scale = Pack::<S, T>::splat(simd, self.scale);
+        let mut sum = [zero; VECTORS];
+        let w_rows = self.w_rows.map(|w| &w[..rows]);
+        let l_rows = &self.l_rows[..rows];
+        let mut k = 0;
+        for group in self.numbers.chunks_mut(lanes * width) {
+            let first = k;
+            let [head, tail] = lines.0.each_mut().map(|lines| T::whole_mut::<S>(lines).0);
+            let both = head.iter_mut().zip(tail);
+            for (row, (head, tail)) in group.chunks_exact_mut(width).zip(both) {
+                let row = &mut T::whole_mut::<S>(row).0[..VECTORS];
+                let l_k = Pack::splat(simd, l_rows[k]);
+                let mut w_k = [zero; RANK];
+                for q in 0..RANK {
+                    w_k[q] = Pack::splat(simd, w_rows[q][k]);
+                }
+                let mut dot = [zero; 2];
+                for v in 0..VECTORS {
+                    let mut p = Pack::new(simd, row[v]);
+                    for q in 0..RANK {
+                        p = w_k[q].mul_add(w[q][v], p);
+                    }
+                    sum[v] = l_k.mul_add(p, sum[v]);
+                    if MIRROR && v < HEAD {
+                        dot[0] = l[0][v].mul_add(p, dot[0]);
+                    }
+                    if MIRROR && v + TAIL >= VECTORS {
+                        dot[1] = l[1][v].mul_add(p, dot[1]);
+                    }
+                    row[v] = (p * scale).v;
+                }
+                if MIRROR {
+                    *head = dot[0].v;
+                    if TAIL > 0 {
+                        *tail = dot[1].v;
+                    }
+                }
+                k += 1;
+            }
+            if MIRROR {
+                for (dots, lines) in dots.into_iter().zip(&lines.0).take(if TAIL > 0 { 2 } else { 1 }) {
+                    let mut sums = [T::zero(); 16];
+                    T::line_sums(simd, lines, &mut sums);
+                    products[dots + first..dots + k].copy_from_slice(&sums[..k - first]);
+                }
+            }
+        }
+        let into = &mut T::whole_mut::<S>(&mut products[sums..sums + width]).0[..VECTORS];
+        for v in 0..VECTORS {
+            into[v] = sum[v].v;
+        }
+    }
+}
