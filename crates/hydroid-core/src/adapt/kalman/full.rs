@@ -12,6 +12,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::dispatched::dispatched;
 use super::gain::Gain;
 use super::learnable::Learnable;
+use super::lines::Lines;
 use super::root::{take_column, transpose};
 use super::triangle::{Pass, Span, Triangle};
 use super::tuning::Tuning;
@@ -222,13 +223,20 @@ impl<T: Scalar> Full<T> {
 
     /// `P_hh` and `P_ht` of the time update, from `L P_tt`; with `G = [A B]`, `[P_hh P_ht]+ = G P G', G P`.
     #[inline(always)]
-    fn spread<M: Learnable<T>>(&mut self, model: &M, grows: T, noise: T) {
+    fn spread<S: Simd, M: Learnable<T>>(&mut self, simd: S, model: &M, grows: T, noise: T) {
         let (n, rows, scale) = (model.state_len(), model.rows(), grows * grows);
         let all_rows = model.blocks().len() * rows;
+        let mut lines = Lines::new();
         let Scratch { by_state, square, turned, wide, chain, .. } = &mut self.scratch;
         // G P, columns of the state: A P_hh + B P_th, B P_th = C (L P_th).
         for span in self.tt.spans() {
-            local_products(span, &self.local[span.panel(rows)], &self.ht[span.panel(n)], by_state);
+            local_products(
+                (simd, &mut lines),
+                span,
+                &self.local[span.panel(rows)],
+                &self.ht[span.panel(n)],
+                by_state,
+            );
         }
         model.chain(&self.hh, by_state, n, &mut square[..n * n], chain);
         transpose(n, n, &square[..n * n], &mut turned[..n * n]);
@@ -238,7 +246,7 @@ impl<T: Scalar> Full<T> {
             let products = &mut self.products[span.panel(all_rows)];
             model.chain(ht, products, span.padded, wide, chain);
             let local = &self.local[span.panel(rows)];
-            local_products(span, local, wide, by_state);
+            local_products((simd, &mut lines), span, local, wide, by_state);
             for (ht, &wide) in ht.iter_mut().zip(&*wide) {
                 *ht = wide * grows;
             }
@@ -270,16 +278,17 @@ impl<T: Scalar> Full<T> {
 
     /// `G' = H P` and `H P H'`, before any measurement.
     #[inline(always)]
-    fn expected<M: Learnable<T>>(&mut self, model: &M, gain: &mut Gain<T>) {
+    fn expected<S: Simd, M: Learnable<T>>(&mut self, simd: S, model: &M, gain: &mut Gain<T>) {
         let (n, q, rows) = (model.state_len(), model.outputs(), model.rows());
         let (all_rows, rank) = (model.blocks().len() * rows, self.scratch.taken.len());
+        let mut lines = Lines::new();
         let Scratch { by_state, by_output, turned, narrow, .. } = &mut self.scratch;
         for span in self.tt.spans() {
             let (local, ht) = (&self.local[span.panel(rows)], &self.ht[span.panel(n)]);
-            local_products(span, local, ht, by_state);
+            local_products((simd, &mut lines), span, local, ht, by_state);
             let product = &mut self.downdate[span.panel(rank)][..q * span.padded];
             model.output_chain(ht, &self.products[span.panel(all_rows)], span.padded, product);
-            local_products(span, local, product, by_output);
+            local_products((simd, &mut lines), span, local, product, by_output);
         }
         model.output_chain(&self.hh, by_state, n, narrow);
         transpose(q, n, narrow, &mut turned[..n * q]);
@@ -288,7 +297,14 @@ impl<T: Scalar> Full<T> {
 
     /// `W`, and what it takes from `P_hh` and `P_ht` and adds to state and weights.
     #[inline(always)]
-    fn corrected<M: Learnable<T>>(&mut self, _: &M, gain: &Gain<T>, state: &mut [T], all: &mut [T]) {
+    fn corrected<S: Simd, M: Learnable<T>>(
+        &mut self,
+        _: S,
+        _: &M,
+        gain: &Gain<T>,
+        state: &mut [T],
+        all: &mut [T],
+    ) {
         let (n, rank, count) = (state.len(), self.scratch.taken.len(), gain.measured.len());
         let (w_h, e) = (&mut self.scratch.narrow, &gain.whitened[..count]);
         gain.whiten(w_h, n);
@@ -313,13 +329,18 @@ impl<T: Scalar> Full<T> {
 
 /// A block's rows of `L M'`, from its panels of both: `M` has as many rows as there are columns of what comes out.
 #[inline(always)]
-fn local_products<T: Scalar>(span: &Span, local: &[T], matrix: &[T], out: &mut [T]) {
+fn local_products<S: Simd, T: Scalar>(
+    (simd, lines): (S, &mut Lines<T>),
+    span: &Span,
+    local: &[T],
+    matrix: &[T],
+    out: &mut [T],
+) {
     let count = matrix.len() / span.padded;
-    for (row, partials) in local.chunks_exact(span.padded).enumerate() {
-        let out = &mut out[(span.row + row) * count..][..count];
-        for (out, of) in out.iter_mut().zip(matrix.chunks_exact(span.padded)) {
-            *out = dot(partials, of);
-        }
+    let rows = span.rows(local.len() / span.padded);
+    let out = out[span.row * count..(span.row + rows) * count].chunks_exact_mut(count);
+    for (partials, out) in local.chunks_exact(span.padded).zip(out) {
+        lines.product(simd, partials, matrix, out);
     }
 }
 

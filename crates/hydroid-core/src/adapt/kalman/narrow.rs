@@ -6,6 +6,7 @@
 
 use pulp::Simd;
 
+use super::lines::Lines;
 use crate::math::Scalar;
 use crate::math::vectors::Pack;
 
@@ -20,30 +21,15 @@ pub(super) struct Rows<'a, T, const RANK: usize> {
     pub(super) l_rows: &'a [T],
     pub(super) l_columns: [&'a [T]; 2],
     pub(super) scale: T,
-}
-
-/// Room for two lots of as many lines as a line has numbers.
-#[repr(align(64))]
-pub(super) struct Lines<T>([[T; 16 * 16]; 2]);
-
-impl<T: Scalar> Lines<T> {
-    #[inline(always)]
-    pub(super) fn new() -> Self {
-        Self([[T::zero(); 16 * 16]; 2])
-    }
+    /// Whether the tile has a mirror image.
+    pub(super) mirror: bool,
 }
 
 impl<T: Scalar, const RANK: usize> Rows<'_, T, RANK> {
     /// `VECTORS` to a row, of which the first `HEAD` meet the columns' first local row, and the last `TAIL` the second.
     /// `l_rows tile` goes to the products at `sums`; if the tile has a mirror image, `l_columns tile'` to those at `dots`.
     #[inline(always)]
-    pub(super) fn pass<
-        S: Simd,
-        const VECTORS: usize,
-        const HEAD: usize,
-        const TAIL: usize,
-        const MIRROR: bool,
-    >(
+    pub(super) fn pass<S: Simd, const VECTORS: usize, const HEAD: usize, const TAIL: usize>(
         self,
         simd: S,
         products: &mut [T],
@@ -93,27 +79,23 @@ impl<T: Scalar, const RANK: usize> Rows<'_, T, RANK> {
                         p = w_k[q].mul_add(w[q][v], p);
                     }
                     sum[v] = l_k.mul_add(p, sum[v]);
-                    if MIRROR && v < HEAD {
+                    if v < HEAD {
                         dot[0] = l[0][v].mul_add(p, dot[0]);
                     }
-                    if MIRROR && v + TAIL >= VECTORS {
+                    if v + TAIL >= VECTORS {
                         dot[1] = l[1][v].mul_add(p, dot[1]);
                     }
                     row[v] = (p * scale).v;
                 }
-                if MIRROR {
-                    *head = dot[0].v;
-                    if TAIL > 0 {
-                        *tail = dot[1].v;
-                    }
+                *head = dot[0].v;
+                if TAIL > 0 {
+                    *tail = dot[1].v;
                 }
                 k += 1;
             }
-            if MIRROR {
-                for (dots, lines) in dots.into_iter().zip(&lines.0).take(if TAIL > 0 { 2 } else { 1 }) {
-                    let mut sums = [T::zero(); 16];
-                    T::line_sums(simd, lines, &mut sums);
-                    products[dots + first..dots + k].copy_from_slice(&sums[..k - first]);
+            if self.mirror {
+                for lot in 0..if TAIL > 0 { 2 } else { 1 } {
+                    lines.sums(simd, lot, &mut products[dots[lot] + first..dots[lot] + k]);
                 }
             }
         }

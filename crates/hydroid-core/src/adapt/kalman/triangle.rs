@@ -10,7 +10,8 @@ use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::narrow::{self, Lines};
+use super::lines::Lines;
+use super::narrow;
 use crate::math::Scalar;
 use crate::math::aligned::Aligned;
 use crate::math::rows::dot;
@@ -60,6 +61,11 @@ impl Span {
     #[inline(always)]
     fn row_of<'a, T>(&self, matrix: &'a [T], rows: usize, row: usize) -> &'a [T] {
         &matrix[self.panel(rows)][row * self.padded..][..self.padded]
+    }
+
+    /// How many of its local rows are not zero, of so many.
+    pub(super) fn rows(&self, rows: usize) -> usize {
+        if self.split == Some(self.len) { 1 } else { rows }
     }
 
     /// Its weights among the padded ones.
@@ -224,11 +230,12 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
                 let len = above.len * span.padded;
                 if rows.len() == pass.rows
                     && let (Some(_), Some(_)) = (above.split, span.split)
-                    && RANK <= 3
+                    && RANK == 3
                     && size_of::<T::V<S>>() == 64
                 {
                     let numbers = &mut triangle.tiles[begin..begin + len];
-                    let pair = Pair::<T, RANK> { above, span, mirror: i != j, scale, numbers, downdate };
+                    let pair =
+                        Pair::<T, RANK, ROWS> { above, span, mirror: i != j, scale, numbers, downdate };
                     if pair.narrow::<S>(simd, pass, &mut lines) {
                         begin += len;
                         continue;
@@ -260,7 +267,7 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
 }
 
 /// A tile, and the blocks that it stands between.
-struct Pair<'a, T, const RANK: usize> {
+struct Pair<'a, T, const RANK: usize, const ROWS: usize> {
     above: &'a Span,
     span: &'a Span,
     mirror: bool,
@@ -269,23 +276,24 @@ struct Pair<'a, T, const RANK: usize> {
     downdate: &'a [T],
 }
 
-impl<T: Scalar, const RANK: usize> Pair<'_, T, RANK> {
+impl<T: Scalar, const RANK: usize, const ROWS: usize> Pair<'_, T, RANK, ROWS> {
     /// Its part of a pass, if there are loops for tiles of this width.
     #[inline(always)]
     fn narrow<S: Simd>(self, simd: S, pass: &mut Pass<'_, T>, lines: &mut Lines<T>) -> bool {
         let (lanes, span) = (T::LINE, self.span);
         let split = span.split.unwrap_or(span.len);
         let (head, tail) = (split.div_ceil(lanes), span.len.div_ceil(lanes) - split / lanes);
-        match (span.padded / lanes, head, if split == span.len { 0 } else { tail }) {
+        let tail = if ROWS == 1 || split == span.len { 0 } else { tail };
+        match (span.padded / lanes, head, tail) {
             (1, _, 0) => self.runs::<S, 1, 1, 0>(simd, pass, lines),
             (2, _, 0) => self.runs::<S, 2, 2, 0>(simd, pass, lines),
             (3, _, 0) => self.runs::<S, 3, 3, 0>(simd, pass, lines),
             (4, _, 0) => self.runs::<S, 4, 4, 0>(simd, pass, lines),
             (5, _, 0) => self.runs::<S, 5, 5, 0>(simd, pass, lines),
-            (2, ..=2, 1) => self.runs::<S, 2, 2, 1>(simd, pass, lines),
-            (3, ..=3, ..=2) => self.runs::<S, 3, 3, 2>(simd, pass, lines),
-            (4, ..=3, ..=2) => self.runs::<S, 4, 3, 2>(simd, pass, lines),
-            (5, ..=4, ..=2) => self.runs::<S, 5, 4, 2>(simd, pass, lines),
+            (2, ..=2, 1) if ROWS == 2 => self.runs::<S, 2, 2, 1>(simd, pass, lines),
+            (3, ..=3, ..=2) if ROWS == 2 => self.runs::<S, 3, 3, 2>(simd, pass, lines),
+            (4, ..=3, ..=2) if ROWS == 2 => self.runs::<S, 4, 3, 2>(simd, pass, lines),
+            (5, ..=4, ..=2) if ROWS == 2 => self.runs::<S, 5, 4, 2>(simd, pass, lines),
             _ => return false,
         }
         true
@@ -314,15 +322,12 @@ impl<T: Scalar, const RANK: usize> Pair<'_, T, RANK> {
                 l_rows: &above.row_of(pass.local, pass.rows, r)[weights.clone()],
                 l_columns: [0, last].map(|r| span.row_of(pass.local, pass.rows, r)),
                 scale,
+                mirror,
             };
             let sums = span.panel(all_rows).start + (above.row + r) * span.padded;
             let dots =
                 [0, 1].map(|r| above.panel(all_rows).start + (span.row + r) * above.padded + weights.start);
-            if mirror {
-                rows.pass::<S, VECTORS, HEAD, TAIL, true>(simd, pass.products, sums, dots, lines);
-            } else {
-                rows.pass::<S, VECTORS, HEAD, TAIL, false>(simd, pass.products, sums, dots, lines);
-            }
+            rows.pass::<S, VECTORS, HEAD, TAIL>(simd, pass.products, sums, dots, lines);
         }
     }
 }

@@ -9,7 +9,7 @@
 
 use core::array::from_fn;
 
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 
 use crate::math::Scalar;
 use crate::math::vectors::Pack;
@@ -30,10 +30,31 @@ pub(super) struct Sums<'a, T> {
     pub(super) parts: [(&'a [T], &'a [T]); 2],
 }
 
+/// Sums, and where they go.
+struct Into<'a, 'b, T> {
+    sums: Sums<'a, T>,
+    out: &'b mut [T],
+}
+
+impl<T: Scalar> WithSimd for Into<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.sums.add_up(simd, self.out);
+    }
+}
+
 impl<T: Scalar> Sums<'_, T> {
     /// As many sums as `out` has rows.
     #[inline(always)]
-    pub(super) fn of<S: Simd>(&self, simd: S, out: &mut [T]) {
+    pub(super) fn of<S: Simd>(self, simd: S, out: &mut [T]) {
+        // Compiled once, and not at each place.
+        simd.vectorize(Into { sums: self, out });
+    }
+
+    #[inline(always)]
+    fn add_up<S: Simd>(&self, simd: S, out: &mut [T]) {
         let (columns, lanes) = (self.columns, size_of::<T::V<S>>() / size_of::<T>());
         let count = out.len() / columns;
         let whole = columns / lanes;
@@ -68,11 +89,12 @@ impl<T: Scalar> Sums<'_, T> {
             self.block::<S, 4, VECTORS, REST>(simd, i, at, out);
             i += 4;
         }
-        match count - i {
-            3 => self.block::<S, 3, VECTORS, REST>(simd, i, at, out),
-            2 => self.block::<S, 2, VECTORS, REST>(simd, i, at, out),
-            1 => self.block::<S, 1, VECTORS, REST>(simd, i, at, out),
-            _ => {}
+        if i + 2 <= count {
+            self.block::<S, 2, VECTORS, REST>(simd, i, at, out);
+            i += 2;
+        }
+        if i < count {
+            self.block::<S, 1, VECTORS, REST>(simd, i, at, out);
         }
     }
 
