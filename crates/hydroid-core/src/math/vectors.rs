@@ -54,7 +54,8 @@ pub trait Vectors: Copy + 'static {
     fn with_sign_of<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
     fn power_of_two<S: Simd>(simd: S, rounded: Self::V<S>) -> Self::V<S>;
     fn sum<S: Simd>(simd: S, a: Self::V<S>) -> Self;
-    /// The sum of each of [`LINE`](Self::LINE) lines of as many numbers, of the first lines in `lines`.
+    /// The sums of the first of [`LINE`](Self::LINE) lines of as many numbers, as many as are wanted and there are. They are the
+    /// same whatever the width of the vectors.
     fn line_sums<S: Simd>(simd: S, lines: &[Self], sums: &mut [Self]);
 }
 
@@ -151,7 +152,7 @@ macro_rules! operations {
                     }
                     step *= 2;
                 }
-                S::$as_mut_simd(&mut sums[..LINE]).0[0] = folded[0];
+                simd.$store(sums, folded[0]);
             } else {
                 let mut folded = [[0.0; LINE]; LINE];
                 folded.as_flattened_mut().copy_from_slice(&lines[..LINE * LINE]);
@@ -166,7 +167,7 @@ macro_rules! operations {
                     }
                     step *= 2;
                 }
-                sums[..LINE].copy_from_slice(&folded[0]);
+                sums.copy_from_slice(&folded[0][..sums.len()]);
             }
         }
 
@@ -310,5 +311,59 @@ impl<S: Simd, T: Vectors> Neg for Pack<S, T> {
     #[inline(always)]
     fn neg(self) -> Self {
         Self::new(self.simd, T::neg(self.simd, self.v))
+    }
+}
+
+#[cfg(test)]
+#[cfg(target_arch = "x86_64")]
+mod tests {
+    use alloc::vec;
+    use alloc::vec::Vec;
+
+    use pulp::WithSimd;
+
+    use super::*;
+    use crate::math::Scalar;
+
+    struct Lines<'a, T> {
+        lines: &'a [T],
+        sums: &'a mut [T],
+    }
+
+    impl<T: Scalar> WithSimd for Lines<'_, T> {
+        type Output = ();
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) {
+            T::line_sums(simd, self.lines, self.sums);
+        }
+    }
+
+    fn check<T: Scalar>(count: usize) {
+        let line = T::LINE;
+        let lines: Vec<T> = (0..line * line).map(|k| T::of((1.7 * k as f64).sin())).collect();
+        let mut paths = vec![vec![T::nan(); count]];
+        Simd::vectorize(pulp::Scalar::new(), Lines { lines: &lines, sums: &mut paths[0] });
+        if let Some(simd) = pulp::x86::V3::try_new() {
+            paths.push(vec![T::nan(); count]);
+            Simd::vectorize(simd, Lines { lines: &lines, sums: &mut paths[1] });
+        }
+        if let Some(simd) = pulp::x86::V4::try_new() {
+            paths.push(vec![T::nan(); count]);
+            Simd::vectorize(simd, Lines { lines: &lines, sums: &mut paths[2] });
+        }
+        for (k, (&sum, of)) in paths[0].iter().zip(lines.chunks_exact(line)).enumerate() {
+            let plain: f64 = of.iter().map(|x| x.wide()).sum();
+            assert!((sum.wide() - plain).abs() < 1e-5, "line {k}: {sum:?}, not {plain}");
+        }
+        for path in &paths[1..] {
+            assert_eq!(path, &paths[0], "{count} of {line}");
+        }
+    }
+
+    #[test]
+    fn sums_of_lines_are_the_same_on_every_path() {
+        (0..=8).for_each(check::<f64>);
+        (0..=16).for_each(check::<f32>);
     }
 }

@@ -250,11 +250,15 @@ impl<T: Scalar> Full<T> {
             for (ht, &wide) in ht.iter_mut().zip(&*wide) {
                 *ht = wide * grows;
             }
-            // L P_tt becomes that of the covariance after the time update, which the outputs depend on.
+            // Of L P_tt the outputs want the rows of their own blocks, of the covariance after the time update.
+            let first = model.shown() * rows;
             if scale != T::one() {
-                for p in products.iter_mut() {
+                for p in &mut products[first * span.padded..] {
                     *p *= scale;
                 }
+            }
+            if span.row < first {
+                continue;
             }
             let own = &mut products[span.row * span.padded..(span.row + rows) * span.padded];
             for (own, local) in own.chunks_exact_mut(span.padded).zip(local.chunks_exact(span.padded)) {
@@ -285,10 +289,15 @@ impl<T: Scalar> Full<T> {
         let Scratch { by_state, by_output, turned, narrow, .. } = &mut self.scratch;
         for span in self.tt.spans() {
             let (local, ht) = (&self.local[span.panel(rows)], &self.ht[span.panel(n)]);
-            local_products((simd, &mut lines), span, local, ht, by_state);
+            let shown = span.row >= model.shown() * rows;
+            if shown {
+                local_products((simd, &mut lines), span, local, ht, by_state);
+            }
             let product = &mut self.downdate[span.panel(rank)][..q * span.padded];
             model.output_chain(ht, &self.products[span.panel(all_rows)], span.padded, product);
-            local_products((simd, &mut lines), span, local, product, by_output);
+            if shown {
+                local_products((simd, &mut lines), span, local, product, by_output);
+            }
         }
         model.output_chain(&self.hh, by_state, n, narrow);
         transpose(q, n, narrow, &mut turned[..n * q]);

@@ -42,6 +42,11 @@ pub trait Learnable<T: Scalar>: Clone + Send + Sync {
         None
     }
 
+    /// The first block through which the output depends on weights by itself: `D` is zero in the rows of those before.
+    fn shown(&self) -> usize {
+        0
+    }
+
     /// All weights.
     fn weights(&self) -> &[T];
 

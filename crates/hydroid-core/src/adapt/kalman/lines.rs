@@ -22,16 +22,7 @@ impl<T: Scalar> Lines<T> {
     /// The sums of the first lines of a lot, as many as `into` wants and no more than a line has numbers.
     #[inline(always)]
     pub(super) fn sums<S: Simd>(&self, simd: S, lot: usize, into: &mut [T]) {
-        if into.len() == T::LINE {
-            T::line_sums(simd, &self.0[lot], into);
-            return;
-        }
-        let mut sums = [T::zero(); 16];
-        T::line_sums(simd, &self.0[lot], &mut sums);
-        // No copy of slices: that would be a call, for a few numbers.
-        for (into, &sum) in into.iter_mut().zip(&sums) {
-            *into = sum;
-        }
+        T::line_sums(simd, &self.0[lot], into);
     }
 
     /// `out = matrix row`, with rows of whole lines. The same on every width of vectors: lines are added up number by number.

@@ -4,32 +4,101 @@
     reason = "what a pass is made of must become a part of the function that was compiled for the processor"
 )]
 
+use core::array::from_fn;
+
 use pulp::Simd;
 
 use super::lines::Lines;
+use super::triangle::{Pass, Span};
 use crate::math::Scalar;
 use crate::math::vectors::Pack;
 
-/// Some rows of a tile, all of which work through one local row, and what a [`Pass`](super::triangle::Pass) does with them.
-pub(super) struct Rows<'a, T, const RANK: usize> {
-    /// Of the tile.
-    pub(super) numbers: &'a mut [T],
-    /// What the downdate has at these rows, and at the tile's columns.
-    pub(super) w_rows: [&'a [T]; RANK],
-    pub(super) w_columns: [&'a [T]; RANK],
-    /// The local row of these rows, and those of the columns, of which the second may be all zero.
-    pub(super) l_rows: &'a [T],
-    pub(super) l_columns: [&'a [T]; 2],
-    pub(super) scale: T,
-    /// Whether the tile has a mirror image.
+/// A tile, and the blocks that it stands between.
+pub(super) struct Pair<'a, T, const RANK: usize, const ROWS: usize> {
+    pub(super) above: &'a Span,
+    pub(super) span: &'a Span,
     pub(super) mirror: bool,
+    pub(super) scale: T,
+    pub(super) numbers: &'a mut [T],
+    pub(super) downdate: &'a [T],
+}
+
+impl<T: Scalar, const RANK: usize, const ROWS: usize> Pair<'_, T, RANK, ROWS> {
+    /// Its part of a pass, if there are loops for tiles of this width.
+    #[inline(always)]
+    pub(super) fn pass<S: Simd>(self, simd: S, pass: &mut Pass<'_, T>, lines: &mut Lines<T>) -> bool {
+        let (lanes, span) = (T::LINE, self.span);
+        let split = span.split.unwrap_or(span.len);
+        let (head, tail) = (split.div_ceil(lanes), span.len.div_ceil(lanes) - split / lanes);
+        let tail = if ROWS == 1 || split == span.len { 0 } else { tail };
+        match (span.padded / lanes, head, tail) {
+            (1, _, 0) => self.runs::<S, 1, 1, 0>(simd, pass, lines),
+            (2, _, 0) => self.runs::<S, 2, 2, 0>(simd, pass, lines),
+            (3, _, 0) => self.runs::<S, 3, 3, 0>(simd, pass, lines),
+            (4, _, 0) => self.runs::<S, 4, 4, 0>(simd, pass, lines),
+            (5, _, 0) => self.runs::<S, 5, 5, 0>(simd, pass, lines),
+            (2, ..=2, 1) if ROWS == 2 => self.runs::<S, 2, 2, 1>(simd, pass, lines),
+            (3, ..=3, ..=2) if ROWS == 2 => self.runs::<S, 3, 3, 2>(simd, pass, lines),
+            (4, ..=3, ..=2) if ROWS == 2 => self.runs::<S, 4, 3, 2>(simd, pass, lines),
+            (5, ..=4, ..=2) if ROWS == 2 => self.runs::<S, 5, 4, 2>(simd, pass, lines),
+            _ => return false,
+        }
+        true
+    }
+
+    /// The rows that work through the first local row, and those that do through the second.
+    #[inline(always)]
+    fn runs<S: Simd, const VECTORS: usize, const HEAD: usize, const TAIL: usize>(
+        self,
+        simd: S,
+        pass: &mut Pass<'_, T>,
+        lines: &mut Lines<T>,
+    ) {
+        let Self { above, span, mirror, scale, numbers, downdate } = self;
+        let split = above.split.unwrap_or(above.len);
+        let (first, second) = numbers.split_at_mut(split * span.padded);
+        let (last, all_rows) = (pass.rows - 1, pass.all_rows);
+        for (r, numbers, weights) in [(0, first, 0..split), (1, second, split..above.len)] {
+            if weights.is_empty() {
+                continue;
+            }
+            let rows = Rows::<T, RANK> {
+                numbers,
+                w_rows: from_fn(|q| &above.row_of(downdate, pass.rank, q)[weights.clone()]),
+                w_columns: from_fn(|q| span.row_of(downdate, pass.rank, q)),
+                l_rows: &above.row_of(pass.local, pass.rows, r)[weights.clone()],
+                l_columns: [0, last].map(|r| span.row_of(pass.local, pass.rows, r)),
+                scale,
+                mirror,
+            };
+            let sums = span.panel(all_rows).start + (above.row + r) * span.padded;
+            let dots =
+                [0, 1].map(|r| above.panel(all_rows).start + (span.row + r) * above.padded + weights.start);
+            rows.pass::<S, VECTORS, HEAD, TAIL>(simd, pass.products, sums, dots, lines);
+        }
+    }
+}
+
+/// Some rows of a tile, all of which work through one local row, and what a [`Pass`](super::triangle::Pass) does with them.
+struct Rows<'a, T, const RANK: usize> {
+    /// Of the tile.
+    numbers: &'a mut [T],
+    /// What the downdate has at these rows, and at the tile's columns.
+    w_rows: [&'a [T]; RANK],
+    w_columns: [&'a [T]; RANK],
+    /// The local row of these rows, and those of the columns, of which the second may be all zero.
+    l_rows: &'a [T],
+    l_columns: [&'a [T]; 2],
+    scale: T,
+    /// Whether the tile has a mirror image.
+    mirror: bool,
 }
 
 impl<T: Scalar, const RANK: usize> Rows<'_, T, RANK> {
     /// `VECTORS` to a row, of which the first `HEAD` meet the columns' first local row, and the last `TAIL` the second.
     /// `l_rows tile` goes to the products at `sums`; if the tile has a mirror image, `l_columns tile'` to those at `dots`.
     #[inline(always)]
-    pub(super) fn pass<S: Simd, const VECTORS: usize, const HEAD: usize, const TAIL: usize>(
+    fn pass<S: Simd, const VECTORS: usize, const HEAD: usize, const TAIL: usize>(
         self,
         simd: S,
         products: &mut [T],

@@ -56,6 +56,10 @@ impl<T: Scalar> Learnable<T> for LearnableNetwork<T> {
         Some(self.blocks.split(block))
     }
 
+    fn shown(&self) -> usize {
+        self.blocks.transition()
+    }
+
     fn weights(&self) -> &[T] {
         self.packed.weights()
     }

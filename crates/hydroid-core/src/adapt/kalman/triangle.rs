@@ -11,7 +11,7 @@ use core::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::lines::Lines;
-use super::narrow;
+use super::narrow::Pair;
 use crate::math::Scalar;
 use crate::math::aligned::Aligned;
 use crate::math::rows::dot;
@@ -44,7 +44,7 @@ pub(super) struct Span {
     /// Its first row among the products.
     pub(super) row: usize,
     /// How many of its weights work through its first local row alone, where the others do through the second alone.
-    split: Option<usize>,
+    pub(super) split: Option<usize>,
 }
 
 /// What a triangle must know of a block: its number of weights, the first of its rows among the products, and how many of its
@@ -59,7 +59,7 @@ impl Span {
 
     /// One of the rows of that.
     #[inline(always)]
-    fn row_of<'a, T>(&self, matrix: &'a [T], rows: usize, row: usize) -> &'a [T] {
+    pub(super) fn row_of<'a, T>(&self, matrix: &'a [T], rows: usize, row: usize) -> &'a [T] {
         &matrix[self.panel(rows)][row * self.padded..][..self.padded]
     }
 
@@ -236,7 +236,7 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
                     let numbers = &mut triangle.tiles[begin..begin + len];
                     let pair =
                         Pair::<T, RANK, ROWS> { above, span, mirror: i != j, scale, numbers, downdate };
-                    if pair.narrow::<S>(simd, pass, &mut lines) {
+                    if pair.pass::<S>(simd, pass, &mut lines) {
                         begin += len;
                         continue;
                     }
@@ -262,72 +262,6 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
                     tile.all::<S, true>(simd, pass.products, sums, mirrored, above.padded);
                 }
             }
-        }
-    }
-}
-
-/// A tile, and the blocks that it stands between.
-struct Pair<'a, T, const RANK: usize, const ROWS: usize> {
-    above: &'a Span,
-    span: &'a Span,
-    mirror: bool,
-    scale: T,
-    numbers: &'a mut [T],
-    downdate: &'a [T],
-}
-
-impl<T: Scalar, const RANK: usize, const ROWS: usize> Pair<'_, T, RANK, ROWS> {
-    /// Its part of a pass, if there are loops for tiles of this width.
-    #[inline(always)]
-    fn narrow<S: Simd>(self, simd: S, pass: &mut Pass<'_, T>, lines: &mut Lines<T>) -> bool {
-        let (lanes, span) = (T::LINE, self.span);
-        let split = span.split.unwrap_or(span.len);
-        let (head, tail) = (split.div_ceil(lanes), span.len.div_ceil(lanes) - split / lanes);
-        let tail = if ROWS == 1 || split == span.len { 0 } else { tail };
-        match (span.padded / lanes, head, tail) {
-            (1, _, 0) => self.runs::<S, 1, 1, 0>(simd, pass, lines),
-            (2, _, 0) => self.runs::<S, 2, 2, 0>(simd, pass, lines),
-            (3, _, 0) => self.runs::<S, 3, 3, 0>(simd, pass, lines),
-            (4, _, 0) => self.runs::<S, 4, 4, 0>(simd, pass, lines),
-            (5, _, 0) => self.runs::<S, 5, 5, 0>(simd, pass, lines),
-            (2, ..=2, 1) if ROWS == 2 => self.runs::<S, 2, 2, 1>(simd, pass, lines),
-            (3, ..=3, ..=2) if ROWS == 2 => self.runs::<S, 3, 3, 2>(simd, pass, lines),
-            (4, ..=3, ..=2) if ROWS == 2 => self.runs::<S, 4, 3, 2>(simd, pass, lines),
-            (5, ..=4, ..=2) if ROWS == 2 => self.runs::<S, 5, 4, 2>(simd, pass, lines),
-            _ => return false,
-        }
-        true
-    }
-
-    /// The rows that work through the first local row, and those that do through the second.
-    #[inline(always)]
-    fn runs<S: Simd, const VECTORS: usize, const HEAD: usize, const TAIL: usize>(
-        self,
-        simd: S,
-        pass: &mut Pass<'_, T>,
-        lines: &mut Lines<T>,
-    ) {
-        let Self { above, span, mirror, scale, numbers, downdate } = self;
-        let split = above.split.unwrap_or(above.len);
-        let (first, second) = numbers.split_at_mut(split * span.padded);
-        let (last, all_rows) = (pass.rows - 1, pass.all_rows);
-        for (r, numbers, weights) in [(0, first, 0..split), (1, second, split..above.len)] {
-            if weights.is_empty() {
-                continue;
-            }
-            let rows = narrow::Rows::<T, RANK> {
-                numbers,
-                w_rows: from_fn(|q| &above.row_of(downdate, pass.rank, q)[weights.clone()]),
-                w_columns: from_fn(|q| span.row_of(downdate, pass.rank, q)),
-                l_rows: &above.row_of(pass.local, pass.rows, r)[weights.clone()],
-                l_columns: [0, last].map(|r| span.row_of(pass.local, pass.rows, r)),
-                scale,
-                mirror,
-            };
-            let sums = span.panel(all_rows).start + (above.row + r) * span.padded;
-            let dots =
-                [0, 1].map(|r| above.panel(all_rows).start + (span.row + r) * above.padded + weights.start);
-            rows.pass::<S, VECTORS, HEAD, TAIL>(simd, pass.products, sums, dots, lines);
         }
     }
 }
@@ -454,3 +388,6 @@ impl<T: Scalar, const RANK: usize, const ROWS: usize> Tile<'_, T, RANK, ROWS> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
