@@ -62,7 +62,7 @@ impl<T: Scalar, const RANK: usize, const ROWS: usize> Pair<'_, T, RANK, ROWS> {
             if weights.is_empty() {
                 continue;
             }
-            let rows = Rows::<T, RANK> {
+            let run = Run::<T, RANK> {
                 numbers,
                 w_rows: from_fn(|q| &above.row_of(downdate, pass.rank, q)[weights.clone()]),
                 w_columns: from_fn(|q| span.row_of(downdate, pass.rank, q)),
@@ -74,13 +74,13 @@ impl<T: Scalar, const RANK: usize, const ROWS: usize> Pair<'_, T, RANK, ROWS> {
             let sums = span.panel(all_rows).start + (above.row + r) * span.padded;
             let dots =
                 [0, 1].map(|r| above.panel(all_rows).start + (span.row + r) * above.padded + weights.start);
-            rows.pass::<S, VECTORS, HEAD, TAIL>(simd, pass.products, sums, dots, lines);
+            run.pass::<S, VECTORS, HEAD, TAIL>(simd, pass.products, sums, dots, lines);
         }
     }
 }
 
 /// Some rows of a tile, all of which work through one local row, and what a [`Pass`](super::triangle::Pass) does with them.
-struct Rows<'a, T, const RANK: usize> {
+struct Run<'a, T, const RANK: usize> {
     /// Of the tile.
     numbers: &'a mut [T],
     /// What the downdate has at these rows, and at the tile's columns.
@@ -94,7 +94,7 @@ struct Rows<'a, T, const RANK: usize> {
     mirror: bool,
 }
 
-impl<T: Scalar, const RANK: usize> Rows<'_, T, RANK> {
+impl<T: Scalar, const RANK: usize> Run<'_, T, RANK> {
     /// `VECTORS` to a row, of which the first `HEAD` meet the columns' first local row, and the last `TAIL` the second.
     /// `l_rows tile` goes to the products at `sums`; if the tile has a mirror image, `l_columns tile'` to those at `dots`.
     #[inline(always)]

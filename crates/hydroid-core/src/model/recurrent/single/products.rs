@@ -113,7 +113,7 @@ impl<T: Scalar> Linearization<T> {
                 weights: change.weights,
                 local: change.local,
             };
-            self.layer_times(simd, packed, layer, change, columns, &mut out[..len * columns], scratch);
+            self.layer_times(simd, (packed, layer), change, columns, &mut out[..len * columns], scratch);
         }
     }
 
@@ -121,8 +121,7 @@ impl<T: Scalar> Linearization<T> {
     fn layer_times<S: Simd>(
         &self,
         simd: S,
-        packed: &Packed<T>,
-        index: usize,
+        (packed, index): (&Packed<T>, usize),
         change: Change<'_, T>,
         columns: usize,
         out: &mut [T],
