@@ -35,6 +35,8 @@ pub trait Vectors: Copy + 'static {
     const EXP_NORMAL: Self;
     /// `tanh x` is 1 from it on.
     const TANH_END: Self;
+    /// As many as fill 64 bytes, a cache line and the widest register.
+    const LINE: usize = 64 / size_of::<Self>();
 
     fn whole<S: Simd>(x: &[Self]) -> (&[Self::V<S>], &[Self]);
     fn whole_mut<S: Simd>(x: &mut [Self]) -> (&mut [Self::V<S>], &mut [Self]);
@@ -52,13 +54,16 @@ pub trait Vectors: Copy + 'static {
     fn with_sign_of<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
     fn power_of_two<S: Simd>(simd: S, rounded: Self::V<S>) -> Self::V<S>;
     fn sum<S: Simd>(simd: S, a: Self::V<S>) -> Self;
+    /// The sums of the first of [`LINE`](Self::LINE) lines of as many numbers, as many as are wanted and there are. They are the
+    /// same whatever the width of the vectors.
+    fn line_sums<S: Simd>(simd: S, lines: &[Self], sums: &mut [Self]);
 }
 
 /// What is the same for both precisions but for the names that pulp gives its operations.
 macro_rules! operations {
-    ($v:ident, $as_simd:ident, $as_mut_simd:ident, $one:expr, $two_to_the_mantissa:expr,
+    ($scalar:ident, $v:ident, $as_simd:ident, $as_mut_simd:ident, $one:expr, $two_to_the_mantissa:expr,
         $load:ident, $store:ident, $splat:ident, $sum:ident, $neg:ident, $abs:ident, $mul_add:ident,
-        $greater:ident, $select:ident, $or:ident, $and:ident,
+        $greater:ident, $select:ident, $rotate:ident, $or:ident, $and:ident,
         $splat_bits:ident, $add_bits:ident, $mul_bits:ident, $to_bits:ident, $from_bits:ident,
         $($own:ident: $operator:ident),*) => {
         type V<S: Simd> = S::$v;
@@ -126,6 +131,47 @@ macro_rules! operations {
         }
 
         #[inline(always)]
+        fn line_sums<S: Simd>(simd: S, lines: &[Self], sums: &mut [Self]) {
+            const LINE: usize = <$scalar as Vectors>::LINE;
+            // Neighbouring lines are put together, each in every other place of one: after as many rounds as there are powers
+            // of two, one line has the sum of each in its own place.
+            if size_of::<S::$v>() == 64 {
+                let mut folded = [simd.$splat(0.0); LINE];
+                folded.copy_from_slice(&S::$as_simd(lines).0[..LINE]);
+                let mut step = 1;
+                while step < LINE {
+                    let mut places = [0.0; LINE];
+                    for l in 0..LINE {
+                        places[l] = if l & step == 0 { 0.0 } else { 1.0 };
+                    }
+                    let other = simd.$greater(S::$as_simd(&places).0[0], simd.$splat(0.0));
+                    for k in 0..LINE / 2 / step {
+                        let (a, b) = (folded[2 * k], folded[2 * k + 1]);
+                        let (stays, moves) = (simd.$select(other, b, a), simd.$select(other, a, b));
+                        folded[k] = <Self as Vectors>::add(simd, stays, simd.$rotate(moves, step));
+                    }
+                    step *= 2;
+                }
+                simd.$store(sums, folded[0]);
+            } else {
+                let mut folded = [[0.0; LINE]; LINE];
+                folded.as_flattened_mut().copy_from_slice(&lines[..LINE * LINE]);
+                let mut step = 1;
+                while step < LINE {
+                    for k in 0..LINE / 2 / step {
+                        let (a, b) = (folded[2 * k], folded[2 * k + 1]);
+                        for l in 0..LINE {
+                            let own = if l & step == 0 { &a } else { &b };
+                            folded[k][l] = own[l] + own[(l + step) % LINE];
+                        }
+                    }
+                    step *= 2;
+                }
+                sums.copy_from_slice(&folded[0][..sums.len()]);
+            }
+        }
+
+        #[inline(always)]
         fn power_of_two<S: Simd>(simd: S, rounded: S::$v) -> S::$v {
             // The product is a shift: it leaves of the bits the last, which are the exponent.
             let exponent = simd.$mul_bits(simd.$to_bits(rounded), simd.$splat_bits($two_to_the_mantissa));
@@ -147,9 +193,9 @@ impl Vectors for f32 {
     const TANH_END: Self = 10.0;
 
     operations!(
-        f32s, as_simd_f32s, as_mut_simd_f32s, 1_f32.to_bits(), 1 << 23,
+        f32, f32s, as_simd_f32s, as_mut_simd_f32s, 1_f32.to_bits(), 1 << 23,
         partial_load_f32s, partial_store_f32s, splat_f32s, reduce_sum_f32s, neg_f32s, abs_f32s, mul_add_f32s,
-        greater_than_f32s, select_f32s, or_f32s, and_f32s,
+        greater_than_f32s, select_f32s, rotate_left_f32s, or_f32s, and_f32s,
         splat_u32s, add_u32s, mul_u32s, transmute_u32s_f32s, transmute_f32s_u32s,
         add: add_f32s, sub: sub_f32s, mul: mul_f32s, div: div_f32s
     );
@@ -179,9 +225,9 @@ impl Vectors for f64 {
     const TANH_END: Self = 20.0;
 
     operations!(
-        f64s, as_simd_f64s, as_mut_simd_f64s, 1_f64.to_bits(), 1 << 52,
+        f64, f64s, as_simd_f64s, as_mut_simd_f64s, 1_f64.to_bits(), 1 << 52,
         partial_load_f64s, partial_store_f64s, splat_f64s, reduce_sum_f64s, neg_f64s, abs_f64s, mul_add_f64s,
-        greater_than_f64s, select_f64s, or_f64s, and_f64s,
+        greater_than_f64s, select_f64s, rotate_left_f64s, or_f64s, and_f64s,
         splat_u64s, add_u64s, mul_u64s, transmute_u64s_f64s, transmute_f64s_u64s,
         add: add_f64s, sub: sub_f64s, mul: mul_f64s, div: div_f64s
     );
@@ -265,5 +311,59 @@ impl<S: Simd, T: Vectors> Neg for Pack<S, T> {
     #[inline(always)]
     fn neg(self) -> Self {
         Self::new(self.simd, T::neg(self.simd, self.v))
+    }
+}
+
+#[cfg(test)]
+#[cfg(target_arch = "x86_64")]
+mod tests {
+    use alloc::vec;
+    use alloc::vec::Vec;
+
+    use pulp::WithSimd;
+
+    use super::*;
+    use crate::math::Scalar;
+
+    struct Lines<'a, T> {
+        lines: &'a [T],
+        sums: &'a mut [T],
+    }
+
+    impl<T: Scalar> WithSimd for Lines<'_, T> {
+        type Output = ();
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) {
+            T::line_sums(simd, self.lines, self.sums);
+        }
+    }
+
+    fn check<T: Scalar>(count: usize) {
+        let line = T::LINE;
+        let lines: Vec<T> = (0..line * line).map(|k| T::of((1.7 * k as f64).sin())).collect();
+        let mut paths = vec![vec![T::nan(); count]];
+        Simd::vectorize(pulp::Scalar::new(), Lines { lines: &lines, sums: &mut paths[0] });
+        if let Some(simd) = pulp::x86::V3::try_new() {
+            paths.push(vec![T::nan(); count]);
+            Simd::vectorize(simd, Lines { lines: &lines, sums: &mut paths[1] });
+        }
+        if let Some(simd) = pulp::x86::V4::try_new() {
+            paths.push(vec![T::nan(); count]);
+            Simd::vectorize(simd, Lines { lines: &lines, sums: &mut paths[2] });
+        }
+        for (k, (&sum, of)) in paths[0].iter().zip(lines.chunks_exact(line)).enumerate() {
+            let plain: f64 = of.iter().map(|x| x.wide()).sum();
+            assert!((sum.wide() - plain).abs() < 1e-5, "line {k}: {sum:?}, not {plain}");
+        }
+        for path in &paths[1..] {
+            assert_eq!(path, &paths[0], "{count} of {line}");
+        }
+    }
+
+    #[test]
+    fn sums_of_lines_are_the_same_on_every_path() {
+        (0..=8).for_each(check::<f64>);
+        (0..=16).for_each(check::<f32>);
     }
 }

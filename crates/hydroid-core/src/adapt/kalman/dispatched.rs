@@ -14,8 +14,8 @@ macro_rules! dispatched {
                 type Output = $output;
 
                 #[inline(always)]
-                fn with_simd<S: Simd>(self, _: S) -> $output {
-                    self.own.$method($(self.$argument),*)
+                fn with_simd<S: Simd>(self, simd: S) -> $output {
+                    self.own.$method(simd, $(self.$argument),*)
                 }
             }
         )*

@@ -12,10 +12,12 @@ use pulp::{Arch, Simd, WithSimd};
 use super::dispatched::dispatched;
 use super::gain::Gain;
 use super::learnable::Learnable;
+use super::lines::Lines;
 use super::root::{take_column, transpose};
 use super::triangle::{Pass, Span, Triangle};
 use super::tuning::Tuning;
 use crate::math::Scalar;
+use crate::math::aligned::Aligned;
 use crate::math::rows::{add_rows, dot};
 
 /// `P` as the [module](super) has it.
@@ -26,7 +28,7 @@ use crate::math::rows::{add_rows, dot};
 pub(super) struct Full<T> {
     /// `P_hh` (`n x n`), `P_ht` (`n x width`, in panels), `P_tt`.
     hh: Vec<T>,
-    ht: Vec<T>,
+    ht: Aligned<T>,
     tt: Triangle<T>,
     /// Which block each block of the triangle is.
     learned: Vec<usize>,
@@ -34,11 +36,11 @@ pub(super) struct Full<T> {
     pub(super) places: Vec<Option<usize>>,
     weight_noise: Vec<T>,
     /// What the last measurement takes from `P_tt`, `rank x width` in panels; whether there is something to take.
-    downdate: Vec<T>,
+    downdate: Aligned<T>,
     pub(super) pending: bool,
     /// `L` (`rows x width`) and `L P_tt` (`blocks rows x width`), in panels.
-    local: Vec<T>,
-    products: Vec<T>,
+    local: Aligned<T>,
+    products: Aligned<T>,
     scratch: Scratch<T>,
 }
 
@@ -51,7 +53,7 @@ struct Scratch<T> {
     square: Vec<T>,
     turned: Vec<T>,
     /// A panel of `n x width`.
-    wide: Vec<T>,
+    wide: Aligned<T>,
     taken: Vec<T>,
     /// `G_h'` (`outputs x n`).
     narrow: Vec<T>,
@@ -63,7 +65,7 @@ impl<T: Scalar> Full<T> {
     /// Of the weights that are learned, block by block; all zero.
     pub(super) fn new<M: Learnable<T>>(model: &M, tuning: &Tuning, learned: Vec<usize>) -> Self {
         let (n, outputs, rows) = (model.state_len(), model.outputs(), model.rows());
-        let tt = Triangle::new(learned.iter().map(|&b| (model.blocks()[b].len(), b * rows)));
+        let tt = Triangle::new(learned.iter().map(|&b| (model.blocks()[b].len(), b * rows, model.split(b))));
         let width = tt.width();
         let mut places = vec![None; width];
         for (span, &b) in tt.spans().iter().zip(&learned) {
@@ -76,21 +78,21 @@ impl<T: Scalar> Full<T> {
         let widest = tt.spans().iter().map(|span| span.padded).max().unwrap_or(0);
         Self {
             hh: vec![T::zero(); n * n],
-            ht: vec![T::zero(); n * width],
+            ht: Aligned::zeros(n * width),
             tt,
             learned,
             places,
             weight_noise,
-            downdate: vec![T::zero(); Triangle::<T>::rank(outputs) * width],
+            downdate: Aligned::zeros(Triangle::<T>::rank(outputs) * width),
             pending: false,
-            local: vec![T::zero(); rows * width],
-            products: vec![T::zero(); all_rows * width],
+            local: Aligned::zeros(rows * width),
+            products: Aligned::zeros(all_rows * width),
             scratch: Scratch {
                 by_state: vec![T::zero(); all_rows * n],
                 by_output: vec![T::zero(); all_rows * outputs],
                 square: vec![T::zero(); n * side],
                 turned: vec![T::zero(); n * side],
-                wide: vec![T::zero(); n * widest],
+                wide: Aligned::zeros(n * widest),
                 taken: vec![T::zero(); Triangle::<T>::rank(outputs)],
                 narrow: vec![T::zero(); outputs * n],
                 chain: vec![T::zero(); model.scratch(widest.max(side))],
@@ -221,13 +223,20 @@ impl<T: Scalar> Full<T> {
 
     /// `P_hh` and `P_ht` of the time update, from `L P_tt`; with `G = [A B]`, `[P_hh P_ht]+ = G P G', G P`.
     #[inline(always)]
-    fn spread<M: Learnable<T>>(&mut self, model: &M, grows: T, noise: T) {
+    fn spread<S: Simd, M: Learnable<T>>(&mut self, simd: S, model: &M, grows: T, noise: T) {
         let (n, rows, scale) = (model.state_len(), model.rows(), grows * grows);
         let all_rows = model.blocks().len() * rows;
+        let mut lines = Lines::new();
         let Scratch { by_state, square, turned, wide, chain, .. } = &mut self.scratch;
         // G P, columns of the state: A P_hh + B P_th, B P_th = C (L P_th).
         for span in self.tt.spans() {
-            local_products(span, &self.local[span.panel(rows)], &self.ht[span.panel(n)], by_state);
+            local_products(
+                (simd, &mut lines),
+                span,
+                &self.local[span.panel(rows)],
+                &self.ht[span.panel(n)],
+                by_state,
+            );
         }
         model.chain(&self.hh, by_state, n, &mut square[..n * n], chain);
         transpose(n, n, &square[..n * n], &mut turned[..n * n]);
@@ -237,15 +246,19 @@ impl<T: Scalar> Full<T> {
             let products = &mut self.products[span.panel(all_rows)];
             model.chain(ht, products, span.padded, wide, chain);
             let local = &self.local[span.panel(rows)];
-            local_products(span, local, wide, by_state);
+            local_products((simd, &mut lines), span, local, wide, by_state);
             for (ht, &wide) in ht.iter_mut().zip(&*wide) {
                 *ht = wide * grows;
             }
-            // L P_tt becomes that of the covariance after the time update, which the outputs depend on.
+            // Of L P_tt the outputs want the rows of their own blocks, of the covariance after the time update.
+            let first = model.shown() * rows;
             if scale != T::one() {
-                for p in products.iter_mut() {
+                for p in &mut products[first * span.padded..] {
                     *p *= scale;
                 }
+            }
+            if span.row < first {
+                continue;
             }
             let own = &mut products[span.row * span.padded..(span.row + rows) * span.padded];
             for (own, local) in own.chunks_exact_mut(span.padded).zip(local.chunks_exact(span.padded)) {
@@ -269,16 +282,22 @@ impl<T: Scalar> Full<T> {
 
     /// `G' = H P` and `H P H'`, before any measurement.
     #[inline(always)]
-    fn expected<M: Learnable<T>>(&mut self, model: &M, gain: &mut Gain<T>) {
+    fn expected<S: Simd, M: Learnable<T>>(&mut self, simd: S, model: &M, gain: &mut Gain<T>) {
         let (n, q, rows) = (model.state_len(), model.outputs(), model.rows());
         let (all_rows, rank) = (model.blocks().len() * rows, self.scratch.taken.len());
+        let mut lines = Lines::new();
         let Scratch { by_state, by_output, turned, narrow, .. } = &mut self.scratch;
         for span in self.tt.spans() {
             let (local, ht) = (&self.local[span.panel(rows)], &self.ht[span.panel(n)]);
-            local_products(span, local, ht, by_state);
+            let shown = span.row >= model.shown() * rows;
+            if shown {
+                local_products((simd, &mut lines), span, local, ht, by_state);
+            }
             let product = &mut self.downdate[span.panel(rank)][..q * span.padded];
             model.output_chain(ht, &self.products[span.panel(all_rows)], span.padded, product);
-            local_products(span, local, product, by_output);
+            if shown {
+                local_products((simd, &mut lines), span, local, product, by_output);
+            }
         }
         model.output_chain(&self.hh, by_state, n, narrow);
         transpose(q, n, narrow, &mut turned[..n * q]);
@@ -287,7 +306,14 @@ impl<T: Scalar> Full<T> {
 
     /// `W`, and what it takes from `P_hh` and `P_ht` and adds to state and weights.
     #[inline(always)]
-    fn corrected<M: Learnable<T>>(&mut self, _: &M, gain: &Gain<T>, state: &mut [T], all: &mut [T]) {
+    fn corrected<S: Simd, M: Learnable<T>>(
+        &mut self,
+        _: S,
+        _: &M,
+        gain: &Gain<T>,
+        state: &mut [T],
+        all: &mut [T],
+    ) {
         let (n, rank, count) = (state.len(), self.scratch.taken.len(), gain.measured.len());
         let (w_h, e) = (&mut self.scratch.narrow, &gain.whitened[..count]);
         gain.whiten(w_h, n);
@@ -312,13 +338,18 @@ impl<T: Scalar> Full<T> {
 
 /// A block's rows of `L M'`, from its panels of both: `M` has as many rows as there are columns of what comes out.
 #[inline(always)]
-fn local_products<T: Scalar>(span: &Span, local: &[T], matrix: &[T], out: &mut [T]) {
+fn local_products<S: Simd, T: Scalar>(
+    (simd, lines): (S, &mut Lines<T>),
+    span: &Span,
+    local: &[T],
+    matrix: &[T],
+    out: &mut [T],
+) {
     let count = matrix.len() / span.padded;
-    for (row, partials) in local.chunks_exact(span.padded).enumerate() {
-        let out = &mut out[(span.row + row) * count..][..count];
-        for (out, of) in out.iter_mut().zip(matrix.chunks_exact(span.padded)) {
-            *out = dot(partials, of);
-        }
+    let rows = span.rows(local.len() / span.padded);
+    let out = out[span.row * count..(span.row + rows) * count].chunks_exact_mut(count);
+    for (partials, out) in local.chunks_exact(span.padded).zip(out) {
+        lines.product(simd, partials, matrix, out);
     }
 }
 

@@ -35,6 +35,18 @@ pub trait Learnable<T: Scalar>: Clone + Send + Sync {
     /// Local rows of every block; what a block has less is zero.
     fn rows(&self) -> usize;
 
+    /// How many weights of a block, the first, work through its first local row alone, if the others do through its second
+    /// alone; `None` if that is not so, or not known.
+    fn split(&self, block: usize) -> Option<usize> {
+        let _ = block;
+        None
+    }
+
+    /// The first block through which the output depends on weights by itself: `D` is zero in the rows of those before.
+    fn shown(&self) -> usize {
+        0
+    }
+
     /// All weights.
     fn weights(&self) -> &[T];
 

@@ -39,6 +39,8 @@ mod full;
 mod gain;
 mod joint;
 mod learnable;
+mod lines;
+mod narrow;
 mod network;
 mod reduced;
 mod root;

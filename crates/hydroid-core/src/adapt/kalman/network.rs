@@ -52,6 +52,14 @@ impl<T: Scalar> Learnable<T> for LearnableNetwork<T> {
         self.blocks.rows()
     }
 
+    fn split(&self, block: usize) -> Option<usize> {
+        Some(self.blocks.split(block))
+    }
+
+    fn shown(&self) -> usize {
+        self.blocks.transition()
+    }
+
     fn weights(&self) -> &[T] {
         self.packed.weights()
     }

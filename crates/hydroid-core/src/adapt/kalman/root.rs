@@ -8,6 +8,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::math::Scalar;
+use crate::math::rows::add_rows;
 
 /// The lower triangle `L` of `L L'`, row by row.
 #[derive(Clone, Debug)]
@@ -102,8 +103,11 @@ pub(super) fn gather<T: Scalar>(which: &[usize], rows: &mut [T], columns: usize)
 /// `row -= sum_k w[k][i] rows[k]`, with `w` of `n` columns.
 #[inline(always)]
 pub(super) fn take_column<T: Scalar>(row: &mut [T], rows: &[T], w: &[T], i: usize, n: usize) {
-    for (k, other) in rows.chunks_exact(row.len()).enumerate() {
-        take(row, other, w[k * n + i]);
+    // As many as vessels have outputs at a time.
+    for (k, some) in rows.chunks(3 * row.len()).enumerate() {
+        let minus = |m: usize| w.get((3 * k + m) * n + i).map_or(T::zero(), |&w| -w);
+        let minus = [minus(0), minus(1), minus(2)];
+        add_rows(row, some, &minus[..some.len() / row.len()]);
     }
 }
 

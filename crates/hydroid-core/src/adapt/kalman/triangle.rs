@@ -10,6 +10,8 @@ use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::lines::Lines;
+use super::narrow::Pair;
 use crate::math::Scalar;
 use crate::math::aligned::Aligned;
 use crate::math::rows::dot;
@@ -41,12 +43,29 @@ pub(super) struct Span {
     pub(super) padded: usize,
     /// Its first row among the products.
     pub(super) row: usize,
+    /// How many of its weights work through its first local row alone, where the others do through the second alone.
+    pub(super) split: Option<usize>,
 }
+
+/// What a triangle must know of a block: its number of weights, the first of its rows among the products, and how many of its
+/// weights work through its first local row alone, the others through the second alone, if that is so.
+pub(super) type Block = (usize, usize, Option<usize>);
 
 impl Span {
     /// Its panel of a matrix of so many rows.
     pub(super) fn panel(&self, rows: usize) -> Range<usize> {
         rows * self.start..rows * (self.start + self.padded)
+    }
+
+    /// One of the rows of that.
+    #[inline(always)]
+    pub(super) fn row_of<'a, T>(&self, matrix: &'a [T], rows: usize, row: usize) -> &'a [T] {
+        &matrix[self.panel(rows)][row * self.padded..][..self.padded]
+    }
+
+    /// How many of its local rows are not zero, of so many.
+    pub(super) fn rows(&self, rows: usize) -> usize {
+        if self.split == Some(self.len) { 1 } else { rows }
     }
 
     /// Its weights among the padded ones.
@@ -85,14 +104,14 @@ const MOST_ROWS: usize = 2;
 
 impl<T: Scalar> Triangle<T> {
     /// Numbers in a cache line.
-    pub(super) const LANES: usize = 64 / size_of::<T>();
+    const LANES: usize = T::LINE;
 
-    /// All zero. Of each block, its number of weights and the first of its rows among the products.
-    pub(super) fn new(blocks: impl Iterator<Item = (usize, usize)>) -> Self {
+    /// All zero.
+    pub(super) fn new(blocks: impl Iterator<Item = Block>) -> Self {
         let (mut width, mut spans) = (0, Vec::new());
-        for (len, row) in blocks {
+        for (len, row, split) in blocks {
             let padded = len.next_multiple_of(Self::LANES);
-            spans.push(Span { start: width, len, padded, row });
+            spans.push(Span { start: width, len, padded, row, split });
             width += padded;
         }
         let len = spans.iter().map(|span| span.len * (width - span.start)).sum();
@@ -201,16 +220,27 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
     fn tiles<S: Simd, const RANK: usize, const ROWS: usize>(self, simd: S) {
         let Self { triangle, pass, vectors, scale, rows } = self;
         let downdate = pass.downdate.unwrap_or(&[]);
-        let mut begin = 0;
+        let (mut begin, mut lines) = (0, Lines::new());
         for (i, above) in triangle.spans.iter().enumerate() {
-            let w_rows = from_fn::<_, RANK, _>(|q| {
-                &downdate[above.panel(pass.rank)][(vectors.start + q) * above.padded..][..above.len]
-            });
-            let l_rows = from_fn::<_, ROWS, _>(|r| {
-                &pass.local[above.panel(pass.rows)][(rows.start + r) * above.padded..][..above.len]
-            });
+            let w_rows =
+                from_fn::<_, RANK, _>(|q| &above.row_of(downdate, pass.rank, vectors.start + q)[..above.len]);
+            let l_rows =
+                from_fn::<_, ROWS, _>(|r| &above.row_of(pass.local, pass.rows, rows.start + r)[..above.len]);
             for (j, span) in triangle.spans.iter().enumerate().skip(i) {
                 let len = above.len * span.padded;
+                if rows.len() == pass.rows
+                    && let (Some(_), Some(_)) = (above.split, span.split)
+                    && RANK == 3
+                    && size_of::<T::V<S>>() == 64
+                {
+                    let numbers = &mut triangle.tiles[begin..begin + len];
+                    let pair =
+                        Pair::<T, RANK, ROWS> { above, span, mirror: i != j, scale, numbers, downdate };
+                    if pair.pass::<S>(simd, pass, &mut lines) {
+                        begin += len;
+                        continue;
+                    }
+                }
                 let w = if RANK == 0 { &[] } else { &downdate[span.panel(pass.rank)] };
                 let l = &pass.local[span.panel(pass.rows)];
                 let mut tile = Tile::<T, RANK, ROWS> {
@@ -358,3 +388,6 @@ impl<T: Scalar, const RANK: usize, const ROWS: usize> Tile<'_, T, RANK, ROWS> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -252,7 +252,7 @@ impl<T: Scalar> Reduced<T> {
     }
 
     #[inline(always)]
-    fn advanced<M: Learnable<T>>(&mut self, model: &M, grows: T, noise: T) {
+    fn advanced<S: Simd, M: Learnable<T>>(&mut self, _: S, model: &M, grows: T, noise: T) {
         let Self { panels, psi, pi, local, structure, weight_noise, scratch, .. } = self;
         let Scratch { expanded, zeros, wide, square, turned, chain, .. } = scratch;
         let (n, rows) = (model.state_len(), model.rows());
@@ -282,7 +282,7 @@ impl<T: Scalar> Reduced<T> {
 
     /// `H~`, `H~ P_tt`, `H_h Pi`, and what they tell of the outputs, before any measurement.
     #[inline(always)]
-    fn expected<M: Learnable<T>>(&mut self, model: &M, gain: &mut Gain<T>) {
+    fn expected<S: Simd, M: Learnable<T>>(&mut self, _: S, model: &M, gain: &mut Gain<T>) {
         let Self { panels, psi, pi, local, structure, scratch, .. } = self;
         let Scratch { expanded, zeros, seen, product, narrow, own, turned, .. } = scratch;
         let (n, q, rows) = (model.state_len(), model.outputs(), model.rows());
@@ -308,8 +308,9 @@ impl<T: Scalar> Reduced<T> {
     }
 
     #[inline(always)]
-    fn corrected<M: Learnable<T>>(
+    fn corrected<S: Simd, M: Learnable<T>>(
         &mut self,
+        _: S,
         _: &M,
         gain: &Gain<T>,
         state: &mut [T],

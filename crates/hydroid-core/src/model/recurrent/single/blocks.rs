@@ -11,7 +11,7 @@ use crate::math::Scalar;
 ///
 /// | block | weights | rows |
 /// | --- | --- | --- |
-/// | each unit of each layer | its row of every gate: `W_ih`, `W_hh`, `b_ih`, `b_hh` | its results: `c+` and `s(o) tanh(c+)` of an LSTM, `h+` of the others |
+/// | each unit of each layer | its row of every gate: `W_ih`, `W_hh`, `b_ih`, `b_hh` | its results: of an LSTM `c+`, and `s(o) tanh(c+)` as `o` alone moves it; `h+` of the others |
 /// | each row of an LSTM's projection | its row of `W_hr` | `h+` |
 /// | each output of the read-out | its row of `W`, and of `b` | `y` |
 ///
@@ -71,6 +71,13 @@ impl Blocks {
         self.rows
     }
 
+    /// How many of a block's weights, the first, work through its first row alone; the others do through the second alone.
+    pub fn split(&self, block: usize) -> usize {
+        let len = self.places[block].len();
+        // Of an LSTM's unit all but the output gate, which comes last of four.
+        if self.rows == 2 && block < self.projection { len / 4 * 3 } else { len }
+    }
+
     /// Where the weights of each block stand in the flat weights.
     pub fn places(&self) -> &[Vec<usize>] {
         &self.places
@@ -116,7 +123,12 @@ impl<T: Scalar> Linearization<T> {
         };
         let unit = block % units;
         let (x, h) = (layer.x(), layer.h());
+        let own = layer.own_gates(row);
         for (gate, into) in into.chunks_exact_mut(x.len() + h.len() + 2).enumerate() {
+            if !own.contains(&gate) {
+                into.fill(T::zero());
+                continue;
+            }
             let (a, b) = (layer.input(row, gate)[unit], layer.hidden(row, gate)[unit]);
             let (of_x, rest) = into.split_at_mut(x.len());
             let (of_h, biases) = rest.split_at_mut(h.len());

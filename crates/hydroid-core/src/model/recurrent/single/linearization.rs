@@ -6,6 +6,7 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
+use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -57,9 +58,11 @@ pub struct LayerPartials<T> {
     input: Vec<T>,
     hidden: Vec<T>,
     carry: Vec<T>,
-    /// Partials of the results with respect to `h` through the gates, and to `x`: `results units x h`, `x reads`.
+    /// Partials of the results with respect to `h` through the gates of their own, and to `x`: `results units x h`, `x reads`.
     of_h: Vec<T>,
     of_x: Vec<T>,
+    /// Of each unit of an LSTM, the partial of `s(o) tanh(c+)` with respect to `c+`.
+    through: Vec<T>,
     /// As [`Packed::layer_step`] leaves it.
     scratch: Vec<T>,
     /// An adjoint of the results, one unit wide, and what an LSTM's way back uses up.
@@ -115,6 +118,21 @@ impl<T: Scalar> LayerPartials<T> {
         &self.hidden[(result * self.gates + gate) * self.units..][..self.units]
     }
 
+    /// Gates that a result of a unit depends on by itself: of an LSTM `c+` has `i f g`, and `s(o) tanh(c+)` has `o` beside
+    /// what comes [`through`](Self::through) `c+`. So no weight of a unit belongs to two of its results.
+    pub(super) fn own_gates(&self, result: usize) -> Range<usize> {
+        match (self.results, result) {
+            (2, 0) => 0..self.gates - 1,
+            (2, _) => self.gates - 1..self.gates,
+            _ => 0..self.gates,
+        }
+    }
+
+    /// Partials of the last result of each unit with respect to the one before; empty where there is none.
+    pub(super) fn through(&self) -> &[T] {
+        &self.through
+    }
+
     /// Partials of a result of each unit with respect to what it carries over by itself; zero for a vanilla network.
     pub fn carry(&self, result: usize) -> &[T] {
         &self.carry[result * self.units..][..self.units]
@@ -128,6 +146,10 @@ impl<T: Scalar> LayerPartials<T> {
         let (n, one, adjoint) = (self.units, T::one(), &mut self.adjoint);
         match cell {
             Cell::Lstm { .. } => {
+                let record = self.scratch[3 * n..5 * n].split_at(n);
+                for ((through, &o), &t) in self.through.iter_mut().zip(record.0).zip(record.1) {
+                    *through = o * (one - t * t);
+                }
                 let results = self.input.chunks_exact_mut(4 * n).zip(self.carry.chunks_exact_mut(n));
                 for (result, (partials, carry)) in results.enumerate() {
                     self.record.copy_from_slice(&self.scratch[..5 * n]);
@@ -164,7 +186,7 @@ impl<T: Scalar> LayerPartials<T> {
         self.of_x.fill(T::zero());
         for at in 0..self.results * units {
             let (result, unit) = (at / units, at % units);
-            for gate in 0..self.gates {
+            for gate in self.own_gates(result) {
                 let row = place.row(gate * units + unit);
                 let (a, b) = (self.input(result, gate)[unit], self.hidden(result, gate)[unit]);
                 add_rows(&mut self.of_x[at * reads..(at + 1) * reads], &weights[row.weight_ih], &[a]);
@@ -173,16 +195,16 @@ impl<T: Scalar> LayerPartials<T> {
         }
     }
 
-    /// Partials of a result of a unit with respect to `h` before the step, through the gates.
-    pub(super) fn of_h(&self, result: usize, unit: usize) -> &[T] {
-        let len = self.h().len();
-        &self.of_h[(result * self.units + unit) * len..][..len]
+    /// Partials of a result of each unit with respect to `h` before the step, through the gates of its own: `units x h`.
+    pub(super) fn of_h(&self, result: usize) -> &[T] {
+        let len = self.units * self.h().len();
+        &self.of_h[result * len..][..len]
     }
 
     /// The same with respect to `x`.
-    pub(super) fn of_x(&self, result: usize, unit: usize) -> &[T] {
-        let len = self.x.len();
-        &self.of_x[(result * self.units + unit) * len..][..len]
+    pub(super) fn of_x(&self, result: usize) -> &[T] {
+        let len = self.units * self.x.len();
+        &self.of_x[result * len..][..len]
     }
 }
 
@@ -224,6 +246,7 @@ impl<T: Scalar> Linearization<T> {
             carry: vec![T::zero(); results * units],
             of_h: vec![T::zero(); results * units * cell.shown()],
             of_x: vec![T::zero(); results * units * reads],
+            through: vec![T::zero(); if results == 2 { units } else { 0 }],
             scratch: vec![T::zero(); packed.scratch()],
             adjoint: vec![T::zero(); units],
             record: vec![T::zero(); 5 * units],

@@ -6,6 +6,7 @@ mod gates;
 mod linearization;
 mod packed;
 mod products;
+mod sums;
 mod transposed;
 
 pub use blocks::Blocks;

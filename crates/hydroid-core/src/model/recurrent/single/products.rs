@@ -6,9 +6,9 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::super::layout::Layout;
 use super::linearization::Linearization;
 use super::packed::Packed;
+use super::sums::Sums;
 use crate::math::Scalar;
 use crate::math::rows::add_rows;
 
@@ -21,7 +21,7 @@ pub struct Change<'a, T> {
     pub input: Option<&'a [T]>,
     /// `weights x columns`.
     pub weights: Option<&'a [T]>,
-    /// What the weights do to each row of [`Blocks`](super::Blocks), where that is known already: `rows x columns`.
+    /// What the weights do to each row of [`Blocks`](super::Blocks) by itself, where that is known already: `rows x columns`.
     pub local: Option<&'a [T]>,
 }
 
@@ -45,8 +45,26 @@ impl<T: Scalar> WithSimd for Times<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.linear.times_here(self.packed, self.change, self.columns, self.out, self.scratch);
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.linear.times_here(simd, self.packed, self.change, self.columns, self.out, self.scratch);
+    }
+}
+
+/// The same of the outputs.
+struct OutputTimes<'a, T> {
+    linear: &'a Linearization<T>,
+    packed: &'a Packed<T>,
+    change: Change<'a, T>,
+    columns: usize,
+    out: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for OutputTimes<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.linear.output_times_here(simd, self.packed, self.change, self.columns, self.out);
     }
 }
 
@@ -76,15 +94,15 @@ impl<T: Scalar> Linearization<T> {
     }
 
     #[inline(always)]
-    fn times_here(
+    fn times_here<S: Simd>(
         &self,
+        simd: S,
         packed: &Packed<T>,
         change: Change<'_, T>,
         columns: usize,
         out: &mut [T],
         scratch: &mut [T],
     ) {
-        out.fill(T::zero());
         let len = packed.layer_state();
         let own_state = |layer: usize| layer * len * columns..(layer + 1) * len * columns;
         for layer in 0..self.layers.len() {
@@ -95,87 +113,79 @@ impl<T: Scalar> Linearization<T> {
                 weights: change.weights,
                 local: change.local,
             };
-            self.layer_times(packed, layer, change, columns, &mut out[..len * columns], scratch);
+            self.layer_times(simd, (packed, layer), change, columns, &mut out[..len * columns], scratch);
         }
     }
 
     #[inline(always)]
-    fn layer_times(
+    fn layer_times<S: Simd>(
         &self,
-        packed: &Packed<T>,
-        index: usize,
+        simd: S,
+        (packed, index): (&Packed<T>, usize),
         change: Change<'_, T>,
         columns: usize,
         out: &mut [T],
         scratch: &mut [T],
     ) {
         let layer = &self.layers[index];
-        let units = layer.units();
-        let Layout { projection, .. } = packed.layout();
-        let (projected, coefficients) = scratch.split_at_mut(units * columns);
-        projected.fill(T::zero());
-        // Results side by side: they read the same rows of the weights' change.
-        for unit in 0..units {
-            for result in 0..layer.results() {
-                // The last result is what the projection reads, where there is one.
-                let row = if projection.is_some() && result + 1 == layer.results() {
-                    &mut projected[unit * columns..(unit + 1) * columns]
-                } else {
-                    &mut out[(result * units + unit) * columns..][..columns]
-                };
-                self.unit_times(packed, (index, result, unit), change, row, coefficients);
-                if let Some(local) = change.local {
-                    let at = (index * units + unit) * layer.results() + result;
-                    add_rows(row, &local[at * columns..(at + 1) * columns], &[T::one()]);
-                }
-            }
+        let (units, results) = (layer.units(), layer.results());
+        let block = units * columns;
+        let (projected, coefficients) = scratch.split_at_mut(block);
+        let local = change.local.unwrap_or(&[]);
+        let (state, input) = (change.state.unwrap_or(&[]), change.input.unwrap_or(&[]));
+        let h = if state.is_empty() { state } else { &state[layer.h_at() * columns..] };
+        let sums = |result: usize| Sums {
+            columns,
+            begin: (local, index * units * results + result, results),
+            own: (&[], &[]),
+            parts: [(layer.of_h(result), h), (layer.of_x(result), input)],
+        };
+        let (first, rest) = out.split_at_mut(block);
+        Sums { own: (layer.carry(0), state), ..sums(0) }.of(simd, first);
+        self.add_weights(packed, (index, 0), change.weights, columns, first, coefficients);
+        if results == 1 {
+            return;
         }
-        if let Some(place) = projection {
-            let weights = &packed.weights()[place.clone()];
-            let changes = change.weights.map(|all| &all[place.start * columns..place.end * columns]);
-            for (s, row) in out[units * columns..].chunks_exact_mut(columns).enumerate() {
-                add_rows(row, projected, &weights[s * units..(s + 1) * units]);
-                if let Some(changes) = changes {
-                    let changes = &changes[s * units * columns..(s + 1) * units * columns];
-                    add_rows(row, changes, layer.projected());
-                }
-                if let Some(local) = change.local {
-                    let at = (units + s) * layer.results();
-                    add_rows(row, &local[at * columns..(at + 1) * columns], &[T::one()]);
-                }
+        let place = packed.layout().projection.as_ref();
+        let last = if place.is_some() { &mut *projected } else { &mut *rest };
+        Sums { own: (layer.through(), first), ..sums(1) }.of(simd, last);
+        self.add_weights(packed, (index, 1), change.weights, columns, last, coefficients);
+        let Some(place) = place else { return };
+        let by = &packed.weights()[place.clone()];
+        let begin = (local, units * results, results);
+        Sums { columns, begin, own: (&[], &[]), parts: [(by, projected), (&[], &[])] }.of(simd, rest);
+        if let Some(all) = change.weights {
+            let changes = all[place.start * columns..place.end * columns].chunks_exact(block);
+            for (row, changes) in rest.chunks_exact_mut(columns).zip(changes) {
+                add_rows(row, changes, layer.projected());
             }
         }
     }
 
-    /// `row +=` the change of one result of one unit.
+    /// Adds what a change of the weights does to a result of each unit by itself.
     #[inline(always)]
-    fn unit_times(
+    fn add_weights(
         &self,
         packed: &Packed<T>,
-        (index, result, unit): (usize, usize, usize),
-        change: Change<'_, T>,
-        row: &mut [T],
+        (index, result): (usize, usize),
+        changes: Option<&[T]>,
+        columns: usize,
+        out: &mut [T],
         coefficients: &mut [T],
     ) {
+        let Some(changes) = changes else { return };
         let (layer, place) = (&self.layers[index], &packed.layout().layers[index]);
-        let (columns, units) = (row.len(), layer.units());
         let (x, h) = (layer.x(), layer.h());
-        if let Some(state) = change.state {
-            add_rows(row, &state[unit * columns..(unit + 1) * columns], &[layer.carry(result)[unit]]);
-            add_rows(row, &state[layer.h_at() * columns..], layer.of_h(result, unit));
-        }
-        if let Some(input) = change.input {
-            add_rows(row, input, layer.of_x(result, unit));
-        }
-        let Some(changes) = change.weights else { return };
-        for gate in 0..layer.gates() {
-            let (a, b) = (layer.input(result, gate)[unit], layer.hidden(result, gate)[unit]);
-            let of = place.row(gate * units + unit);
-            let rows = |from: usize, len: usize| &changes[from * columns..(from + len) * columns];
-            add_rows(row, rows(of.weight_ih.start, x.len()), scaled(x, a, coefficients));
-            add_rows(row, rows(of.weight_hh.start, h.len()), scaled(h, b, coefficients));
-            add_rows(row, rows(of.bias_ih, 1), &[a]);
-            add_rows(row, rows(of.bias_hh, 1), &[b]);
+        let rows = |from: usize, len: usize| &changes[from * columns..(from + len) * columns];
+        for (unit, row) in out.chunks_exact_mut(columns).enumerate() {
+            for gate in layer.own_gates(result) {
+                let (a, b) = (layer.input(result, gate)[unit], layer.hidden(result, gate)[unit]);
+                let of = place.row(gate * layer.units() + unit);
+                add_rows(row, rows(of.weight_ih.start, x.len()), scaled(x, a, coefficients));
+                add_rows(row, rows(of.weight_hh.start, h.len()), scaled(h, b, coefficients));
+                add_rows(row, rows(of.bias_ih, 1), &[a]);
+                add_rows(row, rows(of.bias_hh, 1), &[b]);
+            }
         }
     }
 
@@ -185,28 +195,36 @@ impl<T: Scalar> Linearization<T> {
     /// # Panics
     /// If a matrix has not its rows times `columns`.
     pub fn output_times(&self, packed: &Packed<T>, change: Change<'_, T>, columns: usize, out: &mut [T]) {
-        out.fill(T::zero());
+        Arch::new().dispatch(OutputTimes { linear: self, packed, change, columns, out });
+    }
+
+    #[inline(always)]
+    fn output_times_here<S: Simd>(
+        &self,
+        simd: S,
+        packed: &Packed<T>,
+        change: Change<'_, T>,
+        columns: usize,
+        out: &mut [T],
+    ) {
         let shown = self.shown.len();
         let state = change.state.map(|state| &state[(packed.network().state_len() - shown) * columns..]);
         let Some((weight, bias)) = &packed.layout().read_out else {
-            if let Some(state) = state {
-                out.copy_from_slice(state);
+            match state {
+                Some(state) => out.copy_from_slice(state),
+                None => out.fill(T::zero()),
             }
             return;
         };
+        let results = self.layers[0].results();
+        let begin = (change.local.unwrap_or(&[]), self.first_output_block() * results, results);
+        let part = (&packed.weights()[weight.clone()], state.unwrap_or(&[]));
+        Sums { columns, begin, own: (&[], &[]), parts: [part, (&[], &[])] }.of(simd, out);
+        let Some(changes) = change.weights else { return };
         for (i, row) in out.chunks_exact_mut(columns).enumerate() {
             let run = weight.start + i * shown..weight.start + (i + 1) * shown;
-            if let Some(state) = state {
-                add_rows(row, state, &packed.weights()[run.clone()]);
-            }
-            if let Some(changes) = change.weights {
-                add_rows(row, &changes[run.start * columns..run.end * columns], &self.shown);
-                add_rows(row, &changes[(bias.start + i) * columns..][..columns], &[T::one()]);
-            }
-            if let Some(local) = change.local {
-                let at = (self.first_output_block() + i) * self.layers[0].results();
-                add_rows(row, &local[at * columns..(at + 1) * columns], &[T::one()]);
-            }
+            add_rows(row, &changes[run.start * columns..run.end * columns], &self.shown);
+            add_rows(row, &changes[(bias.start + i) * columns..][..columns], &[T::one()]);
         }
     }
 }
