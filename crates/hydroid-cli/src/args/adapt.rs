@@ -31,10 +31,10 @@ pub struct EquationsArgs {
     pub no_gate: bool,
 }
 
-/// How networks learn, and equations by the filter.
+/// How networks and vessels learn, and equations by the filter.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
 #[command(
-    next_help_heading = "Learning by the filter (networks, and equations with --learner kalman; variances of the scaled model)"
+    next_help_heading = "Learning by the filter (networks, vessels, and equations with --learner kalman; variances of the scaled model)"
 )]
 pub struct NetworksArgs {
     /// Standard deviation of the noise of each output, in its SI unit: u=0.01,v=0.01,r=0.02 (default: as in the logs that the
@@ -130,7 +130,7 @@ pub struct StreamArgs {
 /// by then, and nothing later. The coefficients of equations follow by recursive least squares with forgetting; the
 /// model itself stays the prior, to which coefficients return that the log says nothing about. The weights of a
 /// network, and with --learner kalman coefficients too, are estimated together with the state by an extended Kalman
-/// filter.
+/// filter; so are the parameters of a vessel (masses, drag, rudder, propeller, flying mode), and -o writes its file.
 ///
 /// With - (standard input) or --stream it is a service: each line, CSV below a header or a JSON object, is
 /// answered at once with a line of JSON that holds what became of the sample, the estimate, and predictions with
@@ -141,6 +141,7 @@ pub struct StreamArgs {
   hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
   hydroid adapt out/sindy.safetensors today.csv --learner kalman --noise u=0.01,v=0.01,r=0.02
   hydroid adapt out/gru.safetensors today.csv --noise u=0.01,v=0.01,r=0.02
+  hydroid adapt mine.toml today.csv -o learned.toml    a vessel with given parameters, as `hydroid simulate` takes it
   logger | hydroid adapt out/sindy.safetensors - --state boat.state | controller
   hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
 
@@ -148,16 +149,16 @@ Exit status: 0 adapted is at least as good as frozen in the mean of outputs and 
 diverged; 1 otherwise; 2 wrong input. Of a stream: 0 at its end, 2 wrong input, 130 interrupted, with state and
 model written.")]
 pub struct Adapt {
-    /// The model
+    /// The model: a .safetensors file, a vessel of your own (a TOML file), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
     /// The log; - to serve a stream on standard input
     #[arg(value_name = "LOG|-")]
     pub run: PathBuf,
-    /// Where to write the model with the coefficients or weights that it had at the end
+    /// Where to write the model with the coefficients or weights that it had at the end; a vessel as a .toml file
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// How the model learns: equations by least squares (the default) or by the filter, networks by the filter
+    /// How the model learns: equations by least squares (the default) or by the filter, networks and vessels by the filter
     #[arg(long, value_name = "HOW", value_enum)]
     pub learner: Option<Learner>,
     /// Time [s] after which a sample counts 1/e; inf to forget nothing (default: 60 for least squares, inf for the filter)
