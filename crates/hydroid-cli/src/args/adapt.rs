@@ -41,20 +41,24 @@ pub struct NetworksArgs {
     /// model was trained on)
     #[arg(long, value_name = "NAME=STD", value_delimiter = ',')]
     pub noise: Vec<NamedNumber>,
-    /// The noise counts for so many times its variance: what else the model misses is in there (default: 3; equations 1)
+    /// The noise counts for so many times its variance: what else the model misses is in there (default: 3; equations and
+    /// vessels 1)
     #[arg(long, value_name = "X")]
     pub noise_factor: Option<f64>,
-    /// Variance of each weight at the start: how far the vessel may be from the model (default: 0.02; equations 0.001)
+    /// Variance of each weight at the start: how far the vessel may be from the model (default: 0.02; equations 0.001;
+    /// vessels 0.01, of relative changes: 10 %)
     #[arg(long, value_name = "P0")]
     pub weight_variance: Option<f64>,
-    /// Variance that each weight gains in a second: how fast the vessel may change (default: 3e-7; equations 1e-6)
+    /// Variance that each weight gains in a second: how fast the vessel may change (default: 3e-7; equations and vessels
+    /// 1e-6)
     #[arg(long, value_name = "Q")]
     pub weight_noise: Option<f64>,
-    /// Variance that each number of the state gains in a second: of a network the hidden one, of equations the outputs
-    /// (default: 1e-4; equations 1e-3)
+    /// Variance that each number of the state gains in a second: of a network the hidden one, of equations the outputs,
+    /// of a vessel these and the propeller force (default: 1e-4; equations 1e-3; vessels 1e-5)
     #[arg(long, value_name = "Q")]
     pub state_noise: Option<f64>,
-    /// Time constant [s] with which weights return to those of the model; inf not to (default: 3300; equations inf)
+    /// Time constant [s] with which weights return to those of the model; inf not to (default: 3300; equations and
+    /// vessels inf)
     #[arg(long, value_name = "S")]
     pub leak: Option<f64>,
     /// Innovations of more standard deviations than this weigh less (default: inf)

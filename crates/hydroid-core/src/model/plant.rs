@@ -28,7 +28,9 @@ impl core::fmt::Display for PlantModelError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Vessel(error) => error.fmt(f),
-            Self::Step(dt) => write!(f, "a vessel cannot step {dt} s: give a positive sample time in seconds"),
+            Self::Step(dt) => {
+                write!(f, "a vessel cannot step {dt} s: give a positive sample time in seconds")
+            }
             Self::Unbounded => write!(
                 f,
                 "under the limits of its commands this vessel reaches speeds that are no numbers: check drag and commands.*.limits"

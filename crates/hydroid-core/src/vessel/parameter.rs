@@ -95,16 +95,7 @@ impl<T: Number> Parts<T> {
         let [rudder_gain, lag, added_mass_factor, drag_factor, transition_speed, slope] =
             core::array::from_fn(|k| numbers[25 + k]);
         let (linear, quadratic) = (matrix(7), matrix(16));
-        Self {
-            linear,
-            quadratic,
-            rudder_gain,
-            lag,
-            added_mass_factor,
-            drag_factor,
-            transition_speed,
-            slope,
-        }
+        Self { linear, quadratic, rudder_gain, lag, added_mass_factor, drag_factor, transition_speed, slope }
     }
 }
 

@@ -61,7 +61,12 @@ struct InverseMass<T> {
 impl<T: Number> InverseMass<T> {
     fn new([m11, m22, m23, m33]: [T; 4]) -> Self {
         let determinant = m22 * m33 - m23 * m23;
-        Self { i11: T::constant(1.0) / m11, i22: m33 / determinant, i23: -m23 / determinant, i33: m22 / determinant }
+        Self {
+            i11: T::constant(1.0) / m11,
+            i22: m33 / determinant,
+            i23: -m23 / determinant,
+            i33: m22 / determinant,
+        }
     }
 
     #[inline]

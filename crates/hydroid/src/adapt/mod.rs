@@ -222,9 +222,7 @@ pub fn adapt(
             Some(equations::filtered(model, &motion, &options.kalman, runs)?)
         }
         (Used::Kalman(_), _, Some(vessel)) => Some(plant::filtered(model, vessel, &options.kalman, runs)?),
-        (Used::Kalman(used), None, None) => {
-            kalman::filtered(model, &used.noise).map(|model| model.session())
-        }
+        (Used::Kalman(used), None, None) => kalman::filtered(model, &used.noise).map(|model| model.session()),
     };
     let frozen_filtered = match filtered {
         Some(mut filtered) => {

@@ -14,9 +14,9 @@ mod units;
 use std::sync::Arc;
 
 use hydroid_core::adapt::BlendSettings;
-use hydroid_core::model::{PlantModel, PlantSession};
 use hydroid_core::model::recurrent::{Recurrent, RecurrentSession};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
+use hydroid_core::model::{PlantModel, PlantSession};
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 

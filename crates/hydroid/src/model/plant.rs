@@ -117,8 +117,7 @@ pub(super) fn read(path: &Path) -> Option<Result<Model, ModelError>> {
 }
 
 fn model(params: &VesselParams, path: &Path) -> Result<Model, ModelError> {
-    Model::of_vessel(params, PLANT_DT_S)
-        .map_err(|source| ModelError::Plant { path: path.to_owned(), source })
+    Model::of_vessel(params, PLANT_DT_S).map_err(|source| ModelError::Plant { path: path.to_owned(), source })
 }
 
 fn read_file(path: &Path) -> Result<Model, ModelError> {

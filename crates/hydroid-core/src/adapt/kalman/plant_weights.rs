@@ -30,8 +30,7 @@ pub(super) struct PlantWeights {
 impl PlantWeights {
     pub(super) fn new(form: Form, given: &Numbers) -> Self {
         let flying = |place: usize| PARAMETER[place].path.starts_with("flying.");
-        let places =
-            (0..given.len()).filter(|&place| given[place] != 0.0 && (form.flying || !flying(place)));
+        let places = (0..given.len()).filter(|&place| given[place] != 0.0 && (form.flying || !flying(place)));
         Self { form, given: *given, places: places.collect() }
     }
 
