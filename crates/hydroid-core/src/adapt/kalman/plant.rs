@@ -27,8 +27,8 @@ pub(super) const LANES: usize = 8;
 ///
 /// A step is one sample under a held command `x = [PP, RD]` in its own units; `A = dh+/dh` and `B = dh+/dw` are the
 /// derivatives of the Runge-Kutta steps themselves, carried through them ([`Dual`]) some at a time. Weights that a correction
-/// takes beyond what a vessel can have (a mass matrix that is not positive definite, a parameter beyond a tenth or ten
-/// times what was given) are brought back towards the last that it can.
+/// takes beyond what a vessel can have (a mass matrix that is not positive definite; weights beyond `ln 10`, where a
+/// parameter is a tenth or ten times what was given) are brought back towards the last that it can.
 #[derive(Clone, Debug)]
 pub struct LearnablePlant {
     map: PlantWeights,

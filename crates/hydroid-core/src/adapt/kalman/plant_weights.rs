@@ -6,7 +6,8 @@ use num_traits::Float;
 
 use crate::vessel::{Form, Numbers, PARAMETER, is_solvable};
 
-/// The largest weight: a parameter of one sign stays within a tenth and ten times of what was given.
+/// The largest weight: a parameter of one sign stays within a tenth and ten times of what was given, others within 2.3 times
+/// of it away from it.
 const LARGEST: f64 = core::f64::consts::LN_10;
 
 /// Halvings of a step that leads to parameters that no vessel has, before it is not made at all.
