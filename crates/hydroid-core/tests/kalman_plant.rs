@@ -118,9 +118,9 @@ fn partials_are_those_of_central_differences() {
                 let at = |by: f64| {
                     let (mut h, mut weights) = (h.clone(), weights.clone());
                     if j < 4 {
-                        h[j] += by
+                        h[j] += by;
                     } else {
-                        weights[j - 4] += by
+                        weights[j - 4] += by;
                     }
                     step(&plant, &h, &weights, &x)
                 };

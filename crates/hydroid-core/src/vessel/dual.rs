@@ -39,6 +39,12 @@ fn join<const N: usize>(a: &[f64; N], b: &[f64; N], of: impl Fn(f64, f64) -> f64
     core::array::from_fn(|i| of(a[i], b[i]))
 }
 
+/// `(x y)' = x' y + x y'`.
+#[inline]
+fn of_product(dx: f64, y: f64, x: f64, dy: f64) -> f64 {
+    dx * y + x * dy
+}
+
 impl<const N: usize> Add for Dual<N> {
     type Output = Self;
 
@@ -62,7 +68,7 @@ impl<const N: usize> Mul for Dual<N> {
 
     #[inline]
     fn mul(self, b: Self) -> Self {
-        let partials = join(&self.partials, &b.partials, |p, q| p * b.value + self.value * q);
+        let partials = join(&self.partials, &b.partials, |p, q| of_product(p, b.value, self.value, q));
         Self { value: self.value * b.value, partials }
     }
 }

@@ -142,7 +142,7 @@ pub(super) fn encode(model: &Model, plant: &PlantModel) -> Result<String, toml::
     if let Some(history) = model.description.provenance.settings["adapted"].as_array() {
         text.push_str("# Parameters that were learned with `hydroid adapt`; one line for each time.\n");
         for entry in history {
-            text.push_str(&format!("{LEARNED}{entry}\n"));
+            text.extend([LEARNED, &entry.to_string(), "\n"]);
         }
     }
     Ok(text + &vessel_toml(plant.params())?)
