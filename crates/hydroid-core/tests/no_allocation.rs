@@ -7,17 +7,20 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use hydroid_core::adapt::kalman::{KalmanEquations, KalmanNetwork, LearnableEquations, Memory, Tuning};
+use hydroid_core::adapt::kalman::{
+    KalmanEquations, KalmanNetwork, KalmanPlant, LearnableEquations, LearnablePlant, Memory, Tuning,
+};
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
-use hydroid_core::model::Persistence;
 use hydroid_core::model::recurrent::{
     Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
     StateFilter, Tape,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
+use hydroid_core::model::{Persistence, PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::vessel::VesselParams;
 
 struct Counting;
 
@@ -178,6 +181,13 @@ fn filtered(equations: &Equations) -> KalmanEquations {
     KalmanEquations::new(model, Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, ..uniform }).unwrap()
 }
 
+/// A vessel that learns by a filter.
+fn vessel(model: &PlantModel) -> KalmanPlant {
+    let plant = LearnablePlant::new(model);
+    let uniform = Tuning::uniform(plant.places().len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
+    KalmanPlant::new(model, Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, ..uniform }).unwrap()
+}
+
 /// A whole way there and back, and a rollout.
 fn recurrent_batches_allocate_nothing(cell: Cell) {
     let network = Network { cell, inputs: 2, outputs: 3, read_out: true };
@@ -232,6 +242,8 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(adapter.clone());
     learning_allocates_nothing(filtered(&equations));
     learning_networks_allocate_nothing();
+    let hydrofoil = PlantModel::new(&VesselParams::hydrofoil(), 0.1).unwrap();
+    learning_allocates_nothing(vessel(&hydrofoil));
     recurrent_batches_allocate_nothing(Cell::Lstm { hidden: 6, projection: Some(3) });
     recurrent_batches_allocate_nothing(Cell::Gru { hidden: 6 });
     recurrent_batches_allocate_nothing(Cell::Vanilla { hidden: 6, layers: 2 });
@@ -243,7 +255,10 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(filtered(&recalling));
     learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
     let below = Arc::new(recalling.clone());
-    let sessions: [Box<dyn Predictor>; 7] = [
+    let sessions: [Box<dyn Predictor>; 10] = [
+        vessel(&hydrofoil).fork(),
+        Box::new(vessel(&hydrofoil)),
+        Box::new(PlantSession::new(&hydrofoil)),
         recalls.fork(),
         Box::new(recalls),
         Box::new(EquationsSession::new(Arc::new(recalling))),

@@ -1,7 +1,7 @@
 //! Many runs on bad days, with the guard and without: how far the guarantee holds.
 //!
 //! ```text
-//! cargo run --release -p hydroid --example guard_campaign -- MODEL[,MODEL ..] LOG[,LOG ..] TRAIN [runs=200] [seed=1]
+//! cargo run --release -p hydroid --example guard_campaign -- MODEL[,MODEL ..] LOG[,LOG ..] TRAIN [runs=200] [seed=1] [only=INDEX]
 //! ```
 //!
 //! Models are recurrent networks that see inputs alone; the logs have truth (or are taken for it); `TRAIN` is a log that the models
@@ -74,6 +74,7 @@ fn main() -> Result<(), Failure> {
         models.iter().flat_map(each).collect()
     } else {
         (0..setting("runs", 200))
+            .filter(|&index| settings.get("only").is_none_or(|&only| only == index))
             .map(|index| drawn(&models, &runs, setting("seed", 1), index))
             .collect::<Result<_, _>>()?
     };

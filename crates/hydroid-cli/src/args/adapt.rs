@@ -31,30 +31,34 @@ pub struct EquationsArgs {
     pub no_gate: bool,
 }
 
-/// How networks learn, and equations by the filter.
+/// How networks and vessels learn, and equations by the filter.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
 #[command(
-    next_help_heading = "Learning by the filter (networks, and equations with --learner kalman; variances of the scaled model)"
+    next_help_heading = "Learning by the filter (networks, vessels, and equations with --learner kalman; variances of the scaled model)"
 )]
 pub struct NetworksArgs {
     /// Standard deviation of the noise of each output, in its SI unit: u=0.01,v=0.01,r=0.02 (default: as in the logs that the
     /// model was trained on)
     #[arg(long, value_name = "NAME=STD", value_delimiter = ',')]
     pub noise: Vec<NamedNumber>,
-    /// The noise counts for so many times its variance: what else the model misses is in there (default: 3; equations 1)
+    /// The noise counts for so many times its variance: what else the model misses is in there (default: 3; equations and
+    /// vessels 1)
     #[arg(long, value_name = "X")]
     pub noise_factor: Option<f64>,
-    /// Variance of each weight at the start: how far the vessel may be from the model (default: 0.02; equations 0.001)
+    /// Variance of each weight at the start: how far the vessel may be from the model (default: 0.02; equations 0.001;
+    /// vessels 0.01, of relative changes: 10 %)
     #[arg(long, value_name = "P0")]
     pub weight_variance: Option<f64>,
-    /// Variance that each weight gains in a second: how fast the vessel may change (default: 3e-7; equations 1e-6)
+    /// Variance that each weight gains in a second: how fast the vessel may change (default: 3e-7; equations and vessels
+    /// 1e-6)
     #[arg(long, value_name = "Q")]
     pub weight_noise: Option<f64>,
-    /// Variance that each number of the state gains in a second: of a network the hidden one, of equations the outputs
-    /// (default: 1e-4; equations 1e-3)
+    /// Variance that each number of the state gains in a second: of a network the hidden one, of equations the outputs,
+    /// of a vessel these and the propeller force (default: 1e-4; equations 1e-3; vessels 1e-5)
     #[arg(long, value_name = "Q")]
     pub state_noise: Option<f64>,
-    /// Time constant [s] with which weights return to those of the model; inf not to (default: 3300; equations inf)
+    /// Time constant [s] with which weights return to those of the model; inf not to (default: 3300; equations and
+    /// vessels inf)
     #[arg(long, value_name = "S")]
     pub leak: Option<f64>,
     /// Innovations of more standard deviations than this weigh less (default: inf)
@@ -130,7 +134,7 @@ pub struct StreamArgs {
 /// by then, and nothing later. The coefficients of equations follow by recursive least squares with forgetting; the
 /// model itself stays the prior, to which coefficients return that the log says nothing about. The weights of a
 /// network, and with --learner kalman coefficients too, are estimated together with the state by an extended Kalman
-/// filter.
+/// filter; so are the parameters of a vessel (masses, drag, rudder, propeller, flying mode), and -o writes its file.
 ///
 /// With - (standard input) or --stream it is a service: each line, CSV below a header or a JSON object, is
 /// answered at once with a line of JSON that holds what became of the sample, the estimate, and predictions with
@@ -141,6 +145,7 @@ pub struct StreamArgs {
   hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
   hydroid adapt out/sindy.safetensors today.csv --learner kalman --noise u=0.01,v=0.01,r=0.02
   hydroid adapt out/gru.safetensors today.csv --noise u=0.01,v=0.01,r=0.02
+  hydroid adapt mine.toml today.csv -o learned.toml    a vessel with given parameters, as `hydroid simulate` takes it
   logger | hydroid adapt out/sindy.safetensors - --state boat.state | controller
   hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
 
@@ -148,16 +153,16 @@ Exit status: 0 adapted is at least as good as frozen in the mean of outputs and 
 diverged; 1 otherwise; 2 wrong input. Of a stream: 0 at its end, 2 wrong input, 130 interrupted, with state and
 model written.")]
 pub struct Adapt {
-    /// The model
+    /// The model: a .safetensors file, a vessel of your own (a TOML file), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
     /// The log; - to serve a stream on standard input
     #[arg(value_name = "LOG|-")]
     pub run: PathBuf,
-    /// Where to write the model with the coefficients or weights that it had at the end
+    /// Where to write the model with the coefficients or weights that it had at the end; a vessel as a .toml file
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// How the model learns: equations by least squares (the default) or by the filter, networks by the filter
+    /// How the model learns: equations by least squares (the default) or by the filter, networks and vessels by the filter
     #[arg(long, value_name = "HOW", value_enum)]
     pub learner: Option<Learner>,
     /// Time [s] after which a sample counts 1/e; inf to forget nothing (default: 60 for least squares, inf for the filter)

@@ -18,9 +18,17 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
     // Said before the log is read: no log would change it.
     adapt::adaptable(&model).with_context(|| format!("{} cannot be adapted", args.model.display()))?;
+    if let (Some(path), Some(_)) = (&args.output, model.plant()) {
+        ensure!(
+            path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")),
+            "{}: a vessel is written as a vessel file: give -o a name that ends in .toml",
+            path.display()
+        );
+    }
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
     if args.stream.stream || args.run == Path::new("-") {
-        return stream::run(args, global, &model, reading);
+        let dt = args.log.dt.unwrap_or(model.description.dt);
+        return stream::run(args, global, &model.at_step(dt)?, reading);
     }
     let given = &args.stream;
     ensure!(
@@ -28,10 +36,10 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         "--horizons, --state and --timing are of a live stream: add --stream, or give - for standard input"
     );
     let raw = log::read(&args.run)?;
-    let prepared = log::prepare(&[raw], &reading.selection, &reading.options).with_context(|| {
-        format!("a log for {}, which steps {} s, cannot be used", args.model.display(), model.description.dt)
-    })?;
+    let prepared = log::prepare(&[raw], &reading.selection, &reading.options)
+        .with_context(|| logs::unusable(&args.model, &model))?;
     ui::tell(&prepared.notes, global);
+    let model = logs::at_their_step(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
     ui::tell(model.outside(&prepared.runs).as_slice(), global);
     let options = options(args, &model)?;
@@ -62,7 +70,7 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     if equations && args.learner != Some(Learner::Kalman) {
         ensure!(
             args.networks == NetworksArgs::default(),
-            "options under 'Learning by the filter' are for networks, and for equations with --learner kalman: this is a model of kind '{}'",
+            "options under 'Learning by the filter' are for networks and vessels, and for equations with --learner kalman: this is a model of kind '{}'",
             model.kind()
         );
         let given = &args.equations;
@@ -87,13 +95,14 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         "options under 'Learning by least squares' are for equations that learn so: this is a model of kind '{}', which is to learn by the filter",
         model.kind()
     );
-    if equations {
+    if model.recurrent().is_none() {
         ensure!(
             args.networks.weights.is_none() && !args.networks.single_precision,
             "--weights and --single-precision are for networks: this is a model of kind '{}'",
             model.kind()
         );
-        (options.method, options.kalman) = (Method::Kalman, Kalman::of_equations());
+        options.method = Method::Kalman;
+        options.kalman = if equations { Kalman::of_equations() } else { Kalman::of_plants() };
     }
     let (given, settings) = (&args.networks, &mut options.kalman);
     for (value, into) in [
@@ -174,6 +183,14 @@ fn doubts(report: &Report) -> Vec<Note> {
 fn show(report: &Report, written: Option<&Path>) {
     let table = table::side_by_side(&report.frozen, report.frozen_filtered.as_ref(), &report.adapted);
     ui::write_out(format_args!("{table}\n"));
+    if !report.parameters.is_empty() {
+        outln!("{:<26} {:>12} {:>12} {:>8}", "parameter", "given", "learned", "change");
+        for p in &report.parameters {
+            let change = 100.0 * (p.learned / p.given - 1.0);
+            outln!("{:<26} {:>12.5} {:>12.5} {change:>+6.1} % {}", p.path, p.given, p.learned, p.unit);
+        }
+        outln!("");
+    }
     let (guard, times, coverage) = (report.guard, report.us_per_sample, report.coverage);
     outln!(
         "learned from {} rows ({} with less weight), rejected {}, rolled back {}",

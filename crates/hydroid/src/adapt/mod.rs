@@ -8,6 +8,7 @@ mod events;
 mod guarded;
 mod kalman;
 pub mod least_squares;
+mod plant;
 pub mod stream;
 mod watch;
 
@@ -28,9 +29,10 @@ pub use hydroid_core::adapt::guard::GuardSettings;
 pub use hydroid_core::adapt::kalman::Memory;
 pub use kalman::{Kalman, UsedKalman, Which};
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
+pub use plant::LearnedParameter;
 pub use watch::{Counts, Coverage, Times};
 
-/// How equations learn. Networks learn by the filter, whatever is chosen.
+/// How equations learn. Networks and vessels learn by the filter, whatever is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// Recursive least squares on increments: the coefficients, beside a state that is measured.
@@ -47,7 +49,8 @@ pub struct Options {
     pub method: Method,
     /// For equations that learn by least squares.
     pub least_squares: LeastSquares,
-    /// For networks, and for equations that learn by the filter: then [`Kalman::of_equations`] is where to begin.
+    /// For networks; for equations that learn by the filter [`Kalman::of_equations`] is where to begin, for vessels
+    /// [`Kalman::of_plants`].
     pub kalman: Kalman,
     /// Whether, and how, what is learned is guarded.
     pub guard: Option<GuardSettings>,
@@ -75,6 +78,9 @@ pub struct Report {
     pub coverage: Coverage,
     /// Settings, with what was chosen written out.
     pub settings: Used,
+    /// Parameters of a vessel before and after; none of other models.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<LearnedParameter>,
 }
 
 /// The settings that were used; they stand in the adapted model's provenance.
@@ -83,7 +89,7 @@ pub struct Report {
 pub enum Used {
     /// Of equations.
     LeastSquares(UsedLeastSquares),
-    /// Of a network, or of equations that learn by the filter.
+    /// Of a network, a vessel, or equations that learn by the filter.
     Kalman(UsedKalman),
 }
 
@@ -114,7 +120,7 @@ pub enum AdaptError {
     #[error("the model cannot be adapted: {0}")]
     Kalman(#[from] KalmanError),
     /// What only networks have.
-    #[error("{what} is for networks: this is a model of equations")]
+    #[error("{what} is for networks: this model is none")]
     OnlyNetworks {
         /// Asked for.
         what: &'static str,
@@ -163,7 +169,7 @@ pub enum AdaptError {
 /// If nothing here adapts a model of its kind.
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     match &model.body {
-        Body::Equations(_) | Body::Recurrent(_) => Ok(()),
+        Body::Equations(_) | Body::Recurrent(_) | Body::Plant(_) => Ok(()),
     }
 }
 
@@ -197,9 +203,17 @@ fn learner(
         let (adapter, used) = least_squares::adapter(model, &motion, &options.least_squares)?;
         return Ok((Box::new(adapter), Used::LeastSquares(used)));
     }
-    let Body::Recurrent(network) = &model.body else { return Err(AdaptError::Kind { kind: model.kind() }) };
-    let (adapter, used) = kalman::adapter(model, network, &options.kalman, runs)?;
-    Ok((adapter, Used::Kalman(used)))
+    match &model.body {
+        Body::Recurrent(network) => {
+            let (adapter, used) = kalman::adapter(model, network, &options.kalman, runs)?;
+            Ok((adapter, Used::Kalman(used)))
+        }
+        Body::Plant(vessel) => {
+            let (adapter, used) = plant::adapter(model, vessel, &options.kalman, runs)?;
+            Ok((Box::new(adapter), Used::Kalman(used)))
+        }
+        Body::Equations(_) => Err(AdaptError::Kind { kind: model.kind() }),
+    }
 }
 
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
@@ -226,10 +240,13 @@ pub fn adapt(
     let frozen = evaluate(name, frozen_session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
         progress(0.5 * done)
     })?;
-    let filtered = match (&used, model.equations()) {
-        (Used::LeastSquares(_), _) => None,
-        (Used::Kalman(used), None) => kalman::filtered(model, &used.noise).map(|model| model.session()),
-        (Used::Kalman(_), Some(motion)) => Some(equations::filtered(model, &motion, &options.kalman, runs)?),
+    let filtered = match (&used, model.equations(), model.plant()) {
+        (Used::LeastSquares(_), ..) => None,
+        (Used::Kalman(_), Some(motion), _) => {
+            Some(equations::filtered(model, &motion, &options.kalman, runs)?)
+        }
+        (Used::Kalman(_), _, Some(vessel)) => Some(plant::filtered(model, vessel, &options.kalman, runs)?),
+        (Used::Kalman(used), None, None) => kalman::filtered(model, &used.noise).map(|model| model.session()),
     };
     let frozen_filtered = match filtered {
         Some(mut filtered) => {
@@ -245,6 +262,8 @@ pub fn adapt(
         evaluate(&format!("{name}, adapted"), &mut watched, &ranges, runs, &options.evaluate, &mut |done| {
             progress(0.5 + 0.5 * done)
         })?;
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
+    let after = learned(model, watched.weights(), &names, &used)?;
     let report = Report {
         frozen,
         frozen_filtered,
@@ -253,10 +272,10 @@ pub fn adapt(
         events: events::happened(watched.events(), runs, &events::names(model)),
         us_per_sample: watched.times(),
         coverage: watched.coverage(),
-        settings: used.clone(),
+        parameters: plant::parameters(model, &after),
+        settings: used,
     };
-    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    Ok(Adapted { model: learned(model, adapter.weights(), &names, &used)?, report })
+    Ok(Adapted { model: after, report })
 }
 
 /// The model with the weights that an adapter of [`adapter`] has; its provenance says from which runs, and how.
@@ -267,6 +286,7 @@ pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: &Used) -> Re
     let mut model = match (used, &model.body) {
         (Used::LeastSquares(used), _) => least_squares::learned(model, weights, used.all_terms)?,
         (Used::Kalman(_), Body::Recurrent(network)) => kalman::learned(model, network, weights)?,
+        (Used::Kalman(_), Body::Plant(vessel)) => plant::learned(model, vessel, weights)?,
         (Used::Kalman(_), Body::Equations(_)) => least_squares::learned(model, weights, false)?,
     };
     let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });

@@ -53,7 +53,13 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
     let mut stream = Stream::new(model, adapter, options)?;
     if let Some(path) = &args.stream.state {
         let file =
-            std::fs::read(&args.model).with_context(|| format!("{} cannot be read", args.model.display()))?;
+            // A vessel may have no file, and takes the sample time that it is given.
+            if model.plant().is_some() {
+                [model::encode(model)?, model.description.dt.to_le_bytes().to_vec()].concat()
+            } else {
+                std::fs::read(&args.model)
+                    .with_context(|| format!("{} cannot be read", args.model.display()))?
+            };
         if let Some(t) = stream.keep_in(path, fingerprint(&file), &used)? {
             let note = format!("going on from {} at {t} s: lines up to then are skipped", path.display());
             ui::tell(&[Note::info(note)], global);

@@ -12,8 +12,8 @@ use crate::adapt::memory::{Reader, Writer};
 const FAILED: f64 = 1.5;
 
 /// Shares of the account at which predictions go back to the model from shore, and are free again.
-const TIGHT: f64 = 0.3;
-const FREE: f64 = 0.15;
+const TIGHT: f64 = 0.2;
+const FREE: f64 = 0.1;
 
 /// A model is used as long as its record is not worse than that of the one from shore by the guarantee itself, and again when
 /// it is not by this, beside half the noise floor ..

@@ -153,7 +153,7 @@ impl Guard {
             trial: Trial::new(learner.as_ref(), &scale, &settings),
             choice: Choice::new(&settings, floor),
             ranges: ranges.to_vec(),
-            sensors: vec![Sensor::default(); n],
+            sensors: noise.iter().map(|&noise| Sensor::new(noise)).collect(),
             events: Vec::with_capacity(4 * n + 8),
             outcome: Outcome::Waiting,
             sample: 0,

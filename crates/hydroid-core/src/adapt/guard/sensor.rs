@@ -12,8 +12,8 @@ const WARM_UP: usize = 100;
 /// Time constant of the usual size of innovations \[measurements\].
 const MEMORY: f64 = 200.0;
 
-/// Two innovations differ no more than usual up to so many deviations.
-const SAME: f64 = 6.0;
+/// Two measurements of a sensor with an offset differ from what is expected by the same, up to so many deviations of its noise.
+const SAME: f64 = 5.0;
 
 /// Innovations of less than this many deviations are what a sound sensor gives.
 const SOUND: f64 = 4.0;
@@ -43,11 +43,13 @@ pub(super) enum Verdict {
 /// the noise that a filter is told is often inflated on purpose. Faults begin between one measurement and the next;
 /// innovations that grow are a vessel whom the models do not know. One measurement that is farther off than
 /// [`reject`](GuardSettings::reject), after one that was not, is a spike, and so are those that follow it with the same
-/// innovation of some model, but for what is usual: after [`patience`](GuardSettings::patience) of them it is an offset of the
+/// innovation of some model, but for noise: after [`patience`](GuardSettings::patience) of them it is an offset of the
 /// sensor (a vessel does not jump and then move as if it had not). One that follows with another innovation is the vessel after
 /// all.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
+    /// Standard deviation of its noise, in its unit.
+    noise: f64,
     /// Innovations that were used.
     seen: usize,
     /// `s^2`.
@@ -77,6 +79,11 @@ struct Track {
 }
 
 impl Sensor {
+    /// A sensor that was not heard yet.
+    pub(super) fn new(noise: f64) -> Self {
+        Self { noise, last: f64::NAN, ..Self::default() }
+    }
+
     /// Numbers of [`save`](Self::save).
     pub(super) const MEMORY_LEN: usize = 8 + 3 * EXPERTS;
 
@@ -176,7 +183,7 @@ impl Sensor {
         self.streak += 1;
         for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
             let moved = innovation - track.first;
-            if num_traits::Float::powi(moved, 2) > SAME * SAME * self.usual {
+            if moved.abs() > SAME * self.noise {
                 track.first = f64::NAN;
             }
             track.sum += innovation;
