@@ -237,6 +237,12 @@ fn row(case: &Case, shore: &Trajectory) -> Result<Row, Failure> {
     let ratio_alone = windows(&|own, frozen| own / frozen, &alone);
     let ratio = windows(&|own, frozen| own / frozen, &guarded);
     let exceeds = windows(&|own, frozen| (own - settings.factor * frozen) / floor - 1.0, &guarded);
+    let worst = {
+        let over = |k: usize, course: &Course| course.errors[k..k + window].iter().sum::<f64>();
+        let excess = |k: &usize| over(*k, &guarded) - settings.factor * over(*k, &frozen);
+        let last = guarded.errors.len().saturating_sub(window);
+        (0..last).max_by(|a, b| excess(a).total_cmp(&excess(b))).unwrap_or(0) as f64 * run.dt + 100.0 * run.dt
+    };
     let mean = |course: &Course| course.errors.iter().sum::<f64>() / course.errors.len() as f64;
     let means = |course: &Course| {
         let mean =
@@ -245,7 +251,7 @@ fn row(case: &Case, shore: &Trajectory) -> Result<Row, Failure> {
     };
     let touched = guarded.touched as f64 / run.len() as f64;
     let text = format!(
-        "{name}\n      frozen {}  alone {} ({ratio_alone:.2})  guarded {} ({ratio:.2})  exceeds {exceeds:.2}  touched {:.2} %  {:?}",
+        "{name}\n      frozen {}  alone {} ({ratio_alone:.2})  guarded {} ({ratio:.2})  exceeds {exceeds:.2} from {worst:.1} s  touched {:.2} %  {:?}",
         means(&frozen),
         means(&alone),
         means(&guarded),
@@ -286,6 +292,9 @@ fn course(session: &mut dyn Adapter, run: &Trajectory, scale: &[f64], horizon: u
         if let Some(guard) = session.guard() {
             for event in guard.events() {
                 *events.entry(event.action.name()).or_default() += 1;
+                if std::env::var_os("GUARD_EVENTS").is_some() {
+                    println!("{:.1} {:?}", k as f64 * run.dt, event.action);
+                }
             }
             let names = guard.events().iter().map(|event| event.action.name());
             touched += usize::from(

@@ -15,6 +15,9 @@ const FAILED: f64 = 1.5;
 const TIGHT: f64 = 0.2;
 const FREE: f64 = 0.1;
 
+/// Mean of the absolute value of a normal number of deviation one.
+const MEAN_OF_NOISE: f64 = 0.8;
+
 /// A model is used as long as its record is not worse than that of the one from shore by the guarantee itself, and again when
 /// it is not by this, beside half the noise floor ..
 const AGAIN: f64 = 1.1;
@@ -88,7 +91,9 @@ impl Choice {
             let far = far.min(1e3);
             *record = if record.is_nan() { far } else { *record + self.share * (far - *record) };
         }
-        let excess = tested.far[tested.used.index()] - self.factor * tested.far[frozen];
+        // The noise of what was measured is in both errors, and with the factor in what is taken off.
+        let noise = (self.factor - 1.0) * MEAN_OF_NOISE * self.floor;
+        let excess = tested.far[tested.used.index()] - self.factor * tested.far[frozen] + noise;
         self.account[self.at] = if excess.is_nan() { f64::INFINITY } else { excess };
         self.at = (self.at + 1) % self.account.len();
         let used = self.used() / self.allowance();
