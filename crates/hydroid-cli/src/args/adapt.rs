@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
 use hydroid::adapt::{Memory, Which};
+use hydroid::faults::Faults;
 
-use super::values::NamedNumber;
+use super::values::{Duration, NamedNumber};
 use super::{Judging, LogArgs};
 
 /// How equations learn by least squares.
@@ -109,6 +110,29 @@ pub enum Learner {
     Kalman,
 }
 
+/// Trust in what is learned.
+#[derive(Clone, Debug, ClapArgs)]
+#[command(next_help_heading = "Trust")]
+pub struct TrustArgs {
+    /// No guard: whatever is measured is learned from, and whatever was learned predicts
+    #[arg(long)]
+    pub no_guard: bool,
+    /// A log that the model was trained on: the filter walks through the beginning of it first, and knows then what it
+    /// determines of the weights. May be given again
+    #[arg(long, value_name = "LOG")]
+    pub shore: Vec<PathBuf>,
+    /// How much of each of these logs
+    #[arg(long, value_name = "TIME", default_value = "200s")]
+    pub shore_time: Duration,
+    /// Put faults into the log first, and judge by what was measured before: spikes=0.01, dropout=u:10s, stuck=r:5s,
+    /// bias=v:0.2, separated by commas; @TIME behind one says when [s]
+    #[arg(long, value_name = "FAULTS", value_parser = str::parse::<Faults>)]
+    pub inject: Option<Faults>,
+    /// Seed of the faults
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+}
+
 /// A live stream.
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Live stream")]
@@ -136,6 +160,9 @@ pub struct StreamArgs {
 /// network, and with --learner kalman coefficients too, are estimated together with the state by an extended Kalman
 /// filter; so are the parameters of a vessel (masses, drag, rudder, propeller, flying mode), and -o writes its file.
 ///
+/// A guard stands beside it: it leaves out what no sensor can have measured, tests all the time whether what was learned
+/// predicts better than the model from shore, and predicts with that where it does not. Its actions are told.
+///
 /// With - (standard input) or --stream it is a service: each line, CSV below a header or a JSON object, is
 /// answered at once with a line of JSON that holds what became of the sample, the estimate, and predictions with
 /// their bands.
@@ -146,6 +173,7 @@ pub struct StreamArgs {
   hydroid adapt out/sindy.safetensors today.csv --learner kalman --noise u=0.01,v=0.01,r=0.02
   hydroid adapt out/gru.safetensors today.csv --noise u=0.01,v=0.01,r=0.02
   hydroid adapt mine.toml today.csv -o learned.toml    a vessel with given parameters, as `hydroid simulate` takes it
+  hydroid adapt out/gru.safetensors today.csv --shore train.csv --inject spikes=0.01,dropout=u:10s
   logger | hydroid adapt out/sindy.safetensors - --state boat.state | controller
   hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
 
@@ -172,6 +200,8 @@ pub struct Adapt {
     pub equations: EquationsArgs,
     #[command(flatten)]
     pub networks: NetworksArgs,
+    #[command(flatten)]
+    pub trust: TrustArgs,
     #[command(flatten)]
     pub judging: Judging,
     #[command(flatten)]

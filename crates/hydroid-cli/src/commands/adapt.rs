@@ -6,9 +6,10 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 use hydroid::adapt::{self, Gate, Kalman, Method, Options, Report, Used};
+use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
-use hydroid::log::{self, Note};
-use hydroid::model::{self, Model};
+use hydroid::log::{self, Note, Trajectory};
+use hydroid::model::{self, Model, Reading};
 
 use super::{Outcome, evaluate, table};
 use crate::args::{Adapt, EquationsArgs, Global, Learner, NamedNumber, NetworksArgs};
@@ -36,16 +37,25 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         "--horizons, --state and --timing are of a live stream: add --stream, or give - for standard input"
     );
     let raw = log::read(&args.run)?;
-    let prepared = log::prepare(&[raw], &reading.selection, &reading.options)
+    let mut prepared = log::prepare(&[raw], &reading.selection, &reading.options)
         .with_context(|| logs::unusable(&args.model, &model))?;
     ui::tell(&prepared.notes, global);
     let model = logs::at_their_step(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
     ui::tell(model.outside(&prepared.runs).as_slice(), global);
-    let options = options(args, &model)?;
+    let mut options = options(args, &model)?;
+    if let Some(faults) = &args.trust.inject {
+        Faults { seed: args.trust.seed, ..faults.clone() }
+            .inject(&mut prepared.runs)
+            .context("--inject cannot be done")?;
+        // What is faulty is no measure.
+        options.evaluate.against = hydroid::evaluate::Against::Truth;
+    }
+    let shore = shore(args, &model, &reading, global)?;
+    let shore: Vec<_> = shore.iter().collect();
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("adapting", global);
-    let adapted = adapt::adapt(&model, &runs, &options, &mut bar.callback())
+    let adapted = adapt::adapt_from(&model, &shore, &runs, &options, &mut bar.callback())
         .context("the log cannot be used to adapt the model")?;
     drop(bar);
     if let Some(path) = &args.output {
@@ -62,10 +72,35 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     Ok(if better && report.adapted.diverged == 0 { Outcome::Done } else { Outcome::Missed })
 }
 
+/// The beginnings of the logs that the model was trained on.
+fn shore(args: &Adapt, model: &Model, reading: &Reading, global: Global) -> anyhow::Result<Vec<Trajectory>> {
+    let mut beginnings = Vec::new();
+    for path in &args.trust.shore {
+        let raw = log::read(path)?;
+        let prepared = log::prepare(&[raw], &reading.selection, &reading.options)
+            .with_context(|| logs::unusable(&args.model, model))?;
+        ui::tell(&prepared.notes, global);
+        model.check(&prepared.runs)?;
+        let mut left = args.trust.shore_time.0;
+        for run in &prepared.runs {
+            // Casts saturate.
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            let samples = (left / run.dt).round() as usize;
+            let samples = samples.min(run.len());
+            beginnings.extend((samples > 0).then(|| run.slice(0, samples)));
+            left -= samples as f64 * run.dt;
+        }
+    }
+    Ok(beginnings)
+}
+
 /// What the command line says, for a model; what it says of models of another kind is refused.
 fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     let mut options =
         Options { evaluate: evaluate::options(args.judging, model.description.dt), ..Options::default() };
+    if !args.trust.no_guard {
+        options = options.guarded(model);
+    }
     let equations = model.equations().is_some();
     if equations && args.learner != Some(Learner::Kalman) {
         ensure!(
@@ -147,6 +182,9 @@ fn noise(given: &[NamedNumber], model: &Model) -> anyhow::Result<Option<Vec<f64>
     outputs.iter().map(of).collect::<anyhow::Result<_>>().map(Some)
 }
 
+/// Events that are shown.
+const EVENTS_SHOWN: usize = 12;
+
 /// What speaks against using what was learned.
 fn doubts(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
@@ -204,6 +242,20 @@ fn show(report: &Report, written: Option<&Path>) {
         100.0 * coverage.of_80,
         100.0 * coverage.of_95
     );
+    if guard.predicted_by.iter().any(|&n| n > 0) {
+        let all = guard.predicted_by.iter().sum::<usize>() as f64;
+        let [adapted, snapshot, frozen] = guard.predicted_by.map(|n| 100.0 * n as f64 / all);
+        outln!(
+            "guard: predictions by the adapted model {adapted:.1} %, its snapshot {snapshot:.1} %, the frozen one {frozen:.1} %; {} samples not used as measured",
+            guard.touched
+        );
+        for event in report.events.iter().take(EVENTS_SHOWN) {
+            outln!("  {:10.1} s  {}", event.t, event.text);
+        }
+        if report.events.len() > EVENTS_SHOWN {
+            outln!("  .. and {} more (--json has all)", report.events.len() - EVENTS_SHOWN);
+        }
+    }
     outln!(
         "{:.1} us for a sample (median), {:.1} (99 of 100), {:.1} (longest)",
         times.median,

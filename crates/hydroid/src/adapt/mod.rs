@@ -216,6 +216,21 @@ fn learner(
     }
 }
 
+/// Walks an adapter through runs that its model was trained on, so that it knows what they determine of the weights; then it
+/// stands at the start of a run.
+///
+/// A filter that begins with all weights equally uncertain forgets what the model knew as soon as it learns something new.
+pub fn remember_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
+    for run in shore {
+        adapter.reset();
+        for k in 0..run.len() {
+            adapter.observe(run.outputs.row(k));
+            adapter.advance(run.inputs.row(k));
+        }
+    }
+    adapter.reset();
+}
+
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
 ///
 /// # Errors
@@ -226,7 +241,22 @@ pub fn adapt(
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
+    adapt_from(model, &[], runs, options, progress)
+}
+
+/// The same; before the first run the one that learns walks through `shore` ([`remember_shore`]).
+///
+/// # Errors
+/// As [`adapt`].
+pub fn adapt_from(
+    model: &Model,
+    shore: &[&Trajectory],
+    runs: &[&Trajectory],
+    options: &Options,
+    progress: Progress<'_>,
+) -> Result<Adapted, AdaptError> {
     let (mut adapter, used) = adapter(model, options, runs)?;
+    remember_shore(adapter.as_mut(), shore);
     let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
     if let Used::LeastSquares(UsedLeastSquares { window_s, .. }) = used
         && window_s >= longest_s

@@ -42,8 +42,15 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
     );
     let piped = args.run == Path::new("-");
     let name = if piped { "standard input".to_owned() } else { args.run.display().to_string() };
-    let (adapter, used) = adapt::adapter(model, &super::options(args, model)?, &[])
-        .context("the model cannot learn from a stream")?;
+    ensure!(
+        args.trust.inject.is_none(),
+        "--inject puts faults into a log that is read as a whole, not into a stream"
+    );
+    let learning = super::options(args, model)?;
+    let (mut adapter, used) =
+        adapt::adapter(model, &learning, &[]).context("the model cannot learn from a stream")?;
+    let shore = super::shore(args, model, &reading, global)?;
+    adapt::remember_shore(adapter.as_mut(), &shore.iter().collect::<Vec<_>>());
     let options = Options {
         name: name.clone(),
         reading,
@@ -52,6 +59,8 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
     };
     let mut stream = Stream::new(model, adapter, options)?;
     if let Some(path) = &args.stream.state {
+        let mut settings = serde_json::to_value(&used)?;
+        settings["guard"] = serde_json::to_value(&learning.guard)?;
         let file =
             // A vessel may have no file, and takes the sample time that it is given.
             if model.plant().is_some() {
@@ -60,7 +69,7 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
                 std::fs::read(&args.model)
                     .with_context(|| format!("{} cannot be read", args.model.display()))?
             };
-        if let Some(t) = stream.keep_in(path, fingerprint(&file), &used)? {
+        if let Some(t) = stream.keep_in(path, fingerprint(&file), &settings)? {
             let note = format!("going on from {} at {t} s: lines up to then are skipped", path.display());
             ui::tell(&[Note::info(note)], global);
         }
