@@ -6,7 +6,7 @@
 //!
 //! Models are recurrent networks that see inputs alone; the logs have truth (or are taken for it); `TRAIN` is a log that the models
 //! were trained on. Each run draws a model, a log, a tuning (each variance and the leak within a factor of 30 around
-//! its default, either way) and a fault, and now and then spoils the weights from shore; learner, guarded learner and the
+//! its default, either way) and a fault (offsets of 10 to 50 deviations of the noise), and now and then spoils the weights from shore; learner, guarded learner and the
 //! model from shore with a filter on its state sail through the same faulty log. `clean=1` sails each model through each
 //! log as it is, with the defaults.
 //!
@@ -138,7 +138,10 @@ fn drawn(models: &[Model], runs: &[Trajectory], seed: u64, index: u64) -> Result
     let (mut model, mut run) = (models[pick(models.len())].clone(), runs[pick(runs.len())].clone());
     let kind = pick(8);
     let output = ["u", "v", "r"][pick(3)];
-    let size = [0.4, 0.2, 0.1][["u", "v", "r"].iter().position(|o| *o == output).unwrap_or(0)];
+    // Offsets of 10 to 50 deviations of the sensor's noise.
+    let noise = NOISE[["u", "v", "r"].iter().position(|o| *o == output).unwrap_or(0)];
+    let sign = if rng.random() { 1.0 } else { -1.0 };
+    let size = sign * noise * (10.0 + 40.0 * rng.random::<f64>());
     let fault = match kind {
         0 => "none".to_owned(),
         1 => "spikes=0.003".to_owned(),
@@ -150,7 +153,7 @@ fn drawn(models: &[Model], runs: &[Trajectory], seed: u64, index: u64) -> Result
             size * (0.5 + 2.0 * rng.random::<f64>()) * if rng.random() { 1.0 } else { -1.0 }
         ),
         6 => format!("spikes=0.005,dropout={output}:10s,stuck={output}:10s"),
-        _ => format!("stuck={output}:5s,bias={output}:{size}"),
+        _ => format!("stuck={output}:5s,bias={output}:{size:.3}"),
     };
     if fault != "none" {
         let faults = Faults { seed: rng.random(), ..fault.parse::<Faults>()? };

@@ -8,12 +8,13 @@ use super::settings::GuardSettings;
 use super::trial::Tested;
 use crate::adapt::memory::{Reader, Writer};
 
-/// A model is dropped at once when a test finds it worse than the one from shore by this, beside twice the noise floor.
-const FAILED: f64 = 1.5;
+/// A model is dropped at once when a test finds it worse than the one from shore by this, beside one and a half
+/// noise floors.
+const FAILED: f64 = 1.4;
 
 /// Shares of the account at which predictions go back to the model from shore, and are free again.
-const TIGHT: f64 = 0.2;
-const FREE: f64 = 0.1;
+const TIGHT: f64 = 0.15;
+const FREE: f64 = 0.075;
 
 /// Mean of the absolute value of a normal number of deviation one.
 const MEAN_OF_NOISE: f64 = 0.8;
@@ -99,7 +100,7 @@ impl Choice {
         let used = self.used() / self.allowance();
         self.tight = used > if self.tight { FREE } else { TIGHT };
 
-        let fails = |error: f64, than: f64| error.is_nan() || error > FAILED * than + 2.0 * self.floor;
+        let fails = |error: f64, than: f64| error.is_nan() || error > FAILED * than + 1.5 * self.floor;
         let (now, shore) = (tested.now, tested.far[frozen]);
         let failed = [
             fails(now, shore) || fails(tested.near[0], tested.near[frozen]),

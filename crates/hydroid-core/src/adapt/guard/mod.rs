@@ -272,7 +272,9 @@ impl Guard {
 
     fn let_learn(&mut self) {
         self.rest = self.rest.saturating_sub(1);
-        self.learner.freeze(self.stopped || self.outside || self.rest > 0);
+        // What one output makes of the weights, nobody sees while another is not measured.
+        let blind = self.sensors.iter().any(|sensor| sensor.missing > self.settings.patience);
+        self.learner.freeze(self.stopped || self.outside || blind || self.rest > 0);
     }
 
     /// The learner's weights, and its state, become those of another model.

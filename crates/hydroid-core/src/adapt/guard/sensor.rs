@@ -183,7 +183,9 @@ impl Sensor {
             (self.streak, self.jump) = (1, self.step);
             for track in &mut self.tracks {
                 let own = track.last - track.base;
-                track.first = if own.abs() > settings.reject * usual { own } else { f64::NAN };
+                // What came before must have been near what was expected, or this is the way back to it.
+                let jumps = own.abs() > settings.reject * usual && 2.0 * track.base.abs() < own.abs();
+                track.first = if jumps { own } else { f64::NAN };
                 track.sum = own;
             }
             return Verdict::Spike { deviations };
