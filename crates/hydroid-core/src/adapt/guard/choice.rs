@@ -180,3 +180,60 @@ impl Choice {
         self.tight = from.flag();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const FLOOR: f64 = 0.01;
+
+    proptest! {
+        /// Whatever the errors are, as long as predictions that are under way cost no more than what is left when the
+        /// account is tight, no window exceeds the guarantee.
+        #[test]
+        fn no_window_exceeds_the_guarantee(
+            errors in prop::collection::vec((0.0..0.2_f64, 0.0..1.0_f64, 0.0..1.0_f64), 300..600),
+            calm in 1_usize..80,
+        ) {
+            let settings = GuardSettings::new(0.1);
+            let mut choice = Choice::new(&settings, FLOOR);
+            let delay = settings.horizon / settings.stride;
+            let count = settings.window.div_ceil(settings.stride);
+            let allowance = FLOOR * count as f64;
+            // What each prediction may cost, so that those under way fit.
+            let most = (1.0 - TIGHT) * allowance / (delay + 2) as f64;
+            let mut used = vec![Expert::Learner; delay];
+            let mut excess = Vec::new();
+            for (i, &(shore, learner, kept)) in errors.iter().enumerate() {
+                // Good for a while, then bad for a while.
+                let good = i / calm % 2 == 0;
+                let of = |share: f64| if good { share * shore } else { 1.2 * shore + share * most };
+                let far = [of(learner), of(kept), shore];
+                let tested = Tested { far, near: far, now: far[0], used: used[i] };
+                excess.push(far[used[i].index()] - 1.2 * shore);
+                choice.take(&tested);
+                used.push(choice.active);
+            }
+            for window in excess.windows(count) {
+                let sum: f64 = window.iter().sum();
+                prop_assert!(sum <= allowance, "{} of {}", sum, allowance);
+            }
+        }
+    }
+
+    #[test]
+    fn a_learner_that_is_lost_is_rescued_and_one_that_is_late_is_not() {
+        let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+        let mut rescued_after = |learner: f64, tests: usize| {
+            (0..tests).position(|_| {
+                let far = [learner, 0.05, 0.04];
+                choice.take(&Tested { far, near: far, now: learner, used: Expert::Learner });
+                choice.rescue().is_some()
+            })
+        };
+        assert_eq!(rescued_after(0.08, 200), None);
+        assert!(rescued_after(2.0, 30).is_some());
+    }
+}
