@@ -93,6 +93,44 @@ fn the_table_has_all_three_side_by_side() {
 }
 
 #[test]
+fn a_guard_survives_a_bad_day_and_says_what_it_did() {
+    let args = "adapt out/gru.safetensors lawn.csv --json -q --horizon 20 --inject spikes=0.02,stuck=r:8s@60 --seed 3";
+    let error = |report: &Value| {
+        // Mean over outputs and horizons of the RMSE against what was measured before the faults.
+        let rows: Vec<f64> = report["adapted"]["rmse"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|row| row[0].as_f64().unwrap())
+            .collect();
+        rows.iter().sum::<f64>() / rows.len() as f64
+    };
+    let guarded = report(args);
+    let alone = run(prepared(), &format!("{args} --no-guard"));
+    let alone: Value = serde_json::from_slice(&alone.stdout).unwrap();
+    assert!(error(&guarded) < 0.7 * error(&alone), "{} beside {}", error(&guarded), error(&alone));
+    let events = guarded["events"].as_array().unwrap();
+    let count = |action: &str| events.iter().filter(|event| event["action"] == action).count();
+    // One in fifty of 2400 samples of three outputs.
+    assert!((70..250).contains(&count("spike")), "{}", count("spike"));
+    let stuck = events.iter().find(|event| event["action"] == "stuck").unwrap();
+    assert!((60.0..61.0).contains(&stuck["t"].as_f64().unwrap()), "{stuck}");
+    assert!(stuck["text"].as_str().unwrap().starts_with("r has repeated itself"), "{stuck}");
+    assert_eq!(alone["events"].as_array().unwrap().len(), 0);
+    let by = &guarded["guard"]["predicted_by"];
+    assert!(by[0].as_u64().unwrap() > 1000, "{by}");
+}
+
+#[test]
+fn what_the_model_was_trained_on_is_walked_through_first() {
+    let plain = report("adapt out/gru.safetensors lawn.csv --json -q");
+    let shore = report("adapt out/gru.safetensors lawn.csv --json -q --shore a.csv --shore-time 100s");
+    assert_ne!(plain["adapted"]["rmse"], shore["adapted"]["rmse"]);
+    assert_eq!(plain["frozen"]["rmse"], shore["frozen"]["rmse"]);
+    assert!(shore["adapted"]["rmse"][19][0].as_f64() < shore["frozen"]["rmse"][19][0].as_f64());
+}
+
+#[test]
 fn every_way_to_learn_less_still_learns() {
     let frozen = report("adapt out/gru.safetensors lawn.csv --json -q");
     let frozen = frozen["frozen"]["rmse"][0][0].as_f64().unwrap();
@@ -122,6 +160,10 @@ fn what_makes_no_sense_is_refused() {
         ("--weight-variance=-1", "initial variance"),
         ("--prior 3", "are for equations"),
         ("--forgetting 0", "forgetting"),
+        ("--inject leak=u:3", "is no fault"),
+        ("--inject bias=w:1", "the outputs are u, v, r"),
+        ("--stream --inject spikes=0.1", "not into a stream"),
+        ("--shore nowhere.csv", "nowhere.csv"),
     ] {
         let output = run(prepared(), &format!("adapt {MODEL} lawn.csv {options}"));
         assert_eq!(output.status.code(), Some(2), "{options}");
