@@ -3,6 +3,7 @@
 //! Both walk the same runs through [`evaluate`](fn@evaluate); at each origin the adapted model predicts with the weights
 //! of that moment, learned from the samples up to it and none after.
 
+pub mod blackbox;
 mod equations;
 mod events;
 mod guarded;
@@ -14,12 +15,13 @@ mod watch;
 use hydroid_core::adapt::guard::GuardError;
 use hydroid_core::adapt::kalman::KalmanError;
 use hydroid_core::adapt::{Adapter, SettingsError};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
 use crate::progress::Progress;
+use blackbox::{BlackBoxError, Recorded, Recorder};
 use watch::Watched;
 
 pub use events::Happened;
@@ -31,7 +33,8 @@ pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
 pub use watch::{Counts, Coverage, Times};
 
 /// How equations learn. Networks learn by the filter, whatever is chosen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Recursive least squares on increments: the coefficients, beside a state that is measured.
     #[default]
@@ -41,7 +44,8 @@ pub enum Method {
 }
 
 /// How to adapt, and how to judge it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Options {
     /// How equations learn.
     pub method: Method,
@@ -52,6 +56,7 @@ pub struct Options {
     /// Whether, and how, what is learned is guarded.
     pub guard: Option<GuardSettings>,
     /// Horizons and origins.
+    #[serde(skip)]
     pub evaluate: evaluate::Options,
 }
 
@@ -140,6 +145,9 @@ pub enum AdaptError {
     /// Weights that are not those of the model.
     #[error("what was learned are no weights of this model")]
     Weights,
+    /// The black box cannot be written.
+    #[error(transparent)]
+    BlackBox(#[from] BlackBoxError),
     /// The window does not fit the log.
     #[error(
         "a window of {window_s} s does not fit: it must be at least one sample ({dt} s), and shorter than the longest run ({longest_s} s)"
@@ -212,7 +220,21 @@ pub fn adapt(
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
-    let (mut adapter, used) = adapter(model, options, runs)?;
+    adapt_recorded(model, runs, options, None, progress)
+}
+
+/// The same, with a black box of the model that learns.
+///
+/// # Errors
+/// As [`adapt`], and if the box cannot be written.
+pub fn adapt_recorded(
+    model: &Model,
+    runs: &[&Trajectory],
+    options: &Options,
+    black_box: Option<&blackbox::Settings>,
+    progress: Progress<'_>,
+) -> Result<Adapted, AdaptError> {
+    let (adapter, used) = adapter(model, options, runs)?;
     let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
     if let Used::LeastSquares(UsedLeastSquares { window_s, .. }) = used
         && window_s >= longest_s
@@ -240,7 +262,16 @@ pub fn adapt(
         }
         None => None,
     };
-    let mut watched = Watched::new(adapter.as_mut());
+    let recorder = match black_box {
+        Some(settings) => {
+            let described = serde_json::json!({ "learning": used });
+            let source = blackbox::Source::Runs(runs);
+            Some(Recorder::new(settings, model, adapter.as_ref(), options, &described, source)?)
+        }
+        None => None,
+    };
+    let mut adapter = Recorded::new(adapter, recorder);
+    let mut watched = Watched::new(&mut adapter);
     let adapted =
         evaluate(&format!("{name}, adapted"), &mut watched, &ranges, runs, &options.evaluate, &mut |done| {
             progress(0.5 + 0.5 * done)
@@ -255,6 +286,7 @@ pub fn adapt(
         coverage: watched.coverage(),
         settings: used.clone(),
     };
+    adapter.finish()?;
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     Ok(Adapted { model: learned(model, adapter.weights(), &names, &used)?, report })
 }

@@ -35,6 +35,7 @@ use std::time::Instant;
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
 
 use super::Coverage;
+use super::blackbox::{BlackBoxError, Recorder};
 use crate::atomic::WriteError;
 use crate::fnv::Fnv;
 use crate::log::{LogError, Note};
@@ -49,6 +50,7 @@ use line::Sample;
 use session::{Session, Walked};
 
 pub use lines::{LONGEST_LINE, Line, Lines};
+pub(in crate::adapt) use state::differences;
 pub use state::State;
 pub use summary::{LineCounts, Summary};
 
@@ -94,6 +96,9 @@ pub enum StreamError {
     /// The state cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// The black box cannot be written.
+    #[error(transparent)]
+    BlackBox(#[from] BlackBoxError),
     /// Answers cannot be written.
     #[error("answers cannot be written: {0}")]
     Output(io::Error),
@@ -147,7 +152,7 @@ impl Stream {
         let commands = Commands::new(adapter.inputs(), dt, reading.command_timing, reading.input_delay)?;
         Ok(Self {
             writer: Writer::new(model.description.outputs.iter().map(|port| port.channel.name.as_str())),
-            session: Session::new(adapter, options.horizons.clone()),
+            session: Session::new(adapter, options.horizons.clone(), dt),
             model: model.clone(),
             options,
             layout: None,
@@ -165,6 +170,11 @@ impl Stream {
         })
     }
 
+    /// Notes the walk in a black box from here on.
+    pub fn record(&mut self, recorder: Recorder) {
+        self.session.record(recorder);
+    }
+
     /// Takes a line, and writes and flushes its answer if it has one: the header and blank lines have none. Then
     /// keeps the state if it is time.
     ///
@@ -179,6 +189,7 @@ impl Stream {
             let answer = self.writer.end(us);
             out.write_all(answer).and_then(|()| out.flush()).map_err(StreamError::Output)?;
             self.latency.add(elapsed_us());
+            self.notes.extend(self.session.settle(&self.commands));
         }
         self.keep_if_due()
     }
