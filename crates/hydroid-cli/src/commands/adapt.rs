@@ -1,10 +1,11 @@
 //! `hydroid adapt`.
 
+mod blackbox;
 mod stream;
 
 use std::path::Path;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use hydroid::adapt::{self, Gate, Kalman, Method, Options, Report, Used};
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
@@ -18,16 +19,20 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
     // Said before the log is read: no log would change it.
     adapt::adaptable(&model).with_context(|| format!("{} cannot be adapted", args.model.display()))?;
+    if let Some(path) = &args.black_box.replay {
+        return blackbox::replay(args, global, &model, path);
+    }
+    let Some(given_log) = &args.run else { bail!("a log is missing: give a file, or - for standard input") };
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
-    if args.stream.stream || args.run == Path::new("-") {
-        return stream::run(args, global, &model, reading);
+    if args.stream.stream || given_log == Path::new("-") {
+        return stream::run(args, given_log, global, &model, reading);
     }
     let given = &args.stream;
     ensure!(
         given.horizons.is_none() && given.state.is_none() && !given.timing,
         "--horizons, --state and --timing are of a live stream: add --stream, or give - for standard input"
     );
-    let raw = log::read(&args.run)?;
+    let raw = log::read(given_log)?;
     let prepared = log::prepare(&[raw], &reading.selection, &reading.options).with_context(|| {
         format!("a log for {}, which steps {} s, cannot be used", args.model.display(), model.description.dt)
     })?;
@@ -37,7 +42,8 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let options = options(args, &model)?;
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("adapting", global);
-    let adapted = adapt::adapt(&model, &runs, &options, &mut bar.callback())
+    let black_box = blackbox::settings(args)?;
+    let adapted = adapt::adapt_recorded(&model, &runs, &options, black_box.as_ref(), &mut bar.callback())
         .context("the log cannot be used to adapt the model")?;
     drop(bar);
     if let Some(path) = &args.output {

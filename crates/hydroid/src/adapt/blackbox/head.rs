@@ -7,7 +7,6 @@ use super::record::Places;
 use crate::adapt::Options;
 use crate::fnv::Fnv;
 use crate::log::Channel;
-use crate::model::Reading;
 
 pub(super) const MAGIC: &[u8; 8] = b"HYDROBOX";
 const VERSION: u32 = 1;
@@ -103,7 +102,8 @@ impl Head {
         else {
             return Err("it is no black box: give a file that --black-box has written".to_owned());
         };
-        let word = |at: usize| u32::from_le_bytes([before[at], before[at + 1], before[at + 2], before[at + 3]]);
+        let word =
+            |at: usize| u32::from_le_bytes([before[at], before[at + 1], before[at + 2], before[at + 3]]);
         let version = word(8);
         if version != VERSION {
             return Err(format!(
@@ -121,7 +121,7 @@ impl Head {
     }
 
     /// Whether all sizes can be: then none of what is made of them overflows.
-    fn check(&self) -> Result<(), &'static str> {
+    pub(super) fn check(&self) -> Result<(), &'static str> {
         let sound = self.dt > 0.0
             && self.dt.is_finite()
             && !self.outputs.is_empty()
@@ -138,6 +138,8 @@ impl Head {
 
 pub(super) fn sum(bytes: &[u8]) -> u64 {
     let mut fnv = Fnv::new();
-    bytes.iter().for_each(|&byte| fnv.byte(byte));
+    for &byte in bytes {
+        fnv.byte(byte);
+    }
     fnv.value()
 }

@@ -101,5 +101,6 @@ pub fn is_black_box(path: &Path) -> bool {
         return false;
     }
     let mut magic = [0; head::MAGIC.len()];
-    std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok() && magic == *head::MAGIC
+    std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok()
+        && magic == *head::MAGIC
 }

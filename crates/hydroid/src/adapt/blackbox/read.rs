@@ -11,6 +11,9 @@ use crate::fnv::Fnv;
 /// Larger files are none of these.
 const LARGEST: u64 = 1 << 36;
 
+/// Segments are counted from 1, and no box has so many.
+const MOST: u64 = 1 << 62;
+
 /// The content of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlackBox {
@@ -48,8 +51,8 @@ impl BlackBox {
     /// If it cannot be read, or is no box.
     pub fn read(path: &Path) -> Result<Self, BlackBoxError> {
         let wrong = |reason: String| BlackBoxError::unusable(path, reason);
-        let metadata =
-            std::fs::metadata(path).map_err(|e| wrong(format!("it cannot be read ({e}); name another file")))?;
+        let metadata = std::fs::metadata(path)
+            .map_err(|e| wrong(format!("it cannot be read ({e}); name another file")))?;
         if !metadata.is_file() || metadata.len() > LARGEST {
             return Err(wrong("it is no black box: give a file that --black-box has written".to_owned()));
         }
@@ -67,8 +70,9 @@ impl BlackBox {
         let (head, start) = Head::decode(bytes)?;
         let (mut segments, mut torn) = (Vec::new(), 0);
         for place in 0..head.segments {
-            // The sizes were checked: none of this overflows.
-            let Some(from) = bytes.get(start + place * head.segment_len()..) else { break };
+            // The product was checked with the sizes.
+            let at = start.saturating_add(place * head.segment_len());
+            let Some(from) = bytes.get(at..) else { break };
             match segment(&from[..from.len().min(head.segment_len())], &head, place) {
                 Some(segment) => segments.push(segment),
                 // A place that was never written is not there, or zero.
@@ -102,13 +106,14 @@ fn segment(bytes: &[u8], head: &Head, place: usize) -> Option<Segment> {
     let (words, _) = words.as_chunks::<8>();
     let words: [u64; START] = std::array::from_fn(|i| u64::from_le_bytes(words[i]));
     let [magic, sequence, before, goes_on, memory_sum, sum] = words;
-    if magic != MAGIC || sum != start_sum(&words) || sequence % head.segments as u64 != place as u64 {
+    let in_place = sequence % head.segments as u64 == place as u64;
+    if magic != MAGIC || sum != start_sum(&words) || !in_place || sequence.max(before) > MOST {
         return None;
     }
     let (memory, steps) = rest.split_at_checked(8 * head.memory)?;
     let memory = numbers(memory);
     let mut fnv = Fnv::new();
-    memory.iter().for_each(|&x| fnv.number(x));
+    fnv.numbers(&memory);
     if fnv.value() != memory_sum {
         return None;
     }

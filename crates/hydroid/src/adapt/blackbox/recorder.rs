@@ -244,7 +244,9 @@ impl Recorder {
         let sequence =
             if self.segment == Phase::Begun { self.ring.sequence() } else { self.ring.sequence() + 1 };
         let sum = step_sum(sequence, self.steps - self.before, &self.row);
-        self.row.iter().for_each(|x| self.pending.extend_from_slice(&x.to_le_bytes()));
+        for x in &self.row {
+            self.pending.extend_from_slice(&x.to_le_bytes());
+        }
         self.pending.extend_from_slice(&sum.to_le_bytes());
         self.row.fill(f64::NAN);
         (self.calls, self.steps, self.waiting) = (0, self.steps + 1, self.waiting + 1);

@@ -1,7 +1,6 @@
 //! The same again: the adapter is made anew, gets the calls that were noted, and has to say the same.
 
 use hydroid_core::adapt::Adapter;
-use hydroid_core::predict::Predictor as _;
 use serde::Serialize;
 
 use super::record::{ADVANCE, FORESEEN, Gatherer, OBSERVE, Part, RESET, calls};

@@ -92,7 +92,7 @@ impl Ring {
         memory: &[f64],
     ) -> Result<(), WriteError> {
         let mut fnv = Fnv::new();
-        memory.iter().for_each(|&x| fnv.number(x));
+        fnv.numbers(memory);
         let mut words = [MAGIC, sequence, steps, u64::from(goes_on), fnv.value(), 0];
         words[START - 1] = start_sum(&words);
         let place = self.place(sequence);
@@ -100,11 +100,15 @@ impl Ring {
             self.file.seek(SeekFrom::Start(place + 8 * START as u64))?;
             for part in memory.chunks(CHUNK) {
                 self.chunk.clear();
-                part.iter().for_each(|x| self.chunk.extend_from_slice(&x.to_le_bytes()));
+                for x in part {
+                    self.chunk.extend_from_slice(&x.to_le_bytes());
+                }
                 self.file.write_all(&self.chunk)?;
             }
             self.chunk.clear();
-            words.iter().for_each(|word| self.chunk.extend_from_slice(&word.to_le_bytes()));
+            for word in words {
+                self.chunk.extend_from_slice(&word.to_le_bytes());
+            }
             self.file.seek(SeekFrom::Start(place))?;
             self.file.write_all(&self.chunk)
         };
@@ -134,7 +138,9 @@ impl Ring {
 /// The sum of a segment's start.
 pub(super) fn start_sum(words: &[u64; START]) -> u64 {
     let mut fnv = Fnv::new();
-    words[..START - 1].iter().for_each(|&word| fnv.word(word));
+    for &word in &words[..START - 1] {
+        fnv.word(word);
+    }
     fnv.value()
 }
 
@@ -143,7 +149,7 @@ pub(super) fn step_sum(sequence: u64, place: u64, row: &[f64]) -> u64 {
     let mut fnv = Fnv::new();
     fnv.word(sequence);
     fnv.word(place);
-    row.iter().for_each(|&x| fnv.number(x));
+    fnv.numbers(row);
     fnv.value()
 }
 

@@ -162,9 +162,9 @@ impl<'a> Step<'a> {
             put("active", json!(active.name()));
             put("record", json!(self.part(Part::Guard)[1..]));
         }
-        let events = self.worded(&head.names());
-        let events: Vec<Value> =
-            events.map(|(action, text)| json!({ "action": action, "text": text })).collect();
+        let names = head.names();
+        let event = |(action, text)| json!({ "action": action, "text": text });
+        let events: Vec<Value> = self.worded(&names).map(event).collect();
         if !events.is_empty() {
             put("events", Value::Array(events));
         }

@@ -99,7 +99,8 @@ impl BlackBox {
     fn stretches(&self) -> usize {
         let mut pairs = 1;
         for pair in self.segments.windows(2) {
-            pairs += usize::from(!(pair[1].goes_on && pair[0].sequence.checked_add(1) == Some(pair[1].sequence)));
+            pairs +=
+                usize::from(!(pair[1].goes_on && pair[0].sequence.checked_add(1) == Some(pair[1].sequence)));
         }
         pairs.min(self.segments.len())
     }

@@ -98,11 +98,11 @@ impl Stream {
     /// # Errors
     /// If it cannot be written.
     pub fn finish(&mut self) -> Result<(), StreamError> {
-        let recorded = self.session.finish();
-        let behind = |keeper: &Keeper| self.clock.taken() > keeper.kept || keeper.kept.is_nan();
-        if !self.clock.is_new() && self.keeper.as_ref().is_some_and(behind) {
-            self.keep()?;
+        // What could not be noted does not keep the rest from being written.
+        if let Err(error) = self.session.finish() {
+            self.notes.push(Note::warning(error.to_string()));
         }
-        Ok(recorded?)
+        let behind = |keeper: &Keeper| self.clock.taken() > keeper.kept || keeper.kept.is_nan();
+        if !self.clock.is_new() && self.keeper.as_ref().is_some_and(behind) { self.keep() } else { Ok(()) }
     }
 }

@@ -11,6 +11,7 @@
 //! | `clock`, `commands` | the place of a sample on the model's grid; which command acts where |
 //! | `session` | the walk of the adapter |
 //! | `answer`, `latency`, `summary` | what is said of it |
+//! | [`Recorder`] | the black box, if there is one |
 //! | [`State`], `keep` | the file from which a stream goes on after it was killed |
 //!
 //! A line that cannot be used is answered as well, and changes nothing.
@@ -35,7 +36,7 @@ use std::time::Instant;
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
 
 use super::Coverage;
-use super::blackbox::{BlackBoxError, Recorder};
+use super::blackbox::Recorder;
 use crate::atomic::WriteError;
 use crate::fnv::Fnv;
 use crate::log::{LogError, Note};
@@ -50,8 +51,8 @@ use line::Sample;
 use session::{Session, Walked};
 
 pub use lines::{LONGEST_LINE, Line, Lines};
-pub(in crate::adapt) use state::differences;
 pub use state::State;
+pub(in crate::adapt) use state::differences;
 pub use summary::{LineCounts, Summary};
 
 /// Farthest horizon \[samples\].
@@ -96,9 +97,6 @@ pub enum StreamError {
     /// The state cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// The black box cannot be written.
-    #[error(transparent)]
-    BlackBox(#[from] BlackBoxError),
     /// Answers cannot be written.
     #[error("answers cannot be written: {0}")]
     Output(io::Error),

@@ -101,7 +101,7 @@ impl Session {
 
     /// Walks on to a sample, over places that have none.
     pub(super) fn walk(&mut self, steps: usize, commands: &mut Commands, sample: &Sample) -> Walked {
-        self.adapter.to(sample.t, steps - 1, self.dt);
+        self.adapter.to(sample.t, steps.saturating_sub(1), self.dt);
         let Self { adapter, missing, expected, expected_deviations, work, .. } = self;
         let mut lost = false;
         let held = commands.walk(steps, &sample.inputs, |step, command| {
