@@ -45,9 +45,9 @@ pub fn replay(args: &Adapt, global: Global, model: &Model, path: &Path) -> anyho
     };
     // Standard output has the samples.
     if global.json {
-        eprintln!("{said}")
+        eprintln!("{said}");
     } else {
-        outln!("{said}")
+        outln!("{said}");
     }
     Ok(if replayed.first.is_none() { Outcome::Done } else { Outcome::Missed })
 }
