@@ -102,7 +102,7 @@ fn whatever_learns_does_the_same_again_and_as_it_answered() {
         let summary = black_box.summary();
         assert_eq!((summary.samples, summary.stretches, summary.torn), (replayed.samples, 1, 0));
         let outcomes = summary.outcomes;
-        assert!(outcomes.accepted > 500 && outcomes.waiting > 0, "{name}: {outcomes:?}");
+        assert!(outcomes.accepted > 200 && outcomes.waiting > 0, "{name}: {outcomes:?}");
         assert_eq!(summary.events.is_empty(), options.guard.is_none(), "{name}");
         if options.guard.is_some() {
             assert!(
@@ -169,6 +169,10 @@ fn a_kill_costs_a_second_and_a_restart_goes_on_behind_it() {
     fs::write(&path, kept).unwrap();
 }
 
+/// Numbers of a step, and its sum. Two outputs, two inputs, two horizons: calls, run, time, command, measured, held, estimate,
+/// predictions, outcome, innovations, health, guard, events.
+const ROW: usize = 3 + 2 + 2 + 2 + 2 + 4 + 3 + 5 + 2 + 4 + (1 + 8 * 5) + 1;
+
 #[test]
 fn what_cannot_be_replayed_says_why() {
     let (_folder, path) = place();
@@ -187,7 +191,7 @@ fn what_cannot_be_replayed_says_why() {
     let bytes = fs::read(&path).unwrap();
     // In the middle, where no kill comes.
     let mut damaged = bytes.clone();
-    let at = bytes.len() - bytes.len() / 4;
+    let at = bytes.len() - 8 * ROW * 100;
     damaged[at] ^= 1;
     let black_box = BlackBox::decode(&damaged).unwrap();
     assert!(black_box.is_damaged() && black_box.summary().damaged);
@@ -216,15 +220,12 @@ fn a_bit_that_is_another_is_found_and_named() {
     serve(&mut stream, &lines(200));
     stream.finish().unwrap();
     let mut bytes = fs::read(&path).unwrap();
-    // Two outputs, two inputs, two horizons: calls, run, time, command, measured, held, then the estimate.
-    let row = 3 + 2 + 2 + 2 + 2 + 4 + 3 + 5 + 2 + 4 + (1 + 8 * 5) + 1;
+    let row = ROW;
     let json = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     let head: Value = serde_json::from_slice(&bytes[24..24 + json]).unwrap();
     let memory = usize::try_from(head["memory"].as_u64().unwrap()).unwrap();
-    // Sequence 1 stands in the second place, and is the only one.
-    let segment = 8 * (6 + memory + row * usize::try_from(head["steps"].as_u64().unwrap()).unwrap());
     let step = 120;
-    let at = 24 + json + segment + 8 * (6 + memory + row * step);
+    let at = 24 + json + 8 * (6 + memory + row * step);
     let word = |bytes: &[u8], i: usize| u64::from_le_bytes(bytes[at + 8 * i..][..8].try_into().unwrap());
     let sum = |bytes: &[u8]| fnv([1, step as u64].into_iter().chain((0..row - 1).map(|i| word(bytes, i))));
     assert_eq!(sum(&bytes), word(&bytes, row - 1), "the format is as it is written down");
@@ -283,7 +284,8 @@ proptest! {
             prop_assert!(!read.is_damaged());
             prop_assert_eq!(&read_rows[..], &rows[..read_rows.len()]);
             if !read_rows.is_empty() {
-                prop_assert!(replay(&model(), "boat", &read, |_| {}).unwrap().first.is_none());
+                let replayed = replay(&model(), "boat", &read, |_| {}).unwrap();
+                prop_assert!(replayed.first.is_none());
             }
         }
     }

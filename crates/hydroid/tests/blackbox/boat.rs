@@ -10,7 +10,7 @@ use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Readin
 use hydroid_core::model::sparse::{Equations, Term};
 
 /// Surge and yaw rate, propeller and rudder: `du/dt = -0.3 u|u| + 0.5 n`, `dr/dt = -r + 0.8 delta`.
-pub fn model() -> Model {
+pub(crate) fn model() -> Model {
     let terms =
         vec![Term::signed_square(0, 0), Term::monomial(&[1]), Term::monomial(&[2]), Term::monomial(&[3])];
     let coefficients = vec![-0.3, 0.0, 0.5, 0.0, 0.0, -1.0, 0.0, 0.8];
@@ -46,7 +46,7 @@ pub fn model() -> Model {
     }
 }
 
-pub fn settings(path: &Path) -> Settings {
+pub(crate) fn settings(path: &Path) -> Settings {
     Settings {
         path: path.to_owned(),
         minutes: 2.0,
@@ -55,7 +55,7 @@ pub fn settings(path: &Path) -> Settings {
 }
 
 /// Command and measurement at a sample: a boat that moves, and sensors that are not perfect.
-pub fn sample(k: usize) -> ([f64; 2], [f64; 2]) {
+pub(crate) fn sample(k: usize) -> ([f64; 2], [f64; 2]) {
     let x = k as f64;
     let noise = (x * x * 0.37).sin() * 0.01;
     let u = 1.0 + 0.3 * (0.2 * x).sin() + noise;
@@ -65,7 +65,7 @@ pub fn sample(k: usize) -> ([f64; 2], [f64; 2]) {
 
 /// A header and so many lines of a stream with all that can happen: gaps, missing values, nonsense, spikes.
 #[allow(dead_code)] // not every test has a stream
-pub fn lines(count: usize) -> Vec<String> {
+pub(crate) fn lines(count: usize) -> Vec<String> {
     let mut lines = vec!["t,u,r,n,delta".to_owned()];
     for k in 0..count {
         let ([n, delta], [u, r]) = sample(k);

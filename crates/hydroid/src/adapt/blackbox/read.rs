@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::BlackBoxError;
 use super::head::{Head, START};
-use super::ring::{MAGIC, start_sum, step_sum};
+use super::ring::{MAGIC, place_of, start_sum, step_sum};
 use super::step::Step;
 use crate::fnv::Fnv;
 
@@ -106,7 +106,7 @@ fn segment(bytes: &[u8], head: &Head, place: usize) -> Option<Segment> {
     let (words, _) = words.as_chunks::<8>();
     let words: [u64; START] = std::array::from_fn(|i| u64::from_le_bytes(words[i]));
     let [magic, sequence, before, goes_on, memory_sum, sum] = words;
-    let in_place = sequence % head.segments as u64 == place as u64;
+    let in_place = place_of(sequence, head.segments as u64) == place as u64;
     if magic != MAGIC || sum != start_sum(&words) || !in_place || sequence.max(before) > MOST {
         return None;
     }

@@ -131,8 +131,13 @@ impl Ring {
     }
 
     fn place(&self, sequence: u64) -> u64 {
-        self.start as u64 + (sequence % self.segments) * self.segment_len as u64
+        self.start as u64 + place_of(sequence, self.segments) * self.segment_len as u64
     }
+}
+
+/// Where in the ring a segment stands: sequences count from 1.
+pub(super) fn place_of(sequence: u64, segments: u64) -> u64 {
+    sequence.wrapping_sub(1) % segments
 }
 
 /// The sum of a segment's start.

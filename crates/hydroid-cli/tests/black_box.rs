@@ -1,0 +1,175 @@
+//! `hydroid adapt .. --black-box`, `--replay`, and `hydroid inspect` on what was noted.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
+    command.current_dir(folder).args(args.split(' '));
+    command
+}
+
+fn ended(args: &str, status: i32) -> Output {
+    let output = hydroid(prepared(), args).output().unwrap();
+    assert_eq!(output.status.code(), Some(status), "{args}: {}", text(&output.stderr));
+    output
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn values(bytes: &[u8]) -> Vec<Value> {
+    text(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// A model of the simple vessel, and a log; made once.
+fn prepared() -> &'static Path {
+    static FOLDER: OnceLock<TempDir> = OnceLock::new();
+    FOLDER
+        .get_or_init(|| {
+            let folder = TempDir::new().unwrap();
+            for args in [
+                "simulate simple --seed 1 --duration 300 -o a.csv",
+                "simulate simple --seed 2 --duration 300 -o b.csv",
+                "simulate simple --seed 3 --duration 300 -o c.csv",
+                "identify a.csv --validate b.csv --test c.csv --outputs u,v,r,P_f --methods sindy -o out -q",
+            ] {
+                let output = hydroid(folder.path(), args).output().unwrap();
+                assert_eq!(output.status.code(), Some(0), "{args}: {}", text(&output.stderr));
+            }
+            folder
+        })
+        .path()
+}
+
+const MODEL: &str = "out/sindy.safetensors";
+
+/// Sends lines one by one, kills the service after the last answer, and gives the answers.
+fn killed(args: &str, lines: usize) -> Vec<Value> {
+    let mut child = hydroid(prepared(), args)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let mut answers = BufReader::new(child.stdout.take().unwrap()).lines();
+    let mut all = Vec::new();
+    for (k, line) in fs::read_to_string(prepared().join("c.csv")).unwrap().lines().take(lines).enumerate() {
+        writeln!(stdin, "{line}").unwrap();
+        if k > 0 {
+            all.push(serde_json::from_str(&answers.next().unwrap().unwrap()).unwrap());
+        }
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    all
+}
+
+#[test]
+fn a_service_that_was_killed_is_replayed_bit_for_bit_and_inspected() {
+    for (name, options) in [("squares", ""), ("filter", " --learner kalman")] {
+        let file = format!("{name}.box");
+        let serve = format!("adapt {MODEL} - --horizons 1,20 --black-box {file}{options}");
+        let answers = killed(&serve, 1500);
+        let replay = format!("adapt {MODEL} --replay {file}");
+        let said = text(&ended(&replay, 0).stdout);
+        let samples: usize = said.strip_suffix(" samples replayed, all the same\n").unwrap().parse().unwrap();
+        assert!((answers.len() - 10..=answers.len()).contains(&samples), "{samples} of {}", answers.len());
+
+        let once = ended(&format!("{replay} --json"), 0);
+        assert!(once.stdout == ended(&format!("{replay} --json"), 0).stdout, "the same bytes twice");
+        let steps = values(&once.stdout);
+        assert_eq!(steps.len(), samples);
+        for (step, answer) in steps.iter().zip(&answers) {
+            for key in ["t", "status", "innovation", "nis", "estimate", "prediction"] {
+                assert_eq!(step[key], answer[key], "{key}");
+            }
+        }
+
+        let told = text(&ended(&format!("inspect {file}"), 0).stdout);
+        for words in
+            ["black box of hydroid", "from standard input", "outputs u [m/s]", " accepted, ", "no events"]
+        {
+            assert!(told.contains(words), "{words}: {told}");
+        }
+        let inspected = ended(&format!("inspect {file} --json"), 0);
+        let inspected: Value = serde_json::from_slice(&inspected.stdout).unwrap();
+        assert_eq!(inspected["kind"], "black_box");
+        assert_eq!(inspected["samples"], samples);
+        assert_eq!(inspected["t"][0], 0.0);
+        assert_eq!(inspected["head"]["settings"]["learning"]["method"].is_string(), true);
+    }
+    // A start again goes on in the same file, behind what is there; other settings do not.
+    killed(&format!("adapt {MODEL} - --black-box squares.box"), 100);
+    let told = text(&ended("inspect squares.box", 0).stdout);
+    assert!(told.contains("2 stretches"), "{told}");
+    ended(&format!("adapt {MODEL} --replay squares.box"), 0);
+    let refused = ended(&format!("adapt {MODEL} c.csv --stream --prior 3 --black-box squares.box"), 2);
+    let refused = text(&refused.stderr);
+    assert!(
+        refused.contains("prior_s: 10.0 there, 3.0 here") && refused.contains("put it aside"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_log_that_is_read_as_a_whole_is_noted_as_well() {
+    let adapted = hydroid(prepared(), &format!("adapt {MODEL} c.csv --black-box log.box --json -q")).output();
+    let with: Value = serde_json::from_slice(&adapted.unwrap().stdout).unwrap();
+    let adapted = hydroid(prepared(), &format!("adapt {MODEL} c.csv --json -q")).output();
+    let without: Value = serde_json::from_slice(&adapted.unwrap().stdout).unwrap();
+    assert_eq!(with["adapted"], without["adapted"], "to note it changes nothing");
+    let rows = fs::read_to_string(prepared().join("c.csv")).unwrap().lines().count() - 1;
+    let said = text(&ended(&format!("adapt {MODEL} --replay log.box"), 0).stdout);
+    assert_eq!(said, format!("{rows} samples replayed, all the same\n"));
+    let told = text(&ended("inspect log.box", 0).stdout);
+    assert!(told.contains("from c.csv, sample time 0.1 s"), "{told}");
+}
+
+#[test]
+fn what_cannot_be_used_is_told_with_a_remedy() {
+    let refused = |args: &str, words: &str| {
+        let told = text(&ended(args, 2).stderr);
+        assert!(told.contains(words) && !told.contains("panicked"), "{args}: {told}");
+    };
+    let at = prepared();
+    ended(&format!("adapt {MODEL} c.csv --stream -q --black-box kept.box -o learned.safetensors"), 0);
+    refused(
+        "adapt learned.safetensors --replay kept.box",
+        "another model; give the one that it was written with",
+    );
+    refused(&format!("adapt {MODEL} --replay c.csv"), "no black box");
+    refused(&format!("adapt {MODEL} --replay none.box"), "name another file");
+    refused(&format!("adapt {MODEL} c.csv --replay kept.box"), "cannot be used with");
+    refused(&format!("adapt {MODEL} --replay kept.box --prior 3"), "cannot be used with");
+    refused(&format!("adapt {MODEL}"), "LOG|-");
+    refused(&format!("adapt {MODEL} c.csv --black-box c.csv"), "not overwritten");
+    refused(&format!("adapt {MODEL} c.csv --stream --black-box ."), "name a file");
+    refused(&format!("adapt {MODEL} c.csv --black-box x.box --black-box-minutes 1"), "give from 2");
+    refused(&format!("adapt {MODEL} c.csv --black-box-minutes 5"), "--black-box");
+    refused("inspect kept.box --latex", "is a black box");
+    let bytes = fs::read(at.join("kept.box")).unwrap();
+    for (name, place, words) in [
+        ("head.box", 30, "its head is damaged"),
+        ("version.box", 8, "reads format 1"),
+        ("middle.box", bytes.len() - 60_000, "damaged; copy it anew"),
+    ] {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 64;
+        fs::write(at.join(name), damaged).unwrap();
+        refused(&format!("adapt {MODEL} --replay {name}"), words);
+    }
+    let told = ended("inspect middle.box", 0);
+    assert!(text(&told.stderr).contains("steps in the middle are damaged"), "{}", text(&told.stderr));
+    // Cut short, as by a kill, it is a shorter one.
+    fs::write(at.join("cut.box"), &bytes[..bytes.len() - 1000]).unwrap();
+    ended(&format!("adapt {MODEL} --replay cut.box"), 0);
+}
