@@ -173,3 +173,24 @@ fn what_cannot_be_used_is_told_with_a_remedy() {
     fs::write(at.join("cut.box"), &bytes[..bytes.len() - 1000]).unwrap();
     ended(&format!("adapt {MODEL} --replay cut.box"), 0);
 }
+
+/// A full disk does not stop a service: it is told once, and what was written before can be replayed.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_stops_the_noting_and_nothing_else() {
+    let script = format!(
+        "ulimit -f 200; trap '' XFSZ; exec \"$0\" adapt {MODEL} c.csv --stream --black-box full.box --horizons 1"
+    );
+    let output = Command::new("sh")
+        .current_dir(prepared())
+        .args(["-c", &script, env!("CARGO_BIN_EXE_hydroid")])
+        .output()
+        .unwrap();
+    let told = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    let rows = fs::read_to_string(prepared().join("c.csv")).unwrap().lines().count() - 1;
+    assert_eq!(text(&output.stdout).lines().count(), rows, "all lines are answered");
+    assert_eq!(told.matches("of the black box: cannot write").count(), 1, "{told}");
+    let said = text(&ended(&format!("adapt {MODEL} --replay full.box"), 0).stdout);
+    assert!(said.ends_with("all the same\n") && !said.starts_with("0 "), "{said}");
+}

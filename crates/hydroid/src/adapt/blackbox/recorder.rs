@@ -202,7 +202,7 @@ impl Recorder {
     pub(super) fn finish(&mut self, adapter: &dyn Adapter) -> Result<(), BlackBoxError> {
         self.close(adapter);
         self.write(adapter);
-        self.trouble.take().map_or(Ok(()), |error| Err(error.into()))
+        self.trouble.take().filter(|_| !self.told).map_or(Ok(()), |error| Err(error.into()))
     }
 
     /// What could not be written, once.
