@@ -105,7 +105,7 @@ fn a_service_that_was_killed_is_replayed_bit_for_bit_and_inspected() {
         assert_eq!(inspected["kind"], "black_box");
         assert_eq!(inspected["samples"], samples);
         assert_eq!(inspected["t"][0], 0.0);
-        assert_eq!(inspected["head"]["settings"]["learning"]["method"].is_string(), true);
+        assert!(inspected["head"]["settings"]["learning"]["method"].is_string());
     }
     // A start again goes on in the same file, behind what is there; other settings do not.
     killed(&format!("adapt {MODEL} - --black-box squares.box"), 100);
