@@ -160,7 +160,7 @@ fn what_cannot_be_used_is_told_with_a_remedy() {
     for (name, place, words) in [
         ("head.box", 30, "its head is damaged"),
         ("version.box", 8, "reads format 1"),
-        ("middle.box", bytes.len() - 60_000, "damaged; copy it anew"),
+        ("middle.box", bytes.len() - 120_000, "damaged; copy it anew"),
     ] {
         let mut damaged = bytes.clone();
         damaged[place] ^= 64;

@@ -253,6 +253,54 @@ fn the_settings_come_back_from_the_file() {
     }
 }
 
+/// A kill, or a power that fails, in the middle of a write: of steps, and of a segment that takes the place of the oldest.
+#[test]
+fn what_is_half_written_is_left_out() {
+    let (_folder, path) = place();
+    let options = adapt::Options::default().guarded(&model());
+    let mut stream = stream(&path, &options, "test").unwrap();
+    let lines = lines(3700);
+    let mut seen: Vec<Vec<u8>> = Vec::new();
+    let mut turned = 0;
+    for (k, line) in lines.iter().enumerate() {
+        serve(&mut stream, std::slice::from_ref(line));
+        if k > 2700 {
+            let now = fs::read(&path).unwrap();
+            let changed = seen.last().is_none_or(|before| *before != now);
+            if changed {
+                seen.push(now);
+            }
+            if seen.len() > 2 {
+                seen.remove(0);
+            }
+            let [before, after] = &seen[..] else { continue };
+            assert_eq!(before.len(), after.len(), "the ring is full");
+            let differ: Vec<usize> = (0..after.len()).filter(|&i| before.get(i) != after.get(i)).collect();
+            let (Some(&first), Some(&last)) = (differ.first(), differ.last()) else { continue };
+            // Where the oldest segment gives way, far more changes than a second of steps.
+            let turns = last - first > 8 * ROW * 12;
+            if !changed || (!turns && k % 50 > 9) {
+                continue;
+            }
+            turned += usize::from(turns);
+            for part in 1..6 {
+                let cut = first + (last - first) * part / 6;
+                for [a, b] in [[before, after], [after, before]] {
+                    let mut torn = after.clone();
+                    torn[..cut].copy_from_slice(&b[..cut]);
+                    torn[cut..].copy_from_slice(&a[cut..]);
+                    let black_box = BlackBox::decode(&torn).unwrap();
+                    assert!(!black_box.is_damaged());
+                    let replayed = replay(&model(), "boat", &black_box, |_| {}).unwrap();
+                    assert_eq!(replayed.first, None);
+                    assert!(replayed.samples > 1190, "{}", replayed.samples);
+                }
+            }
+        }
+    }
+    assert!(turned > 0, "a segment was overwritten on the way");
+}
+
 fn recorded() -> &'static (Vec<u8>, BlackBox) {
     static FILE: std::sync::OnceLock<(Vec<u8>, BlackBox)> = std::sync::OnceLock::new();
     FILE.get_or_init(|| {

@@ -16,6 +16,10 @@ const BEFORE: usize = 24;
 const MOST_HORIZONS: usize = 64;
 const FARTHEST: usize = 10_000;
 const MOST_STEPS: usize = 1 << 30;
+/// Time of the walk \[s\] that a kill may cost at the most.
+const WRITTEN_EVERY_S: f64 = 1.0;
+/// Seconds of steps that are written at once at the most: where a gap is walked over.
+const ROOM: usize = 8;
 /// Numbers of a segment's start.
 pub(super) const START: usize = 6;
 
@@ -70,6 +74,19 @@ impl Head {
     /// Bytes of a segment.
     pub(super) fn segment_len(&self) -> usize {
         8 * (START + self.memory + self.steps * (self.places().len() + 1))
+    }
+
+    /// Steps after which they are written.
+    pub(super) fn every(&self) -> usize {
+        // Casts saturate; a step of no time is refused, and none is so short.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let every = (WRITTEN_EVERY_S / self.dt * (1.0 + 1e-9)).floor().clamp(1.0, 1e6) as usize;
+        every
+    }
+
+    /// Steps that are written at once at the most.
+    pub(super) fn room(&self) -> usize {
+        ROOM * self.every()
     }
 
     /// Names of outputs, then inputs.

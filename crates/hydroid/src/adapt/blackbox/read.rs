@@ -40,7 +40,7 @@ pub(super) struct Segment {
     pub(super) memory: Vec<f64>,
     /// Row by row.
     pub(super) rows: Vec<f64>,
-    /// Whether there are whole steps behind one that is not: no kill leaves such.
+    /// Whether there are whole steps far behind one that is not: neither a kill nor a failing power leaves such.
     pub(super) damaged: bool,
 }
 
@@ -87,7 +87,7 @@ impl BlackBox {
         self.segments.last().map(|segment| segment.sequence)
     }
 
-    /// Whether steps in the middle cannot be read: no kill does that.
+    /// Whether steps in the middle cannot be read, and not only those that were being written at the end.
     pub fn is_damaged(&self) -> bool {
         self.segments.iter().any(|segment| segment.damaged)
     }
@@ -129,7 +129,8 @@ fn segment(bytes: &[u8], head: &Head, place: usize) -> Option<Segment> {
         row.truncate(len);
         rows.extend(row);
     }
-    let damaged = steps.any(|step| whole(step).is_some());
+    // Where the power failed, the disk may have the end of what was written at once, and not its beginning.
+    let damaged = steps.skip(head.room()).any(|step| whole(step).is_some());
     Some(Segment { sequence, before, goes_on: goes_on != 0, memory, rows, damaged })
 }
 

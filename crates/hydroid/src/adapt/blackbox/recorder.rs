@@ -12,11 +12,6 @@ use crate::atomic::WriteError;
 use crate::log::{Note, Trajectory};
 use crate::model::Model;
 
-/// Time of the walk \[s\] that a kill may cost at the most.
-const WRITTEN_EVERY_S: f64 = 1.0;
-/// Seconds of steps that wait in memory at the most: more come at once where a gap is walked over.
-const ROOM: usize = 8;
-
 /// What is walked along.
 #[derive(Clone, Copy, Debug)]
 pub enum Source<'a> {
@@ -51,7 +46,9 @@ pub struct Recorder {
     most: u64,
     pending: Vec<u8>,
     waiting: usize,
+    /// Steps of a second, and those that wait at the most.
     every: usize,
+    room: usize,
     trouble: Option<WriteError>,
     told: bool,
 }
@@ -104,9 +101,7 @@ impl Recorder {
         };
         let gatherer = Gatherer::new(&head);
         let len = gatherer.places.len();
-        // Casts saturate.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let every = (WRITTEN_EVERY_S / head.dt * (1.0 + 1e-9)).floor().max(1.0) as usize;
+        let room = head.room();
         Ok(Self {
             ring,
             gatherer,
@@ -123,9 +118,10 @@ impl Recorder {
             steps: 0,
             before: 0,
             most: head.steps as u64,
-            pending: Vec::with_capacity(ROOM * every * 8 * (len + 1)),
+            pending: Vec::with_capacity(room * 8 * (len + 1)),
             waiting: 0,
-            every,
+            every: head.every(),
+            room,
             trouble: None,
             told: false,
         })
@@ -252,7 +248,7 @@ impl Recorder {
         (self.calls, self.steps, self.waiting) = (0, self.steps + 1, self.waiting + 1);
         if self.steps - self.before == self.most {
             self.end_segment(adapter, true);
-        } else if self.waiting == ROOM * self.every {
+        } else if self.waiting == self.room {
             self.write(adapter);
         }
     }
