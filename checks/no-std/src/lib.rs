@@ -8,6 +8,9 @@ use alloc::vec;
 use core::alloc::{GlobalAlloc, Layout};
 use core::panic::PanicInfo;
 
+use hydroid_core::adapt::Adapter;
+use hydroid_core::adapt::kalman::{KalmanPlant, LearnablePlant, Tuning};
+use hydroid_core::model::PlantModel;
 use hydroid_core::model::recurrent::{
     Base, Cell, Network, Recurrent, RecurrentSession, Rollout, Scaling, StateFilter,
 };
@@ -46,7 +49,19 @@ pub extern "C" fn hydroid_step(pp: f64, rd: f64) -> f64 {
     session.observe(&[state.u]);
     let mut y = [0.0];
     session.rollout(&[], &mut Workspace::new(), &mut y);
-    y[0] + recurrent(rd) + batch(rd)
+    y[0] + recurrent(rd) + batch(rd) + vessel(pp, rd)
+}
+
+/// A vessel that learns its parameters.
+fn vessel(pp: f64, rd: f64) -> f64 {
+    let Ok(model) = PlantModel::new(&VesselParams::hydrofoil(), 0.1) else { return f64::NAN };
+    let weights = LearnablePlant::new(&model).places().len();
+    let tuning = Tuning::uniform(weights, 0.01, 1e-7, (1.0, 1e-6), &[1e-4; 3]);
+    let Ok(mut session) = KalmanPlant::new(&model, tuning) else { return f64::NAN };
+    session.observe(&[0.0; 3]);
+    session.advance(&[pp, rd]);
+    session.observe(&[0.0; 3]);
+    session.weights().iter().sum()
 }
 
 /// A network with a filter on its state.

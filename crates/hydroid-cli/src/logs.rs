@@ -1,9 +1,9 @@
 //! Logs as the command line names them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use hydroid::log::{self, LogError, Prepared, RawLog};
-use hydroid::model::Reading;
+use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
+use hydroid::model::{Model, Reading};
 
 use crate::args::LogArgs;
 use crate::config;
@@ -52,6 +52,22 @@ pub fn configured(log: config::Log) -> Reading {
             },
         },
     }
+}
+
+/// The model at the step of the runs, if it is a vessel, which can be asked at any; all of them share one.
+pub fn at_their_step(model: Model, runs: &[Trajectory]) -> anyhow::Result<Model> {
+    Ok(match runs.first() {
+        Some(run) => model.at_step(run.dt)?,
+        None => model,
+    })
+}
+
+/// What is said before why a log cannot be used for a model.
+pub fn unusable(path: &Path, model: &Model) -> String {
+    if model.plant().is_some() {
+        return format!("a log for the vessel {} cannot be used", path.display());
+    }
+    format!("a log for {}, which steps {} s, cannot be used", path.display(), model.description.dt)
 }
 
 /// Reads files and makes runs of them.

@@ -1,12 +1,12 @@
 //! Many runs on bad days, with the guard and without: how far the guarantee holds.
 //!
 //! ```text
-//! cargo run --release -p hydroid --example guard_campaign -- MODEL[,MODEL ..] LOG[,LOG ..] TRAIN [runs=200] [seed=1]
+//! cargo run --release -p hydroid --example guard_campaign -- MODEL[,MODEL ..] LOG[,LOG ..] TRAIN [runs=200] [seed=1] [only=INDEX]
 //! ```
 //!
 //! Models are recurrent networks that see inputs alone; the logs have truth (or are taken for it); `TRAIN` is a log that the models
 //! were trained on. Each run draws a model, a log, a tuning (each variance and the leak within a factor of 30 around
-//! its default, either way) and a fault, and now and then spoils the weights from shore; learner, guarded learner and the
+//! its default, either way) and a fault (offsets of 10 to 50 deviations of the noise), and now and then spoils the weights from shore; learner, guarded learner and the
 //! model from shore with a filter on its state sail through the same faulty log. `clean=1` sails each model through each
 //! log as it is, with the defaults.
 //!
@@ -74,6 +74,7 @@ fn main() -> Result<(), Failure> {
         models.iter().flat_map(each).collect()
     } else {
         (0..setting("runs", 200))
+            .filter(|&index| settings.get("only").is_none_or(|&only| only == index))
             .map(|index| drawn(&models, &runs, setting("seed", 1), index))
             .collect::<Result<_, _>>()?
     };
@@ -137,7 +138,10 @@ fn drawn(models: &[Model], runs: &[Trajectory], seed: u64, index: u64) -> Result
     let (mut model, mut run) = (models[pick(models.len())].clone(), runs[pick(runs.len())].clone());
     let kind = pick(8);
     let output = ["u", "v", "r"][pick(3)];
-    let size = [0.4, 0.2, 0.1][["u", "v", "r"].iter().position(|o| *o == output).unwrap_or(0)];
+    // Offsets of 10 to 50 deviations of the sensor's noise.
+    let noise = NOISE[["u", "v", "r"].iter().position(|o| *o == output).unwrap_or(0)];
+    let sign = if rng.random() { 1.0 } else { -1.0 };
+    let size = sign * noise * (10.0 + 40.0 * rng.random::<f64>());
     let fault = match kind {
         0 => "none".to_owned(),
         1 => "spikes=0.003".to_owned(),
@@ -149,7 +153,7 @@ fn drawn(models: &[Model], runs: &[Trajectory], seed: u64, index: u64) -> Result
             size * (0.5 + 2.0 * rng.random::<f64>()) * if rng.random() { 1.0 } else { -1.0 }
         ),
         6 => format!("spikes=0.005,dropout={output}:10s,stuck={output}:10s"),
-        _ => format!("stuck={output}:5s,bias={output}:{size}"),
+        _ => format!("stuck={output}:5s,bias={output}:{size:.3}"),
     };
     if fault != "none" {
         let faults = Faults { seed: rng.random(), ..fault.parse::<Faults>()? };
@@ -236,6 +240,12 @@ fn row(case: &Case, shore: &Trajectory) -> Result<Row, Failure> {
     let ratio_alone = windows(&|own, frozen| own / frozen, &alone);
     let ratio = windows(&|own, frozen| own / frozen, &guarded);
     let exceeds = windows(&|own, frozen| (own - settings.factor * frozen) / floor - 1.0, &guarded);
+    let worst = {
+        let over = |k: usize, course: &Course| course.errors[k..k + window].iter().sum::<f64>();
+        let excess = |k: &usize| over(*k, &guarded) - settings.factor * over(*k, &frozen);
+        let last = guarded.errors.len().saturating_sub(window);
+        (0..last).max_by(|a, b| excess(a).total_cmp(&excess(b))).unwrap_or(0) as f64 * run.dt + 100.0 * run.dt
+    };
     let mean = |course: &Course| course.errors.iter().sum::<f64>() / course.errors.len() as f64;
     let means = |course: &Course| {
         let mean =
@@ -244,7 +254,7 @@ fn row(case: &Case, shore: &Trajectory) -> Result<Row, Failure> {
     };
     let touched = guarded.touched as f64 / run.len() as f64;
     let text = format!(
-        "{name}\n      frozen {}  alone {} ({ratio_alone:.2})  guarded {} ({ratio:.2})  exceeds {exceeds:.2}  touched {:.2} %  {:?}",
+        "{name}\n      frozen {}  alone {} ({ratio_alone:.2})  guarded {} ({ratio:.2})  exceeds {exceeds:.2} from {worst:.1} s  touched {:.2} %  {:?}",
         means(&frozen),
         means(&alone),
         means(&guarded),
@@ -285,6 +295,9 @@ fn course(session: &mut dyn Adapter, run: &Trajectory, scale: &[f64], horizon: u
         if let Some(guard) = session.guard() {
             for event in guard.events() {
                 *events.entry(event.action.name()).or_default() += 1;
+                if std::env::var_os("GUARD_EVENTS").is_some() {
+                    println!("{:.1} {:?}", k as f64 * run.dt, event.action);
+                }
             }
             let names = guard.events().iter().map(|event| event.action.name());
             touched += usize::from(

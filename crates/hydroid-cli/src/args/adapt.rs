@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
 use hydroid::adapt::{Memory, Which};
+use hydroid::faults::Faults;
 
-use super::values::NamedNumber;
+use super::values::{Duration, NamedNumber};
 use super::{Judging, LogArgs};
 
 /// How equations learn by least squares.
@@ -31,30 +32,34 @@ pub struct EquationsArgs {
     pub no_gate: bool,
 }
 
-/// How networks learn, and equations by the filter.
+/// How networks and vessels learn, and equations by the filter.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
 #[command(
-    next_help_heading = "Learning by the filter (networks, and equations with --learner kalman; variances of the scaled model)"
+    next_help_heading = "Learning by the filter (networks, vessels, and equations with --learner kalman; variances of the scaled model)"
 )]
 pub struct NetworksArgs {
     /// Standard deviation of the noise of each output, in its SI unit: u=0.01,v=0.01,r=0.02 (default: as in the logs that the
     /// model was trained on)
     #[arg(long, value_name = "NAME=STD", value_delimiter = ',')]
     pub noise: Vec<NamedNumber>,
-    /// The noise counts for so many times its variance: what else the model misses is in there (default: 3; equations 1)
+    /// The noise counts for so many times its variance: what else the model misses is in there (default: 3; equations and
+    /// vessels 1)
     #[arg(long, value_name = "X")]
     pub noise_factor: Option<f64>,
-    /// Variance of each weight at the start: how far the vessel may be from the model (default: 0.02; equations 0.001)
+    /// Variance of each weight at the start: how far the vessel may be from the model (default: 0.02; equations 0.001;
+    /// vessels 0.01, of relative changes: 10 %)
     #[arg(long, value_name = "P0")]
     pub weight_variance: Option<f64>,
-    /// Variance that each weight gains in a second: how fast the vessel may change (default: 3e-7; equations 1e-6)
+    /// Variance that each weight gains in a second: how fast the vessel may change (default: 3e-7; equations and vessels
+    /// 1e-6)
     #[arg(long, value_name = "Q")]
     pub weight_noise: Option<f64>,
-    /// Variance that each number of the state gains in a second: of a network the hidden one, of equations the outputs
-    /// (default: 1e-4; equations 1e-3)
+    /// Variance that each number of the state gains in a second: of a network the hidden one, of equations the outputs,
+    /// of a vessel these and the propeller force (default: 1e-4; equations 1e-3; vessels 1e-5)
     #[arg(long, value_name = "Q")]
     pub state_noise: Option<f64>,
-    /// Time constant [s] with which weights return to those of the model; inf not to (default: 3300; equations inf)
+    /// Time constant [s] with which weights return to those of the model; inf not to (default: 3300; equations and
+    /// vessels inf)
     #[arg(long, value_name = "S")]
     pub leak: Option<f64>,
     /// Innovations of more standard deviations than this weigh less (default: inf)
@@ -105,6 +110,29 @@ pub enum Learner {
     Kalman,
 }
 
+/// Trust in what is learned.
+#[derive(Clone, Debug, ClapArgs)]
+#[command(next_help_heading = "Trust")]
+pub struct TrustArgs {
+    /// No guard: whatever is measured is learned from, and whatever was learned predicts
+    #[arg(long)]
+    pub no_guard: bool,
+    /// A log that the model was trained on: the filter walks through the beginning of it first, and knows then what it
+    /// determines of the weights. May be given again
+    #[arg(long, value_name = "LOG")]
+    pub shore: Vec<PathBuf>,
+    /// How much of each of these logs
+    #[arg(long, value_name = "TIME", default_value = "200s")]
+    pub shore_time: Duration,
+    /// Put faults into the log first, and judge by what was measured before: spikes=0.01, dropout=u:10s, stuck=r:5s,
+    /// bias=v:0.2, separated by commas; @TIME behind one says when [s]
+    #[arg(long, value_name = "FAULTS", value_parser = str::parse::<Faults>)]
+    pub inject: Option<Faults>,
+    /// Seed of the faults
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+}
+
 /// A live stream.
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Live stream")]
@@ -148,7 +176,10 @@ pub struct BlackBoxArgs {
 /// by then, and nothing later. The coefficients of equations follow by recursive least squares with forgetting; the
 /// model itself stays the prior, to which coefficients return that the log says nothing about. The weights of a
 /// network, and with --learner kalman coefficients too, are estimated together with the state by an extended Kalman
-/// filter.
+/// filter; so are the parameters of a vessel (masses, drag, rudder, propeller, flying mode), and -o writes its file.
+///
+/// A guard stands beside it: it leaves out what no sensor can have measured, tests all the time whether what was learned
+/// predicts better than the model from shore, and predicts with that where it does not. Its actions are told.
 ///
 /// With - (standard input) or --stream it is a service: each line, CSV below a header or a JSON object, is
 /// answered at once with a line of JSON that holds what became of the sample, the estimate, and predictions with
@@ -159,25 +190,27 @@ pub struct BlackBoxArgs {
   hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
   hydroid adapt out/sindy.safetensors today.csv --learner kalman --noise u=0.01,v=0.01,r=0.02
   hydroid adapt out/gru.safetensors today.csv --noise u=0.01,v=0.01,r=0.02
+  hydroid adapt mine.toml today.csv -o learned.toml    a vessel with given parameters, as `hydroid simulate` takes it
+  hydroid adapt out/gru.safetensors today.csv --shore train.csv --inject spikes=0.01,dropout=u:10s
   logger | hydroid adapt out/sindy.safetensors - --state boat.state | controller
   hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
   logger | hydroid adapt out/sindy.safetensors - --black-box boat.box | controller
   hydroid adapt out/sindy.safetensors --replay boat.box        the same again, bit for bit?
 
 Exit status: 0 adapted is at least as good as frozen in the mean of outputs and horizons, and no rollout of it
-diverged; 1 otherwise; 2 wrong input. Of a replay: 0 all the same, 1 not, 2 wrong input. Of a stream: 0 at its end, 2 wrong input, 130 interrupted, with state and
-model written.")]
+diverged; 1 otherwise; 2 wrong input. Of a replay: 0 all the same, 1 not, 2 wrong input. Of a stream: 0 at its end,
+2 wrong input, 130 interrupted, with state and model written.")]
 pub struct Adapt {
-    /// The model
+    /// The model: a .safetensors file, a vessel of your own (a TOML file), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
     /// The log; - to serve a stream on standard input
     #[arg(value_name = "LOG|-", required_unless_present = "replay")]
     pub run: Option<PathBuf>,
-    /// Where to write the model with the coefficients or weights that it had at the end
+    /// Where to write the model with the coefficients or weights that it had at the end; a vessel as a .toml file
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// How the model learns: equations by least squares (the default) or by the filter, networks by the filter
+    /// How the model learns: equations by least squares (the default) or by the filter, networks and vessels by the filter
     #[arg(long, value_name = "HOW", value_enum)]
     pub learner: Option<Learner>,
     /// Time [s] after which a sample counts 1/e; inf to forget nothing (default: 60 for least squares, inf for the filter)
@@ -187,6 +220,8 @@ pub struct Adapt {
     pub equations: EquationsArgs,
     #[command(flatten)]
     pub networks: NetworksArgs,
+    #[command(flatten)]
+    pub trust: TrustArgs,
     #[command(flatten)]
     pub judging: Judging,
     #[command(flatten)]

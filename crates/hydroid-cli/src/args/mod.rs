@@ -128,7 +128,7 @@ pub struct Simulate {
   hydroid inspect out/sindy.safetensors --json                    also the Jacobian, entry by entry
   hydroid inspect boat.box                                        what happened before it went wrong")]
 pub struct Inspect {
-    /// Logs (CSV), models (.safetensors) or black boxes
+    /// Logs (CSV), models (.safetensors; vessels: .toml) or black boxes
     #[arg(required = true, value_name = "LOG|MODEL|BOX")]
     pub files: Vec<PathBuf>,
     /// Print the equations of models in LaTeX and nothing else (--json has them too)
@@ -143,9 +143,10 @@ pub struct Inspect {
 #[command(after_help = "Examples:
   hydroid evaluate out/sindy.safetensors test.csv --horizon 10s
   hydroid evaluate out/sindy.safetensors run.csv --origin true --against truth    simulated logs
+  hydroid evaluate mine.toml test.csv                  a vessel with given parameters
   hydroid evaluate out/sindy.safetensors test.csv --json > errors.json")]
 pub struct Evaluate {
-    /// The model
+    /// The model: a .safetensors file, a vessel of your own (a TOML file), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
     /// Logs; each is a run, or several where it has gaps

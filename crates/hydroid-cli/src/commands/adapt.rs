@@ -7,9 +7,10 @@ use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
 use hydroid::adapt::{self, Gate, Kalman, Method, Options, Report, Used};
+use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
-use hydroid::log::{self, Note};
-use hydroid::model::{self, Model};
+use hydroid::log::{self, Note, Trajectory};
+use hydroid::model::{self, Model, Reading};
 
 use super::{Outcome, evaluate, table};
 use crate::args::{Adapt, EquationsArgs, Global, Learner, NamedNumber, NetworksArgs};
@@ -20,12 +21,20 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     // Said before the log is read: no log would change it.
     adapt::adaptable(&model).with_context(|| format!("{} cannot be adapted", args.model.display()))?;
     if let Some(path) = &args.black_box.replay {
-        return blackbox::replay(args, global, &model, path);
+        return blackbox::replay(args, global, model, path);
     }
     let Some(given_log) = &args.run else { bail!("a log is missing: give a file, or - for standard input") };
+    if let (Some(path), Some(_)) = (&args.output, model.plant()) {
+        ensure!(
+            path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")),
+            "{}: a vessel is written as a vessel file: give -o a name that ends in .toml",
+            path.display()
+        );
+    }
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
     if args.stream.stream || given_log == Path::new("-") {
-        return stream::run(args, given_log, global, &model, reading);
+        let dt = args.log.dt.unwrap_or(model.description.dt);
+        return stream::run(args, given_log, global, &model.at_step(dt)?, reading);
     }
     let given = &args.stream;
     ensure!(
@@ -33,17 +42,27 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         "--horizons, --state and --timing are of a live stream: add --stream, or give - for standard input"
     );
     let raw = log::read(given_log)?;
-    let prepared = log::prepare(&[raw], &reading.selection, &reading.options).with_context(|| {
-        format!("a log for {}, which steps {} s, cannot be used", args.model.display(), model.description.dt)
-    })?;
+    let mut prepared = log::prepare(&[raw], &reading.selection, &reading.options)
+        .with_context(|| logs::unusable(&args.model, &model))?;
     ui::tell(&prepared.notes, global);
+    let model = logs::at_their_step(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
     ui::tell(model.outside(&prepared.runs).as_slice(), global);
-    let options = options(args, &model)?;
+    let mut options = options(args, &model)?;
+    if let Some(faults) = &args.trust.inject {
+        Faults { seed: args.trust.seed, ..faults.clone() }
+            .inject(&mut prepared.runs)
+            .context("--inject cannot be done")?;
+        // What is faulty is no measure.
+        options.evaluate.against = hydroid::evaluate::Against::Truth;
+    }
+    let shore = shore(args, &model, &reading, global)?;
+    let shore: Vec<_> = shore.iter().collect();
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("adapting", global);
     let black_box = blackbox::settings(args)?;
-    let adapted = adapt::adapt_recorded(&model, &runs, &options, black_box.as_ref(), &mut bar.callback())
+    let black_box = black_box.as_ref();
+    let adapted = adapt::adapt_recorded(&model, &shore, &runs, &options, black_box, &mut bar.callback())
         .context("the log cannot be used to adapt the model")?;
     drop(bar);
     if let Some(path) = &args.output {
@@ -60,15 +79,40 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     Ok(if better && report.adapted.diverged == 0 { Outcome::Done } else { Outcome::Missed })
 }
 
+/// The beginnings of the logs that the model was trained on.
+fn shore(args: &Adapt, model: &Model, reading: &Reading, global: Global) -> anyhow::Result<Vec<Trajectory>> {
+    let mut beginnings = Vec::new();
+    for path in &args.trust.shore {
+        let raw = log::read(path)?;
+        let prepared = log::prepare(&[raw], &reading.selection, &reading.options)
+            .with_context(|| logs::unusable(&args.model, model))?;
+        ui::tell(&prepared.notes, global);
+        model.check(&prepared.runs)?;
+        let mut left = args.trust.shore_time.0;
+        for run in &prepared.runs {
+            // Casts saturate.
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            let samples = (left / run.dt).round() as usize;
+            let samples = samples.min(run.len());
+            beginnings.extend((samples > 0).then(|| run.slice(0, samples)));
+            left -= samples as f64 * run.dt;
+        }
+    }
+    Ok(beginnings)
+}
+
 /// What the command line says, for a model; what it says of models of another kind is refused.
 fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     let mut options =
         Options { evaluate: evaluate::options(args.judging, model.description.dt), ..Options::default() };
+    if !args.trust.no_guard {
+        options = options.guarded(model);
+    }
     let equations = model.equations().is_some();
     if equations && args.learner != Some(Learner::Kalman) {
         ensure!(
             args.networks == NetworksArgs::default(),
-            "options under 'Learning by the filter' are for networks, and for equations with --learner kalman: this is a model of kind '{}'",
+            "options under 'Learning by the filter' are for networks and vessels, and for equations with --learner kalman: this is a model of kind '{}'",
             model.kind()
         );
         let given = &args.equations;
@@ -93,13 +137,14 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         "options under 'Learning by least squares' are for equations that learn so: this is a model of kind '{}', which is to learn by the filter",
         model.kind()
     );
-    if equations {
+    if model.recurrent().is_none() {
         ensure!(
             args.networks.weights.is_none() && !args.networks.single_precision,
             "--weights and --single-precision are for networks: this is a model of kind '{}'",
             model.kind()
         );
-        (options.method, options.kalman) = (Method::Kalman, Kalman::of_equations());
+        options.method = Method::Kalman;
+        options.kalman = if equations { Kalman::of_equations() } else { Kalman::of_plants() };
     }
     let (given, settings) = (&args.networks, &mut options.kalman);
     for (value, into) in [
@@ -144,6 +189,9 @@ fn noise(given: &[NamedNumber], model: &Model) -> anyhow::Result<Option<Vec<f64>
     outputs.iter().map(of).collect::<anyhow::Result<_>>().map(Some)
 }
 
+/// Events that are shown.
+const EVENTS_SHOWN: usize = 12;
+
 /// What speaks against using what was learned.
 fn doubts(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
@@ -180,6 +228,14 @@ fn doubts(report: &Report) -> Vec<Note> {
 fn show(report: &Report, written: Option<&Path>) {
     let table = table::side_by_side(&report.frozen, report.frozen_filtered.as_ref(), &report.adapted);
     ui::write_out(format_args!("{table}\n"));
+    if !report.parameters.is_empty() {
+        outln!("{:<26} {:>12} {:>12} {:>8}", "parameter", "given", "learned", "change");
+        for p in &report.parameters {
+            let change = 100.0 * (p.learned / p.given - 1.0);
+            outln!("{:<26} {:>12.5} {:>12.5} {change:>+6.1} % {}", p.path, p.given, p.learned, p.unit);
+        }
+        outln!("");
+    }
     let (guard, times, coverage) = (report.guard, report.us_per_sample, report.coverage);
     outln!(
         "learned from {} rows ({} with less weight), rejected {}, rolled back {}",
@@ -193,6 +249,20 @@ fn show(report: &Report, written: Option<&Path>) {
         100.0 * coverage.of_80,
         100.0 * coverage.of_95
     );
+    if guard.predicted_by.iter().any(|&n| n > 0) {
+        let all = guard.predicted_by.iter().sum::<usize>() as f64;
+        let [adapted, snapshot, frozen] = guard.predicted_by.map(|n| 100.0 * n as f64 / all);
+        outln!(
+            "guard: predictions by the adapted model {adapted:.1} %, its snapshot {snapshot:.1} %, the frozen one {frozen:.1} %; {} samples not used as measured",
+            guard.touched
+        );
+        for event in report.events.iter().take(EVENTS_SHOWN) {
+            outln!("  {:10.1} s  {}", event.t, event.text);
+        }
+        if report.events.len() > EVENTS_SHOWN {
+            outln!("  .. and {} more (--json has all)", report.events.len() - EVENTS_SHOWN);
+        }
+    }
     outln!(
         "{:.1} us for a sample (median), {:.1} (99 of 100), {:.1} (longest)",
         times.median,

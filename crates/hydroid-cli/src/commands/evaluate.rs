@@ -23,10 +23,10 @@ struct Judged<'a> {
 pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
-    let (_, prepared) = logs::prepare(&args.logs, &reading).with_context(|| {
-        format!("a log for {}, which steps {} s, cannot be used", args.model.display(), model.description.dt)
-    })?;
+    let (_, prepared) =
+        logs::prepare(&args.logs, &reading).with_context(|| logs::unusable(&args.model, &model))?;
     ui::tell(&prepared.notes, global);
+    let model = logs::at_their_step(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
     ui::tell(model.outside(&prepared.runs).as_slice(), global);
     let options = options(args.judging, model.description.dt);

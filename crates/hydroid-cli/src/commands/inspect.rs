@@ -10,7 +10,7 @@ use anyhow::bail;
 use hydroid::adapt::blackbox::{self, BlackBox};
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection};
-use hydroid::model::{self, Model, Motion, Reading};
+use hydroid::model::{self, Description, Model, Motion, Reading};
 use hydroid_core::model::recurrent::Base;
 use serde_json::json;
 
@@ -67,9 +67,9 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// A safetensors file says so by its name, or by its head: eight bytes of length, then JSON.
+/// A vessel says so by its name, a safetensors file by its name too, or by its head: eight bytes of length, then JSON.
 fn is_model(path: &Path) -> bool {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("safetensors")) {
+    if path.extension().is_some_and(|e| ["safetensors", "toml"].iter().any(|of| e.eq_ignore_ascii_case(of))) {
         return true;
     }
     // A pipe gives its bytes once: only the log reader may take them.
@@ -86,6 +86,12 @@ fn is_model(path: &Path) -> bool {
 fn latex(file: &Path, model: &Model) -> anyhow::Result<String> {
     if let Some(motion) = model.equations() {
         return Ok(format!("{}{}", motion.equations_latex(), motion.units_latex()));
+    }
+    if model.plant().is_some() {
+        bail!(
+            "{} is a vessel with given parameters: its equations are those of the plant, in the documentation of hydroid_core::vessel::Plant",
+            file.display()
+        );
     }
     let Some(base) = model.base_equations() else {
         bail!(
@@ -119,6 +125,9 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
     if let Some(serde_json::Value::Object(parts)) = model.equations().map(equations) {
         document.as_object_mut().into_iter().for_each(|object| object.extend(parts.clone()));
     }
+    if let Some(plant) = model.plant() {
+        document["vessel"] = json!(plant.params());
+    }
     if let Some(recurrent) = model.recurrent() {
         document["network"] = json!({
             "text": model.network_text(),
@@ -149,9 +158,34 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
 
 fn show_model(file: &Path, model: &Model) {
     let d = &model.description;
+    if let Some(plant) = model.plant() {
+        outln!("{}: vessel '{}', {} parameters", file.display(), plant.params().name, model.weights());
+        show_ports(d);
+        outln!("parameters:");
+        for line in model.plant_text() {
+            outln!("  {line}");
+        }
+        return;
+    }
     let numbers = if model.recurrent().is_some() { "weights" } else { "coefficients" };
     outln!("{}: {} model '{}', {} {numbers}", file.display(), model.kind(), d.name, model.weights());
     outln!("sample time {} s", d.dt);
+    show_ports(d);
+    if let Some(motion) = model.equations() {
+        show_equations("equations", motion);
+    }
+    show_network(model);
+    let p = &d.provenance;
+    outln!(
+        "made by hydroid {} with seed {} from {}, chosen on {}",
+        p.hydroid,
+        p.seed,
+        p.training.join(", "),
+        p.validation.join(", ")
+    );
+}
+
+fn show_ports(d: &Description) {
     let stated = d.stated();
     for (what, ports) in [("output", &d.outputs), ("input", &d.inputs)] {
         for port in ports {
@@ -169,18 +203,6 @@ fn show_model(file: &Path, model: &Model) {
             );
         }
     }
-    if let Some(motion) = model.equations() {
-        show_equations("equations", motion);
-    }
-    show_network(model);
-    let p = &d.provenance;
-    outln!(
-        "made by hydroid {} with seed {} from {}, chosen on {}",
-        p.hydroid,
-        p.seed,
-        p.training.join(", "),
-        p.validation.join(", ")
-    );
 }
 
 fn show_equations(heading: &str, motion: Motion<'_>) {

@@ -86,10 +86,10 @@ pub fn record(options: &Options, global: Global) -> anyhow::Result<Simulated> {
 }
 
 fn vessel(name: &str) -> anyhow::Result<VesselParams> {
+    if let Some(vessel) = simulate::built_in(name) {
+        return Ok(vessel);
+    }
     match name {
-        "simple" => Ok(VesselParams::simple()),
-        "hydrofoil" => Ok(VesselParams::hydrofoil()),
-        "hydrofoil-low-speed" => Ok(VesselParams::hydrofoil_low_speed()),
         file if Path::new(file).extension().is_some() => Ok(simulate::load_vessel(file)?),
         other => bail!(
             "'{other}' is no plant: write simple, hydrofoil, hydrofoil-low-speed, or the name of a vessel file that ends in .toml (`hydroid simulate hydrofoil --print-vessel` prints one to start from)"

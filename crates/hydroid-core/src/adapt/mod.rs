@@ -8,6 +8,7 @@
 //! | --- | --- |
 //! | [`RecursiveEquations`] | coefficients of sparse equations, by [`RecursiveLeastSquares`] on increments |
 //! | [`KalmanEquations`](kalman::KalmanEquations) | the same, with the outputs, by an extended Kalman [`Filter`](kalman::Filter) |
+//! | [`KalmanPlant`](kalman::KalmanPlant) | motion, propeller force and parameters of a vessel, by such a filter |
 //! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by such a filter |
 //! | [`BlendedEquations`] | several of these at different paces, weighed by what they have predicted of late |
 //! | [`Guard`](guard::Guard) | what another one does, as long as that is to be trusted |
@@ -50,7 +51,8 @@ pub trait Adapter: Predictor {
     /// deviation for each output, in the same unit. Empty where the outcome is [`Outcome::Waiting`].
     fn innovations(&self) -> &[Innovation];
 
-    /// The weights of the moment, in the model's own units and layout. A [`snapshot`](Predictor::snapshot) ends with them.
+    /// The weights of the moment, in the model's own units and layout. A [`snapshot`](Predictor::snapshot) ends with as
+    /// many numbers, which stand for them.
     fn weights(&self) -> &[f64];
 
     /// Whether to learn at all. A frozen adapter predicts with the weights it has.

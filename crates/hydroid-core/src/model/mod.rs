@@ -1,7 +1,9 @@
 //! Models: discrete steps `state+ = f(state, c)`, `y = g(state)`, with weights inside and state outside.
 
 mod persistence;
+mod plant;
 pub mod recurrent;
 pub mod sparse;
 
 pub use persistence::Persistence;
+pub use plant::{PlantModel, PlantModelError, PlantSession};

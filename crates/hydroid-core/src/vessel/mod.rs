@@ -18,8 +18,11 @@
 //! # Ok::<(), hydroid_core::vessel::InvalidParams>(())
 //! ```
 
+mod dual;
 mod invalid;
 pub mod kinematics;
+mod number;
+mod parameter;
 mod params;
 mod plant;
 mod reference;
@@ -27,7 +30,10 @@ pub mod rk4;
 mod state;
 mod validate;
 
+pub use dual::Dual;
 pub use invalid::{InvalidParams, Mode};
+pub use number::Number;
+pub use parameter::{Form, Numbers, PARAMETER, PARAMETERS, Parameter, is_solvable};
 pub use params::{
     AddedMass, CommandChannel, Commands, Coriolis, Drag, Flying, Noise, Propeller, RigidBody, Rudder,
     RudderLaw, VesselParams,

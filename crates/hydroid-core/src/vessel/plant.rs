@@ -4,7 +4,9 @@ use num_traits::Float;
 
 use super::invalid::InvalidParams;
 use super::kinematics::pose_rate;
-use super::params::{Coriolis, Drag, RudderLaw, VesselParams};
+use super::number::Number;
+use super::parameter::{Form, Numbers, Parts, mass_matrix};
+use super::params::{Coriolis, RudderLaw, VesselParams};
 use super::rk4;
 use super::state::{Command, State};
 
@@ -31,56 +33,64 @@ use super::state::{Command, State};
 /// `C` is built from `M` in both modes, as in the thesis; its two forms are described at [`Coriolis`].
 /// Without a flying mode `dnu/dt = f_normal`. The model is that of Fossen, Handbook of Marine Craft
 /// Hydrodynamics and Motion Control, 2nd ed., chapter 6 (manoeuvring models in surge, sway and yaw).
+///
+/// `T` is a [`Number`]: with [`Dual`](super::Dual) the same equations give derivatives along.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plant {
-    mass: [f64; 4],
-    normal: InverseMass,
+pub struct Plant<T = f64> {
+    mass: [T; 4],
+    normal: InverseMass<T>,
     /// `m22 - m11` where the Munk moment counts, 0 where it is left out.
-    munk: f64,
-    drag: Drag,
+    munk: T,
+    linear: [[T; 3]; 3],
+    quadratic: [[T; 3]; 3],
     rudder_law: RudderLaw,
-    rudder_gain: f64,
-    lag_rate: f64,
-    flying: Option<FlyingMode>,
+    rudder_gain: T,
+    lag_rate: T,
+    flying: Option<FlyingMode<T>>,
 }
 
 /// Inverse of a mass matrix whose surge is uncoupled, and the shared entries of its symmetric block.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct InverseMass {
-    i11: f64,
-    i22: f64,
-    i23: f64,
-    i33: f64,
+struct InverseMass<T> {
+    i11: T,
+    i22: T,
+    i23: T,
+    i33: T,
 }
 
-impl InverseMass {
-    fn new([m11, m22, m23, m33]: [f64; 4]) -> Self {
+impl<T: Number> InverseMass<T> {
+    fn new([m11, m22, m23, m33]: [T; 4]) -> Self {
         let determinant = m22 * m33 - m23 * m23;
-        Self { i11: 1.0 / m11, i22: m33 / determinant, i23: -m23 / determinant, i33: m22 / determinant }
+        Self {
+            i11: T::constant(1.0) / m11,
+            i22: m33 / determinant,
+            i23: -m23 / determinant,
+            i33: m22 / determinant,
+        }
     }
 
     #[inline]
-    fn apply(&self, [x, y, n]: [f64; 3]) -> [f64; 3] {
+    fn apply(&self, [x, y, n]: [T; 3]) -> [T; 3] {
         [self.i11 * x, self.i22 * y + self.i23 * n, self.i23 * y + self.i33 * n]
     }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct FlyingMode {
-    inverse: InverseMass,
-    drag_factor: f64,
-    transition_speed: f64,
-    slope: f64,
+struct FlyingMode<T> {
+    inverse: InverseMass<T>,
+    drag_factor: T,
+    transition_speed: T,
+    slope: T,
 }
 
 /// A command as the equations use it: the trigonometry of the rudder is done once for as long as the
 /// command is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Actuation {
+pub struct Actuation<T = f64> {
     /// Propeller force asked for \[N\].
     pub pp: f64,
     /// Yaw moment per surge velocity \[N s\]: `k RD` or `k sin(RD)`.
-    pub moment_per_speed: f64,
+    pub moment_per_speed: T,
 }
 
 impl Plant {
@@ -90,35 +100,7 @@ impl Plant {
     /// What [`VesselParams::validate`] finds.
     pub fn new(params: &VesselParams) -> Result<Self, InvalidParams> {
         params.validate()?;
-        let mass = params.mass_matrix(1.0);
-        Ok(Self {
-            mass,
-            normal: InverseMass::new(mass),
-            munk: match params.coriolis {
-                Coriolis::WithoutMunk => 0.0,
-                Coriolis::Full => mass[1] - mass[0],
-            },
-            drag: params.drag,
-            rudder_law: params.rudder.law,
-            rudder_gain: params.rudder.gain,
-            lag_rate: 1.0 / params.propeller.lag,
-            flying: params.flying.map(|flying| FlyingMode {
-                inverse: InverseMass::new(params.mass_matrix(flying.added_mass_factor)),
-                drag_factor: flying.drag_factor,
-                transition_speed: flying.transition_speed,
-                slope: flying.slope,
-            }),
-        })
-    }
-
-    /// A command prepared for the time it is held.
-    #[inline]
-    pub fn actuation(&self, command: &Command) -> Actuation {
-        let rudder = match self.rudder_law {
-            RudderLaw::Linear => command.rd,
-            RudderLaw::Sine => Float::sin(command.rd),
-        };
-        Actuation { pp: command.pp, moment_per_speed: rudder * self.rudder_gain }
+        Ok(Self::assemble(params.form(), &params.numbers()))
     }
 
     /// `dx/dt = f(x, c)`: the equations above. Components have the units of the state per second.
@@ -155,27 +137,7 @@ impl Plant {
     /// Weight of the flying mode at surge velocity `u`, `sigma(u - u_0)`; 0 without a flying mode.
     #[inline]
     pub fn flying_weight(&self, u: f64) -> f64 {
-        self.flying.map_or(0.0, |flying| sigma(flying.slope * (u - flying.transition_speed)))
-    }
-
-    /// Coriolis and centripetal forces `C(nu) nu` \[N, N, N m\].
-    #[inline]
-    pub fn coriolis(&self, [u, v, r]: [f64; 3]) -> [f64; 3] {
-        let [m11, m22, m23, _] = self.mass;
-        [-(m22 * v + m23 * r) * r, m11 * u * r, self.munk * u * v + m23 * u * r]
-    }
-
-    /// Drag `D(nu) nu` of the normal mode \[N, N, N m\].
-    #[inline]
-    pub fn drag(&self, nu: [f64; 3]) -> [f64; 3] {
-        let squared = nu.map(|w| w.abs() * w);
-        let row = |linear: &[f64; 3], quadratic: &[f64; 3]| {
-            (linear[0] * nu[0] + quadratic[0] * squared[0])
-                + (linear[1] * nu[1] + quadratic[1] * squared[1])
-                + (linear[2] * nu[2] + quadratic[2] * squared[2])
-        };
-        let Drag { linear, quadratic } = &self.drag;
-        [row(&linear[0], &quadratic[0]), row(&linear[1], &quadratic[1]), row(&linear[2], &quadratic[2])]
+        self.flying.map_or(0.0, |flying| (flying.slope * (u - flying.transition_speed)).logistic())
     }
 
     /// Propeller force that holds surge velocity `u` on a straight course \[N\]: the surge drag, between the
@@ -192,11 +154,80 @@ impl Plant {
     pub const fn mass_matrix(&self) -> [f64; 4] {
         self.mass
     }
+}
+
+impl<T: Number> Plant<T> {
+    /// From numbers that [`is_solvable`](super::is_solvable) has nothing to say against; with others the motion has no
+    /// meaning. Nothing is allocated.
+    pub fn assemble(form: Form, numbers: &Numbers<T>) -> Self {
+        let mass = mass_matrix(numbers, T::constant(1.0));
+        let parts = Parts::of(numbers);
+        Self {
+            mass,
+            normal: InverseMass::new(mass),
+            munk: match form.coriolis {
+                Coriolis::WithoutMunk => T::constant(0.0),
+                Coriolis::Full => mass[1] - mass[0],
+            },
+            linear: parts.linear,
+            quadratic: parts.quadratic,
+            rudder_law: form.rudder,
+            rudder_gain: parts.rudder_gain,
+            lag_rate: T::constant(1.0) / parts.lag,
+            flying: form.flying.then(|| FlyingMode {
+                inverse: InverseMass::new(mass_matrix(numbers, parts.added_mass_factor)),
+                drag_factor: parts.drag_factor,
+                transition_speed: parts.transition_speed,
+                slope: parts.slope,
+            }),
+        }
+    }
+
+    /// A command prepared for the time it is held.
+    #[inline]
+    pub fn actuation(&self, command: &Command) -> Actuation<T> {
+        let rudder = match self.rudder_law {
+            RudderLaw::Linear => command.rd,
+            RudderLaw::Sine => Float::sin(command.rd),
+        };
+        Actuation { pp: command.pp, moment_per_speed: self.rudder_gain * rudder }
+    }
+
+    /// `[u, v, r, P_f]` after `h` seconds under a command: [`advance_under`](Plant::advance_under) without the pose, which
+    /// no force depends on.
+    #[inline]
+    pub fn advance_motion(&self, motion: &[T; 4], actuation: &Actuation<T>, h: f64) -> [T; 4] {
+        let rate = |&[u, v, r, p_f]: &[T; 4]| {
+            let [du, dv, dr] = self.acceleration([u, v, r], p_f, actuation.moment_per_speed);
+            [du, dv, dr, (T::constant(actuation.pp) - p_f) * self.lag_rate]
+        };
+        rk4::step(rate, motion, h)
+    }
+
+    /// Coriolis and centripetal forces `C(nu) nu` \[N, N, N m\].
+    #[inline]
+    pub fn coriolis(&self, [u, v, r]: [T; 3]) -> [T; 3] {
+        let [m11, m22, m23, _] = self.mass;
+        [-(m22 * v + m23 * r) * r, m11 * u * r, self.munk * u * v + m23 * u * r]
+    }
+
+    /// Drag `D(nu) nu` of the normal mode \[N, N, N m\].
+    #[inline]
+    pub fn drag(&self, nu: [T; 3]) -> [T; 3] {
+        let squared = nu.map(|w| w.abs() * w);
+        let row = |linear: &[T; 3], quadratic: &[T; 3]| {
+            (linear[0] * nu[0] + quadratic[0] * squared[0])
+                + (linear[1] * nu[1] + quadratic[1] * squared[1])
+                + (linear[2] * nu[2] + quadratic[2] * squared[2])
+        };
+        let Self { linear, quadratic, .. } = self;
+        [row(&linear[0], &quadratic[0]), row(&linear[1], &quadratic[1]), row(&linear[2], &quadratic[2])]
+    }
 
     /// `dnu/dt` \[m/s^2, m/s^2, rad/s^2\] under a propeller force \[N\] and a yaw moment per surge
     /// velocity \[N s\].
     #[inline]
-    pub fn acceleration(&self, nu: [f64; 3], propeller_force: f64, moment_per_speed: f64) -> [f64; 3] {
+    pub fn acceleration(&self, nu: [T; 3], propeller_force: T, moment_per_speed: T) -> [T; 3] {
         let coriolis = self.coriolis(nu);
         let drag = self.drag(nu);
         let driving = [propeller_force - coriolis[0], -coriolis[1], nu[0] * moment_per_speed - coriolis[2]];
@@ -204,14 +235,9 @@ impl Plant {
         let Some(flying) = &self.flying else { return normal };
 
         let fly = flying.inverse.apply(core::array::from_fn(|i| driving[i] - flying.drag_factor * drag[i]));
-        let weight = sigma(flying.slope * (nu[0] - flying.transition_speed));
+        let weight = (flying.slope * (nu[0] - flying.transition_speed)).logistic();
         // sigma(-z) = 1 - sigma(z) saves the second exponential.
-        core::array::from_fn(|i| weight * fly[i] + (1.0 - weight) * normal[i])
+        let rest = T::constant(1.0) - weight;
+        core::array::from_fn(|i| weight * fly[i] + rest * normal[i])
     }
-}
-
-/// `1 / (1 + exp(-z))`.
-#[inline]
-fn sigma(z: f64) -> f64 {
-    1.0 / (Float::exp(-z) + 1.0)
 }

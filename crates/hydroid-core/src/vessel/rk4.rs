@@ -1,5 +1,7 @@
 //! Classical Runge-Kutta method of order 4, fixed step, no allocation.
 
+use super::number::Number;
+
 /// `x` after one step of `h` seconds along `dx/dt = f(x)`.
 ///
 /// ```text
@@ -11,15 +13,15 @@
 /// `f` takes no time: what acts from outside (the command) is held over the step and lives in the closure.
 /// The local error is of order `h^5`, the global one of order `h^4`.
 #[inline]
-pub fn step<const N: usize>(f: impl Fn(&[f64; N]) -> [f64; N], x: &[f64; N], h: f64) -> [f64; N] {
-    let along = |k: &[f64; N], a: f64| -> [f64; N] { core::array::from_fn(|i| x[i] + a * k[i]) };
+pub fn step<T: Number, const N: usize>(f: impl Fn(&[T; N]) -> [T; N], x: &[T; N], h: f64) -> [T; N] {
+    let along = |k: &[T; N], a: f64| -> [T; N] { core::array::from_fn(|i| x[i] + k[i] * a) };
     let half = 0.5 * h;
     let k1 = f(x);
     let k2 = f(&along(&k1, half));
     let k3 = f(&along(&k2, half));
     let k4 = f(&along(&k3, h));
     let sixth = h / 6.0;
-    core::array::from_fn(|i| x[i] + sixth * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]))
+    core::array::from_fn(|i| x[i] + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * sixth)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Checks that a parameter set describes a vessel.
 
 use super::invalid::{InvalidParams, Mode};
+use super::parameter::mass_matrix;
 use super::params::{Commands, Flying, RudderLaw, VesselParams};
 
 /// Name of each drag entry, so that a message can say which.
@@ -68,13 +69,7 @@ impl VesselParams {
     ///
     /// `m11 = m + a11`, `m22 = m + a22`, `m23 = m x_g + a23`, `m33 = I_z + a33`.
     pub fn mass_matrix(&self, added: f64) -> [f64; 4] {
-        let (body, a) = (&self.rigid_body, &self.added_mass);
-        [
-            body.mass - added * a.x_udot,
-            body.mass - added * a.y_vdot,
-            body.mass * body.x_g - added * a.y_rdot,
-            body.i_z - added * a.n_rdot,
-        ]
+        mass_matrix(&self.numbers(), added)
     }
 
     fn check_mass_matrix(&self, mode: Mode, added: f64) -> Result<(), InvalidParams> {

@@ -61,7 +61,7 @@ fn sure(model: &Model, options: &Options) -> Kalman {
             noise_factor: 1.0,
             ..sure
         },
-        Body::Equations(_) => sure,
+        Body::Equations(_) | Body::Plant(_) => sure,
     }
 }
 

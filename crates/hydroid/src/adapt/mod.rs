@@ -9,6 +9,7 @@ mod events;
 mod guarded;
 mod kalman;
 pub mod least_squares;
+mod plant;
 pub mod stream;
 mod watch;
 
@@ -30,9 +31,10 @@ pub use hydroid_core::adapt::guard::GuardSettings;
 pub use hydroid_core::adapt::kalman::Memory;
 pub use kalman::{Kalman, UsedKalman, Which};
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
+pub use plant::LearnedParameter;
 pub use watch::{Counts, Coverage, Times};
 
-/// How equations learn. Networks learn by the filter, whatever is chosen.
+/// How equations learn. Networks and vessels learn by the filter, whatever is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
@@ -51,7 +53,8 @@ pub struct Options {
     pub method: Method,
     /// For equations that learn by least squares.
     pub least_squares: LeastSquares,
-    /// For networks, and for equations that learn by the filter: then [`Kalman::of_equations`] is where to begin.
+    /// For networks; for equations that learn by the filter [`Kalman::of_equations`] is where to begin, for vessels
+    /// [`Kalman::of_plants`].
     pub kalman: Kalman,
     /// Whether, and how, what is learned is guarded.
     pub guard: Option<GuardSettings>,
@@ -80,6 +83,9 @@ pub struct Report {
     pub coverage: Coverage,
     /// Settings, with what was chosen written out.
     pub settings: Used,
+    /// Parameters of a vessel before and after; none of other models.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<LearnedParameter>,
 }
 
 /// The settings that were used; they stand in the adapted model's provenance.
@@ -88,7 +94,7 @@ pub struct Report {
 pub enum Used {
     /// Of equations.
     LeastSquares(UsedLeastSquares),
-    /// Of a network, or of equations that learn by the filter.
+    /// Of a network, a vessel, or equations that learn by the filter.
     Kalman(UsedKalman),
 }
 
@@ -119,7 +125,7 @@ pub enum AdaptError {
     #[error("the model cannot be adapted: {0}")]
     Kalman(#[from] KalmanError),
     /// What only networks have.
-    #[error("{what} is for networks: this is a model of equations")]
+    #[error("{what} is for networks: this model is none")]
     OnlyNetworks {
         /// Asked for.
         what: &'static str,
@@ -171,7 +177,7 @@ pub enum AdaptError {
 /// If nothing here adapts a model of its kind.
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     match &model.body {
-        Body::Equations(_) | Body::Recurrent(_) => Ok(()),
+        Body::Equations(_) | Body::Recurrent(_) | Body::Plant(_) => Ok(()),
     }
 }
 
@@ -205,9 +211,32 @@ fn learner(
         let (adapter, used) = least_squares::adapter(model, &motion, &options.least_squares)?;
         return Ok((Box::new(adapter), Used::LeastSquares(used)));
     }
-    let Body::Recurrent(network) = &model.body else { return Err(AdaptError::Kind { kind: model.kind() }) };
-    let (adapter, used) = kalman::adapter(model, network, &options.kalman, runs)?;
-    Ok((adapter, Used::Kalman(used)))
+    match &model.body {
+        Body::Recurrent(network) => {
+            let (adapter, used) = kalman::adapter(model, network, &options.kalman, runs)?;
+            Ok((adapter, Used::Kalman(used)))
+        }
+        Body::Plant(vessel) => {
+            let (adapter, used) = plant::adapter(model, vessel, &options.kalman, runs)?;
+            Ok((Box::new(adapter), Used::Kalman(used)))
+        }
+        Body::Equations(_) => Err(AdaptError::Kind { kind: model.kind() }),
+    }
+}
+
+/// Walks an adapter through runs that its model was trained on, so that it knows what they determine of the weights; then it
+/// stands at the start of a run.
+///
+/// A filter that begins with all weights equally uncertain forgets what the model knew as soon as it learns something new.
+pub fn remember_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
+    for run in shore {
+        adapter.reset();
+        for k in 0..run.len() {
+            adapter.observe(run.outputs.row(k));
+            adapter.advance(run.inputs.row(k));
+        }
+    }
+    adapter.reset();
 }
 
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
@@ -220,7 +249,21 @@ pub fn adapt(
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
-    adapt_recorded(model, runs, options, None, progress)
+    adapt_from(model, &[], runs, options, progress)
+}
+
+/// The same; before the first run the one that learns walks through `shore` ([`remember_shore`]).
+///
+/// # Errors
+/// As [`adapt`].
+pub fn adapt_from(
+    model: &Model,
+    shore: &[&Trajectory],
+    runs: &[&Trajectory],
+    options: &Options,
+    progress: Progress<'_>,
+) -> Result<Adapted, AdaptError> {
+    adapt_recorded(model, shore, runs, options, None, progress)
 }
 
 /// The same, with a black box of the model that learns.
@@ -229,12 +272,14 @@ pub fn adapt(
 /// As [`adapt`], and if the box cannot be written.
 pub fn adapt_recorded(
     model: &Model,
+    shore: &[&Trajectory],
     runs: &[&Trajectory],
     options: &Options,
     black_box: Option<&blackbox::Settings>,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
-    let (adapter, used) = adapter(model, options, runs)?;
+    let (mut adapter, used) = adapter(model, options, runs)?;
+    remember_shore(adapter.as_mut(), shore);
     let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
     if let Used::LeastSquares(UsedLeastSquares { window_s, .. }) = used
         && window_s >= longest_s
@@ -248,10 +293,13 @@ pub fn adapt_recorded(
     let frozen = evaluate(name, frozen_session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
         progress(0.5 * done)
     })?;
-    let filtered = match (&used, model.equations()) {
-        (Used::LeastSquares(_), _) => None,
-        (Used::Kalman(used), None) => kalman::filtered(model, &used.noise).map(|model| model.session()),
-        (Used::Kalman(_), Some(motion)) => Some(equations::filtered(model, &motion, &options.kalman, runs)?),
+    let filtered = match (&used, model.equations(), model.plant()) {
+        (Used::LeastSquares(_), ..) => None,
+        (Used::Kalman(_), Some(motion), _) => {
+            Some(equations::filtered(model, &motion, &options.kalman, runs)?)
+        }
+        (Used::Kalman(_), _, Some(vessel)) => Some(plant::filtered(model, vessel, &options.kalman, runs)?),
+        (Used::Kalman(used), None, None) => kalman::filtered(model, &used.noise).map(|model| model.session()),
     };
     let frozen_filtered = match filtered {
         Some(mut filtered) => {
@@ -276,6 +324,8 @@ pub fn adapt_recorded(
         evaluate(&format!("{name}, adapted"), &mut watched, &ranges, runs, &options.evaluate, &mut |done| {
             progress(0.5 + 0.5 * done)
         })?;
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
+    let after = learned(model, watched.weights(), &names, &used)?;
     let report = Report {
         frozen,
         frozen_filtered,
@@ -284,11 +334,11 @@ pub fn adapt_recorded(
         events: events::happened(watched.events(), runs, &events::names(model)),
         us_per_sample: watched.times(),
         coverage: watched.coverage(),
-        settings: used.clone(),
+        parameters: plant::parameters(model, &after),
+        settings: used,
     };
     adapter.finish()?;
-    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    Ok(Adapted { model: learned(model, adapter.weights(), &names, &used)?, report })
+    Ok(Adapted { model: after, report })
 }
 
 /// The model with the weights that an adapter of [`adapter`] has; its provenance says from which runs, and how.
@@ -299,6 +349,7 @@ pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: &Used) -> Re
     let mut model = match (used, &model.body) {
         (Used::LeastSquares(used), _) => least_squares::learned(model, weights, used.all_terms)?,
         (Used::Kalman(_), Body::Recurrent(network)) => kalman::learned(model, network, weights)?,
+        (Used::Kalman(_), Body::Plant(vessel)) => plant::learned(model, vessel, weights)?,
         (Used::Kalman(_), Body::Equations(_)) => least_squares::learned(model, weights, false)?,
     };
     let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });

@@ -85,6 +85,10 @@ impl<'a> Watched<'a> {
         Coverage { of_80: of_80 / all, of_95: of_95 / all }
     }
 
+    pub(super) fn weights(&self) -> &[f64] {
+        self.adapter.weights()
+    }
+
     pub(super) fn times(&self) -> Times {
         let mut sorted = self.times.clone();
         sorted.sort_unstable_by(f32::total_cmp);

@@ -6,6 +6,7 @@ mod latex;
 mod members;
 mod modes;
 mod motion;
+mod plant;
 mod recurrent;
 mod text;
 mod units;
@@ -15,17 +16,19 @@ use std::sync::Arc;
 use hydroid_core::adapt::BlendSettings;
 use hydroid_core::model::recurrent::{Recurrent, RecurrentSession};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
+use hydroid_core::model::{PlantModel, PlantSession};
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
-pub use file::{ModelError, decode, read, write};
+pub use file::{ModelError, decode, encode, read, write};
 pub use jacobian::{JacobianEntry, JacobianText};
 pub use members::{MOST_MEMBERS, Members};
 pub use modes::{Mode, Modes, NamedGate};
 pub use motion::Motion;
+pub use plant::PLANT_DT_S;
 pub use recurrent::{NamedTensor, cell_text, weights_from_torch};
 pub use units::{TermCoefficient, UnitProduct};
 
@@ -120,6 +123,8 @@ pub enum Body {
     Equations(Arc<Equations>),
     /// A recurrent network, on its own or on top of equations.
     Recurrent(Arc<Recurrent>),
+    /// A vessel with given parameters.
+    Plant(Arc<PlantModel>),
 }
 
 impl Model {
@@ -129,14 +134,16 @@ impl Model {
             Body::Equations(_) if self.learning.is_some() => "recursive_equations",
             Body::Equations(_) => "sparse_equations",
             Body::Recurrent(_) => "recurrent",
+            Body::Plant(_) => "plant",
         }
     }
 
-    /// Number of coefficients that are not zero; of a network, number of weights.
+    /// Number of coefficients or parameters that are not zero; of a network, number of weights.
     pub fn weights(&self) -> usize {
         match &self.body {
             Body::Equations(equations) => equations.active_terms(),
             Body::Recurrent(recurrent) => recurrent.weights.len(),
+            Body::Plant(plant) => plant.numbers().iter().filter(|number| **number != 0.0).count(),
         }
     }
 
@@ -158,6 +165,7 @@ impl Model {
                 Ok(session) => Box::new(session),
                 Err(error) => panic!("{error}"),
             },
+            Body::Plant(plant) => Box::new(PlantSession::new(plant)),
         }
     }
 

@@ -41,11 +41,11 @@ impl Motion<'_> {
 }
 
 impl Model {
-    /// The equations that the model is; none for a network.
+    /// The equations that the model is; none for a network or a vessel.
     pub fn equations(&self) -> Option<Motion<'_>> {
         match &self.body {
             Body::Equations(equations) => Some(Motion { description: &self.description, equations }),
-            Body::Recurrent(_) => None,
+            Body::Recurrent(_) | Body::Plant(_) => None,
         }
     }
 

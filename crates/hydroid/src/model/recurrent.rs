@@ -79,7 +79,7 @@ impl Model {
     pub fn recurrent(&self) -> Option<&Arc<Recurrent>> {
         match &self.body {
             Body::Recurrent(recurrent) => Some(recurrent),
-            Body::Equations(_) => None,
+            Body::Equations(_) | Body::Plant(_) => None,
         }
     }
 

@@ -230,6 +230,7 @@ fn model(candidate: &Candidate) -> &'static str {
             Base::Equations(_) => "A recurrent network on top of equations of motion",
             Base::Nothing | Base::Hold => "A recurrent network",
         },
+        (Body::Plant(_), _) => "A vessel with given parameters",
     }
 }
 

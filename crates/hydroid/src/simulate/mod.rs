@@ -33,4 +33,4 @@ pub use error::SimulateError;
 pub use options::Options;
 pub use record::Simulated;
 pub use run::simulate;
-pub use vessel_file::{VesselFileError, load_vessel, parse_vessel, vessel_toml};
+pub use vessel_file::{VesselFileError, built_in, load_vessel, parse_vessel, vessel_toml};

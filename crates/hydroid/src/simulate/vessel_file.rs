@@ -26,6 +26,16 @@ pub enum VesselFileError {
     },
 }
 
+/// A built-in vessel by its name: `simple`, `hydrofoil`, `hydrofoil-low-speed`.
+pub fn built_in(name: &str) -> Option<VesselParams> {
+    match name {
+        "simple" => Some(VesselParams::simple()),
+        "hydrofoil" => Some(VesselParams::hydrofoil()),
+        "hydrofoil-low-speed" => Some(VesselParams::hydrofoil_low_speed()),
+        _ => None,
+    }
+}
+
 /// A vessel from a TOML file, validated. [`vessel_toml`] shows what such a file looks like.
 ///
 /// # Errors

@@ -24,14 +24,19 @@ pub fn settings(args: &Adapt) -> anyhow::Result<Option<Settings>> {
 }
 
 fn of_file(path: &Path) -> anyhow::Result<String> {
+    if !path.exists() {
+        // A vessel that is built in: its name, and the version, which every box has, say which.
+        return Ok(fingerprint(path.as_os_str().as_encoded_bytes()));
+    }
     let file = std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
     Ok(fingerprint(&file))
 }
 
 /// Does the same again.
-pub fn replay(args: &Adapt, global: Global, model: &Model, path: &Path) -> anyhow::Result<Outcome> {
+pub fn replay(args: &Adapt, global: Global, model: Model, path: &Path) -> anyhow::Result<Outcome> {
     let black_box = BlackBox::read(path)?;
-    let replayed = blackbox::replay(model, &of_file(&args.model)?, &black_box, |step| {
+    let model = model.at_step(black_box.head.dt)?;
+    let replayed = blackbox::replay(&model, &of_file(&args.model)?, &black_box, |step| {
         if global.json && step.is_sample() {
             outln!("{}", step.json());
         }

@@ -51,9 +51,15 @@ pub fn run(
     );
     let piped = log == Path::new("-");
     let name = if piped { "standard input".to_owned() } else { log.display().to_string() };
+    ensure!(
+        args.trust.inject.is_none(),
+        "--inject puts faults into a log that is read as a whole, not into a stream"
+    );
     let learning = super::options(args, model)?;
-    let (adapter, used) =
+    let (mut adapter, used) =
         adapt::adapter(model, &learning, &[]).context("the model cannot learn from a stream")?;
+    let shore = super::shore(args, model, &reading, global)?;
+    adapt::remember_shore(adapter.as_mut(), &shore.iter().collect::<Vec<_>>());
     let recorder = super::blackbox::settings(args)?.map(|settings| {
         let described = json!({ "learning": used, "reading": reading });
         Recorder::new(&settings, model, adapter.as_ref(), &learning, &described, Source::Stream(&name))
@@ -67,9 +73,17 @@ pub fn run(
     };
     let mut stream = Stream::new(model, adapter, options)?;
     if let Some(path) = &args.stream.state {
+        let mut settings = serde_json::to_value(&used)?;
+        settings["guard"] = serde_json::to_value(&learning.guard)?;
         let file =
-            std::fs::read(&args.model).with_context(|| format!("{} cannot be read", args.model.display()))?;
-        if let Some(t) = stream.keep_in(path, fingerprint(&file), &used)? {
+            // A vessel may have no file, and takes the sample time that it is given.
+            if model.plant().is_some() {
+                [model::encode(model)?, model.description.dt.to_le_bytes().to_vec()].concat()
+            } else {
+                std::fs::read(&args.model)
+                    .with_context(|| format!("{} cannot be read", args.model.display()))?
+            };
+        if let Some(t) = stream.keep_in(path, fingerprint(&file), &settings)? {
             let note = format!("going on from {} at {t} s: lines up to then are skipped", path.display());
             ui::tell(&[Note::info(note)], global);
         }

@@ -8,12 +8,16 @@ use super::settings::GuardSettings;
 use super::trial::Tested;
 use crate::adapt::memory::{Reader, Writer};
 
-/// A model is dropped at once when a test finds it worse than the one from shore by this, beside twice the noise floor.
-const FAILED: f64 = 1.5;
+/// A model is dropped at once when a test finds it worse than the one from shore by this, beside one and a half
+/// noise floors.
+const FAILED: f64 = 1.4;
 
 /// Shares of the account at which predictions go back to the model from shore, and are free again.
-const TIGHT: f64 = 0.3;
-const FREE: f64 = 0.15;
+const TIGHT: f64 = 0.15;
+const FREE: f64 = 0.075;
+
+/// Mean of the absolute value of a normal number of deviation one.
+const MEAN_OF_NOISE: f64 = 0.8;
 
 /// A model is used as long as its record is not worse than that of the one from shore by the guarantee itself, and again when
 /// it is not by this, beside half the noise floor ..
@@ -88,13 +92,15 @@ impl Choice {
             let far = far.min(1e3);
             *record = if record.is_nan() { far } else { *record + self.share * (far - *record) };
         }
-        let excess = tested.far[tested.used.index()] - self.factor * tested.far[frozen];
+        // The noise of what was measured is in both errors, and with the factor in what is taken off.
+        let noise = (self.factor - 1.0) * MEAN_OF_NOISE * self.floor;
+        let excess = tested.far[tested.used.index()] - self.factor * tested.far[frozen] + noise;
         self.account[self.at] = if excess.is_nan() { f64::INFINITY } else { excess };
         self.at = (self.at + 1) % self.account.len();
         let used = self.used() / self.allowance();
         self.tight = used > if self.tight { FREE } else { TIGHT };
 
-        let fails = |error: f64, than: f64| error.is_nan() || error > FAILED * than + 2.0 * self.floor;
+        let fails = |error: f64, than: f64| error.is_nan() || error > FAILED * than + 1.5 * self.floor;
         let (now, shore) = (tested.now, tested.far[frozen]);
         let failed = [
             fails(now, shore) || fails(tested.near[0], tested.near[frozen]),
@@ -172,5 +178,62 @@ impl Choice {
         self.at = from.count(self.account.len() - 1);
         from.numbers(core::slice::from_mut(&mut self.lost));
         self.tight = from.flag();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const FLOOR: f64 = 0.01;
+
+    proptest! {
+        /// Whatever the errors are, as long as predictions that are under way cost no more than what is left when the
+        /// account is tight, no window exceeds the guarantee.
+        #[test]
+        fn no_window_exceeds_the_guarantee(
+            errors in prop::collection::vec((0.0..0.2_f64, 0.0..1.0_f64, 0.0..1.0_f64), 300..600),
+            calm in 1_usize..80,
+        ) {
+            let settings = GuardSettings::new(0.1);
+            let mut choice = Choice::new(&settings, FLOOR);
+            let delay = settings.horizon / settings.stride;
+            let count = settings.window.div_ceil(settings.stride);
+            let allowance = FLOOR * count as f64;
+            // What each prediction may cost, so that those under way fit.
+            let most = (1.0 - TIGHT) * allowance / (delay + 2) as f64;
+            let mut used = vec![Expert::Learner; delay];
+            let mut excess = Vec::new();
+            for (i, &(shore, learner, kept)) in errors.iter().enumerate() {
+                // Good for a while, then bad for a while.
+                let good = i / calm % 2 == 0;
+                let of = |share: f64| if good { share * shore } else { 1.2 * shore + share * most };
+                let far = [of(learner), of(kept), shore];
+                let tested = Tested { far, near: far, now: far[0], used: used[i] };
+                excess.push(far[used[i].index()] - 1.2 * shore);
+                choice.take(&tested);
+                used.push(choice.active);
+            }
+            for window in excess.windows(count) {
+                let sum: f64 = window.iter().sum();
+                prop_assert!(sum <= allowance, "{} of {}", sum, allowance);
+            }
+        }
+    }
+
+    #[test]
+    fn a_learner_that_is_lost_is_rescued_and_one_that_is_late_is_not() {
+        let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+        let mut rescued_after = |learner: f64, tests: usize| {
+            (0..tests).position(|_| {
+                let far = [learner, 0.05, 0.04];
+                choice.take(&Tested { far, near: far, now: learner, used: Expert::Learner });
+                choice.rescue().is_some()
+            })
+        };
+        assert_eq!(rescued_after(0.08, 200), None);
+        assert!(rescued_after(2.0, 30).is_some());
     }
 }

@@ -153,7 +153,7 @@ impl Guard {
             trial: Trial::new(learner.as_ref(), &scale, &settings),
             choice: Choice::new(&settings, floor),
             ranges: ranges.to_vec(),
-            sensors: vec![Sensor::default(); n],
+            sensors: noise.iter().map(|&noise| Sensor::new(noise)).collect(),
             events: Vec::with_capacity(4 * n + 8),
             outcome: Outcome::Waiting,
             sample: 0,
@@ -272,7 +272,9 @@ impl Guard {
 
     fn let_learn(&mut self) {
         self.rest = self.rest.saturating_sub(1);
-        self.learner.freeze(self.stopped || self.outside || self.rest > 0);
+        // What one output makes of the weights, nobody sees while another is not measured.
+        let blind = self.sensors.iter().any(|sensor| sensor.missing > self.settings.patience);
+        self.learner.freeze(self.stopped || self.outside || blind || self.rest > 0);
     }
 
     /// The learner's weights, and its state, become those of another model.

@@ -9,13 +9,16 @@ const EXPERTS: usize = Expert::ALL.len();
 /// Measurements of a channel before it is judged.
 const WARM_UP: usize = 100;
 
-/// Time constant of the usual size of innovations \[measurements\].
+/// Time constant of the usual size of jumps \[measurements\].
 const MEMORY: f64 = 200.0;
 
-/// Two innovations differ no more than usual up to so many deviations.
-const SAME: f64 = 6.0;
+/// Two measurements of a sensor with an offset differ from what is expected by the same, up to so many deviations of its noise.
+const SAME: f64 = 4.0;
 
-/// Innovations of less than this many deviations are what a sound sensor gives.
+/// A jump is alone where the values before and after it change by less than a part of it: one in so many.
+const ALONE: f64 = 3.0;
+
+/// Jumps of more than this many deviations count as this in what is usual.
 const SOUND: f64 = 4.0;
 
 /// What a sensor said.
@@ -39,16 +42,19 @@ pub(super) enum Verdict {
 
 /// One output's sensor.
 ///
-/// Innovations are those of the model that expected it best, judged against what is usual of them, `s`, their root mean square:
-/// the noise that a filter is told is often inflated on purpose. Faults begin between one measurement and the next;
-/// innovations that grow are a vessel whom the models do not know. One measurement that is farther off than
-/// [`reject`](GuardSettings::reject), after one that was not, is a spike, and so are those that follow it with the same
-/// innovation of some model, but for what is usual: after [`patience`](GuardSettings::patience) of them it is an offset of the
-/// sensor (a vessel does not jump and then move as if it had not). One that follows with another innovation is the vessel after
-/// all.
+/// What is judged is how far an innovation *jumps* from one measurement to the next, against what is usual of that, `s`, the root
+/// mean square of the jumps: how large innovations are is the filter's affair (a sluggish one has large ones, and all
+/// smooth), while a jump is the sensor's noise and little else. Of the models the one with the least jump counts. A jump of
+/// more than [`reject`](GuardSettings::reject) `s` is a spike; so are the measurements that follow as long as some model finds
+/// them off by the same as the first, but for noise; after [`patience`](GuardSettings::patience) of these it is an offset of the
+/// sensor. Measurements that follow and are off by something else are the vessel after all, and so is a jump beside others:
+/// a vessel has inertia, and does not stand still before it jumps and after. (One that takes off later than its
+/// model jumps, and is then off by the same; but its speed keeps changing meanwhile.)
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
-    /// Innovations that were used.
+    /// Standard deviation of its noise, in its unit.
+    noise: f64,
+    /// Jumps that were found usual.
     seen: usize,
     /// `s^2`.
     usual: f64,
@@ -56,8 +62,11 @@ pub(super) struct Sensor {
     last: f64,
     repeats: usize,
     longest: usize,
-    /// Measurements in series that were refused.
+    /// How much it changed from one value to the next.
+    step: f64,
+    /// Measurements in series that were refused, and how much the first of them had changed.
     streak: usize,
+    jump: f64,
     /// What each model makes of them.
     tracks: [Track; EXPERTS],
     /// Samples without a measurement that was used.
@@ -71,21 +80,32 @@ pub(super) struct Sensor {
 struct Track {
     /// The last one.
     last: f64,
-    /// Of a series of those that were refused: the first, and the sum; NaN where they are no jump of the sensor.
+    /// The one before a series of measurements that are refused.
+    base: f64,
+    /// The first jump of the series; NaN where those that followed were others. And the sum of all.
     first: f64,
     sum: f64,
 }
 
 impl Sensor {
+    /// A sensor that was not heard yet.
+    pub(super) fn new(noise: f64) -> Self {
+        let mut own = Self { noise, ..Self::default() };
+        own.reset();
+        own
+    }
+
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 8 + 3 * EXPERTS;
+    pub(super) const MEMORY_LEN: usize = 10 + 4 * EXPERTS;
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
         self.last = f64::NAN;
+        self.step = f64::NAN;
         self.repeats = 0;
         self.streak = 0;
         self.missing = 0;
+        self.tracks = [Track { last: f64::NAN, ..Track::default() }; EXPERTS];
     }
 
     /// Judges a value of which the models expected so much, NaN where they expected nothing.
@@ -118,47 +138,60 @@ impl Sensor {
             }
             self.repeats = 0;
         }
+        let before = self.step;
+        self.step = (value - self.last).abs();
         self.last = value;
         if warm && self.repeats >= self.limit(settings) {
             self.streak = 0;
             return Verdict::Stuck { repeats: self.repeats };
         }
-        let innovations = expected.map(|expected| value - self.offset - expected);
-        let verdict = self.weigh(innovations, warm, settings);
-        for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
-            track.last = innovation;
-        }
-        verdict
+        self.weigh(expected.map(|expected| value - self.offset - expected), before, warm, settings)
     }
 
-    fn weigh(&mut self, innovations: [f64; EXPERTS], warm: bool, settings: &GuardSettings) -> Verdict {
-        let smaller = |a: f64, b: f64| if a.is_nan() || b.abs() < a.abs() { b } else { a };
-        let innovation = innovations.into_iter().fold(f64::NAN, smaller);
-        if !innovation.is_finite() {
+    fn weigh(
+        &mut self,
+        innovations: [f64; EXPERTS],
+        before: f64,
+        warm: bool,
+        settings: &GuardSettings,
+    ) -> Verdict {
+        let goes_on = self.streak > 0;
+        let mut jump = f64::NAN;
+        for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
+            if !goes_on {
+                track.base = track.last;
+            }
+            track.last = innovation;
+            let own = innovation - track.base;
+            if jump.is_nan() || own.abs() < jump.abs() {
+                jump = own;
+            }
+        }
+        // After a time without measurements models may be far off, and rightly so.
+        if jump.is_nan() || (self.missing > 0 && !goes_on) {
             return Verdict::Sound;
         }
         let usual = num_traits::Float::sqrt(self.usual);
-        let deviations = innovation.abs() / usual;
-        // After a time without measurements the models may be far off, and rightly so.
-        let known = warm && (self.missing <= settings.patience || self.streak > 0);
-        let off = known && deviations > settings.inflate;
-        if self.streak > 0 && off {
-            return self.go_on(innovations, innovation, deviations, settings);
+        let deviations = jump.abs() / usual;
+        let off = warm && deviations > settings.inflate;
+        if goes_on && off {
+            return self.go_on(deviations, settings);
         }
         self.streak = 0;
-        let before = self.tracks.iter().map(|track| track.last).fold(f64::NAN, smaller);
-        let abrupt = off && before.abs() < SOUND * usual;
-        if abrupt && deviations > settings.reject {
-            self.streak = 1;
-            for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
-                let jumped = (innovation - track.last).abs() > settings.reject * usual;
-                track.first = if jumped { innovation } else { f64::NAN };
-                track.sum = innovation - track.last;
+        let alone = before * ALONE < self.step;
+        if off && alone && deviations > settings.reject {
+            (self.streak, self.jump) = (1, self.step);
+            for track in &mut self.tracks {
+                let own = track.last - track.base;
+                // What came before must have been near what was expected, or this is the way back to it.
+                let jumps = own.abs() > settings.reject * usual && 2.0 * track.base.abs() < own.abs();
+                track.first = if jumps { own } else { f64::NAN };
+                track.sum = own;
             }
             return Verdict::Spike { deviations };
         }
-        self.learn(innovation, warm);
-        if abrupt {
+        self.learn(jump, warm);
+        if off && alone {
             Verdict::Inflate { deviations, factor: num_traits::Float::powi(deviations / settings.inflate, 2) }
         } else {
             Verdict::Sound
@@ -166,51 +199,61 @@ impl Sensor {
     }
 
     /// One more that is far off.
-    fn go_on(
-        &mut self,
-        innovations: [f64; EXPERTS],
-        innovation: f64,
-        deviations: f64,
-        settings: &GuardSettings,
-    ) -> Verdict {
+    fn go_on(&mut self, deviations: f64, settings: &GuardSettings) -> Verdict {
         self.streak += 1;
-        for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
-            let moved = innovation - track.first;
-            if num_traits::Float::powi(moved, 2) > SAME * SAME * self.usual {
+        let mut another = true;
+        for track in &mut self.tracks {
+            let own = track.last - track.base;
+            let off = (own - track.first).abs();
+            another &= off.is_nan() || off > 0.5 * track.first.abs();
+            if off > SAME * self.noise {
                 track.first = f64::NAN;
             }
-            track.sum += innovation;
+            track.sum += own;
         }
-        let Some(track) = self.tracks.iter().find(|track| !track.first.is_nan()) else {
+        if another {
+            // Spikes side by side: what follows is judged by what was before the first of them.
+            self.streak = 1;
+            for track in &mut self.tracks {
+                track.first = track.last - track.base;
+                track.sum = track.first;
+            }
+            self.jump = self.step;
+            return Verdict::Spike { deviations };
+        }
+        let moves = self.step * ALONE > self.jump;
+        let Some(track) = self.tracks.iter().find(|track| !track.first.is_nan() && !moves) else {
             self.streak = 0;
-            self.learn(innovation, true);
             return Verdict::Believed { deviations };
         };
         if self.streak < settings.patience {
             return Verdict::Spike { deviations };
         }
-        self.offset += track.sum / self.streak as f64;
+        let more = track.sum / self.streak as f64;
         self.streak = 0;
+        self.offset += more;
+        self.tracks.iter_mut().for_each(|track| track.last -= more);
         Verdict::Offset { offset: self.offset }
     }
 
-    /// Repetitions from which on the sensor is stuck.
+    /// Repetitions from which on the sensor is stuck. One that never repeats itself, because its noise does not, has no need to
+    /// do it twice.
     fn limit(&self, settings: &GuardSettings) -> usize {
-        settings.repeats.max(self.longest.saturating_mul(3))
+        if self.longest == 0 { 2 } else { settings.repeats.max(self.longest.saturating_mul(3)) }
     }
 
-    /// Takes an innovation that was used into what is usual; one large one does not widen it by much.
-    fn learn(&mut self, innovation: f64, warm: bool) {
+    /// Takes a jump into what is usual; one large one does not widen it by much.
+    fn learn(&mut self, jump: f64, warm: bool) {
         let share = (1.0 / MEMORY).max(1.0 / (self.seen + 1) as f64);
         let most = if warm { SOUND * SOUND * self.usual } else { f64::INFINITY };
-        self.usual += share * ((innovation * innovation).min(most) - self.usual);
+        self.usual += share * ((jump * jump).min(most) - self.usual);
         self.seen = self.seen.saturating_add(1);
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&[self.usual, self.last, self.offset]);
+        into.numbers(&[self.usual, self.last, self.offset, self.step, self.jump]);
         for track in &self.tracks {
-            into.numbers(&[track.last, track.first, track.sum]);
+            into.numbers(&[track.last, track.base, track.first, track.sum]);
         }
         for count in [self.seen, self.repeats, self.longest, self.streak, self.missing] {
             into.count(count);
@@ -218,17 +261,115 @@ impl Sensor {
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        let mut numbers = [0.0; 3];
+        let mut numbers = [0.0; 5];
         from.numbers(&mut numbers);
-        [self.usual, self.last, self.offset] = numbers;
+        [self.usual, self.last, self.offset, self.step, self.jump] = numbers;
         for track in &mut self.tracks {
+            let mut numbers = [0.0; 4];
             from.numbers(&mut numbers);
-            [track.last, track.first, track.sum] = numbers;
+            [track.last, track.base, track.first, track.sum] = numbers;
         }
         for count in
             [&mut self.seen, &mut self.repeats, &mut self.longest, &mut self.streak, &mut self.missing]
         {
             *count = from.count(MOST_COUNTED);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec::Vec;
+
+    use super::*;
+
+    /// White noise of about one.
+    fn noise(k: u64) -> f64 {
+        let mut x = k.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678;
+        let mut sum = 0.0;
+        for _ in 0..12 {
+            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            sum += (x >> 33) as f64 / f64::from(1_u32 << 31);
+        }
+        sum - 6.0
+    }
+
+    /// Verdicts on a sensor that measures `truth` with noise of 0.01, of which models expect the truth and two others.
+    fn verdicts(truth: impl Fn(u64) -> f64, fault: impl Fn(u64, f64) -> f64) -> Vec<Verdict> {
+        let settings = GuardSettings::new(0.1);
+        let mut sensor = Sensor::new(0.01);
+        let judge = |k: u64| {
+            let value = fault(k, truth(k) + 0.01 * noise(k));
+            sensor.judge(value, [truth(k), truth(k) + 0.05, f64::NAN], &settings)
+        };
+        (0..400).map(judge).collect()
+    }
+
+    fn wave(k: u64) -> f64 {
+        (0.02 * k as f64).sin()
+    }
+
+    #[test]
+    fn noise_is_sound() {
+        assert!(verdicts(wave, |_, x| x).iter().all(|verdict| *verdict == Verdict::Sound));
+    }
+
+    #[test]
+    fn spikes_are_refused_also_side_by_side() {
+        let all = verdicts(wave, |k, x| {
+            if k == 250 {
+                x + 0.5
+            } else if k == 251 {
+                x - 3.0
+            } else {
+                x
+            }
+        });
+        for (k, verdict) in all.iter().enumerate() {
+            match k {
+                250 | 251 => assert!(matches!(verdict, Verdict::Spike { .. }), "{k}: {verdict:?}"),
+                _ => assert_eq!(*verdict, Verdict::Sound, "{k}"),
+            }
+        }
+    }
+
+    #[test]
+    fn an_offset_is_found_and_taken_off() {
+        let all = verdicts(wave, |k, x| if k >= 200 { x + 0.2 } else { x });
+        let Some(Verdict::Offset { offset }) = all.iter().find(|v| matches!(v, Verdict::Offset { .. }))
+        else {
+            panic!("{:?}", &all[195..230]);
+        };
+        assert!((offset - 0.2).abs() < 0.02, "{offset}");
+        assert!(all[230..].iter().all(|verdict| *verdict == Verdict::Sound));
+    }
+
+    #[test]
+    fn a_sensor_that_repeats_itself_is_stuck_and_comes_back() {
+        let held = core::cell::Cell::new(0.0);
+        let all = verdicts(wave, |k, x| {
+            if !(200..260).contains(&k) {
+                held.set(x);
+            }
+            held.get()
+        });
+        assert!(all[202..260].iter().all(|v| matches!(v, Verdict::Stuck { .. })), "{:?}", &all[198..206]);
+        assert!(all[260..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[258..270]);
+    }
+
+    #[test]
+    fn a_coarse_sensor_is_not_stuck() {
+        let all = verdicts(wave, |_, x| (x / 0.05).round() * 0.05);
+        let stuck = all.iter().filter(|verdict| matches!(verdict, Verdict::Stuck { .. })).count();
+        assert_eq!(stuck, 0);
+    }
+
+    #[test]
+    fn a_vessel_that_does_what_no_model_expects_is_believed() {
+        // Speed rises by 2 m/s within a second, of which the models know nothing.
+        let all = verdicts(wave, |k, x| x + 0.2 * (k.saturating_sub(200).min(10)) as f64);
+        let refused = all.iter().filter(|v| matches!(v, Verdict::Spike { .. })).count();
+        assert!(refused <= 3, "{refused} refused: {:?}", &all[198..215]);
+        assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })));
     }
 }

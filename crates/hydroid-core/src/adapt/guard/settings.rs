@@ -15,13 +15,13 @@ pub struct GuardSettings {
     pub factor: f64,
     /// Memory of the record by which models are chosen \[samples\].
     pub record: usize,
-    /// Innovations of so many of their usual deviations count as noisier measurements ..
+    /// Measurements that jump by so many of the usual deviations of that count as noisier ones ..
     pub inflate: f64,
     /// .. and of so many are no measurements, for as long as `patience` \[samples\].
     pub reject: f64,
     /// See [`reject`](Self::reject). What persists for longer is an offset, or else the vessel.
     pub patience: usize,
-    /// A value that is repeated to the last bit so many times is stuck, at the least.
+    /// A sensor that has repeated values before is stuck where it does so many times, at the least.
     pub repeats: usize,
     /// Samples between two snapshots of what was learned.
     pub keep: usize,
@@ -42,8 +42,8 @@ impl GuardSettings {
             window: samples(30.0, 4 * horizon),
             factor: 1.2,
             record: samples(3.0, horizon),
-            inflate: 6.0,
-            reject: 12.0,
+            inflate: 5.0,
+            reject: 7.0,
             patience: samples(0.8, 4),
             repeats: 5,
             keep: samples(10.0, 2 * horizon),

@@ -113,10 +113,13 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.moved = false;
     }
 
-    /// The start of a run, of a model whose state is its outputs: these were measured. What was learned stays.
+    /// The start of a run, of a model whose state begins with its outputs: these were measured; what is behind them is as
+    /// uncertain as at first. What was learned stays.
     pub(super) fn begin(&mut self, state: impl IntoIterator<Item = T>) {
         self.state.iter_mut().zip(state).for_each(|(into, h)| *into = h);
-        self.joint.reset(&self.noise);
+        self.by_state.fill(T::of(self.tuning.initial_state));
+        self.by_state[..self.noise.len()].copy_from_slice(&self.noise);
+        self.joint.reset(&self.by_state);
         self.moved = false;
     }
 
@@ -150,6 +153,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     pub fn set(&mut self, state: impl IntoIterator<Item = T>, weights: impl IntoIterator<Item = T>) {
         self.state.iter_mut().zip(state).for_each(|(into, h)| *into = h);
         self.weights.iter_mut().zip(weights).for_each(|(into, w)| *into = w);
+        self.model.admit(&mut self.weights);
         self.model.set_weights(&self.weights);
         self.moved = false;
     }
@@ -242,6 +246,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
             for (weight, &given) in self.weights.iter_mut().zip(&self.given) {
                 *weight = given + keeps * (*weight - given);
             }
+            self.model.admit(&mut self.weights);
             self.model.set_weights(&self.weights);
         }
         self.moved = true;
@@ -277,6 +282,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
                 self.weights[place] += change;
             }
         }
+        self.model.admit(&mut self.weights);
         self.model.set_weights(&self.weights);
         self.made(deviations, weight)
     }

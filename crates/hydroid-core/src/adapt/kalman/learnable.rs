@@ -50,6 +50,10 @@ pub trait Learnable<T: Scalar>: Clone + Send + Sync {
     /// All weights.
     fn weights(&self) -> &[T];
 
+    /// Brings weights that a correction has made back to what the model can take; those that it has are such. Most models take
+    /// whatever they are given.
+    fn admit(&self, _weights: &mut [T]) {}
+
     /// Takes other weights into use; the partials of the last step stay those of the weights it was made with.
     fn set_weights(&mut self, weights: &[T]);
 

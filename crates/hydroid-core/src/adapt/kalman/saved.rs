@@ -62,6 +62,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         for numbers in self.joint.parts_mut() {
             read(&mut reader, numbers);
         }
+        self.model.admit(&mut self.weights);
         self.model.set_weights(&self.weights);
     }
 }

@@ -87,6 +87,9 @@ impl Writer {
                 number(line, nis);
             }
         }
+        if let Some(guard) = session.adapter().guard() {
+            let _ = write!(line, ",\"predicted_by\":\"{}\"", guard.active().name());
+        }
         line.extend_from_slice(b",\"estimate\":{");
         for (i, (key, value)) in self.keys.iter().zip(session.estimate()).enumerate() {
             entry(line, key, i == 0);

@@ -33,10 +33,12 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::time::Instant;
 
+use hydroid_core::adapt::guard::Action;
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
 
 use super::Coverage;
 use super::blackbox::Recorder;
+use super::events::{Worded, names};
 use crate::atomic::WriteError;
 use crate::fnv::Fnv;
 use crate::log::{LogError, Note};
@@ -122,6 +124,8 @@ pub struct Stream {
     writer: Writer,
     sample: Sample,
     note: String,
+    /// Names of outputs, then inputs.
+    names: Vec<String>,
     /// Lines that came, and rows among them.
     line: u64,
     row: u64,
@@ -158,6 +162,7 @@ impl Stream {
             commands,
             sample: Sample::default(),
             note: String::new(),
+            names: names(model),
             line: 0,
             row: 0,
             counts: LineCounts::default(),
@@ -292,6 +297,12 @@ impl Stream {
                 say(&mut self.note, format_args!("too large to learn from"));
             }
             Outcome::Waiting | Outcome::Accepted | Outcome::RolledBack => {}
+        }
+        if let Some(guard) = self.session.adapter().guard() {
+            let happened = guard.events().iter().filter(|event| !matches!(event.action, Action::Kept { .. }));
+            for event in happened {
+                say(&mut self.note, format_args!("{}", Worded { action: &event.action, names: &self.names }));
+            }
         }
         if reset { Status::Reset } else { Status::Used(outcome) }
     }

@@ -1,5 +1,7 @@
 //! The model file: one safetensors file with a JSON description in its metadata.
 //!
+//! A vessel with given parameters is no such file but a TOML file, as `hydroid simulate` takes it.
+//!
 //! Reading one never runs code and never panics: every number and shape is checked before it is used.
 
 mod equations;
@@ -10,11 +12,13 @@ use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use hydroid_core::model::PlantModelError;
 use safetensors::tensor::{SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Description, Model};
+use super::{Body, Description, Model, plant};
 use crate::atomic::{self, WriteError};
+use crate::simulate::VesselFileError;
 
 /// Key of the description in the metadata of the file.
 const KEY: &str = "hydroid";
@@ -38,7 +42,7 @@ pub enum ModelError {
     },
     /// The file is not a whole safetensors file.
     #[error(
-        "{} is not a hydroid model, or it is damaged or cut short ({reason}). Give a .safetensors file that `hydroid identify` wrote; if it is one, make it again",
+        "{} is not a hydroid model, or it is damaged or cut short ({reason}). Give a .safetensors file that `hydroid identify` wrote (if it is one, make it again), or a vessel's .toml file",
         path.display()
     )]
     NotAModel {
@@ -75,6 +79,17 @@ pub enum ModelError {
         /// The contradiction.
         reason: String,
     },
+    /// A vessel's file that is none.
+    #[error(transparent)]
+    Vessel(VesselFileError),
+    /// A vessel that cannot be a model.
+    #[error("the vessel {} cannot be used as a model: {source}", path.display())]
+    Plant {
+        /// The file, or the name.
+        path: PathBuf,
+        /// Why.
+        source: PlantModelError,
+    },
 }
 
 /// The JSON in the metadata.
@@ -96,7 +111,7 @@ enum Structure {
     Recurrent(recurrent::Structure),
 }
 
-/// Writes a model file, whole or not at all. The same model gives the same bytes.
+/// Writes a model file, whole or not at all; of a vessel its TOML file. The same model gives the same bytes.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -104,12 +119,19 @@ pub fn write(model: &Model, path: &Path) -> Result<(), WriteError> {
     atomic::write(path, |out| out.write_all(&encode(model)?))
 }
 
-fn encode(model: &Model) -> io::Result<Vec<u8>> {
+/// The bytes of a model's file.
+///
+/// # Errors
+/// If the parts of the model contradict each other.
+pub fn encode(model: &Model) -> io::Result<Vec<u8>> {
     let (structure, tensors) = match &model.body {
         Body::Equations(equations) => equations::Structure::write(model, equations)
             .map(|(structure, tensors)| (Structure::SparseEquations(structure), tensors)),
         Body::Recurrent(recurrent) => recurrent::Structure::write(recurrent)
             .map(|(structure, tensors)| (Structure::Recurrent(structure), tensors)),
+        Body::Plant(vessel) => {
+            return plant::encode(model, vessel).map(String::into_bytes).map_err(io::Error::other);
+        }
     }
     .map_err(io::Error::other)?;
     let head = Head { version: VERSION, description: model.description.clone(), structure };
@@ -123,11 +145,15 @@ fn encode(model: &Model) -> io::Result<Vec<u8>> {
     safetensors::serialize(views, Some(metadata)).map_err(io::Error::other)
 }
 
-/// Reads a model file.
+/// Reads a model file: one that `hydroid identify` wrote, or a vessel's, which ends in `.toml`. The name of a built-in
+/// vessel ([`built_in`](crate::simulate::built_in)) stands for it.
 ///
 /// # Errors
 /// If it cannot be read, is not a model, or contradicts itself.
 pub fn read(path: &Path) -> Result<Model, ModelError> {
+    if let Some(vessel) = plant::read(path) {
+        return vessel;
+    }
     let unreadable = |source| ModelError::Read { path: path.to_owned(), source };
     let metadata = std::fs::metadata(path).map_err(unreadable)?;
     if metadata.is_dir() {

@@ -1,0 +1,216 @@
+//! A vessel's equations of motion, their parameters as weights.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::learnable::Learnable;
+use super::plant_weights::PlantWeights;
+use crate::math::rows::add_rows;
+use crate::model::PlantModel;
+use crate::vessel::{Command, Dual, Numbers, Plant};
+
+/// Length of the state.
+pub(super) const STATE: usize = 4;
+
+/// Derivatives that are carried along at once.
+pub(super) const LANES: usize = 8;
+
+/// A vessel whose parameters are its weights, with the partials of its last step.
+///
+/// The state is `[u, v, r, P_f]` in the half-widths of the ranges that the vessel reaches
+/// ([`PlantModel::ranges`]), the propeller force `P_f` being hidden; the weights are the relative changes of all
+/// parameters that are not zero, `ln(p / p_0)` of those whose sign is given, `p / p_0 - 1` of the others:
+///
+/// ```text
+/// h_i = (x_i - (low_i + high_i) / 2) / scale_i        scale_i = (high_i - low_i) / 2
+/// ```
+///
+/// A step is one sample under a held command `x = [PP, RD]` in its own units; `A = dh+/dh` and `B = dh+/dw` are the
+/// derivatives of the Runge-Kutta steps themselves, carried through them ([`Dual`]) some at a time. Weights that a correction
+/// takes beyond what a vessel can have (a mass matrix that is not positive definite; weights beyond `ln 10`, where a
+/// parameter is a tenth or ten times what was given) are brought back towards the last that it can.
+#[derive(Clone, Debug)]
+pub struct LearnablePlant {
+    map: PlantWeights,
+    mean: [f64; STATE],
+    scale: [f64; STATE],
+    /// Length \[s\] and number of the steps of the integration in a sample.
+    h: f64,
+    steps: usize,
+    blocks: [Vec<usize>; 1],
+    weights: Vec<f64>,
+    /// The plant, with the derivatives of its parameters with respect to some weights in each.
+    passes: Vec<Plant<Dual<LANES>>>,
+    /// `A` and `B` of the last step.
+    by_state: [f64; STATE * STATE],
+    by_weights: Vec<f64>,
+}
+
+impl LearnablePlant {
+    /// Of a vessel with the parameters that it has.
+    pub fn new(model: &PlantModel) -> Self {
+        let map = PlantWeights::new(model.form(), model.numbers());
+        let count = map.places().len();
+        let half = |[low, high]: [f64; 2]| 0.5 * (high - low);
+        let mut own = Self {
+            mean: model.ranges().map(|[low, high]| 0.5 * (low + high)),
+            scale: model.ranges().map(|range| if half(range) > 0.0 { half(range) } else { 1.0 }),
+            h: model.dt() / model.steps() as f64,
+            steps: model.steps(),
+            blocks: [(0..count).collect()],
+            weights: vec![0.0; count],
+            passes: Vec::with_capacity((STATE + count).div_ceil(LANES)),
+            by_state: [0.0; STATE * STATE],
+            by_weights: vec![0.0; STATE * count],
+            map,
+        };
+        own.compile();
+        own
+    }
+
+    /// Where the parameters that are learned stand among [`PARAMETER`](crate::vessel::PARAMETER).
+    pub fn places(&self) -> &[usize] {
+        self.map.places()
+    }
+
+    /// All parameters with the weights of the moment.
+    pub fn numbers(&self) -> Numbers {
+        self.map.numbers(&self.weights)
+    }
+
+    /// What one is of each scaled number of the state, in its unit.
+    pub fn scale(&self) -> &[f64; STATE] {
+        &self.scale
+    }
+
+    /// A number of the state in scaled units, from its own.
+    pub fn scaled(&self, place: usize, x: f64) -> f64 {
+        (x - self.mean[place]) / self.scale[place]
+    }
+
+    /// The other way.
+    pub fn unscaled(&self, place: usize, h: f64) -> f64 {
+        self.mean[place] + self.scale[place] * h
+    }
+
+    pub(super) fn map(&self) -> &PlantWeights {
+        &self.map
+    }
+
+    /// How many times a step is made for all derivatives.
+    pub(super) fn passes(&self) -> usize {
+        self.passes.len()
+    }
+
+    /// The state at the start of a pass, with its derivatives to itself among those of that pass.
+    pub(super) fn start(&self, motion: &[f64; STATE], pass: usize) -> [Dual<LANES>; STATE] {
+        core::array::from_fn(|i| Dual::along(motion[i], i.wrapping_sub(pass * LANES), self.scale[i]))
+    }
+
+    /// A sample of a pass, in units of the state; derivatives are with respect to scaled numbers.
+    pub(super) fn sample(
+        &self,
+        pass: usize,
+        motion: &[Dual<LANES>; STATE],
+        c: &[f64],
+    ) -> [Dual<LANES>; STATE] {
+        let plant = &self.passes[pass];
+        let actuation = plant.actuation(&Command { pp: c[0], rd: c[1] });
+        let mut motion = *motion;
+        for _ in 0..self.steps {
+            motion = plant.advance_motion(&motion, &actuation, self.h);
+        }
+        motion
+    }
+
+    fn compile(&mut self) {
+        self.passes.clear();
+        for pass in 0..(STATE + self.weights.len()).div_ceil(LANES) {
+            let mut numbers: Numbers<Dual<LANES>> =
+                self.map.numbers(&self.weights).map(|number| Dual::along(number, LANES, 0.0));
+            for (index, &place) in self.map.places().iter().enumerate() {
+                let (value, slope) = self.map.value(index, self.weights[index]);
+                numbers[place] = Dual::along(value, (STATE + index).wrapping_sub(pass * LANES), slope);
+            }
+            self.passes.push(Plant::assemble(self.map.form(), &numbers));
+        }
+    }
+}
+
+impl Learnable<f64> for LearnablePlant {
+    fn state_len(&self) -> usize {
+        STATE
+    }
+
+    fn inputs(&self) -> usize {
+        PlantModel::INPUTS
+    }
+
+    fn outputs(&self) -> usize {
+        PlantModel::OUTPUTS
+    }
+
+    fn blocks(&self) -> &[Vec<usize>] {
+        &self.blocks
+    }
+
+    fn rows(&self) -> usize {
+        STATE
+    }
+
+    fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    fn admit(&self, weights: &mut [f64]) {
+        self.map.admit(&self.weights, weights);
+    }
+
+    fn set_weights(&mut self, weights: &[f64]) {
+        self.weights.copy_from_slice(weights);
+        self.compile();
+    }
+
+    fn step(&mut self, h: &mut [f64], x: &[f64]) {
+        let count = self.weights.len();
+        let motion = core::array::from_fn(|i| self.unscaled(i, h[i]));
+        for pass in 0..self.passes.len() {
+            let moved = self.sample(pass, &self.start(&motion, pass), x);
+            for (i, moved) in moved.iter().enumerate() {
+                let by = 1.0 / self.scale[i];
+                for (lane, partial) in moved.partials.iter().enumerate() {
+                    match (pass * LANES + lane).checked_sub(STATE) {
+                        None => self.by_state[i * STATE + lane] = partial * by,
+                        Some(index) if index < count => self.by_weights[i * count + index] = partial * by,
+                        Some(_) => {}
+                    }
+                }
+                h[i] = self.scaled(i, moved.value);
+            }
+        }
+    }
+
+    fn output(&self, h: &[f64], y: &mut [f64]) {
+        y.copy_from_slice(&h[..PlantModel::OUTPUTS]);
+    }
+
+    fn local(&self, _: usize, row: usize, into: &mut [f64]) {
+        let count = self.weights.len();
+        into[..count].copy_from_slice(&self.by_weights[row * count..(row + 1) * count]);
+    }
+
+    fn chain(&self, state: &[f64], local: &[f64], columns: usize, out: &mut [f64], _: &mut [f64]) {
+        out.copy_from_slice(local);
+        for (out, by_state) in out.chunks_exact_mut(columns).zip(self.by_state.chunks_exact(STATE)) {
+            add_rows(out, state, by_state);
+        }
+    }
+
+    fn output_chain(&self, state: &[f64], _: &[f64], columns: usize, out: &mut [f64]) {
+        out.copy_from_slice(&state[..PlantModel::OUTPUTS * columns]);
+    }
+
+    fn scratch(&self, _: usize) -> usize {
+        0
+    }
+}

@@ -1,0 +1,250 @@
+//! A vessel's equations of motion as a model.
+
+use alloc::boxed::Box;
+
+use num_traits::Float;
+
+use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::vessel::{Command, Form, Numbers, Plant, VesselParams};
+
+/// The longest step of the integration \[s\]: the plants are simulated with it (see [`Plant::advance`]).
+const STEP_S: f64 = 0.01;
+
+/// Steps of the integration in a sample at the most.
+const MOST_STEPS: f64 = 100_000.0;
+
+/// Why a vessel cannot be a model.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PlantModelError {
+    /// The parameters describe none.
+    Vessel(crate::vessel::InvalidParams),
+    /// The sample time \[s\] is not positive, or so long that a step of it is no prediction.
+    Step(f64),
+    /// Under the limits of its commands it reaches speeds that are no numbers.
+    Unbounded,
+}
+
+impl core::fmt::Display for PlantModelError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Vessel(error) => error.fmt(f),
+            Self::Step(dt) => {
+                write!(f, "a vessel cannot step {dt} s: give a positive sample time in seconds")
+            }
+            Self::Unbounded => write!(
+                f,
+                "under the limits of its commands this vessel reaches speeds that are no numbers: check drag and commands.*.limits"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for PlantModelError {}
+
+/// The plant of a [`VesselParams`] over samples under held commands: outputs `u, v, r`, inputs the commands of propeller
+/// and rudder, the propeller force hidden.
+///
+/// A sample is a whole number of steps of the classical Runge-Kutta method, of 10 ms or a little less, as it is simulated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlantModel {
+    params: VesselParams,
+    numbers: Numbers,
+    dt: f64,
+    steps: usize,
+    ranges: [[f64; 2]; 4],
+}
+
+impl PlantModel {
+    /// Outputs: `u`, `v`, `r`.
+    pub const OUTPUTS: usize = 3;
+
+    /// Inputs: propeller and rudder command.
+    pub const INPUTS: usize = 2;
+
+    /// A vessel that is asked every `dt` seconds.
+    ///
+    /// # Errors
+    /// See [`PlantModelError`].
+    pub fn new(params: &VesselParams, dt: f64) -> Result<Self, PlantModelError> {
+        let plant = Plant::new(params).map_err(PlantModelError::Vessel)?;
+        let steps = Float::ceil(dt / STEP_S - 1e-6).max(1.0);
+        if !(dt > 0.0 && steps <= MOST_STEPS) {
+            return Err(PlantModelError::Step(dt));
+        }
+        let ranges = reached(params, &plant);
+        if !ranges.as_flattened().iter().all(|value| value.is_finite()) {
+            return Err(PlantModelError::Unbounded);
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 1 and 100,000
+        let steps = steps as usize;
+        Ok(Self { params: params.clone(), numbers: params.numbers(), dt, steps, ranges })
+    }
+
+    /// The vessel.
+    pub fn params(&self) -> &VesselParams {
+        &self.params
+    }
+
+    /// Its parameters in a row.
+    pub fn numbers(&self) -> &Numbers {
+        &self.numbers
+    }
+
+    /// The form of its equations.
+    pub fn form(&self) -> Form {
+        self.params.form()
+    }
+
+    /// Sample time \[s\].
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    /// Steps of the integration in a sample.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// Lowest and highest `u`, `v`, `r` and `P_f` that are reached from rest under the corners of the commands' limits.
+    pub fn ranges(&self) -> &[[f64; 2]; 4] {
+        &self.ranges
+    }
+}
+
+/// From rest under each corner of the limits, for so many seconds.
+fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
+    const LONG_S: f64 = 120.0;
+    let mut ranges = [[0.0, 0.0]; 4];
+    let (propeller, rudder) = (&params.commands.propeller, &params.commands.rudder);
+    for pp in propeller.limits {
+        for rd in [rudder.limits[0], rudder.limits[1], rudder.clamp(0.0)] {
+            let actuation = plant.actuation(&Command { pp, rd });
+            let mut motion = [0.0; 4];
+            let mut t = 0.0;
+            while t < LONG_S {
+                motion = plant.advance_motion(&motion, &actuation, STEP_S);
+                for ([low, high], x) in ranges.iter_mut().zip(motion) {
+                    // What is no number stays.
+                    *low = if x < *low || x.is_nan() { x } else { *low };
+                    *high = if x > *high || x.is_nan() { x } else { *high };
+                }
+                t += STEP_S;
+            }
+        }
+    }
+    ranges
+}
+
+/// A session of a [`PlantModel`].
+///
+/// `u`, `v` and `r` are those that were measured; the propeller force begins as what holds the speed, and follows its
+/// command. A run begins where all three have been measured once.
+///
+/// Snapshot: `[u, v, r, P_f]`.
+#[derive(Clone, Debug)]
+pub struct PlantSession {
+    plant: Plant,
+    h: f64,
+    steps: usize,
+    motion: [f64; 4],
+}
+
+impl PlantSession {
+    /// A session at the start of a run.
+    pub fn new(model: &PlantModel) -> Self {
+        Self {
+            plant: Plant::assemble(model.form(), model.numbers()),
+            h: model.dt / model.steps as f64,
+            steps: model.steps,
+            motion: [f64::NAN; 4],
+        }
+    }
+
+    /// `[u, v, r, P_f]` of the moment; NaN what is not known.
+    pub fn motion(&self) -> &[f64; 4] {
+        &self.motion
+    }
+
+    /// The same, to put others in their place.
+    pub(crate) fn motion_mut(&mut self) -> &mut [f64; 4] {
+        &mut self.motion
+    }
+
+    /// Takes other parameters into use.
+    pub(crate) fn set_numbers(&mut self, form: Form, numbers: &Numbers) {
+        self.plant = Plant::assemble(form, numbers);
+    }
+
+    /// Whether no run has begun.
+    pub fn is_waiting(&self) -> bool {
+        self.motion.iter().any(|x| x.is_nan())
+    }
+
+    fn moved(&self, motion: &[f64; 4], c: &[f64]) -> [f64; 4] {
+        let actuation = self.plant.actuation(&Command { pp: c[0], rd: c[1] });
+        (0..self.steps).fold(*motion, |motion, _| self.plant.advance_motion(&motion, &actuation, self.h))
+    }
+}
+
+impl Predictor for PlantSession {
+    fn outputs(&self) -> usize {
+        PlantModel::OUTPUTS
+    }
+
+    fn inputs(&self) -> usize {
+        PlantModel::INPUTS
+    }
+
+    fn reset(&mut self) {
+        self.motion = [f64::NAN; 4];
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        for (own, y) in self.motion.iter_mut().zip(y) {
+            // What is infinite was not measured.
+            *own = if y.is_finite() { *y } else { *own };
+        }
+        if self.motion[3].is_nan() {
+            self.motion[3] = self.plant.holding_force(self.motion[0]);
+        }
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        // What is known of a run that has yet to begin is kept.
+        if !self.is_waiting() {
+            self.motion = self.moved(&self.motion, c);
+            if !self.motion.iter().all(|x| x.is_finite()) {
+                self.reset();
+            }
+        }
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        y.copy_from_slice(&self.motion[..PlantModel::OUTPUTS]);
+    }
+
+    fn rollout(&self, commands: &[f64], _: &mut Workspace, y: &mut [f64]) {
+        rollout_steps(commands, PlantModel::INPUTS, y, PlantModel::OUTPUTS);
+        let mut motion = self.motion;
+        for (c, y) in commands.chunks_exact(PlantModel::INPUTS).zip(y.chunks_exact_mut(PlantModel::OUTPUTS)) {
+            motion = self.moved(&motion, c);
+            y.copy_from_slice(&motion[..PlantModel::OUTPUTS]);
+        }
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.motion.len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        into.copy_from_slice(&self.motion);
+    }
+
+    fn restore(&mut self, from: &[f64]) {
+        self.motion.copy_from_slice(from);
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        Box::new(self.clone())
+    }
+}

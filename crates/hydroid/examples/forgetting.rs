@@ -1,0 +1,137 @@
+//! What a network forgets at sea, and what helps.
+//!
+//! ```text
+//! cargo run --release -p hydroid --example forgetting -- MODEL[,MODEL ..] TRAIN SEA TEST [epochs=1]
+//! ```
+//!
+//! Models are recurrent networks that see inputs alone; `TRAIN` is a log that they were trained on, `SEA` the one that they
+//! sail through (`epochs` times), `TEST` one of the waters that they knew. Mean error 20 steps ahead against the truth, u v r,
+//! medians over the models: along `SEA` in its first and its last epoch, and then along `TEST`: with the weights that
+//! came of it held, a filter on the state alone; and by the session itself, which goes on learning.
+
+use std::path::Path;
+
+use hydroid::adapt::{self, Kalman, Options};
+use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
+use hydroid::model::{self, Model};
+use hydroid_core::adapt::Adapter;
+use hydroid_core::predict::Workspace;
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Standard deviations of the simulated sensors.
+const NOISE: [f64; 3] = [0.01, 0.01, 0.017_453_292_519_943_295];
+const STEPS: usize = 20;
+
+/// Name, time of the leak \[s\], time walked through what it was trained on \[s\], guard.
+const WAYS: [(&str, f64, f64, bool); 7] = [
+    ("nothing", f64::INFINITY, 0.0, false),
+    ("leak in 3300 s (default)", 3300.0, 0.0, false),
+    ("leak in 330 s", 330.0, 0.0, false),
+    ("shore, 200 s", 3300.0, 200.0, false),
+    ("shore, 2000 s", 3300.0, 2000.0, false),
+    ("guard", 3300.0, 0.0, true),
+    ("guard and shore, 200 s", 3300.0, 200.0, true),
+];
+
+type Errors = [f64; 3];
+
+fn main() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [models, train, sea, test, rest @ ..] = arguments.as_slice() else {
+        return Err("give MODEL[,MODEL ..] TRAIN SEA TEST [epochs=N]".into());
+    };
+    let epochs = match rest {
+        [] => 1,
+        [one] => one.strip_prefix("epochs=").ok_or("only epochs=N can follow")?.parse::<usize>()?,
+        _ => return Err("only epochs=N can follow".into()),
+    };
+    let models: Vec<Model> =
+        models.split(',').map(|path| model::read(Path::new(path))).collect::<Result<_, _>>()?;
+    let (train, sea, test) = (read(train)?, read(sea)?, read(test)?);
+    for (name, leak_s, shore_s, guard) in WAYS {
+        let kalman = Kalman { leak_s, noise: Some(NOISE.to_vec()), ..Kalman::default() };
+        let options = Options { kalman, ..Options::default() };
+        let way = |model: &Model| -> Result<[Errors; 5], Failure> {
+            let own = if guard { options.clone().guarded(model) } else { options.clone() };
+            let mut session = adapt::adapter(model, &own, &[&sea])?.0;
+            let before = held(model, session.weights(), &options, &test)?;
+            // Casts saturate.
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            let samples = (shore_s / train.dt) as usize;
+            adapt::remember_shore(session.as_mut(), &[&train.slice(0, samples.min(train.len()))]);
+            let along: Vec<Errors> = (0..epochs.max(1)).map(|_| errors(session.as_mut(), &sea)).collect();
+            let after = held(model, session.weights(), &options, &test)?;
+            let second = along[1.min(along.len() - 1)];
+            Ok([before, second, along[along.len() - 1], after, errors(session.as_mut(), &test)])
+        };
+        let all: Vec<[Errors; 5]> = std::thread::scope(|scope| {
+            let workers: Vec<_> = models.iter().map(|model| scope.spawn(|| way(model))).collect();
+            let joined =
+                workers.into_iter().map(|w| w.join().map_err(|_| Failure::from("a run panicked"))?);
+            joined.collect::<Result<_, _>>()
+        })?;
+        let middle = |part: usize, c: usize| {
+            let mut values: Vec<f64> = all.iter().map(|errors| errors[part][c]).collect();
+            values.sort_unstable_by(f64::total_cmp);
+            values[values.len() / 2]
+        };
+        let text = |part| format!("{:.4} {:.4} {:.4}", middle(part, 0), middle(part, 1), middle(part, 2));
+        println!(
+            "{name:26} test before {}  sea, epoch {} {}  last {}  test, held {}  session {}",
+            text(0),
+            2.min(epochs),
+            text(1),
+            text(2),
+            text(3),
+            text(4)
+        );
+    }
+    Ok(())
+}
+
+/// Errors along a log with these weights, and a filter on the state alone.
+fn held(model: &Model, weights: &[f64], options: &Options, run: &Trajectory) -> Result<Errors, Failure> {
+    let (_, used) = adapt::adapter(model, options, &[run])?;
+    let learned = adapt::learned(model, weights, &[], &used)?;
+    let sure = Kalman {
+        weight_variance: 0.0,
+        weight_noise_per_s: 0.0,
+        state_noise_per_s: 1e-3,
+        noise_factor: 1.0,
+        leak_s: f64::INFINITY,
+        ..options.kalman.clone()
+    };
+    let mut session = adapt::adapter(&learned, &Options { kalman: sure, ..Options::default() }, &[run])?.0;
+    session.freeze(true);
+    Ok(errors(session.as_mut(), run))
+}
+
+fn errors(session: &mut dyn Adapter, run: &Trajectory) -> Errors {
+    let truth = run.truth.as_ref().unwrap_or(&run.outputs);
+    let (m, commands) = (run.inputs.width(), run.inputs.rows(0, run.len()));
+    let (mut work, mut y) = (Workspace::new(), [0.0; 3 * STEPS]);
+    let (mut sums, mut count) = ([0.0; 3], 0.0);
+    session.reset();
+    for k in 0..run.len() - STEPS {
+        session.observe(run.outputs.row(k));
+        // The hidden state has settled.
+        if k >= 100 && k % 5 == 0 {
+            session.rollout(&commands[m * k..m * (k + STEPS)], &mut work, &mut y);
+            for (c, sum) in sums.iter_mut().enumerate() {
+                *sum += (y[3 * (STEPS - 1) + c] - truth.row(k + STEPS)[c]).abs();
+            }
+            count += 1.0;
+        }
+        session.advance(run.inputs.row(k));
+    }
+    sums.map(|sum| sum / count)
+}
+
+fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
+    let raw = log::read(Path::new(path.as_ref()))?;
+    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
+    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
+    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
+    Ok(prepared.runs.remove(0))
+}
