@@ -62,8 +62,15 @@ fn killed(args: &str, lines: usize) -> Vec<Value> {
     let mut stdin = child.stdin.take().unwrap();
     let mut answers = BufReader::new(child.stdout.take().unwrap()).lines();
     let mut all = Vec::new();
-    for (k, line) in fs::read_to_string(prepared().join("c.csv")).unwrap().lines().take(lines).enumerate() {
-        writeln!(stdin, "{line}").unwrap();
+    let log = fs::read_to_string(prepared().join("c.csv")).unwrap();
+    let surge = log.lines().next().unwrap().split(',').position(|name| name.starts_with("u [")).unwrap();
+    for (k, line) in log.lines().take(lines).enumerate() {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if k % 500 == 250 {
+            // A spike.
+            cells[surge] = "25";
+        }
+        writeln!(stdin, "{}", cells.join(",")).unwrap();
         if k > 0 {
             all.push(serde_json::from_str(&answers.next().unwrap().unwrap()).unwrap());
         }
@@ -75,7 +82,7 @@ fn killed(args: &str, lines: usize) -> Vec<Value> {
 
 #[test]
 fn a_service_that_was_killed_is_replayed_bit_for_bit_and_inspected() {
-    for (name, options) in [("squares", ""), ("filter", " --learner kalman")] {
+    for (name, options) in [("squares", ""), ("filter", " --learner kalman"), ("free", " --no-guard")] {
         let file = format!("{name}.box");
         let serve = format!("adapt {MODEL} - --horizons 1,20 --black-box {file}{options}");
         let answers = killed(&serve, 1500);
@@ -92,14 +99,18 @@ fn a_service_that_was_killed_is_replayed_bit_for_bit_and_inspected() {
             for key in ["t", "status", "innovation", "nis", "estimate", "prediction"] {
                 assert_eq!(step[key], answer[key], "{key}");
             }
+            assert_eq!(step["active"], answer["predicted_by"]);
         }
 
         let told = text(&ended(&format!("inspect {file}"), 0).stdout);
-        for words in
-            ["black box of hydroid", "from standard input", "outputs u [m/s]", " accepted, ", "no events"]
-        {
+        for words in ["black box of hydroid", "from standard input", "outputs u [m/s]", " accepted, "] {
             assert!(told.contains(words), "{words}: {told}");
         }
+        let guarded = name != "free";
+        assert_eq!(told.contains("no events"), !guarded, "{told}");
+        let spike = told.lines().find(|line| line.contains("spike") && line.contains("not used"));
+        assert_eq!(spike.is_some_and(|line| line.contains("u is")), guarded, "{told}");
+        assert_eq!(told.contains("predicted by the adapted model"), guarded);
         let inspected = ended(&format!("inspect {file} --json"), 0);
         let inspected: Value = serde_json::from_slice(&inspected.stdout).unwrap();
         assert_eq!(inspected["kind"], "black_box");
