@@ -205,3 +205,17 @@ fn a_full_disk_stops_the_noting_and_nothing_else() {
     let said = text(&ended(&format!("adapt {MODEL} --replay full.box"), 0).stdout);
     assert!(said.ends_with("all the same\n") && !said.starts_with("0 "), "{said}");
 }
+
+/// What went before the first sample is in the memory: logs from shore need not be there, nor those into which faults were put.
+#[test]
+fn vessels_logs_from_shore_and_faults_are_replayed_without_them() {
+    ended("simulate hydrofoil --seed 5 --duration 60 -o h.csv", 0);
+    let options = "c.csv --shore a.csv --inject spikes=0.01,dropout=u:10s";
+    for (model, log) in [("hydrofoil", "h.csv --horizon 10"), (MODEL, options)] {
+        let adapted =
+            hydroid(prepared(), &format!("adapt {model} {log} -q --black-box d.box")).output().unwrap();
+        assert!(matches!(adapted.status.code(), Some(0 | 1)), "{log}: {}", text(&adapted.stderr));
+        let said = text(&ended(&format!("adapt {model} --replay d.box"), 0).stdout);
+        assert!(said.ends_with("all the same\n"), "{said}");
+    }
+}
