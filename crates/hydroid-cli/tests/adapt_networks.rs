@@ -210,3 +210,32 @@ fn a_service_that_was_killed_goes_on_to_the_same_model() {
     let model = |name: &str| fs::read(at.join(name)).unwrap();
     assert_eq!(model("whole.safetensors"), model("resumed.safetensors"));
 }
+
+/// What a black box has noted of a network is made again to the last bit, whatever is kept of the covariance.
+#[test]
+fn a_network_is_replayed_from_its_black_box() {
+    let at = prepared();
+    for (k, options) in
+        ["", " --single-precision --memory blocks:2", " --memory low-rank:5 --adaptive-noise 60"]
+            .into_iter()
+            .enumerate()
+    {
+        let file = format!("gru{k}.box");
+        let serve = format!(
+            "adapt {MODEL} lawn.csv --stream --horizons 20 -q --black-box {file} --black-box-minutes 2{options}"
+        );
+        let answers = run(at, &serve);
+        assert_eq!(answers.status.code(), Some(0), "{serve}: {}", text(&answers.stderr));
+        let replayed = run(at, &format!("adapt {MODEL} --replay {file} --json"));
+        assert_eq!(replayed.status.code(), Some(0), "{options}: {}", text(&replayed.stderr));
+        // Whatever the ring holds, its last sample is that of the stream.
+        let last = |output: &Output| -> Value {
+            serde_json::from_str(text(&output.stdout).lines().last().unwrap()).unwrap()
+        };
+        let (step, answer) = (last(&replayed), last(&answers));
+        assert_eq!(step["t"], answer["t"]);
+        assert_eq!(step["estimate"], answer["estimate"]);
+        assert_eq!(step["prediction"]["u"][1], answer["prediction"]["u"][0]);
+        assert!(step["health"]["sureness"].as_f64().unwrap() >= 1.0 - 1e-6, "{step}");
+    }
+}

@@ -22,11 +22,21 @@ impl Fnv {
         self.word(x.to_bits());
     }
 
+    pub(crate) fn numbers(&mut self, numbers: &[f64]) {
+        for &x in numbers {
+            self.number(x);
+        }
+    }
+
     pub(crate) fn text(&mut self, text: &str) {
         self.word(text.len() as u64);
         for byte in text.bytes() {
             self.word(u64::from(byte));
         }
+    }
+
+    pub(crate) fn value(self) -> u64 {
+        self.0
     }
 
     pub(crate) fn hex(self) -> String {

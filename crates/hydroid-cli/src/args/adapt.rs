@@ -152,6 +152,24 @@ pub struct StreamArgs {
     pub timing: bool,
 }
 
+/// A black box.
+#[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
+#[command(next_help_heading = "Black box")]
+pub struct BlackBoxArgs {
+    /// Note in this file what the learner gets and what comes of it: a ring that holds the last minutes, for hydroid
+    /// inspect and for --replay
+    #[arg(long, value_name = "FILE")]
+    pub black_box: Option<PathBuf>,
+    /// Minutes that the black box holds at the least, from 2 on (default: 5)
+    #[arg(long, value_name = "MINUTES", requires = "black_box", allow_negative_numbers = true)]
+    pub black_box_minutes: Option<f64>,
+    /// Do again what this black box has noted, and compare bit for bit: exit status 0 all the same, 1 not. With --json a
+    /// line for each sample as it was made
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "output", "learner", "forgetting", "EquationsArgs",
+        "NetworksArgs", "StreamArgs", "LogArgs", "black_box"])]
+    pub replay: Option<PathBuf>,
+}
+
 /// Let a model learn along a log, and compare it with the same model frozen; or serve a live stream
 ///
 /// Walks the log once, sample by sample. At every origin the adapted model predicts with what it had learned
@@ -176,17 +194,19 @@ pub struct StreamArgs {
   hydroid adapt out/gru.safetensors today.csv --shore train.csv --inject spikes=0.01,dropout=u:10s
   logger | hydroid adapt out/sindy.safetensors - --state boat.state | controller
   hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
+  logger | hydroid adapt out/sindy.safetensors - --black-box boat.box | controller
+  hydroid adapt out/sindy.safetensors --replay boat.box        the same again, bit for bit?
 
 Exit status: 0 adapted is at least as good as frozen in the mean of outputs and horizons, and no rollout of it
-diverged; 1 otherwise; 2 wrong input. Of a stream: 0 at its end, 2 wrong input, 130 interrupted, with state and
-model written.")]
+diverged; 1 otherwise; 2 wrong input. Of a replay: 0 all the same, 1 not, 2 wrong input. Of a stream: 0 at its end,
+2 wrong input, 130 interrupted, with state and model written.")]
 pub struct Adapt {
     /// The model: a .safetensors file, a vessel of your own (a TOML file), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
     /// The log; - to serve a stream on standard input
-    #[arg(value_name = "LOG|-")]
-    pub run: PathBuf,
+    #[arg(value_name = "LOG|-", required_unless_present = "replay")]
+    pub run: Option<PathBuf>,
     /// Where to write the model with the coefficients or weights that it had at the end; a vessel as a .toml file
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -206,6 +226,8 @@ pub struct Adapt {
     pub judging: Judging,
     #[command(flatten)]
     pub stream: StreamArgs,
+    #[command(flatten)]
+    pub black_box: BlackBoxArgs,
     #[command(flatten)]
     pub log: LogArgs,
 }

@@ -117,17 +117,19 @@ pub struct Simulate {
     pub print_vessel: bool,
 }
 
-/// Show what is in a log (channels, units, rate, gaps, ranges, excitation, delays) or in a model
+/// Show what is in a log (channels, units, rate, gaps, ranges, excitation, delays) in a model, or in
+/// a black box (hydroid adapt --black-box): time span, settings, what became of the samples, events, health
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
   hydroid inspect log.csv
   hydroid inspect log.csv --outputs u=SOG_kn[kn],r=ROT[deg/min] --inputs n=rpm[rpm],delta=rudder[deg]
   hydroid inspect out/sindy.safetensors
   hydroid inspect out/sindy.safetensors --latex > equations.tex   for a document with the package amsmath
-  hydroid inspect out/sindy.safetensors --json                    also the Jacobian, entry by entry")]
+  hydroid inspect out/sindy.safetensors --json                    also the Jacobian, entry by entry
+  hydroid inspect boat.box                                        what happened before it went wrong")]
 pub struct Inspect {
-    /// Logs (CSV) or models (.safetensors; vessels: .toml)
-    #[arg(required = true, value_name = "LOG|MODEL")]
+    /// Logs (CSV), models (.safetensors; vessels: .toml) or black boxes
+    #[arg(required = true, value_name = "LOG|MODEL|BOX")]
     pub files: Vec<PathBuf>,
     /// Print the equations of models in LaTeX and nothing else (--json has them too)
     #[arg(long)]

@@ -1,10 +1,11 @@
 //! `hydroid adapt`.
 
+mod blackbox;
 mod stream;
 
 use std::path::Path;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use hydroid::adapt::{self, Gate, Kalman, Method, Options, Report, Used};
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
@@ -19,6 +20,10 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
     // Said before the log is read: no log would change it.
     adapt::adaptable(&model).with_context(|| format!("{} cannot be adapted", args.model.display()))?;
+    if let Some(path) = &args.black_box.replay {
+        return blackbox::replay(args, global, model, path);
+    }
+    let Some(given_log) = &args.run else { bail!("a log is missing: give a file, or - for standard input") };
     if let (Some(path), Some(_)) = (&args.output, model.plant()) {
         ensure!(
             path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")),
@@ -27,16 +32,16 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         );
     }
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
-    if args.stream.stream || args.run == Path::new("-") {
+    if args.stream.stream || given_log == Path::new("-") {
         let dt = args.log.dt.unwrap_or(model.description.dt);
-        return stream::run(args, global, &model.at_step(dt)?, reading);
+        return stream::run(args, given_log, global, &model.at_step(dt)?, reading);
     }
     let given = &args.stream;
     ensure!(
         given.horizons.is_none() && given.state.is_none() && !given.timing,
         "--horizons, --state and --timing are of a live stream: add --stream, or give - for standard input"
     );
-    let raw = log::read(&args.run)?;
+    let raw = log::read(given_log)?;
     let mut prepared = log::prepare(&[raw], &reading.selection, &reading.options)
         .with_context(|| logs::unusable(&args.model, &model))?;
     ui::tell(&prepared.notes, global);
@@ -55,7 +60,9 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let shore: Vec<_> = shore.iter().collect();
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("adapting", global);
-    let adapted = adapt::adapt_from(&model, &shore, &runs, &options, &mut bar.callback())
+    let black_box = blackbox::settings(args)?;
+    let black_box = black_box.as_ref();
+    let adapted = adapt::adapt_recorded(&model, &shore, &runs, &options, black_box, &mut bar.callback())
         .context("the log cannot be used to adapt the model")?;
     drop(bar);
     if let Some(path) = &args.output {

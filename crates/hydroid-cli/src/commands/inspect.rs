@@ -1,10 +1,13 @@
 //! `hydroid inspect`.
 
+mod black_box;
+
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use anyhow::bail;
+use hydroid::adapt::blackbox::{self, BlackBox};
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection};
 use hydroid::model::{self, Description, Model, Motion, Reading};
@@ -22,7 +25,17 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     let reading = logs::reading(Reading::default(), &args.log)?;
     let mut documents = Vec::new();
     for file in &args.files {
-        if is_model(file) {
+        if blackbox::is_black_box(file) {
+            if args.latex {
+                bail!("{} is a black box: --latex prints the equations of models", file.display());
+            }
+            let summary = BlackBox::read(file)?.summary();
+            if global.json {
+                documents.push(black_box::json(file, &summary)?);
+            } else {
+                black_box::show(file, &summary, global);
+            }
+        } else if is_model(file) {
             let model = model::read(file)?;
             if args.latex {
                 ui::write_out(format_args!("{}", latex(file, &model)?));

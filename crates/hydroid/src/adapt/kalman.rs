@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
 use hydroid_core::model::recurrent::{Base, Blocks, Packed, Recurrent, StateFilter};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::AdaptError;
 use crate::log::{Trajectory, noise_level};
@@ -16,7 +16,8 @@ use crate::model::{Body, Model, Port};
 /// ([`LearnableEquations`](hydroid_core::adapt::kalman::LearnableEquations)), whose state is their outputs.
 ///
 /// The default is for networks; for equations it is [`of_equations`](Self::of_equations).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Kalman {
     /// Variance of each weight at the start: how far the vessel may be from the model.
     pub weight_variance: f64,
@@ -44,13 +45,14 @@ pub struct Kalman {
     /// Which weights are learned. Equations have no layers.
     pub weights: Which,
     /// How much of the covariance of the weights is kept.
+    #[serde(with = "as_text")]
     pub memory: Memory,
     /// Whether the filter works in single precision; that of equations does not.
     pub single_precision: bool,
 }
 
 /// Which weights are learned.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Which {
     /// All of them.
@@ -60,6 +62,21 @@ pub enum Which {
     LastLayer,
     /// Those of the read-out (of the projection, where it is the output).
     ReadOut,
+}
+
+/// A memory in the words of the command line.
+mod as_text {
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+
+    use super::Memory;
+
+    pub(super) fn serialize<S: Serializer>(memory: &Memory, into: S) -> Result<S::Ok, S::Error> {
+        into.collect_str(memory)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Memory, D::Error> {
+        String::deserialize(from)?.parse().map_err(D::Error::custom)
+    }
 }
 
 impl Default for Kalman {

@@ -15,13 +15,14 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::{RecursiveEquations, Settings, SettingsError};
 use hydroid_core::model::sparse::Equations;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{AdaptError, Gate};
 use crate::model::{Body, Members, Model, Motion};
 
 /// How equations are adapted.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LeastSquares {
     /// Time \[s\] after which a sample counts `1/e`; infinite to forget nothing.
     pub forgetting_s: f64,

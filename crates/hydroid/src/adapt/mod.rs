@@ -3,6 +3,7 @@
 //! Both walk the same runs through [`evaluate`](fn@evaluate); at each origin the adapted model predicts with the weights
 //! of that moment, learned from the samples up to it and none after.
 
+pub mod blackbox;
 mod equations;
 mod events;
 mod guarded;
@@ -15,12 +16,13 @@ mod watch;
 use hydroid_core::adapt::guard::GuardError;
 use hydroid_core::adapt::kalman::KalmanError;
 use hydroid_core::adapt::{Adapter, SettingsError};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
 use crate::progress::Progress;
+use blackbox::{BlackBoxError, Recorded, Recorder};
 use watch::Watched;
 
 pub use events::Happened;
@@ -33,7 +35,8 @@ pub use plant::LearnedParameter;
 pub use watch::{Counts, Coverage, Times};
 
 /// How equations learn. Networks and vessels learn by the filter, whatever is chosen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Recursive least squares on increments: the coefficients, beside a state that is measured.
     #[default]
@@ -43,7 +46,8 @@ pub enum Method {
 }
 
 /// How to adapt, and how to judge it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Options {
     /// How equations learn.
     pub method: Method,
@@ -55,6 +59,7 @@ pub struct Options {
     /// Whether, and how, what is learned is guarded.
     pub guard: Option<GuardSettings>,
     /// Horizons and origins.
+    #[serde(skip)]
     pub evaluate: evaluate::Options,
 }
 
@@ -146,6 +151,9 @@ pub enum AdaptError {
     /// Weights that are not those of the model.
     #[error("what was learned are no weights of this model")]
     Weights,
+    /// The black box cannot be written.
+    #[error(transparent)]
+    BlackBox(#[from] BlackBoxError),
     /// The window does not fit the log.
     #[error(
         "a window of {window_s} s does not fit: it must be at least one sample ({dt} s), and shorter than the longest run ({longest_s} s)"
@@ -255,6 +263,21 @@ pub fn adapt_from(
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
+    adapt_recorded(model, shore, runs, options, None, progress)
+}
+
+/// The same, with a black box of the model that learns.
+///
+/// # Errors
+/// As [`adapt`], and if the box cannot be written.
+pub fn adapt_recorded(
+    model: &Model,
+    shore: &[&Trajectory],
+    runs: &[&Trajectory],
+    options: &Options,
+    black_box: Option<&blackbox::Settings>,
+    progress: Progress<'_>,
+) -> Result<Adapted, AdaptError> {
     let (mut adapter, used) = adapter(model, options, runs)?;
     remember_shore(adapter.as_mut(), shore);
     let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
@@ -287,7 +310,16 @@ pub fn adapt_from(
         }
         None => None,
     };
-    let mut watched = Watched::new(adapter.as_mut());
+    let recorder = match black_box {
+        Some(settings) => {
+            let described = serde_json::json!({ "learning": used });
+            let source = blackbox::Source::Runs(runs);
+            Some(Recorder::new(settings, model, adapter.as_ref(), options, &described, source)?)
+        }
+        None => None,
+    };
+    let mut adapter = Recorded::new(adapter, recorder);
+    let mut watched = Watched::new(&mut adapter);
     let adapted =
         evaluate(&format!("{name}, adapted"), &mut watched, &ranges, runs, &options.evaluate, &mut |done| {
             progress(0.5 + 0.5 * done)
@@ -305,6 +337,7 @@ pub fn adapt_from(
         parameters: plant::parameters(model, &after),
         settings: used,
     };
+    adapter.finish()?;
     Ok(Adapted { model: after, report })
 }
 

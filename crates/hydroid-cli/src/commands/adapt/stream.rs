@@ -7,11 +7,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, ensure};
+use hydroid::adapt::blackbox::{Recorder, Source};
 use hydroid::adapt::stream::{Lines, Options, Stream, StreamError, fingerprint};
 use hydroid::adapt::{self, Used};
 use hydroid::atomic;
 use hydroid::log::{LogError, Note};
 use hydroid::model::{self, Model, Reading};
+
+use serde_json::json;
 
 use super::super::Outcome;
 use crate::args::{Adapt, Against, Global, Horizon, Origin};
@@ -31,7 +34,13 @@ struct Service {
     finished: bool,
 }
 
-pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> anyhow::Result<Outcome> {
+pub fn run(
+    args: &Adapt,
+    log: &Path,
+    global: Global,
+    model: &Model,
+    reading: Reading,
+) -> anyhow::Result<Outcome> {
     let judging = args.judging;
     ensure!(
         judging.horizon == Horizon::Samples(100)
@@ -40,8 +49,8 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
             && judging.against == Against::Measurement,
         "--horizon, --origin-stride, --origin and --against judge a log that is read as a whole; a stream has --horizons 1,10,100"
     );
-    let piped = args.run == Path::new("-");
-    let name = if piped { "standard input".to_owned() } else { args.run.display().to_string() };
+    let piped = log == Path::new("-");
+    let name = if piped { "standard input".to_owned() } else { log.display().to_string() };
     ensure!(
         args.trust.inject.is_none(),
         "--inject puts faults into a log that is read as a whole, not into a stream"
@@ -51,6 +60,11 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
         adapt::adapter(model, &learning, &[]).context("the model cannot learn from a stream")?;
     let shore = super::shore(args, model, &reading, global)?;
     adapt::remember_shore(adapter.as_mut(), &shore.iter().collect::<Vec<_>>());
+    let recorder = super::blackbox::settings(args)?.map(|settings| {
+        let described = json!({ "learning": used, "reading": reading });
+        Recorder::new(&settings, model, adapter.as_ref(), &learning, &described, Source::Stream(&name))
+    });
+    let recorder = recorder.transpose()?;
     let options = Options {
         name: name.clone(),
         reading,
@@ -74,6 +88,9 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
             ui::tell(&[Note::info(note)], global);
         }
     }
+    if let Some(recorder) = recorder {
+        stream.record(recorder);
+    }
     // What cannot be written at the end is better known now.
     if let Some(folder) = args.output.as_ref().and_then(|path| path.parent()) {
         atomic::probe(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })?;
@@ -82,7 +99,7 @@ pub fn run(args: &Adapt, global: Global, model: &Model, reading: Reading) -> any
         Box::new(std::io::stdin().lock())
     } else {
         let failed = |source| LogError::Read { path: name.clone(), source };
-        Box::new(BufReader::new(File::open(&args.run).map_err(failed)?))
+        Box::new(BufReader::new(File::open(log).map_err(failed)?))
     };
     let service = Service {
         stream,
@@ -148,6 +165,7 @@ impl Service {
     fn finish(&mut self) -> anyhow::Result<()> {
         self.finished = true;
         self.stream.finish()?;
+        ui::tell(&self.stream.take_notes(), self.global);
         if let Some(path) = &self.output {
             // As the runs of a log that is read as a whole: without its folder.
             let run = Path::new(&self.name)

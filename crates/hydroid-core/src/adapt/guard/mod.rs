@@ -2,8 +2,8 @@
 //!
 //! A [`Guard`] is an [`Adapter`] around another one, the learner. It walks two more along: the model from shore as it is,
 //! its state filtered (*frozen*), and the learner as it was when it was last found good (*snapshot*). What is measured
-//! goes through [`Sensor`](sensor)s first: what was not measured at all is not learned from. Every
-//! [`stride`](GuardSettings::stride) samples a shadow [test](trial) rolls out what the three would have predicted a horizon
+//! goes through sensors first (`sensor`): what was not measured at all is not learned from. Every
+//! [`stride`](GuardSettings::stride) samples a shadow test (`trial`) rolls out what the three would have predicted a horizon
 //! `H` ago, and what the learner would with the weights that it has now, under the commands that came, and compares with
 //! what was measured. By these errors
 //!
@@ -11,7 +11,7 @@
 //! e_k = mean over outputs and the last stride of steps of |predicted - measured| / (half the design range)
 //! ```
 //!
-//! one of the three is [chosen](choice) to predict; a learner that is lost gets the weights of a better one back.
+//! one of the three is chosen to predict (`choice`); a learner that is lost gets the weights of a better one back.
 //!
 //! **Guarantee.** Over any window of `N` tests, whatever the learner does,
 //!
@@ -19,8 +19,8 @@
 //! sum e_guarded <= factor sum e_frozen + N floor         floor = mean over outputs of noise / (half the design range)
 //! ```
 //!
-//! if the predictions that are under way when the account is found [tight](choice) cost no more than what is left of it then,
-//! 0.6 `N floor`: there are at most `H / stride + 1` of them, made by a model that had passed the test at the sample from
+//! if the predictions that are under way when the account is found tight cost no more than what is left of it then,
+//! 0.85 `N floor`: there are at most `H / stride + 1` of them, made by a model that had passed the test at the sample from
 //! which it predicts. The account is kept over all windows that are not over yet, so that from the moment at which it is
 //! tight the frozen model, which adds nothing to it, ends all of them within the guarantee.
 

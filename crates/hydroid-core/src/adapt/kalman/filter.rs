@@ -258,6 +258,8 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     /// # Panics
     /// If `z` has not one number for each output.
     pub fn observe(&mut self, z: &[T]) -> Correction {
+        // Of this measurement, whether it is used or not.
+        let inflation = core::mem::replace(&mut self.inflation, T::one());
         if !self.moved || z.iter().all(|z| z.is_nan()) {
             return Correction::None;
         }
@@ -265,7 +267,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.model.output(&self.state, &mut self.gain.predicted);
         self.joint.expect(&self.model, &mut self.gain);
         let deviations = self.gain.take(z, &self.noise);
-        self.gain.inflate(core::mem::replace(&mut self.inflation, T::one()));
+        self.gain.inflate(inflation);
         let limit = T::of(self.tuning.huber);
         let weight = if deviations > limit { self.gain.soften(limit) } else { T::one() };
         let Self { model, state, joint, gain, change, .. } = self;

@@ -93,11 +93,15 @@ impl Stream {
         Ok(())
     }
 
-    /// Keeps the state at the end, or where the work is interrupted.
+    /// Keeps the state at the end, or where the work is interrupted, and writes what the black box has noted.
     ///
     /// # Errors
     /// If it cannot be written.
     pub fn finish(&mut self) -> Result<(), StreamError> {
+        // What could not be noted does not keep the rest from being written.
+        if let Err(error) = self.session.finish() {
+            self.notes.push(Note::warning(error.to_string()));
+        }
         let behind = |keeper: &Keeper| self.clock.taken() > keeper.kept || keeper.kept.is_nan();
         if !self.clock.is_new() && self.keeper.as_ref().is_some_and(behind) { self.keep() } else { Ok(()) }
     }

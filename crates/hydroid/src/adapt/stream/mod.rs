@@ -11,6 +11,7 @@
 //! | `clock`, `commands` | the place of a sample on the model's grid; which command acts where |
 //! | `session` | the walk of the adapter |
 //! | `answer`, `latency`, `summary` | what is said of it |
+//! | [`Recorder`] | the black box, if there is one |
 //! | [`State`], `keep` | the file from which a stream goes on after it was killed |
 //!
 //! A line that cannot be used is answered as well, and changes nothing.
@@ -36,6 +37,7 @@ use hydroid_core::adapt::guard::Action;
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
 
 use super::Coverage;
+use super::blackbox::Recorder;
 use super::events::{Worded, names};
 use crate::atomic::WriteError;
 use crate::fnv::Fnv;
@@ -52,6 +54,7 @@ use session::{Session, Walked};
 
 pub use lines::{LONGEST_LINE, Line, Lines};
 pub use state::State;
+pub(in crate::adapt) use state::differences;
 pub use summary::{LineCounts, Summary};
 
 /// Farthest horizon \[samples\].
@@ -151,7 +154,7 @@ impl Stream {
         let commands = Commands::new(adapter.inputs(), dt, reading.command_timing, reading.input_delay)?;
         Ok(Self {
             writer: Writer::new(model.description.outputs.iter().map(|port| port.channel.name.as_str())),
-            session: Session::new(adapter, options.horizons.clone()),
+            session: Session::new(adapter, options.horizons.clone(), dt),
             model: model.clone(),
             options,
             layout: None,
@@ -170,6 +173,11 @@ impl Stream {
         })
     }
 
+    /// Notes the walk in a black box from here on.
+    pub fn record(&mut self, recorder: Recorder) {
+        self.session.record(recorder);
+    }
+
     /// Takes a line, and writes and flushes its answer if it has one: the header and blank lines have none. Then
     /// keeps the state if it is time.
     ///
@@ -184,6 +192,7 @@ impl Stream {
             let answer = self.writer.end(us);
             out.write_all(answer).and_then(|()| out.flush()).map_err(StreamError::Output)?;
             self.latency.add(elapsed_us());
+            self.notes.extend(self.session.settle(&self.commands));
         }
         self.keep_if_due()
     }

@@ -1,15 +1,18 @@
 //! An adapter on its walk along a stream: what was expected of a sample, what came, and what is expected next.
 
 use hydroid_core::adapt::Adapter;
-use hydroid_core::predict::Workspace;
+use hydroid_core::predict::{Predictor as _, Workspace};
 
 use super::commands::Commands;
 use super::line::Sample;
+use crate::adapt::blackbox::{BlackBoxError, Recorded, Recorder};
 use crate::adapt::watch::{BAND_80, BAND_95};
+use crate::log::Note;
 
 /// The walk. After the first sample nothing in it allocates.
 pub(super) struct Session {
-    adapter: Box<dyn Adapter>,
+    adapter: Recorded<'static>,
+    dt: f64,
     horizons: Vec<usize>,
     missing: Vec<f64>,
     /// Of the sample that comes next: value and standard deviation.
@@ -17,6 +20,8 @@ pub(super) struct Session {
     expected_deviations: Vec<f64>,
     estimate: Vec<f64>,
     commands: Vec<f64>,
+    /// The command that acts from here on.
+    held: Vec<f64>,
     rollout: Vec<f64>,
     deviations: Vec<f64>,
     work: Workspace,
@@ -35,7 +40,7 @@ pub(super) struct Walked {
 
 impl Session {
     /// Horizons ascend, and none is 0.
-    pub(super) fn new(adapter: Box<dyn Adapter>, horizons: Vec<usize>) -> Self {
+    pub(super) fn new(adapter: Box<dyn Adapter>, horizons: Vec<usize>, dt: f64) -> Self {
         let (n, m) = (adapter.outputs(), adapter.inputs());
         let last = horizons.last().copied().unwrap_or(0);
         Self {
@@ -44,21 +49,39 @@ impl Session {
             expected_deviations: vec![f64::NAN; n],
             estimate: vec![f64::NAN; n],
             commands: vec![f64::NAN; last * m],
+            held: vec![f64::NAN; m],
             rollout: vec![f64::NAN; last * n],
             deviations: vec![f64::NAN; horizons.len() * n],
             work: Workspace::new(),
             banded: [0; 3],
-            adapter,
+            adapter: Recorded::new(adapter, None),
+            dt,
             horizons,
         }
     }
 
+    /// Notes the walk from here on.
+    pub(super) fn record(&mut self, recorder: Recorder) {
+        self.adapter.record(recorder);
+    }
+
+    /// The answer was sent: what is noted may be written. Says what cannot be.
+    pub(super) fn settle(&mut self, commands: &Commands) -> Option<Note> {
+        commands.ahead(&[], &mut self.held);
+        self.adapter.settle(&self.held)
+    }
+
+    /// Writes what is noted, at the end.
+    pub(super) fn finish(&mut self) -> Result<(), BlackBoxError> {
+        self.adapter.finish()
+    }
+
     pub(super) fn adapter(&self) -> &dyn Adapter {
-        self.adapter.as_ref()
+        &self.adapter
     }
 
     pub(super) fn adapter_mut(&mut self) -> &mut dyn Adapter {
-        self.adapter.as_mut()
+        &mut self.adapter
     }
 
     pub(super) fn horizons(&self) -> &[usize] {
@@ -67,6 +90,7 @@ impl Session {
 
     /// Begins a run with a sample.
     pub(super) fn begin(&mut self, commands: &mut Commands, sample: &Sample) -> Walked {
+        self.adapter.to(sample.t, 0, self.dt);
         self.adapter.reset();
         commands.restart();
         let held = commands.begin(&sample.inputs);
@@ -77,6 +101,7 @@ impl Session {
 
     /// Walks on to a sample, over places that have none.
     pub(super) fn walk(&mut self, steps: usize, commands: &mut Commands, sample: &Sample) -> Walked {
+        self.adapter.to(sample.t, steps.saturating_sub(1), self.dt);
         let Self { adapter, missing, expected, expected_deviations, work, .. } = self;
         let mut lost = false;
         let held = commands.walk(steps, &sample.inputs, |step, command| {
@@ -97,6 +122,7 @@ impl Session {
                 adapter.observe(missing);
             }
         });
+        self.adapter.to(sample.t, 0, self.dt);
         self.adapter.observe(&sample.outputs);
         self.compare(sample);
         self.predict(commands, sample);

@@ -173,7 +173,7 @@ impl State {
 }
 
 /// Names what differs, leaf by leaf.
-fn differences(name: &str, saved: &Value, asked: &Value, into: &mut Vec<String>) {
+pub(in crate::adapt) fn differences(name: &str, saved: &Value, asked: &Value, into: &mut Vec<String>) {
     match (saved, asked) {
         (Value::Object(a), Value::Object(b)) => {
             let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));

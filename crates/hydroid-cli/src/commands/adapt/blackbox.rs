@@ -1,0 +1,58 @@
+//! `hydroid adapt .. --black-box FILE`, and `hydroid adapt MODEL --replay FILE`.
+
+use std::path::Path;
+
+use anyhow::Context;
+use hydroid::adapt::blackbox::{self, BlackBox, MINUTES, ModelFile, Settings};
+use hydroid::adapt::stream::fingerprint;
+use hydroid::model::Model;
+
+use super::super::Outcome;
+use crate::args::{Adapt, Global};
+
+/// The black box that is asked for.
+pub fn settings(args: &Adapt) -> anyhow::Result<Option<Settings>> {
+    let Some(path) = &args.black_box.black_box else { return Ok(None) };
+    Ok(Some(Settings {
+        path: path.clone(),
+        minutes: args.black_box.black_box_minutes.unwrap_or(MINUTES),
+        model: ModelFile {
+            file: args.model.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            fingerprint: of_file(&args.model)?,
+        },
+    }))
+}
+
+fn of_file(path: &Path) -> anyhow::Result<String> {
+    if !path.exists() {
+        // A vessel that is built in: its name, and the version, which every box has, say which.
+        return Ok(fingerprint(path.as_os_str().as_encoded_bytes()));
+    }
+    let file = std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
+    Ok(fingerprint(&file))
+}
+
+/// Does the same again.
+pub fn replay(args: &Adapt, global: Global, model: Model, path: &Path) -> anyhow::Result<Outcome> {
+    let black_box = BlackBox::read(path)?;
+    let model = model.at_step(black_box.head.dt)?;
+    let replayed = blackbox::replay(&model, &of_file(&args.model)?, &black_box, |step| {
+        if global.json && step.is_sample() {
+            outln!("{}", step.json());
+        }
+    })?;
+    let said = match &replayed.first {
+        None => format!("{} samples replayed, all the same", replayed.samples),
+        Some(first) => format!(
+            "{} samples replayed, {} not the same; the first at {} s: {} was {} and is {} now",
+            replayed.samples, replayed.different, first.t, first.what, first.recorded, first.replayed
+        ),
+    };
+    // Standard output has the samples.
+    if global.json {
+        eprintln!("{said}");
+    } else {
+        outln!("{said}");
+    }
+    Ok(if replayed.first.is_none() { Outcome::Done } else { Outcome::Missed })
+}

@@ -1,0 +1,94 @@
+//! `hydroid inspect` on a black box.
+
+use std::path::Path;
+
+use hydroid::adapt::blackbox::Summary;
+use hydroid::log::Note;
+
+use crate::args::Global;
+use crate::ui;
+
+/// Events that are told one by one; `--json` has all.
+const TOLD: usize = 100;
+
+pub fn json(file: &Path, summary: &Summary) -> anyhow::Result<serde_json::Value> {
+    let mut document = serde_json::to_value(summary)?;
+    document["file"] = serde_json::to_value(file)?;
+    document["kind"] = "black_box".into();
+    Ok(document)
+}
+
+pub fn show(file: &Path, summary: &Summary, global: Global) {
+    let head = &summary.head;
+    let [first, last] = summary.t;
+    let span = if summary.samples == 0 {
+        "nothing in it yet".to_owned()
+    } else {
+        format!("{} samples from {first:.2} to {last:.2} s", summary.samples)
+    };
+    outln!("{}: black box of hydroid {}, {span}", file.display(), head.hydroid);
+    if summary.stretches > 1 {
+        outln!(
+            "{} stretches: the service was started anew between them, or could not write",
+            summary.stretches
+        );
+    }
+    let [name, kind] = &head.named;
+    outln!("model '{name}' ({kind}), file {}, fingerprint {}", head.model.file, head.model.fingerprint);
+    outln!("from {}, sample time {} s", head.runs.join(", "), head.dt);
+    let channels = |channels: &[hydroid::log::Channel]| {
+        let named = channels.iter().map(|channel| format!("{} [{}]", channel.name, channel.unit));
+        named.collect::<Vec<_>>().join(", ")
+    };
+    outln!("outputs {}; inputs {}", channels(&head.outputs), channels(&head.inputs));
+    outln!("settings:");
+    if let Some(learning) = head.settings["learning"].as_object() {
+        for (key, value) in learning {
+            outln!("  {key} {value}");
+        }
+    }
+    let o = summary.outcomes;
+    outln!(
+        "samples: {} accepted, {} with less weight, {} rejected, {} rolled back, {} waiting",
+        o.accepted,
+        o.inflated,
+        o.rejected,
+        o.rolled_back,
+        o.waiting
+    );
+    let [learner, kept, shore] = summary.predicted_by;
+    if learner + kept + shore > 0 {
+        outln!("predicted by the adapted model {learner} times, its snapshot {kept}, the frozen one {shore}");
+    }
+    let known = |x: f64| if x.is_nan() { "not known".to_owned() } else { format!("{x:.4e}") };
+    let [nis, t] = summary.largest_nis;
+    let at = if nis.is_nan() { String::new() } else { format!(" at {t:.2} s") };
+    outln!(
+        "health: least variance {}, least sureness {}, largest sum of squared innovations {}{at}",
+        known(summary.least_variance),
+        known(summary.least_sureness),
+        known(nis)
+    );
+    outln!("{}", if summary.events.is_empty() { "no events" } else { "events:" });
+    let left = summary.events.len().saturating_sub(TOLD);
+    if left > 0 {
+        outln!("  {left} earlier ones: --json has them");
+    }
+    for event in &summary.events[left..] {
+        outln!("  {:>10.2} s  {:<11} {}", event.t, event.action, event.text);
+    }
+    let mut notes = Vec::new();
+    if summary.torn > 0 {
+        notes.push(Note::info(format!(
+            "{} of {} segments left out: torn when the writing was interrupted, or damaged",
+            summary.torn, head.segments
+        )));
+    }
+    if summary.damaged {
+        notes.push(
+            Note::warning("steps in the middle are damaged: what stands behind them is left out")
+                .with_remedy("copy the file anew from where it was written"),
+        );
+    }
+    ui::tell(&notes, global);
+}

@@ -1,0 +1,221 @@
+//! `hydroid adapt .. --black-box`, `--replay`, and `hydroid inspect` on what was noted.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
+    command.current_dir(folder).args(args.split(' '));
+    command
+}
+
+fn ended(args: &str, status: i32) -> Output {
+    let output = hydroid(prepared(), args).output().unwrap();
+    assert_eq!(output.status.code(), Some(status), "{args}: {}", text(&output.stderr));
+    output
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn values(bytes: &[u8]) -> Vec<Value> {
+    text(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// A model of the simple vessel, and a log; made once.
+fn prepared() -> &'static Path {
+    static FOLDER: OnceLock<TempDir> = OnceLock::new();
+    FOLDER
+        .get_or_init(|| {
+            let folder = TempDir::new().unwrap();
+            for args in [
+                "simulate simple --seed 1 --duration 300 -o a.csv",
+                "simulate simple --seed 2 --duration 300 -o b.csv",
+                "simulate simple --seed 3 --duration 300 -o c.csv",
+                "identify a.csv --validate b.csv --test c.csv --outputs u,v,r,P_f --methods sindy -o out -q",
+            ] {
+                let output = hydroid(folder.path(), args).output().unwrap();
+                assert_eq!(output.status.code(), Some(0), "{args}: {}", text(&output.stderr));
+            }
+            folder
+        })
+        .path()
+}
+
+const MODEL: &str = "out/sindy.safetensors";
+
+/// Sends lines one by one, kills the service after the last answer, and gives the answers.
+fn killed(args: &str, lines: usize) -> Vec<Value> {
+    let mut child = hydroid(prepared(), args)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let mut answers = BufReader::new(child.stdout.take().unwrap()).lines();
+    let mut all = Vec::new();
+    let log = fs::read_to_string(prepared().join("c.csv")).unwrap();
+    let surge = log.lines().next().unwrap().split(',').position(|name| name.starts_with("u [")).unwrap();
+    for (k, line) in log.lines().take(lines).enumerate() {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if k % 500 == 250 {
+            // A spike.
+            cells[surge] = "25";
+        }
+        writeln!(stdin, "{}", cells.join(",")).unwrap();
+        if k > 0 {
+            all.push(serde_json::from_str(&answers.next().unwrap().unwrap()).unwrap());
+        }
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    all
+}
+
+#[test]
+fn a_service_that_was_killed_is_replayed_bit_for_bit_and_inspected() {
+    for (name, options) in [("squares", ""), ("filter", " --learner kalman"), ("free", " --no-guard")] {
+        let file = format!("{name}.box");
+        let serve = format!("adapt {MODEL} - --horizons 1,20 --black-box {file}{options}");
+        let answers = killed(&serve, 1500);
+        let replay = format!("adapt {MODEL} --replay {file}");
+        let said = text(&ended(&replay, 0).stdout);
+        let samples: usize = said.strip_suffix(" samples replayed, all the same\n").unwrap().parse().unwrap();
+        assert!((answers.len() - 10..=answers.len()).contains(&samples), "{samples} of {}", answers.len());
+
+        let once = ended(&format!("{replay} --json"), 0);
+        assert!(once.stdout == ended(&format!("{replay} --json"), 0).stdout, "the same bytes twice");
+        let steps = values(&once.stdout);
+        assert_eq!(steps.len(), samples);
+        for (step, answer) in steps.iter().zip(&answers) {
+            for key in ["t", "status", "innovation", "nis", "estimate", "prediction"] {
+                assert_eq!(step[key], answer[key], "{key}");
+            }
+            assert_eq!(step["active"], answer["predicted_by"]);
+        }
+
+        let told = text(&ended(&format!("inspect {file}"), 0).stdout);
+        for words in ["black box of hydroid", "from standard input", "outputs u [m/s]", " accepted, "] {
+            assert!(told.contains(words), "{words}: {told}");
+        }
+        let guarded = name != "free";
+        assert_eq!(told.contains("no events"), !guarded, "{told}");
+        let spike = told.lines().find(|line| line.contains("spike") && line.contains("not used"));
+        assert_eq!(spike.is_some_and(|line| line.contains("u is")), guarded, "{told}");
+        assert_eq!(told.contains("predicted by the adapted model"), guarded);
+        let inspected = ended(&format!("inspect {file} --json"), 0);
+        let inspected: Value = serde_json::from_slice(&inspected.stdout).unwrap();
+        assert_eq!(inspected["kind"], "black_box");
+        assert_eq!(inspected["samples"], samples);
+        assert_eq!(inspected["t"][0], 0.0);
+        assert!(inspected["head"]["settings"]["learning"]["method"].is_string());
+    }
+    // A start again goes on in the same file, behind what is there; other settings do not.
+    killed(&format!("adapt {MODEL} - --black-box squares.box"), 100);
+    let told = text(&ended("inspect squares.box", 0).stdout);
+    assert!(told.contains("2 stretches"), "{told}");
+    ended(&format!("adapt {MODEL} --replay squares.box"), 0);
+    let refused = ended(&format!("adapt {MODEL} c.csv --stream --prior 3 --black-box squares.box"), 2);
+    let refused = text(&refused.stderr);
+    assert!(
+        refused.contains("prior_s: 10.0 there, 3.0 here") && refused.contains("put it aside"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_log_that_is_read_as_a_whole_is_noted_as_well() {
+    let adapted = hydroid(prepared(), &format!("adapt {MODEL} c.csv --black-box log.box --json -q")).output();
+    let with: Value = serde_json::from_slice(&adapted.unwrap().stdout).unwrap();
+    let adapted = hydroid(prepared(), &format!("adapt {MODEL} c.csv --json -q")).output();
+    let without: Value = serde_json::from_slice(&adapted.unwrap().stdout).unwrap();
+    assert_eq!(with["adapted"], without["adapted"], "to note it changes nothing");
+    let rows = fs::read_to_string(prepared().join("c.csv")).unwrap().lines().count() - 1;
+    let said = text(&ended(&format!("adapt {MODEL} --replay log.box"), 0).stdout);
+    assert_eq!(said, format!("{rows} samples replayed, all the same\n"));
+    let told = text(&ended("inspect log.box", 0).stdout);
+    assert!(told.contains("from c.csv, sample time 0.1 s"), "{told}");
+}
+
+#[test]
+fn what_cannot_be_used_is_told_with_a_remedy() {
+    let refused = |args: &str, words: &str| {
+        let told = text(&ended(args, 2).stderr);
+        assert!(told.contains(words) && !told.contains("panicked"), "{args}: {told}");
+    };
+    let at = prepared();
+    ended(&format!("adapt {MODEL} c.csv --stream -q --black-box kept.box -o learned.safetensors"), 0);
+    refused(
+        "adapt learned.safetensors --replay kept.box",
+        "another model; give the one that it was written with",
+    );
+    refused(&format!("adapt {MODEL} --replay c.csv"), "no black box");
+    refused(&format!("adapt {MODEL} --replay none.box"), "name another file");
+    refused(&format!("adapt {MODEL} c.csv --replay kept.box"), "cannot be used with");
+    refused(&format!("adapt {MODEL} --replay kept.box --prior 3"), "cannot be used with");
+    refused(&format!("adapt {MODEL}"), "LOG|-");
+    refused(&format!("adapt {MODEL} c.csv --black-box c.csv"), "not overwritten");
+    refused(&format!("adapt {MODEL} c.csv --stream --black-box ."), "name a file");
+    refused(&format!("adapt {MODEL} c.csv --black-box x.box --black-box-minutes 1"), "give from 2");
+    refused(&format!("adapt {MODEL} c.csv --black-box-minutes 5"), "--black-box");
+    refused("inspect kept.box --latex", "is a black box");
+    let bytes = fs::read(at.join("kept.box")).unwrap();
+    for (name, place, words) in [
+        ("head.box", 30, "its head is damaged"),
+        ("version.box", 8, "reads format 1"),
+        ("middle.box", bytes.len() - 120_000, "damaged; copy it anew"),
+    ] {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 64;
+        fs::write(at.join(name), damaged).unwrap();
+        refused(&format!("adapt {MODEL} --replay {name}"), words);
+    }
+    let told = ended("inspect middle.box", 0);
+    assert!(text(&told.stderr).contains("steps in the middle are damaged"), "{}", text(&told.stderr));
+    // Cut short, as by a kill, it is a shorter one.
+    fs::write(at.join("cut.box"), &bytes[..bytes.len() - 1000]).unwrap();
+    ended(&format!("adapt {MODEL} --replay cut.box"), 0);
+}
+
+/// A full disk does not stop a service: it is told once, and what was written before can be replayed.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_stops_the_noting_and_nothing_else() {
+    let script = format!(
+        "ulimit -f 200; trap '' XFSZ; exec \"$0\" adapt {MODEL} c.csv --stream --black-box full.box --horizons 1"
+    );
+    let output = Command::new("sh")
+        .current_dir(prepared())
+        .args(["-c", &script, env!("CARGO_BIN_EXE_hydroid")])
+        .output()
+        .unwrap();
+    let told = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    let rows = fs::read_to_string(prepared().join("c.csv")).unwrap().lines().count() - 1;
+    assert_eq!(text(&output.stdout).lines().count(), rows, "all lines are answered");
+    assert_eq!(told.matches("of the black box: cannot write").count(), 1, "{told}");
+    let said = text(&ended(&format!("adapt {MODEL} --replay full.box"), 0).stdout);
+    assert!(said.ends_with("all the same\n") && !said.starts_with("0 "), "{said}");
+}
+
+/// What went before the first sample is in the memory: logs from shore need not be there, nor those into which faults were put.
+#[test]
+fn vessels_logs_from_shore_and_faults_are_replayed_without_them() {
+    ended("simulate hydrofoil --seed 5 --duration 60 -o h.csv", 0);
+    let options = "c.csv --shore a.csv --inject spikes=0.01,dropout=u:10s";
+    for (model, log) in [("hydrofoil", "h.csv --horizon 10"), (MODEL, options)] {
+        let adapted =
+            hydroid(prepared(), &format!("adapt {model} {log} -q --black-box d.box")).output().unwrap();
+        assert!(matches!(adapted.status.code(), Some(0 | 1)), "{log}: {}", text(&adapted.stderr));
+        let said = text(&ended(&format!("adapt {model} --replay d.box"), 0).stdout);
+        assert!(said.ends_with("all the same\n"), "{said}");
+    }
+}

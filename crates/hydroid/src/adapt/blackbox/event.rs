@@ -1,0 +1,74 @@
+//! An event of the guard as a few numbers, and back.
+
+use hydroid_core::adapt::guard::{Action, Cause, Expert};
+
+/// Numbers of an event: what it is, then what it says.
+pub(super) const WORDS: usize = 5;
+
+const CAUSES: [Cause; 4] = [Cause::Record, Cause::Test, Cause::Guarantee, Cause::NotFinite];
+
+pub(super) fn encode(action: &Action) -> [f64; WORDS] {
+    let expert = |expert: Expert| expert.index() as f64;
+    match *action {
+        Action::Spike { output, deviations } => [0.0, output as f64, deviations, 0.0, 0.0],
+        Action::Inflated { output, deviations, factor } => [1.0, output as f64, deviations, factor, 0.0],
+        Action::Stuck { output, repeats } => [2.0, output as f64, repeats as f64, 0.0, 0.0],
+        Action::Offset { output, offset } => [3.0, output as f64, offset, 0.0, 0.0],
+        Action::Believed { output, deviations } => [4.0, output as f64, deviations, 0.0, 0.0],
+        Action::Back { output, missing } => [5.0, output as f64, missing as f64, 0.0, 0.0],
+        Action::Outside { channel, distance } => [6.0, channel as f64, distance, 0.0, 0.0],
+        Action::Inside => [7.0, 0.0, 0.0, 0.0, 0.0],
+        Action::Switched { to, cause, errors: [used, shore] } => {
+            let cause = CAUSES.iter().position(|c| *c == cause).unwrap_or(CAUSES.len());
+            [8.0, expert(to), cause as f64, used, shore]
+        }
+        Action::RolledBack { to, errors: [learner, better] } => [9.0, expert(to), learner, better, 0.0],
+        Action::Restarted => [10.0, 0.0, 0.0, 0.0, 0.0],
+        Action::Kept { error } => [11.0, error, 0.0, 0.0, 0.0],
+    }
+}
+
+/// None for numbers that say nothing: they may come from anywhere.
+pub(super) fn decode(words: &[f64]) -> Option<Action> {
+    let &[code, a, b, c, d] = words else { return None };
+    // Casts saturate, and NaN is 0.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let count = |x: f64| x as usize;
+    let expert = |x: f64| Expert::ALL.get(count(x)).copied();
+    let output = count(a);
+    Some(match count(code) {
+        0 => Action::Spike { output, deviations: b },
+        1 => Action::Inflated { output, deviations: b, factor: c },
+        2 => Action::Stuck { output, repeats: count(b) },
+        3 => Action::Offset { output, offset: b },
+        4 => Action::Believed { output, deviations: b },
+        5 => Action::Back { output, missing: count(b) },
+        6 => Action::Outside { channel: output, distance: b },
+        7 => Action::Inside,
+        8 => Action::Switched { to: expert(a)?, cause: *CAUSES.get(count(b))?, errors: [c, d] },
+        9 => Action::RolledBack { to: expert(a)?, errors: [b, c] },
+        10 => Action::Restarted,
+        11 => Action::Kept { error: a },
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_event_comes_back() {
+        let mut known = 0;
+        for code in 0..32 {
+            let words = [f64::from(code), 1.0, 2.0, 0.25, -3.5];
+            if let Some(action) = decode(&words) {
+                assert_eq!(decode(&encode(&action)), Some(action));
+                known += 1;
+            }
+        }
+        assert_eq!(known, 12);
+        assert_eq!(decode(&[8.0, 9.0, 0.0, 0.0, 0.0]), None, "there is no such expert");
+        assert_eq!(decode(&[7.0]), None);
+    }
+}
