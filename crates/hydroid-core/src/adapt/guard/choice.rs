@@ -116,7 +116,9 @@ impl Choice {
         } else {
             Expert::ALL.into_iter().find(|&expert| may(expert)).unwrap_or(Expert::Frozen)
         };
-        let cause = if self.tight {
+        let cause = if !tested.far[self.active.index()].is_finite() {
+            Cause::NotFinite
+        } else if self.tight {
             Cause::Guarantee
         } else if failed[self.active.index()] {
             Cause::Test

@@ -156,7 +156,7 @@ impl Sensor {
         settings: &GuardSettings,
     ) -> Verdict {
         let goes_on = self.streak > 0;
-        let mut jump = f64::NAN;
+        let (mut jump, mut same) = (f64::NAN, false);
         for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
             if !goes_on {
                 track.base = track.last;
@@ -166,15 +166,18 @@ impl Sensor {
             if jump.is_nan() || own.abs() < jump.abs() {
                 jump = own;
             }
+            // A model that is told nothing meanwhile may be anywhere, and excuses nothing as long as another finds the same.
+            same |= goes_on && (own - track.first).abs() <= SAME * self.noise;
         }
-        // After a time without measurements models may be far off, and rightly so.
+        // Nobody can tell; or, after a time without measurements, models may be far off, and rightly so.
         if jump.is_nan() || (self.missing > 0 && !goes_on) {
+            self.streak = 0;
             return Verdict::Sound;
         }
         let usual = num_traits::Float::sqrt(self.usual);
         let deviations = jump.abs() / usual;
         let off = warm && deviations > settings.inflate;
-        if goes_on && off {
+        if goes_on && (off || same) {
             return self.go_on(deviations, settings);
         }
         self.streak = 0;
@@ -342,6 +345,21 @@ mod tests {
         };
         assert!((offset - 0.2).abs() < 0.02, "{offset}");
         assert!(all[230..].iter().all(|verdict| *verdict == Verdict::Sound));
+    }
+
+    #[test]
+    fn a_model_that_is_lost_meanwhile_excuses_no_offset() {
+        let settings = GuardSettings::new(0.1);
+        let mut sensor = Sensor::new(0.01);
+        let judge = |k: u64| {
+            let offset = if k >= 200 { 0.3 } else { 0.0 };
+            // From the second sample on it expects what is said, by chance.
+            let chance = if k > 200 { 0.3 } else { 0.05 };
+            let value = wave(k) + offset + 0.01 * noise(k);
+            sensor.judge(value, [wave(k), wave(k) + chance, wave(k)], &settings)
+        };
+        let all: Vec<Verdict> = (0..230).map(judge).collect();
+        assert!(all.iter().any(|v| matches!(v, Verdict::Offset { .. })), "{:?}", &all[198..215]);
     }
 
     #[test]
