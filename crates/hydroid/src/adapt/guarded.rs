@@ -5,7 +5,7 @@ use hydroid_core::adapt::guard::{Guard, GuardSettings};
 use hydroid_core::adapt::kalman::Memory;
 use hydroid_core::model::recurrent::Base;
 
-use super::kalman::Kalman;
+use super::kalman::{Kalman, LEAST_NOISE};
 use super::{AdaptError, Options, Used, learner};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
@@ -67,7 +67,7 @@ fn sure(model: &Model, options: &Options) -> Kalman {
 
 /// Noise of outputs of which nobody knows it: that of a sensor that is worth its range.
 fn floor(model: &Model) -> Vec<f64> {
-    let of = |range: (f64, f64)| 0.0015 * (range.1 - range.0);
+    let of = |range: (f64, f64)| LEAST_NOISE * (range.1 - range.0);
     let ranges = model.description.ranges();
     ranges.into_iter().take(model.description.outputs.len()).map(of).collect()
 }

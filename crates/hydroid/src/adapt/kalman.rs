@@ -121,7 +121,7 @@ pub struct UsedKalman {
 /// Standard deviation of the noise of an output that is not given, at the least: in widths of its range. Of filtered channels
 /// all that is found is too small (0.0002 m/s on the Esso Osaka model); of six networks' errors on its random run that
 /// was left out, this was the floor at which an LSTM ran away no more, while simulated sensors are noisier by themselves.
-const LEAST_NOISE: f64 = 0.0015;
+pub(super) const LEAST_NOISE: f64 = 0.0015;
 
 /// Process noise of the filter on the state alone, for one sample.
 const STATE_FILTER_PROCESS: f64 = 1e-4;

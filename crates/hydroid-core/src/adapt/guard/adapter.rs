@@ -103,7 +103,7 @@ impl Predictor for Guard {
 }
 
 impl Adapter for Guard {
-    /// That of the learner; a spike in every output that was measured counts as an outlier.
+    /// That of the learner, or that its weights went back.
     fn outcome(&self) -> Outcome {
         self.outcome
     }

@@ -48,14 +48,14 @@ pub enum Action {
     Spike {
         /// The output.
         output: usize,
-        /// Its innovation, in usual deviations.
+        /// The jump of its innovation, in usual deviations of that.
         deviations: f64,
     },
     /// An output was used as one with so many times the noise variance.
     Inflated {
         /// The output.
         output: usize,
-        /// Its innovation, in usual deviations.
+        /// The jump of its innovation, in usual deviations of that.
         deviations: f64,
         /// Of the variance.
         factor: f64,
@@ -78,7 +78,7 @@ pub enum Action {
     Believed {
         /// The output.
         output: usize,
-        /// Its innovation, in usual deviations.
+        /// The jump of its innovation, in usual deviations of that.
         deviations: f64,
     },
     /// An output is used again.

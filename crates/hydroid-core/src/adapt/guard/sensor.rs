@@ -36,7 +36,7 @@ pub(super) enum Verdict {
     Stuck { repeats: usize },
     /// It has an offset from now on, of so much in all: use it without.
     Offset { offset: f64 },
-    /// It was refused for as long as patience lasts: use it from now on.
+    /// It is off, and moves, as a vessel does: use it.
     Believed { deviations: f64 },
 }
 

@@ -19,7 +19,7 @@ pub struct GuardSettings {
     pub inflate: f64,
     /// .. and of so many are no measurements, for as long as `patience` \[samples\].
     pub reject: f64,
-    /// See [`reject`](Self::reject). What persists for longer is an offset, or else the vessel.
+    /// See [`reject`](Self::reject). What is off by the same for so long is an offset of the sensor.
     pub patience: usize,
     /// A sensor that has repeated values before is stuck where it does so many times, at the least.
     pub repeats: usize,

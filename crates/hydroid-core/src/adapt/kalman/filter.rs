@@ -144,7 +144,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.inflation = factor;
     }
 
-    /// Signs of a covariance that is none. (Of its smallest variance only the last measurement tells.)
+    /// What the last measurement tells of the covariance; the variances of the weights are not looked through.
     pub fn health(&self) -> Health {
         Health { least_variance: f64::NAN, sureness: self.gain.sureness().wide() }
     }
