@@ -1,7 +1,6 @@
 //! The black box of a learner: what it has noted is made again to the last bit, and nothing that a kill or a bad disk leaves of it
 //! makes anything panic.
 
-#[path = "blackbox/boat.rs"]
 mod boat;
 
 use std::fs;

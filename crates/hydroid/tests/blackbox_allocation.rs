@@ -3,7 +3,6 @@
 //! One test only: the counter is the process's.
 #![allow(unsafe_code)] // an allocator can be written in no other way
 
-#[path = "blackbox/boat.rs"]
 mod boat;
 
 use std::alloc::{GlobalAlloc, Layout, System};

@@ -1,52 +1,14 @@
 //! A live stream: whatever is sent, each line is answered by one line of JSON, and nothing is lost by it.
 
-use std::sync::Arc;
+mod boat;
 
+use boat::model;
 use hydroid::adapt::stream::{Line, Options, State, Stream, StreamError};
 use hydroid::adapt::{self, adapter};
-use hydroid::evaluate::DesignRange;
-use hydroid::log::{Channel, ChannelSpec, CommandTiming, Wind};
-use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
-use hydroid_core::model::sparse::{Equations, Term};
+use hydroid::log::{ChannelSpec, CommandTiming, Wind};
+use hydroid::model::Reading;
 use proptest::prelude::*;
 use serde_json::Value;
-
-/// Surge and yaw rate, propeller and rudder: `du/dt = -0.3 u|u| + 0.5 n`, `dr/dt = -r + 0.8 delta`.
-fn model() -> Model {
-    let terms =
-        vec![Term::signed_square(0, 0), Term::monomial(&[1]), Term::monomial(&[2]), Term::monomial(&[3])];
-    let coefficients = vec![-0.3, 0.0, 0.5, 0.0, 0.0, -1.0, 0.0, 0.8];
-    let equations = Equations::new(terms, coefficients, 2, 2, 0.1, 2).unwrap();
-    let port = |name: &str, unit: &str| Port {
-        channel: Channel::new(name, unit),
-        range: DesignRange { low: -2.0, high: 2.0 },
-        visited: None,
-        noise: None,
-    };
-    let mut reading = Reading::default();
-    reading.selection.time = Some("t".to_owned());
-    reading.selection.outputs = ["u", "r"].map(ChannelSpec::named).into();
-    reading.selection.inputs = ["n", "delta"].map(ChannelSpec::named).into();
-    Model {
-        description: Description {
-            name: "sindy".to_owned(),
-            dt: 0.1,
-            outputs: vec![port("u", "m/s"), port("r", "rad/s")],
-            inputs: vec![port("n", ""), port("delta", "rad")],
-            reading,
-            provenance: Provenance {
-                hydroid: "0.1.0".to_owned(),
-                seed: 0,
-                training: Vec::new(),
-                validation: Vec::new(),
-                settings: Value::Null,
-            },
-        },
-        body: Body::Equations(Arc::new(equations)),
-        members: Members::default(),
-        learning: None,
-    }
-}
 
 fn stream_reading(reading: Reading) -> Result<Stream, StreamError> {
     let model = model();

@@ -1,4 +1,5 @@
 //! A small boat, and what is logged of it.
+#![allow(dead_code)] // each test binary uses a part of it
 
 use std::path::Path;
 use std::sync::Arc;
@@ -64,7 +65,6 @@ pub(crate) fn sample(k: usize) -> ([f64; 2], [f64; 2]) {
 }
 
 /// A header and so many lines of a stream with all that can happen: gaps, missing values, nonsense, spikes.
-#[allow(dead_code)] // not every test has a stream
 pub(crate) fn lines(count: usize) -> Vec<String> {
     let mut lines = vec!["t,u,r,n,delta".to_owned()];
     for k in 0..count {
