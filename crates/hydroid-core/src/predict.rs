@@ -22,12 +22,23 @@ use alloc::vec::Vec;
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
     buffer: Vec<f64>,
+    lent: Vec<f64>,
 }
 
 impl Workspace {
     /// An empty workspace.
     pub const fn new() -> Self {
-        Self { buffer: Vec::new() }
+        Self { buffer: Vec::new(), lent: Vec::new() }
+    }
+
+    /// Memory that outlives a rollout in this workspace; to be given back, so that it is there the next time.
+    pub(crate) fn lend(&mut self) -> Vec<f64> {
+        core::mem::take(&mut self.lent)
+    }
+
+    /// See [`lend`](Self::lend).
+    pub(crate) fn give_back(&mut self, lent: Vec<f64>) {
+        self.lent = lent;
     }
 
     /// `len` numbers of scratch; their content is what the last user left.

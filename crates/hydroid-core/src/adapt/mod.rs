@@ -109,7 +109,7 @@ pub trait Adapter: Predictor {
 /// Signs that a covariance gives before errors do. NaN is what an adapter does not know, or cannot get wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
-    /// The smallest variance of a weight, in its scaled unit.
+    /// The smallest variance of a weight or a hidden state, in its scaled unit.
     pub least_variance: f64,
     /// The smallest `S_ii / R_ii` of the last measurement: what is expected of it is never surer than its noise.
     pub sureness: f64,

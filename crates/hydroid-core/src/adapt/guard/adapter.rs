@@ -3,6 +3,7 @@
 use alloc::boxed::Box;
 
 use super::Guard;
+use super::bound::{Allowed, Bounded};
 use super::event::Expert;
 use super::sensor::Sensor;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
@@ -28,6 +29,7 @@ impl Predictor for Guard {
         self.frozen.reset();
         self.sensors.iter_mut().for_each(Sensor::reset);
         self.trial.reset();
+        self.choice.reset();
         self.command.fill(f64::NAN);
         self.events.clear();
         self.outcome = Outcome::Waiting;
@@ -58,7 +60,7 @@ impl Predictor for Guard {
             self.check_health();
             self.judge();
             let experts = [self.learner.as_ref(), self.kept.as_ref(), self.frozen.as_ref()];
-            self.trial.mark(experts, self.choice.active);
+            self.trial.mark(experts, self.choice.active, self.choice.allowed);
         }
         self.sample += 1;
     }
@@ -76,29 +78,41 @@ impl Predictor for Guard {
     }
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.expert(self.choice.active).rollout(commands, work, y);
+        let models: [&dyn Predictor; 2] = [self.expert(self.choice.active), self.frozen.as_ref()];
+        self.bound.rollout(models, self.choice.allowed, commands, work, y);
     }
 
     fn snapshot_len(&self) -> usize {
-        self.learner.snapshot_len()
+        self.learner.snapshot_len() + self.frozen.snapshot_len() + Allowed::LEN
     }
 
-    /// That of the model that predicts.
+    /// Of the model that predicts, of the one from shore, and how far they may be apart.
     fn snapshot(&self, into: &mut [f64]) {
-        self.expert(self.choice.active).snapshot(into);
+        let len = self.learner.snapshot_len();
+        self.expert(self.choice.active).snapshot(&mut into[..len]);
+        self.frozen.snapshot(&mut into[len..2 * len]);
+        into[2 * len..].copy_from_slice(&self.choice.allowed.numbers());
     }
 
-    /// The learner goes on from state and weights of the snapshot, the others from its state.
+    /// The learner goes on from state and weights of the model that predicted, the snapshot from its state.
     fn restore(&mut self, from: &[f64]) {
+        let len = self.learner.snapshot_len();
         let Self { learner, kept, frozen, snapshot: [_, own], .. } = self;
-        learner.restore(from);
-        Self::restore_state(kept.as_mut(), from, own);
-        Self::restore_state(frozen.as_mut(), from, own);
+        learner.restore(&from[..len]);
+        Self::restore_state(kept.as_mut(), &from[..len], own);
+        frozen.restore(&from[len..2 * len]);
         self.trial.reset();
+        self.choice.reset();
+        self.choice.allowed = Allowed::of(core::array::from_fn(|i| from[2 * len + i]));
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
-        self.expert(self.choice.active).fork()
+        Box::new(Bounded {
+            bound: self.bound.clone(),
+            allowed: self.choice.allowed,
+            model: self.expert(self.choice.active).fork(),
+            shore: self.frozen.fork(),
+        })
     }
 }
 

@@ -25,6 +25,7 @@
 //! tight the frozen model, which adds nothing to it, ends all of them within the guarantee.
 
 mod adapter;
+mod bound;
 mod choice;
 mod event;
 mod sensor;
@@ -36,6 +37,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::{Adapter, Health, Outcome, Rejection};
+use bound::Bound;
 use choice::Choice;
 use sensor::{Sensor, Verdict};
 use trial::Trial;
@@ -86,6 +88,7 @@ pub struct Guard {
     settings: GuardSettings,
     ranges: Vec<(f64, f64)>,
     sensors: Vec<Sensor>,
+    bound: Bound,
     trial: Trial,
     choice: Choice,
     events: Vec<Event>,
@@ -148,8 +151,10 @@ impl Guard {
         }
         let scale: Vec<f64> = ranges[..n].iter().map(|(low, high)| 0.5 * (high - low)).collect();
         let floor = noise.iter().zip(&scale).map(|(noise, scale)| noise / scale).sum::<f64>() / n as f64;
+        let bound = Bound { horizon: settings.horizon, stride: settings.stride, scale: scale.into() };
         Ok(Self {
-            trial: Trial::new(learner.as_ref(), &scale, &settings),
+            trial: Trial::new(learner.as_ref(), bound.clone(), settings.factor),
+            bound,
             choice: Choice::new(&settings, floor),
             ranges: ranges.to_vec(),
             sensors: noise.iter().map(|&noise| Sensor::new(noise)).collect(),

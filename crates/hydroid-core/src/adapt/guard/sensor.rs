@@ -12,8 +12,12 @@ const WARM_UP: usize = 100;
 /// Time constant of the usual size of jumps \[measurements\].
 const MEMORY: f64 = 200.0;
 
-/// Two measurements of a sensor with an offset differ from what is expected by the same, up to so many deviations of its noise.
-const SAME: f64 = 4.0;
+/// Two measurements in series of a sensor with an offset differ from what is expected by the same, up to so many deviations of its
+/// noise: a model that is not told anything meanwhile drifts away, but does not jump.
+const SAME: f64 = 6.0;
+
+/// An offset is what the first measurements with it are off by: so many of them.
+const FIRST: usize = 3;
 
 /// A jump is alone where the values before and after it change by less than a part of it: one in so many.
 const ALONE: f64 = 3.0;
@@ -46,7 +50,7 @@ pub(super) enum Verdict {
 /// mean square of the jumps: how large innovations are is the filter's affair (a sluggish one has large ones, and all
 /// smooth), while a jump is the sensor's noise and little else. Of the models the one with the least jump counts. A jump of
 /// more than [`reject`](GuardSettings::reject) `s` is a spike; so are the measurements that follow as long as some model finds
-/// them off by the same as the first, but for noise; after [`patience`](GuardSettings::patience) of these it is an offset of the
+/// them off by the same from one to the next, but for noise, and not by half as much more or less than the first; after [`patience`](GuardSettings::patience) of these it is an offset of the
 /// sensor. Measurements that follow and are off by something else are the vessel after all, and so is a jump beside others:
 /// a vessel has inertia, and does not stand still before it jumps and after. (One that takes off later than its
 /// model jumps, and is then off by the same; but its speed keeps changing meanwhile.)
@@ -78,13 +82,21 @@ pub(super) struct Sensor {
 /// The innovations of one model.
 #[derive(Clone, Copy, Debug, Default)]
 struct Track {
-    /// The last one.
+    /// The last one, and how far it was from the one before.
     last: f64,
+    drift: f64,
     /// The one before a series of measurements that are refused.
     base: f64,
-    /// The first jump of the series; NaN where those that followed were others. And the sum of all.
+    /// The first jump of the series; NaN where those that followed were others. And the sum of the first ones.
     first: f64,
     sum: f64,
+}
+
+impl Track {
+    /// Whether a measurement of a series may have the same offset as the first.
+    fn goes_on(&self, own: f64, noise: f64) -> bool {
+        self.drift <= SAME * noise && (own - self.first).abs() <= 0.5 * self.first.abs()
+    }
 }
 
 impl Sensor {
@@ -96,7 +108,7 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 10 + 4 * EXPERTS;
+    pub(super) const MEMORY_LEN: usize = 10 + 5 * EXPERTS;
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
@@ -161,13 +173,14 @@ impl Sensor {
             if !goes_on {
                 track.base = track.last;
             }
+            track.drift = (innovation - track.last).abs();
             track.last = innovation;
             let own = innovation - track.base;
             if jump.is_nan() || own.abs() < jump.abs() {
                 jump = own;
             }
             // A model that is told nothing meanwhile may be anywhere, and excuses nothing as long as another finds the same.
-            same |= goes_on && (own - track.first).abs() <= SAME * self.noise;
+            same |= goes_on && track.goes_on(own, self.noise);
         }
         // Nobody can tell; or, after a time without measurements, models may be far off, and rightly so.
         if jump.is_nan() || (self.missing > 0 && !goes_on) {
@@ -209,10 +222,12 @@ impl Sensor {
             let own = track.last - track.base;
             let off = (own - track.first).abs();
             another &= off.is_nan() || off > 0.5 * track.first.abs();
-            if off > SAME * self.noise {
+            if !track.goes_on(own, self.noise) {
                 track.first = f64::NAN;
             }
-            track.sum += own;
+            if self.streak <= FIRST {
+                track.sum += own;
+            }
         }
         if another {
             // Spikes side by side: what follows is judged by what was before the first of them.
@@ -232,7 +247,7 @@ impl Sensor {
         if self.streak < settings.patience {
             return Verdict::Spike { deviations };
         }
-        let more = track.sum / self.streak as f64;
+        let more = track.sum / self.streak.min(FIRST) as f64;
         self.streak = 0;
         self.offset += more;
         self.tracks.iter_mut().for_each(|track| track.last -= more);
@@ -256,7 +271,7 @@ impl Sensor {
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         into.numbers(&[self.usual, self.last, self.offset, self.step, self.jump]);
         for track in &self.tracks {
-            into.numbers(&[track.last, track.base, track.first, track.sum]);
+            into.numbers(&[track.last, track.drift, track.base, track.first, track.sum]);
         }
         for count in [self.seen, self.repeats, self.longest, self.streak, self.missing] {
             into.count(count);
@@ -268,9 +283,9 @@ impl Sensor {
         from.numbers(&mut numbers);
         [self.usual, self.last, self.offset, self.step, self.jump] = numbers;
         for track in &mut self.tracks {
-            let mut numbers = [0.0; 4];
+            let mut numbers = [0.0; 5];
             from.numbers(&mut numbers);
-            [track.last, track.base, track.first, track.sum] = numbers;
+            [track.last, track.drift, track.base, track.first, track.sum] = numbers;
         }
         for count in
             [&mut self.seen, &mut self.repeats, &mut self.longest, &mut self.streak, &mut self.missing]

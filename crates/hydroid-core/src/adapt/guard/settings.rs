@@ -36,9 +36,12 @@ impl GuardSettings {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let samples = |time_s: f64, least: usize| (num_traits::Float::round(time_s / dt) as usize).max(least);
         let horizon = samples(2.0, 4);
+        let stride = (horizon / 5).max(1);
+        // Models are tested from the samples at which others were tested.
+        let horizon = horizon - horizon % stride;
         Self {
             horizon,
-            stride: (horizon / 5).max(1),
+            stride,
             window: samples(30.0, 4 * horizon),
             factor: 1.2,
             record: samples(3.0, horizon),
@@ -55,7 +58,7 @@ impl GuardSettings {
     pub(super) fn is_sound(&self) -> bool {
         let positive = [self.horizon, self.stride, self.window, self.record, self.patience, self.keep];
         positive.iter().all(|&n| n > 0)
-            && self.stride <= self.horizon
+            && self.horizon.is_multiple_of(self.stride)
             && self.window >= self.horizon
             && self.repeats > 1
             && self.factor >= 1.0

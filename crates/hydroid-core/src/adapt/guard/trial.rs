@@ -4,15 +4,16 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::bound::{Allowed, Bound};
 use super::event::Expert;
-use super::settings::GuardSettings;
 use crate::adapt::Adapter;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::predict::{Predictor, Workspace};
 
 const EXPERTS: usize = Expert::ALL.len();
 
-/// What a test found: errors as [`Action`](super::Action) has them, infinite where a rollout blew up.
+/// What a test found: errors as [`Action`](super::Action) has them, infinite where a rollout blew up, NaN where nothing was
+/// measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Tested {
     /// Of the predictions that each model made `H` samples ago, over the last stride of them.
@@ -21,8 +22,11 @@ pub(super) struct Tested {
     pub(super) near: [f64; EXPERTS],
     /// As `far`, of the learner with the weights that it has now.
     pub(super) now: f64,
-    /// The model that predictions were made by then.
-    pub(super) used: Expert,
+    /// What the answers of then cost: their error beyond `factor` times that of the frozen model. An output that was not
+    /// measured counts with what the two were apart.
+    pub(super) excess: f64,
+    /// Whether all outputs were measured.
+    pub(super) whole: bool,
 }
 
 /// The last samples, and the models as they were at some of them.
@@ -34,25 +38,28 @@ pub(super) struct Trial {
     /// Numbers of a snapshot, and of these, at its end, of weights.
     len: usize,
     weights: usize,
-    scale: Vec<f64>,
+    bound: Bound,
+    factor: f64,
     /// The last `H` commands and measurements, twice, so that they always stand in one piece.
     commands: Vec<f64>,
     measured: Vec<f64>,
     /// Samples of this run, and commands.
     seen: usize,
     held: usize,
-    /// Of the origins that are still tested: snapshots of each model, and the one that was used.
+    /// Of the origins that are still tested: snapshots of each model, the one that was used, and how far from the frozen one.
     snapshots: Vec<f64>,
     used: Vec<Expert>,
+    allowed: Vec<Allowed>,
     shadow: Box<dyn Predictor>,
     work: Workspace,
-    predicted: Vec<f64>,
+    /// What each model predicted.
+    predicted: [Vec<f64>; EXPERTS],
     mixed: Vec<f64>,
 }
 
 impl Trial {
-    pub(super) fn new(learner: &dyn Adapter, scale: &[f64], settings: &GuardSettings) -> Self {
-        let (horizon, stride) = (settings.horizon, settings.stride);
+    pub(super) fn new(learner: &dyn Adapter, bound: Bound, factor: f64) -> Self {
+        let (horizon, stride) = (bound.horizon, bound.stride);
         let (outputs, inputs, len) = (learner.outputs(), learner.inputs(), learner.snapshot_len());
         let slots = horizon / stride + 1;
         Self {
@@ -62,16 +69,18 @@ impl Trial {
             inputs,
             len,
             weights: learner.weights().len(),
-            scale: scale.to_vec(),
+            bound,
+            factor,
             commands: vec![0.0; 2 * horizon * inputs],
             measured: vec![f64::NAN; 2 * horizon * outputs],
             seen: 0,
             held: 0,
             snapshots: vec![0.0; slots * EXPERTS * len],
             used: vec![Expert::default(); slots],
+            allowed: vec![Allowed::NONE; slots],
             shadow: learner.fork(),
             work: Workspace::new(),
-            predicted: vec![0.0; horizon * outputs],
+            predicted: core::array::from_fn(|_| vec![0.0; horizon * outputs]),
             mixed: vec![0.0; len],
         }
     }
@@ -103,8 +112,7 @@ impl Trial {
         self.seen.saturating_sub(1)
     }
 
-    /// Tests the models that stood at the origins a horizon and a stride ago; none where there are none yet, or nothing was
-    /// measured.
+    /// Tests the models that stood at the origins a horizon and a stride ago; none where there are none yet.
     pub(super) fn test(&mut self, learner: &dyn Adapter) -> Option<Tested> {
         let now = self.origin();
         if now < self.horizon {
@@ -115,34 +123,39 @@ impl Trial {
             far: [f64::NAN; EXPERTS],
             near: [f64::NAN; EXPERTS],
             now: f64::NAN,
-            used: self.used[far],
+            excess: 0.0,
+            whole: true,
         };
         for e in 0..EXPERTS {
             self.take(far, e);
-            tested.far[e] = self.error(self.horizon)?;
+            tested.far[e] = self.error(self.horizon, e);
         }
+        tested.excess = self.excess(far);
+        tested.whole = !self.judged().iter().any(|y| y.is_nan());
         // The state of then, the weights of now.
         learner.snapshot(&mut self.mixed);
         let kept = self.len - self.weights;
-        let at = (far * EXPERTS + Expert::Learner.index()) * self.len;
+        let own = Expert::Learner.index();
+        let at = (far * EXPERTS + own) * self.len;
         self.mixed[..kept].copy_from_slice(&self.snapshots[at..at + kept]);
         self.shadow.restore(&self.mixed);
-        tested.now = self.error(self.horizon)?;
-        for expert in [Expert::Learner, Expert::Frozen] {
-            self.take(near, expert.index());
-            tested.near[expert.index()] = self.error(self.stride)?;
+        tested.now = self.error(self.horizon, own);
+        for e in [own, Expert::Frozen.index()] {
+            self.take(near, e);
+            tested.near[e] = self.error(self.stride, e);
         }
         Some(tested)
     }
 
     /// Keeps the models as they are, to be tested later.
-    pub(super) fn mark(&mut self, experts: [&dyn Adapter; EXPERTS], used: Expert) {
+    pub(super) fn mark(&mut self, experts: [&dyn Adapter; EXPERTS], used: Expert, allowed: Allowed) {
         let slot = self.slot(self.origin());
         let part = &mut self.snapshots[slot * EXPERTS * self.len..][..EXPERTS * self.len];
         for (expert, into) in experts.iter().zip(part.chunks_exact_mut(self.len)) {
             expert.snapshot(into);
         }
         self.used[slot] = used;
+        self.allowed[slot] = allowed;
     }
 
     fn slot(&self, origin: usize) -> usize {
@@ -154,34 +167,63 @@ impl Trial {
         self.shadow.restore(&self.snapshots[at..at + self.len]);
     }
 
-    /// Error of the shadow's rollout over the last `steps` samples, in its last stride; none if nothing was measured there.
-    fn error(&mut self, steps: usize) -> Option<f64> {
-        let (n, m) = (self.outputs, self.inputs);
-        let last = |count: usize, end: usize, width: usize| {
-            let end = (end + self.horizon - 1) % self.horizon + self.horizon + 1;
-            (end - count) * width..end * width
-        };
-        let commands = &self.commands[last(steps, self.held, m)];
-        let predicted = &mut self.predicted[..steps * n];
-        self.shadow.rollout(commands, &mut self.work, predicted);
-        let judged = self.stride.min(steps);
-        let measured = &self.measured[last(judged, self.seen, n)];
+    /// Rolls the shadow out over the last `steps` samples, in the place of a model; error in the last stride of that.
+    fn error(&mut self, steps: usize, expert: usize) -> f64 {
+        let commands = &self.commands[last(self.horizon, steps, self.held, self.inputs)];
+        self.shadow.rollout(commands, &mut self.work, &mut self.predicted[expert][..steps * self.outputs]);
+        let predicted = &self.predicted[expert][(steps - self.bound.stride) * self.outputs..];
+        let measured = self.judged();
         let (mut sum, mut count) = (0.0, 0);
-        let rows = predicted[(steps - judged) * n..].chunks_exact(n).zip(measured.chunks_exact(n));
-        for (p, y) in rows {
-            for ((p, y), scale) in p.iter().zip(y).zip(&self.scale) {
-                if !y.is_nan() {
-                    let off = (p - y).abs() / scale;
-                    sum += if off.is_finite() { off } else { f64::INFINITY };
-                    count += 1;
-                }
+        let scales = self.bound.scale.iter().cycle();
+        for ((p, y), scale) in predicted.iter().zip(measured).zip(scales) {
+            if !y.is_nan() {
+                let off = (p - y).abs() / scale;
+                sum += if off.is_finite() { off } else { f64::INFINITY };
+                count += 1;
             }
         }
-        (count > 0).then(|| sum / f64::from(count))
+        if count > 0 { sum / f64::from(count) } else { f64::NAN }
+    }
+
+    /// See [`Tested::excess`]; models have been rolled out from the origin of this slot.
+    fn excess(&mut self, slot: usize) -> f64 {
+        let frozen = Expert::Frozen.index();
+        if self.used[slot] == Expert::Frozen {
+            return self.cost(frozen);
+        }
+        let [learner, kept, shore] = &mut self.predicted;
+        let answer = if self.used[slot] == Expert::Kept { kept } else { learner };
+        self.bound.draw(answer, shore, self.allowed[slot]);
+        let used = self.used[slot].index();
+        self.cost(used)
+    }
+
+    /// What was measured in the last stride.
+    fn judged(&self) -> &[f64] {
+        &self.measured[last(self.horizon, self.bound.stride, self.seen, self.outputs)]
+    }
+
+    fn cost(&self, used: usize) -> f64 {
+        let judged = (self.horizon - self.bound.stride) * self.outputs;
+        let measured = self.judged();
+        let (answer, shore) =
+            (&self.predicted[used][judged..], &self.predicted[Expert::Frozen.index()][judged..]);
+        let each = answer.iter().zip(shore).zip(measured).zip(self.bound.scale.iter().cycle());
+        let cost = each.map(|(((p, f), y), scale)| {
+            let cost = if y.is_nan() { (p - f).abs() } else { (p - y).abs() - self.factor * (f - y).abs() };
+            // Nothing is worse than a frozen model that blows up.
+            if cost.is_finite() { cost / scale } else { 0.0 }
+        });
+        cost.sum::<f64>() / measured.len() as f64
     }
 
     pub(super) fn memory_len(&self) -> usize {
-        self.commands.len() + self.measured.len() + self.snapshots.len() + self.used.len() + 2
+        self.commands.len()
+            + self.measured.len()
+            + self.snapshots.len()
+            + self.used.len()
+            + Allowed::LEN * self.allowed.len()
+            + 2
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
@@ -190,6 +232,9 @@ impl Trial {
         into.numbers(&self.snapshots);
         for used in &self.used {
             into.count(used.index());
+        }
+        for allowed in &self.allowed {
+            into.numbers(&allowed.numbers());
         }
         into.count(self.seen);
         into.count(self.held);
@@ -202,9 +247,20 @@ impl Trial {
         for used in &mut self.used {
             *used = Expert::ALL[from.count(EXPERTS - 1)];
         }
+        for allowed in &mut self.allowed {
+            let mut numbers = [0.0; Allowed::LEN];
+            from.numbers(&mut numbers);
+            *allowed = Allowed::of(numbers);
+        }
         self.seen = from.count(MOST_COUNTED);
         self.held = from.count(MOST_COUNTED);
     }
+}
+
+/// Where the last `count` rows stand in a ring that keeps each of `len` rows twice, and has seen `end` of them.
+fn last(len: usize, count: usize, end: usize, width: usize) -> core::ops::Range<usize> {
+    let end = (end + len - 1) % len + len + 1;
+    (end - count) * width..end * width
 }
 
 /// Puts a row in both copies of a ring.

@@ -144,9 +144,9 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.inflation = factor;
     }
 
-    /// What the last measurement tells of the covariance; the variances of the weights are not looked through.
+    /// What the covariance and the last measurement tell.
     pub fn health(&self) -> Health {
-        Health { least_variance: f64::NAN, sureness: self.gain.sureness().wide() }
+        Health { least_variance: self.joint.least_variance().wide(), sureness: self.gain.sureness().wide() }
     }
 
     /// `h` and `theta` become these; how uncertain they are stays. The step before is none that a measurement belongs to.

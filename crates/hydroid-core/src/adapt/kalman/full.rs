@@ -14,7 +14,7 @@ use super::gain::Gain;
 use super::learnable::Learnable;
 use super::lines::Lines;
 use super::root::{take_column, transpose};
-use super::triangle::{Pass, Span, Triangle};
+use super::triangle::{Pass, Span, Triangle, least};
 use super::tuning::Tuning;
 use crate::math::Scalar;
 use crate::math::aligned::Aligned;
@@ -131,6 +131,12 @@ impl<T: Scalar> Full<T> {
             }
         }
         ((0..n).map(|i| self.hh[i * (n + 1)]).collect(), padded)
+    }
+
+    /// The smallest variance, of the state after the last measurement, of the weights before it.
+    pub(super) fn least_variance(&self) -> T {
+        let n = self.hh.len().isqrt();
+        least((0..n).map(|i| self.hh[i * (n + 1)]).chain([self.tt.least()]))
     }
 
     /// `v' P v` of state (`n`) and weights (`width`).

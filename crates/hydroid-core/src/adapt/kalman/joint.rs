@@ -87,6 +87,11 @@ impl<T: Scalar> Joint<T> {
         each!(self, joint => joint.variances())
     }
 
+    /// The smallest variance there is.
+    pub(super) fn least_variance(&self) -> T {
+        each!(self, joint => joint.least_variance())
+    }
+
     /// `v' P v` of a vector of state and weights (`width`).
     pub(super) fn variance(&mut self, v_h: &[T], v_t: &[T]) -> T {
         each!(self, joint => joint.variance(v_h, v_t))

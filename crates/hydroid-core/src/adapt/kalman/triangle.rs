@@ -102,6 +102,21 @@ pub(super) struct Pass<'a, T> {
 const MOST_RANK: usize = 4;
 const MOST_ROWS: usize = 2;
 
+/// Where the diagonal stands: columns, and their places among the tiles.
+fn diagonal(spans: &[Span], width: usize) -> impl Iterator<Item = (usize, usize)> {
+    let begins = spans.iter().scan(0, move |next, span| {
+        let begin = *next;
+        *next += span.len * (width - span.start);
+        Some((begin, span))
+    });
+    begins.flat_map(|(begin, span)| (0..span.len).map(move |k| (span.start + k, begin + k * span.padded + k)))
+}
+
+/// The smallest of some numbers, NaN if one is; infinite if there are none.
+pub(super) fn least<T: Scalar>(numbers: impl Iterator<Item = T>) -> T {
+    numbers.fold(T::of(f64::INFINITY), |least, x| if x < least || x.is_nan() { x } else { least })
+}
+
 impl<T: Scalar> Triangle<T> {
     /// Numbers in a cache line.
     const LANES: usize = T::LINE;
@@ -156,13 +171,14 @@ impl<T: Scalar> Triangle<T> {
     }
 
     fn each_diagonal(&mut self, mut with: impl FnMut(usize, &mut T)) {
-        let mut begin = 0;
-        for span in &self.spans {
-            for k in 0..span.len {
-                with(span.start + k, &mut self.tiles[begin + k * span.padded + k]);
-            }
-            begin += span.len * (self.width - span.start);
+        for (at, place) in diagonal(&self.spans, self.width) {
+            with(at, &mut self.tiles[place]);
         }
+    }
+
+    /// The smallest number on the diagonal.
+    pub(super) fn least(&self) -> T {
+        least(diagonal(&self.spans, self.width).map(|(_, place)| self.tiles[place]))
     }
 
     /// `v' P v` of a vector (`width`).

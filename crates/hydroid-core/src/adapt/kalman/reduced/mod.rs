@@ -59,6 +59,7 @@ use super::dispatched::dispatched;
 use super::gain::Gain;
 use super::learnable::Learnable;
 use super::root::{Root, gather, take_column, transpose};
+use super::triangle::least;
 use super::tuning::{Memory, Tuning};
 use crate::math::Scalar;
 use crate::math::rows::{add_rows, dot};
@@ -194,6 +195,12 @@ impl<T: Scalar> Reduced<T> {
         let mut own = self.clone();
         own.fold();
         ((0..n).map(|i| own.pi[i * (n + 1)]).collect(), self.structure.diagonal(&self.panels))
+    }
+
+    /// The smallest variance of the state, given the weights; those of the weights are squares.
+    pub(super) fn least_variance(&self) -> T {
+        let n = self.pi.len().isqrt();
+        least((0..n).map(|i| self.pi[i * (n + 1)]))
     }
 
     /// `v' P v` of state (`n`) and weights (`width`): with `w = Psi' v_h + v_t`, `w' P_tt w + v_h' Pi v_h`.
