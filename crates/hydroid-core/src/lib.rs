@@ -14,6 +14,7 @@ extern crate alloc;
 extern crate std;
 
 pub mod adapt;
+pub mod control;
 pub mod guidance;
 pub mod math;
 pub mod model;
