@@ -10,6 +10,10 @@ use core::panic::PanicInfo;
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanPlant, LearnablePlant, Tuning};
+use hydroid_core::control::{
+    AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
+};
+use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, Walker};
 use hydroid_core::model::PlantModel;
 use hydroid_core::model::recurrent::{
     Base, Cell, Network, Recurrent, RecurrentSession, Rollout, Scaling, StateFilter,
@@ -49,7 +53,22 @@ pub extern "C" fn hydroid_step(pp: f64, rd: f64) -> f64 {
     session.observe(&[state.u]);
     let mut y = [0.0];
     session.rollout(&[], &mut Workspace::new(), &mut y);
-    y[0] + recurrent(rd) + batch(rd) + vessel(pp, rd)
+    y[0] + recurrent(rd) + batch(rd) + vessel(pp, rd) + steer(pp)
+}
+
+/// A vessel that is steered along a path.
+fn steer(u: f64) -> f64 {
+    let vessel = VesselParams::hydrofoil();
+    let Ok(model) = AffinePlant::new(&vessel) else { return f64::NAN };
+    let limits = AffinePlant::limits(&vessel);
+    let settings = FeedbackLinearizationSettings::new(1.5);
+    let Ok(mut law) = FeedbackLinearization::new(model, &limits, 0.1, settings) else { return f64::NAN };
+    let Ok(path) = Path::circle([0.0; 2], 20.0, Side::Starboard, 0.0) else { return f64::NAN };
+    let Ok(profile) = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)) else { return f64::NAN };
+    let mut command = [0.0; 2];
+    let estimate = Estimate { eta: [20.0, 0.0, 1.5], nu: [u, 0.0, 0.0], actuators: &[] };
+    law.command(&estimate, &Walker::new(&profile).reference(&path, &profile), &mut command);
+    command[0]
 }
 
 /// A vessel that learns its parameters.

@@ -1,20 +1,31 @@
 //! Control: from an estimate of the state and a reference to a command, with a status that says how far it is to be trusted.
 //!
 //! - [`Controller`]: what every law offers; [`Estimate`] and [`Status`] are what it takes and says.
+//! - [`Affine`]: motion that a law can invert, `d nu/dt = f + sum g_i phi_i`: vessels with known parameters ([`AffinePlant`]) and
+//!   identified equations ([`AffineEquations`]).
+//! - [`FeedbackLinearization`] of a point ahead of the vessel.
 //! - [`Actuators`]: limits and rate limits of the commands, and the lag of what follows them, inverted ([`Channel`], [`Map`],
 //!   [`Lag`], [`Limits`]).
 //! - [`allocate`]: the actuators' efforts that give a wanted acceleration, also where the vessel can hardly give it.
 
 mod actuators;
+mod affine;
+mod ahead;
 mod allocate;
 mod channel;
+mod equations;
 mod error;
+mod feedback_linearization;
+mod split;
 mod status;
 
 pub use actuators::{Actuators, Applied};
+pub use affine::{Affine, AffinePlant, Motion};
 pub use allocate::allocate;
 pub use channel::{Channel, Lag, Limits, Map};
+pub use equations::{AffineEquations, NotAffine};
 pub use error::ControlError;
+pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationSettings};
 pub use status::Status;
 
 use crate::guidance::Reference;

@@ -46,6 +46,12 @@ impl Reference {
         }
     }
 
+    /// Whether position, velocity and acceleration are numbers.
+    pub fn is_finite(&self) -> bool {
+        let numbers = self.position.iter().chain(&self.velocity).chain(&self.acceleration);
+        numbers.chain([&self.course]).all(|x| x.is_finite())
+    }
+
     /// Where it is, without how fast.
     pub const fn pose(&self) -> Pose {
         Pose { position: self.position, course: self.course, curvature: self.curvature }

@@ -1,0 +1,6 @@
+//! Control laws in closed loop on the true plants, and the models that they invert.
+
+mod equations;
+mod feedback_linearization;
+mod helm;
+mod written;
