@@ -5,9 +5,10 @@ mod written;
 
 use divan::{Bencher, black_box};
 use hydroid_core::control::{
-    AffineEquations, AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
+    AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
+    Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
 };
-use hydroid_core::guidance::{Path, Reference, Side};
+use hydroid_core::guidance::{LineOfSightSettings, Path, Reference, Side};
 use hydroid_core::vessel::VesselParams;
 use written::{Force, equations};
 
@@ -53,4 +54,29 @@ fn feedback_linearization(bencher: Bencher, name: &str) {
     } else {
         run(bencher, &mut FeedbackLinearization::new(model(name), &limits, 0.1, settings).expect("possible"));
     }
+}
+
+#[divan::bench(args = MODELS, sample_size = 1_000)]
+fn backstepping(bencher: Bencher, name: &str) {
+    let (vessel, settings) = (vessel(name), BacksteppingSettings::new(1.5));
+    let limits = AffinePlant::limits(&vessel);
+    if name.ends_with("plant") {
+        let plant = AffinePlant::new(&vessel).expect("built in");
+        run(bencher, &mut Backstepping::new(plant, &limits, 0.1, settings).expect("possible"));
+    } else {
+        run(bencher, &mut Backstepping::new(model(name), &limits, 0.1, settings).expect("possible"));
+    }
+}
+
+#[divan::bench(sample_size = 1_000)]
+fn autopilot(bencher: Bencher) {
+    let settings = AutopilotSettings {
+        line_of_sight: LineOfSightSettings { lookahead: 5.0, integral: 0.1 },
+        heading: HeadingGains::nomoto(1.2, 0.6, 1.0, 1.0, 2.0),
+        speed: SpeedGains { proportional: 40.0, integral: 5.0, drag: [20.0, 18.0] },
+        steerage: 0.3,
+        tolerance: 3.0,
+    };
+    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
+    run(bencher, &mut Autopilot::new(&limits, 0.1, settings).expect("possible"));
 }

@@ -18,7 +18,8 @@ use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
 use hydroid_core::control::{
-    AffineEquations, AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
+    AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
+    Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
 };
 use hydroid_core::guidance::{
     Follower, LineOfSight, LineOfSightSettings, Path, Reference, Side, SpeedLimits, SpeedProfile, Walker,
@@ -217,9 +218,19 @@ fn controllers() -> Vec<Box<dyn Controller>> {
         || AffineEquations::new(&written::equations(&vessel, written::Force::Hidden), [0, 1, 2]).unwrap();
     let linearized =
         FeedbackLinearizationSettings { integral: 0.2, ..FeedbackLinearizationSettings::new(1.5) };
+    let autopilot = AutopilotSettings {
+        line_of_sight: LineOfSightSettings { lookahead: 5.0, integral: 0.1 },
+        heading: HeadingGains::nomoto(1.2, 0.6, 1.0, 1.0, 2.0),
+        speed: SpeedGains { proportional: 40.0, integral: 5.0, drag: [20.0, 18.0] },
+        steerage: 0.3,
+        tolerance: 3.0,
+    };
     vec![
         Box::new(FeedbackLinearization::new(plant(), &limits, 0.1, linearized).unwrap()),
         Box::new(FeedbackLinearization::new(equations(), &limits, 0.1, linearized).unwrap()),
+        Box::new(Backstepping::new(plant(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
+        Box::new(Backstepping::new(equations(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
+        Box::new(Autopilot::new(&limits, 0.1, autopilot).unwrap()),
     ]
 }
 

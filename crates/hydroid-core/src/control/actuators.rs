@@ -12,9 +12,10 @@ const HOLD_S: f64 = 1.0;
 
 /// All actuators of a vessel.
 ///
-/// An effort `tau_i = phi_i(a_i)` is what the motion depends on; `a_i` the position of the actuator (a force, an angle, revolutions); `c_i` its
-/// command. Over a sample of `dt` seconds the position goes from `a` to `a+ = e a + (1 - e) c`, `e = exp(-dt / T)` (`Lag`, in
-/// general), so the command after which the effort *at the end of the sample* is the wanted one is
+/// An effort `tau_i = phi_i(a_i)` is what the motion depends on; `a_i` the position of the actuator (a force, an angle,
+/// revolutions); `c_i` its command. Over a sample of `dt` seconds the position goes from `a` to `a+ = e a + (1 - e) c`, `e
+/// = exp(-dt / T)` (`Lag`, in general), so the command after which the effort *at the end of the sample* is the wanted one
+/// is
 ///
 /// ```text
 /// a_w = phi^-1(tau_w)
@@ -22,13 +23,13 @@ const HOLD_S: f64 = 1.0;
 /// c   = (a_t - e a) / (1 - e),     within [low, high] and within rate dt of the last one
 /// ```
 ///
-/// `a` is what was measured, or else what the commands made of it. The inverse amplifies what is asked for by `1 / (1 - e)`, ten for a
-/// sample of a tenth of the lag: noise of the sensors comes out as commands at their limits. `response` \[s\] gives the actuator so much
-/// time instead of one sample. (To have the wanted effort in the *mean* over the sample rings: each sample undoes what the one before
-/// has overdone, by a factor of `e` only.)
+/// `a` is what was measured, or else what the commands made of it. The inverse amplifies what is asked for by `1 / (1 -
+/// e)`, ten for a sample of a tenth of the lag: noise of the sensors comes out as commands at their limits. `response`
+/// \[s\] gives the actuator so much time instead of one sample. (To have the wanted effort in the *mean* over the sample
+/// rings: each sample undoes what the one before has overdone, by a factor of `e` only.)
 ///
-/// Assumed: the lag is known. With a wrong one effort and motion are wrong until the feedback has settled, not for good: in equilibrium
-/// `a = c` whatever the lag.
+/// Assumed: the lag is known. With a wrong one effort and motion are wrong until the feedback has settled, not for good:
+/// in equilibrium `a = c` whatever the lag.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuators {
     all: Vec<Actuator>,

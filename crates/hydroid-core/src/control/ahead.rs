@@ -23,8 +23,8 @@ use crate::guidance::Reference;
 /// ```
 ///
 /// `B` has rank 2 where the rudder has force, because `l g_ir` does not vanish: seen from this point the vessel is not
-/// underactuated. What remains is the heading, which follows the point like a trailer: `d psi/dt = (U sin(chi - psi) - v) / l` for a point
-/// that moves with `U` in direction `chi`.
+/// underactuated. What remains is the heading, which follows the point like a trailer: `d psi/dt = (U sin(chi - psi) - v)
+/// / l` for a point that moves with `U` in direction `chi`.
 #[derive(Clone, Debug)]
 pub(super) struct PointAhead<M> {
     model: M,
@@ -126,8 +126,8 @@ impl<M: Affine> PointAhead<M> {
         }
     }
 
-    /// Accelerates the point by `wanted` (north, east) \[m/s^2\] as far as the actuators can; and what of it is missing then: what it will
-    /// be at the end of the sample, less what was wanted.
+    /// Accelerates the point by `wanted` (north, east) \[m/s^2\] as far as the actuators can; and what of it is missing
+    /// then: what it will be at the end of the sample, less what was wanted.
     pub(super) fn accelerate(
         &mut self,
         estimate: &Estimate<'_>,

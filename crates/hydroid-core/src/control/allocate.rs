@@ -2,21 +2,23 @@
 
 use num_traits::Float;
 
-/// The smallest efforts `tau` \[in shares of their `spans`\] with `sum_i b_i tau_i = wanted`, and how strong the vessel is.
+/// The smallest efforts `tau` \[in shares of their `spans`\] with `sum_i b_i tau_i = wanted`, and how strong the vessel
+/// is.
 ///
-/// `columns` are the `b_i`, accelerations \[m/s^2\] per unit of effort; `spans` what efforts there are to give. With `B = [b_i s_i]`, what full
-/// efforts give,
+/// `columns` are the `b_i`, accelerations \[m/s^2\] per unit of effort; `spans` what efforts there are to give. With `B =
+/// [b_i s_i]`, what full efforts give,
 ///
 /// ```text
 /// tau = S B' (B B' + lambda^2 I)^-1 wanted,     lambda^2 = max(0, weakest^2 - sigma^2)
 /// ```
 ///
-/// `sigma`, the least singular value of `B`, is the acceleration that all actuators together give in the direction in which they give
-/// least; it is returned \[m/s^2\]. Where it is `weakest` or more, `lambda` is zero and `B tau = wanted` exactly. Where it is less, what
-/// is asked for in that direction is damped: its effort stays below `|wanted| / weakest` spans and dies away with `sigma` instead of
-/// growing without bound, and the other direction is touched in the order of `(weakest / sigma_max)^2`. (Damped least squares: Y. Nakamura and H. Hanafusa,
-/// *Inverse kinematic solutions with singularity robustness for robot manipulator control*, 1986, with the damping only near the singularity, as S. Chiaverini
-/// has it, 1997.)
+/// `sigma`, the least singular value of `B`, is the acceleration that all actuators together give in the direction in
+/// which they give least; it is returned \[m/s^2\]. Where it is `weakest` or more, `lambda` is zero and `B tau = wanted`
+/// exactly. Where it is less, what is asked for in that direction is damped: its effort stays below `|wanted| / weakest`
+/// spans and dies away with `sigma` instead of growing without bound, and the other direction is touched in the order of
+/// `(weakest / sigma_max)^2`. (Damped least squares: Y. Nakamura and H. Hanafusa, *Inverse kinematic solutions with
+/// singularity robustness for robot manipulator control*, 1986, with the damping only near the singularity, as S.
+/// Chiaverini has it, 1997.)
 ///
 /// # Panics
 /// If `spans` or `efforts` have not as many numbers as there are columns.

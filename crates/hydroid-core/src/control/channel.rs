@@ -67,7 +67,8 @@ impl Lag {
         Self::FirstOrder { rate: -1.0 / seconds, gain: 1.0 / seconds, offset: 0.0 }
     }
 
-    /// `[decay, gain, offset]` of `a+ = decay a + gain c + offset`, what `dt` seconds under a held command make of it, exactly.
+    /// `[decay, gain, offset]` of `a+ = decay a + gain c + offset`, what `dt` seconds under a held command make of it,
+    /// exactly.
     pub(super) fn over(self, dt: f64) -> [f64; 3] {
         match self {
             Self::None => [0.0, 1.0, 0.0],

@@ -12,10 +12,12 @@ pub use super::split::NotAffine;
 
 /// Identified [`Equations`] in the form `d nu/dt = f(nu) + sum_i g_i(nu) phi_i(a_i)`.
 ///
-/// Each term of the equations of motion is taken apart: factors of `u`, `v`, `r` (gates of a change of mode among them) stay, and what is left of it is nothing (then it belongs to `f`),
-/// or one and the same function `phi_i` of one actuator (to `g_i`, which is what `d f/d phi_i` of the Jacobian would be): `c`, `sin(c)`, `c |c|`. The actuator is the
-/// command itself, its hidden first-order lag ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output of its own that follows it
-/// (a measured propeller force, `d P_f/dt = a P_f + b PP + c`). All that is not so is refused: [`NotAffine`] says which term, and why.
+/// Each term of the equations of motion is taken apart: factors of `u`, `v`, `r` (gates of a change of mode among them)
+/// stay, and what is left of it is nothing (then it belongs to `f`), or one and the same function `phi_i` of one actuator
+/// (to `g_i`, which is what `d f/d phi_i` of the Jacobian would be): `c`, `sin(c)`, `c |c|`. The actuator is the command
+/// itself, its hidden first-order lag ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output of its own that
+/// follows it (a measured propeller force, `d P_f/dt = a P_f + b PP + c`). All that is not so is refused: [`NotAffine`]
+/// says which term, and why.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AffineEquations {
     program: Program,
@@ -63,8 +65,8 @@ impl AffineEquations {
         Ok(affine)
     }
 
-    /// Takes other coefficients of the same equations (`outputs x terms`), without allocating: what an adapter has learned since. Places that were zero when the
-    /// equations were taken apart stay zero.
+    /// Takes other coefficients of the same equations (`outputs x terms`), without allocating: what an adapter has learned
+    /// since. Places that were zero when the equations were taken apart stay zero.
     ///
     /// # Panics
     /// If there are not as many as the equations have.
@@ -81,8 +83,8 @@ impl AffineEquations {
         }
     }
 
-    /// Puts measured outputs where a controller takes measured actuators: `y` as the equations have their outputs, `into` one number for each
-    /// command, NaN where no output is its actuator.
+    /// Puts measured outputs where a controller takes measured actuators: `y` as the equations have their outputs, `into`
+    /// one number for each command, NaN where no output is its actuator.
     ///
     /// # Panics
     /// If the slices have not these lengths.

@@ -11,7 +11,8 @@ use crate::guidance::Reference;
 /// How a point ahead of a vessel is brought to its reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedbackLinearizationSettings {
-    /// Distance `l` of the point ahead of the origin \[m\]: half a length of the vessel or more. The heading follows within about `l / U` seconds.
+    /// Distance `l` of the point ahead of the origin \[m\]: half a length of the vessel or more. The heading follows
+    /// within about `l / U` seconds.
     pub ahead: f64,
     /// `k_p` \[1/s^2\].
     pub proportional: f64,
@@ -21,8 +22,8 @@ pub struct FeedbackLinearizationSettings {
     pub integral: f64,
     /// The speed over that of the reference at which a distance is closed at most \[m/s\].
     pub closing_speed: f64,
-    /// Where all actuators together give less than this acceleration in some direction, the status is [`Status::Singular`], and what is asked
-    /// for there is damped \[m/s^2\].
+    /// Where all actuators together give less than this acceleration in some direction, the status is
+    /// [`Status::Singular`], and what is asked for there is damped \[m/s^2\].
     pub weakest: f64,
     /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
@@ -31,8 +32,8 @@ pub struct FeedbackLinearizationSettings {
 }
 
 impl FeedbackLinearizationSettings {
-    /// A point so many metres ahead, its error like that of a damped oscillator: `k_p = omega^2`, `k_d = 2 zeta omega` with `omega` = 1.5 rad/s and
-    /// `zeta` = 0.7; no integral.
+    /// A point so many metres ahead, its error like that of a damped oscillator: `k_p = omega^2`, `k_d = 2 zeta omega`
+    /// with `omega` = 1.5 rad/s and `zeta` = 0.7; no integral.
     pub fn new(ahead: f64) -> Self {
         Self {
             ahead,
@@ -58,8 +59,8 @@ impl FeedbackLinearizationSettings {
 ///
 /// # Law
 ///
-/// With the point `p = [x, y] + l [cos psi, sin psi]`, the error `e = p_d - p`, and `d`, `B` of the model (accelerations of the point in the body frame without
-/// efforts, and what efforts add):
+/// With the point `p = [x, y] + l [cos psi, sin psi]`, the error `e = p_d - p`, and `d`, `B` of the model (accelerations
+/// of the point in the body frame without efforts, and what efforts add):
 ///
 /// ```text
 /// w    = d2p_d/dt2 + k_d de/dt + k_p e + k_i integral(e)
@@ -68,31 +69,35 @@ impl FeedbackLinearizationSettings {
 /// tau  = B^-1 (R(psi)' w - d),     then actuators: c_i from phi_i and their lags
 /// ```
 ///
-/// so that, where model and vessel agree, `d2e/dt2 + k_d de/dt + k_p e + k_i integral(e) = 0`. `k_p e` is kept so short that a distance is closed at
-/// `closing_speed` at most.
+/// so that, where model and vessel agree, `d2e/dt2 + k_d de/dt + k_p e + k_i integral(e) = 0`. `k_p e` is kept so short
+/// that a distance is closed at `closing_speed` at most.
 ///
-/// Source: input-output linearization, A. Isidori, *Nonlinear Control Systems*, 3rd ed., 1995, section 5.3 (vector relative degree [2, 2]); the point ahead for
-/// vessels without side force: T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd ed., 2021, chapter 16 (state feedback linearization), and
-/// K. D. Do and J. Pan, *Control of Ships and Underwater Vehicles*, 2009.
+/// Source: input-output linearization, A. Isidori, *Nonlinear Control Systems*, 3rd ed., 1995, section 5.3 (vector
+/// relative degree `[2, 2]`); for marine craft T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*,
+/// 2nd ed., 2021, chapter 16 (state feedback linearization).
 ///
 /// # Assumptions
 ///
-/// Pose and velocities over ground are measured; the model is affine in known maps of its commands; the vessel moves forward. The hidden dynamics (heading and sway while
-/// the point is on its reference) are then stable where the point is ahead of the pivot point of the rudder, `l > -g_v / g_r`, and sway is damped.
+/// Pose and velocities over ground are measured; the model is affine in known maps of its commands; the vessel moves
+/// forward. The point is ahead of the one that a rudder turns the vessel about, `l > -g_v / g_r`: behind it a rudder moves
+/// the point the other way first. What the point does not show is the heading, which follows it like a trailer, and sway;
+/// both settle in forward motion if sway is damped.
 ///
 /// # Tuning
 ///
-/// `omega` and `zeta`: an error of the model of `a` m/s^2 leaves `a / k_p` metres; white noise of `n` m/s in the velocity of the point at samples of `h` seconds makes
-/// `n sqrt(h k_d / (2 k_p))` metres; and `omega` must stay below about `0.3 / h`, and below what the actuators can follow. The integral is for what is constant north and
-/// east (wind); it is not needed to track with a good model, and slows the answer.
+/// `omega` and `zeta`: an error of the model of `a` m/s^2 leaves `a / k_p` metres; white noise of `n` m/s in the velocity
+/// of the point at samples of `h` seconds makes `n sqrt(h k_d / (2 k_p))` metres; and `omega` must stay below about `0.3 /
+/// h`, and below what the actuators can follow. The integral is for what is constant north and east (wind); it is not
+/// needed to track with a good model, and slows the answer.
 ///
 /// # When it fails
 ///
 /// - Without speed the rudder has no force: [`Status::Singular`], the propeller alone does what it can.
 /// - Backwards the heading is unstable: the vessel turns round. References shall move forward.
-/// - A model with errors of the size of what is asked for (a polynomial for a hydrofoil that takes off) leaves errors of the same size, and none of them shows in the status
-///   but by [`Status::Lost`].
-/// - Commands at their limits: [`Status::Saturated`]; the integral then follows what was possible (back-calculation, K. J. Astrom and T. Hagglund, *Advanced PID Control*, 2006, section 3.5).
+/// - A model with errors of the size of what is asked for (a polynomial for a hydrofoil that takes off) leaves errors of
+///   the same size, and none of them shows in the status but by [`Status::Lost`].
+/// - Commands at their limits: [`Status::Saturated`]; the integral then follows what was possible (back-calculation, K. J.
+///   Astrom and T. Hagglund, *Advanced PID Control*, 2006, section 3.5).
 #[derive(Clone, Debug)]
 pub struct FeedbackLinearization<M> {
     point: PointAhead<M>,

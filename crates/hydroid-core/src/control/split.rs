@@ -36,7 +36,8 @@ pub enum NotAffine {
         /// The command, from 0.
         input: usize,
     },
-    /// An output that is none of `u`, `v`, `r` is in the equations, and is no actuator: its own equation has more than itself, one command and a constant.
+    /// An output that is none of `u`, `v`, `r` is in the equations, and is no actuator: its own equation has more than
+    /// itself, one command and a constant.
     Output {
         /// The output.
         output: usize,

@@ -12,8 +12,8 @@ pub enum Status {
     Saturated,
     /// The vessel is farther from its reference than the tolerance of the law.
     Lost,
-    /// The vessel can hardly be accelerated in some direction (no rudder force at no speed): what is asked for there is damped, and
-    /// not reached.
+    /// The vessel can hardly be accelerated in some direction (no rudder force at no speed): what is asked for there is
+    /// damped, and not reached.
     Singular,
     /// Estimate or reference are no numbers: the last command is held for a while, then brought to rest.
     Blind,

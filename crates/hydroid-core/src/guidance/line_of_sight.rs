@@ -8,11 +8,11 @@ use super::piece::Pose;
 /// How a vessel is brought onto its path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineOfSightSettings {
-    /// Look-ahead distance `Delta` \[m\]: two to five lengths of the vessel, and more than its speed times the time that its heading
-    /// takes to follow. Short is sharp, and overshoots where the heading is slow.
+    /// Look-ahead distance `Delta` \[m\]: two to five lengths of the vessel, and more than its speed times the time that
+    /// its heading takes to follow. Short is sharp, and overshoots where the heading is slow.
     pub lookahead: f64,
-    /// Integral gain `sigma` \[m/s\]; 0 for none. The law is proven stable where it is less than the speed that is left when the
-    /// drift has been taken off; a tenth of the speed is a good start.
+    /// Integral gain `sigma` \[m/s\]; 0 for none. The law is proven stable where it is less than the speed that is left
+    /// when the drift has been taken off; a tenth of the speed is a good start.
     pub integral: f64,
 }
 
@@ -25,17 +25,19 @@ pub struct LineOfSightSettings {
 /// y_int'  = Delta e / (Delta^2 + (e + sigma y_int)^2)
 /// ```
 ///
-/// E. Borhaug, A. Pavlov, K. Y. Pettersen, *Integral LOS control for path following of underactuated marine surface vessels in
-/// the presence of constant ocean currents*, 47th IEEE Conference on Decision and Control, 2008; T. I. Fossen, *Handbook of Marine
-/// Craft Hydrodynamics and Motion Control*, 2nd ed., 2021, section 12.3 (proportional law eq. 12.78, integral law eq. 12.108, there with
-/// `kappa` for `sigma`). The
-/// integral moves slowly where the error is large, so that it does not wind up on the way to the path: no other limit is needed.
+/// E. Borhaug, A. Pavlov, K. Y. Pettersen, *Integral LOS control for path following of underactuated marine surface
+/// vessels in the presence of constant ocean currents*, 47th IEEE Conference on Decision and Control, 2008; T. I. Fossen,
+/// *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd ed., 2021, section 12.3 (proportional law eq. 12.78,
+/// integral law eq. 12.108, there with `kappa` for `sigma`). The integral moves slowly where the error is large, so that
+/// it does not wind up on the way to the path: no other limit is needed.
 ///
-/// What it does: on a straight line a vessel whose heading is `psi_d` comes to the path and stays on it under a constant drift across
-/// it that is slower than the vessel; without the integral it stays off by `Delta V / sqrt(U^2 - V^2)`. In a turn the sideslip of the turn is
-/// such a drift, as long as it lasts; where turns change the integral takes `Delta / sigma` seconds, in the order of magnitude, to follow.
+/// What it does: on a straight line a vessel whose heading is `psi_d` comes to the path and stays on it under a constant
+/// drift across it that is slower than the vessel; without the integral it stays off by `Delta V / sqrt(U^2 - V^2)`. In a
+/// turn the sideslip of the turn is such a drift, as long as it lasts; where turns change the integral takes `Delta /
+/// sigma` seconds, in the order of magnitude, to follow.
 ///
-/// What it assumes: a heading that follows. When it fails: near the centre of a turn (the foot of the path jumps); drift faster than the vessel.
+/// What it assumes: a heading that follows. When it fails: near the centre of a turn (the foot of the path jumps); drift
+/// faster than the vessel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineOfSight {
     settings: LineOfSightSettings,
@@ -79,8 +81,8 @@ impl LineOfSight {
         self.integral = 0.0;
     }
 
-    /// The aim of a vessel at `position` \[m\] that moves over ground with `velocity` \[m/s\] (both north, east), where `pose` is the foot of
-    /// its position on the path; then the integral moves on by `dt` seconds.
+    /// The aim of a vessel at `position` \[m\] that moves over ground with `velocity` \[m/s\] (both north, east), where
+    /// `pose` is the foot of its position on the path; then the integral moves on by `dt` seconds.
     pub fn aim(&mut self, pose: &Pose, position: [f64; 2], velocity: [f64; 2], dt: f64) -> Aim {
         let LineOfSightSettings { lookahead, integral: sigma } = self.settings;
         let e = pose.cross_track(position);

@@ -3,12 +3,12 @@
 //! - [`Path`]: straight legs and arcs in the north-east frame, by arc length: circles, legs with corners, way-points with
 //!   turning circles, lawn-mowers.
 //! - [`SpeedProfile`]: how fast along it, with what the vessel can do in turns and between them ([`SpeedLimits`]).
-//! - [`Reference`]: the point on the path that a controller follows, with its velocity and acceleration; a [`Walker`] moves it
-//!   with time, a [`Follower`] with the vessel.
+//! - [`Reference`]: the point on the path that a controller follows, with its velocity and acceleration; a [`Walker`]
+//!   moves it with time, a [`Follower`] with the vessel.
 //! - [`LineOfSight`]: the heading that brings a vessel onto the path, with look-ahead and integral action against drift.
 //!
-//! Frames and signs as everywhere: `x` north, `y` east, courses clockwise from north, curvature positive to starboard
-//! (a path of positive curvature turns right), cross-track error positive to starboard of the path. Metres, radians, seconds.
+//! Frames and signs as everywhere: `x` north, `y` east, courses clockwise from north, curvature positive to starboard (a
+//! path of positive curvature turns right), cross-track error positive to starboard of the path. Metres, radians, seconds.
 //!
 //! ```
 //! use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, Walker};

@@ -13,9 +13,9 @@ const GAP: f64 = 1e-6;
 /// Lines and arcs in a row, by arc length `s` from its start \[m\].
 ///
 /// The position is continuous; the course is where the pieces meet tangentially, as those of all shapes but
-/// [`legs`](Self::legs) do; the curvature jumps between them, and with it the yaw rate that the path asks for. A *closed* path
-/// begins again where it ends. Before the start and beyond the end of an open path its tangents go straight on, so that a point that looks ahead
-/// always finds something.
+/// [`legs`](Self::legs) do; the curvature jumps between them, and with it the yaw rate that the path asks for. A *closed*
+/// path begins again where it ends. Before the start and beyond the end of an open path its tangents go straight on, so
+/// that a point that looks ahead always finds something.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     pieces: Vec<Piece>,

@@ -141,13 +141,14 @@ pub struct Follower {
 }
 
 impl Follower {
-    /// From arc length `s` on; the vessel is looked for up to `reach` metres along the path from where it was last: more than
-    /// it moves between two samples, less than what lies between two passes at the same place.
+    /// From arc length `s` on; the vessel is looked for up to `reach` metres along the path from where it was last: more
+    /// than it moves between two samples, less than what lies between two passes at the same place.
     pub const fn new(s: f64, reach: f64) -> Self {
         Self { s, reach }
     }
 
-    /// The foot of a position \[m\], which the next one is looked for around. A position that is no number changes nothing.
+    /// The foot of a position \[m\], which the next one is looked for around. A position that is no number changes
+    /// nothing.
     pub fn foot(&mut self, path: &Path, position: [f64; 2]) -> Foot {
         if position.iter().all(|x| x.is_finite()) {
             let foot = path.foot(position, self.s, self.reach);

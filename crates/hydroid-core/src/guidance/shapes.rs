@@ -131,8 +131,8 @@ impl Path {
     }
 
     /// Parallel legs of `leg` metres, `spacing` metres apart, beginning at `start` along `course`; the first turn is to
-    /// `side`, then they alternate. A turn is two quarters of a circle of `radius`, with a straight between them where the legs
-    /// are farther apart than two radii.
+    /// `side`, then they alternate. A turn is two quarters of a circle of `radius`, with a straight between them where the
+    /// legs are farther apart than two radii.
     ///
     /// # Errors
     /// If a length is not positive, there are no legs, or they are closer than two radii.

@@ -11,9 +11,9 @@ use crate::vessel::kinematics::wrap;
 
 /// What a vessel can do along a path. Infinite is "no limit"; the two accelerations must be finite.
 ///
-/// Where they come from: `lateral_acceleration` and `yaw_rate` from turning circles at the speed in question (with the rudder
-/// left over that a controller needs, three quarters of hard over); `acceleration` and `deceleration` from crash stops and
-/// starts: the force of the propeller over the mass, where drag has been taken off.
+/// Where they come from: `lateral_acceleration` and `yaw_rate` from turning circles at the speed in question (with the
+/// rudder left over that a controller needs, three quarters of hard over); `acceleration` and `deceleration` from crash
+/// stops and starts: the force of the propeller over the mass, where drag has been taken off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedLimits {
     /// Speed where nothing else limits it \[m/s\].
@@ -104,10 +104,10 @@ impl Phase {
 
 /// The fastest speed along a path that keeps all of its [`SpeedLimits`], as stretches of constant acceleration.
 ///
-/// Turns limit the speed piece by piece; one pass forwards limits what can be reached by accelerating, one backwards what can be
-/// braked in time (the time-optimal profile under such limits: J. E. Bobrow, S. Dubowsky, J. S. Gibson, *Time-optimal control of
-/// robotic manipulators along specified paths*, 1985). The speed is continuous; its rate, and the acceleration towards the centre
-/// of a turn, jump.
+/// Turns limit the speed piece by piece; one pass forwards limits what can be reached by accelerating, one backwards what
+/// can be braked in time (the time-optimal profile under such limits: J. E. Bobrow, S. Dubowsky, J. S. Gibson,
+/// *Time-optimal control of robotic manipulators along specified paths*, 1985). The speed is continuous; its rate, and the
+/// acceleration towards the centre of a turn, jump.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeedProfile {
     phases: Vec<Phase>,
@@ -194,7 +194,8 @@ impl SpeedProfile {
     }
 }
 
-/// Accelerate, hold, brake, in a piece of `length` metres at `s`: from `speeds[0]` to `speeds[2]`, never above `speeds[1]`.
+/// Accelerate, hold, brake, in a piece of `length` metres at `s`: from `speeds[0]` to `speeds[2]`, never above
+/// `speeds[1]`.
 fn phases_of(s: f64, length: f64, speeds: [f64; 3], limits: &SpeedLimits, into: &mut Vec<Phase>) {
     let [first, most, last] = speeds;
     let (a, b) = (limits.acceleration, limits.deceleration);

@@ -1,5 +1,7 @@
 //! Control laws in closed loop on the true plants, and the models that they invert.
 
+mod autopilot;
+mod backstepping;
 mod equations;
 mod feedback_linearization;
 mod helm;
