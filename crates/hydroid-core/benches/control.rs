@@ -3,12 +3,18 @@
 #[path = "../tests/steer/written.rs"]
 mod written;
 
+use std::sync::Arc;
+
 use divan::{Bencher, black_box};
+use hydroid_core::control::cem::{Cost, Each, Planner, PlannerSettings};
 use hydroid_core::control::{
     AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
     Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
 };
 use hydroid_core::guidance::{LineOfSightSettings, Path, Reference, Side};
+use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, RecurrentSession, Scaling};
+use hydroid_core::model::sparse::{Equations, EquationsSession};
+use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::VesselParams;
 use written::{Force, equations};
 
@@ -79,4 +85,53 @@ fn autopilot(bencher: Bencher) {
     };
     let limits = AffinePlant::limits(&VesselParams::hydrofoil());
     run(bencher, &mut Autopilot::new(&limits, 0.1, settings).expect("possible"));
+}
+
+/// Equations with one integration step in a sample, as identification makes them, and an LSTM of 18 cells.
+fn session(name: &str) -> Box<dyn Predictor> {
+    if name == "LSTM" {
+        let network = Network {
+            cell: Cell::Lstm { hidden: 18, projection: Some(3) },
+            inputs: 2,
+            outputs: 3,
+            read_out: false,
+        };
+        let weights = (0..network.weights()).map(|k| 0.3 * (1.7 * k as f64).sin()).collect();
+        let scaling = Scaling {
+            output_mean: vec![0.0; 3],
+            output_scale: vec![1.0; 3],
+            input_mean: vec![0.0; 2],
+            input_scale: vec![100.0, 1.0],
+            correction_scale: vec![1.0; 3],
+        };
+        let (base, feedback) = (Base::Nothing, false);
+        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1, state_filter: None };
+        return Box::new(RecurrentSession::new(Arc::new(model)).expect("parts that fit"));
+    }
+    let fine = equations(&vessel(name), Force::Hidden);
+    let (terms, coefficients, signals) =
+        (fine.terms().to_vec(), fine.coefficients().to_vec(), fine.signals().to_vec());
+    let made = Equations::with_signals(terms, coefficients, 3, 2, signals, 0.1, 1).expect("as before");
+    Box::new(EquationsSession::new(Arc::new(made)))
+}
+
+/// A whole plan: 350 candidates, 20 samples ahead, 5 iterations.
+#[divan::bench(args = ["simple, equations", "hydrofoil, gated equations", "LSTM"], sample_count = 20)]
+fn cem(bencher: Bencher, name: &str) {
+    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
+    let mut planner =
+        Planner::new(PlannerSettings::new(1), Cost::tracking(2), &limits, 3, 0.1, 5.0).expect("possible");
+    let mut session = session(name);
+    session.observe(&[2.4, -0.05, 0.12]);
+    session.advance(&[100.0, 0.1]);
+    session.observe(&[2.4, -0.05, 0.12]);
+    let path = Path::circle([0.0, 0.0], 20.0, Side::Starboard, 0.0).expect("a circle");
+    let references: Vec<Reference> = (1..=20)
+        .map(|k| Reference::new(0.24 * f64::from(k), &path.at(0.24 * f64::from(k)), 2.4, 0.0))
+        .collect();
+    let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
+    bencher.bench_local(|| {
+        let mut model = Each::new(session.as_ref(), &mut work);
+        planner.command(&mut model, [20.1, 0.0, 1.57], black_box(&references), &mut || false, &mut command)
+    });
 }

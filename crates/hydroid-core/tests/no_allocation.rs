@@ -17,6 +17,7 @@ use hydroid_core::adapt::kalman::{
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
+use hydroid_core::control::cem::{Cost, Each, Planner, PlannerSettings};
 use hydroid_core::control::{
     AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
     Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
@@ -263,6 +264,26 @@ fn steering_allocates_nothing() {
     }
 }
 
+/// Plans on a session, with time and without.
+fn planning_allocates_nothing(session: &dyn Predictor) {
+    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
+    let settings = PlannerSettings { candidates: 12, elites: 4, iterations: 2, ..PlannerSettings::new(1) };
+    let mut planner = Planner::new(settings, Cost::tracking(2), &limits, 3, 0.1, 5.0).unwrap();
+    let path = Path::circle([0.0, 0.0], 20.0, Side::Port, 0.0).unwrap();
+    let references = [Reference::new(1.0, &path.at(1.0), 2.0, 0.0); 20];
+    let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
+    let mut plan = |stop: bool| {
+        let mut model = Each::new(session, &mut work);
+        planner.command(&mut model, [20.0, 0.0, 1.5], &references, &mut || stop, &mut command)
+    };
+    plan(false);
+    let count = allocations(|| {
+        plan(false);
+        plan(true);
+    });
+    assert_eq!(count, 0, "allocations while planning");
+}
+
 /// A whole way there and back, and a rollout.
 fn recurrent_batches_allocate_nothing(cell: Cell) {
     let network = Network { cell, inputs: 2, outputs: 3, read_out: true };
@@ -350,6 +371,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         let mut snapshot = vec![0.0; session.snapshot_len()];
         session.observe(&[0.1, 0.2, 0.3]);
         session.rollout(&commands, &mut work, &mut y);
+        planning_allocates_nothing(session.as_ref());
         let count = allocations(|| {
             session.observe(&[0.1, f64::NAN, 0.3]);
             session.advance(&[0.5, -0.5]);

@@ -6,6 +6,7 @@
 //!   ([`AffinePlant`]) and identified equations ([`AffineEquations`]).
 //! - [`FeedbackLinearization`] and [`Backstepping`] of a point ahead of the vessel; [`Autopilot`], which has no model, to
 //!   compare with.
+//! - [`cem`]: plans over a horizon, on any predictor.
 //! - [`Actuators`]: limits and rate limits of the commands, and the lag of what follows them, inverted ([`Channel`],
 //!   [`Map`], [`Lag`], [`Limits`]).
 //! - [`allocate`]: the actuators' efforts that give a wanted acceleration, also where the vessel can hardly give it.
@@ -16,6 +17,7 @@ mod ahead;
 mod allocate;
 mod autopilot;
 mod backstepping;
+pub mod cem;
 mod channel;
 mod equations;
 mod error;

@@ -2,6 +2,7 @@
 
 mod autopilot;
 mod backstepping;
+mod cem;
 mod equations;
 mod feedback_linearization;
 mod helm;
