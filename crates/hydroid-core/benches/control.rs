@@ -6,14 +6,14 @@ mod written;
 use std::sync::Arc;
 
 use divan::{Bencher, black_box};
-use hydroid_core::control::cem::{Cost, Each, Planner, PlannerSettings};
+use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts};
 use hydroid_core::control::{
     AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
     Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
 };
 use hydroid_core::guidance::{LineOfSightSettings, Path, Reference, Side};
 use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, RecurrentSession, Scaling};
-use hydroid_core::model::sparse::{Equations, EquationsSession};
+use hydroid_core::model::sparse::{Equations, EquationsSession, SideBySide};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::VesselParams;
 use written::{Force, equations};
@@ -108,30 +108,49 @@ fn session(name: &str) -> Box<dyn Predictor> {
         let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1, state_filter: None };
         return Box::new(RecurrentSession::new(Arc::new(model)).expect("parts that fit"));
     }
+    Box::new(equations_session(name))
+}
+
+/// Equations with one integration step in a sample, as identification makes them.
+fn equations_session(name: &str) -> EquationsSession {
     let fine = equations(&vessel(name), Force::Hidden);
     let (terms, coefficients, signals) =
         (fine.terms().to_vec(), fine.coefficients().to_vec(), fine.signals().to_vec());
     let made = Equations::with_signals(terms, coefficients, 3, 2, signals, 0.1, 1).expect("as before");
-    Box::new(EquationsSession::new(Arc::new(made)))
+    EquationsSession::new(Arc::new(made))
 }
 
-/// A whole plan: 350 candidates, 20 samples ahead, 5 iterations.
+/// A whole plan: 350 candidates, 20 samples ahead, 5 iterations; one candidate after the other.
 #[divan::bench(args = ["simple, equations", "hydrofoil, gated equations", "LSTM"], sample_count = 20)]
 fn cem(bencher: Bencher, name: &str) {
-    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
-    let mut planner =
-        Planner::new(PlannerSettings::new(1), Cost::tracking(2), &limits, 3, 0.1, 5.0).expect("possible");
     let mut session = session(name);
+    begin(session.as_mut());
+    let mut work = Workspace::new();
+    plans(bencher, &mut Each::new(session.as_ref(), &mut work));
+}
+
+/// The same with candidates side by side.
+#[divan::bench(args = ["simple, equations", "hydrofoil, gated equations"], sample_count = 20)]
+fn cem_abreast(bencher: Bencher, name: &str) {
+    let mut session = equations_session(name);
+    begin(&mut session);
+    let mut room = SideBySide::new(session.equations(), 50).expect("no past");
+    plans(bencher, &mut Abreast::new(&session, &mut room));
+}
+
+fn begin(session: &mut dyn Predictor) {
     session.observe(&[2.4, -0.05, 0.12]);
     session.advance(&[100.0, 0.1]);
     session.observe(&[2.4, -0.05, 0.12]);
+}
+
+fn plans(bencher: Bencher, model: &mut dyn Rollouts) {
+    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
+    let mut planner =
+        Planner::new(PlannerSettings::new(1), Cost::tracking(2), &limits, 3, 0.1, 5.0).expect("possible");
     let path = Path::circle([0.0, 0.0], 20.0, Side::Starboard, 0.0).expect("a circle");
-    let references: Vec<Reference> = (1..=20)
-        .map(|k| Reference::new(0.24 * f64::from(k), &path.at(0.24 * f64::from(k)), 2.4, 0.0))
-        .collect();
-    let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
-    bencher.bench_local(|| {
-        let mut model = Each::new(session.as_ref(), &mut work);
-        planner.command(&mut model, [20.1, 0.0, 1.57], black_box(&references), &mut || false, &mut command)
-    });
+    let at = |k: u32| Reference::new(0.24 * f64::from(k), &path.at(0.24 * f64::from(k)), 2.4, 0.0);
+    let references: Vec<Reference> = (1..=20).map(at).collect();
+    let (mut command, pose) = ([0.0; 2], [20.1, 0.0, 1.57]);
+    bencher.bench_local(|| planner.command(model, pose, black_box(&references), &mut || false, &mut command));
 }

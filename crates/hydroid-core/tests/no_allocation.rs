@@ -17,7 +17,7 @@ use hydroid_core::adapt::kalman::{
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
-use hydroid_core::control::cem::{Cost, Each, Planner, PlannerSettings};
+use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts};
 use hydroid_core::control::{
     AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
     Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
@@ -29,7 +29,7 @@ use hydroid_core::model::recurrent::{
     Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
     StateFilter, Tape,
 };
-use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Real, SideBySide, Signal, Term};
 use hydroid_core::model::{Persistence, PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::VesselParams;
@@ -265,17 +265,15 @@ fn steering_allocates_nothing() {
 }
 
 /// Plans on a session, with time and without.
-fn planning_allocates_nothing(session: &dyn Predictor) {
+fn planning_allocates_nothing(model: &mut dyn Rollouts) {
     let limits = AffinePlant::limits(&VesselParams::hydrofoil());
     let settings = PlannerSettings { candidates: 12, elites: 4, iterations: 2, ..PlannerSettings::new(1) };
     let mut planner = Planner::new(settings, Cost::tracking(2), &limits, 3, 0.1, 5.0).unwrap();
     let path = Path::circle([0.0, 0.0], 20.0, Side::Port, 0.0).unwrap();
     let references = [Reference::new(1.0, &path.at(1.0), 2.0, 0.0); 20];
-    let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
-    let mut plan = |stop: bool| {
-        let mut model = Each::new(session, &mut work);
-        planner.command(&mut model, [20.0, 0.0, 1.5], &references, &mut || stop, &mut command)
-    };
+    let mut command = [0.0; 2];
+    let mut plan =
+        |stop: bool| planner.command(model, [20.0, 0.0, 1.5], &references, &mut || stop, &mut command);
     plan(false);
     let count = allocations(|| {
         plan(false);
@@ -314,6 +312,11 @@ fn recurrent_batches_allocate_nothing(cell: Cell) {
 fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
     steering_allocates_nothing();
+    let flying = written::equations(&VesselParams::hydrofoil(), written::Force::Hidden);
+    let mut session = EquationsSession::new(Arc::new(flying));
+    session.observe(&[2.0, 0.0, 0.1]);
+    let mut room = SideBySide::new(session.equations(), 5).unwrap();
+    planning_allocates_nothing(&mut Abreast::new(&session, &mut room));
     let terms: Vec<Term> = (0..5).flat_map(|a| (a..5).map(move |b| Term::monomial(&[a, b]))).collect();
     let coefficients = (0..3 * terms.len()).map(|k| 0.01 * ((k % 5) as f64 - 2.0)).collect();
     let equations = Equations::new(terms, coefficients, 3, 2, 0.1, 2).unwrap();
@@ -371,7 +374,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         let mut snapshot = vec![0.0; session.snapshot_len()];
         session.observe(&[0.1, 0.2, 0.3]);
         session.rollout(&commands, &mut work, &mut y);
-        planning_allocates_nothing(session.as_ref());
+        planning_allocates_nothing(&mut Each::new(session.as_ref(), &mut work));
         let count = allocations(|| {
             session.observe(&[0.1, f64::NAN, 0.3]);
             session.advance(&[0.5, -0.5]);

@@ -2,16 +2,17 @@
 
 use std::sync::Arc;
 
-use hydroid_core::control::cem::{Cost, Each, Planner, PlannerSettings, SoftLimit};
+use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts, SoftLimit};
 use hydroid_core::control::{AffinePlant, Limits, Status};
 use hydroid_core::guidance::{Path, Reference, Side, SpeedLimits, SpeedProfile, Walker};
-use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Real, SideBySide, Signal, Term};
 use hydroid_core::model::{PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 use proptest::prelude::*;
 
 use crate::helm::{DT, under_way};
+use crate::written::{Force, equations};
 
 /// `du/dt = c_0 - u`, with `v = 0` and `dr/dt = c_1 - r`.
 fn linear() -> EquationsSession {
@@ -54,7 +55,8 @@ fn planner(settings: PlannerSettings, cost: Cost, limits: &[Limits]) -> Planner 
 
 const WIDE: [Limits; 2] = [Limits::between([-4.0, 4.0]), Limits::between([-1.0, 1.0])];
 
-/// The least of a quadratic form in the first commands, by its normal equations: `u_{k+1} = a u_k + b c_k` exactly as RK4 has it.
+/// The least of a quadratic form in the first commands, by its normal equations: `u_{k+1} = a u_k + b c_k` exactly as RK4
+/// has it.
 fn optimum(horizon: usize, target: f64) -> f64 {
     let a = 1.0 - DT + DT * DT / 2.0 - DT.powi(3) / 6.0 + DT.powi(4) / 24.0;
     let (b, half, effort, rate) = (1.0 - a, 4.0, 0.02, 0.5);
@@ -270,6 +272,46 @@ proptest! {
             session.advance(&command);
         }
     }
+}
+
+/// Side by side candidates come out as one after the other, whatever their number; from a session that has moved, and on
+/// equations with gates, a lag and ten integration steps in a sample.
+#[test]
+fn candidates_side_by_side_do_what_they_do_alone() {
+    for vessel in [VesselParams::simple(), VesselParams::hydrofoil()] {
+        let mut session = EquationsSession::new(Arc::new(equations(&vessel, Force::Hidden)));
+        session.observe(&[2.3, 0.1, -0.1]);
+        session.advance(&[120.0, 0.2]);
+        for count in [1, 3, 16, 50, 71] {
+            let wild = |k: usize| (12.9898 * k as f64).sin();
+            let commands: Vec<f64> = (0..count * 15 * 2)
+                .map(|k| if k % 2 == 0 { 100.0 + 200.0 * wild(k) } else { 0.4 * wild(k) })
+                .collect();
+            let (mut one, mut two) = (vec![0.0; count * 15 * 3], vec![0.0; count * 15 * 3]);
+            let mut work = Workspace::new();
+            let mut room = SideBySide::new(session.equations(), 16).unwrap();
+            Each::new(&session, &mut work).rollouts(count, &commands, &mut one);
+            Abreast::new(&session, &mut room).rollouts(count, &commands, &mut two);
+            for (a, b) in one.iter().zip(&two) {
+                assert!((a - b).abs() < 1e-11 * (1.0 + a.abs()), "{a} and {b}");
+            }
+        }
+    }
+    let past = vec![Signal::Past { variable: 0, samples: 2 }];
+    let terms = vec![Term::monomial(&[5])];
+    let with_past = Equations::with_signals(terms, vec![0.1, 0.0, 0.0], 3, 2, past, DT, 1).unwrap();
+    assert!(SideBySide::new(&with_past, 4).is_none(), "past values roll out one by one");
+    // A lag that is not known yet begins at its first command, as alone.
+    let lag = vec![Signal::Lag { input: 3, time_constant_s: Real(0.5) }];
+    let lagging =
+        Equations::with_signals(vec![Term::monomial(&[5])], vec![0.1, 0.0, 0.0], 3, 2, lag, DT, 2).unwrap();
+    let mut session = EquationsSession::new(Arc::new(lagging));
+    session.observe(&[0.0; 3]);
+    let (mut one, mut two, commands) = ([0.0; 12], [0.0; 12], [3.0, 0.0, 1.0, 0.0, -2.0, 0.0, 4.0, 0.0]);
+    Each::new(&session, &mut Workspace::new()).rollouts(2, &commands, &mut one);
+    let mut room = SideBySide::new(session.equations(), 2).unwrap();
+    Abreast::new(&session, &mut room).rollouts(2, &commands, &mut two);
+    assert!(one.iter().zip(&two).all(|(a, b)| (a - b).abs() < 1e-14) && one[3] > 0.0);
 }
 
 #[test]

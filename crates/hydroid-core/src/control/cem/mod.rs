@@ -13,5 +13,5 @@ mod settings;
 
 pub use cost::{Cost, SoftLimit};
 pub use planner::{Plan, Planner};
-pub use rollouts::{Each, Rollouts};
+pub use rollouts::{Abreast, Each, Rollouts};
 pub use settings::PlannerSettings;
