@@ -10,11 +10,16 @@ use core::panic::PanicInfo;
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanPlant, LearnablePlant, Tuning};
-use hydroid_core::model::PlantModel;
+use hydroid_core::control::cem::{Cost, Each, Planner, PlannerSettings};
+use hydroid_core::control::{
+    AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
+};
+use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, Walker};
 use hydroid_core::model::recurrent::{
     Base, Cell, Network, Recurrent, RecurrentSession, Rollout, Scaling, StateFilter,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
+use hydroid_core::model::{PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 
@@ -49,7 +54,39 @@ pub extern "C" fn hydroid_step(pp: f64, rd: f64) -> f64 {
     session.observe(&[state.u]);
     let mut y = [0.0];
     session.rollout(&[], &mut Workspace::new(), &mut y);
-    y[0] + recurrent(rd) + batch(rd) + vessel(pp, rd)
+    y[0] + recurrent(rd) + batch(rd) + vessel(pp, rd) + steer(pp) + plan(rd)
+}
+
+/// A vessel that is steered along a path.
+fn steer(u: f64) -> f64 {
+    let vessel = VesselParams::hydrofoil();
+    let Ok(model) = AffinePlant::new(&vessel) else { return f64::NAN };
+    let limits = AffinePlant::limits(&vessel);
+    let settings = FeedbackLinearizationSettings::new(1.5);
+    let Ok(mut law) = FeedbackLinearization::new(model, &limits, 0.1, settings) else { return f64::NAN };
+    let Ok(path) = Path::circle([0.0; 2], 20.0, Side::Starboard, 0.0) else { return f64::NAN };
+    let Ok(profile) = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)) else { return f64::NAN };
+    let mut command = [0.0; 2];
+    let estimate = Estimate { eta: [20.0, 0.0, 1.5], nu: [u, 0.0, 0.0], actuators: &[] };
+    law.command(&estimate, &Walker::new(&profile).reference(&path, &profile), &mut command);
+    command[0]
+}
+
+/// A plan on a vessel.
+fn plan(u: f64) -> f64 {
+    let vessel = VesselParams::hydrofoil();
+    let Ok(model) = PlantModel::new(&vessel, 0.1) else { return f64::NAN };
+    let limits = AffinePlant::limits(&vessel);
+    let (settings, cost) = (PlannerSettings::new(1), Cost::tracking(2));
+    let Ok(mut planner) = Planner::new(settings, cost, &limits, 3, 0.1, 5.0) else { return f64::NAN };
+    let Ok(path) = Path::circle([0.0; 2], 20.0, Side::Starboard, 0.0) else { return f64::NAN };
+    let Ok(profile) = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)) else { return f64::NAN };
+    let references = [Walker::new(&profile).reference(&path, &profile); 20];
+    let mut session = PlantSession::new(&model);
+    session.observe(&[u, 0.0, 0.0]);
+    let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
+    let mut each = Each::new(&session, &mut work);
+    planner.command(&mut each, [20.0, 0.0, 1.5], &references, &mut || true, &mut command).cost
 }
 
 /// A vessel that learns its parameters.

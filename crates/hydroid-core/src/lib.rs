@@ -14,6 +14,8 @@ extern crate alloc;
 extern crate std;
 
 pub mod adapt;
+pub mod control;
+pub mod guidance;
 pub mod math;
 pub mod model;
 pub mod predict;

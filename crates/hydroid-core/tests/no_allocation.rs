@@ -3,6 +3,9 @@
 //! One test only: the counter is the process's.
 #![allow(unsafe_code)] // an allocator can be written in no other way
 
+#[path = "steer/written.rs"]
+mod written;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -14,11 +17,19 @@ use hydroid_core::adapt::kalman::{
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
+use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts};
+use hydroid_core::control::{
+    AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
+    Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
+};
+use hydroid_core::guidance::{
+    Follower, LineOfSight, LineOfSightSettings, Path, Reference, Side, SpeedLimits, SpeedProfile, Walker,
+};
 use hydroid_core::model::recurrent::{
     Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
     StateFilter, Tape,
 };
-use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Real, SideBySide, Signal, Term};
 use hydroid_core::model::{Persistence, PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::VesselParams;
@@ -199,6 +210,78 @@ fn vessel(model: &PlantModel) -> KalmanPlant {
     KalmanPlant::new(model, Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, ..uniform }).unwrap()
 }
 
+/// Every law on a vessel, and those with a model also on equations.
+fn controllers() -> Vec<Box<dyn Controller>> {
+    let vessel = VesselParams::hydrofoil();
+    let limits = AffinePlant::limits(&vessel);
+    let plant = || AffinePlant::new(&vessel).unwrap();
+    let equations =
+        || AffineEquations::new(&written::equations(&vessel, written::Force::Hidden), [0, 1, 2]).unwrap();
+    let linearized =
+        FeedbackLinearizationSettings { integral: 0.2, ..FeedbackLinearizationSettings::new(1.5) };
+    let autopilot = AutopilotSettings {
+        line_of_sight: LineOfSightSettings { lookahead: 5.0, integral: 0.1 },
+        heading: HeadingGains::nomoto(1.2, 0.6, 1.0, 1.0, 2.0),
+        speed: SpeedGains { proportional: 40.0, integral: 5.0, drag: [20.0, 18.0] },
+        steerage: 0.3,
+        tolerance: 3.0,
+    };
+    vec![
+        Box::new(FeedbackLinearization::new(plant(), &limits, 0.1, linearized).unwrap()),
+        Box::new(FeedbackLinearization::new(equations(), &limits, 0.1, linearized).unwrap()),
+        Box::new(Backstepping::new(plant(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
+        Box::new(Backstepping::new(equations(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
+        Box::new(Autopilot::new(&limits, 0.1, autopilot).unwrap()),
+    ]
+}
+
+/// Guidance and control, sample by sample; what is not measured as well.
+fn steering_allocates_nothing() {
+    let path = Path::lawn_mower([0.0, 0.0], 0.3, 30.0, 20.0, 3, 8.0, Side::Port).unwrap();
+    let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)).unwrap();
+    let settings = LineOfSightSettings { lookahead: 5.0, integral: 0.1 };
+    for mut controller in controllers() {
+        let (mut walker, mut follower) = (Walker::new(&profile), Follower::new(0.0, 5.0));
+        let mut sight = LineOfSight::new(settings).unwrap();
+        let mut command = [0.0; 2];
+        let count = allocations(|| {
+            for k in 0..100 {
+                let x = 0.1 * f64::from(k);
+                walker.advance(&profile, 0.1);
+                let foot = follower.foot(&path, [x, 0.2]);
+                sight.aim(&foot.pose, [x, 0.2], [1.0, 0.0], 0.1);
+                let measured = [if k % 7 == 0 { f64::NAN } else { 20.0 }, f64::NAN];
+                let nu = [if k % 11 == 0 { f64::NAN } else { 0.1 * x }, 0.0, 0.01];
+                let estimate = Estimate { eta: [x, 0.2, 0.3], nu, actuators: &measured };
+                controller.command(&estimate, &walker.reference(&path, &profile), &mut command);
+                let (speed, rate) = profile.at(foot.s);
+                controller.command(&estimate, &Reference::new(foot.s, &foot.pose, speed, rate), &mut command);
+            }
+            controller.reset();
+        });
+        assert_eq!(count, 0, "allocations while steering");
+        assert!(command.iter().all(|c| c.is_finite()));
+    }
+}
+
+/// Plans on a session, with time and without.
+fn planning_allocates_nothing(model: &mut dyn Rollouts) {
+    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
+    let settings = PlannerSettings { candidates: 12, elites: 4, iterations: 2, ..PlannerSettings::new(1) };
+    let mut planner = Planner::new(settings, Cost::tracking(2), &limits, 3, 0.1, 5.0).unwrap();
+    let path = Path::circle([0.0, 0.0], 20.0, Side::Port, 0.0).unwrap();
+    let references = [Reference::new(1.0, &path.at(1.0), 2.0, 0.0); 20];
+    let mut command = [0.0; 2];
+    let mut plan =
+        |stop: bool| planner.command(model, [20.0, 0.0, 1.5], &references, &mut || stop, &mut command);
+    plan(false);
+    let count = allocations(|| {
+        plan(false);
+        plan(true);
+    });
+    assert_eq!(count, 0, "allocations while planning");
+}
+
 /// A whole way there and back, and a rollout.
 fn recurrent_batches_allocate_nothing(cell: Cell) {
     let network = Network { cell, inputs: 2, outputs: 3, read_out: true };
@@ -228,6 +311,12 @@ fn recurrent_batches_allocate_nothing(cell: Cell) {
 #[test]
 fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
+    steering_allocates_nothing();
+    let flying = written::equations(&VesselParams::hydrofoil(), written::Force::Hidden);
+    let mut session = EquationsSession::new(Arc::new(flying));
+    session.observe(&[2.0, 0.0, 0.1]);
+    let mut room = SideBySide::new(session.equations(), 5).unwrap();
+    planning_allocates_nothing(&mut Abreast::new(&session, &mut room));
     let terms: Vec<Term> = (0..5).flat_map(|a| (a..5).map(move |b| Term::monomial(&[a, b]))).collect();
     let coefficients = (0..3 * terms.len()).map(|k| 0.01 * ((k % 5) as f64 - 2.0)).collect();
     let equations = Equations::new(terms, coefficients, 3, 2, 0.1, 2).unwrap();
@@ -285,6 +374,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         let mut snapshot = vec![0.0; session.snapshot_len()];
         session.observe(&[0.1, 0.2, 0.3]);
         session.rollout(&commands, &mut work, &mut y);
+        planning_allocates_nothing(&mut Each::new(session.as_ref(), &mut work));
         let count = allocations(|| {
             session.observe(&[0.1, f64::NAN, 0.3]);
             session.advance(&[0.5, -0.5]);

@@ -1,11 +1,15 @@
 //! Sparse equations of motion and their integration over one sample.
 
+mod side_by_side;
+
 use alloc::vec::Vec;
 
 use super::memory::Memory;
 use super::program::{Program, ProgramError, is_held};
 use super::signal::Signal;
 use super::term::Term;
+
+pub use side_by_side::SideBySide;
 
 /// Integration steps in one sample at the most: more is a mistake, and would look like a hang.
 const MOST_SUBSTEPS: usize = 10_000;

@@ -10,7 +10,7 @@ mod shape;
 mod signal;
 mod term;
 
-pub use equations::{Equations, EquationsError};
+pub use equations::{Equations, EquationsError, SideBySide};
 pub use jacobian::Jacobian;
 pub use program::{Program, ProgramError};
 pub use sensitivity::Sensitivity;

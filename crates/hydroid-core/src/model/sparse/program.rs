@@ -242,6 +242,44 @@ impl Program {
     }
 }
 
+impl Program {
+    /// The functions of [`evaluate_block`](Self::evaluate_block) that are of held variables, or the others. The logistic function of gates is that of
+    /// [`sigmoid`](crate::math::sigmoid), on vectors.
+    pub(super) fn block_functions(&self, slots: &mut [f64], rows: usize, held: bool) {
+        let range = if held { 0..self.held_functions } else { self.held_functions..self.functions.len() };
+        for index in range {
+            let (function, a) = self.functions[index];
+            let (known, rest) = slots.split_at_mut((1 + self.variables + index) * rows);
+            let (into, from) = (&mut rest[..rows], &known[usize::from(a) * rows..][..rows]);
+            if let Function::Above(gate) = function {
+                for (r, x) in into.iter_mut().zip(from) {
+                    *r = gate.slope.0 * (x - gate.centre.0);
+                }
+                crate::math::sigmoid(into);
+            } else {
+                for (r, x) in into.iter_mut().zip(from) {
+                    *r = function.of(*x);
+                }
+            }
+        }
+    }
+
+    /// The products of held variables, or the others.
+    #[allow(clippy::inline_always)] // it is compiled for the processor, inside of a dispatch
+    #[inline(always)]
+    pub(super) fn block_products(&self, slots: &mut [f64], rows: usize, held: bool) {
+        let range = if held { 0..self.held_products } else { self.held_products..self.products.len() };
+        for index in range {
+            let (a, b) = self.products[index];
+            let (known, rest) = slots.split_at_mut((self.first_product() + index) * rows);
+            let column = |slot: u16| &known[usize::from(slot) * rows..][..rows];
+            for ((r, x), y) in rest[..rows].iter_mut().zip(column(a)).zip(column(b)) {
+                *r = x * y;
+            }
+        }
+    }
+}
+
 /// Whether a term depends on held variables alone; the constant does.
 pub(super) fn is_held(term: &Term, held: &[bool]) -> bool {
     term.factors().iter().all(|factor| held[usize::from(factor.variable)])

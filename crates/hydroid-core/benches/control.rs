@@ -1,0 +1,156 @@
+//! Speed of a control step: the whole of it, from estimate to command.
+
+#[path = "../tests/steer/written.rs"]
+mod written;
+
+use std::sync::Arc;
+
+use divan::{Bencher, black_box};
+use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts};
+use hydroid_core::control::{
+    AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
+    Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
+};
+use hydroid_core::guidance::{LineOfSightSettings, Path, Reference, Side};
+use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, RecurrentSession, Scaling};
+use hydroid_core::model::sparse::{Equations, EquationsSession, SideBySide};
+use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::vessel::VesselParams;
+use written::{Force, equations};
+
+fn main() {
+    divan::main();
+}
+
+/// Known parameters; equations with a hidden lag (of the hydrofoil gated); the same with the force as an output.
+const MODELS: [&str; 6] = [
+    "simple, plant",
+    "simple, equations",
+    "simple, equations, force measured",
+    "hydrofoil, plant",
+    "hydrofoil, gated equations",
+    "hydrofoil, gated equations, force measured",
+];
+
+fn vessel(name: &str) -> VesselParams {
+    if name.starts_with("simple") { VesselParams::simple() } else { VesselParams::hydrofoil() }
+}
+
+fn model(name: &str) -> AffineEquations {
+    let force = if name.ends_with("measured") { Force::Measured } else { Force::Hidden };
+    AffineEquations::new(&equations(&vessel(name), force), [0, 1, 2]).expect("written so that it is affine")
+}
+
+/// Steps near the transition, turning: nothing in them is zero.
+fn run(bencher: Bencher, controller: &mut dyn Controller) {
+    let path = Path::circle([0.0, 0.0], 20.0, Side::Starboard, 0.0).expect("a circle");
+    let reference = Reference::new(3.0, &path.at(3.0), 2.4, 0.02);
+    let estimate = Estimate { eta: [20.1, 1.2, 1.6], nu: [2.4, -0.05, 0.12], actuators: &[] };
+    let mut command = [0.0; 2];
+    bencher.bench_local(|| controller.command(black_box(&estimate), black_box(&reference), &mut command));
+}
+
+#[divan::bench(args = MODELS, sample_size = 1_000)]
+fn feedback_linearization(bencher: Bencher, name: &str) {
+    let (vessel, settings) = (vessel(name), FeedbackLinearizationSettings::new(1.5));
+    let limits = AffinePlant::limits(&vessel);
+    if name.ends_with("plant") {
+        let plant = AffinePlant::new(&vessel).expect("built in");
+        run(bencher, &mut FeedbackLinearization::new(plant, &limits, 0.1, settings).expect("possible"));
+    } else {
+        run(bencher, &mut FeedbackLinearization::new(model(name), &limits, 0.1, settings).expect("possible"));
+    }
+}
+
+#[divan::bench(args = MODELS, sample_size = 1_000)]
+fn backstepping(bencher: Bencher, name: &str) {
+    let (vessel, settings) = (vessel(name), BacksteppingSettings::new(1.5));
+    let limits = AffinePlant::limits(&vessel);
+    if name.ends_with("plant") {
+        let plant = AffinePlant::new(&vessel).expect("built in");
+        run(bencher, &mut Backstepping::new(plant, &limits, 0.1, settings).expect("possible"));
+    } else {
+        run(bencher, &mut Backstepping::new(model(name), &limits, 0.1, settings).expect("possible"));
+    }
+}
+
+#[divan::bench(sample_size = 1_000)]
+fn autopilot(bencher: Bencher) {
+    let settings = AutopilotSettings {
+        line_of_sight: LineOfSightSettings { lookahead: 5.0, integral: 0.1 },
+        heading: HeadingGains::nomoto(1.2, 0.6, 1.0, 1.0, 2.0),
+        speed: SpeedGains { proportional: 40.0, integral: 5.0, drag: [20.0, 18.0] },
+        steerage: 0.3,
+        tolerance: 3.0,
+    };
+    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
+    run(bencher, &mut Autopilot::new(&limits, 0.1, settings).expect("possible"));
+}
+
+/// Equations with one integration step in a sample, as identification makes them, and an LSTM of 18 cells.
+fn session(name: &str) -> Box<dyn Predictor> {
+    if name == "LSTM" {
+        let network = Network {
+            cell: Cell::Lstm { hidden: 18, projection: Some(3) },
+            inputs: 2,
+            outputs: 3,
+            read_out: false,
+        };
+        let weights = (0..network.weights()).map(|k| 0.3 * (1.7 * k as f64).sin()).collect();
+        let scaling = Scaling {
+            output_mean: vec![0.0; 3],
+            output_scale: vec![1.0; 3],
+            input_mean: vec![0.0; 2],
+            input_scale: vec![100.0, 1.0],
+            correction_scale: vec![1.0; 3],
+        };
+        let (base, feedback) = (Base::Nothing, false);
+        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1, state_filter: None };
+        return Box::new(RecurrentSession::new(Arc::new(model)).expect("parts that fit"));
+    }
+    Box::new(equations_session(name))
+}
+
+/// Equations with one integration step in a sample, as identification makes them.
+fn equations_session(name: &str) -> EquationsSession {
+    let fine = equations(&vessel(name), Force::Hidden);
+    let (terms, coefficients, signals) =
+        (fine.terms().to_vec(), fine.coefficients().to_vec(), fine.signals().to_vec());
+    let made = Equations::with_signals(terms, coefficients, 3, 2, signals, 0.1, 1).expect("as before");
+    EquationsSession::new(Arc::new(made))
+}
+
+/// A whole plan: 350 candidates, 20 samples ahead, 5 iterations; one candidate after the other.
+#[divan::bench(args = ["simple, equations", "hydrofoil, gated equations", "LSTM"], sample_count = 20)]
+fn cem(bencher: Bencher, name: &str) {
+    let mut session = session(name);
+    begin(session.as_mut());
+    let mut work = Workspace::new();
+    plans(bencher, &mut Each::new(session.as_ref(), &mut work));
+}
+
+/// The same with candidates side by side.
+#[divan::bench(args = ["simple, equations", "hydrofoil, gated equations"], sample_count = 20)]
+fn cem_abreast(bencher: Bencher, name: &str) {
+    let mut session = equations_session(name);
+    begin(&mut session);
+    let mut room = SideBySide::new(session.equations(), 50).expect("no past");
+    plans(bencher, &mut Abreast::new(&session, &mut room));
+}
+
+fn begin(session: &mut dyn Predictor) {
+    session.observe(&[2.4, -0.05, 0.12]);
+    session.advance(&[100.0, 0.1]);
+    session.observe(&[2.4, -0.05, 0.12]);
+}
+
+fn plans(bencher: Bencher, model: &mut dyn Rollouts) {
+    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
+    let mut planner =
+        Planner::new(PlannerSettings::new(1), Cost::tracking(2), &limits, 3, 0.1, 5.0).expect("possible");
+    let path = Path::circle([0.0, 0.0], 20.0, Side::Starboard, 0.0).expect("a circle");
+    let at = |k: u32| Reference::new(0.24 * f64::from(k), &path.at(0.24 * f64::from(k)), 2.4, 0.0);
+    let references: Vec<Reference> = (1..=20).map(at).collect();
+    let (mut command, pose) = ([0.0; 2], [20.1, 0.0, 1.57]);
+    bencher.bench_local(|| planner.command(model, pose, black_box(&references), &mut || false, &mut command));
+}

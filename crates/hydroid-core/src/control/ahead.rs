@@ -1,0 +1,179 @@
+//! The point ahead of the vessel, which two commands can move in any direction.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use num_traits::Float;
+
+use super::Estimate;
+use super::actuators::Actuators;
+use super::affine::{Affine, Motion, check_count};
+use super::allocate::allocate;
+use super::channel::Limits;
+use super::error::{ControlError, positive};
+use super::status::Status;
+use crate::guidance::Reference;
+
+/// A point `l` metres ahead of the origin on a model, and the commands that accelerate it.
+///
+/// ```text
+/// p        = [x, y] + l [cos psi, sin psi]
+/// dp/dt    = R(psi) [u, v + l r]
+/// d2p/dt2  = R(psi) ( d + B tau ),   d = [f_u - r (v + l r), f_v + l f_r + u r],   B_i = [g_iu, g_iv + l g_ir]
+/// ```
+///
+/// `B` has rank 2 where the rudder has force, because `l g_ir` does not vanish: seen from this point the vessel is not
+/// underactuated. What remains is the heading, which follows the point like a trailer: `d psi/dt = (U sin(chi - psi) - v)
+/// / l` for a point that moves with `U` in direction `chi`.
+#[derive(Clone, Debug)]
+pub(super) struct PointAhead<M> {
+    model: M,
+    motion: Motion,
+    actuators: Actuators,
+    columns: Vec<[f64; 2]>,
+    spans: Vec<f64>,
+    efforts: Vec<f64>,
+    distance: f64,
+    weakest: f64,
+}
+
+/// Where the point is to be, seen from where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PointError {
+    /// Reference less point, north and east \[m\].
+    pub(super) position: [f64; 2],
+    /// Its rate \[m/s\].
+    pub(super) velocity: [f64; 2],
+}
+
+impl PointError {
+    pub(super) fn distance(&self) -> f64 {
+        Float::hypot(self.position[0], self.position[1])
+    }
+}
+
+impl<M: Affine> PointAhead<M> {
+    /// `distance` metres ahead; `weakest` \[m/s^2\] as [`allocate`] has it.
+    pub(super) fn new(
+        model: M,
+        limits: &[Limits],
+        dt: f64,
+        response: f64,
+        distance: f64,
+        weakest: f64,
+    ) -> Result<Self, ControlError> {
+        positive("the distance of the point ahead", distance)?;
+        positive("the weakest acceleration", weakest)?;
+        check_count(model.channels(), limits)?;
+        let inputs = limits.len();
+        let actuators = Actuators::new(model.channels(), limits, dt, response)?;
+        let spans = (0..inputs).map(|i| actuators.span(i)).collect();
+        Ok(Self {
+            model,
+            motion: Motion::new(inputs),
+            actuators,
+            columns: vec![[0.0; 2]; inputs],
+            spans,
+            efforts: vec![0.0; inputs],
+            distance,
+            weakest,
+        })
+    }
+
+    pub(super) fn model(&self) -> &M {
+        &self.model
+    }
+
+    /// Lets the model change, as one that learns does.
+    pub(super) fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError> {
+        change(&mut self.model);
+        self.actuators.set_lags(self.model.channels())?;
+        for (i, span) in self.spans.iter_mut().enumerate() {
+            *span = self.actuators.span(i);
+        }
+        Ok(())
+    }
+
+    pub(super) fn inputs(&self) -> usize {
+        self.spans.len()
+    }
+
+    pub(super) fn dt(&self) -> f64 {
+        self.actuators.dt()
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.actuators.reset();
+    }
+
+    /// Commands for want of anything better.
+    pub(super) fn hold(&mut self, command: &mut [f64]) -> Status {
+        self.actuators.hold(command);
+        Status::Blind
+    }
+
+    pub(super) fn error(&self, estimate: &Estimate<'_>, reference: &Reference) -> PointError {
+        let [x, y, psi] = estimate.eta;
+        let [u, v, r] = estimate.nu;
+        let l = self.distance;
+        let (sin, cos) = Float::sin_cos(psi);
+        let side = v + l * r;
+        let point = [x + l * cos, y + l * sin];
+        let velocity = [u * cos - side * sin, u * sin + side * cos];
+        PointError {
+            position: core::array::from_fn(|i| reference.position[i] - point[i]),
+            velocity: core::array::from_fn(|i| reference.velocity[i] - velocity[i]),
+        }
+    }
+
+    /// Accelerates the point by `wanted` (north, east) \[m/s^2\] as far as the actuators can; and what of it is missing
+    /// then: what it will be at the end of the sample, less what was wanted.
+    pub(super) fn accelerate(
+        &mut self,
+        estimate: &Estimate<'_>,
+        wanted: [f64; 2],
+        command: &mut [f64],
+    ) -> (Status, [f64; 2]) {
+        let [_, _, psi] = estimate.eta;
+        let [u, v, r] = estimate.nu;
+        let l = self.distance;
+        self.actuators.observe(estimate.actuators);
+        self.model.evaluate(estimate.nu, &mut self.motion);
+        let [f_u, f_v, f_r] = self.motion.f;
+        for (column, [g_u, g_v, g_r]) in self.columns.iter_mut().zip(&self.motion.g) {
+            *column = [*g_u, g_v + l * g_r];
+        }
+        let (sin, cos) = Float::sin_cos(psi);
+        let [north, east] = wanted;
+        let body = [
+            north * cos + east * sin - (f_u - r * (v + l * r)),
+            east * cos - north * sin - (f_v + l * f_r + u * r),
+        ];
+        let sigma = allocate(&self.columns, &self.spans, body, self.weakest, &mut self.efforts);
+        let applied = self.actuators.apply(&self.efforts, command);
+        let mut missing = [-body[0], -body[1]];
+        for (i, column) in self.columns.iter().enumerate() {
+            let effort = self.actuators.effort(i);
+            missing = [missing[0] + column[0] * effort, missing[1] + column[1] * effort];
+        }
+        let [x, y] = missing;
+        let mut status = Status::Tracking;
+        if applied.rate_limited {
+            status = status.and(Status::RateLimited);
+        }
+        if applied.saturated {
+            status = status.and(Status::Saturated);
+        }
+        // NaN, of a model that blows up, is no strength either.
+        if sigma.is_nan() || sigma < self.weakest {
+            status = status.and(Status::Singular);
+        }
+        (status, [x * cos - y * sin, x * sin + y * cos])
+    }
+}
+
+/// A vector no longer than `most`.
+pub(super) fn shortened([x, y]: [f64; 2], most: f64) -> [f64; 2] {
+    let length = Float::hypot(x, y);
+    if length > most { [x * (most / length), y * (most / length)] } else { [x, y] }
+}

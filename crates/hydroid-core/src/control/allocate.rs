@@ -1,0 +1,55 @@
+//! Efforts for a wanted acceleration.
+
+use num_traits::Float;
+
+/// The smallest efforts `tau` \[in shares of their `spans`\] with `sum_i b_i tau_i = wanted`, and how strong the vessel
+/// is.
+///
+/// `columns` are the `b_i`, accelerations \[m/s^2\] per unit of effort; `spans` what efforts there are to give. With `B =
+/// [b_i s_i]`, what full efforts give,
+///
+/// ```text
+/// tau = S B' (B B' + lambda^2 I)^-1 wanted,     lambda^2 = max(0, weakest^2 - sigma^2)
+/// ```
+///
+/// `sigma`, the least singular value of `B`, is the acceleration that all actuators together give in the direction in
+/// which they give least; it is returned \[m/s^2\]. Where it is `weakest` or more, `lambda` is zero and `B tau = wanted`
+/// exactly. Where it is less, what is asked for in that direction is damped: its effort stays below `|wanted| / weakest`
+/// spans and dies away with `sigma` instead of growing without bound, and the other direction is touched in the order of
+/// `(weakest / sigma_max)^2`. (Damped least squares: Y. Nakamura and H. Hanafusa, *Inverse kinematic solutions with
+/// singularity robustness for robot manipulator control*, 1986, with the damping only near the singularity, as S.
+/// Chiaverini has it, 1997.)
+///
+/// # Panics
+/// If `spans` or `efforts` have not as many numbers as there are columns.
+pub fn allocate(
+    columns: &[[f64; 2]],
+    spans: &[f64],
+    wanted: [f64; 2],
+    weakest: f64,
+    efforts: &mut [f64],
+) -> f64 {
+    assert!(
+        spans.len() == columns.len() && efforts.len() == columns.len(),
+        "one span and effort for each column"
+    );
+    let (mut a, mut b, mut c) = (0.0, 0.0, 0.0);
+    for (&[x, y], &span) in columns.iter().zip(spans) {
+        let square = span * span;
+        a += square * x * x;
+        b += square * x * y;
+        c += square * y * y;
+    }
+    // The lesser root from the product of both, which cancellation does not spoil.
+    let greater = 0.5 * (a + c) + Float::hypot(0.5 * (a - c), b);
+    let lesser = if greater > 0.0 { ((a * c - b * b) / greater).max(0.0) } else { 0.0 };
+    let damping = (weakest * weakest - lesser).max(0.0);
+    let (a, c) = (a + damping, c + damping);
+    let determinant = a * c - b * b;
+    let [p, q] = wanted;
+    let (x, y) = ((c * p - b * q) / determinant, (a * q - b * p) / determinant);
+    for ((effort, column), span) in efforts.iter_mut().zip(columns).zip(spans) {
+        *effort = span * span * (column[0] * x + column[1] * y);
+    }
+    Float::sqrt(lesser)
+}

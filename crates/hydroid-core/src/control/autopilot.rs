@@ -1,0 +1,204 @@
+//! The autopilot that a vessel has today: line of sight, heading by PID, speed by PI. No model.
+
+use num_traits::Float;
+
+use super::actuators::Actuators;
+use super::channel::{Channel, Limits};
+use super::error::{ControlError, at_least, positive};
+use super::status::Status;
+use super::{Controller, Estimate};
+use crate::guidance::{LineOfSight, LineOfSightSettings, Reference};
+use crate::vessel::kinematics::{pose_rate, wrap};
+
+/// Gains of the heading, in units of the rudder's command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeadingGains {
+    /// Per rad of heading error.
+    pub proportional: f64,
+    /// Per rad s.
+    pub integral: f64,
+    /// Per rad/s of error of the yaw rate.
+    pub derivative: f64,
+    /// Per rad/s of wanted yaw rate: what a steady turn needs.
+    pub turn: f64,
+    /// Speed at which these gains hold \[m/s\]; at `u` they are multiplied by `(speed / u)^exponent`.
+    pub speed: f64,
+    /// 1 where the rudder stands in the race of the propeller or its moment grows with the speed, 2 where it grows with
+    /// its square.
+    pub exponent: f64,
+}
+
+impl HeadingGains {
+    /// By placing the poles of a Nomoto model `T dr/dt + r = K delta` (`gain` \[rad/s per unit of the command\],
+    /// `time_constant` \[s\], at `speed`) at a natural frequency `omega` \[rad/s\] and a damping ratio `zeta` (Fossen
+    /// 2021, section 15.3.4):
+    ///
+    /// ```text
+    /// K_p = omega^2 T / K,   K_d = (2 zeta omega T - 1) / K,   K_i = omega / 10 K_p,   K_turn = 1 / K
+    /// ```
+    pub fn nomoto(gain: f64, time_constant: f64, omega: f64, zeta: f64, speed: f64) -> Self {
+        let proportional = omega * omega * time_constant / gain;
+        Self {
+            proportional,
+            integral: 0.1 * omega * proportional,
+            derivative: (2.0 * zeta * omega * time_constant - 1.0) / gain,
+            turn: 1.0 / gain,
+            speed,
+            exponent: 1.0,
+        }
+    }
+}
+
+/// Gains of the speed, in units of the propeller's command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpeedGains {
+    /// Per m/s.
+    pub proportional: f64,
+    /// Per m.
+    pub integral: f64,
+    /// What holds a speed: per m/s, and per (m/s)^2 times its sign.
+    pub drag: [f64; 2],
+}
+
+/// How the autopilot is set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AutopilotSettings {
+    /// Of the guidance.
+    pub line_of_sight: LineOfSightSettings,
+    /// Of the rudder.
+    pub heading: HeadingGains,
+    /// Of the propeller.
+    pub speed: SpeedGains,
+    /// Below this speed there is no steering: gains grow no more, and the status is [`Status::Singular`] \[m/s\].
+    pub steerage: f64,
+    /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
+    pub tolerance: f64,
+}
+
+/// Line of sight, a PID on the heading and a PI on the speed, for commands `[propeller, rudder]`: what other laws are to
+/// be compared with.
+///
+/// # Law
+///
+/// With `psi_d` and `r_d` of the integral line of sight ([`LineOfSight`]) for the foot of the vessel on its path (a
+/// reference by a [`Follower`](crate::guidance::Follower)), `e_psi = psi_d - psi` within half a turn, `e_u = U_d - u`:
+///
+/// ```text
+/// rudder    = (speed / u)^exponent (K_turn r_d + K_p e_psi + K_i integral(e_psi) + K_d (r_d - r))
+/// propeller = drag_1 U_d + drag_2 U_d |U_d| + K_pu e_u + K_iu integral(e_u)
+/// ```
+///
+/// Both integrals follow what commands at their limits did (back-calculation, K. J. Astrom and T. Hagglund, *Advanced PID
+/// Control*, 2006, section 3.5). Source: T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd
+/// ed., 2021, sections 12.3 (line of sight) and 15.3 (PID autopilots).
+///
+/// # Tuning
+///
+/// Heading: turn and gain of a zigzag or a turning circle give `K` and `T`, [`HeadingGains::nomoto`] the gains, with
+/// `omega` below `1 / T` of the steering gear and about `1 / T` of the vessel. Look-ahead: more than twice the speed over
+/// `omega`. Speed: `K_pu` a fraction of the mass (in newtons per m/s) over the lag of the propeller, `K_iu` an eighth of
+/// it per lag.
+///
+/// # When it fails
+///
+/// Gains hold at one speed and in one mode; sway and lags are not in it, so that it leaves the path where turns begin. A
+/// vessel whose drag falls with speed (one that takes off) oscillates where the gain of the speed is low. Without way
+/// there is no steering: [`Status::Singular`].
+#[derive(Clone, Debug)]
+pub struct Autopilot {
+    settings: AutopilotSettings,
+    sight: LineOfSight,
+    actuators: Actuators,
+    heading: f64,
+    speed: f64,
+}
+
+impl Autopilot {
+    /// An autopilot that is asked every `dt` seconds; `limits` of propeller and rudder.
+    ///
+    /// # Errors
+    /// If settings or limits are not possible.
+    pub fn new(limits: &[Limits; 2], dt: f64, settings: AutopilotSettings) -> Result<Self, ControlError> {
+        let AutopilotSettings { line_of_sight, heading, speed, steerage, tolerance } = settings;
+        positive("the proportional gain of the heading", heading.proportional)?;
+        at_least("the integral gain of the heading", heading.integral, 0.0)?;
+        at_least("the derivative gain of the heading", heading.derivative, 0.0)?;
+        at_least("the gain of the turn", heading.turn, 0.0)?;
+        positive("the speed of the gains of the heading", heading.speed)?;
+        at_least("the exponent of the speed", heading.exponent, 0.0)?;
+        positive("the proportional gain of the speed", speed.proportional)?;
+        at_least("the integral gain of the speed", speed.integral, 0.0)?;
+        at_least("the linear drag", speed.drag[0], 0.0)?;
+        at_least("the quadratic drag", speed.drag[1], 0.0)?;
+        positive("the speed of steerage", steerage)?;
+        positive("the tolerance", tolerance)?;
+        let sight = LineOfSight::new(line_of_sight).map_err(|_| ControlError::Setting {
+            what: "the look-ahead distance, or the integral gain of the line of sight",
+            value: line_of_sight.lookahead,
+            needed: "a distance greater than 0, and a gain of 0 or more, are needed",
+        })?;
+        let actuators = Actuators::new(&[Channel::default(); 2], limits, dt, 0.0)?;
+        Ok(Self { settings, sight, actuators, heading: 0.0, speed: 0.0 })
+    }
+}
+
+impl Controller for Autopilot {
+    fn inputs(&self) -> usize {
+        2
+    }
+
+    fn reset(&mut self) {
+        self.sight.reset();
+        self.actuators.reset();
+        (self.heading, self.speed) = (0.0, 0.0);
+    }
+
+    fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {
+        if !(estimate.is_finite() && reference.is_finite()) {
+            self.actuators.hold(command);
+            return Status::Blind;
+        }
+        let AutopilotSettings { heading, speed, steerage, tolerance, .. } = self.settings;
+        let [x, y, psi] = estimate.eta;
+        let [u, _, r] = estimate.nu;
+        let dt = self.actuators.dt();
+        let [north, east, _] = pose_rate(psi, estimate.nu);
+        let aim = self.sight.aim(&reference.pose(), [x, y], [north, east], dt);
+
+        let off = wrap(aim.heading - psi);
+        let scale = Float::powf(heading.speed / u.max(steerage), heading.exponent);
+        let rudder = scale
+            * (heading.turn * aim.rate
+                + heading.proportional * off
+                + heading.integral * self.heading
+                + heading.derivative * (aim.rate - r));
+        let slow = reference.speed - u;
+        let propeller = (speed.drag[0] + speed.drag[1] * reference.speed.abs()) * reference.speed
+            + speed.proportional * slow
+            + speed.integral * self.speed;
+        let wanted = [propeller, rudder];
+        command.copy_from_slice(&wanted);
+        let applied = self.actuators.limit(command);
+        // What a limit took away, as an error that would have asked for it.
+        let taken = |i: usize, gain: f64| (command[i] - wanted[i]) / gain;
+        self.speed += dt * (slow + taken(0, speed.proportional));
+        self.heading += dt * (off + taken(1, scale * heading.proportional));
+
+        let mut status = Status::Tracking;
+        if applied.rate_limited {
+            status = status.and(Status::RateLimited);
+        }
+        if applied.saturated {
+            status = status.and(Status::Saturated);
+        }
+        // Of the foot on its path: the cross-track error, and more where the foot was lost.
+        let [ahead, aside] = [x - reference.position[0], y - reference.position[1]];
+        if Float::hypot(ahead, aside) > tolerance {
+            status = status.and(Status::Lost);
+        }
+        if u < steerage {
+            status = status.and(Status::Singular);
+        }
+        status
+    }
+}

@@ -1,0 +1,213 @@
+//! Backstepping with adaptation of two constant disturbances, for a point ahead of the vessel.
+
+use num_traits::Float;
+
+use super::affine::Affine;
+use super::ahead::{PointAhead, shortened};
+use super::channel::Limits;
+use super::error::{ControlError, at_least, positive};
+use super::status::Status;
+use super::{Controller, Estimate};
+use crate::guidance::Reference;
+
+/// How a point ahead of a vessel is brought to its reference by backstepping.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BacksteppingSettings {
+    /// Distance `l` of the point ahead of the origin \[m\]: half a length of the vessel or more.
+    pub ahead: f64,
+    /// `k_1` \[1/s\]: how fast a distance is closed, once the speed for it is there.
+    pub position: f64,
+    /// `k_2` \[1/s\]: how fast that speed is reached.
+    pub velocity: f64,
+    /// `q` \[1/s^2\]: what a distance weighs beside a velocity in the Lyapunov function.
+    pub weight: f64,
+    /// `gamma_n` \[1/s^2\]: how fast a disturbance that is constant north and east is learned (wind, a sloping sea); 0 for
+    /// not at all.
+    pub weather: f64,
+    /// `gamma_b` \[1/s^2\]: how fast one that is constant ahead and to starboard is learned (a model that is wrong, a
+    /// fouled hull, a trim); 0 for not at all.
+    pub body: f64,
+    /// Neither is believed to be larger \[m/s^2\].
+    pub most: f64,
+    /// The speed over that of the reference at which a distance is closed at most \[m/s\].
+    pub closing_speed: f64,
+    /// See [`FeedbackLinearizationSettings::weakest`](super::FeedbackLinearizationSettings::weakest) \[m/s^2\].
+    pub weakest: f64,
+    /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
+    pub tolerance: f64,
+    /// Time given to actuators with a lag \[s\]: see [`Actuators`](super::Actuators).
+    pub response: f64,
+}
+
+impl BacksteppingSettings {
+    /// A point so many metres ahead, and one rate `k` = 1 /s for all: `k_1 = k_2 = k`, `q = k^2`, `gamma_n = gamma_b = k^2
+    /// / 10`.
+    pub fn new(ahead: f64) -> Self {
+        Self {
+            ahead,
+            position: 0.0,
+            velocity: 0.0,
+            weight: 0.0,
+            weather: 0.0,
+            body: 0.0,
+            most: 0.3,
+            closing_speed: 1.0,
+            weakest: 0.05,
+            tolerance: 2.0,
+            response: 0.0,
+        }
+        .with_rate(1.0)
+    }
+
+    /// With the gains of a rate \[1/s\].
+    #[must_use]
+    pub fn with_rate(self, k: f64) -> Self {
+        Self { position: k, velocity: k, weight: k * k, weather: 0.1 * k * k, body: 0.1 * k * k, ..self }
+    }
+}
+
+/// Backstepping of a point `l` metres ahead of the origin, with integral action, on any [`Affine`] model.
+///
+/// # Law
+///
+/// With the point `p` as in [`FeedbackLinearization`](super::FeedbackLinearization), `d2p/dt2 = w + b_n + R(psi) b_b`
+/// where `w` is what the efforts are allocated for, `b_n` an unknown constant acceleration north and east, and `b_b` one
+/// ahead and to starboard:
+///
+/// ```text
+/// z_1 = p - p_d
+/// a   = dp_d/dt - k_1 z_1                                  the velocity that would close the distance
+/// z_2 = dp/dt - a
+/// w   = da/dt - q z_1 - k_2 z_2 - b_n^ - R(psi) b_b^
+/// db_n^/dt = gamma_n z_2,      db_b^/dt = gamma_b R(psi)' z_2
+/// ```
+///
+/// For `V = q |z_1|^2 / 2 + |z_2|^2 / 2 + |b_n - b_n^|^2 / (2 gamma_n) + |b_b - b_b^|^2 / (2 gamma_b)` this gives `dV/dt =
+/// -q k_1 |z_1|^2 - k_2 |z_2|^2`: distance and its rate go to zero whatever the two constants are, and on a straight
+/// course as well as in a turn. (On a straight course the two cannot be told apart; their sum is what is needed.)
+///
+/// Source: M. Krstic, I. Kanellakopoulos, P. V. Kokotovic, *Nonlinear and Adaptive Control Design*, 1995, sections 2.3
+/// (integrator backstepping) and 3.2 (adaptation of constants in the last step); for marine craft T. I. Fossen, *Handbook
+/// of Marine Craft Hydrodynamics and Motion Control*, 2nd ed., 2021, chapter 16 (integrator backstepping, integral
+/// action).
+///
+/// Without adaptation and far from all limits it is the feedback linearization with `k_p = q + k_1 k_2` and `k_d = k_1 +
+/// k_2`: the two differ in what they do against what the model does not have.
+///
+/// # Tuning
+///
+/// One rate `k` for all ([`BacksteppingSettings::with_rate`]): `k_p = 2 k^2`, `k_d = 2 k`, a damping of 0.7; `k` below
+/// about `0.2 / h` for samples of `h` seconds and below what actuators can follow. The disturbances are learned within
+/// some `10 / k` seconds; faster is more noise in the command.
+///
+/// # Assumptions, and when it fails
+///
+/// Those of [`FeedbackLinearization`](super::FeedbackLinearization). Disturbances that change faster than they are learned
+/// are attenuated only. Where commands are at their limits `z_2` says nothing of the disturbances: they are then corrected
+/// by what was missing, and never believed to be larger than `most`.
+#[derive(Clone, Debug)]
+pub struct Backstepping<M> {
+    point: PointAhead<M>,
+    settings: BacksteppingSettings,
+    weather: [f64; 2],
+    body: [f64; 2],
+}
+
+impl<M: Affine> Backstepping<M> {
+    /// A controller that is asked every `dt` seconds.
+    ///
+    /// # Errors
+    /// If settings, limits or lags are not possible, or the model has fewer than two commands.
+    pub fn new(
+        model: M,
+        limits: &[Limits],
+        dt: f64,
+        settings: BacksteppingSettings,
+    ) -> Result<Self, ControlError> {
+        positive("the gain of the position", settings.position)?;
+        positive("the gain of the velocity", settings.velocity)?;
+        positive("the weight of the position", settings.weight)?;
+        at_least("the rate at which weather is learned", settings.weather, 0.0)?;
+        at_least("the rate at which the body's disturbance is learned", settings.body, 0.0)?;
+        at_least("the largest disturbance", settings.most, 0.0)?;
+        positive("the closing speed", settings.closing_speed)?;
+        positive("the tolerance", settings.tolerance)?;
+        let BacksteppingSettings { ahead, weakest, response, .. } = settings;
+        let point = PointAhead::new(model, limits, dt, response, ahead, weakest)?;
+        Ok(Self { point, settings, weather: [0.0; 2], body: [0.0; 2] })
+    }
+
+    /// The model.
+    pub fn model(&self) -> &M {
+        self.point.model()
+    }
+
+    /// Lets the model change, as one that learns does; its lags are taken over.
+    ///
+    /// # Errors
+    /// If a lag cannot be inverted any more: the one before stays in use.
+    pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError> {
+        self.point.update(change)
+    }
+
+    /// The disturbance that it believes to be constant north and east \[m/s^2\].
+    pub const fn weather(&self) -> [f64; 2] {
+        self.weather
+    }
+
+    /// The disturbance of the point that it believes to be constant ahead and to starboard \[m/s^2\].
+    pub const fn body(&self) -> [f64; 2] {
+        self.body
+    }
+}
+
+impl<M: Affine> Controller for Backstepping<M> {
+    fn inputs(&self) -> usize {
+        self.point.inputs()
+    }
+
+    fn reset(&mut self) {
+        self.point.reset();
+        (self.weather, self.body) = ([0.0; 2], [0.0; 2]);
+    }
+
+    fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {
+        if !(estimate.is_finite() && reference.is_finite()) {
+            return self.point.hold(command);
+        }
+        let BacksteppingSettings { position: k_1, velocity: k_2, weight, most, .. } = self.settings;
+        let error = self.point.error(estimate, reference);
+        // k_1 z_1, kept to the closing speed. Where it is cut short it does not change with z_1 either.
+        let asked = error.position.map(|e| -k_1 * e);
+        let closing = shortened(asked, self.settings.closing_speed);
+        let z_1 = closing.map(|c| c / k_1);
+        let cut = closing != asked;
+        let z_2: [f64; 2] = core::array::from_fn(|i| closing[i] - error.velocity[i]);
+        let (sin, cos) = Float::sin_cos(estimate.eta[2]);
+        let north_east = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
+        let ahead_starboard = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
+        let turned = north_east(self.body);
+        let wanted = core::array::from_fn(|i| {
+            // da/dt, with dz_1/dt = -de/dt
+            let stepped = reference.acceleration[i] + if cut { 0.0 } else { k_1 * error.velocity[i] };
+            stepped - weight * z_1[i] - k_2 * z_2[i] - self.weather[i] - turned[i]
+        });
+        let (mut status, missing) = self.point.accelerate(estimate, wanted, command);
+
+        let BacksteppingSettings { weather, body, .. } = self.settings;
+        // What is missing makes z_2 grow by itself, within 1 / k_2 to missing / k_2: that much of it is no disturbance.
+        let told: [f64; 2] = core::array::from_fn(|i| z_2[i] - missing[i] / k_2);
+        if !cut && told.iter().all(|x| x.is_finite()) {
+            let dt = self.point.dt();
+            let learn = |known: [f64; 2], rate: f64, by: [f64; 2]| {
+                shortened([known[0] + dt * rate * by[0], known[1] + dt * rate * by[1]], most)
+            };
+            self.weather = learn(self.weather, weather, told);
+            self.body = learn(self.body, body, ahead_starboard(told));
+        }
+        if error.distance() > self.settings.tolerance {
+            status = status.and(Status::Lost);
+        }
+        status
+    }
+}

@@ -1,0 +1,38 @@
+//! Numbers that are drawn.
+
+use num_traits::Float;
+
+/// White Gaussian numbers from a seed: uniform ones by `SplitMix64` (G. L. Steele, D. Lea, C. H. Flood, *Fast splittable
+/// pseudorandom number generators*, 2014), two at a time by G. E. P. Box and M. E. Muller, 1958. The same on every machine
+/// but for the last digits of logarithm and cosine.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Noise {
+    state: u64,
+    spare: Option<f64>,
+}
+
+impl Noise {
+    pub(super) const fn new(seed: u64) -> Self {
+        Self { state: seed, spare: None }
+    }
+
+    /// In `(0, 1]`.
+    fn uniform(&mut self) -> f64 {
+        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let bits = (z ^ (z >> 31)) >> 11;
+        1.0 - bits as f64 / 9_007_199_254_740_992.0
+    }
+
+    pub(super) fn normal(&mut self) -> f64 {
+        if let Some(spare) = self.spare.take() {
+            return spare;
+        }
+        let radius = Float::sqrt(-2.0 * Float::ln(self.uniform()));
+        let (sin, cos) = Float::sin_cos(core::f64::consts::TAU * self.uniform());
+        self.spare = Some(radius * sin);
+        radius * cos
+    }
+}

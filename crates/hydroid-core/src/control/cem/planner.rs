@@ -1,0 +1,341 @@
+//! The cross-entropy method, sample by sample.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use num_traits::Float;
+
+use super::cost::Cost;
+use super::noise::Noise;
+use super::rollouts::Rollouts;
+use super::settings::PlannerSettings;
+use crate::control::channel::Limits;
+use crate::control::error::{ControlError, positive};
+use crate::control::status::Status;
+use crate::guidance::Reference;
+
+/// Candidates between two questions whether there is time left.
+const CHUNK: usize = 50;
+
+/// Plans from sample to sample by the cross-entropy method.
+///
+/// # Law
+///
+/// Of `candidates` sequences of commands, drawn with mean `mu` and deviations `s` and brought within limits and rate
+/// limits, the `elites` with the least [`Cost`] give the next mean and deviations, `iterations` times:
+///
+/// ```text
+/// c_k  = mu_k + s_k n_k,    n_k = a n_{k-1} + sqrt(1 - a^2) white,    a = exp(-dt / correlation)
+/// mu  <- m mu + (1 - m) mean(elites),    s <- m s + (1 - m) deviation(elites)
+/// ```
+///
+/// Among the candidates are always the mean itself and the best of all so far; what is commanded is the first row of the
+/// best. The next sample starts from that plan, shifted by one sample with its last row repeated, and from the first
+/// deviations.
+///
+/// Source: R. Y. Rubinstein and D. P. Kroese, *The Cross-Entropy Method*, 2004; P.-T. de Boer et al., *A tutorial on the
+/// cross-entropy method*, 2005 (smoothing); C. Pinneri et al., *Sample-efficient cross-entropy method for real-time
+/// planning*, 2020 (coloured noise, elites that are kept, shifted plans); Y. Yang et al., *Data efficient reinforcement
+/// learning for legged robots*, 2019 (on learned multi-step dynamics).
+///
+/// # Time
+///
+/// A caller with a clock gives `stop`, which is asked after every 50 candidates and ends the search; the best plan so far
+/// counts, and the shifted one at the least. Without it a plan is `candidates x horizon x iterations` predicted samples.
+/// What is drawn depends on the seed and on nothing else; a search that a clock ends depends on the clock.
+///
+/// # When it fails
+///
+/// What lies beyond the horizon is not seen: a turn needs to be begun within it. Where no candidate has a finite cost the
+/// shifted plan is commanded, and the status is [`Status::Blind`].
+#[derive(Clone, Debug)]
+pub struct Planner {
+    settings: PlannerSettings,
+    cost: Cost,
+    limits: Vec<Limits>,
+    dt: f64,
+    /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
+    tolerance: f64,
+    outputs: usize,
+    correlation: f64,
+    noise: Noise,
+    last: Vec<f64>,
+    plan: Vec<f64>,
+    mean: Vec<f64>,
+    deviation: Vec<f64>,
+    candidates: Vec<f64>,
+    costs: Vec<f64>,
+    order: Vec<usize>,
+    y: Vec<f64>,
+    now: Vec<f64>,
+}
+
+/// What came of a search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// Cost of the plan; infinite where none was found.
+    pub cost: f64,
+    /// Iterations that were finished.
+    pub iterations: usize,
+    /// Candidates that were tried.
+    pub tried: usize,
+    /// How the command is to be trusted.
+    pub status: Status,
+}
+
+impl Planner {
+    /// A planner for a model with so many outputs (`u, v, r` first) and a sample time of `dt` seconds.
+    ///
+    /// # Errors
+    /// If settings, prices or limits are not possible.
+    pub fn new(
+        settings: PlannerSettings,
+        cost: Cost,
+        limits: &[Limits],
+        outputs: usize,
+        dt: f64,
+        tolerance: f64,
+    ) -> Result<Self, ControlError> {
+        settings.check()?;
+        positive("the sample time", dt)?;
+        positive("the tolerance", tolerance)?;
+        if outputs < 3 {
+            let needed = "u, v and r are needed";
+            return Err(ControlError::Setting {
+                what: "the number of outputs",
+                value: outputs as f64,
+                needed,
+            });
+        }
+        cost.check(limits.len(), outputs)?;
+        if let Some(channel) = limits.iter().position(|limits| !limits.are_possible()) {
+            return Err(ControlError::Limits { channel });
+        }
+        let len = settings.horizon * limits.len();
+        let correlation =
+            if settings.correlation_s > 0.0 { Float::exp(-dt / settings.correlation_s) } else { 0.0 };
+        let mut planner = Self {
+            settings,
+            cost,
+            limits: limits.to_vec(),
+            dt,
+            tolerance,
+            outputs,
+            correlation,
+            noise: Noise::new(settings.seed),
+            last: vec![0.0; limits.len()],
+            plan: vec![0.0; len],
+            mean: vec![0.0; len],
+            deviation: vec![0.0; len],
+            candidates: vec![0.0; settings.candidates * len],
+            costs: vec![f64::INFINITY; settings.candidates],
+            order: (0..settings.candidates).collect(),
+            y: vec![0.0; CHUNK * settings.horizon * outputs],
+            now: vec![0.0; outputs],
+        };
+        planner.reset();
+        Ok(planner)
+    }
+
+    /// Forgets the plan: all commands at rest. What is drawn begins again with the seed.
+    pub fn reset(&mut self) {
+        self.noise = Noise::new(self.settings.seed);
+        for (last, limits) in self.last.iter_mut().zip(&self.limits) {
+            *last = 0.0_f64.clamp(limits.low, limits.high);
+        }
+        for row in self.plan.chunks_exact_mut(self.last.len()) {
+            row.copy_from_slice(&self.last);
+        }
+    }
+
+    /// The plan, `horizon x inputs`; its first row is the command of this sample.
+    pub fn plan(&self) -> &[f64] {
+        &self.plan
+    }
+
+    /// Samples that a plan looks ahead.
+    pub const fn horizon(&self) -> usize {
+        self.settings.horizon
+    }
+
+    /// Plans from `pose` (`[x, y, psi]`) and the moment that `model` is at; `references` are where to be after 1, 2, ..
+    /// `horizon` samples. `stop` says that time is up.
+    ///
+    /// # Panics
+    /// If `model` has other numbers of outputs and inputs, there are fewer references than the horizon, or `command` has
+    /// not one number for each input.
+    pub fn command(
+        &mut self,
+        model: &mut dyn Rollouts,
+        pose: [f64; 3],
+        references: &[Reference],
+        stop: &mut dyn FnMut() -> bool,
+        command: &mut [f64],
+    ) -> Plan {
+        let inputs = self.limits.len();
+        assert!(
+            model.outputs() == self.outputs && model.inputs() == inputs,
+            "the model that it was made for"
+        );
+        let references = &references[..self.settings.horizon];
+        self.shift();
+        model.now(&mut self.now);
+        let seen = pose.iter().chain(&self.now).all(|x| x.is_finite())
+            && references.iter().all(Reference::is_finite);
+        let mut plan = Plan { cost: f64::INFINITY, iterations: 0, tried: 0, status: Status::Blind };
+        if seen {
+            self.search(model, pose, references, stop, &mut plan);
+        }
+        command.copy_from_slice(&self.plan[..inputs]);
+        if plan.cost.is_finite() {
+            plan.status = self.status(pose, &references[0], command);
+        }
+        self.last.copy_from_slice(command);
+        plan
+    }
+
+    /// The plan one sample later, within limits from the last command on.
+    fn shift(&mut self) {
+        // The last row stays where it is, and so is there twice.
+        self.plan.copy_within(self.limits.len().., 0);
+        feasible(&mut self.plan, &self.last, &self.limits, self.dt);
+    }
+
+    fn search(
+        &mut self,
+        model: &mut dyn Rollouts,
+        pose: [f64; 3],
+        references: &[Reference],
+        stop: &mut dyn FnMut() -> bool,
+        plan: &mut Plan,
+    ) {
+        let (inputs, len) = (self.limits.len(), self.plan.len());
+        let PlannerSettings { candidates, iterations, deviation, .. } = self.settings;
+        self.mean.copy_from_slice(&self.plan);
+        for (s, k) in self.deviation.iter_mut().zip(0..) {
+            let limits = &self.limits[k % inputs];
+            *s = deviation * 0.5 * (limits.high - limits.low);
+        }
+        let nu = [self.now[0], self.now[1], self.now[2]];
+        for _ in 0..iterations {
+            self.draw(plan.cost.is_finite());
+            let (mut first, mut stopped) = (0, false);
+            while first < candidates && !stopped {
+                let count = CHUNK.min(candidates - first);
+                let commands = &self.candidates[first * len..(first + count) * len];
+                let rows = self.settings.horizon * self.outputs;
+                let y = &mut self.y[..count * rows];
+                model.rollouts(count, commands, y);
+                for k in 0..count {
+                    let of = &commands[k * len..(k + 1) * len];
+                    let row = &y[k * rows..(k + 1) * rows];
+                    let cost = self.cost.of(
+                        pose,
+                        nu,
+                        row,
+                        self.outputs,
+                        of,
+                        &self.last,
+                        &self.limits,
+                        references,
+                        self.dt,
+                    );
+                    self.costs[first + k] = cost;
+                    if cost < plan.cost {
+                        plan.cost = cost;
+                        self.plan.copy_from_slice(of);
+                    }
+                }
+                first += count;
+                plan.tried += count;
+                stopped = stop();
+            }
+            if first < candidates {
+                return;
+            }
+            plan.iterations += 1;
+            self.learn();
+            if stopped {
+                return;
+            }
+        }
+    }
+
+    /// Candidates of an iteration: the mean, the best so far, and what is drawn around the mean.
+    fn draw(&mut self, known: bool) {
+        let (inputs, len) = (self.limits.len(), self.plan.len());
+        let fresh = Float::sqrt(1.0 - self.correlation * self.correlation);
+        for (index, candidate) in self.candidates.chunks_exact_mut(len).enumerate() {
+            if index == 0 {
+                candidate.copy_from_slice(&self.mean);
+            } else if index == 1 && known {
+                candidate.copy_from_slice(&self.plan);
+            } else {
+                for i in 0..inputs {
+                    let mut n = self.noise.normal();
+                    for at in (i..len).step_by(inputs) {
+                        candidate[at] = self.mean[at] + self.deviation[at] * n;
+                        n = self.correlation * n + fresh * self.noise.normal();
+                    }
+                }
+            }
+            feasible(candidate, &self.last, &self.limits, self.dt);
+        }
+    }
+
+    /// Moves mean and deviations to the elites.
+    fn learn(&mut self) {
+        let (inputs, len) = (self.limits.len(), self.plan.len());
+        let PlannerSettings { elites, momentum, least_deviation, .. } = self.settings;
+        let costs = &self.costs;
+        // Equal costs in the order of the candidates: the same elites whatever the order was before.
+        let by_cost = |a: &usize, b: &usize| costs[*a].total_cmp(&costs[*b]).then(a.cmp(b));
+        self.order.select_nth_unstable_by(elites - 1, by_cost);
+        let best = &mut self.order[..elites];
+        best.sort_unstable();
+        let best = &self.order[..elites];
+        for at in 0..len {
+            let value = |k: &usize| self.candidates[k * len + at];
+            let mean = best.iter().map(value).sum::<f64>() / elites as f64;
+            let square = best.iter().map(|k| (value(k) - mean) * (value(k) - mean)).sum::<f64>();
+            let limits = &self.limits[at % inputs];
+            let least = least_deviation * 0.5 * (limits.high - limits.low);
+            let deviation = Float::sqrt(square / elites as f64);
+            self.mean[at] = momentum * self.mean[at] + (1.0 - momentum) * mean;
+            self.deviation[at] = (momentum * self.deviation[at] + (1.0 - momentum) * deviation).max(least);
+        }
+    }
+
+    fn status(&self, [x, y, psi]: [f64; 3], reference: &Reference, command: &[f64]) -> Status {
+        let mut status = Status::Tracking;
+        for ((command, last), limits) in command.iter().zip(&self.last).zip(&self.limits) {
+            if (command - last).abs() >= limits.rate * self.dt * (1.0 - 1e-9) {
+                status = status.and(Status::RateLimited);
+            }
+            if *command <= limits.low || *command >= limits.high {
+                status = status.and(Status::Saturated);
+            }
+        }
+        let (sin, cos) = Float::sin_cos(psi);
+        let north = x + self.cost.ahead * cos - reference.position[0];
+        let east = y + self.cost.ahead * sin - reference.position[1];
+        if Float::hypot(north, east) > self.tolerance {
+            status = status.and(Status::Lost);
+        }
+        status
+    }
+}
+
+/// Brings a sequence within limits and, from the command before it on, within rate limits.
+fn feasible(sequence: &mut [f64], last: &[f64], limits: &[Limits], dt: f64) {
+    let inputs = limits.len();
+    for (i, limits) in limits.iter().enumerate() {
+        let (mut before, change) = (last[i], limits.rate * dt);
+        for at in (i..sequence.len()).step_by(inputs) {
+            let low = (before - change).max(limits.low);
+            let high = (before + change).min(limits.high);
+            sequence[at] = sequence[at].clamp(low, high);
+            before = sequence[at];
+        }
+    }
+}

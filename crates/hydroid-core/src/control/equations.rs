@@ -1,0 +1,123 @@
+//! Identified equations as a model that a control law can invert.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::affine::{Affine, Motion};
+use super::channel::{Channel, Lag};
+use super::split::{Split, split};
+use crate::model::sparse::{Equations, Program};
+
+pub use super::split::NotAffine;
+
+/// Identified [`Equations`] in the form `d nu/dt = f(nu) + sum_i g_i(nu) phi_i(a_i)`.
+///
+/// Each term of the equations of motion is taken apart: factors of `u`, `v`, `r` (gates of a change of mode among them)
+/// stay, and what is left of it is nothing (then it belongs to `f`), or one and the same function `phi_i` of one actuator
+/// (to `g_i`, which is what `d f/d phi_i` of the Jacobian would be): `c`, `sin(c)`, `c |c|`. The actuator is the command
+/// itself, its hidden first-order lag ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output of its own that
+/// follows it (a measured propeller force, `d P_f/dt = a P_f + b PP + c`). All that is not so is refused: [`NotAffine`]
+/// says which term, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AffineEquations {
+    program: Program,
+    slots: Vec<f64>,
+    entries: Vec<Entry>,
+    channels: Vec<Channel>,
+    /// Where in the table of coefficients the lag of a channel stands that an output has: of `a`, of `c`, of 1.
+    measured: Vec<Option<[Option<usize>; 3]>>,
+    outputs: usize,
+    len: usize,
+}
+
+/// A coefficient, what it multiplies, and where it belongs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Entry {
+    /// Row of `nu`.
+    row: usize,
+    /// Channel of `g`; none for `f`.
+    channel: Option<usize>,
+    slot: usize,
+    place: usize,
+    coefficient: f64,
+}
+
+impl AffineEquations {
+    /// Takes equations apart; `motion` are the outputs that are `u`, `v` and `r`, in m/s and rad/s.
+    ///
+    /// # Errors
+    /// If they are not affine in known maps of their commands: [`NotAffine`].
+    pub fn new(equations: &Equations, motion: [usize; 3]) -> Result<Self, NotAffine> {
+        let Split { parts, terms, channels, measured } = split(equations, motion)?;
+        let program = Program::new(&terms, 3).map_err(NotAffine::Program)?;
+        let entry = |part: &super::split::Part| Entry {
+            row: part.row,
+            channel: part.channel,
+            slot: program.slot(part.term),
+            place: part.place,
+            coefficient: 0.0,
+        };
+        let entries = parts.iter().map(entry).collect();
+        let (slots, outputs) = (vec![0.0; program.slots()], equations.outputs());
+        let len = equations.coefficients().len();
+        let mut affine = Self { program, slots, entries, channels, measured, outputs, len };
+        affine.set_coefficients(equations.coefficients());
+        Ok(affine)
+    }
+
+    /// Takes other coefficients of the same equations (`outputs x terms`), without allocating: what an adapter has learned
+    /// since. Places that were zero when the equations were taken apart stay zero.
+    ///
+    /// # Panics
+    /// If there are not as many as the equations have.
+    pub fn set_coefficients(&mut self, coefficients: &[f64]) {
+        assert_eq!(coefficients.len(), self.len, "one coefficient for each place");
+        for entry in &mut self.entries {
+            entry.coefficient = coefficients[entry.place];
+        }
+        for (channel, measured) in self.channels.iter_mut().zip(&self.measured) {
+            if let Some(places) = measured {
+                let [rate, gain, offset] = places.map(|place| place.map_or(0.0, |place| coefficients[place]));
+                channel.lag = Lag::FirstOrder { rate, gain, offset };
+            }
+        }
+    }
+
+    /// Puts measured outputs where a controller takes measured actuators: `y` as the equations have their outputs, `into`
+    /// one number for each command, NaN where no output is its actuator.
+    ///
+    /// # Panics
+    /// If the slices have not these lengths.
+    pub fn actuators_of(&self, y: &[f64], into: &mut [f64]) {
+        assert!(
+            y.len() == self.outputs && into.len() == self.channels.len(),
+            "outputs, and one for each command"
+        );
+        for (value, measured) in into.iter_mut().zip(&self.measured) {
+            // The coefficient of `a` in its own equation says which output it is.
+            let output = measured.and_then(|[rate, ..]| rate).map(|place| place / (self.len / self.outputs));
+            *value = output.map_or(f64::NAN, |output| y[output]);
+        }
+    }
+}
+
+impl Affine for AffineEquations {
+    fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    fn evaluate(&mut self, nu: [f64; 3], into: &mut Motion) {
+        assert_eq!(into.g.len(), self.channels.len(), "one column for each command");
+        self.slots[1..=3].copy_from_slice(&nu);
+        self.program.evaluate(&mut self.slots);
+        into.f = [0.0; 3];
+        into.g.fill([0.0; 3]);
+        for entry in &self.entries {
+            let value = entry.coefficient * self.slots[entry.slot];
+            match entry.channel {
+                None => into.f[entry.row] += value,
+                Some(channel) => into.g[channel][entry.row] += value,
+            }
+        }
+    }
+}

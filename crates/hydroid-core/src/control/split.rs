@@ -1,0 +1,275 @@
+//! Which terms of equations are motion, which are effort, and which are neither.
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::channel::{Channel, Lag, Map};
+use crate::model::sparse::{Equations, Factor, ProgramError, Shape, Signal, Term};
+
+/// Why equations cannot be written as `f(nu) + sum g_i(nu) phi_i(a_i)`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NotAffine {
+    /// The outputs that are to be `u`, `v` and `r` are not three different ones that there are.
+    Motion,
+    /// A term has a command in a way that is not one invertible function of it alone.
+    Term {
+        /// The equation.
+        output: usize,
+        /// The term.
+        term: Term,
+    },
+    /// A term has past values: what they do cannot be told from what a command will do.
+    Past {
+        /// The equation.
+        output: usize,
+        /// The term.
+        term: Term,
+    },
+    /// A command enters in two ways: two functions of it, or with and without its lag.
+    TwoWays {
+        /// The equation.
+        output: usize,
+        /// A term with the second way.
+        term: Term,
+        /// The command, from 0.
+        input: usize,
+    },
+    /// An output that is none of `u`, `v`, `r` is in the equations, and is no actuator: its own equation has more than
+    /// itself, one command and a constant.
+    Output {
+        /// The output.
+        output: usize,
+        /// The term that is too much; none where the command is missing.
+        term: Option<Term>,
+    },
+    /// Fewer than two commands have any effect on the motion.
+    TooFewInputs {
+        /// How many have.
+        given: usize,
+    },
+    /// The terms do not compile.
+    Program(ProgramError),
+}
+
+impl NotAffine {
+    /// The reason with the names of outputs, inputs and signals, in the order of the variables.
+    pub fn with_names(&self, names: &[impl AsRef<str>]) -> String {
+        let name = |variable: usize| names.get(variable).map_or("?", AsRef::as_ref);
+        match self {
+            Self::Term { output, term } => format!(
+                "the term {} of d{}/dt is not affine in one known function (c, sin(c) or c |c|) of a command",
+                term.name(names),
+                name(*output)
+            ),
+            Self::Past { output, term } => format!(
+                "the term {} of d{}/dt has past values, which a control law does not know how to invert: identify without them (method sindy)",
+                term.name(names),
+                name(*output)
+            ),
+            Self::TwoWays { output, term, input } => format!(
+                "command {input} enters in two ways; the second is in the term {} of d{}/dt",
+                term.name(names),
+                name(*output)
+            ),
+            Self::Output { output, term: Some(term) } => format!(
+                "{} is neither u, v, r nor an actuator: its equation has the term {}, and an actuator's has itself, one command and a constant",
+                name(*output),
+                term.name(names)
+            ),
+            Self::Output { output, term: None } => {
+                format!("{} is neither u, v, r nor an actuator: it follows no command", name(*output))
+            }
+            Self::Motion => String::from("u, v and r must be three different outputs of the equations"),
+            Self::TooFewInputs { given } => {
+                format!("{given} of the commands move the vessel: a point in the plane needs at least 2")
+            }
+            Self::Program(error) => format!("{error}"),
+        }
+    }
+}
+
+/// With `x0, x1 ..` for outputs, inputs and signals, in their order.
+impl core::fmt::Display for NotAffine {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let names: Vec<String> = (0..64).map(|k| format!("x{k}")).collect();
+        f.write_str(&self.with_names(&names))
+    }
+}
+
+impl core::error::Error for NotAffine {}
+
+/// A coefficient's place in `f` or `g`.
+pub(super) struct Part {
+    pub(super) row: usize,
+    pub(super) channel: Option<usize>,
+    /// Which of [`Split::terms`] it multiplies.
+    pub(super) term: usize,
+    /// Where it stands in the table of coefficients.
+    pub(super) place: usize,
+}
+
+/// Equations taken apart.
+pub(super) struct Split {
+    pub(super) parts: Vec<Part>,
+    /// Terms in `u`, `v`, `r` alone, which are variables 0, 1, 2.
+    pub(super) terms: Vec<Term>,
+    pub(super) channels: Vec<Channel>,
+    /// Of a channel that is an output: where the coefficients of itself, of its command and of 1 stand.
+    pub(super) measured: Vec<Option<[Option<usize>; 3]>>,
+}
+
+/// What is known of a command so far.
+#[derive(Clone, Copy, Default)]
+struct Way {
+    /// The variable that carries it, and how.
+    of: Option<(u16, Map)>,
+}
+
+pub(super) fn split(equations: &Equations, motion: [usize; 3]) -> Result<Split, NotAffine> {
+    let (outputs, inputs) = (equations.outputs(), equations.inputs());
+    let distinct = motion[0] != motion[1] && motion[1] != motion[2] && motion[0] != motion[2];
+    if !distinct || motion.iter().any(|&output| output >= outputs) {
+        return Err(NotAffine::Motion);
+    }
+    let count = equations.terms().len();
+    let mut measured = vec![None; inputs];
+    // Which command a variable carries.
+    let mut carries: Vec<Option<usize>> = vec![None; equations.variables()];
+    for input in 0..inputs {
+        carries[outputs + input] = Some(input);
+    }
+    for (index, signal) in equations.signals().iter().enumerate() {
+        if let Signal::Lag { input, .. } = *signal {
+            carries[outputs + inputs + index] = Some(usize::from(input) - outputs);
+        }
+    }
+    for output in (0..outputs).filter(|output| !motion.contains(output)) {
+        if is_used(equations, motion, output) {
+            let (input, places) = actuator(equations, output)?;
+            carries[output] = Some(input);
+            measured[input] = Some(places);
+        }
+    }
+
+    let mut ways = vec![Way::default(); inputs];
+    let mut found = Split { parts: Vec::new(), terms: Vec::new(), channels: Vec::new(), measured };
+    for (row, &output) in motion.iter().enumerate() {
+        for (j, term) in equations.terms().iter().enumerate() {
+            if equations.coefficient(output, j) == 0.0 {
+                continue;
+            }
+            let past = |factor: &Factor| {
+                let of = usize::from(factor.variable);
+                carries[of].is_none() && !motion.contains(&of)
+            };
+            if term.factors().iter().any(past) {
+                return Err(NotAffine::Past { output, term: term.clone() });
+            }
+            let of_motion = |factor: &Factor| motion.iter().position(|&m| m == usize::from(factor.variable));
+            let rest = Term::new(
+                term.factors()
+                    .iter()
+                    .filter_map(|factor| {
+                        let variable = u16::try_from(of_motion(factor)?).ok()?;
+                        Some(Factor { variable, shape: factor.shape })
+                    })
+                    .collect(),
+            );
+            let effort: Vec<Factor> =
+                term.factors().iter().copied().filter(|f| of_motion(f).is_none()).collect();
+            let channel = match effort.first() {
+                None => None,
+                Some(first) => {
+                    let map =
+                        map_of(&effort).ok_or_else(|| NotAffine::Term { output, term: term.clone() })?;
+                    // Every other variable was refused as a past one.
+                    let input = carries[usize::from(first.variable)].unwrap_or_default();
+                    let way = (first.variable, map);
+                    if *ways[input].of.get_or_insert(way) != way {
+                        return Err(NotAffine::TwoWays { output, term: term.clone(), input });
+                    }
+                    Some(input)
+                }
+            };
+            let known = found.terms.iter().position(|known| *known == rest);
+            let term = known.unwrap_or_else(|| {
+                found.terms.push(rest);
+                found.terms.len() - 1
+            });
+            found.parts.push(Part { row, channel, term, place: output * count + j });
+        }
+    }
+    let given = ways.iter().filter(|way| way.of.is_some()).count();
+    if given < 2 {
+        return Err(NotAffine::TooFewInputs { given });
+    }
+    for (input, way) in ways.iter().enumerate() {
+        let (variable, map) = way.of.unwrap_or((0, Map::Identity));
+        let lag = usize::from(variable).checked_sub(outputs + inputs).map(|index| equations.signals()[index]);
+        let lag = match lag {
+            Some(Signal::Lag { time_constant_s, .. }) => Lag::of_time_constant(time_constant_s.0),
+            // Of an output: from its coefficients, which may change.
+            _ => Lag::None,
+        };
+        if way.of.is_none() || usize::from(variable) >= outputs {
+            found.measured[input] = None;
+        }
+        found.channels.push(Channel { lag, map });
+    }
+    Ok(found)
+}
+
+/// Whether the equations of motion have an output among their terms.
+fn is_used(equations: &Equations, motion: [usize; 3], output: usize) -> bool {
+    let Ok(variable) = u16::try_from(output) else { return true };
+    let terms = || equations.terms().iter().enumerate();
+    terms().any(|(j, term)| {
+        term.contains(variable) && motion.iter().any(|&row| equations.coefficient(row, j) != 0.0)
+    })
+}
+
+/// The command that an output follows, and where the coefficients of itself, of the command and of 1 stand.
+fn actuator(equations: &Equations, output: usize) -> Result<(usize, [Option<usize>; 3]), NotAffine> {
+    let (outputs, inputs) = (equations.outputs(), equations.inputs());
+    let count = equations.terms().len();
+    let mut places = [None; 3];
+    let mut command = None;
+    for (j, term) in equations.terms().iter().enumerate() {
+        if equations.coefficient(output, j) == 0.0 {
+            continue;
+        }
+        let place = Some(output * count + j);
+        let too_much = || NotAffine::Output { output, term: Some(term.clone()) };
+        match term.factors() {
+            [] => places[2] = place,
+            [Factor { variable, shape: Shape::Power(1) }] => {
+                let variable = usize::from(*variable);
+                if variable == output {
+                    places[0] = place;
+                } else if (outputs..outputs + inputs).contains(&variable) && command.is_none() {
+                    (command, places[1]) = (Some(variable - outputs), place);
+                } else {
+                    return Err(too_much());
+                }
+            }
+            _ => return Err(too_much()),
+        }
+    }
+    command.map(|input| (input, places)).ok_or(NotAffine::Output { output, term: None })
+}
+
+/// The map that factors of an actuator are, all of them of the same one.
+fn map_of(factors: &[Factor]) -> Option<Map> {
+    match factors {
+        [Factor { shape: Shape::Power(1), .. }] => Some(Map::Identity),
+        [Factor { shape: Shape::Sin, .. }] => Some(Map::Sine),
+        [Factor { variable, shape: Shape::Power(1) }, Factor { variable: same, shape: Shape::Abs }]
+            if variable == same =>
+        {
+            Some(Map::SignedSquare)
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,159 @@
+//! A path: pieces in a row, by arc length.
+
+use alloc::vec::Vec;
+
+use num_traits::Float;
+
+use super::error::{PathError, finite, positive};
+use super::piece::{Piece, Pose};
+
+/// How far pieces may be apart where they meet \[m\]: rounding over kilometres, and no more.
+const GAP: f64 = 1e-6;
+
+/// Lines and arcs in a row, by arc length `s` from its start \[m\].
+///
+/// The position is continuous; the course is where the pieces meet tangentially, as those of all shapes but
+/// [`legs`](Self::legs) do; the curvature jumps between them, and with it the yaw rate that the path asks for. A *closed*
+/// path begins again where it ends. Before the start and beyond the end of an open path its tangents go straight on, so
+/// that a point that looks ahead always finds something.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Path {
+    pieces: Vec<Piece>,
+    /// Arc length at which each piece starts.
+    starts: Vec<f64>,
+    length: f64,
+    closed: bool,
+}
+
+/// The place on a path that is nearest to a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Foot {
+    /// Arc length \[m\]; on a closed path it counts on from lap to lap.
+    pub s: f64,
+    /// The place with its tangent.
+    pub pose: Pose,
+    /// How far the point is to starboard of the path \[m\].
+    pub cross_track: f64,
+}
+
+impl Path {
+    /// From pieces that meet.
+    ///
+    /// # Errors
+    /// If there are none, one has no length or is not finite, or two do not meet; a closed one also if its end is not its
+    /// start.
+    pub fn new(pieces: Vec<Piece>, closed: bool) -> Result<Self, PathError> {
+        let Some(last) = pieces.last() else {
+            return Err(PathError::TooFew { what: "pieces of a path", needed: 1 });
+        };
+        let mut starts = Vec::with_capacity(pieces.len());
+        let mut length = 0.0;
+        let mut end = closed.then(|| last.at(last.length).position);
+        for (piece, index) in pieces.iter().zip(0..) {
+            finite("a piece of the path", [piece.start[0], piece.start[1], piece.course, piece.curvature])?;
+            positive("the length of a piece of the path", piece.length)?;
+            if let Some([x, y]) = end {
+                let distance = Float::hypot(piece.start[0] - x, piece.start[1] - y);
+                if distance > GAP {
+                    return Err(PathError::Gap { piece: index, distance });
+                }
+            }
+            end = Some(piece.at(piece.length).position);
+            starts.push(length);
+            length += piece.length;
+        }
+        Ok(Self { pieces, starts, length, closed })
+    }
+
+    /// The pieces.
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
+    /// Length \[m\]; of a closed path that of one lap.
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// Whether it begins again where it ends.
+    pub fn is_closed(&self) -> bool {
+        self.closed
+    }
+
+    /// Arc length within the path, and how much was left out to get there: whole laps, or nothing.
+    pub(super) fn within(&self, s: f64) -> (f64, f64) {
+        if !self.closed {
+            return (s, 0.0);
+        }
+        let laps = Float::floor(s / self.length) * self.length;
+        (s - laps, laps)
+    }
+
+    /// The piece that an arc length within the path lies on; the first or the last beyond the ends.
+    pub(super) fn piece_at(&self, s: f64) -> usize {
+        self.starts.partition_point(|start| *start <= s).saturating_sub(1)
+    }
+
+    /// The place at arc length `s`.
+    pub fn at(&self, s: f64) -> Pose {
+        let (s, _) = self.within(s);
+        let index = self.piece_at(s);
+        let piece = &self.pieces[index];
+        let d = s - self.starts[index];
+        if self.closed || (0.0..=piece.length).contains(&d) {
+            return piece.at(d);
+        }
+        let end = piece.at(d.clamp(0.0, piece.length));
+        let beyond = Piece { start: end.position, course: end.course, curvature: 0.0, length: 1.0 };
+        beyond.at(d - d.clamp(0.0, piece.length))
+    }
+
+    /// The place nearest to a point, looked for from `reach` metres before arc length `near` to `reach` metres behind it.
+    ///
+    /// A path may pass a point more than once (the legs of a lawn-mower do so nearly): what is nearest of all is not
+    /// what the vessel has come to. Looking around where it was cannot jump.
+    pub fn foot(&self, point: [f64; 2], near: f64, reach: f64) -> Foot {
+        // Not more than one lap: every place once.
+        let reach = if self.closed { reach.min(0.5 * self.length) } else { reach };
+        let (from, to) = (near - reach, near + reach);
+        let mut best: Option<(f64, f64)> = None;
+        let mut try_place = |s: f64| {
+            let [x, y] = self.at(s).position;
+            let distance = Float::hypot(point[0] - x, point[1] - y);
+            if best.is_none_or(|(_, least)| distance < least) {
+                best = Some((s, distance));
+            }
+        };
+        if self.closed {
+            let (first, laps) = self.within(from);
+            let mut index = self.piece_at(first);
+            let mut start = laps + self.starts[index];
+            while start <= to {
+                let piece = &self.pieces[index];
+                let (low, high) = ((from - start).max(0.0), (to - start).min(piece.length));
+                try_place(start + piece.nearest(point, low, high.max(low)));
+                start += piece.length;
+                index = (index + 1) % self.pieces.len();
+            }
+        } else {
+            for index in self.piece_at(from)..=self.piece_at(to) {
+                let (piece, start) = (&self.pieces[index], self.starts[index]);
+                let (low, high) = ((from - start).max(0.0), (to - start).min(piece.length));
+                if low <= high {
+                    try_place(start + piece.nearest(point, low, high));
+                }
+            }
+            // The tangents beyond the ends.
+            if to > self.length {
+                let ahead = self.at(self.length).along_track(point);
+                try_place(self.length + ahead.clamp((from - self.length).max(0.0), to - self.length));
+            }
+            if from < 0.0 {
+                try_place(self.at(0.0).along_track(point).clamp(from, to.min(0.0)));
+            }
+        }
+        let s = best.map_or(near, |(s, _)| s);
+        let pose = self.at(s);
+        Foot { s, pose, cross_track: pose.cross_track(point) }
+    }
+}

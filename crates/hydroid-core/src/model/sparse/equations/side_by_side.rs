@@ -1,0 +1,195 @@
+//! Rollouts of equations for many command sequences side by side.
+#![allow(clippy::inline_always)] // what is compiled for the processor must be inlined into its dispatch
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use num_traits::Float;
+use pulp::{Arch, Simd, WithSimd};
+
+use super::{Equations, Sparse};
+use crate::model::sparse::program::Program;
+use crate::model::sparse::signal::{Signal, lagged};
+
+/// Scratch memory for rollouts of one set of equations from one state under many command sequences at once.
+///
+/// Numbers lie as in [`Program::evaluate_block`]: a row for each variable, sub-product and output, with one sequence in
+/// each place of it, so that every operation works on as many sequences as a vector holds. The results are those of
+/// [`Equations::step`] but for the order in which sums are added and the last digits of the logistic function of a gate.
+#[derive(Clone, Debug)]
+pub struct SideBySide {
+    arch: Arch,
+    sequences: usize,
+    lags: Vec<Lag>,
+    slots: Vec<f64>,
+    /// Outputs, then lag states.
+    state: Vec<f64>,
+    held: Vec<f64>,
+    k: Vec<f64>,
+    sum: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Lag {
+    slot: usize,
+    input: usize,
+    /// What half an integration step leaves of a difference to the command, and a whole one.
+    decays: [f64; 3],
+}
+
+impl SideBySide {
+    /// Room for so many sequences; none for equations with past values, which roll out one by one.
+    pub fn new(equations: &Equations, sequences: usize) -> Option<Self> {
+        let (n, m) = (equations.outputs, equations.inputs);
+        let h = equations.dt / equations.substeps as f64;
+        let mut lags = Vec::new();
+        for (index, signal) in equations.signals.iter().enumerate() {
+            let Signal::Lag { input, time_constant_s } = *signal else { return None };
+            let half = Float::exp(-0.5 * h / time_constant_s.0);
+            let input = usize::from(input) - n;
+            lags.push(Lag { slot: 1 + n + m + index, input, decays: [1.0, half, half * half] });
+        }
+        let rows = |count: usize| vec![0.0; count * sequences];
+        Some(Self {
+            arch: Arch::new(),
+            sequences,
+            slots: rows(equations.program.slots()),
+            state: rows(n + lags.len()),
+            held: rows(n),
+            k: rows(n),
+            sum: rows(n),
+            lags,
+        })
+    }
+
+    /// Sequences that there is room for.
+    pub const fn sequences(&self) -> usize {
+        self.sequences
+    }
+
+    /// Rolls `count` sequences out from `state` (as [`Equations::step`] moves it): `commands` are `count x steps x
+    /// inputs`, `y` are `count x steps x outputs`.
+    ///
+    /// # Panics
+    /// If there are more than room for, the slices have not whole sequences of the same number of steps, or the equations
+    /// are not those that the room was made for.
+    pub fn rollout(
+        &mut self,
+        equations: &Equations,
+        state: &[f64],
+        count: usize,
+        commands: &[f64],
+        y: &mut [f64],
+    ) {
+        let (n, m) = (equations.outputs, equations.inputs);
+        assert!((1..=self.sequences).contains(&count), "no more sequences than there is room for");
+        let steps = y.len() / (n * count);
+        assert!(y.len() == steps * n * count && commands.len() == steps * m * count, "whole sequences");
+        assert!(state.len() == n + self.lags.len(), "the equations that there is room for");
+        for (row, &x) in self.state.chunks_exact_mut(count).zip(state) {
+            row.fill(x);
+        }
+        self.slots[..count].fill(1.0);
+        let h = equations.dt / equations.substeps as f64;
+        for step in 0..steps {
+            for j in 0..m {
+                let row = &mut self.slots[(1 + n + j) * count..][..count];
+                for (i, c) in row.iter_mut().enumerate() {
+                    *c = commands[(i * steps + step) * m + j];
+                }
+            }
+            equations.program.block_functions(&mut self.slots, count, true);
+            self.products(equations, count, true);
+            for _ in 0..equations.substeps {
+                self.sum[..n * count].fill(0.0);
+                for (halves, weight) in [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)] {
+                    let offset = halves as f64 * 0.5 * h;
+                    let outputs = &mut self.slots[count..(1 + n) * count];
+                    outputs.copy_from_slice(&self.state[..n * count]);
+                    if halves > 0 {
+                        for (x, k) in outputs.iter_mut().zip(&self.k) {
+                            *x += offset * k;
+                        }
+                    }
+                    self.lag(n, m, count, halves);
+                    equations.program.block_functions(&mut self.slots, count, false);
+                    self.products(equations, count, false);
+                    for (sum, k) in self.sum[..n * count].iter_mut().zip(&self.k) {
+                        *sum += weight * k;
+                    }
+                }
+                for (x, sum) in self.state[..n * count].iter_mut().zip(&self.sum) {
+                    *x += h / 6.0 * sum;
+                }
+                self.lag(n, m, count, 2);
+                for (index, lag) in self.lags.iter().enumerate() {
+                    let now = &self.slots[lag.slot * count..][..count];
+                    self.state[(n + index) * count..][..count].copy_from_slice(now);
+                }
+            }
+            for output in 0..n {
+                for (i, &x) in self.state[output * count..][..count].iter().enumerate() {
+                    y[(i * steps + step) * n + output] = x;
+                }
+            }
+        }
+    }
+
+    /// Lag states some half steps on, into their slots.
+    fn lag(&mut self, n: usize, m: usize, count: usize, halves: usize) {
+        for (index, lag) in self.lags.iter().enumerate() {
+            let (variables, rest) = self.slots.split_at_mut((1 + n + m) * count);
+            let commands = &variables[(1 + n + lag.input) * count..][..count];
+            let states = &self.state[(n + index) * count..][..count];
+            let slot = &mut rest[(lag.slot - 1 - n - m) * count..][..count];
+            for ((now, &state), &command) in slot.iter_mut().zip(states).zip(commands) {
+                *now = lagged(state, command, lag.decays[halves]);
+            }
+        }
+    }
+
+    /// Products and sums of held variables, into `held`, or of all, into `k`.
+    fn products(&mut self, equations: &Equations, count: usize, held: bool) {
+        let (program, outputs) = (&equations.program, equations.outputs);
+        let slots = &mut self.slots[..];
+        if held {
+            let (rows, into) = (&equations.held, &mut self.held[..outputs * count]);
+            into.fill(0.0);
+            self.arch.dispatch(Block { program, rows, slots, into, count, held });
+        } else {
+            let (rows, into) = (&equations.moving, &mut self.k[..outputs * count]);
+            into.copy_from_slice(&self.held[..outputs * count]);
+            self.arch.dispatch(Block { program, rows, slots, into, count, held });
+        }
+    }
+}
+
+/// What is compiled for the processor: products of slots, and sums of them added to `into`.
+struct Block<'a> {
+    program: &'a Program,
+    rows: &'a Sparse,
+    slots: &'a mut [f64],
+    into: &'a mut [f64],
+    count: usize,
+    held: bool,
+}
+
+impl WithSimd for Block<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { program, rows, slots, into, count, held } = self;
+        program.block_products(slots, count, held);
+        let mut start = 0;
+        for (sum, &end) in into.chunks_exact_mut(count).zip(&rows.ends) {
+            for &(slot, xi) in &rows.entries[start..end] {
+                let row = &slots[usize::from(slot) * count..][..count];
+                for (sum, x) in sum.iter_mut().zip(row) {
+                    *sum += xi * x;
+                }
+            }
+            start = end;
+        }
+    }
+}

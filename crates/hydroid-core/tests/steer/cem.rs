@@ -1,0 +1,356 @@
+//! Plans by the cross-entropy method: against an optimum that is known, budgets, limits, and on the true plants.
+
+use std::sync::Arc;
+
+use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts, SoftLimit};
+use hydroid_core::control::{AffinePlant, Limits, Status};
+use hydroid_core::guidance::{Path, Reference, Side, SpeedLimits, SpeedProfile, Walker};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Real, SideBySide, Signal, Term};
+use hydroid_core::model::{PlantModel, PlantSession};
+use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use proptest::prelude::*;
+
+use crate::helm::{DT, under_way};
+use crate::written::{Force, equations};
+
+/// `du/dt = c_0 - u`, with `v = 0` and `dr/dt = c_1 - r`.
+fn linear() -> EquationsSession {
+    let terms = vec![Term::monomial(&[0]), Term::monomial(&[2]), Term::monomial(&[3]), Term::monomial(&[4])];
+    let mut coefficients = vec![0.0; 12];
+    (coefficients[0], coefficients[2], coefficients[9], coefficients[11]) = (-1.0, 1.0, -1.0, 1.0);
+    let mut session =
+        EquationsSession::new(Arc::new(Equations::new(terms, coefficients, 3, 2, DT, 1).unwrap()));
+    session.observe(&[0.0; 3]);
+    session
+}
+
+fn at_speed(speed: f64) -> Reference {
+    Reference {
+        s: 0.0,
+        position: [0.0; 2],
+        velocity: [speed, 0.0],
+        acceleration: [0.0; 2],
+        course: 0.0,
+        curvature: 0.0,
+        speed,
+    }
+}
+
+/// Only speed, effort and change of the first command.
+fn quadratic() -> Cost {
+    Cost {
+        position: 0.0,
+        heading: 0.0,
+        speed: 1.0,
+        effort: vec![0.02, 0.0],
+        rate: vec![0.5, 0.0],
+        ..Cost::tracking(2)
+    }
+}
+
+fn planner(settings: PlannerSettings, cost: Cost, limits: &[Limits]) -> Planner {
+    Planner::new(settings, cost, limits, 3, DT, 5.0).unwrap()
+}
+
+const WIDE: [Limits; 2] = [Limits::between([-4.0, 4.0]), Limits::between([-1.0, 1.0])];
+
+/// The least of a quadratic form in the first commands, by its normal equations: `u_{k+1} = a u_k + b c_k` exactly as RK4
+/// has it.
+fn optimum(horizon: usize, target: f64) -> f64 {
+    let a = 1.0 - DT + DT * DT / 2.0 - DT.powi(3) / 6.0 + DT.powi(4) / 24.0;
+    let (b, half, effort, rate) = (1.0 - a, 4.0, 0.02, 0.5);
+    // Rows of a least-squares problem: outputs, efforts, changes.
+    let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
+    for k in 0..horizon {
+        let answer: Vec<f64> = (0..horizon)
+            .map(|j| if j <= k { b * a.powi(i32::try_from(k - j).unwrap()) } else { 0.0 })
+            .collect();
+        rows.push((answer, target));
+        let one = |j: usize, value: f64| if j == k { value } else { 0.0 };
+        rows.push(((0..horizon).map(|j| one(j, f64::sqrt(effort) / half)).collect(), 0.0));
+        let change = |j: usize| if k > 0 && j == k - 1 { -1.0 } else { one(j, 1.0) };
+        rows.push(((0..horizon).map(|j| f64::sqrt(rate) / half * change(j)).collect(), 0.0));
+    }
+    let mut normal = vec![vec![0.0; horizon + 1]; horizon];
+    for (row, right) in &rows {
+        for i in 0..horizon {
+            for j in 0..horizon {
+                normal[i][j] += row[i] * row[j];
+            }
+            normal[i][horizon] += row[i] * right;
+        }
+    }
+    for i in 0..horizon {
+        for k in i + 1..horizon {
+            let factor = normal[k][i] / normal[i][i];
+            for j in i..=horizon {
+                normal[k][j] -= factor * normal[i][j];
+            }
+        }
+    }
+    let mut c = vec![0.0; horizon];
+    for i in (0..horizon).rev() {
+        let known: f64 = (i + 1..horizon).map(|j| normal[i][j] * c[j]).sum();
+        c[i] = (normal[i][horizon] - known) / normal[i][i];
+    }
+    let residual = |(row, right): &(Vec<f64>, f64)| {
+        (row.iter().zip(&c).map(|(r, c)| r * c).sum::<f64>() - right).powi(2)
+    };
+    rows.iter().map(residual).sum::<f64>() / horizon as f64
+}
+
+#[test]
+fn the_plan_is_the_optimum_of_a_linear_vessel() {
+    let best = optimum(20, 1.0);
+    let cost = |iterations: usize, seed: u64| {
+        let settings = PlannerSettings { iterations, ..PlannerSettings::new(seed) };
+        let mut planner = planner(settings, quadratic(), &WIDE);
+        let (session, mut work, mut command) = (linear(), Workspace::new(), [0.0; 2]);
+        let mut model = Each::new(&session, &mut work);
+        planner.command(&mut model, [0.0; 3], &[at_speed(1.0); 20], &mut || false, &mut command).cost
+    };
+    for seed in 0..3 {
+        let (few, many) = (cost(5, seed), cost(40, seed));
+        println!("optimum {best:.4}, 5 iterations {few:.4}, 40 {many:.4}");
+        assert!(few >= best && many >= best, "nothing is better than the optimum");
+        assert!(few < 1.7 * best && many < 1.02 * best);
+    }
+}
+
+#[test]
+fn a_seed_says_all_and_time_ends_a_search_with_the_best_so_far() {
+    let session = linear();
+    let run = |seed: u64, chunks: usize| {
+        let mut planner = planner(PlannerSettings::new(seed), quadratic(), &WIDE);
+        let (mut work, mut command, mut asked) = (Workspace::new(), [0.0; 2], 0);
+        let mut stop = || {
+            asked += 1;
+            asked >= chunks
+        };
+        let plan = planner.command(
+            &mut Each::new(&session, &mut work),
+            [0.0; 3],
+            &[at_speed(1.0); 20],
+            &mut stop,
+            &mut command,
+        );
+        (plan, planner.plan().to_vec())
+    };
+    assert_eq!(run(3, 99), run(3, 99));
+    assert_ne!(run(3, 99).1, run(4, 99).1);
+    let mut before = f64::INFINITY;
+    for chunks in 1..=35 {
+        let (plan, _) = run(3, chunks);
+        assert_eq!((plan.tried, plan.iterations), (50 * chunks, chunks / 7));
+        assert!(plan.cost <= before, "more time is never worse");
+        before = plan.cost;
+    }
+}
+
+/// Between samples the plan moves on: started from the last one, a search without any time is as good as one that had it.
+#[test]
+fn the_shifted_plan_is_where_the_next_search_starts() {
+    let mut session = linear();
+    let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
+    let settings = PlannerSettings { iterations: 30, ..PlannerSettings::new(1) };
+    let mut planner = planner(settings, quadratic(), &WIDE);
+    let references = [at_speed(1.0); 20];
+    planner.command(&mut Each::new(&session, &mut work), [0.0; 3], &references, &mut || false, &mut command);
+    let old = planner.plan().to_vec();
+    session.advance(&command);
+    planner.command(&mut Each::new(&session, &mut work), [0.0; 3], &references, &mut || true, &mut command);
+    // 50 candidates and no more, the first of which is the old plan one sample later.
+    assert!((command[0] - old[2]).abs() < 0.5, "{command:?} beside {}", old[2]);
+    assert_eq!(planner.plan().len(), old.len());
+}
+
+/// A limit that can be crossed is not, where that is dear.
+#[test]
+fn soft_limits_are_kept_where_they_are_dear() {
+    let session = linear();
+    let top = |weight: f64| {
+        let limit = SoftLimit { output: 0, range: [-1.0, 0.3], weight };
+        let cost = Cost { soft_limits: vec![limit], ..quadratic() };
+        let settings = PlannerSettings { iterations: 20, ..PlannerSettings::new(2) };
+        let mut planner = planner(settings, cost, &WIDE);
+        let (mut work, mut command, mut y) = (Workspace::new(), [0.0; 2], [0.0; 60]);
+        planner.command(
+            &mut Each::new(&session, &mut work),
+            [0.0; 3],
+            &[at_speed(1.0); 20],
+            &mut || false,
+            &mut command,
+        );
+        session.rollout(planner.plan(), &mut work, &mut y);
+        y.chunks_exact(3).map(|row| row[0]).fold(0.0, f64::max)
+    };
+    let (cheap, dear) = (top(0.0), top(1e3));
+    assert!(cheap > 0.6 && dear < 0.32, "{cheap} and {dear}");
+}
+
+/// On the plants themselves as models: circles in all modes, within the lag's reach, with the state told.
+#[test]
+fn the_hydrofoil_is_steered_by_plans() {
+    let vessel = VesselParams::hydrofoil();
+    let limits = AffinePlant::limits(&vessel).map(|l| l.with_rate(2.0 * (l.high - l.low)));
+    let model = PlantModel::new(&vessel, DT).unwrap();
+    for (speed, radius) in [(1.5, 15.0), (4.0, 30.0)] {
+        let path = Path::circle([0.0, 0.0], radius, Side::Starboard, 0.0).unwrap();
+        let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(speed)).unwrap();
+        let settings =
+            PlannerSettings { candidates: 60, elites: 8, iterations: 3, ..PlannerSettings::new(7) };
+        let mut planner = planner(settings, Cost::tracking(2), &limits);
+        let mut session = PlantSession::new(&model);
+        let mut state = under_way(&vessel, &path, &profile, 0.0, 0.5);
+        let plant = Plant::new(&vessel).unwrap();
+        let (mut walker, mut work, mut command) = (Walker::new(&profile), Workspace::new(), [0.0; 2]);
+        let (mut squares, mut count) = (0.0, 0.0);
+        for k in 0..160 {
+            session.observe(&state.nu());
+            let mut ahead = walker;
+            let references: Vec<Reference> = (0..20)
+                .map(|_| {
+                    ahead.advance(&profile, DT);
+                    ahead.reference(&path, &profile)
+                })
+                .collect();
+            let pose = [state.x, state.y, state.psi];
+            let plan = planner.command(
+                &mut Each::new(&session, &mut work),
+                pose,
+                &references,
+                &mut || false,
+                &mut command,
+            );
+            assert!(plan.status < Status::Lost, "{k}: {plan:?}");
+            if k >= 80 {
+                let here = walker.reference(&path, &profile);
+                squares += (state.x - here.position[0]).powi(2) + (state.y - here.position[1]).powi(2);
+                count += 1.0;
+            }
+            session.advance(&command);
+            let actuation = plant.actuation(&Command { pp: command[0], rd: command[1] });
+            for _ in 0..10 {
+                state = plant.advance_under(&state, &actuation, 0.01);
+            }
+            walker.advance(&profile, DT);
+        }
+        let error = f64::sqrt(squares / count);
+        println!("{speed} m/s: {error:.3} m");
+        assert!(error < 0.15, "{speed} m/s: {error}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn commands_keep_their_limits_whatever_is_seen(
+        seed in 0u64..100, low in -3.0..0.5f64, wide in 0.1..3.0f64, rate in 0.05..10.0f64,
+        seen in prop::collection::vec(prop_oneof![4 => -3.0..3.0f64, 1 => Just(f64::NAN), 1 => -1e200..1e200f64], 12),
+    ) {
+        let limits = [Limits::between([low, low + wide]).with_rate(rate), Limits::between([-0.5, 0.4]).with_rate(rate)];
+        let settings = PlannerSettings { candidates: 60, elites: 6, iterations: 2, horizon: 6, ..PlannerSettings::new(seed) };
+        let mut planner = planner(settings, Cost::tracking(2), &limits);
+        let mut session = PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap());
+        session.observe(&[1.0, 0.0, 0.0]);
+        let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
+        let mut last = [0.0f64.clamp(low, low + wide), 0.0];
+        for seen in seen.chunks_exact(4) {
+            session.observe(&seen[..3]);
+            let pose = [seen[3], 0.1, 0.2];
+            let plan = planner.command(&mut Each::new(&session, &mut work), pose, &[at_speed(1.0); 6], &mut || false, &mut command);
+            for i in 0..2 {
+                prop_assert!((limits[i].low..=limits[i].high).contains(&command[i]));
+                prop_assert!((command[i] - last[i]).abs() <= rate * DT * (1.0 + 1e-9));
+            }
+            prop_assert!(plan.cost.is_finite() || plan.status == Status::Blind);
+            prop_assert!(pose[0].is_finite() || plan.status == Status::Blind);
+            prop_assert!(pose[0].abs() < 5.0 || plan.status >= Status::Lost);
+            last = command;
+            session.advance(&command);
+        }
+    }
+}
+
+/// Side by side candidates come out as one after the other, whatever their number; from a session that has moved, and on
+/// equations with gates, a lag and ten integration steps in a sample.
+#[test]
+fn candidates_side_by_side_do_what_they_do_alone() {
+    for vessel in [VesselParams::simple(), VesselParams::hydrofoil()] {
+        let mut session = EquationsSession::new(Arc::new(equations(&vessel, Force::Hidden)));
+        session.observe(&[2.3, 0.1, -0.1]);
+        session.advance(&[120.0, 0.2]);
+        for count in [1, 3, 16, 50, 71] {
+            let wild = |k: usize| (12.9898 * k as f64).sin();
+            let commands: Vec<f64> = (0..count * 15 * 2)
+                .map(|k| if k % 2 == 0 { 100.0 + 200.0 * wild(k) } else { 0.4 * wild(k) })
+                .collect();
+            let (mut one, mut two) = (vec![0.0; count * 15 * 3], vec![0.0; count * 15 * 3]);
+            let mut work = Workspace::new();
+            let mut room = SideBySide::new(session.equations(), 16).unwrap();
+            Each::new(&session, &mut work).rollouts(count, &commands, &mut one);
+            Abreast::new(&session, &mut room).rollouts(count, &commands, &mut two);
+            for (a, b) in one.iter().zip(&two) {
+                assert!((a - b).abs() < 1e-11 * (1.0 + a.abs()), "{a} and {b}");
+            }
+        }
+    }
+    let past = vec![Signal::Past { variable: 0, samples: 2 }];
+    let terms = vec![Term::monomial(&[5])];
+    let with_past = Equations::with_signals(terms, vec![0.1, 0.0, 0.0], 3, 2, past, DT, 1).unwrap();
+    assert!(SideBySide::new(&with_past, 4).is_none(), "past values roll out one by one");
+    // A lag that is not known yet begins at its first command, as alone.
+    let lag = vec![Signal::Lag { input: 3, time_constant_s: Real(0.5) }];
+    let lagging =
+        Equations::with_signals(vec![Term::monomial(&[5])], vec![0.1, 0.0, 0.0], 3, 2, lag, DT, 2).unwrap();
+    let mut session = EquationsSession::new(Arc::new(lagging));
+    session.observe(&[0.0; 3]);
+    let (mut one, mut two, commands) = ([0.0; 12], [0.0; 12], [3.0, 0.0, 1.0, 0.0, -2.0, 0.0, 4.0, 0.0]);
+    Each::new(&session, &mut Workspace::new()).rollouts(2, &commands, &mut one);
+    let mut room = SideBySide::new(session.equations(), 2).unwrap();
+    Abreast::new(&session, &mut room).rollouts(2, &commands, &mut two);
+    assert!(one.iter().zip(&two).all(|(a, b)| (a - b).abs() < 1e-14) && one[3] > 0.0);
+}
+
+#[test]
+fn settings_that_cannot_be_are_told() {
+    let make =
+        |settings, cost| Planner::new(settings, cost, &WIDE, 3, DT, 1.0).map(|_| ()).unwrap_err().to_string();
+    let good = PlannerSettings::new(0);
+    assert_eq!(
+        make(PlannerSettings { elites: 400, ..good }, quadratic()),
+        "the number of candidates is 350: 2 more than elites are needed"
+    );
+    assert_eq!(
+        make(PlannerSettings { momentum: 1.0, ..good }, quadratic()),
+        "the momentum is 1: 0 or more and less than 1 is needed"
+    );
+    assert_eq!(
+        make(good, Cost { effort: vec![0.0], ..quadratic() }),
+        "limits for 2 commands are needed, and there are 1"
+    );
+    let limit = SoftLimit { output: 3, range: [0.0, 1.0], weight: 1.0 };
+    assert_eq!(
+        make(good, Cost { soft_limits: vec![limit], ..quadratic() }),
+        "the output of a limit is 3: there are not so many outputs"
+    );
+    assert!(Planner::new(good, quadratic(), &WIDE, 2, DT, 1.0).is_err());
+    let upside_down = [WIDE[0], Limits::between([1.0, 0.0])];
+    assert!(Planner::new(good, quadratic(), &upside_down, 3, DT, 1.0).is_err());
+    // A vessel at rest, before it was measured.
+    let session = PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap());
+    let (mut work, mut command) = (Workspace::new(), [9.0; 2]);
+    let mut planner = planner(good, quadratic(), &WIDE);
+    let start = State::REST;
+    let pose = [start.x, start.y, start.psi];
+    let plan = planner.command(
+        &mut Each::new(&session, &mut work),
+        pose,
+        &[at_speed(1.0); 20],
+        &mut || false,
+        &mut command,
+    );
+    assert_eq!((plan.status, plan.tried, command), (Status::Blind, 0, [0.0; 2]));
+}

@@ -1,0 +1,337 @@
+//! Circles steered with what was identified: feedback linearization of a point ahead of the vessel, on known parameters,
+//! on hydroid's equations, and on polynomials as the thesis identified them.
+//!
+//! ```text
+//! cargo run --release -p hydroid --example steer_circles
+//! cargo run --release -p hydroid --example steer_circles -- 600
+//! cargo run --release -p hydroid --example steer_circles -- 7200 1 1
+//! ```
+//!
+//! The numbers are the length of the training log in seconds, two hours if none is given, then bandwidth \[rad/s\] and
+//! damping of the feedback linearization, if not its own (1 and 1 are those of an independent implementation that the
+//! figures can be compared with). Logs are those of `hydroid simulate`: mixed commands, samples of 0.1 s, the vessel's
+//! measurement noise, seed 0 to learn from, seed 2 (ten minutes) to choose on.
+//!
+//! Tasks: the simple vessel on a circle of 10 m at 1.5 m/s, the point 1 m ahead; the hydrofoil on circles of 15, 25 and 30
+//! m at 1.5, 2.5 and 4 m/s, which are its low speed, the middle of taking off, and flying, the point 1.5 m ahead. They
+//! begin under way, half a metre off. The plant is the true one, commands within its limits and held for 0.1 s, RK4 in
+//! steps of 10 ms; the pose is measured exactly, velocities with and without noise.
+//!
+//! Figures: root mean square distance of the point from its reference from 40 s to 120 s \[m\], with noise the median over
+//! five seeds; and the share of samples with a status that is not `tracking`, gravest first.
+
+// A test includes this file as a module; neither has an outside.
+#![allow(unreachable_pub, missing_docs)]
+
+use std::sync::Arc;
+
+use hydroid::excitation::Excitation;
+use hydroid::identify::{GivenRanges, Job, Method, Networks, SindySettings, identify};
+use hydroid::log::{Split, Trajectory};
+use hydroid::model::{Body, Reading};
+use hydroid::progress::silent;
+use hydroid::simulate::{self, simulate};
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
+use hydroid_core::control::{
+    AffineEquations, AffinePlant, Backstepping, BacksteppingSettings, Controller, Estimate,
+    FeedbackLinearization, FeedbackLinearizationSettings, Status,
+};
+use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, Walker};
+use hydroid_core::model::sparse::{Equations, Term};
+use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// What moves.
+pub const MOTION: [&str; 3] = ["u", "v", "r"];
+/// The same with the force of the propeller, where it is measured.
+pub const WITH_FORCE: [&str; 4] = ["u", "v", "r", "P_f"];
+/// Sample time \[s\].
+pub const DT: f64 = 0.1;
+const DURATION_S: f64 = 120.0;
+const SETTLED_S: f64 = 40.0;
+/// Seeds of the noise under way.
+pub const SEEDS: [u64; 5] = [1, 2, 3, 4, 5];
+
+/// A circle.
+#[derive(Clone, Copy)]
+pub struct Task {
+    pub radius: f64,
+    pub speed: f64,
+    pub ahead: f64,
+}
+
+pub const SIMPLE: Task = Task { radius: 10.0, speed: 1.5, ahead: 1.0 };
+pub const HYDROFOIL: [Task; 3] = [
+    Task { radius: 15.0, speed: 1.5, ahead: 1.5 },
+    Task { radius: 25.0, speed: 2.5, ahead: 1.5 },
+    Task { radius: 30.0, speed: 4.0, ahead: 1.5 },
+];
+
+/// What became of a circle.
+pub struct Outcome {
+    /// Root mean square distance from the reference \[m\].
+    pub rms: f64,
+    /// Share of samples with each status, as [`Status::ALL`] has them.
+    pub shares: [f64; 6],
+}
+
+/// Sails a circle with noise of a scale and a seed; `measured` says whether the propeller's force is told.
+pub fn circle(
+    vessel: &VesselParams,
+    task: Task,
+    controller: &mut dyn Controller,
+    measured: bool,
+    (noise, seed): (f64, u64),
+) -> Outcome {
+    let plant = Plant::new(vessel).expect("built in");
+    let path = Path::circle([0.0, 0.0], task.radius, Side::Starboard, 0.0).expect("a circle");
+    let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(task.speed)).expect("a speed");
+    let mut walker = Walker::new(&profile);
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut white = |deviation: f64| {
+        let value: f64 = StandardNormal.sample(&mut random);
+        noise * deviation * value
+    };
+    controller.reset();
+    let start = path.at(0.0);
+    let mut state = State {
+        x: start.position[0] + 0.5,
+        y: start.position[1] - task.ahead,
+        psi: start.course,
+        u: task.speed,
+        p_f: plant.holding_force(task.speed),
+        ..State::REST
+    };
+    let (mut squares, mut settled) = (0.0, 0.0);
+    let mut counts = [0.0; 6];
+    let mut samples = 0.0;
+    while samples * DT < DURATION_S {
+        let sigma = vessel.noise;
+        let nu = [state.u + white(sigma.u), state.v + white(sigma.v), state.r + white(sigma.r)];
+        let force = [state.p_f + white(sigma.p_f), f64::NAN];
+        let actuators = if measured { &force[..] } else { &[] };
+        let reference = walker.reference(&path, &profile);
+        let mut command = [0.0; 2];
+        let estimate = Estimate { eta: [state.x, state.y, state.psi], nu, actuators };
+        let status = controller.command(&estimate, &reference, &mut command);
+        counts[status as usize] += 1.0;
+        if samples * DT >= SETTLED_S {
+            let (sin, cos) = state.psi.sin_cos();
+            let north = state.x + task.ahead * cos - reference.position[0];
+            let east = state.y + task.ahead * sin - reference.position[1];
+            squares += north * north + east * east;
+            settled += 1.0;
+        }
+        let actuation = plant.actuation(&Command { pp: command[0], rd: command[1] });
+        for _ in 0..10 {
+            state = plant.advance_under(&state, &actuation, 0.1 * DT);
+        }
+        walker.advance(&profile, DT);
+        samples += 1.0;
+    }
+    Outcome { rms: f64::sqrt(squares / settled), shares: counts.map(|count| count / samples) }
+}
+
+/// With clean velocities, and the median with noisy ones.
+pub fn both(
+    vessel: &VesselParams,
+    task: Task,
+    controller: &mut dyn Controller,
+    measured: bool,
+) -> [Outcome; 2] {
+    let clean = circle(vessel, task, controller, measured, (0.0, 0));
+    let mut noisy: Vec<Outcome> =
+        SEEDS.iter().map(|&seed| circle(vessel, task, controller, measured, (1.0, seed))).collect();
+    noisy.sort_by(|a, b| a.rms.total_cmp(&b.rms));
+    [clean, noisy.swap_remove(SEEDS.len() / 2)]
+}
+
+/// A run under mixed commands.
+pub fn run(vessel: &VesselParams, outputs: &[&str], duration_s: f64, seed: u64) -> Trajectory {
+    let options =
+        simulate::Options { duration_s, seed, ..simulate::Options::new(vessel.clone(), Excitation::Mixed) };
+    let record = simulate(&options, &mut silent()).expect("the built-in vessels can be simulated");
+    record.to_trajectory(outputs).expect("these are measured")
+}
+
+/// The physics of a vessel with quadratic drag, and one function of each command: equations of these terms are always
+/// affine.
+pub const PHYSICAL: [&str; 12] =
+    ["u", "v", "r", "u |u|", "v |v|", "r |r|", "u r", "v r", "r^2", "u v", "PP_cmd", "u sin(RD_ang)"];
+
+/// What hydroid finds, of terms that are given or, without any, when nothing is set.
+pub fn identified(vessel: &VesselParams, train_s: f64, terms: &[&str]) -> Arc<Equations> {
+    let outputs = &MOTION[..];
+    let split = Split {
+        train: vec![run(vessel, outputs, train_s, 0)],
+        validation: vec![run(vessel, outputs, 600.0, 2)],
+        test: vec![run(vessel, outputs, 600.0, 1)],
+        notes: Vec::new(),
+    };
+    let job = Job {
+        methods: vec![Method::Sindy],
+        split,
+        reading: Reading::default(),
+        horizon: 100,
+        origin_stride: 20,
+        seed: 0,
+        ranges: GivenRanges::new(),
+        networks: Networks::default(),
+        sindy: SindySettings {
+            terms: terms.iter().map(ToString::to_string).collect(),
+            ..SindySettings::default()
+        },
+    };
+    let found = identify(&job, &mut silent()).expect("the built-in vessels are identified");
+    match &found.candidates[0].model.body {
+        Body::Equations(equations) => Arc::clone(equations),
+        _ => unreachable!("the method gives equations"),
+    }
+}
+
+/// A polynomial with thresholded or eliminated terms, forces in 100 N. Terms with more than one effort (a command, or the
+/// propeller's force) are left out: no law could invert them.
+pub fn polynomial(data: &Trajectory, degree: u8, regression: Regression, optimizer: Optimizer) -> Equations {
+    let efforts = |term: &Term| {
+        let factors = term.factors().iter().filter(|f| usize::from(f.variable) >= MOTION.len());
+        factors.map(|f| f.shape.degree()).sum::<i32>()
+    };
+    let mut terms = Library::polynomial(degree).terms(&Variables::of(data));
+    terms.retain(|term| efforts(term) <= 1);
+    let mut scales = vec![1.0; data.outputs.width() + 2];
+    scales[MOTION.len()..=data.outputs.width()].fill(100.0);
+    let scaling = Scaling::Variables(scales);
+    let prepared = Prepared::new(&[data], terms, regression, &scaling).expect("enough rows for a polynomial");
+    let options = FitOptions { optimizer, ridge: 0.0, substeps: 1, constraints: Constraints::default() };
+    prepared.fit(&options).expect("nothing constrains it").equations
+}
+
+/// The simple vessel with its force measured, as an independent implementation identified it: degree 2, weak form over 20
+/// samples.
+pub fn with_measured_force(train_s: f64) -> Equations {
+    let data = run(&VesselParams::simple(), &WITH_FORCE, train_s, 0);
+    polynomial(&data, 2, Regression::Weak { intervals: 20 }, Optimizer::Stepwise(0.01))
+}
+
+/// The law on known parameters.
+pub fn on_plant(vessel: &VesselParams, ahead: f64, gains: Gains) -> FeedbackLinearization<AffinePlant> {
+    let model = AffinePlant::new(vessel).expect("built in");
+    FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings(ahead, gains))
+        .expect("possible settings")
+}
+
+/// Equations as laws invert them.
+///
+/// # Errors
+/// Why they cannot, with the names of the log.
+pub fn affine(vessel: &VesselParams, equations: &Equations) -> Result<AffineEquations, String> {
+    let commands = [&vessel.commands.propeller.name, &vessel.commands.rudder.name];
+    let mut names: Vec<String> = WITH_FORCE[..equations.outputs()].iter().map(ToString::to_string).collect();
+    names.extend(commands.into_iter().cloned());
+    let signals: Vec<String> = equations.signals().iter().map(|signal| signal.name(&names, DT)).collect();
+    names.extend(signals);
+    AffineEquations::new(equations, [0, 1, 2]).map_err(|error| error.with_names(&names))
+}
+
+/// The law on equations.
+///
+/// # Errors
+/// Why they cannot be inverted.
+pub fn on_equations(
+    vessel: &VesselParams,
+    equations: &Equations,
+    ahead: f64,
+    gains: Gains,
+) -> Result<FeedbackLinearization<AffineEquations>, String> {
+    let model = affine(vessel, equations)?;
+    FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings(ahead, gains))
+        .map_err(|error| error.to_string())
+}
+
+/// Bandwidth \[rad/s\] and damping; none for those of the law.
+pub type Gains = Option<(f64, f64)>;
+
+fn settings(ahead: f64, gains: Gains) -> FeedbackLinearizationSettings {
+    let own = FeedbackLinearizationSettings::new(ahead);
+    gains.map_or(own, |(omega, zeta)| own.with_bandwidth(omega, zeta))
+}
+
+/// Statuses that were more than a thousandth of the samples, gravest first.
+fn statuses(shares: &[f64; 6]) -> String {
+    let told: Vec<String> = Status::ALL
+        .iter()
+        .zip(shares)
+        .rev()
+        .filter(|(status, share)| **status != Status::Tracking && **share > 1e-3)
+        .map(|(status, share)| format!("{status} {:.1} %", 100.0 * share))
+        .collect();
+    told.join(", ")
+}
+
+fn row<C: Controller>(name: &str, vessel: &VesselParams, task: Task, law: Result<C, String>, measured: bool) {
+    let told = match law {
+        Ok(mut law) => {
+            let [clean, noisy] = both(vessel, task, &mut law, measured);
+            format!("{:>8.5} | {:>8.5} | {}", clean.rms, noisy.rms, statuses(&noisy.shares))
+        }
+        Err(error) => format!("       - |        - | refused: {error}"),
+    };
+    println!("| {name:<45} | {:>3} | {told} |", task.speed);
+}
+
+fn main() -> Result<(), std::num::ParseFloatError> {
+    let numbers: Vec<f64> = std::env::args().skip(1).map(|text| text.parse()).collect::<Result<_, _>>()?;
+    let train_s = numbers.first().copied().unwrap_or(7_200.0);
+    let gains = if let [_, omega, zeta, ..] = numbers[..] { Some((omega, zeta)) } else { None };
+    println!("| model | m/s | clean [m] | noisy [m] | not tracking, noisy |");
+    println!("| --- | ---: | ---: | ---: | --- |");
+
+    let vessel = VesselParams::simple();
+    let task = SIMPLE;
+    row("simple: true parameters", &vessel, task, Ok(on_plant(&vessel, task.ahead, gains)), false);
+    let found = identified(&vessel, train_s, &[]);
+    row(
+        "simple: hydroid, nothing set",
+        &vessel,
+        task,
+        on_equations(&vessel, &found, task.ahead, gains),
+        false,
+    );
+    let measured = with_measured_force(train_s);
+    let law = on_equations(&vessel, &measured, task.ahead, gains);
+    row("simple: degree 2, weak form, force measured", &vessel, task, law, true);
+
+    let vessel = VesselParams::hydrofoil();
+    let data = run(&vessel, &MOTION, train_s, 0);
+    let found = identified(&vessel, train_s, &[]);
+    let mut models = vec![
+        (String::from("hydrofoil: hydroid, nothing set"), Arc::clone(&found)),
+        (String::from("hydrofoil: hydroid, physical terms"), identified(&vessel, train_s, &PHYSICAL)),
+    ];
+    for (name, regression) in
+        [("central", Regression::Central), ("smoothed 51", Regression::Smoothed { half: 25 })]
+    {
+        for degree in [2, 3] {
+            for threshold in [0.0, 0.05, 0.2, 0.5] {
+                let name = format!("hydrofoil: degree {degree}, {name}, {threshold}");
+                let fitted = polynomial(&data, degree, regression, Optimizer::Stlsq(threshold));
+                models.push((name, Arc::new(fitted)));
+            }
+        }
+    }
+    for task in HYDROFOIL {
+        row("hydrofoil: true parameters", &vessel, task, Ok(on_plant(&vessel, task.ahead, gains)), false);
+        for (name, equations) in &models {
+            row(name, &vessel, task, on_equations(&vessel, equations, task.ahead, gains), false);
+        }
+        let stepped = affine(&vessel, &found).and_then(|model| {
+            let settings = BacksteppingSettings::new(task.ahead);
+            Backstepping::new(model, &AffinePlant::limits(&vessel), DT, settings)
+                .map_err(|error| error.to_string())
+        });
+        row("hydrofoil: hydroid, backstepping", &vessel, task, stepped, false);
+    }
+    Ok(())
+}
