@@ -97,7 +97,16 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
 
 /// Shortens a gradient to a length, and gives the length that it had (Pascanu, Mikolov and Bengio 2013).
 pub(super) fn clip<T: Scalar>(gradient: &mut [T], most: f64) -> f64 {
-    let square = |part: &[T]| part.iter().map(|g| g.wide() * g.wide()).sum::<f64>();
+    // Sums side by side, or each addition would wait for the last.
+    let square = |part: &[T]| {
+        let mut sums = [0.0; 8];
+        for eight in part.chunks(8) {
+            for (sum, g) in sums.iter_mut().zip(eight) {
+                *sum += g.wide() * g.wide();
+            }
+        }
+        sums.iter().sum::<f64>()
+    };
     let squares: Vec<f64> = gradient.par_chunks(PART).map(square).collect();
     let norm = squares.iter().sum::<f64>().sqrt();
     if norm > most {
