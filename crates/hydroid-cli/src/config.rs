@@ -25,6 +25,7 @@ pub struct Config {
     pub lstm: NetworkSettings,
     pub gru: NetworkSettings,
     pub rnn: NetworkSettings,
+    pub direct: NetworkSettings,
     pub ranges: GivenRanges,
 }
 

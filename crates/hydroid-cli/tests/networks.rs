@@ -1,4 +1,4 @@
-//! Recurrent networks from end to end: trained, judged, shown, interrupted, resumed.
+//! Networks from end to end: trained, judged, shown, interrupted, resumed.
 
 use std::fs;
 use std::path::Path;
@@ -113,7 +113,7 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
     ];
     assert_eq!(files, written);
     let page = fs::read_to_string(path.join("out/report.html")).unwrap();
-    assert!(page.contains("Recurrent networks") && page.contains("recurrent network"));
+    assert!(page.contains("<h2>Networks</h2>") && page.contains("recurrent network"));
 
     let shown = done(path, &["inspect", "out/gru.safetensors"], &[0]);
     let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
@@ -142,6 +142,40 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
         done(path, &["evaluate", "out/rnn.safetensors", "c.csv", "--horizon", "10", "--json"], &[0, 1]);
     let judged: Value = serde_json::from_slice(&judged.stdout).unwrap();
     assert_eq!(judged["horizons"].as_array().unwrap().len(), 10);
+}
+
+/// The direct predictor hears of its own table alone, brings the band of its restarts, and does not learn on the way.
+#[test]
+fn a_direct_predictor_is_identified_judged_and_shown() {
+    let folder = folder();
+    let path = folder.path();
+    let table = "[network]\nfeedback = false\n[direct]\nhidden = 8\nlayers = 2\nhistory_s = 0.6\nwindow_s = 0.5\n\
+        epochs = 4\nbase = \"hold\"\nrestarts = 3\nensemble = true\n";
+    fs::write(path.join("direct.toml"), table).unwrap();
+    done(path, &job(&["-c", "direct.toml", "--methods", "direct", "-o", "out", "-q"]), &[0, 1]);
+    let page = fs::read_to_string(path.join("out/report.html")).unwrap();
+    assert!(page.contains("<h2>Networks</h2>") && page.contains("all of its horizon at once"));
+    let shown = done(path, &["inspect", "out/direct.safetensors"], &[0]);
+    let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
+    for part in [
+        "direct model 'direct'",
+        "feed-forward network 38-8-8-15",
+        "the last 6 samples (0.600 s)",
+        "the next 5 samples (0.500 s) at once, as differences",
+        "trained for 4 epochs",
+    ] {
+        assert!(shown.contains(part), "{part}: {shown}");
+    }
+    let json =
+        |args: &[&str]| -> Value { serde_json::from_slice(&done(path, args, &[0, 1]).stdout).unwrap() };
+    let shown = json(&["inspect", "out/direct.safetensors", "--json"]);
+    assert_eq!((&shown["network"]["horizon"], &shown["network"]["members"]), (&json!(5), &json!(3)));
+    let judged = json(&["evaluate", "out/direct.safetensors", "c.csv", "--horizon", "12", "--json"]);
+    assert_eq!(judged["horizons"].as_array().unwrap().len(), 12);
+    assert_eq!(judged["band_coverage"]["members"], json!(3));
+    let refused = done(path, &["adapt", "out/direct.safetensors", "c.csv"], &[2]);
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(told.contains("'direct' cannot learn on the way"), "{told}");
 }
 
 /// Models, and the summary without what a clock says.

@@ -25,6 +25,7 @@ use hydroid_core::control::{
 use hydroid_core::guidance::{
     Follower, LineOfSight, LineOfSightSettings, Path, Reference, Side, SpeedLimits, SpeedProfile, Walker,
 };
+use hydroid_core::model::direct::{Batch, Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
     Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
     StateFilter, Tape,
@@ -308,6 +309,31 @@ fn recurrent_batches_allocate_nothing(cell: Cell) {
     assert!(gradient.iter().all(|x| x.is_finite()) && rollout.output()[0].is_finite());
 }
 
+/// Predicts four samples at once from three; with a batch of its network on the way.
+fn direct_session() -> Box<dyn Predictor> {
+    let (inputs, outputs) = Direct::lengths(3, 4, 3, 2);
+    let network = Perceptron { inputs, hidden: vec![7, 5], outputs };
+    let weights = vec![0.1; network.weights()];
+    let mut batch = Batch::<f64>::new(&network, 20);
+    let mut gradient = vec![0.0; weights.len()];
+    let count = allocations(|| {
+        batch.input_mut().fill(0.5);
+        batch.forward(&weights);
+        batch.output_adjoint_mut().fill(1.0);
+        batch.backward(&weights, &mut gradient);
+    });
+    assert_eq!(count, 0, "allocations in a batch");
+    let scaling = Scaling {
+        output_mean: vec![0.0; 3],
+        output_scale: vec![1.0; 3],
+        input_mean: vec![0.0; 2],
+        input_scale: vec![1.0; 2],
+        correction_scale: vec![1.0; 3],
+    };
+    let model = Direct { network, weights, scaling, history: 3, horizon: 4, hold: true };
+    Box::new(DirectSession::new(Arc::new(model)).unwrap())
+}
+
 #[test]
 fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
@@ -356,7 +382,8 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(filtered(&recalling));
     learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
     let below = Arc::new(recalling.clone());
-    let sessions: [Box<dyn Predictor>; 10] = [
+    let sessions: [Box<dyn Predictor>; 11] = [
+        direct_session(),
         vessel(&hydrofoil).fork(),
         Box::new(vessel(&hydrofoil)),
         Box::new(PlantSession::new(&hydrofoil)),

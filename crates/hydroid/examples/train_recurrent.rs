@@ -126,7 +126,8 @@ fn open_loop(
     steps: usize,
     mut each: impl FnMut(usize, usize, [f64; 3]),
 ) {
-    let (model, scaling) = (&trained.model, &trained.model.scaling);
+    let Some(model) = trained.model.recurrent() else { return };
+    let scaling = &model.scaling;
     let mut rollout = Rollout::<f64>::new(&model.network, starts.len());
     rollout.load(&model.weights);
     let lanes = rollout.lanes();

@@ -103,7 +103,7 @@ fn the_bytes_do_not_depend_on_threads() {
     });
     same(&one, &two);
     same(&one, &three);
-    assert_ne!(one.model.weights, go(&Settings { seed: 1, ..settings.clone() }).model.weights);
+    assert_ne!(one.model.weights(), go(&Settings { seed: 1, ..settings.clone() }).model.weights());
     // The first of several restarts is the only one of a training without.
     let alone = go(&Settings { restarts: 1, ..settings });
     assert_eq!(alone.validation, one.restarts[0]);

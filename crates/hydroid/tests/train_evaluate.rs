@@ -66,7 +66,8 @@ fn the_validation_error_is_that_of_the_evaluation() {
             equations: None,
         };
         let trained = train(&job, &settings, None, &mut |_| ControlFlow::Continue(())).unwrap();
-        let mut session = RecurrentSession::new(Arc::new(trained.model.clone())).unwrap();
+        let mut session =
+            RecurrentSession::new(Arc::new(trained.model.recurrent().unwrap().clone())).unwrap();
         let options = Options { horizon: 25, ..Options::default() };
         let evaluation = evaluate("trained", &mut session, &ranges, &[&b], &options, &mut silent()).unwrap();
         let (told, score) = (trained.validation, evaluation.score());

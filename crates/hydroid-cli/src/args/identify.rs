@@ -19,6 +19,7 @@ use super::{Duration, Horizon, LogArgs, Method, NamedRange};
   hydroid identify a.csv b.csv c.csv --term u --term 'u |u|' --term 'n |n|' --lag none --gate none -o out
   hydroid identify a.csv b.csv c.csv --methods sindy,lstm,gru --budget 5m --range u=0:6,v=-1:1 -o out
   hydroid identify a.csv b.csv c.csv --methods sindy,lstm,gru --budget 5m --range u=0:6,v=-1:1 -o out --resume
+  hydroid identify a.csv b.csv c.csv --methods sindy,direct --horizon 20 -o out      all 20 steps at once
   hydroid identify -c hydroid.toml -o out
 
 A configuration file can hold all of it but --methods; what the command line says goes before:
@@ -36,7 +37,11 @@ A configuration file can hold all of it but --methods; what the command line say
   [network]                    [gru]  (or lstm, rnn: before [network])        [ranges]
   feedback = true              hidden = 32                                    u = [0, 6]
   base = \"hold\"                epochs = 400                                   n = \"0:600 [rpm]\"
-  refit = true")]
+  refit = true
+                               [direct]  (hears nothing of [network])
+                               history_s = 4.0
+                               hidden = 256
+                               layers = 3")]
 // Flags of a command line.
 #[allow(clippy::struct_excessive_bools)]
 pub struct Identify {

@@ -130,6 +130,8 @@ pub enum Method {
     Gru,
     /// A vanilla recurrent network
     Rnn,
+    /// A feed-forward network that gives all outputs of a horizon at once
+    Direct,
 }
 
 impl From<Method> for identify::Method {
@@ -141,6 +143,7 @@ impl From<Method> for identify::Method {
             Method::Lstm => Self::Lstm,
             Method::Gru => Self::Gru,
             Method::Rnn => Self::Rnn,
+            Method::Direct => Self::Direct,
         }
     }
 }

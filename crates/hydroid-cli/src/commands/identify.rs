@@ -47,11 +47,11 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         None => Config::default(),
     };
     let seed = args.seed.or(config.identify.seed).unwrap_or(0);
-    let Config { log, split, identify, mut sindy, network, lstm, gru, rnn, mut ranges } = config;
+    let Config { log, split, identify, mut sindy, network, lstm, gru, rnn, direct, mut ranges } = config;
     let budget = args.budget.or(identify.budget).map(|budget| budget.0);
     let checkpoints = Some(args.output.clone());
     let mut networks =
-        Networks { all: network, lstm, gru, rnn, budget_s: budget, checkpoints, resume: args.resume };
+        Networks { all: network, lstm, gru, rnn, direct, budget_s: budget, checkpoints, resume: args.resume };
     said_of_networks(args, &mut networks);
     for said in &args.ranges {
         if args.ranges.iter().filter(|other| other.name == said.name).count() > 1 {
@@ -118,7 +118,9 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
 fn said_of_networks(args: &Identify, networks: &mut Networks) {
     let (epochs, restarts) =
         (args.epochs.and_then(|n| usize::try_from(n).ok()), args.restarts.map(usize::from));
-    for settings in [&mut networks.all, &mut networks.lstm, &mut networks.gru, &mut networks.rnn] {
+    for settings in
+        [&mut networks.all, &mut networks.lstm, &mut networks.gru, &mut networks.rnn, &mut networks.direct]
+    {
         settings.epochs = epochs.or(settings.epochs);
         settings.restarts = restarts.or(settings.restarts);
     }
@@ -313,7 +315,7 @@ fn write(
 
 /// Which design ranges were stated and which were taken from the training runs, where they decide something.
 fn show_ranges(identified: &Identified) {
-    let networks = identified.candidates.iter().any(|candidate| candidate.model.recurrent().is_some());
+    let networks = identified.candidates.iter().any(|candidate| candidate.model.is_network());
     if !networks && identified.ranges.iter().all(|range| !range.given) {
         return;
     }
@@ -337,7 +339,7 @@ fn show(folder: &Path, identified: &Identified) {
             "{}: {} {}, {} in {:.2} s",
             model.description.name,
             model.weights(),
-            if model.recurrent().is_some() { "weights" } else { "coefficients" },
+            if model.is_network() { "weights" } else { "coefficients" },
             candidate.training.effort(),
             candidate.train_seconds
         );

@@ -11,7 +11,7 @@ use hydroid::adapt::blackbox::{self, BlackBox};
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection};
 use hydroid::model::{self, Description, Model, Motion, Reading};
-use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::recurrent::{Base, Scaling, Tensor};
 use serde_json::json;
 
 use super::Outcome;
@@ -137,14 +137,8 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
             "wash_out_s": recurrent.wash_out as f64 * model.description.dt,
             "state": recurrent.network.state_len(),
             "state_filter": recurrent.state_filter,
-            "scaling": {
-                "output_mean": recurrent.scaling.output_mean,
-                "output_scale": recurrent.scaling.output_scale,
-                "input_mean": recurrent.scaling.input_mean,
-                "input_scale": recurrent.scaling.input_scale,
-                "correction_scale": recurrent.scaling.correction_scale,
-            },
-            "tensors": recurrent.network.tensors().iter().map(|t| json!({"name": t.name, "shape": t.shape()})).collect::<Vec<_>>(),
+            "scaling": scaling(&recurrent.scaling),
+            "tensors": tensors(&recurrent.network.tensors()),
             "base": match &recurrent.base {
                 Base::Nothing => "nothing",
                 Base::Hold => "hold",
@@ -153,7 +147,35 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
             "base_equations": model.base_equations().map(equations),
         });
     }
+    if let Some(direct) = model.direct() {
+        document["network"] = json!({
+            "text": model.network_text(),
+            "network": direct.network,
+            "history": direct.history,
+            "history_s": direct.history as f64 * model.description.dt,
+            "horizon": direct.horizon,
+            "horizon_s": direct.horizon as f64 * model.description.dt,
+            "base": if direct.hold { "hold" } else { "nothing" },
+            "members": model.members.len(),
+            "scaling": scaling(&direct.scaling),
+            "tensors": tensors(&direct.network.tensors()),
+        });
+    }
     document
+}
+
+fn scaling(of: &Scaling) -> serde_json::Value {
+    json!({
+        "output_mean": of.output_mean,
+        "output_scale": of.output_scale,
+        "input_mean": of.input_mean,
+        "input_scale": of.input_scale,
+        "correction_scale": of.correction_scale,
+    })
+}
+
+fn tensors(of: &[Tensor]) -> serde_json::Value {
+    of.iter().map(|t| json!({"name": t.name, "shape": t.shape()})).collect()
 }
 
 fn show_model(file: &Path, model: &Model) {
@@ -167,7 +189,7 @@ fn show_model(file: &Path, model: &Model) {
         }
         return;
     }
-    let numbers = if model.recurrent().is_some() { "weights" } else { "coefficients" };
+    let numbers = if model.is_network() { "weights" } else { "coefficients" };
     outln!("{}: {} model '{}', {} {numbers}", file.display(), model.kind(), d.name, model.weights());
     outln!("sample time {} s", d.dt);
     show_ports(d);
@@ -217,7 +239,7 @@ fn show_equations(heading: &str, motion: Motion<'_>) {
 }
 
 fn show_network(model: &Model) {
-    if model.recurrent().is_none() {
+    if !model.is_network() {
         return;
     }
     outln!("network:");

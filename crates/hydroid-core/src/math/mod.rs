@@ -10,6 +10,7 @@
 
 pub(crate) mod aligned;
 pub(crate) mod functions;
+pub(crate) mod product;
 pub(crate) mod rows;
 pub(crate) mod slices;
 pub(crate) mod vectors;

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::{IdentifyError, Method};
 use crate::log::Note;
-use crate::train::{self, BaseKind, Settings, TrainError};
+use crate::train::{self, BaseKind, CellKind, Settings, TrainError};
 
 /// Share of the epochs, or of the time, that the training of each formulation gets before one is chosen.
 const TRIAL: f64 = 0.1;
@@ -27,7 +27,9 @@ pub(super) fn formulations(settings: &Settings, given: bool, inputs: usize) -> V
         return vec![(settings.clone(), "as given")];
     }
     let with = |(feedback, base, name)| (Settings { feedback, base, ..settings.clone() }, name);
-    let can_be = |&(feedback, _, _): &(bool, BaseKind, &str)| feedback || inputs > 0;
+    // A direct predictor sees its outputs in any case.
+    let must = inputs == 0 || settings.cell == CellKind::Direct;
+    let can_be = |&(feedback, _, _): &(bool, BaseKind, &str)| feedback || !must;
     FORMULATIONS.into_iter().filter(can_be).map(with).collect()
 }
 

@@ -1,7 +1,5 @@
 //! Judging: which runs can, on what windows they do, and which model is best.
 
-use std::sync::Arc;
-
 use super::training::Trained;
 use super::{Candidate, IdentifyError, Job, Parts};
 use crate::evaluate::{self, EvaluateError, evaluate};
@@ -80,10 +78,10 @@ pub(super) fn judged(
             })
         };
         // What has learned from the validation runs has nothing to say on them.
-        let unseeing = training.network().filter(|trained| trained.refit.is_some()).map(|trained| Model {
-            body: Body::Recurrent(Arc::new(trained.unseeing().clone())),
-            ..model.clone()
-        });
+        let unseeing = training
+            .network()
+            .filter(|trained| trained.refit.is_some())
+            .map(|trained| Model { body: Body::of(trained.unseeing().clone()), ..model.clone() });
         let validation = judge("validation", unseeing.as_ref().unwrap_or(&model), &parts.validation, 0.0)?;
         let test = judge("test", &model, &parts.test, 0.5)?;
         candidates.push(Candidate { model, training, train_seconds, validation, test });

@@ -21,6 +21,8 @@ pub enum Method {
     Gru,
     /// A vanilla recurrent network.
     Rnn,
+    /// A feed-forward network that gives all outputs of a horizon at once.
+    Direct,
 }
 
 impl Method {
@@ -30,17 +32,18 @@ impl Method {
             Self::Sindy => "sindy",
             Self::Lagged => "lagged",
             Self::Recursive => "recursive",
-            Self::Lstm | Self::Gru | Self::Rnn => self.cell().map_or("", CellKind::name),
+            Self::Lstm | Self::Gru | Self::Rnn | Self::Direct => self.cell().map_or("", CellKind::name),
         }
     }
 
-    /// The cell of a network; none for equations.
+    /// The kind of a network; none for equations.
     pub fn cell(self) -> Option<CellKind> {
         match self {
             Self::Sindy | Self::Lagged | Self::Recursive => None,
             Self::Lstm => Some(CellKind::Lstm),
             Self::Gru => Some(CellKind::Gru),
             Self::Rnn => Some(CellKind::Rnn),
+            Self::Direct => Some(CellKind::Direct),
         }
     }
 }

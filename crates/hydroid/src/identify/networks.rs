@@ -1,4 +1,4 @@
-//! Recurrent networks among the methods: their settings, their share of the time, their training.
+//! Networks among the methods: their settings, their share of the time, their training.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,9 +18,9 @@ use crate::train::{
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct NetworkSettings {
-    /// Cells of each layer.
+    /// Cells, or units, of each layer.
     pub hidden: Option<usize>,
-    /// Layers of a vanilla network.
+    /// Layers of a vanilla network, hidden layers of a direct predictor.
     pub layers: Option<usize>,
     /// Length to which the LSTM's `h` is projected.
     pub projection: Option<usize>,
@@ -33,13 +33,15 @@ pub struct NetworkSettings {
     pub base: Option<BaseKind>,
     /// Time that a window lets the hidden state find itself \[s\].
     pub wash_out_s: Option<f64>,
-    /// Time over which a window compares predictions \[s\].
+    /// Past that a direct predictor sees \[s\].
+    pub history_s: Option<f64>,
+    /// Time over which a window compares predictions, or a direct predictor predicts at once \[s\].
     pub window_s: Option<f64>,
     /// Passes over the training runs at the most.
     pub epochs: Option<usize>,
     /// Windows of one step of the optimizer.
     pub batch: Option<usize>,
-    /// Peak step size; where it is not given 0.03, or 0.01 on a base.
+    /// Peak step size; where it is not given 0.03, or 0.01 on a base, of a direct predictor 0.002.
     pub learning_rate: Option<f64>,
     /// How the step size goes.
     pub schedule: Option<Schedule>,
@@ -51,6 +53,8 @@ pub struct NetworkSettings {
     pub restarts: Option<usize>,
     /// Whether what was chosen learns from training and validation runs together in the end.
     pub refit: Option<bool>,
+    /// Whether the restarts of a direct predictor are kept beside it, as an ensemble whose rollouts are a band.
+    pub ensemble: Option<bool>,
     /// Precision of the training.
     pub precision: Option<Precision>,
     /// Epochs without a better validation error after which a restart gives up.
@@ -65,20 +69,21 @@ impl NetworkSettings {
             ($($field:ident)*) => { $(if let Some(value) = &self.$field { into.$field = value.clone(); })* };
         }
         put!(hidden read_out feedback base epochs batch learning_rate schedule weight_decay clip restarts);
-        put!(refit precision);
+        put!(refit precision ensemble);
         put!(channel_weights);
         into.layers = self.layers.or(into.layers);
         into.projection = self.projection.or(into.projection);
         into.wash_out_s = self.wash_out_s.or(into.wash_out_s);
+        into.history_s = self.history_s.or(into.history_s);
         into.window_s = self.window_s.or(into.window_s);
         into.patience = self.patience.or(into.patience);
     }
 }
 
-/// What networks are told: all of them, and by cell, which goes before.
+/// What networks are told: all recurrent ones, and by kind, which goes before.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Networks {
-    /// All of them.
+    /// All recurrent ones.
     pub all: NetworkSettings,
     /// Those with LSTM cells.
     pub lstm: NetworkSettings,
@@ -86,6 +91,8 @@ pub struct Networks {
     pub gru: NetworkSettings,
     /// Vanilla ones.
     pub rnn: NetworkSettings,
+    /// Direct predictors.
+    pub direct: NetworkSettings,
     /// Time for the training of all networks of the job together \[s\].
     pub budget_s: Option<f64>,
     /// Folder in which interrupted trainings are kept, each in a file of its own. A training of the same job goes on from
@@ -99,21 +106,30 @@ impl Networks {
     /// The settings of a training, without a budget.
     pub fn settings(&self, cell: CellKind, seed: u64) -> Settings {
         let mut settings = Settings { seed, ..Settings::of(cell) };
-        self.all.put(&mut settings);
-        self.own(cell).put(&mut settings);
+        for told in self.told(cell) {
+            told.put(&mut settings);
+        }
         settings
     }
 
     /// The settings that a training may have: one where the formulation is given, else one for each that is tried.
     fn choices(&self, cell: CellKind, seed: u64, inputs: usize) -> Vec<(Settings, &'static str)> {
-        let given = [&self.all, self.own(cell)].iter().any(|s| s.feedback.is_some() || s.base.is_some());
+        let told = self.told(cell);
+        let given = told.iter().any(|s| s.feedback.is_some() || s.base.is_some());
         let mut choices = formulations(&self.settings(cell, seed), given, inputs);
-        if [&self.all, self.own(cell)].iter().all(|s| s.learning_rate.is_none()) {
-            for (settings, _) in &mut choices {
+        if told.iter().all(|s| s.learning_rate.is_none()) {
+            for (settings, _) in choices.iter_mut().filter(|(s, _)| s.cell != CellKind::Direct) {
                 settings.learning_rate = usual_rate(settings.base);
             }
         }
         choices
+    }
+
+    /// What is told to a kind of network, the last word last. A direct predictor shares next to nothing with the others: it
+    /// hears of itself alone.
+    fn told(&self, cell: CellKind) -> Vec<&NetworkSettings> {
+        let all = (cell != CellKind::Direct).then_some(&self.all);
+        all.into_iter().chain([self.own(cell)]).collect()
     }
 
     /// What networks with these cells are told.
@@ -122,6 +138,7 @@ impl Networks {
             CellKind::Lstm => &self.lstm,
             CellKind::Gru => &self.gru,
             CellKind::Rnn => &self.rnn,
+            CellKind::Direct => &self.direct,
         }
     }
 
@@ -149,7 +166,14 @@ impl Networks {
             let wrong = |error| IdentifyError::Train { method, error };
             settings.check(run.outputs.width()).map_err(wrong)?;
             // Runs without inputs are the matter of this method alone, and told when its turn comes.
-            settings.network(run.inputs.width().max(1), run.outputs.width()).map_err(wrong)?;
+            let (inputs, outputs) = (run.inputs.width().max(1), run.outputs.width());
+            let sizes = match cell {
+                CellKind::Direct => settings.perceptron(inputs, outputs, settings.spans(run.dt)).map(|_| ()),
+                CellKind::Lstm | CellKind::Gru | CellKind::Rnn => {
+                    settings.network(inputs, outputs).map(|_| ())
+                }
+            };
+            sizes.map_err(wrong)?;
             if settings.base == BaseKind::Equations && !equations {
                 return Err(IdentifyError::NoBase { method });
             }
@@ -214,6 +238,9 @@ fn task<'a>(job: &Job, parts: &'a Parts<'_>, equations: Option<Arc<Equations>>) 
 /// Samples that the model must see before its predictions count: a wash-out as the training will have it, and the sample
 /// at which they begin.
 fn warm_up(settings: &Settings, parts: &Parts<'_>, equations: Option<&Equations>) -> usize {
+    if settings.cell == CellKind::Direct {
+        return settings.spans(parts.train[0].dt).0;
+    }
     let longest = parts.train.iter().map(|run| run.len()).max().unwrap_or(0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and it saturates")]
     let given = settings.wash_out_s.map(|s| (s / parts.train[0].dt).round().min(1e12) as usize);

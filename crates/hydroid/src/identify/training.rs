@@ -22,8 +22,8 @@ pub enum Training {
     Equations(Arc<Found>),
     /// Equations with all terms of a library, which learn at several paces.
     Recursive(Arc<Found>),
-    /// A recurrent network.
-    Recurrent(Arc<train::Trained>),
+    /// A network, recurrent or a direct predictor.
+    Network(Arc<train::Trained>),
 }
 
 impl Training {
@@ -31,14 +31,14 @@ impl Training {
     pub fn found(&self) -> Option<&Arc<Found>> {
         match self {
             Self::Equations(found) | Self::Recursive(found) => Some(found),
-            Self::Recurrent(_) => None,
+            Self::Network(_) => None,
         }
     }
 
     /// The training of a network; none for equations.
     pub fn network(&self) -> Option<&Arc<train::Trained>> {
         match self {
-            Self::Recurrent(trained) => Some(trained),
+            Self::Network(trained) => Some(trained),
             Self::Equations(_) | Self::Recursive(_) => None,
         }
     }
@@ -49,7 +49,10 @@ impl Training {
             Self::Recursive(_) => "equations that keep learning on the way",
             Self::Equations(_) if self.has_past() => "equations that also see the past",
             Self::Equations(_) => "equations of the present",
-            Self::Recurrent(_) => "recurrent network",
+            Self::Network(trained) => match trained.model {
+                train::Learned::Recurrent(_) => "recurrent network",
+                train::Learned::Direct(_) => "feed-forward network, many steps at once",
+            },
         }
     }
 
@@ -59,7 +62,7 @@ impl Training {
             Self::Equations(found) | Self::Recursive(found) => {
                 format!("chosen among {} settings", found.trials.len())
             }
-            Self::Recurrent(trained) => format!(
+            Self::Network(trained) => format!(
                 "epoch {} of {}{}{}",
                 trained.best_epoch,
                 trained.history.len(),
@@ -86,7 +89,7 @@ impl Training {
         let kind = match self {
             Self::Equations(_) => 0,
             Self::Recursive(_) => 1,
-            Self::Recurrent(_) => 2,
+            Self::Network(_) => 2,
         };
         (kind, self.has_past())
     }
@@ -159,19 +162,21 @@ pub(super) fn train_by(
             let score = score(&found);
             (model, Training::Recursive(found), score)
         }
-        Method::Lstm | Method::Gru | Method::Rnn => {
+        Method::Lstm | Method::Gru | Method::Rnn | Method::Direct => {
             let base = sparse.map(|found| Arc::new(found.fit.equations.clone()));
             let watch = &mut |status: &train::Status| tell(status.fraction, Some(status));
             let (settings, trained) = recurrent::train(job, parts, method, base, networks, notes, watch)?;
             let told = recurrent::provenance(job, &settings, &trained);
-            let body = Body::Recurrent(Arc::new(trained.model.clone()));
-            let mut model = describe(job, parts, method, body, told);
+            let mut model = describe(job, parts, method, Body::of(trained.model.clone()), told);
+            if !trained.members.is_empty() {
+                model.members = Members::new(&trained.members);
+            }
             if trained.refit.as_ref().is_some_and(train::Refit::is_taken) {
                 let Provenance { training, validation, .. } = &mut model.description.provenance;
                 training.extend_from_slice(validation);
             }
             let score = trained.validation;
-            (model, Training::Recurrent(Arc::new(trained)), score)
+            (model, Training::Network(Arc::new(trained)), score)
         }
     };
     Ok(Trained { model, training, train_seconds: clock.elapsed().as_secs_f64(), score })

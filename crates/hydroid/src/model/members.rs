@@ -1,7 +1,8 @@
-//! Other coefficients that the data allow: the members of an ensemble, and the rollouts that they give.
+//! Other coefficients, or weights, that the data allow: the members of an ensemble, and the rollouts that they give.
 
 use std::sync::Arc;
 
+use hydroid_core::model::direct::{Direct, DirectSession};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
 use hydroid_core::predict::Predictor;
 
@@ -59,21 +60,44 @@ impl Members {
         self.values.is_empty()
     }
 
-    /// Whether they are coefficients of these equations.
-    pub fn fit(&self, equations: &Equations) -> bool {
-        self.places.last().is_none_or(|last| *last < equations.coefficients().len())
+    /// Whether they are of a table of so many numbers.
+    pub fn fit(&self, count: usize) -> bool {
+        self.places.last().is_none_or(|last| *last < count)
     }
 }
 
 impl Model {
+    /// Length of the table that members have values for.
+    fn numbers(&self) -> usize {
+        match &self.body {
+            Body::Equations(equations) => equations.coefficients().len(),
+            Body::Direct(direct) => direct.weights.len(),
+            Body::Recurrent(_) | Body::Plant(_) => 0,
+        }
+    }
+
     /// A session for each member of the ensemble; none where the model has no ensemble. Their rollouts spread as
     /// far as the coefficients are uncertain.
     pub fn member_sessions(&self) -> Vec<Box<dyn Predictor>> {
-        let Body::Equations(equations) = &self.body else { return Vec::new() };
-        if self.learning.is_some() || self.members.is_empty() || !self.members.fit(equations) {
+        let (places, values) = self.members.parts();
+        if self.learning.is_some() || self.members.is_empty() || !self.members.fit(self.numbers()) {
             return Vec::new();
         }
-        let (places, values) = self.members.parts();
+        let equations = match &self.body {
+            Body::Equations(equations) => equations,
+            Body::Direct(direct) => {
+                let session = |values: &[f64]| -> Option<Box<dyn Predictor>> {
+                    let mut weights = vec![0.0; direct.weights.len()];
+                    for (&place, &value) in places.iter().zip(values) {
+                        weights[place] = value;
+                    }
+                    let own = Direct { weights, ..Direct::clone(direct) };
+                    Some(Box::new(DirectSession::new(Arc::new(own)).ok()?))
+                };
+                return values.chunks_exact(places.len()).filter_map(session).collect();
+            }
+            Body::Recurrent(_) | Body::Plant(_) => return Vec::new(),
+        };
         let session = |values: &[f64]| -> Option<Box<dyn Predictor>> {
             let mut table = vec![0.0; equations.coefficients().len()];
             for (&place, &value) in places.iter().zip(values) {

@@ -6,6 +6,7 @@ mod latex;
 mod members;
 mod modes;
 mod motion;
+mod network;
 mod plant;
 mod recurrent;
 mod text;
@@ -14,6 +15,7 @@ mod units;
 use std::sync::Arc;
 
 use hydroid_core::adapt::BlendSettings;
+use hydroid_core::model::direct::{Direct, DirectSession};
 use hydroid_core::model::recurrent::{Recurrent, RecurrentSession};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
 use hydroid_core::model::{PlantModel, PlantSession};
@@ -22,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
+use crate::train::Learned;
 
 pub use file::{ModelError, decode, encode, read, write};
 pub use jacobian::{JacobianEntry, JacobianText};
@@ -123,8 +126,20 @@ pub enum Body {
     Equations(Arc<Equations>),
     /// A recurrent network, on its own or on top of equations.
     Recurrent(Arc<Recurrent>),
+    /// A feed-forward network that gives all outputs of a horizon at once.
+    Direct(Arc<Direct>),
     /// A vessel with given parameters.
     Plant(Arc<PlantModel>),
+}
+
+impl Body {
+    /// Of a network that was trained.
+    pub fn of(learned: Learned) -> Self {
+        match learned {
+            Learned::Recurrent(recurrent) => Self::Recurrent(Arc::new(recurrent)),
+            Learned::Direct(direct) => Self::Direct(Arc::new(direct)),
+        }
+    }
 }
 
 impl Model {
@@ -134,6 +149,7 @@ impl Model {
             Body::Equations(_) if self.learning.is_some() => "recursive_equations",
             Body::Equations(_) => "sparse_equations",
             Body::Recurrent(_) => "recurrent",
+            Body::Direct(_) => "direct",
             Body::Plant(_) => "plant",
         }
     }
@@ -143,6 +159,7 @@ impl Model {
         match &self.body {
             Body::Equations(equations) => equations.active_terms(),
             Body::Recurrent(recurrent) => recurrent.weights.len(),
+            Body::Direct(direct) => direct.weights.len(),
             Body::Plant(plant) => plant.numbers().iter().filter(|number| **number != 0.0).count(),
         }
     }
@@ -150,7 +167,7 @@ impl Model {
     /// A session at the start of a run.
     ///
     /// # Panics
-    /// If the body is a network whose parts contradict each other, as [`Recurrent::check`] tells; those that were read
+    /// If the body is a network whose parts contradict each other, as [`Recurrent::check`] or [`Direct::check`] tells; those that were read
     /// or trained do not.
     pub fn session(&self) -> Box<dyn Predictor> {
         // Settings were checked when the model was made.
@@ -162,6 +179,10 @@ impl Model {
         match &self.body {
             Body::Equations(equations) => Box::new(EquationsSession::new(Arc::clone(equations))),
             Body::Recurrent(recurrent) => match RecurrentSession::new(Arc::clone(recurrent)) {
+                Ok(session) => Box::new(session),
+                Err(error) => panic!("{error}"),
+            },
+            Body::Direct(direct) => match DirectSession::new(Arc::clone(direct)) {
                 Ok(session) => Box::new(session),
                 Err(error) => panic!("{error}"),
             },

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent};
+use hydroid_core::model::recurrent::{Cell, Network, Recurrent, Tensor};
 
 use super::{Body, Model};
 
@@ -25,8 +25,13 @@ pub struct NamedTensor<'a> {
 /// If a tensor is missing, there twice, of another shape, or not finite.
 pub fn weights_from_torch(network: &Network, tensors: &[NamedTensor<'_>]) -> Result<Vec<f64>, String> {
     network.check().map_err(|error| error.to_string())?;
-    let mut weights = Vec::with_capacity(network.weights());
-    for place in network.tensors() {
+    weights_of(&network.tensors(), tensors)
+}
+
+/// The same for the places of any network's weights.
+pub(super) fn weights_of(places: &[Tensor], tensors: &[NamedTensor<'_>]) -> Result<Vec<f64>, String> {
+    let mut weights = Vec::new();
+    for place in places {
         let is_it = |given: &&NamedTensor<'_>| {
             given
                 .name
@@ -79,53 +84,7 @@ impl Model {
     pub fn recurrent(&self) -> Option<&Arc<Recurrent>> {
         match &self.body {
             Body::Recurrent(recurrent) => Some(recurrent),
-            Body::Equations(_) | Body::Plant(_) => None,
+            Body::Equations(_) | Body::Direct(_) | Body::Plant(_) => None,
         }
-    }
-
-    /// A network in words, one line for each thing to know; none for models of equations.
-    pub fn network_text(&self) -> Vec<String> {
-        let Some(recurrent) = self.recurrent() else { return Vec::new() };
-        let (network, dt) = (&recurrent.network, self.description.dt);
-        let mut lines = vec![format!(
-            "{}, {}; state of {} numbers",
-            cell_text(&network.cell),
-            if network.read_out { "linear read-out" } else { "no read-out: its state is its output" },
-            network.state_len()
-        )];
-        lines.push(String::from(if recurrent.feedback {
-            "sees the inputs and the outputs (its own predictions in a rollout)"
-        } else {
-            "sees the inputs alone"
-        }));
-        lines.push(String::from(match recurrent.base {
-            Base::Nothing => "gives the next outputs themselves",
-            Base::Hold => "gives the increments of the outputs",
-            Base::Equations(_) => "gives what equations of motion miss over a sample (a grey box)",
-        }));
-        lines.push(format!(
-            "wash-out: {} samples, {:.3} s, before its hidden state is worth something",
-            recurrent.wash_out,
-            recurrent.wash_out as f64 * dt
-        ));
-        lines.push(String::from(match &recurrent.state_filter {
-            Some(_) => "state filter: measurements correct its hidden state while it walks",
-            None => "no state filter",
-        }));
-        lines
-    }
-
-    /// How the channels of a network are scaled, one line for each; none for models of equations.
-    pub fn scaling_text(&self) -> Vec<String> {
-        let Some(recurrent) = self.recurrent() else { return Vec::new() };
-        let (d, s) = (&self.description, &recurrent.scaling);
-        let line = |kind: &str, name: &str, mean: f64, scale: f64| {
-            let sign = if mean < 0.0 { '+' } else { '-' };
-            format!("{kind:<7} {name:<12} ({name} {sign} {:.5}) / {scale:.5}", mean.abs())
-        };
-        let outputs = d.outputs.iter().zip(s.output_mean.iter().zip(&s.output_scale));
-        let inputs = d.inputs.iter().zip(s.input_mean.iter().zip(&s.input_scale));
-        let lines = outputs.map(|(port, (&m, &k))| line("output", &port.channel.name, m, k));
-        lines.chain(inputs.map(|(port, (&m, &k))| line("input", &port.channel.name, m, k))).collect()
     }
 }

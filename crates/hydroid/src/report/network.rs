@@ -1,4 +1,4 @@
-//! Recurrent networks: what each is, and how its training went.
+//! Networks: what each is, and how its training went.
 
 use maud::{Markup, html};
 
@@ -27,14 +27,15 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Option<Section>, ReportEr
     let chart = figure(&chart(&networks).svg()?, &caption);
     let body = html! {
         p {
-            "A recurrent network learns from the training runs how the vessel moves, without equations: a state of its own, "
-            "which it carries from sample to sample, stands for what is not measured."
+            "A network learns from the training runs how the vessel moves, without equations. In a recurrent one a state of its own, "
+            "which it carries from sample to sample, stands for what is not measured; a direct predictor sees the last samples, "
+            "and gives all of its horizon at once."
         }
         (columns(&[chart, html! { @for (candidate, trained) in &networks { (about(candidate, trained)) } }]))
         (summary(&networks))
         (ranges(subject))
     };
-    Ok(Some(Section { id: "networks", heading: "Recurrent networks", body }))
+    Ok(Some(Section { id: "networks", heading: "Networks", body }))
 }
 
 /// What a network is, in a list.
@@ -128,7 +129,7 @@ pub(super) fn choice(trained: &Trained) -> Markup {
         p {
             "The weights are those of " (ending(trained)) ": after each epoch the network was rolled out on the validation runs, "
             "and the epoch with the least mean NRMSE over all outputs and horizons was kept. The test runs had no say. "
-            "A window lets the state find itself for " (number::count(trained.wash_out)) " samples and then compares "
+            "A window sees, or lets the state find itself over, " (number::count(trained.wash_out)) " samples before its origin, and compares "
             (number::count(trained.window)) "."
             @if learned_from_all(trained) {
                 " Then the same training was made once more on training and validation runs together, to its end: the model "

@@ -193,7 +193,7 @@ fn facts(subject: &Subject<'_>) -> Markup {
             @if let Some(candidate) = subject.candidate {
                 dt { "Model" }
                 dd {
-                    (model(candidate)) ", " (number::count(candidate.model.weights())) @if candidate.model.recurrent().is_some() { " weights for " } @else { " coefficients for " }
+                    (model(candidate)) ", " (number::count(candidate.model.weights())) @if candidate.model.is_network() { " weights for " } @else { " coefficients for " }
                     (number::count(candidate.model.description.outputs.len())) " outputs and "
                     (number::count(candidate.model.description.inputs.len())) " inputs"
                 }
@@ -230,6 +230,7 @@ fn model(candidate: &Candidate) -> &'static str {
             Base::Equations(_) => "A recurrent network on top of equations of motion",
             Base::Nothing | Base::Hold => "A recurrent network",
         },
+        (Body::Direct(_), _) => "A feed-forward network that predicts many steps at once",
         (Body::Plant(_), _) => "A vessel with given parameters",
     }
 }

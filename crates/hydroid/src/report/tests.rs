@@ -311,6 +311,6 @@ fn found_mut(candidate: &mut Candidate) -> &mut crate::sindy::Found {
         crate::identify::Training::Equations(found) | crate::identify::Training::Recursive(found) => {
             std::sync::Arc::make_mut(found)
         }
-        crate::identify::Training::Recurrent(_) => panic!("a network has no search"),
+        crate::identify::Training::Network(_) => panic!("a network has no search"),
     }
 }

@@ -1,11 +1,21 @@
 //! The optimizer.
+#![expect(
+    clippy::inline_always,
+    reason = "it must become a part of the function that was compiled for the processor"
+)]
 
 use hydroid_core::math::Scalar;
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
 
 /// Decay of the mean of gradients, and of that of their squares.
 const BETA: [f64; 2] = [0.9, 0.999];
 /// Keeps the division finite.
 const EPSILON: f64 = 1e-8;
+
+/// Weights that one thread works on at a time. Recurrent networks have fewer; what is summed over the parts is summed in
+/// their order.
+pub(super) const PART: usize = 1 << 14;
 
 /// Adam (Kingma and Ba 2015, algorithm 1) with decoupled weight decay (`AdamW`, Loshchilov and Hutter 2019):
 ///
@@ -41,18 +51,64 @@ impl<T: Scalar> Adam<T> {
         // Added to the step: 1 - a d rounds to 1 in single precision where a d is less than 3e-8.
         let (shrink, epsilon) = (T::of(rate * decay), T::of(EPSILON));
         let (b1, b2, one) = (T::of(b1), T::of(b2), T::one());
-        let moments = self.mean.iter_mut().zip(&mut self.square);
-        for ((w, &g), (m, v)) in weights.iter_mut().zip(gradient).zip(moments) {
-            *m = b1 * *m + (one - b1) * g;
-            *v = b2 * *v + (one - b2) * g * g;
-            *w = *w - (shrink * *w + size * *m / (v.sqrt() * unbias + epsilon));
+        let arch = Arch::new();
+        let parts = weights.par_chunks_mut(PART).zip(gradient.par_chunks(PART));
+        let moments = self.mean.par_chunks_mut(PART).zip(self.square.par_chunks_mut(PART));
+        parts.zip(moments).for_each(|((weights, gradient), (mean, square))| {
+            arch.dispatch(Step {
+                weights,
+                gradient,
+                mean,
+                square,
+                factors: [b1, one - b1, b2, one - b2, shrink, size, unbias, epsilon],
+            });
+        });
+    }
+}
+
+/// A step of some weights.
+struct Step<'a, T> {
+    weights: &'a mut [T],
+    gradient: &'a [T],
+    mean: &'a mut [T],
+    square: &'a mut [T],
+    /// `b1`, `1 - b1`, `b2`, `1 - b2`, `a d`, `a / (1 - b1^t)`, `1 / sqrt(1 - b2^t)`, `e`.
+    factors: [T; 8],
+}
+
+impl<T: Scalar> WithSimd for Step<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { weights, gradient, mean, square, factors } = self;
+        let [b1, a1, b2, a2, shrink, size, unbias, epsilon] = factors;
+        let count = weights.len();
+        let (gradient, mean, square) = (&gradient[..count], &mut mean[..count], &mut square[..count]);
+        for i in 0..count {
+            let g = gradient[i];
+            mean[i] = b1 * mean[i] + a1 * g;
+            square[i] = b2 * square[i] + a2 * g * g;
+            let step = size * mean[i] / (square[i].sqrt() * unbias + epsilon);
+            weights[i] = weights[i] - (shrink * weights[i] + step);
         }
     }
 }
 
 /// Shortens a gradient to a length, and gives the length that it had (Pascanu, Mikolov and Bengio 2013).
 pub(super) fn clip<T: Scalar>(gradient: &mut [T], most: f64) -> f64 {
-    let norm = gradient.iter().map(|g| g.wide() * g.wide()).sum::<f64>().sqrt();
+    // Sums side by side, or each addition would wait for the last.
+    let square = |part: &[T]| {
+        let mut sums = [0.0; 8];
+        for eight in part.chunks(8) {
+            for (sum, g) in sums.iter_mut().zip(eight) {
+                *sum += g.wide() * g.wide();
+            }
+        }
+        sums.iter().sum::<f64>()
+    };
+    let squares: Vec<f64> = gradient.par_chunks(PART).map(square).collect();
+    let norm = squares.iter().sum::<f64>().sqrt();
     if norm > most {
         let factor = T::of(most / norm);
         for g in gradient {

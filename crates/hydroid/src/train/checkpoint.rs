@@ -86,7 +86,7 @@ impl Keeper {
         let Some(path) = &self.path else { return Ok(None) };
         let wrong = |reason: String| TrainError::Checkpoint { path: path.clone(), reason };
         // The rest, a few numbers for each epoch, is looked at when it is there.
-        if size(team.members.len(), team.plan.network.weights()) > LARGEST {
+        if size(team.members.len(), team.plan.net.weights()) > LARGEST {
             return Err(wrong(TOO_LARGE.to_owned()));
         }
         let unreadable = |e: io::Error| wrong(format!("it cannot be read ({e}); name another file"));
@@ -187,7 +187,7 @@ pub(super) fn encode<T: Scalar>(
     let balance = members.iter().flat_map(|member| &member.balance);
     let balance: Vec<u8> = balance.flat_map(|x| x.to_le_bytes()).collect();
     let scores: Vec<u8> = members.iter().flat_map(|member| member.best_score.to_le_bytes()).collect();
-    let (r, w) = (members.len(), team.plan.network.weights());
+    let (r, w) = (members.len(), team.plan.net.weights());
     let tensors = [
         ("weights", vec![r, w], table(|member| &member.weights)),
         ("mean", vec![r, w], table(|member| &member.adam.mean)),
@@ -239,7 +239,7 @@ pub(super) fn decode<T: Scalar>(
             ));
         }
     }
-    let (r, w) = (team.members.len(), team.plan.network.weights());
+    let (r, w) = (team.members.len(), team.plan.net.weights());
     if head.members.len() != r || head.epoch > head.epochs || head.epochs > team.plan.settings.epochs {
         return Err(damaged(String::from("its numbers of restarts and epochs cannot be")));
     }

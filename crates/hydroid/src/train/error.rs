@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use hydroid_core::model::recurrent::NetworkError;
-
 use crate::atomic::WriteError;
 use crate::progress::Cancelled;
 
@@ -24,7 +22,7 @@ pub enum TrainError {
     #[error("{error}")]
     Network {
         /// What is wrong with it.
-        error: NetworkError,
+        error: String,
     },
     /// There are no runs for a part.
     #[error("there are no {what} runs: give at least one")]
@@ -70,7 +68,7 @@ pub enum TrainError {
     },
     /// No run holds a whole window.
     #[error(
-        "no {what} run is long enough: a window needs {needed} samples ({wash_out} of wash-out, {length} compared, and the first), the longest run has {longest}. Give longer runs, or a shorter wash_out_s or {}",
+        "no {what} run is long enough: a window needs {needed} samples ({wash_out} of wash-out, {length} compared, and the first), the longest run has {longest}. Give longer runs, or a shorter wash_out_s or {} (a direct predictor has history_s in place of wash_out_s)",
         if *what == "validation" { "horizon (--horizon)" } else { "window_s" }
     )]
     TooShort {

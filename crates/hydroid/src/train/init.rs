@@ -1,7 +1,8 @@
 //! First weights.
 
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Cell, Network};
+use hydroid_core::model::direct::Perceptron;
+use hydroid_core::model::recurrent::{Cell, Network, Tensor};
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
 
@@ -18,6 +19,17 @@ pub(super) fn weights<T: Scalar>(network: &Network, rng: &mut ChaCha8Rng) -> Vec
                 *weight += T::one();
             }
         }
+    }
+    weights
+}
+
+/// First weights as PyTorch draws them: those of a layer uniform in `+-1 / sqrt(length of what it reads)`.
+pub(super) fn perceptron<T: Scalar>(network: &Perceptron, rng: &mut ChaCha8Rng) -> Vec<T> {
+    let mut weights = Vec::with_capacity(network.weights());
+    for pair in network.tensors().chunks(2) {
+        let bound = 1.0 / (pair[0].columns as f64).sqrt();
+        let count: usize = pair.iter().map(Tensor::len).sum();
+        weights.extend((0..count).map(|_| T::of(rng.random_range(-bound..bound))));
     }
     weights
 }

@@ -3,8 +3,8 @@
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Scaling;
 
+use super::chunk::Chunk;
 use super::scaling::HALF_RANGE;
-use super::unroll::Chunk;
 use super::windows::{ScaledRun, Shape, Window};
 
 /// A rollout has diverged when it leaves this many times the design range, as in [`evaluate`](crate::evaluate).

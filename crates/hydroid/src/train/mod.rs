@@ -1,7 +1,7 @@
-//! Training of recurrent models on shore.
+//! Training of networks on shore.
 //!
-//! [`train`] learns the weights of a [`Recurrent`] from runs by backpropagation through time, and keeps those whose
-//! multi-step error on validation runs is least.
+//! [`train`] learns the weights of a [`Recurrent`] from runs by backpropagation through time, or those of a [`Direct`]
+//! predictor by backpropagation, and keeps those whose multi-step error on validation runs is least.
 //!
 //! **Windows.** Runs are cut into windows. Over the first samples of one, the wash-out, the hidden state finds itself from
 //! zero while outputs are measured; from its origin on the model hears nothing of the outputs, as in a rollout, and
@@ -18,7 +18,8 @@
 //! the precise ones are met. What a step goes along is the gradient of the squares, each output's divided by
 //! its `e_i` over the epoch before, which is the gradient of `L` if `e_i` is what it was (in the first epoch all `e_i`
 //! count as equal, and none as less than a thousandth of the largest). The gradient goes back through the wash-out too, and through what is fed back. What is compared tiles
-//! each run once in an epoch, from an offset drawn anew. A missing output is not compared, and where it is fed back the
+//! each run once in an epoch, from an offset drawn anew. (The windows of a direct predictor begin at every sample, and it
+//! takes all that it knows from the history in place of a wash-out.) A missing output is not compared, and where it is fed back the
 //! model's own prediction stands for it; a window in which an input is missing is left out.
 //!
 //! **Scaling** is by design ranges: a range is mapped to -2..2. What the network gives is in units of the output where it
@@ -37,9 +38,11 @@
 //! [`schedule`](mod@schedule) that knows its end.
 
 mod adam;
+mod ahead;
 mod base;
 mod budget;
 mod checkpoint;
+mod chunk;
 mod error;
 mod fingerprint;
 mod init;
@@ -63,6 +66,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use hydroid_core::math::Scalar;
+use hydroid_core::model::direct::Direct;
 use hydroid_core::model::recurrent::Recurrent;
 use hydroid_core::model::sparse::Equations;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -149,12 +153,39 @@ pub enum Ending {
     Budget,
 }
 
+/// A network with its weights.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Learned {
+    /// A recurrent one.
+    Recurrent(Recurrent),
+    /// A direct predictor.
+    Direct(Direct),
+}
+
+impl Learned {
+    /// The weights.
+    pub fn weights(&self) -> &[f64] {
+        match self {
+            Self::Recurrent(model) => &model.weights,
+            Self::Direct(model) => &model.weights,
+        }
+    }
+
+    /// The recurrent network; none for a direct predictor.
+    pub fn recurrent(&self) -> Option<&Recurrent> {
+        match self {
+            Self::Recurrent(model) => Some(model),
+            Self::Direct(_) => None,
+        }
+    }
+}
+
 /// A model that was trained, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trained {
     /// The model with the best weights of the best restart, or, if a [`refit`](Self::refit) was taken, with those that
     /// have learned from the validation runs as well.
-    pub model: Recurrent,
+    pub model: Learned,
     /// The epochs of that restart.
     pub history: Vec<Epoch>,
     /// Which restart it was, from 0.
@@ -176,6 +207,9 @@ pub struct Trained {
     pub window: usize,
     /// Time that it took \[s\].
     pub seconds: f64,
+    /// The best weights of each restart, where they were to be kept ([`Settings::ensemble`]); those of restarts that never
+    /// had any are missing.
+    pub members: Vec<Vec<f64>>,
     /// What came of learning from the validation runs as well, where that was asked for. All other figures are of the
     /// training before.
     pub refit: Option<Refit>,
@@ -183,12 +217,12 @@ pub struct Trained {
 
 impl Trained {
     /// The network to judge on validation runs: it has not learned from them.
-    pub fn unseeing(&self) -> &Recurrent {
+    pub fn unseeing(&self) -> &Learned {
         self.refit.as_ref().map_or(&self.model, |refit| &refit.before)
     }
 }
 
-/// Trains a recurrent model.
+/// Trains a network.
 ///
 /// With `checkpoint` the state is kept in that file as the training goes; if the file is there, the training goes
 /// on from it. It stays when the training is done.
@@ -319,15 +353,7 @@ fn finish<T: Scalar>(
         });
     };
     Ok(Trained {
-        model: Recurrent {
-            network: plan.network,
-            weights: member.best.iter().map(|w| w.wide()).collect(),
-            scaling: plan.scaling.clone(),
-            base: plan.base.clone(),
-            feedback: settings.feedback,
-            wash_out: plan.shape.wash_out,
-            state_filter: None,
-        },
+        model: plan.net.model(&member.best, &plan.scaling, plan.shape),
         history: member.history.clone(),
         restart,
         best_epoch: member.best_epoch,
@@ -338,6 +364,12 @@ fn finish<T: Scalar>(
         wash_out: plan.shape.wash_out,
         window: plan.shape.length,
         seconds: clock.seconds(),
+        members: team
+            .members
+            .iter()
+            .filter(|member| settings.ensemble && member.best_epoch > 0)
+            .map(|member| member.best.iter().map(|w| w.wide()).collect())
+            .collect(),
         refit: None,
     })
 }

@@ -6,12 +6,13 @@ use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Base;
 use hydroid_core::model::sparse::Equations;
 
+use super::chunk::Net;
 use super::judge::Judge;
 use super::loss::Loss;
 use super::scaling::HALF_RANGE;
 use super::team::Plan;
 use super::windows::{ScaledRun, Shape};
-use super::{BaseKind, Job, Settings, TrainError, random, scaling};
+use super::{BaseKind, CellKind, Job, Settings, TrainError, random, scaling};
 use crate::log::Trajectory;
 
 /// Samples of wash-out and of comparison where the settings say nothing, and the shares of the longest run that they
@@ -34,14 +35,17 @@ const JUDGING: usize = 6;
 pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan<T>, TrainError> {
     let (outputs, inputs) = (job.outputs.len(), job.inputs.len());
     settings.check(outputs)?;
-    let network = settings.network(inputs, outputs)?;
     check(job)?;
     let mut scaling = scaling::from_ranges(job.outputs, job.inputs)?;
-    let base = base(job, settings)?;
-    let correction = match &base {
-        Base::Nothing => None,
-        Base::Hold => Some(scaling::increments(job.runs)),
-        Base::Equations(equations) => Some(scaling::residuals(job.runs, equations)),
+    let (net, wash_out, length) = net(job, settings)?;
+    let correction = match &net {
+        Net::Direct { hold: false, .. } => None,
+        // As large as changes over half of the horizon.
+        Net::Direct { horizon, .. } => {
+            let share = 0.5 * *horizon as f64;
+            Some(scaling::increments(job.runs).into_iter().map(|size| share.max(1.0) * size).collect())
+        }
+        Net::Recurrent { base, .. } => correction(job, base),
     };
     if let Some(correction) = correction {
         // A network whose output counts for nothing could not learn: what does not move at all keeps a thousandth.
@@ -59,16 +63,22 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
     let shape = Shape {
         outputs,
         inputs,
-        wash_out: wash_out(job, settings, &base),
-        length: samples(job, settings.window_s, WINDOW),
-        measured: settings.feedback || !matches!(base, Base::Nothing),
+        wash_out,
+        length,
+        measured: match &net {
+            Net::Recurrent { base, feedback, .. } => *feedback || !matches!(base, Base::Nothing),
+            Net::Direct { .. } => true,
+        },
     };
     let scaled = |runs: &[&Trajectory]| -> Vec<ScaledRun<T>> {
         runs.iter().map(|run| ScaledRun::new(run, &scaling)).collect()
     };
     let (runs, validation) = (scaled(job.runs), scaled(job.validation));
-    let windows =
-        shape.tiles(&runs, &mut random::stream(settings.seed, random::Purpose::Offsets, 0, 0)).len();
+    let windows = if net.everywhere() {
+        shape.every(&runs, 1).len()
+    } else {
+        shape.tiles(&runs, &mut random::stream(settings.seed, random::Purpose::Offsets, 0, 0)).len()
+    };
     if windows == 0 {
         return Err(shape.none("training", &runs));
     }
@@ -83,7 +93,31 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
         return Err(TrainError::NoScore { origins: judge.windows.len(), horizon: job.horizon });
     }
     let (settings, epochs) = (settings.clone(), settings.epochs);
-    Ok(Plan { settings, network, base, scaling, shape, runs, validation, judge, loss, epochs })
+    Ok(Plan { settings, net, scaling, shape, runs, validation, judge, loss, epochs })
+}
+
+/// The network, and the samples of its windows before and after their origins.
+fn net(job: &Job<'_>, settings: &Settings) -> Result<(Net, usize, usize), TrainError> {
+    let (outputs, inputs) = (job.outputs.len(), job.inputs.len());
+    if settings.cell == CellKind::Direct {
+        let (history, horizon) = settings.spans(job.runs[0].dt);
+        let network = settings.perceptron(inputs, outputs, (history, horizon))?;
+        let hold = settings.base == BaseKind::Hold;
+        return Ok((Net::Direct { network, horizon, hold }, history - 1, horizon));
+    }
+    let (network, base) = (settings.network(inputs, outputs)?, base(job, settings)?);
+    let wash_out = wash_out(job, settings, &base);
+    let length = samples(job, settings.window_s, WINDOW);
+    Ok((Net::Recurrent { network, base, feedback: settings.feedback }, wash_out, length))
+}
+
+/// Size of what a recurrent network gives, where that is not the outputs themselves.
+fn correction(job: &Job<'_>, base: &Base) -> Option<Vec<f64>> {
+    match base {
+        Base::Nothing => None,
+        Base::Hold => Some(scaling::increments(job.runs)),
+        Base::Equations(equations) => Some(scaling::residuals(job.runs, equations)),
+    }
 }
 
 fn check(job: &Job<'_>) -> Result<(), TrainError> {

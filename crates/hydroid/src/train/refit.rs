@@ -9,17 +9,16 @@
 use std::path::{Path, PathBuf};
 
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::Recurrent;
 use serde::{Deserialize, Serialize};
 
-use super::{Aim, Ending, Job, Settings, Status, TrainError, Trained, Watch, advance, finish};
+use super::{Aim, Ending, Job, Learned, Settings, Status, TrainError, Trained, Watch, advance, finish};
 use crate::log::{Table, Trajectory};
 
 /// What came of learning anew.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refit {
     /// The network that was chosen, which has not learned from the validation runs.
-    pub before: Recurrent,
+    pub before: Learned,
     /// Whether the model is the network that has learned from all runs, and if not, why.
     pub outcome: Outcome,
     /// Error of that network on the validation runs, which it has learned from; infinite where a rollout diverged or the
@@ -75,12 +74,14 @@ pub(super) fn train<T: Scalar>(
         finish(&team, settings, ending, &clock)?
     };
     let dt = job.runs[0].dt;
+    let recurrent = trained.model.recurrent().is_some();
     let again = Settings {
         epochs: trained.history.len(),
         patience: None,
         restarts: 1,
         // Windows of the same shape, however long the runs are now.
-        wash_out_s: Some(trained.wash_out as f64 * dt),
+        wash_out_s: recurrent.then_some(trained.wash_out as f64 * dt),
+        history_s: (!recurrent).then_some((trained.wash_out + 1) as f64 * dt),
         window_s: Some(trained.window as f64 * dt),
         budget_s: settings.budget_s.map(|budget| (budget - trained.seconds).max(1e-3 * budget)),
         ..settings.clone()
@@ -106,8 +107,7 @@ pub(super) fn train<T: Scalar>(
     };
     let before = trained.model.clone();
     if outcome == Outcome::Taken {
-        trained.model.weights = member.best.iter().map(|w| w.wide()).collect();
-        trained.model.scaling = team.plan.scaling.clone();
+        trained.model = team.plan.net.model(&member.best, &team.plan.scaling, team.plan.shape);
     }
     trained.seconds += clock.seconds();
     trained.refit = Some(Refit { before, outcome, validation: member.best_score });

@@ -2,12 +2,13 @@
 
 use std::fmt::Display;
 
+use hydroid_core::model::direct::{Direct, DirectError, Perceptron};
 use hydroid_core::model::recurrent::{Cell, Network, NetworkError};
 use serde::{Deserialize, Serialize};
 
 use super::TrainError;
 
-/// Kind of cell.
+/// Kind of network: the cell of a recurrent one, or none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CellKind {
@@ -18,6 +19,9 @@ pub enum CellKind {
     Gru,
     /// Vanilla (Elman) network.
     Rnn,
+    /// No cell: a feed-forward network that gives all outputs of a horizon at once
+    /// ([`Direct`](hydroid_core::model::direct::Direct)).
+    Direct,
 }
 
 impl CellKind {
@@ -27,6 +31,7 @@ impl CellKind {
             Self::Lstm => "lstm",
             Self::Gru => "gru",
             Self::Rnn => "rnn",
+            Self::Direct => "direct",
         }
     }
 }
@@ -72,12 +77,15 @@ pub enum Schedule {
 /// is taken from the runs (see each field).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+// Switches of a file.
+#[allow(clippy::struct_excessive_bools)]
 pub struct Settings {
-    /// Kind of cell.
+    /// Kind of network.
     pub cell: CellKind,
-    /// Cells of each layer.
+    /// Cells, or units, of each layer.
     pub hidden: usize,
-    /// Layers of a vanilla network (2 where not given); LSTM and GRU have one.
+    /// Layers of a vanilla network (2 where not given), hidden layers of a direct predictor (3 where not given); LSTM and
+    /// GRU have one.
     pub layers: Option<usize>,
     /// Length to which the LSTM's `h` is projected; not projected where not given.
     pub projection: Option<usize>,
@@ -91,8 +99,10 @@ pub struct Settings {
     /// given, or an eighth of the longest run if that is less. The gradient goes back through it all the same: the
     /// network also learns how to find its state.
     pub wash_out_s: Option<f64>,
+    /// Past that a direct predictor sees \[s\], the present sample among it; 40 samples where not given.
+    pub history_s: Option<f64>,
     /// Time over which a window compares predictions \[s\]; 200 samples where not given, or a quarter of the longest
-    /// run if that is less.
+    /// run if that is less. Of a direct predictor it is the time that it predicts at once; 20 samples where not given.
     pub window_s: Option<f64>,
     /// Passes over the training runs at the most.
     pub epochs: usize,
@@ -111,6 +121,9 @@ pub struct Settings {
     /// Whether what was chosen is trained once more, over as many epochs, on training and validation runs together; the
     /// model has the last weights of that, unless it went wrong ([`Refit`](super::Refit)).
     pub refit: bool,
+    /// Whether the best weights of every restart are kept beside the model's ([`Trained::members`](super::Trained)): other
+    /// numbers that the data allow as well. For direct predictors.
+    pub ensemble: bool,
     /// Seed of first weights and of the order of windows.
     pub seed: u64,
     /// Precision of the training.
@@ -139,6 +152,7 @@ impl Default for Settings {
             feedback: false,
             base: BaseKind::Nothing,
             wash_out_s: None,
+            history_s: None,
             window_s: None,
             epochs: 500,
             batch: 32,
@@ -148,6 +162,7 @@ impl Default for Settings {
             clip: 1.0,
             restarts: 1,
             refit: false,
+            ensemble: false,
             seed: 0,
             precision: Precision::F32,
             budget_s: None,
@@ -160,10 +175,78 @@ impl Default for Settings {
 impl Settings {
     /// The defaults of a kind of cell.
     pub fn of(cell: CellKind) -> Self {
-        Self { cell, ..Self::default() }
+        match cell {
+            CellKind::Lstm | CellKind::Gru | CellKind::Rnn => Self { cell, ..Self::default() },
+            CellKind::Direct => Self {
+                cell,
+                hidden: 256,
+                feedback: true,
+                epochs: 60,
+                batch: 256,
+                learning_rate: 0.002,
+                ..Self::default()
+            },
+        }
     }
 
-    /// The network for so many inputs and outputs of the model.
+    /// Samples of history and of horizon of a direct predictor, at a sample time.
+    pub fn spans(&self, dt: f64) -> (usize, usize) {
+        // Longer than any network reads is refused with words; the cast saturates.
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "positive, and it saturates"
+        )]
+        let samples = |seconds: Option<f64>, default: usize| {
+            seconds.map_or(default, |s| ((s / dt).round().min(1e12) as usize).max(1))
+        };
+        (samples(self.history_s, HISTORY), samples(self.window_s, HORIZON))
+    }
+
+    /// The network of a direct predictor, for so many inputs and outputs of the model and its history and horizon
+    /// \[samples\].
+    ///
+    /// # Errors
+    /// If a setting is not for it, or its sizes cannot be.
+    pub fn perceptron(
+        &self,
+        inputs: usize,
+        outputs: usize,
+        (history, horizon): (usize, usize),
+    ) -> Result<Perceptron, TrainError> {
+        for (what, wrong, needed) in [
+            ("feedback", !self.feedback, "true, or leave it out: a direct predictor sees its outputs"),
+            ("read_out", !self.read_out, "true, or leave it out: a direct predictor has a read-out"),
+            ("base", self.base == BaseKind::Equations, "\"nothing\" or \"hold\" for a direct predictor"),
+        ] {
+            if wrong {
+                let value = if what == "base" { "equations" } else { "false" };
+                return Err(setting(what, &value, needed));
+            }
+        }
+        if let Some(projection) = self.projection {
+            return Err(setting("projection", &projection, "left out: only lstm has a projection"));
+        }
+        if let Some(seconds) = self.wash_out_s {
+            let needed = "left out: a direct predictor has history_s";
+            return Err(setting("wash_out_s", &seconds, needed));
+        }
+        for (what, given) in [("history", history), ("horizon", horizon)] {
+            if given > Direct::LONGEST {
+                return Err(TrainError::Network { error: DirectError::Span { what, given }.to_string() });
+            }
+        }
+        let (reads, gives) = Direct::lengths(history, horizon, outputs, inputs);
+        let layers = self.layers.unwrap_or(3);
+        if layers > Perceptron::DEEPEST {
+            return Err(setting("layers", &layers, "at most 64"));
+        }
+        let network = Perceptron { inputs: reads, hidden: vec![self.hidden; layers], outputs: gives };
+        network.check().map_err(|error| TrainError::Network { error: error.to_string() })?;
+        Ok(network)
+    }
+
+    /// The recurrent network for so many inputs and outputs of the model.
     ///
     /// # Errors
     /// If its sizes cannot be.
@@ -173,7 +256,14 @@ impl Settings {
             CellKind::Lstm => Cell::Lstm { hidden, projection: self.projection },
             CellKind::Gru => Cell::Gru { hidden },
             CellKind::Rnn => Cell::Vanilla { hidden, layers: self.layers.unwrap_or(2) },
+            CellKind::Direct => {
+                return Err(setting("cell", &"direct", "lstm, gru or rnn for a recurrent network"));
+            }
         };
+        if self.history_s.is_some() || self.ensemble {
+            let what = if self.ensemble { "ensemble" } else { "history_s" };
+            return Err(setting(what, &"given", "left out: it is for direct predictors"));
+        }
         if self.cell != CellKind::Rnn && self.layers.is_some_and(|layers| layers != 1) {
             let needed = "1 for lstm and gru: only rnn has layers";
             return Err(setting("layers", &self.layers.unwrap_or(0), needed));
@@ -184,7 +274,7 @@ impl Settings {
         }
         let inputs = inputs + if self.feedback { outputs } else { 0 };
         let network = Network { cell, inputs, outputs, read_out: self.read_out };
-        network.check().map_err(|error: NetworkError| TrainError::Network { error })?;
+        network.check().map_err(|error: NetworkError| TrainError::Network { error: error.to_string() })?;
         Ok(network)
     }
 
@@ -220,9 +310,12 @@ impl Settings {
         if !(self.weight_decay.is_finite() && self.weight_decay >= 0.0) {
             return Err(setting("weight_decay", &self.weight_decay, "zero or a positive number"));
         }
-        for (what, value) in
-            [("wash_out_s", self.wash_out_s), ("window_s", self.window_s), ("budget_s", self.budget_s)]
-        {
+        for (what, value) in [
+            ("wash_out_s", self.wash_out_s),
+            ("history_s", self.history_s),
+            ("window_s", self.window_s),
+            ("budget_s", self.budget_s),
+        ] {
             if let Some(value) = value
                 && !positive(value)
             {
@@ -244,6 +337,10 @@ impl Settings {
         Ok(())
     }
 }
+
+/// History and horizon of a direct predictor where the settings say nothing \[samples\].
+const HISTORY: usize = 40;
+const HORIZON: usize = 20;
 
 fn setting(what: &'static str, value: &dyn Display, needed: &'static str) -> TrainError {
     TrainError::Setting { what, value: value.to_string(), needed }

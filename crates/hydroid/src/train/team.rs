@@ -1,21 +1,18 @@
 //! Restarts that train side by side.
 
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Base, Network, Scaling};
+use hydroid_core::model::recurrent::Scaling;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::adam::{Adam, clip};
+use super::adam::{Adam, PART, clip};
+use super::chunk::{Chunk, Net};
 use super::judge::Judge;
 use super::loss::{Loss, Sums};
 use super::random::{Purpose, stream};
-use super::unroll::Chunk;
 use super::windows::{ScaledRun, Shape, Window, shuffled};
-use super::{Aim, Epoch, Settings, init, schedule};
-
-/// Windows of a chunk: enough to fill the widest vectors, few enough that a small batch keeps two threads busy.
-const CHUNK: usize = 16;
+use super::{Aim, Epoch, Settings, schedule};
 
 /// Steps of the optimizer that an epoch has at least, if the runs hold as many windows.
 const LEAST_STEPS: usize = 8;
@@ -56,8 +53,7 @@ struct Work<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Plan<T> {
     pub(super) settings: Settings,
-    pub(super) network: Network,
-    pub(super) base: Base,
+    pub(super) net: Net,
     pub(super) scaling: Scaling,
     pub(super) shape: Shape,
     pub(super) runs: Vec<ScaledRun<T>>,
@@ -70,6 +66,9 @@ pub(super) struct Plan<T> {
 impl<T: Scalar> Plan<T> {
     /// The windows of an epoch, the same for all members, who see them in different orders.
     fn windows(&self, epoch: usize) -> Vec<Window> {
+        if self.net.everywhere() {
+            return self.shape.every(&self.runs, 1);
+        }
         self.shape.tiles(&self.runs, &mut stream(self.settings.seed, Purpose::Offsets, 0, epoch))
     }
 
@@ -79,7 +78,7 @@ impl<T: Scalar> Plan<T> {
     }
 
     fn chunk(&self, shape: Shape, back: bool) -> Chunk<T> {
-        Chunk::new(&self.network, &self.base, &self.scaling, self.settings.feedback, shape, CHUNK, back)
+        self.net.chunk(&self.scaling, shape, self.net.chunk_windows(), back)
     }
 }
 
@@ -120,7 +119,7 @@ impl<T: Scalar> Team<T> {
             .map(|restart| {
                 let restart = aim.first() + restart;
                 let mut rng = stream(plan.settings.seed, Purpose::Weights, restart, 0);
-                let weights = init::weights::<T>(&plan.network, &mut rng);
+                let weights = plan.net.first::<T>(&mut rng);
                 let count = weights.len();
                 Member {
                     best: weights.clone(),
@@ -168,7 +167,8 @@ impl<T: Scalar> Team<T> {
             let windows = &member.order[count * batch / self.batches..count * (batch + 1) / self.batches];
             let targets: usize = windows.iter().map(|window| window.targets).sum();
             let factor = 1.0 / targets.max(1) as f64;
-            let chunks = windows.len().div_ceil(CHUNK);
+            let size = plan.net.chunk_windows();
+            let chunks = windows.len().div_ceil(size);
             let count = member.weights.len();
             while member.work.len() < chunks {
                 let sums = vec![[0.0; 2]; plan.shape.outputs];
@@ -176,7 +176,7 @@ impl<T: Scalar> Team<T> {
             }
             member.chunks = chunks;
             let channels = Arc::new(plan.loss.weights(&member.balance));
-            for (work, windows) in member.work.iter_mut().zip(windows.chunks(CHUNK)) {
+            for (work, windows) in member.work.iter_mut().zip(windows.chunks(size)) {
                 tasks.push((work, member.weights.as_slice(), windows, Arc::clone(&channels), factor));
             }
         }
@@ -185,9 +185,8 @@ impl<T: Scalar> Team<T> {
         tasks.into_par_iter().for_each(|(work, weights, windows, channels, factor)| {
             learners.with(new, |chunk| {
                 chunk.walk(weights, &plan.runs, windows);
-                chunk.squares(&plan.runs, &mut work.sums);
-                chunk.backward(&plan.runs, &channels, factor);
-                work.gradient.copy_from_slice(chunk.gradient());
+                chunk.squares(&plan.runs, plan.shape.length, &mut work.sums);
+                chunk.backward(weights, &plan.runs, &channels, factor, &mut work.gradient);
             });
         });
     }
@@ -198,15 +197,21 @@ impl<T: Scalar> Team<T> {
         let rate = self.rate(batch);
         let Settings { clip: most, weight_decay, .. } = self.plan.settings;
         for member in self.members.iter_mut().filter(|member| !member.idle) {
-            member.gradient.fill(T::zero());
-            for work in &member.work[..member.chunks] {
+            let work = &member.work[..member.chunks];
+            for work in work {
                 for (sum, part) in member.sums.iter_mut().zip(&work.sums) {
                     *sum = [sum[0] + part[0], sum[1] + part[1]];
                 }
-                for (sum, &g) in member.gradient.iter_mut().zip(&work.gradient) {
-                    *sum += g;
-                }
             }
+            let add = |(part, gradient): (usize, &mut [T])| {
+                gradient.fill(T::zero());
+                for work in work {
+                    for (sum, &g) in gradient.iter_mut().zip(&work.gradient[part * PART..]) {
+                        *sum += g;
+                    }
+                }
+            };
+            member.gradient.par_chunks_mut(PART).enumerate().for_each(add);
             // A step along a gradient that is no number would end the training; the loss tells of it.
             if clip(&mut member.gradient, most).is_finite() {
                 member.adam.step(&mut member.weights, &member.gradient, rate, weight_decay);
@@ -226,7 +231,7 @@ impl<T: Scalar> Team<T> {
         let cells = plan.judge.shape.length * plan.judge.shape.outputs;
         let mut tasks = Vec::new();
         for member in self.members.iter_mut().filter(|member| !member.idle) {
-            let chunks = plan.judge.windows.chunks(CHUNK);
+            let chunks = plan.judge.windows.chunks(plan.net.chunk_windows());
             member.judging.resize_with(chunks.len(), || vec![0.0; cells]);
             for (squares, windows) in member.judging.iter_mut().zip(chunks) {
                 tasks.push((squares, member.weights.as_slice(), windows));

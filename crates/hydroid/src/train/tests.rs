@@ -6,8 +6,8 @@ use hydroid_core::model::recurrent::Base;
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use proptest::prelude::*;
 
+use super::chunk::{Chunk, Net};
 use super::team::{Plan, Team};
-use super::unroll::Chunk;
 use super::*;
 use crate::log::{Channel, Table};
 
@@ -67,7 +67,7 @@ fn loss(plan: &Plan<f64>, chunk: &mut Chunk<f64>, weights: &[f64]) -> f64 {
     assert!(windows.len() > 8, "{}", windows.len());
     chunk.walk(weights, &plan.runs, &windows);
     let mut sums = [[0.0; 2]; 2];
-    chunk.squares(&plan.runs, &mut sums);
+    chunk.squares(&plan.runs, plan.shape.length, &mut sums);
     sums.iter().zip(channel_weights(plan)).map(|([square, _], w)| w * square).sum()
 }
 
@@ -86,13 +86,12 @@ fn gradients_are_differences_of_the_loss() {
             for feedback in [false, true] {
                 let settings = Settings { feedback, base, ..small(cell) };
                 let plan = plan_of(&settings, &missing);
-                let mut chunk =
-                    Chunk::new(&plan.network, &plan.base, &plan.scaling, feedback, plan.shape, 20, true);
+                let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
                 let mut rng = random::stream(3, random::Purpose::Weights, 0, 0);
-                let mut weights = init::weights::<f64>(&plan.network, &mut rng);
+                let mut weights = plan.net.first::<f64>(&mut rng);
                 loss(&plan, &mut chunk, &weights);
-                chunk.backward(&plan.runs, &channel_weights(&plan), 0.7);
-                let gradient = chunk.gradient().to_vec();
+                let mut gradient = vec![0.0; weights.len()];
+                chunk.backward(&weights, &plan.runs, &channel_weights(&plan), 0.7, &mut gradient);
                 let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
                 for i in (0..weights.len()).step_by(3) {
                     let (at, step) = (weights[i], 1e-5);
@@ -112,29 +111,65 @@ fn gradients_are_differences_of_the_loss() {
     println!("largest difference: {worst:e} of the gradient");
 }
 
+/// The same of a direct predictor, with gaps in the history and among what is compared.
+#[test]
+fn the_gradient_of_a_direct_predictor_is_differences_of_its_loss() {
+    let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
+    for base in [BaseKind::Nothing, BaseKind::Hold] {
+        let settings = Settings {
+            hidden: 5,
+            base,
+            history_s: Some(0.4),
+            window_s: Some(0.6),
+            precision: Precision::F64,
+            ..Settings::of(CellKind::Direct)
+        };
+        let plan = plan_of(&settings, &missing);
+        let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
+        let mut weights = plan.net.first::<f64>(&mut random::stream(3, random::Purpose::Weights, 0, 0));
+        loss(&plan, &mut chunk, &weights);
+        let mut gradient = vec![f64::NAN; weights.len()];
+        chunk.backward(&weights, &plan.runs, &channel_weights(&plan), 0.7, &mut gradient);
+        let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+        for i in 0..weights.len() {
+            let (at, step) = (weights[i], 1e-5);
+            let [plus, minus] = [step, -step].map(|step| {
+                weights[i] = at + step;
+                loss(&plan, &mut chunk, &weights)
+            });
+            weights[i] = at;
+            let difference = 0.7 * (plus - minus) / (2.0 * step);
+            assert!(
+                (gradient[i] - difference).abs() < 1e-8 * norm,
+                "{base:?} {i}: {} {difference}",
+                gradient[i]
+            );
+        }
+    }
+}
+
 /// A batch that ends in few windows, after one in which everything was lost.
 #[test]
 fn lanes_without_a_window_count_for_nothing() {
     for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
         for feedback in [false, true] {
             let plan = plan_of(&Settings { feedback, base, ..small(CellKind::Gru) }, &[(10, 1)]);
-            let chunk =
-                |back| Chunk::new(&plan.network, &plan.base, &plan.scaling, feedback, plan.shape, 20, back);
-            let weights =
-                init::weights::<f64>(&plan.network, &mut random::stream(3, random::Purpose::Weights, 0, 0));
+            let chunk = |back| plan.net.chunk(&plan.scaling, plan.shape, 20, back);
+            let weights = plan.net.first::<f64>(&mut random::stream(3, random::Purpose::Weights, 0, 0));
             let windows = plan.shape.every(&plan.runs, 7);
             let go = |chunk: &mut Chunk<f64>| {
                 chunk.walk(&weights, &plan.runs, &windows[..3]);
-                chunk.backward(&plan.runs, &channel_weights(&plan), 0.7);
+                let mut gradient = vec![f64::NAN; weights.len()];
+                chunk.backward(&weights, &plan.runs, &channel_weights(&plan), 0.7, &mut gradient);
                 let mut sums = [[0.0; 2]; 2];
-                chunk.squares(&plan.runs, &mut sums);
-                (chunk.gradient().to_vec(), sums)
+                chunk.squares(&plan.runs, plan.shape.length, &mut sums);
+                (gradient, sums)
             };
             let mut used = chunk(true);
             for scale in [f64::NAN, 1e200] {
                 let wild: Vec<f64> = weights.iter().map(|w| scale * w).collect();
                 used.walk(&wild, &plan.runs, &windows);
-                used.backward(&plan.runs, &channel_weights(&plan), 0.7);
+                used.backward(&wild, &plan.runs, &channel_weights(&plan), 0.7, &mut vec![0.0; wild.len()]);
             }
             let (gradient, sums) = go(&mut used);
             assert!(gradient.iter().all(|g| g.is_finite()));
@@ -142,7 +177,7 @@ fn lanes_without_a_window_count_for_nothing() {
             // The same walk without a record of it.
             let (mut forward, mut others) = (chunk(false), [[0.0; 2]; 2]);
             forward.walk(&weights, &plan.runs, &windows[..3]);
-            forward.squares(&plan.runs, &mut others);
+            forward.squares(&plan.runs, plan.shape.length, &mut others);
             assert_eq!(others, sums, "{base:?} {feedback}");
         }
     }
@@ -216,6 +251,7 @@ fn bases_are_what_was_asked_for() {
         for (correction, scale) in plan.scaling.correction_scale.iter().zip(&plan.scaling.output_scale) {
             assert!(correction / scale <= ratio && correction / scale >= 1e-3, "{base:?}");
         }
-        assert_eq!(matches!(plan.base, Base::Nothing), base == BaseKind::Nothing);
+        let Net::Recurrent { base: made, .. } = &plan.net else { panic!("no recurrent network") };
+        assert_eq!(matches!(made, Base::Nothing), base == BaseKind::Nothing);
     }
 }

@@ -4,7 +4,6 @@ use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Base, Network, Scaling, Tape};
 
 use super::base::BaseStep;
-use super::loss::Sums;
 use super::windows::{ScaledRun, Shape, Window};
 
 /// Windows side by side, one in each lane: the unit of work of a thread. Its size is fixed, and gradients of chunks
@@ -27,7 +26,7 @@ use super::windows::{ScaledRun, Shape, Window};
 ///
 /// the last two where `z_k` is `p_k`.
 #[derive(Clone, Debug)]
-pub(super) struct Chunk<T> {
+pub(super) struct Unrolled<T> {
     shape: Shape,
     feedback: bool,
     /// Whether all steps are recorded; else one, over and over.
@@ -43,12 +42,11 @@ pub(super) struct Chunk<T> {
     own: Vec<T>,
     /// `dL/dp_k` on the way back.
     adjoint: Vec<T>,
-    gradient: Vec<T>,
     /// The state on its way to the next step, where steps are not recorded.
     state: Vec<T>,
 }
 
-impl<T: Scalar> Chunk<T> {
+impl<T: Scalar> Unrolled<T> {
     /// A chunk of at most `size` windows; `back` says whether anybody will go [`backward`](Self::backward).
     pub(super) fn new(
         network: &Network,
@@ -75,7 +73,6 @@ impl<T: Scalar> Chunk<T> {
             seen: zeros(1),
             own: zeros(shape.wash_out + 1),
             adjoint: zeros(1),
-            gradient: vec![T::zero(); network.weights()],
         }
     }
 
@@ -90,16 +87,6 @@ impl<T: Scalar> Chunk<T> {
         self.predicted[..row].fill(T::zero());
         for k in 0..self.shape.wash_out + self.shape.length {
             self.step(k, runs);
-        }
-    }
-
-    /// Squared errors of the last [`walk`](Self::walk), and their number, of each output.
-    pub(super) fn squares(&self, runs: &[ScaledRun<T>], sums: &mut [Sums]) {
-        sums.fill([0.0; 2]);
-        for step in 0..self.shape.length {
-            self.compare(runs, step, |i, _, error| {
-                sums[i] = [sums[i][0] + error.wide().powi(2), sums[i][1] + 1.0];
-            });
         }
     }
 
@@ -189,8 +176,15 @@ impl<T: Scalar> Chunk<T> {
         rows.into_iter().any(|row| row[..self.windows.len()].iter().any(|z| z.is_nan() || z.abs() > most))
     }
 
-    /// Goes back over the windows of the last [`walk`](Self::walk): the gradient of `factor` times its sum.
-    pub(super) fn backward(&mut self, runs: &[ScaledRun<T>], channel_weights: &[f64], factor: f64) {
+    /// Goes back over the windows of the last [`walk`](Self::walk): the gradient of `factor` times its sum takes the place
+    /// of what stands in `gradient`.
+    pub(super) fn backward(
+        &mut self,
+        runs: &[ScaledRun<T>],
+        channel_weights: &[f64],
+        factor: f64,
+        gradient: &mut [T],
+    ) {
         let Shape { outputs: n, inputs: m, wash_out, length, .. } = self.shape;
         let lanes = self.tape.lanes();
         let row = n * lanes;
@@ -231,11 +225,6 @@ impl<T: Scalar> Chunk<T> {
             }
         }
         self.adjoint = adjoint;
-        self.tape.gradient(&mut self.gradient);
-    }
-
-    /// The gradient of the last [`backward`](Self::backward).
-    pub(super) fn gradient(&self) -> &[T] {
-        &self.gradient
+        self.tape.gradient(gradient);
     }
 }

@@ -138,7 +138,7 @@ impl Part {
         }
     }
 
-    fn check(self, numbers: &[f64], expected: usize) -> Result<(), RecurrentError> {
+    pub(crate) fn check(self, numbers: &[f64], expected: usize) -> Result<(), RecurrentError> {
         if numbers.len() != expected {
             return Err(RecurrentError::Length { part: self, expected, given: numbers.len() });
         }

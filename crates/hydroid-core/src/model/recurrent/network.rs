@@ -118,8 +118,9 @@ impl Tensor {
 pub enum NetworkError {
     /// A size is zero.
     Empty(&'static str),
-    /// A size is larger than any vessel's model needs; guards against files that ask for all memory.
-    Huge(&'static str, usize),
+    /// A size is larger than any vessel's model needs: which, what it is, the most that it may be. Guards against files that
+    /// ask for all memory.
+    Huge(&'static str, usize, usize),
     /// Without read-out the cell's `h` is the output, and must have its length.
     Shown {
         /// Length of `h`.
@@ -140,8 +141,8 @@ impl fmt::Display for NetworkError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Empty(what) => write!(f, "a network needs {what}: give at least 1"),
-            Self::Huge(what, given) => {
-                write!(f, "{given} {what} are more than the {} that a network may have", Network::MOST)
+            Self::Huge(what, given, most) => {
+                write!(f, "{given} {what} are more than the {most} that a network may have")
             }
             Self::Shown { shown, outputs } => write!(
                 f,
@@ -218,12 +219,12 @@ impl Network {
         ] {
             match size {
                 0 => return Err(NetworkError::Empty(what)),
-                size if size > Self::MOST => return Err(NetworkError::Huge(what, size)),
+                size if size > Self::MOST => return Err(NetworkError::Huge(what, size, Self::MOST)),
                 _ => {}
             }
         }
         if self.cell.layers() > 64 {
-            return Err(NetworkError::Huge("layers", self.cell.layers()));
+            return Err(NetworkError::Huge("layers", self.cell.layers(), 64));
         }
         if let Cell::Lstm { hidden, projection: Some(projection) } = self.cell
             && projection >= hidden
@@ -299,7 +300,7 @@ mod tests {
     fn impossible_networks_are_refused() {
         let network = |cell, read_out| Network { cell, inputs: 2, outputs: 3, read_out }.check();
         assert_eq!(network(Cell::Gru { hidden: 0 }, true), Err(NetworkError::Empty("cells")));
-        assert_eq!(network(Cell::Gru { hidden: 5000 }, true), Err(NetworkError::Huge("cells", 5000)));
+        assert_eq!(network(Cell::Gru { hidden: 5000 }, true), Err(NetworkError::Huge("cells", 5000, 4096)));
         assert_eq!(
             network(Cell::Gru { hidden: 5 }, false),
             Err(NetworkError::Shown { shown: 5, outputs: 3 })

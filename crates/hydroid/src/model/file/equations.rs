@@ -5,18 +5,15 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::BlendSettings;
 use hydroid_core::model::sparse::{Equations, EquationsError, Signal, Term};
-use safetensors::tensor::{Dtype, SafeTensors};
+use safetensors::tensor::SafeTensors;
 use serde::{Deserialize, Serialize};
 
-use super::super::{Body, Description, Learning, MOST_MEMBERS, Members, Model};
+use super::super::{Body, Description, Learning, Model};
+use super::members;
 use super::tensors::{Written, numbers, write};
 
 /// Tensor of the coefficients, `outputs x terms`.
 const COEFFICIENTS: &str = "coefficients";
-/// Tensor of the ensemble, `members x places`; a file without it has no ensemble.
-const MEMBERS: &str = "members";
-/// Tensor of the places that `members` has, counted in the table of coefficients row by row.
-const PLACES: &str = "member_places";
 /// Tensor of the triangle that a model which learns begins with.
 const ROOT: &str = "root";
 
@@ -72,18 +69,7 @@ impl Structure {
         let count = terms.len();
         let learning = model.learning.as_ref().map(|learning| learning.settings.clone());
         let mut tensors = vec![coefficients(equations)];
-        if !model.members.is_empty() {
-            let (places, values) = model.members.parts();
-            let width = places.len();
-            let places: Vec<u32> = places
-                .iter()
-                .map(|&place| u32::try_from(place))
-                .collect::<Result<_, _>>()
-                .map_err(|e| e.to_string())?;
-            let places = places.iter().flat_map(|place| place.to_le_bytes()).collect();
-            tensors.push(write(MEMBERS, vec![model.members.len(), width], values));
-            tensors.push((PLACES.to_owned(), Dtype::U32, vec![width], places));
-        }
+        tensors.extend(members::write(&model.members)?);
         if let Some(learning) = &model.learning {
             tensors.push(write(ROOT, vec![count, count], &learning.root));
         }
@@ -99,32 +85,11 @@ impl Structure {
             Some(settings) => Some(Learning { settings, root: numbers(tensors, ROOT, &[count, count])? }),
             None => None,
         };
-        let members = members(tensors, equations.coefficients().len())?;
+        let members = members::read(tensors, equations.coefficients().len())?;
         let model = Model { description, body: Body::Equations(Arc::new(equations)), members, learning };
         if let (Some(learning), Some(motion)) = (&model.learning, model.equations()) {
             motion.blended(learning).map_err(|e| e.to_string())?;
         }
         Ok(model)
     }
-}
-
-/// The ensemble, if the file has one.
-fn members(tensors: &SafeTensors<'_>, count: usize) -> Result<Members, String> {
-    let (values, places) = match (tensors.tensor(MEMBERS), tensors.tensor(PLACES)) {
-        (Ok(values), Ok(places)) => (values, places),
-        (Err(_), Err(_)) => return Ok(Members::default()),
-        _ => return Err(format!("of '{MEMBERS}' and '{PLACES}' it has one tensor alone")),
-    };
-    let (&[members, width], &[length]) = (values.shape(), places.shape()) else {
-        return Err(String::from("its ensemble is no table"));
-    };
-    if places.dtype() != Dtype::U32 || length != width || !(1..=MOST_MEMBERS).contains(&members) {
-        return Err(format!(
-            "its ensemble has {members} members of {width} coefficients and {length} places (at most {MOST_MEMBERS} members)"
-        ));
-    }
-    let values = numbers(tensors, MEMBERS, &[members, width])?;
-    let (chunks, _) = places.data().as_chunks::<4>();
-    let places: Vec<u32> = chunks.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
-    Members::from_parts(&places, values, count)
 }

@@ -4,7 +4,9 @@
 //!
 //! Reading one never runs code and never panics: every number and shape is checked before it is used.
 
+mod direct;
 mod equations;
+mod members;
 mod recurrent;
 mod tensors;
 
@@ -109,6 +111,8 @@ enum Structure {
     SparseEquations(equations::Structure),
     /// A recurrent network.
     Recurrent(recurrent::Structure),
+    /// A direct predictor.
+    Direct(direct::Structure),
 }
 
 /// Writes a model file, whole or not at all; of a vessel its TOML file. The same model gives the same bytes.
@@ -129,6 +133,8 @@ pub fn encode(model: &Model) -> io::Result<Vec<u8>> {
             .map(|(structure, tensors)| (Structure::SparseEquations(structure), tensors)),
         Body::Recurrent(recurrent) => recurrent::Structure::write(recurrent)
             .map(|(structure, tensors)| (Structure::Recurrent(structure), tensors)),
+        Body::Direct(direct) => direct::Structure::write(model, direct)
+            .map(|(structure, tensors)| (Structure::Direct(structure), tensors)),
         Body::Plant(vessel) => {
             return plant::encode(model, vessel).map(String::into_bytes).map_err(io::Error::other);
         }
@@ -205,6 +211,7 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     match head.structure {
         Structure::SparseEquations(structure) => structure.read(&tensors, description),
         Structure::Recurrent(structure) => structure.read(&tensors, description),
+        Structure::Direct(structure) => structure.read(&tensors, description),
     }
     .map_err(inconsistent)
 }

@@ -4,13 +4,12 @@
 use std::sync::Arc;
 
 use hydroid_core::model::recurrent::{Base, Network, Recurrent, Scaling, StateFilter};
-use safetensors::tensor::{Dtype, SafeTensors};
+use safetensors::tensor::SafeTensors;
 use serde::{Deserialize, Serialize};
 
-use super::super::recurrent::{NamedTensor, weights_from_torch};
 use super::super::{Body, Description, Members, Model};
 use super::equations::{self, Library};
-use super::tensors::{Written, write};
+use super::tensors::{Written, weights, write};
 
 /// A wash-out at the most \[samples\].
 const LONGEST: usize = 1_000_000;
@@ -33,7 +32,7 @@ pub(super) struct Structure {
 /// The fields of [`Scaling`].
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "Scaling", deny_unknown_fields)]
-struct ScalingFields {
+pub(super) struct ScalingFields {
     output_mean: Vec<f64>,
     output_scale: Vec<f64>,
     input_mean: Vec<f64>,
@@ -91,7 +90,7 @@ impl Structure {
         if !(description.dt.is_finite() && description.dt > 0.0) {
             return Err(format!("its sample time is {} s", description.dt));
         }
-        let weights = weights(&network, tensors)?;
+        let weights = weights(&network.tensors(), tensors)?;
         let base = match base {
             BaseFields::Nothing => Base::Nothing,
             BaseFields::Hold => Base::Hold,
@@ -110,25 +109,4 @@ impl Structure {
         let body = Body::Recurrent(Arc::new(recurrent));
         Ok(Model { description, body, members: Members::default(), learning: None })
     }
-}
-
-/// The network's weights. Files that PyTorch wrote may have them in single precision, which becomes double without loss.
-fn weights(network: &Network, tensors: &SafeTensors<'_>) -> Result<Vec<f64>, String> {
-    let mut given = Vec::new();
-    for place in network.tensors() {
-        let tensor =
-            tensors.tensor(&place.name).map_err(|_| format!("tensor '{}' is missing", place.name))?;
-        let data = tensor.data();
-        let values: Vec<f64> = match tensor.dtype() {
-            Dtype::F64 => data.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect(),
-            Dtype::F32 => {
-                data.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes).into()).collect()
-            }
-            other => return Err(format!("tensor '{}' is {other:?}: weights are F64 or F32", place.name)),
-        };
-        given.push((place.name, tensor.shape().to_vec(), values));
-    }
-    let named: Vec<NamedTensor<'_>> =
-        given.iter().map(|(name, shape, values)| NamedTensor { name, shape, values }).collect();
-    weights_from_torch(network, &named)
 }

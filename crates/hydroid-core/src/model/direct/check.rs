@@ -1,0 +1,90 @@
+//! Whether the parts of a direct predictor fit together.
+
+use core::fmt;
+
+use super::model::Direct;
+use crate::model::recurrent::{NetworkError, Part, RecurrentError};
+
+/// Why a direct predictor cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DirectError {
+    /// The network itself cannot be.
+    Network(NetworkError),
+    /// History or horizon is nothing, or longer than any vessel's model needs.
+    Span {
+        /// `history` or `horizon`.
+        what: &'static str,
+        /// Samples given.
+        given: usize,
+    },
+    /// The network does not read, or does not give, what the model is made of.
+    Length {
+        /// `reads` or `gives`.
+        what: &'static str,
+        /// Numbers of the network.
+        network: usize,
+        /// Numbers of the model.
+        model: usize,
+    },
+    /// Weights or scales cannot be.
+    Numbers(RecurrentError),
+}
+
+impl fmt::Display for DirectError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Network(error) => error.fmt(f),
+            Self::Span { what, given } => {
+                write!(f, "a {what} of {given} samples cannot be: give 1 to {}", Direct::LONGEST)
+            }
+            Self::Length { what, network, model } => write!(
+                f,
+                "the network {what} {network} numbers, outputs, inputs, history and horizon ask for {model}"
+            ),
+            Self::Numbers(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for DirectError {}
+
+impl From<NetworkError> for DirectError {
+    fn from(error: NetworkError) -> Self {
+        Self::Network(error)
+    }
+}
+
+impl Direct {
+    /// Whether the parts fit together and every number can be.
+    ///
+    /// # Errors
+    /// If sizes contradict one another, a number is not finite, or a scale is not positive.
+    pub fn check(&self) -> Result<(), DirectError> {
+        self.network.check()?;
+        for (what, given) in [("history", self.history), ("horizon", self.horizon)] {
+            if !(1..=Self::LONGEST).contains(&given) {
+                return Err(DirectError::Span { what, given });
+            }
+        }
+        let (n, m, scaling) = (self.outputs(), self.inputs(), &self.scaling);
+        let (reads, gives) = Self::lengths(self.history, self.horizon, n, m);
+        for (what, network, model) in
+            [("reads", self.network.inputs, reads), ("gives", self.network.outputs, gives)]
+        {
+            if network != model {
+                return Err(DirectError::Length { what, network, model });
+            }
+        }
+        for (part, numbers, expected) in [
+            (Part::Weights, &self.weights, self.network.weights()),
+            (Part::OutputMean, &scaling.output_mean, n),
+            (Part::OutputScale, &scaling.output_scale, n),
+            (Part::InputMean, &scaling.input_mean, m),
+            (Part::InputScale, &scaling.input_scale, m),
+            (Part::CorrectionScale, &scaling.correction_scale, n),
+        ] {
+            part.check(numbers, expected).map_err(DirectError::Numbers)?;
+        }
+        Ok(())
+    }
+}

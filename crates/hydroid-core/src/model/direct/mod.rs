@@ -1,0 +1,15 @@
+//! The direct predictor: a feed-forward network from the past of a run and the commands to come to all outputs of a
+//! horizon at once; one window at a time in a [`DirectSession`], many side by side in a [`Batch`].
+
+mod batch;
+mod check;
+mod model;
+mod perceptron;
+mod session;
+mod window;
+
+pub use batch::Batch;
+pub use check::DirectError;
+pub use model::Direct;
+pub use perceptron::Perceptron;
+pub use session::DirectSession;

@@ -1,0 +1,152 @@
+//! What a feed-forward network is made of, and the order of its weights.
+
+use alloc::format;
+use alloc::vec::Vec;
+
+use crate::model::recurrent::{NetworkError, Tensor};
+
+/// A multilayer perceptron with `tanh` between its layers and a linear read-out.
+///
+/// ```text
+/// h_0 = x,   h_l = tanh(W_l h_{l-1} + b_l),   y = W_L h_{L-1} + b_L
+/// ```
+///
+/// Its weights are one flat slice: `W_1 b_1 W_2 b_2 ..`, each matrix row by row (`outputs x inputs` of the layer). Names
+/// are those of `torch.nn.Sequential(Linear, Tanh, Linear, .., Linear)`, so that weights travel both ways.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Perceptron {
+    /// Length of the input `x`.
+    pub inputs: usize,
+    /// Length of each hidden layer, from the one that reads the input; none for a linear map.
+    pub hidden: Vec<usize>,
+    /// Length of the output `y`.
+    pub outputs: usize,
+}
+
+/// Places of a layer's weights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Layer {
+    /// Length of what it reads.
+    pub(super) reads: usize,
+    /// Length of what it gives.
+    pub(super) gives: usize,
+    /// Where its matrix begins; its bias follows it.
+    pub(super) at: usize,
+}
+
+impl Layer {
+    pub(super) fn matrix<'a, T>(&self, weights: &'a [T]) -> &'a [T] {
+        &weights[self.at..self.at + self.reads * self.gives]
+    }
+
+    pub(super) fn bias<'a, T>(&self, weights: &'a [T]) -> &'a [T] {
+        let at = self.at + self.reads * self.gives;
+        &weights[at..at + self.gives]
+    }
+}
+
+impl Perceptron {
+    /// The longest layer, input or output.
+    pub const MOST: usize = 4096;
+    /// The most hidden layers.
+    pub const DEEPEST: usize = 64;
+    /// The most weights: half a gigabyte.
+    pub const HEAVIEST: usize = 1 << 26;
+
+    /// Whether the sizes can be.
+    ///
+    /// # Errors
+    /// If one is zero, or larger than any vessel's model needs.
+    pub fn check(&self) -> Result<(), NetworkError> {
+        if self.hidden.len() > Self::DEEPEST {
+            return Err(NetworkError::Huge("layers", self.hidden.len(), Self::DEEPEST));
+        }
+        let ends = [("inputs", self.inputs), ("outputs", self.outputs)];
+        for (what, size) in ends.into_iter().chain(self.hidden.iter().map(|&size| ("units", size))) {
+            if size == 0 {
+                return Err(NetworkError::Empty(what));
+            }
+            if size > Self::MOST {
+                return Err(NetworkError::Huge(what, size, Self::MOST));
+            }
+        }
+        // Nothing overflows: layers and lengths are known to be short.
+        let weights = self.weights();
+        if weights > Self::HEAVIEST {
+            return Err(NetworkError::Huge("weights", weights, Self::HEAVIEST));
+        }
+        Ok(())
+    }
+
+    /// Number of weights.
+    pub fn weights(&self) -> usize {
+        self.layers().last().map_or(0, |layer| layer.at + (layer.reads + 1) * layer.gives)
+    }
+
+    /// Its layers, the read-out last.
+    pub(super) fn layers(&self) -> Vec<Layer> {
+        let (mut reads, mut at) = (self.inputs, 0);
+        let layer = |&gives: &usize| {
+            let layer = Layer { reads, gives, at };
+            at += (reads + 1) * gives;
+            reads = gives;
+            layer
+        };
+        self.hidden.iter().chain([&self.outputs]).map(layer).collect()
+    }
+
+    /// The places of the weights, in their order.
+    pub fn tensors(&self) -> Vec<Tensor> {
+        let both = |(l, layer): (usize, &Layer)| {
+            let tensor = |what: &str, columns, vector, offset| Tensor {
+                name: format!("{}.{what}", 2 * l),
+                rows: layer.gives,
+                columns,
+                vector,
+                offset,
+            };
+            let bias = layer.at + layer.reads * layer.gives;
+            [tensor("weight", layer.reads, false, layer.at), tensor("bias", 1, true, bias)]
+        };
+        self.layers().iter().enumerate().flat_map(both).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec;
+
+    use super::*;
+
+    #[test]
+    fn weights_have_the_order_and_names_of_torch() {
+        let network = Perceptron { inputs: 58, hidden: vec![256; 3], outputs: 60 };
+        assert_eq!(network.check(), Ok(()));
+        assert_eq!(network.weights(), 59 * 256 + 2 * 257 * 256 + 257 * 60);
+        let tensors = network.tensors();
+        let told: Vec<_> = tensors.iter().map(|t| (t.name.as_str(), t.shape())).collect();
+        assert_eq!(told[0], ("0.weight", vec![256, 58]));
+        assert_eq!(told[7], ("6.bias", vec![60]));
+        let mut end = 0;
+        for tensor in &tensors {
+            assert_eq!(tensor.offset, end);
+            end += tensor.len();
+        }
+        assert_eq!(end, network.weights());
+    }
+
+    #[test]
+    fn impossible_networks_are_refused() {
+        let check = |inputs, hidden: &[usize], outputs| {
+            Perceptron { inputs, hidden: hidden.to_vec(), outputs }.check()
+        };
+        assert_eq!(check(0, &[], 1), Err(NetworkError::Empty("inputs")));
+        assert_eq!(check(1, &[3, 0], 1), Err(NetworkError::Empty("units")));
+        assert_eq!(check(1, &[4097], 1), Err(NetworkError::Huge("units", 4097, 4096)));
+        assert_eq!(check(1, &[1; 65], 1), Err(NetworkError::Huge("layers", 65, 64)));
+        assert!(matches!(check(4096, &[4096; 5], 1), Err(NetworkError::Huge("weights", ..))));
+        assert_eq!(check(3, &[], 2), Ok(()));
+    }
+}

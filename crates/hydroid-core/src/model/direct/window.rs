@@ -1,0 +1,61 @@
+//! What a network of a history and a horizon reads, one window in a row: it moves on as samples pass.
+
+use super::model::Direct;
+
+/// Sizes of a window: `[z_{k-p+1} .. z_k  m_{k-p+1} .. m_{k+H-1}]`, in any units.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Window {
+    /// Outputs, inputs, history and horizon.
+    pub(super) n: usize,
+    pub(super) m: usize,
+    pub(super) p: usize,
+    pub(super) h: usize,
+}
+
+impl Window {
+    pub(super) fn of(model: &Direct) -> Self {
+        Self { n: model.outputs(), m: model.inputs(), p: model.history, h: model.horizon }
+    }
+
+    /// Numbers of the past outputs.
+    pub(super) fn outputs(&self) -> usize {
+        self.p * self.n
+    }
+
+    /// Numbers of outputs and commands that have passed: what a session remembers.
+    pub(super) fn past(&self) -> usize {
+        self.outputs() + (self.p - 1) * self.m
+    }
+
+    /// Puts `given` commands from the present one on into a window; the last of them stands for those behind it.
+    pub(super) fn give<T: Copy>(&self, window: &mut [T], given: impl Iterator<Item = T>) {
+        let ahead = &mut window[self.past()..];
+        let mut count = 0;
+        for (slot, value) in ahead.iter_mut().zip(given) {
+            *slot = value;
+            count += 1;
+        }
+        let last = count.max(self.m) - self.m;
+        for at in count..ahead.len() {
+            ahead[at] = ahead[last + (at - count) % self.m.max(1)];
+        }
+    }
+
+    /// Moves on by a whole horizon: the outputs that were predicted and the commands that have passed become the past.
+    pub(super) fn pass<T: Copy>(&self, window: &mut [T], predicted: &[T]) {
+        let (outputs, commands) = window.split_at_mut(self.outputs());
+        push(outputs, &predicted[..self.h * self.n]);
+        commands.copy_within(self.h * self.m.., 0);
+    }
+}
+
+/// Shifts a row of numbers and appends others: of a longer row its end stays.
+pub(super) fn push<T: Copy>(row: &mut [T], others: &[T]) {
+    let (len, new) = (row.len(), others.len());
+    if new >= len {
+        row.copy_from_slice(&others[new - len..]);
+    } else {
+        row.copy_within(new.., 0);
+        row[len - new..].copy_from_slice(others);
+    }
+}

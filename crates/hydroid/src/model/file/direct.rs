@@ -1,0 +1,65 @@
+//! Direct predictors in a file: one tensor for each of PyTorch's, under its name, and the members of an ensemble.
+
+use std::sync::Arc;
+
+use hydroid_core::model::direct::{Direct, Perceptron};
+use hydroid_core::model::recurrent::Scaling;
+use safetensors::tensor::SafeTensors;
+use serde::{Deserialize, Serialize};
+
+use super::super::{Body, Description, Model};
+use super::members;
+use super::recurrent::ScalingFields;
+use super::tensors::{Written, weights, write};
+
+/// Structure of a direct predictor.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Structure {
+    network: Perceptron,
+    #[serde(with = "ScalingFields")]
+    scaling: Scaling,
+    history: usize,
+    horizon: usize,
+    hold: bool,
+}
+
+impl Structure {
+    /// Structure and tensors of a direct predictor.
+    pub(super) fn write(model: &Model, direct: &Direct) -> Result<(Self, Vec<Written>), String> {
+        let mut tensors = Vec::new();
+        for tensor in direct.network.tensors() {
+            let values = direct
+                .weights
+                .get(tensor.range())
+                .ok_or_else(|| format!("the network has {} weights", direct.weights.len()))?;
+            tensors.push(write(&tensor.name, tensor.shape(), values));
+        }
+        tensors.extend(members::write(&model.members)?);
+        let Direct { network, scaling, history, horizon, hold, .. } = direct.clone();
+        Ok((Self { network, scaling, history, horizon, hold }, tensors))
+    }
+
+    /// The model, with its numbers from the file.
+    pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
+        let Self { network, scaling, history, horizon, hold } = self;
+        // Sizes come before whatever is made from them.
+        network.check().map_err(|error| error.to_string())?;
+        if !(description.dt.is_finite() && description.dt > 0.0) {
+            return Err(format!("its sample time is {} s", description.dt));
+        }
+        let weights = weights(&network.tensors(), tensors)?;
+        let members = members::read(tensors, weights.len())?;
+        let direct = Direct { network, weights, scaling, history, horizon, hold };
+        direct.check().map_err(|error| error.to_string())?;
+        let (outputs, inputs) = (description.outputs.len(), description.inputs.len());
+        if (direct.outputs(), direct.inputs()) != (outputs, inputs) {
+            return Err(format!(
+                "its network is of {} outputs and {} inputs, its description of {outputs} and {inputs}",
+                direct.outputs(),
+                direct.inputs()
+            ));
+        }
+        Ok(Model { description, body: Body::Direct(Arc::new(direct)), members, learning: None })
+    }
+}

@@ -1,0 +1,51 @@
+//! The members of an ensemble in a file: `members` (members x places) and `member_places`, which numbers of the model they are.
+
+use safetensors::tensor::{Dtype, SafeTensors};
+
+use super::super::{MOST_MEMBERS, Members};
+use super::tensors::{self, Written, numbers};
+
+/// Tensor of the ensemble, `members x places`; a file without it has no ensemble.
+const MEMBERS: &str = "members";
+/// Tensor of the places that `members` has, counted in the table of coefficients row by row, or in the weights.
+const PLACES: &str = "member_places";
+
+/// The tensors of an ensemble; none where there is none.
+pub(super) fn write(members: &Members) -> Result<Vec<Written>, String> {
+    if members.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (places, values) = members.parts();
+    let width = places.len();
+    let places: Vec<u32> = places
+        .iter()
+        .map(|&place| u32::try_from(place))
+        .collect::<Result<_, _>>()
+        .map_err(|e| e.to_string())?;
+    let places = places.iter().flat_map(|place| place.to_le_bytes()).collect();
+    Ok(vec![
+        tensors::write(MEMBERS, vec![members.len(), width], values),
+        (PLACES.to_owned(), Dtype::U32, vec![width], places),
+    ])
+}
+
+/// The ensemble of a model of `count` numbers, if the file has one.
+pub(super) fn read(tensors: &SafeTensors<'_>, count: usize) -> Result<Members, String> {
+    let (values, places) = match (tensors.tensor(MEMBERS), tensors.tensor(PLACES)) {
+        (Ok(values), Ok(places)) => (values, places),
+        (Err(_), Err(_)) => return Ok(Members::default()),
+        _ => return Err(format!("of '{MEMBERS}' and '{PLACES}' it has one tensor alone")),
+    };
+    let (&[members, width], &[length]) = (values.shape(), places.shape()) else {
+        return Err(String::from("its ensemble is no table"));
+    };
+    if places.dtype() != Dtype::U32 || length != width || !(1..=MOST_MEMBERS).contains(&members) {
+        return Err(format!(
+            "its ensemble has {members} members of {width} coefficients and {length} places (at most {MOST_MEMBERS} members)"
+        ));
+    }
+    let values = numbers(tensors, MEMBERS, &[members, width])?;
+    let (chunks, _) = places.data().as_chunks::<4>();
+    let places: Vec<u32> = chunks.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
+    Members::from_parts(&places, values, count)
+}
