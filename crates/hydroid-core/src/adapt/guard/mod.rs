@@ -19,10 +19,11 @@
 //! sum e_guarded <= factor sum e_frozen + N floor         floor = mean over outputs of noise / (half the design range)
 //! ```
 //!
-//! if the predictions that are under way when the account is found tight cost no more than what is left of it then,
-//! 0.85 `N floor`: there are at most `H / stride + 1` of them, made by a model that had passed the test at the sample from
-//! which it predicts. The account is kept over all windows that are not over yet, so that from the moment at which it is
-//! tight the frozen model, which adds nothing to it, ends all of them within the guarantee.
+//! By two means. An answer is not farther from the frozen model's than a bound (`bound`), so that it cannot cost more,
+//! whatever will be measured; only where tests of late say that the frozen model must be the one that is off may it be farther.
+//! And an account over all windows that are not over yet says what bounds there may be: what has been used, with the bounds of
+//! all predictions that are under way, never exceeds what the guarantee leaves, so that from any moment on the
+//! frozen model, which adds nothing to it, ends all windows within the guarantee.
 
 mod adapter;
 mod bound;
