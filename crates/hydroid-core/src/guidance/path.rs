@@ -113,6 +113,8 @@ impl Path {
     /// A path may pass a point more than once (the legs of a lawn-mower do so nearly): what is nearest of all is not
     /// what the vessel has come to. Looking around where it was cannot jump.
     pub fn foot(&self, point: [f64; 2], near: f64, reach: f64) -> Foot {
+        // NaN, and less than nothing, are nothing.
+        let reach = reach.max(0.0);
         // Not more than one lap: every place once.
         let reach = if self.closed { reach.min(0.5 * self.length) } else { reach };
         let (from, to) = (near - reach, near + reach);

@@ -84,6 +84,9 @@ impl Walker {
 
     /// Moves on for `dt` seconds.
     pub fn advance(&mut self, profile: &SpeedProfile, dt: f64) {
+        if !dt.is_finite() {
+            return;
+        }
         let mut left = dt;
         loop {
             let Some(phase) = profile.phases().get(self.phase) else {

@@ -60,8 +60,8 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
         (columns(&blocks))
         @if !members.is_empty() {
             p.small {
-                "The shaded band holds nine tenths of the rollouts of the " (members.len()) " members of the ensemble: what the uncertainty of the coefficients does to the prediction; where that is little, it hides behind the line. "
-                "Not in it are the noise of the sensors, waves and wind that were not measured, and whatever no term of the model can say; measurements may lie outside."
+                "The shaded band holds nine tenths of the rollouts of the " (members.len()) " members of the ensemble: what " (if candidate.model.is_network() { "other first weights do" } else { "the uncertainty of the coefficients does" }) " to the prediction; where that is little, it hides behind the line. "
+                "Not in it are the noise of the sensors, waves and wind that were not measured, and whatever the model cannot say; measurements may lie outside."
             }
         }
         @if candidate.model.description.inputs.len() > COMMANDS {

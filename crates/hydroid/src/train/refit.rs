@@ -108,10 +108,25 @@ pub(super) fn train<T: Scalar>(
     let before = trained.model.clone();
     if outcome == Outcome::Taken {
         trained.model = team.plan.net.model(&member.best, &team.plan.scaling, team.plan.shape);
+        rescale(&mut trained.members, &before, &trained.model);
     }
     trained.seconds += clock.seconds();
     trained.refit = Some(Refit { before, outcome, validation: member.best_score });
     Ok(trained)
+}
+
+/// Members are of the scale of the model before; what is added to a base has another one now.
+fn rescale(members: &mut [Vec<f64>], before: &Learned, now: &Learned) {
+    let (Learned::Direct(before), Learned::Direct(now)) = (before, now) else { return };
+    let (old, new) = (&before.scaling.correction_scale, &now.scaling.correction_scale);
+    for member in members {
+        for tensor in now.network.tensors().iter().rev().take(2) {
+            for (row, weights) in member[tensor.range()].chunks_exact_mut(tensor.columns).enumerate() {
+                let channel = row % old.len();
+                weights.iter_mut().for_each(|w| *w *= old[channel] / new[channel]);
+            }
+        }
+    }
 }
 
 /// What is kept of the second training of another job gets out of the way: the first of that job has been renamed or

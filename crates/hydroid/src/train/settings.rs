@@ -121,7 +121,7 @@ pub struct Settings {
     /// Whether what was chosen is trained once more, over as many epochs, on training and validation runs together; the
     /// model has the last weights of that, unless it went wrong ([`Refit`](super::Refit)).
     pub refit: bool,
-    /// Whether the best weights of every restart are kept beside the model's ([`Trained::members`](super::Trained)): other
+    /// Whether the best weights of every restart (of 50 at most) are kept beside the model's ([`Trained::members`](super::Trained)): other
     /// numbers that the data allow as well. For direct predictors.
     pub ensemble: bool,
     /// Seed of first weights and of the order of windows.
@@ -287,6 +287,9 @@ impl Settings {
             if value == 0 {
                 return Err(setting(what, &value, "at least 1"));
             }
+        }
+        if self.ensemble && self.restarts < 2 {
+            return Err(setting("restarts", &self.restarts, "2 or more for an ensemble"));
         }
         if self.patience == Some(0) {
             return Err(setting("patience", &0, "at least 1, or leave it out to train to the end"));

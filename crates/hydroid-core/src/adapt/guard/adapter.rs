@@ -94,7 +94,8 @@ impl Predictor for Guard {
         into[2 * len..].copy_from_slice(&self.choice.allowed.numbers());
     }
 
-    /// The learner goes on from state and weights of the model that predicted, the snapshot from its state.
+    /// The learner goes on from state and weights of the model that predicted, and predicts unless it was the frozen one; the
+    /// snapshot goes on from its state.
     fn restore(&mut self, from: &[f64]) {
         let len = self.learner.snapshot_len();
         let Self { learner, kept, frozen, snapshot: [_, own], .. } = self;
@@ -102,8 +103,10 @@ impl Predictor for Guard {
         Self::restore_state(kept.as_mut(), &from[..len], own);
         frozen.restore(&from[len..2 * len]);
         self.trial.reset();
+        let allowed = Allowed::of(core::array::from_fn(|i| from[2 * len + i]));
+        self.choice.active = if allowed == Allowed::NONE { Expert::Frozen } else { Expert::Learner };
         self.choice.reset();
-        self.choice.allowed = Allowed::of(core::array::from_fn(|i| from[2 * len + i]));
+        self.choice.allowed = allowed;
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -28,20 +28,21 @@ const AGAIN: f64 = 1.1;
 /// does what it has never done, all records are bad, and the one that learns gets better first.
 const SPRINT: f64 = 0.7;
 
-/// A model's error at the horizon is taken to be at most so many times the largest that was found in the last horizon; and by
-/// this more, the more of the account has been used. That is forgotten in so many windows.
-const CAUTION: f64 = 1.0;
+/// How much is added to [`caution`](GuardSettings::caution) where all of the account has been used, and in how many windows that is
+/// forgotten.
 const ONCE_BURNT: f64 = 0.5;
 const FORGIVEN: f64 = 10.0;
 
-/// .. and that of the model from shore at most so many times.
+/// The error of the model from shore is taken to be at most so many times the largest of the last horizon, or so many times what it
+/// goes wrong by in a stride, where the vessel begins what that model has never seen.
 const GROWS: f64 = 2.0;
+const STEEP: f64 = 10.0;
 
 /// What a test tells of which not all was measured: the model that is used may be off by anything, the other one by nothing.
 const UNKNOWN: [f64; 3] = [f64::INFINITY, f64::INFINITY, 0.0];
 
 /// Share of what the guarantee leaves that is made use of: tests are one in a stride, and measure with noise.
-const MARGIN: f64 = 0.9;
+const MARGIN: f64 = 0.85;
 
 /// A learner whose record is worse than another's by this, beside twice the noise floor, is losing: so much a test as it is
 /// worse, at most `AT_ONCE`, until it has lost `LOST_AT`. One that has just come into water that it had forgotten
@@ -59,6 +60,7 @@ pub(super) struct Choice {
     share: f64,
     floor: f64,
     factor: f64,
+    caution: f64,
     /// What each test added to the account, those of the window, and where the next goes.
     account: Vec<f64>,
     at: usize,
@@ -70,6 +72,8 @@ pub(super) struct Choice {
     /// Errors of all models in the tests of the last horizon; none where not all was measured.
     lately: Vec<[f64; 3]>,
     tight: bool,
+    /// How fast the model from shore has been going wrong, of late: its error over a stride, beyond the noise.
+    steep: f64,
     /// The largest share of the account that was used, of late.
     burnt: f64,
     /// What the learner has lost, of late.
@@ -86,6 +90,7 @@ impl Choice {
             share: (settings.stride as f64 / settings.record as f64).min(1.0),
             floor,
             factor: settings.factor,
+            caution: settings.caution,
             account,
             at: 0,
             under_way: vec![0.0; settings.horizon / settings.stride],
@@ -93,6 +98,7 @@ impl Choice {
             allowed: Allowed::NONE,
             lately: vec![UNKNOWN; settings.horizon / settings.stride],
             tight: false,
+            steep: 0.0,
             burnt: 0.0,
             lost: 0.0,
         };
@@ -185,16 +191,20 @@ impl Choice {
         self.lately.rotate_left(1);
         if let Some(last) = self.lately.last_mut() {
             *last = if tested.whole { tested.far } else { UNKNOWN };
+            if tested.whole && tested.near[frozen].is_finite() {
+                let decays = 1.0 - 1.0 / self.under_way.len() as f64;
+                self.steep = f64::max(decays * self.steep, tested.near[frozen] - self.floor);
+            }
         }
         self.allowed = if next == Expert::Frozen {
             Allowed::NONE
         } else {
-            let caution = CAUTION + ONCE_BURNT * self.burnt;
+            let caution = self.caution + ONCE_BURNT * self.burnt;
             let worst = |expert: usize| self.lately.iter().map(|errors| errors[expert]).fold(0.0, f64::max);
             Allowed {
                 most,
                 free: (caution * worst(next.index()) * (1.0 + self.factor) - most) / self.factor,
-                far: most + GROWS * worst(frozen),
+                far: most + f64::max(GROWS * worst(frozen), STEEP * self.steep),
             }
         };
         self.under_way[self.next] = self.allowed.most;
@@ -226,6 +236,16 @@ impl Choice {
         Some(to)
     }
 
+    /// A model has other weights from now on: what was found of the ones before says nothing of it.
+    pub(super) fn forget(&mut self, expert: Expert) {
+        for errors in &mut self.lately {
+            errors[expert.index()] = f64::INFINITY;
+        }
+        if self.active == expert {
+            self.allowed.free = f64::INFINITY;
+        }
+    }
+
     /// Whether what the learner knows is worth a snapshot: it has been as good as the last one, and in use.
     pub(super) fn deserves(&self) -> bool {
         let [learner, kept, _] = self.record;
@@ -236,9 +256,9 @@ impl Choice {
         self.record.len()
             + self.account.len()
             + self.under_way.len()
-            + 2 * self.lately.len()
+            + self.lately.as_flattened().len()
             + Allowed::LEN
-            + 6
+            + 7
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
@@ -250,7 +270,7 @@ impl Choice {
         into.count(self.at);
         into.count(self.next);
         into.numbers(&self.allowed.numbers());
-        into.numbers(&[self.burnt, self.lost]);
+        into.numbers(&[self.steep, self.burnt, self.lost]);
         into.flag(self.tight);
     }
 
@@ -265,6 +285,7 @@ impl Choice {
         let mut allowed = [0.0; Allowed::LEN];
         from.numbers(&mut allowed);
         self.allowed = Allowed::of(allowed);
+        from.numbers(core::slice::from_mut(&mut self.steep));
         from.numbers(core::slice::from_mut(&mut self.burnt));
         from.numbers(core::slice::from_mut(&mut self.lost));
         self.tight = from.flag();
@@ -308,6 +329,34 @@ mod tests {
             for window in excess.windows(count) {
                 let sum: f64 = window.iter().sum();
                 prop_assert!(sum <= allowance + 1e-12, "{} of {}", sum, allowance);
+            }
+        }
+    }
+
+    proptest! {
+        /// A prediction that stands far from the frozen one costs no more than is allowed, if its error is what it is taken to
+        /// be at most.
+        #[test]
+        fn what_stands_far_off_costs_no_more(
+            errors in prop::collection::vec((0.0..0.2_f64, 0.0..1.0_f64), 20..60),
+            share in 0.0..1.0_f64,
+            more in 0.0..1.0_f64,
+        ) {
+            let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+            for (learner, shore) in errors {
+                let far = [learner, learner, shore];
+                choice.take(&Tested { far, near: far, now: learner, excess: learner - 1.2 * shore, whole: true });
+                let Allowed { most, free, .. } = choice.allowed;
+                if choice.active == Expert::Learner {
+                    let worst = choice.lately.iter().map(|errors| errors[0]).fold(0.0, f64::max);
+                    if !worst.is_finite() {
+                        continue;
+                    }
+                    let error = share * (choice.caution + ONCE_BURNT * choice.burnt) * worst;
+                    // The two are that far apart, and what was measured is as near to the frozen one as it can be then.
+                    let shore = (free.max(0.0) + more - error).max(0.0);
+                    prop_assert!(error - 1.2 * shore <= most + 1e-12);
+                }
             }
         }
     }

@@ -292,6 +292,7 @@ impl Guard {
             _ => self.frozen.snapshot(snapshot),
         }
         self.learner.restore(snapshot);
+        self.choice.forget(Expert::Learner);
         // What led astray once may do so again: each time it waits for longer.
         self.rest = self.next_rest;
         self.next_rest = (2 * self.next_rest).min(4 * self.settings.window);
@@ -306,6 +307,7 @@ impl Guard {
         let [snapshot, _] = &mut self.snapshot;
         self.learner.snapshot(snapshot);
         self.kept.restore(snapshot);
+        self.choice.forget(Expert::Kept);
         let [learner, kept, _] = &mut self.choice.record;
         *kept = *learner;
         let error = *learner;

@@ -13,6 +13,9 @@ pub struct GuardSettings {
     pub window: usize,
     /// What the guarded prediction may be worse than the frozen one by, beside the noise floor: a factor.
     pub factor: f64,
+    /// A model is taken to have errors of at most so many times the largest of late: the more, the oftener predictions are drawn
+    /// towards those of the model from shore.
+    pub caution: f64,
     /// Memory of the record by which models are chosen \[samples\].
     pub record: usize,
     /// Measurements that jump by so many of the usual deviations of that count as noisier ones ..
@@ -44,6 +47,7 @@ impl GuardSettings {
             stride,
             window: samples(30.0, 4 * horizon),
             factor: 1.2,
+            caution: 1.0,
             record: samples(3.0, horizon),
             inflate: 5.0,
             reject: 7.0,
@@ -63,6 +67,8 @@ impl GuardSettings {
             && self.repeats > 1
             && self.factor >= 1.0
             && self.factor.is_finite()
+            && self.caution >= 0.0
+            && self.caution.is_finite()
             && self.inflate > 0.0
             && self.reject >= self.inflate
     }

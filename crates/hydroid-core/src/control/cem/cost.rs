@@ -70,6 +70,10 @@ impl Cost {
         ] {
             at_least(what, value, 0.0)?;
         }
+        if !self.ahead.is_finite() {
+            let needed = "a number is needed";
+            return Err(ControlError::Setting { what: "the point ahead", value: self.ahead, needed });
+        }
         for prices in [&self.effort, &self.rate] {
             if prices.len() != inputs {
                 return Err(ControlError::Count { expected: inputs, given: prices.len() });
@@ -80,6 +84,13 @@ impl Cost {
         }
         for limit in &self.soft_limits {
             at_least("the price of a limit", limit.weight, 0.0)?;
+            let [low, high] = limit.range;
+            // NaN is in no order.
+            if !matches!(low.partial_cmp(&high), Some(core::cmp::Ordering::Less | core::cmp::Ordering::Equal))
+            {
+                let needed = "its range must have two ends, the lower one first";
+                return Err(ControlError::Setting { what: "the range of a limit", value: low, needed });
+            }
             if limit.output >= outputs {
                 let needed = "there are not so many outputs";
                 let value = limit.output as f64;

@@ -59,6 +59,8 @@ pub struct Planner {
     outputs: usize,
     correlation: f64,
     noise: Noise,
+    /// Samples since it last knew where it was.
+    blind: usize,
     last: Vec<f64>,
     plan: Vec<f64>,
     mean: Vec<f64>,
@@ -69,6 +71,9 @@ pub struct Planner {
     y: Vec<f64>,
     now: Vec<f64>,
 }
+
+/// How long the last plan is gone on with while it is not known where the vessel is \[s\].
+const BLIND_S: f64 = 1.0;
 
 /// What came of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,6 +112,10 @@ impl Planner {
                 needed,
             });
         }
+        if limits.is_empty() {
+            let needed = "a plan needs something to command";
+            return Err(ControlError::Setting { what: "the number of limits", value: 0.0, needed });
+        }
         cost.check(limits.len(), outputs)?;
         if let Some(channel) = limits.iter().position(|limits| !limits.are_possible()) {
             return Err(ControlError::Limits { channel });
@@ -123,6 +132,7 @@ impl Planner {
             outputs,
             correlation,
             noise: Noise::new(settings.seed),
+            blind: 0,
             last: vec![0.0; limits.len()],
             plan: vec![0.0; len],
             mean: vec![0.0; len],
@@ -140,6 +150,7 @@ impl Planner {
     /// Forgets the plan: all commands at rest. What is drawn begins again with the seed.
     pub fn reset(&mut self) {
         self.noise = Noise::new(self.settings.seed);
+        self.blind = 0;
         for (last, limits) in self.last.iter_mut().zip(&self.limits) {
             *last = 0.0_f64.clamp(limits.low, limits.high);
         }
@@ -185,6 +196,14 @@ impl Planner {
         let mut plan = Plan { cost: f64::INFINITY, iterations: 0, tried: 0, status: Status::Blind };
         if seen {
             self.search(model, pose, references, stop, &mut plan);
+        }
+        self.blind = if plan.cost.is_finite() { 0 } else { self.blind.saturating_add(1) };
+        if self.blind as f64 * self.dt > BLIND_S {
+            // To rest, as fast as rates allow.
+            for row in self.plan.chunks_exact_mut(inputs) {
+                row.iter_mut().zip(&self.limits).for_each(|(c, to)| *c = 0.0_f64.clamp(to.low, to.high));
+            }
+            feasible(&mut self.plan, &self.last, &self.limits, self.dt);
         }
         command.copy_from_slice(&self.plan[..inputs]);
         if plan.cost.is_finite() {
@@ -293,7 +312,13 @@ impl Planner {
         self.order.select_nth_unstable_by(elites - 1, by_cost);
         let best = &mut self.order[..elites];
         best.sort_unstable();
-        let best = &self.order[..elites];
+        // Candidates that blow up teach nothing.
+        let finite = best.iter().filter(|k| costs[**k].is_finite()).count();
+        if finite < 2 {
+            return;
+        }
+        best.sort_unstable_by_key(|k| (!costs[*k].is_finite(), *k));
+        let (best, elites) = (&self.order[..finite], finite);
         for at in 0..len {
             let value = |k: &usize| self.candidates[k * len + at];
             let mean = best.iter().map(value).sum::<f64>() / elites as f64;
@@ -317,8 +342,10 @@ impl Planner {
             }
         }
         let (sin, cos) = Float::sin_cos(psi);
-        let north = x + self.cost.ahead * cos - reference.position[0];
-        let east = y + self.cost.ahead * sin - reference.position[1];
+        // The reference is one sample later than the pose.
+        let now = |i: usize| reference.position[i] - self.dt * reference.velocity[i];
+        let north = x + self.cost.ahead * cos - now(0);
+        let east = y + self.cost.ahead * sin - now(1);
         if Float::hypot(north, east) > self.tolerance {
             status = status.and(Status::Lost);
         }
