@@ -123,7 +123,9 @@ fn rescale(members: &mut [Vec<f64>], before: &Learned, now: &Learned) {
         for tensor in now.network.tensors().iter().rev().take(2) {
             for (row, weights) in member[tensor.range()].chunks_exact_mut(tensor.columns).enumerate() {
                 let channel = row % old.len();
-                weights.iter_mut().for_each(|w| *w *= old[channel] / new[channel]);
+                for w in weights {
+                    *w *= old[channel] / new[channel];
+                }
             }
         }
     }
