@@ -11,8 +11,11 @@ use hydroid::identify::{IdentifyError, identify};
 use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::{Body, Model, Reading, decode, encode};
 use hydroid::progress::silent;
-use hydroid::train::{BaseKind, CellKind, Job, Learned, Settings, Status, TrainError, Trained, train};
-use hydroid_core::model::direct::DirectSession;
+use hydroid::train::{
+    BaseKind, CellKind, Job, Learned, Outcome, Settings, Status, TrainError, Trained, train,
+};
+use hydroid_core::model::direct::{Direct, DirectSession};
+use hydroid_core::predict::{Predictor, Workspace};
 
 const OUTPUTS: [DesignRange; 2] =
     [DesignRange { low: -1.5, high: 1.5 }, DesignRange { low: -1.0, high: 1.0 }];
@@ -252,4 +255,35 @@ fn a_history_that_leaves_nothing_to_judge_is_refused_before_anything_is_trained(
     let session = |model: &Model| model.session().warm_up();
     let identified = identify(&job(|_| ()), &mut silent()).unwrap();
     assert_eq!(session(&identified.candidates[0].model), 5);
+}
+
+/// A second training has other increments to scale by; what members predict stays what it was.
+#[test]
+fn members_predict_the_same_after_a_refit() {
+    let settings = Settings { base: BaseKind::Hold, ensemble: true, restarts: 2, epochs: 30, ..settings() };
+    let (before, after) = (go(&settings), go(&Settings { refit: true, ..settings }));
+    assert_eq!(after.refit.as_ref().unwrap().outcome, Outcome::Taken);
+    let run = run("d", 200, 7.0);
+    let predict = |trained: &Trained, member: usize| {
+        let Learned::Direct(model) = &trained.model else { panic!("no direct predictor") };
+        let model = Direct { weights: trained.members[member].clone(), ..model.clone() };
+        let mut session = DirectSession::new(model.into()).unwrap();
+        for k in 0..50 {
+            session.observe(run.outputs.row(k));
+            session.advance(run.inputs.row(k));
+        }
+        let mut y = [0.0; 40];
+        session.rollout(run.inputs.rows(50, 70), &mut Workspace::new(), &mut y);
+        y
+    };
+    let scale = |trained: &Trained| match &trained.model {
+        Learned::Direct(model) => model.scaling.correction_scale.clone(),
+        Learned::Recurrent(_) => panic!("no direct predictor"),
+    };
+    assert_ne!(scale(&before), scale(&after), "there is nothing to see");
+    for member in 0..2 {
+        for (a, b) in predict(&before, member).iter().zip(predict(&after, member)) {
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+    }
 }

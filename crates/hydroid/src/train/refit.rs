@@ -79,6 +79,7 @@ pub(super) fn train<T: Scalar>(
         epochs: trained.history.len(),
         patience: None,
         restarts: 1,
+        ensemble: false,
         // Windows of the same shape, however long the runs are now.
         wash_out_s: recurrent.then_some(trained.wash_out as f64 * dt),
         history_s: (!recurrent).then_some((trained.wash_out + 1) as f64 * dt),
