@@ -220,8 +220,8 @@ fn a_method_like_the_others_with_a_file_and_an_ensemble() {
     let coverage = band_coverage(&members, &[&test], &Options::default(), &[1, 20]).unwrap();
     assert_eq!(coverage.members, 3);
     let Body::Direct(direct) = &model.body else { panic!("no direct predictor") };
-    let refused = |change: fn(&mut hydroid_core::model::direct::Direct)| {
-        let mut direct = hydroid_core::model::direct::Direct::clone(direct);
+    let refused = |change: fn(&mut Direct)| {
+        let mut direct = Direct::clone(direct);
         change(&mut direct);
         let changed = Model { body: Body::Direct(direct.into()), ..model.clone() };
         encode(&changed)
