@@ -132,10 +132,13 @@ impl Autopilot {
         at_least("the quadratic drag", speed.drag[1], 0.0)?;
         positive("the speed of steerage", steerage)?;
         positive("the tolerance", tolerance)?;
+        let lookahead = line_of_sight.lookahead;
+        positive("the look-ahead distance", lookahead)?;
+        // Then only the other setting can be at fault.
         let sight = LineOfSight::new(line_of_sight).map_err(|_| ControlError::Setting {
-            what: "the look-ahead distance, or the integral gain of the line of sight",
-            value: line_of_sight.lookahead,
-            needed: "a distance greater than 0, and a gain of 0 or more, are needed",
+            what: "the integral gain of the line of sight",
+            value: line_of_sight.integral,
+            needed: "a number of 0 or more is needed",
         })?;
         let actuators = Actuators::new(&[Channel::default(); 2], limits, dt, 0.0)?;
         Ok(Self { settings, sight, actuators, heading: 0.0, speed: 0.0 })

@@ -3,14 +3,14 @@
 //! A prediction `p` of another model stands beside that of the model from shore, `f`:
 //!
 //! ```text
-//! d = mean over outputs of |p - f| / w, the largest and the least over the last stride of steps up to the horizon
-//! answer = p                      if free <= d <= far
+//! d = mean over outputs of |p - f| / w, the largest over the last stride of steps up to the horizon
+//! answer = p                      if free <= d <= far (the least d there, the largest here)
 //!        = f + a (p - f)          otherwise, with a = min(1, most / d), the same for all steps
 //! ```
 //!
 //! Near the other model its error exceeds that of `f` by at most `most`, whatever will be measured (triangle inequality). And
 //! where the two are far apart, one of them is far off: if the error of `p` is at most `E`, that of `f` is at least `d - E`,
-//! and that of `p` is no more than `factor` times that where `d >= E (1 + factor) / factor`. (Of a model from shore that has
+//! and what `p` costs beyond `factor` times that is at most `most` where `d >= (E (1 + factor) - most) / factor`. (Of a model from shore that has
 //! been right of late nobody believes that: then `far` is small.)
 
 use alloc::boxed::Box;

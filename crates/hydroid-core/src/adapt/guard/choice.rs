@@ -69,7 +69,7 @@ pub(super) struct Choice {
     next: usize,
     /// How far predictions from now on may be from those of the model from shore.
     pub(super) allowed: Allowed,
-    /// Errors of all models in the tests of the last horizon; none where not all was measured.
+    /// Errors of all models in the tests of the last horizon; [`UNKNOWN`] where not all was measured.
     lately: Vec<[f64; 3]>,
     tight: bool,
     /// How fast the model from shore has been going wrong, of late: its error over a stride, beyond the noise.

@@ -127,11 +127,10 @@ impl Ticks {
         if self.logarithms {
             let number = 10f64.powf(value);
             // Two digits tell the ticks of any axis apart that is worth being logarithmic.
+            let rounded = format!("{number:.1e}").parse().unwrap_or(number);
+            // What stands shortest for a number is what it was read from.
             return if (1e-4..1e5).contains(&number) {
-                format!(
-                    "{}",
-                    (number * 10f64.powf(1.0 - value.floor())).round() * 10f64.powf(value.floor() - 1.0)
-                )
+                f64::to_string(&rounded)
             } else {
                 format!("{number:.0e}")
             };
@@ -217,6 +216,8 @@ mod tests {
         assert_eq!(labels(-1.5, -0.2), ["0.05", "0.1", "0.2", "0.5"]);
         assert_eq!(labels(-7.1, -4.9), ["1e-7", "1e-6", "1e-5"]);
         assert!(labels(0.31, 0.39).len() >= 2);
+        let ticks = Scale::new((0.1, 0.2), 0.0, 1.0).decades(8);
+        assert_eq!([1.4, 12.0, 0.00034].map(|x: f64| ticks.label(x.log10())), ["1.4", "12", "0.00034"]);
         assert!((2..=9).contains(&labels(-300.0, 300.0).len()));
     }
 

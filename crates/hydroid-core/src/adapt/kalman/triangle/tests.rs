@@ -32,6 +32,8 @@ fn check<T: Scalar>(blocks: &[usize], split: fn(usize) -> Option<usize>, vectors
     }
     let diagonal: Vec<T> = (0..width).map(|c| T::of(2.0 + number(c))).collect();
     triangle.set_diagonal(&diagonal);
+    let smallest = columns.iter().map(|&(b, k)| diagonal[spans[b].start + k]).fold(T::of(1e9), T::min);
+    assert_eq!(triangle.least(), smallest);
     let mut p = vec![vec![0.0; m]; m];
     for (c, &(b, k)) in columns.iter().enumerate() {
         p[c][c] = diagonal[spans[b].start + k].wide();
