@@ -60,6 +60,20 @@ impl Bar {
         Self(bar)
     }
 
+    /// Says what is at work.
+    pub fn say(&self, words: &str) {
+        if !self.0.is_hidden() {
+            self.0.set_message(words.to_owned());
+        }
+    }
+
+    /// Moves the bar to a fraction of the whole.
+    pub fn at(&self, fraction: f64) {
+        // A fraction of 1000 steps, clamped.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        self.0.set_position((fraction.clamp(0.0, 1.0) * 1000.0) as u64);
+    }
+
     /// The callback for an identification: moves the bar, says what is at work and how it does, and passes ctrl-C on.
     pub fn stages(&self) -> impl FnMut(&Stage<'_>) -> ControlFlow<()> {
         let mut move_on = self.callback();
@@ -74,9 +88,7 @@ impl Bar {
     /// The callback for the library: moves the bar, and passes ctrl-C on.
     pub fn callback(&self) -> impl FnMut(f64) -> ControlFlow<()> {
         |fraction| {
-            // A fraction of 1000 steps, clamped.
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-            self.0.set_position((fraction.clamp(0.0, 1.0) * 1000.0) as u64);
+            self.at(fraction);
             if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         }
     }

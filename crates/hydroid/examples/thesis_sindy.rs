@@ -26,49 +26,25 @@
 //! Columns: number of terms; mean absolute error of `u`, `v` \[m/s\] and `r` \[rad/s\] at 20 and at 100 steps,
 //! of rollouts that start at the true state, against the truth (what `hydroid evaluate --origin true
 //! --against truth --origin-stride 20` reports); how many rollouts diverged (these are in no mean); and a
-//! verdict:
-//!
-//! - *collapsed*: no terms are left;
-//! - *diverges*: a rollout left ten times the range of the training data;
-//! - *lost its propeller*: no term of `du/dt` has the propeller command;
-//! - *hardly better than nothing changes*: at 100 steps, in an output, the error is more than half of that of
-//!   keeping its value;
-//! - *works moderately*: none of these.
+//! verdict, one of those of [`hydroid::study::recipe`].
 
 // A test includes this file as a module; neither has an outside.
 #![allow(unreachable_pub, missing_docs)]
 
-use std::fmt;
 use std::path::Path;
-use std::sync::Arc;
 
-use hydroid::evaluate::{Against, DesignRange, Evaluation, Options, Origin, evaluate};
+use hydroid::evaluate::Evaluation;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GivenRanges, Identified, Job, Method, Networks, SindySettings, identify, ranges};
 use hydroid::log::{self, PrepareOptions, Selection, Split, Trajectory};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
-use hydroid::sindy::{
-    Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Structure, Variables,
-};
+use hydroid::sindy::Structure;
+use hydroid::study::StudyError;
+use hydroid::study::recipe::{DIFFERENCES, Errors, HORIZONS, THRESHOLDS, errors, judged, recipe};
 use hydroid_core::model::Persistence;
-use hydroid_core::model::sparse::{Equations, EquationsSession};
-use hydroid_core::predict::Predictor;
 use hydroid_core::vessel::VesselParams;
-
-/// Differences of the recipe.
-pub const DIFFERENCES: [(&str, Regression); 3] = [
-    ("central", Regression::Central),
-    ("smoothed, 11", Regression::Smoothed { half: 5 }),
-    ("smoothed, 51", Regression::Smoothed { half: 25 }),
-];
-/// Thresholds of the recipe.
-pub const THRESHOLDS: [f64; 8] = [0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5];
-/// Units of the propeller command \[N\].
-pub const UNITS: [(&str, f64); 2] = [("N", 1.0), ("100 N", 100.0)];
-/// Horizons of the table \[samples\].
-pub const HORIZONS: [usize; 2] = [20, 100];
 
 /// Runs of the hydrofoil.
 pub struct Data {
@@ -111,127 +87,6 @@ impl Data {
     }
 }
 
-/// What became of a setting.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    Collapsed,
-    Diverges,
-    LostItsPropeller,
-    HardlyBetterThanNothingChanges,
-    WorksModerately,
-}
-
-impl fmt::Display for Verdict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Collapsed => "collapsed",
-            Self::Diverges => "diverges",
-            Self::LostItsPropeller => "lost its propeller",
-            Self::HardlyBetterThanNothingChanges => "hardly better than nothing changes",
-            Self::WorksModerately => "works moderately",
-        })
-    }
-}
-
-/// Errors at [`HORIZONS`], output by output.
-pub type Errors = [Vec<f64>; 2];
-
-/// One setting of the recipe.
-pub struct Row {
-    pub degree: u8,
-    pub difference: &'static str,
-    pub unit: &'static str,
-    pub threshold: f64,
-    pub terms: usize,
-    pub errors: Errors,
-    pub diverged: usize,
-    pub windows: usize,
-    pub verdict: Verdict,
-}
-
-fn judged(session: &mut dyn Predictor, ranges: &[DesignRange], test: &Trajectory) -> Evaluation {
-    let options = Options {
-        horizon: HORIZONS[1],
-        origin_stride: 20,
-        origin: Origin::True,
-        against: Against::Truth,
-        warm_up: 1,
-    };
-    evaluate("sindy", session, ranges, &[test], &options, &mut silent()).expect("the test run is long enough")
-}
-
-fn errors(table: &[Vec<f64>]) -> Errors {
-    HORIZONS.map(|horizon| table[horizon - 1].clone())
-}
-
-/// Whether the equation of the first output has the command.
-fn has_input(equations: &Equations, input: usize) -> bool {
-    let variable = equations.outputs() + input;
-    let mut terms = equations.terms().iter().enumerate();
-    terms.any(|(j, term)| {
-        equations.coefficient(0, j) != 0.0
-            && term.factors().iter().any(|factor| usize::from(factor.variable) == variable)
-    })
-}
-
-/// The recipe on some of its settings.
-pub fn recipe(
-    data: &Data,
-    degrees: &[u8],
-    differences: &[(&'static str, Regression)],
-    thresholds: &[f64],
-) -> Vec<Row> {
-    let ranges = ranges(&[&data.train]);
-    let mut rows = Vec::new();
-    for &degree in degrees {
-        let terms = Library::polynomial(degree).terms(&Variables::of(&data.train));
-        for &(difference, regression) in differences {
-            for (unit, scale) in UNITS {
-                let scaling = Scaling::Variables(vec![1.0, 1.0, 1.0, scale, 1.0]);
-                let prepared = Prepared::new(&[&data.train], terms.clone(), regression, &scaling)
-                    .expect("two hours are enough for a polynomial");
-                for &threshold in thresholds {
-                    let options = FitOptions {
-                        optimizer: Optimizer::Stlsq(threshold),
-                        ridge: 0.0,
-                        substeps: 1,
-                        constraints: Constraints::default(),
-                    };
-                    let equations = prepared.fit(&options).expect("nothing constrains it").equations;
-                    let (terms, propeller) = (equations.active_terms(), has_input(&equations, 0));
-                    let test = judged(&mut EquationsSession::new(Arc::new(equations)), &ranges, &data.test);
-                    let errors = errors(&test.mae);
-                    let unchanged = &test.persistence.mae[HORIZONS[1] - 1];
-                    let verdict = if terms == 0 {
-                        Verdict::Collapsed
-                    } else if test.diverged > 0 {
-                        Verdict::Diverges
-                    } else if !propeller {
-                        Verdict::LostItsPropeller
-                    } else if errors[1].iter().zip(unchanged).any(|(error, kept)| *error > 0.5 * kept) {
-                        Verdict::HardlyBetterThanNothingChanges
-                    } else {
-                        Verdict::WorksModerately
-                    };
-                    let (diverged, windows) = (test.diverged, test.windows);
-                    rows.push(Row {
-                        degree,
-                        difference,
-                        unit,
-                        threshold,
-                        terms,
-                        errors,
-                        diverged,
-                        windows,
-                        verdict,
-                    });
-                }
-            }
-        }
-    }
-    rows
-}
-
 /// What hydroid finds when nothing is set.
 pub fn defaults(data: &Data) -> Identified {
     let part = |run: &Trajectory| vec![run.clone()];
@@ -256,7 +111,10 @@ pub fn defaults(data: &Data) -> Identified {
 }
 
 /// Errors of what was identified, against the truth.
-pub fn against_truth(identified: &Identified, data: &Data) -> Evaluation {
+///
+/// # Errors
+/// If the test run is too short.
+pub fn against_truth(identified: &Identified, data: &Data) -> Result<Evaluation, StudyError> {
     let mut session = identified.candidates[0].model.session();
     judged(session.as_mut(), &ranges(&[&data.train]), &data.test)
 }
@@ -266,7 +124,7 @@ fn cells(errors: &Errors) -> String {
     format!("{:<20} | {:<20}", row(&errors[0]), row(&errors[1]))
 }
 
-fn main() -> Result<(), log::LogError> {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     let data = match std::env::args_os().nth(1) {
         Some(folder) => Data::read(Path::new(&folder))?,
         None => Data::simulated(7_200.0, 1_200.0),
@@ -283,7 +141,7 @@ fn main() -> Result<(), log::LogError> {
         "| degree | differences  | force | threshold | terms | 20 steps: u, v, r    | 100 steps: u, v, r   | diverged | verdict |"
     );
     println!("| ---: | --- | --- | ---: | ---: | --- | --- | ---: | --- |");
-    for row in recipe(&data, &[2, 3], &DIFFERENCES, &THRESHOLDS) {
+    for row in recipe(&data.train, &data.test, &[2, 3], &DIFFERENCES, &THRESHOLDS)? {
         println!(
             "| {:>6} | {:<12} | {:<5} | {:>9} | {:>5} | {} | {:>8} | {} |",
             row.degree,
@@ -291,14 +149,14 @@ fn main() -> Result<(), log::LogError> {
             row.unit,
             row.threshold,
             row.terms,
-            cells(&row.errors),
+            row.errors.as_ref().map_or_else(|| format!("{:<20} | {:<20}", "-", "-"), cells),
             format!("{}/{}", row.diverged, row.windows),
             row.verdict
         );
     }
     let identified = defaults(&data);
     let candidate = &identified.candidates[0];
-    let test = against_truth(&identified, &data);
+    let test = against_truth(&identified, &data)?;
     println!(
         "| hydroid, nothing set | | | | {} | {} | {}/{} | |",
         candidate.model.weights(),
@@ -307,7 +165,7 @@ fn main() -> Result<(), log::LogError> {
         test.windows
     );
     let mut nothing = Persistence::new(3, 2);
-    let kept = judged(&mut nothing, &ranges(&[&data.train]), &data.test);
+    let kept = judged(&mut nothing, &ranges(&[&data.train]), &data.test)?;
     println!("| nothing changes | | | | 0 | {} | 0 | |", cells(&errors(&kept.persistence.mae)));
     let Some(found) = candidate.found() else { return Ok(()) };
     let structure: &Structure = &found.trials[found.chosen].structure;

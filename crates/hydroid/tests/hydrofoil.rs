@@ -1,10 +1,6 @@
 //! Lag, change of mode and motion of the built-in hydrofoil from ten minutes of its log, and no such thing on a
 //! vessel that has none; and the thesis's recipe beside it.
 
-#[path = "../examples/thesis_sindy.rs"]
-#[allow(dead_code)] // what the example prints, and no test needs
-mod thesis_sindy;
-
 use hydroid::evaluate::{Against, Evaluation, Options, Origin, evaluate};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GivenRanges, Identified, Job, Method, Networks, SindySettings, identify, ranges};
@@ -13,9 +9,9 @@ use hydroid::model::Reading;
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
 use hydroid::sindy::{Lag, Schedule, Structure};
+use hydroid::study::recipe::{self, DIFFERENCES, UNITS, Verdict, recipe};
 use hydroid_core::model::sparse::Shape;
 use hydroid_core::vessel::VesselParams;
-use thesis_sindy::{DIFFERENCES, Data, UNITS, Verdict, recipe};
 
 /// Without the propeller force, which no vessel logs.
 fn run(vessel: VesselParams, duration_s: f64, seed: u64) -> Trajectory {
@@ -125,11 +121,11 @@ fn the_simple_vessel_gets_no_change_of_mode() {
 /// hydroid finds.
 #[test]
 fn the_recipe_of_the_thesis_works_moderately_at_best() {
-    let data = Data::simulated(600.0, 600.0);
-    let rows = recipe(&data, &[2], &[DIFFERENCES[0], DIFFERENCES[2]], &[0.0, 0.05, 0.5]);
+    let [train, test] = [0, 1].map(|seed| run(VesselParams::hydrofoil(), 600.0, seed));
+    let rows = recipe(&train, &test, &[2], &[DIFFERENCES[0], DIFFERENCES[2]], &[0.0, 0.05, 0.5]).unwrap();
     let row = |difference: &str, unit: &str, threshold: f64| {
         let same =
-            |r: &&thesis_sindy::Row| r.difference == difference && r.unit == unit && r.threshold == threshold;
+            |r: &&recipe::Row| r.difference == difference && r.unit == unit && r.threshold == threshold;
         rows.iter().find(same).unwrap()
     };
     assert_eq!(rows.len(), 12);

@@ -2,6 +2,7 @@
 
 mod adapt;
 mod identify;
+mod thesis;
 mod values;
 
 use std::path::PathBuf;
@@ -11,6 +12,7 @@ use hydroid::log::{CommandTiming, InputDelay};
 
 pub use adapt::{Adapt, EquationsArgs, Learner, NetworksArgs};
 pub use identify::Identify;
+pub use thesis::Thesis;
 use values::parse_timing;
 pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Origin};
 
@@ -58,6 +60,7 @@ pub enum Command {
     Identify(Box<Identify>),
     Evaluate(Evaluate),
     Adapt(Box<Adapt>),
+    Thesis(Thesis),
 }
 
 /// Simulate a vessel and write its log

@@ -7,6 +7,7 @@ mod inspect;
 mod leftovers;
 mod simulate;
 mod table;
+mod thesis;
 
 use std::process::ExitCode;
 
@@ -46,6 +47,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Command::Identify(identify) => identify::run(&identify, args.global),
         Command::Evaluate(evaluate) => evaluate::run(&evaluate, args.global),
         Command::Adapt(adapt) => adapt::run(&adapt, args.global),
+        Command::Thesis(thesis) => thesis::run(&thesis, args.global),
     }
 }
 

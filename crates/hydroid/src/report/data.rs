@@ -18,7 +18,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
     let (heading, id) = ("Data", "data");
     let split = subject.split;
     if super::runs(split).next().is_none() {
-        return Ok(Section { id, heading, body: nothing("There are no runs.") });
+        return Ok(Section::new(id, heading, nothing("There are no runs.")));
     }
     let channels = overview(split);
     let told: Vec<&Note> = subject.context.notes.iter().filter(|note| !note.is_warning()).collect();
@@ -55,7 +55,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
             }
         }
     };
-    Ok(Section { id, heading, body })
+    Ok(Section::new(id, heading, body))
 }
 
 fn run_table(split: &Split) -> Markup {

@@ -88,7 +88,7 @@ pub(super) fn section(sparse: Sparse<'_>, training: &[Trajectory]) -> Section {
             pre.copy { (motion.equations_latex()) (motion.units_latex()) }
         }
     };
-    Section { id: "equations", heading: "Equations", body }
+    Section::new("equations", "Equations", body)
 }
 
 /// Terms of an equation, the largest contribution first.

@@ -18,7 +18,7 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
     let test = &candidate.test;
     if test.windows == 0 || test.horizons.is_empty() {
         let why = "No window of the test runs could be rolled out: there is no error to show.";
-        return Ok(Section { id, heading, body: nothing(why) });
+        return Ok(Section::new(id, heading, nothing(why)));
     }
     let caption = html! {
         "NRMSE of open-loop predictions: the error in standard deviations of the output. "
@@ -39,7 +39,7 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
         p { (windows(candidate)) }
         (columns(&[chart, tables]))
     };
-    Ok(Section { id, heading, body })
+    Ok(Section::new(id, heading, body))
 }
 
 /// NRMSE at which the panels end.

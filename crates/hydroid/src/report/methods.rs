@@ -33,7 +33,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
         }
         @if let Some(learning) = learning { p { (learning) } }
     };
-    Some(Section { id: "methods", heading: "Methods side by side", body })
+    Some(Section::new("methods", "Methods side by side", body))
 }
 
 fn row(candidate: &Candidate, best: bool) -> Vec<Markup> {

@@ -35,7 +35,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Option<Section>, ReportEr
         (summary(&networks))
         (ranges(subject))
     };
-    Ok(Some(Section { id: "networks", heading: "Networks", body }))
+    Ok(Some(Section::new("networks", "Networks", body)))
 }
 
 /// What a network is, in a list.

@@ -1,5 +1,7 @@
 //! The frame of a page: head, contents, sections; and the blocks that sections are built of.
 
+use std::borrow::Cow;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::style;
@@ -8,11 +10,21 @@ use crate::log::Note;
 /// One section of a page.
 pub(crate) struct Section {
     /// Target of links; unique on the page.
-    pub(crate) id: &'static str,
+    id: Cow<'static, str>,
     /// Its heading; the first section has the page's own.
-    pub(crate) heading: &'static str,
+    heading: Cow<'static, str>,
     /// What is in it.
-    pub(crate) body: Markup,
+    body: Markup,
+}
+
+impl Section {
+    pub(crate) fn new(
+        id: impl Into<Cow<'static, str>>,
+        heading: impl Into<Cow<'static, str>>,
+        body: Markup,
+    ) -> Self {
+        Self { id: id.into(), heading: heading.into(), body }
+    }
 }
 
 /// A page of sections.

@@ -27,7 +27,7 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
         walks.iter().max_by_key(|walk| walk.rollouts.len()).filter(|walk| !walk.rollouts.is_empty());
     let Some(walk) = longest else {
         let why = "No test run is long enough for a rollout over the horizon: there is nothing to compare.";
-        return Ok(Section { id, heading, body: nothing(why) });
+        return Ok(Section::new(id, heading, nothing(why)));
     };
     let over = number::duration(walk.horizon as f64 * walk.run.dt);
     let overview = walk.liveliest(OVERVIEW);
@@ -68,7 +68,7 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
             p.small { "Only the first " (COMMANDS) " inputs are drawn." }
         }
     };
-    Ok(Section { id, heading, body })
+    Ok(Section::new(id, heading, body))
 }
 
 fn block(

@@ -54,7 +54,7 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
         }
         (columns(&blocks))
     };
-    Ok(Section { id, heading, body })
+    Ok(Section::new(id, heading, body))
 }
 
 impl Residuals {

@@ -33,7 +33,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
             None => (nothing("No settings were tried.")),
         }
     };
-    Ok(Section { id, heading, body })
+    Ok(Section::new(id, heading, body))
 }
 
 fn choice(candidate: &Candidate, found: &Found) -> Result<Markup, ReportError> {

@@ -43,7 +43,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
         }
         @if let Some(candidate) = subject.candidate { (details(candidate)) }
     };
-    Section { id: "settings", heading: "Settings", body }
+    Section::new("settings", "Settings", body)
 }
 
 /// Everything that the model file says about its making.

@@ -38,7 +38,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
             }
         }
     };
-    Section { id: "summary", heading: "Summary", body }
+    Section::new("summary", "Summary", body)
 }
 
 /// All warnings, those about the result first.

@@ -1,0 +1,83 @@
+//! `hydroid thesis`.
+
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+use std::time::Instant;
+
+use hydroid::study::{self, Holds, Plan, Summary, Told};
+
+use super::Outcome;
+use crate::args::{Global, Thesis};
+use crate::ui;
+
+pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
+    if let Some(folder) = &args.write_experiments {
+        Plan::write(folder)?;
+        outln!("{}: experiments, records, models and claims as files", folder.display());
+        return Ok(Outcome::Done);
+    }
+    let plan = match &args.experiments {
+        Some(folder) => Plan::read(folder, args.quick)?,
+        None => Plan::built_in(args.quick)?,
+    };
+    if args.list {
+        list(&plan, global)?;
+        return Ok(Outcome::Done);
+    }
+    let program = if args.any_program { 0 } else { study::program() };
+    let clock = Instant::now();
+    let bar = ui::Bar::new("study", global);
+    // Words are told from several threads; a bar is drawn by one at a time.
+    let last = Mutex::new(String::new());
+    let watch = |told: &Told<'_>| {
+        let fraction = (told.done as f64 + 0.5 * told.fraction) / told.of.max(1) as f64;
+        let words = format!("{}: {}", told.experiment, told.what);
+        if let Ok(mut last) = last.lock()
+            && *last != words
+        {
+            bar.say(&words);
+            *last = words;
+        }
+        bar.at(fraction);
+        if ui::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let summary = study::run(&plan, &args.only, &args.output, program, &watch)?;
+    drop(bar);
+    if global.json {
+        super::print_json(&summary)?;
+    } else {
+        show(&summary, clock.elapsed().as_secs_f64());
+    }
+    Ok(Outcome::Done)
+}
+
+fn list(plan: &Plan, global: Global) -> anyhow::Result<()> {
+    if global.json {
+        let named: Vec<_> = plan
+            .experiments
+            .iter()
+            .map(|(name, experiment)| serde_json::json!({ "name": name, "title": experiment.title }))
+            .collect();
+        return super::print_json(&named);
+    }
+    for (name, experiment) in &plan.experiments {
+        outln!("{name:12} {}", experiment.title);
+    }
+    Ok(())
+}
+
+fn show(summary: &Summary, seconds: f64) {
+    for claim in &summary.claims {
+        let sign = match claim.verdict {
+            Holds::Reproduced => "+",
+            Holds::InPart => "o",
+            Holds::NotReproduced => "-",
+        };
+        outln!("{sign} {:14} {:<9.3} {}", claim.verdict.word(), claim.figure, claim.claim);
+    }
+    let mut slow: Vec<_> = summary.seconds.iter().filter(|(_, seconds)| *seconds >= 0.1).collect();
+    slow.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let words: Vec<String> = slow.iter().map(|(name, seconds)| format!("{name} {seconds:.1} s")).collect();
+    outln!("\n{seconds:.1} s{}{}", if words.is_empty() { "" } else { ": " }, words.join(", "));
+    outln!("{}", summary.page.display());
+}

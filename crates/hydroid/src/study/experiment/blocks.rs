@@ -1,0 +1,109 @@
+//! Figure 5: Error(k) of direct predictors beside C0, below, across and above the change of mode.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::StudyError;
+use super::super::error_k::{self, Block, Record};
+use super::super::lab::Lab;
+use super::super::look;
+use super::super::outcome::{Cell, Outcome, Sheet};
+use super::{OUTPUTS, median};
+
+/// Error(k) over a record.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Blocks {
+    /// Predictors; the first one's first seed is drawn.
+    pub models: Vec<String>,
+    /// The record, of a hydrofoil.
+    pub record: String,
+}
+
+impl Blocks {
+    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+        let sailed = lab.record(&self.record)?;
+        let record = Record::of(&sailed.simulated)?;
+        let mut outcome = Outcome::default();
+        let mut table = Sheet::new(
+            "error_k_means",
+            &["model", "where", "blocks", "u [m/s]", "v [m/s]", "r [rad/s]"],
+        );
+        let mut sheet = Sheet::new(
+            "error_k",
+            &["model", "seed", "k", "mean u [m/s]", "output", "Error(k)", "Error(k) of C0"],
+        );
+        let mut plants = None;
+        for name in &self.models {
+            let models = lab.models(name)?;
+            let all: Vec<Vec<Block>> = lab.each(&format!("Error(k) of {name}"), &models, |learned| {
+                let key = lab.store.key("error_k", &(), &[learned.key, sailed.key])?;
+                lab.store.get("error_k", key, || error_k::blocks(&record, learned.model.session().as_mut()))
+            })?;
+            for (learned, blocks) in models.iter().zip(&all) {
+                for block in blocks {
+                    for (c, (output, _)) in OUTPUTS.iter().enumerate() {
+                        sheet.row(vec![
+                            name.clone().into(),
+                            Cell::Number(learned.seed as f64),
+                            block.k.into(),
+                            block.mean_u.into(),
+                            (*output).into(),
+                            block.model[c].into(),
+                            block.c0[c].into(),
+                        ]);
+                    }
+                }
+            }
+            for (place, word) in error_k::PLACES.iter().enumerate() {
+                let chosen: Vec<Vec<&Block>> =
+                    all.iter().map(|blocks| blocks.iter().filter(|b| error_k::is(b, place)).collect()).collect();
+                let count = chosen.first().map_or(0, Vec::len);
+                let of = |c: usize, of: fn(&Block) -> [f64; 3]| {
+                    median(chosen.iter().map(|blocks| mean(blocks.iter().map(|b| of(b)[c]))).collect())
+                };
+                let mut row = vec![look::title(name).into(), (*word).into(), count.into()];
+                row.extend((0..3).map(|c| Cell::Number(of(c, |b| b.model))));
+                table.row(row);
+                if place == 2 && name == &self.models[0] {
+                    for (c, (output, _)) in OUTPUTS.iter().enumerate() {
+                        outcome.measure(&format!("above_{output}"), of(c, |b| b.model));
+                        outcome.measure(&format!("c0_over_model_{output}"), of(c, |b| b.c0) / of(c, |b| b.model));
+                    }
+                }
+            }
+            if let (None, Some(blocks)) = (&plants, all.first()) {
+                plants = Some(blocks.clone());
+                let title = look::title(name);
+                outcome.chart(
+                    "error_k",
+                    error_k::figure(blocks, &title, look::line(name), record.run.dt),
+                    format!(
+                        "Error(k): the mean absolute error of 10 windows of 20 steps from sample k on, of the {title} and of C0, a perfect model of low speed that starts from the true state, along {}. C0 is better where it is right, and useless beyond the change of mode.",
+                        self.record
+                    ),
+                );
+            }
+        }
+        for (place, word) in error_k::PLACES.iter().enumerate() {
+            let Some(blocks) = &plants else { break };
+            let chosen: Vec<&Block> = blocks.iter().filter(|block| error_k::is(block, place)).collect();
+            let mut row = vec!["C0".into(), (*word).into(), chosen.len().into()];
+            row.extend((0..3).map(|c| Cell::Number(mean(chosen.iter().map(|b| b.c0[c])))));
+            table.row(row);
+        }
+        let floor = lab.store.get("floor", lab.store.key("floor", &(), &[sailed.key])?, || {
+            Ok(error_k::noise_floor(&record)?.to_vec())
+        })?;
+        let mut row = vec!["noise floor: the true plant from the measured speeds".into(), "all".into(), "".into()];
+        row.extend(floor.iter().map(|&x| Cell::Number(x)));
+        table.row(row);
+        outcome.sheets.push(sheet);
+        outcome.table(table, "Mean of Error(k), over medians of seeds.");
+        Ok(outcome)
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+    sum / count
+}

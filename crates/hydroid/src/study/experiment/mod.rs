@@ -1,0 +1,78 @@
+//! The kinds of experiments.
+
+mod adaptation;
+mod along;
+mod blocks;
+mod forgetting;
+mod horizons;
+mod recipe;
+mod schematic;
+mod table;
+
+use serde::{Deserialize, Serialize};
+
+use super::StudyError;
+use super::lab::Lab;
+use super::outcome::Outcome;
+
+/// What is done to answer a question.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// A drawing that explains.
+    Schematic(schematic::Schematic),
+    /// Error(k) of direct predictors beside C0.
+    Blocks(blocks::Blocks),
+    /// Errors of networks over the horizon, frozen and adapted.
+    Horizons(horizons::Horizons),
+    /// Errors over time along a record.
+    Along(along::Along),
+    /// The thesis's recipe for sparse equations, setting by setting.
+    Recipe(recipe::Recipe),
+    /// What a network forgets at sea.
+    Forgetting(forgetting::Forgetting),
+    /// All methods side by side.
+    Table(table::Comparison),
+}
+
+impl Kind {
+    /// The records and the models that it names.
+    pub(super) fn uses(&self) -> (Vec<&String>, Vec<&String>) {
+        match self {
+            Self::Schematic(_) => (Vec::new(), Vec::new()),
+            Self::Blocks(blocks) => (vec![&blocks.record], blocks.models.iter().collect()),
+            Self::Horizons(horizons) => (horizons.records.iter().collect(), horizons.models.iter().collect()),
+            Self::Along(along) => (vec![&along.record], vec![&along.model]),
+            Self::Recipe(recipe) => (vec![&recipe.train, &recipe.test], vec![&recipe.ours]),
+            Self::Forgetting(forgetting) => forgetting.uses(),
+            Self::Table(table) => table.uses(),
+        }
+    }
+
+    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+        match self {
+            Self::Schematic(schematic) => Ok(schematic.run()),
+            Self::Blocks(blocks) => blocks.run(lab),
+            Self::Horizons(horizons) => horizons.run(lab),
+            Self::Along(along) => along.run(lab),
+            Self::Recipe(recipe) => recipe.run(lab),
+            Self::Forgetting(forgetting) => forgetting.run(lab),
+            Self::Table(table) => table.run(lab),
+        }
+    }
+}
+
+/// Outputs of all experiments, and their units.
+const OUTPUTS: [(&str, &str); 3] = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")];
+
+/// The middle of some numbers; NaN of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let n = values.len();
+    if n == 0 { f64::NAN } else { 0.5 * (values[n / 2] + values[(n - 1) / 2]) }
+}
+
+/// The least and the largest of some numbers.
+fn range(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
+}

@@ -1,0 +1,216 @@
+//! Table 1: all methods side by side, measured.
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use hydroid_core::predict::Workspace;
+
+use super::super::StudyError;
+use super::super::lab::{Lab, Learned, Sailed};
+use super::super::look;
+use super::super::outcome::{Cell, Outcome, Sheet};
+use super::adaptation::{adaptation, options};
+use super::{OUTPUTS, median};
+use crate::adapt;
+use crate::evaluate::{self, Against, evaluate};
+use crate::report::figure::{Figure, Mark, Panel, Points, Sign};
+
+/// All methods side by side.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Comparison {
+    /// The methods, in the order of the table.
+    pub methods: Vec<MethodRow>,
+}
+
+/// A method: a model for each vessel, and what words say of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MethodRow {
+    /// What it is called.
+    pub name: String,
+    /// Its model of the simple vessel.
+    pub simple: Option<String>,
+    /// Its model of the hydrofoil, from both modes.
+    pub hydrofoil: Option<String>,
+    /// Its model that learns at sea.
+    pub learns: Option<String>,
+    /// Where that sails.
+    pub sea: Option<String>,
+    /// What has to be known beforehand.
+    pub knows: String,
+    /// What the thesis has.
+    pub thesis: String,
+}
+
+/// Errors and costs of a model.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Judged {
+    /// Mean absolute error 20 steps ahead, from measured origins, against the truth.
+    at_20: Vec<f64>,
+    diverged: usize,
+    /// Time of a rollout of 20 steps, median \[us\].
+    rollout_us: f64,
+}
+
+/// Of a model that learns: numbers in its memory, time for a sample \[us\], error of u left of the frozen one, 20 steps ahead.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Learning {
+    memory: usize,
+    us: f64,
+    left: f64,
+}
+
+impl Comparison {
+    pub(super) fn uses(&self) -> (Vec<&String>, Vec<&String>) {
+        let records = self.methods.iter().filter_map(|m| m.sea.as_ref()).collect();
+        let models = self.methods.iter().flat_map(|m| [&m.simple, &m.hydrofoil, &m.learns]);
+        (records, models.flatten().collect())
+    }
+
+    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+        let mut outcome = Outcome::default();
+        let mut table = Sheet::new(
+            "table1",
+            &[
+                "method", "training [s]", "weights", "20 steps from now [us]", "simple: u [m/s]", "v [m/s]",
+                "r [rad/s]", "hydrofoil: u [m/s]", "v [m/s]", "r [rad/s]", "learning: a sample [us]",
+                "its memory [kB]", "error of u left", "what must be known", "the thesis",
+            ],
+        );
+        let mut panel = Panel::new("error of u after 20 steps, hydrofoil [m/s]").height(220.0).decades();
+        let mut figure = Figure::new("Accuracy against training time", "training [s] (log10)");
+        for row in &self.methods {
+            let of = |name: &Option<String>| -> Result<Option<(f64, usize, Judged)>, StudyError> {
+                let Some(name) = name else { return Ok(None) };
+                let models = lab.models(name)?;
+                let judged: Vec<Judged> =
+                    models.iter().map(|learned| judged(lab, name, learned)).collect::<Result<_, _>>()?;
+                Ok(Some(middle(&models, &judged)))
+            };
+            let (simple, hydrofoil) = (of(&row.simple)?, of(&row.hydrofoil)?);
+            let learning = match (&row.learns, &row.sea) {
+                (Some(name), Some(sea)) => Some(learning(lab, name, &*lab.record(sea)?)?),
+                _ => None,
+            };
+            let number = |x: Option<f64>| x.map_or_else(|| Cell::from("–"), Cell::Number);
+            let shown = hydrofoil.as_ref().or(simple.as_ref());
+            let errors = |found: &Option<(f64, usize, Judged)>| -> Vec<Cell> {
+                (0..3).map(|c| number(found.as_ref().map(|(.., judged)| judged.at_20[c]))).collect()
+            };
+            let mut cells = vec![
+                row.name.as_str().into(),
+                number(shown.map(|(seconds, ..)| *seconds)),
+                number(shown.map(|(_, weights, _)| *weights as f64)),
+                number(shown.map(|(.., judged)| judged.rollout_us)),
+            ];
+            cells.extend(errors(&simple));
+            cells.extend(errors(&hydrofoil));
+            cells.extend([
+                number(learning.as_ref().map(|l| l.us)),
+                number(learning.as_ref().map(|l| l.memory as f64 * 8.0 / 1e3)),
+                number(learning.as_ref().map(|l| l.left)),
+                row.knows.as_str().into(),
+                row.thesis.as_str().into(),
+            ]);
+            table.row(cells);
+            if let (Some((seconds, _, found)), Some(name)) = (&hydrofoil, &row.hydrofoil) {
+                panel = panel.mark(Mark::Points(Points {
+                    points: vec![(seconds.max(1e-3).log10(), found.at_20[0].log10())],
+                    sign: Sign::Disc,
+                    colour: look::colour(name),
+                    radius: 5.0,
+                    label: Some(row.name.clone()),
+                }));
+                outcome.measure(&format!("{name}_training_s"), *seconds);
+            }
+            for (name, found) in [(&row.simple, &simple), (&row.hydrofoil, &hydrofoil)] {
+                let (Some(name), Some((.., judged))) = (name, found) else { continue };
+                for (c, (output, _)) in OUTPUTS.iter().enumerate() {
+                    outcome.measure(&format!("{name}_{output}_20"), judged.at_20[c]);
+                }
+                if judged.diverged > 0 {
+                    outcome.remarks.push(format!("{name}: {} rollouts diverged, which are in no mean.", judged.diverged));
+                }
+            }
+            if let (Some(name), Some(learning)) = (&row.learns, &learning) {
+                outcome.measure(&format!("{name}_learning_us"), learning.us);
+                outcome.measure(&format!("{name}_learning_left"), learning.left);
+            }
+        }
+        figure = figure.panel(panel);
+        outcome.chart(
+            "accuracy_time",
+            figure,
+            "Every method on the hydrofoil in both modes: the error of u 2 s ahead over the time that its training took on this machine, medians over seeds. Lower left is better.",
+        );
+        outcome.table(
+            table,
+            "Table 1, measured. Errors: mean absolute error 20 steps (2 s) ahead, from measured origins, against the truth of a record that played no part. Training, weights and time: of the model of the hydrofoil, where there is one. Learning: the model trained at low speed, along a record that flies; its memory is all that it goes on from; what is left is the adapted error over the frozen one. Times are of this machine.",
+        );
+        Ok(outcome)
+    }
+}
+
+fn middle(models: &[Learned], judged: &[Judged]) -> (f64, usize, Judged) {
+    let of = |value: &dyn Fn(&Judged) -> f64| median(judged.iter().map(value).collect());
+    let seconds = median(models.iter().map(|learned| learned.about.seconds).collect());
+    let at_20 = (0..3).map(|c| of(&|j| j.at_20[c])).collect();
+    let diverged = judged.iter().map(|j| j.diverged).sum();
+    let weights = models.first().map_or(0, |learned| learned.model.weights());
+    (seconds, weights, Judged { at_20, diverged, rollout_us: of(&|j| j.rollout_us) })
+}
+
+/// A model on its own test record.
+fn judged(lab: &Lab<'_>, name: &str, learned: &Learned) -> Result<Judged, StudyError> {
+    let plan = lab.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
+    let test = lab.record(&plan.test)?;
+    let key = lab.store.key("judged", &(), &[learned.key, test.key])?;
+    lab.store.get("judged", key, || {
+        let names: Vec<&str> = plan.outputs.iter().map(String::as_str).collect();
+        let run = test.simulated.to_trajectory(&names)?;
+        let options = evaluate::Options {
+            horizon: 20,
+            origin_stride: 20,
+            against: Against::Truth,
+            warm_up: 100,
+            ..evaluate::Options::default()
+        };
+        let mut session = learned.model.session();
+        let ranges = learned.model.output_ranges();
+        let what = format!("judging {name}");
+        let found = evaluate(name, session.as_mut(), &ranges, &[&run], &options, &mut lab.progress(&what))?;
+        let (mut work, mut y) = (Workspace::new(), vec![0.0; 20 * names.len()]);
+        session.reset();
+        let mut times = Vec::new();
+        for k in 0..run.len().min(600).saturating_sub(20) {
+            session.observe(run.outputs.row(k));
+            if k >= 200 {
+                let clock = Instant::now();
+                session.rollout(run.inputs.rows(k, k + 20), &mut work, &mut y);
+                times.push(1e6 * clock.elapsed().as_secs_f64());
+            }
+            session.advance(run.inputs.row(k));
+        }
+        let rollout_us = if times.is_empty() { 0.0 } else { median(times) };
+        Ok(Judged { at_20: found.mae[19].clone(), diverged: found.diverged, rollout_us })
+    })
+}
+
+/// A model that learns along a record: medians over seeds.
+fn learning(lab: &Lab<'_>, name: &str, sea: &Sailed) -> Result<Learning, StudyError> {
+    let mut all = Vec::new();
+    for learned in lab.models(name)?.iter() {
+        let along = adaptation(lab, learned, sea, false)?;
+        let key = lab.store.key("learning", &(), &[learned.key, sea.key])?;
+        all.push(lab.store.get("learning", key, || {
+            let (adapter, _) = adapt::adapter(&learned.model, &options(false, learned), &[&sea.run])?;
+            let left = along.adapted.mean[19][0] / along.frozen.mean[19][0];
+            Ok(Learning { memory: adapter.memory_len(), us: along.us, left })
+        })?);
+    }
+    let of = |value: &dyn Fn(&Learning) -> f64| median(all.iter().map(value).collect());
+    let memory = all.first().map_or(0, |learning| learning.memory);
+    Ok(Learning { memory, us: of(&|l| l.us), left: of(&|l| l.left) })
+}
