@@ -13,6 +13,8 @@ use crate::report::figure::Figure;
 pub(super) enum Cell {
     /// A number, as it is.
     Number(f64),
+    /// How many.
+    Count(usize),
     /// Words.
     Text(String),
 }
@@ -25,7 +27,7 @@ impl From<f64> for Cell {
 
 impl From<usize> for Cell {
     fn from(n: usize) -> Self {
-        Self::Number(n as f64)
+        Self::Count(n)
     }
 }
 
@@ -74,6 +76,7 @@ impl Sheet {
         for row in &self.rows {
             let cells = row.iter().map(|cell| match cell {
                 Cell::Number(x) => x.to_string(),
+                Cell::Count(n) => n.to_string(),
                 Cell::Text(text) => quoted(text),
             });
             // Writing to a string does not fail.

@@ -8,7 +8,10 @@ use super::outcome::{Cell, Outcome, Picture, Sheet};
 use super::plan::{Experiment, Plan};
 use super::{Done, StudyError};
 use crate::report::number;
-use crate::report::page::{Section, figure, page, table};
+use crate::report::page::{Section, columns, figure, page, table};
+
+/// A table of no more columns than this stands beside a figure.
+const BESIDE: usize = 7;
 
 /// The page.
 pub(super) fn write(plan: &Plan, done: &[Done<'_>], claims: &[Judged], lab: &Lab<'_>) -> Result<String, StudyError> {
@@ -82,22 +85,31 @@ fn claims_table(claims: &[Judged], reasons: bool) -> Markup {
 }
 
 fn experiment(name: &str, experiment: &Experiment, outcome: &Outcome, quick: bool) -> Result<Markup, StudyError> {
-    let mut blocks = Vec::new();
+    let mut charts = Vec::new();
+    let mut drawings = Vec::new();
     for shown in &outcome.pictures {
-        let svg = match &shown.picture {
-            Picture::Chart(chart) => chart.svg()?,
-            Picture::Drawing(svg) => svg.clone(),
-        };
-        blocks.push((matches!(shown.picture, Picture::Drawing(_)), figure(&svg, &html! { (shown.caption) " " a href={ "figures/" (shown.name) ".svg" } { "SVG" } })));
+        let caption = html! { (shown.caption) " " a href={ "figures/" (shown.name) ".svg" } { "SVG" } };
+        match &shown.picture {
+            Picture::Chart(chart) => charts.push(figure(&chart.svg()?, &caption)),
+            Picture::Drawing(svg) => drawings.push(figure(svg, &caption)),
+        }
+    }
+    let tables = |wide: bool| {
+        html! {
+            @for tabled in outcome.tables.iter().filter(|tabled| wide == (tabled.sheet.columns.len() > BESIDE)) {
+                (sheet(&tabled.sheet))
+                p.small { (tabled.caption) " " a href={ "data/" (tabled.sheet.name) ".csv" } { "CSV" } }
+            }
+        }
+    };
+    if outcome.tables.iter().any(|tabled| tabled.sheet.columns.len() <= BESIDE) {
+        charts.push(tables(false));
     }
     Ok(html! {
         p { (experiment.text) }
-        @for (wide, block) in &blocks { @if *wide { div.drawing { (block) } } }
-        div.columns { @for (wide, block) in &blocks { @if !wide { div { (block) } } } }
-        @for tabled in &outcome.tables {
-            (sheet(&tabled.sheet))
-            p.small { (tabled.caption) " " a href={ "data/" (tabled.sheet.name) ".csv" } { "CSV" } }
-        }
+        @for drawing in &drawings { div.drawing { (drawing) } }
+        (columns(&charts))
+        (tables(true))
         @for remark in &outcome.remarks { p.nothing { (remark) } }
         p.small {
             "Alone: " code { "hydroid thesis" @if quick { " --quick" } " " (name) }
@@ -122,6 +134,7 @@ fn sheet(sheet: &Sheet) -> Markup {
                 .map(|cell| match cell {
                     Cell::Number(x) if x.is_finite() => html! { (number::text(*x, 3)) },
                     Cell::Number(_) => html! { (number::NONE) },
+                    Cell::Count(n) => html! { (number::count(*n)) },
                     Cell::Text(text) => html! { span.name { (text) } },
                 })
                 .collect()

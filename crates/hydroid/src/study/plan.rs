@@ -16,7 +16,7 @@ use crate::identify::{GivenRanges, Method, NetworkSettings, SindySettings};
 use crate::toml_file;
 
 /// The files that are built in, name and text.
-const BUILT_IN: [(&str, &str); 14] = [
+const BUILT_IN: [(&str, &str); 16] = [
     ("records.toml", include_str!("../../../../experiments/records.toml")),
     ("models.toml", include_str!("../../../../experiments/models.toml")),
     ("claims.toml", include_str!("../../../../experiments/claims.toml")),
@@ -29,6 +29,8 @@ const BUILT_IN: [(&str, &str); 14] = [
     ("fig8.toml", include_str!("../../../../experiments/fig8.toml")),
     ("fig9.toml", include_str!("../../../../experiments/fig9.toml")),
     ("sindy.toml", include_str!("../../../../experiments/sindy.toml")),
+    ("amount.toml", include_str!("../../../../experiments/amount.toml")),
+    ("cost.toml", include_str!("../../../../experiments/cost.toml")),
     ("forgetting.toml", include_str!("../../../../experiments/forgetting.toml")),
     ("table1.toml", include_str!("../../../../experiments/table1.toml")),
 ];
@@ -183,8 +185,8 @@ pub struct Plan {
 }
 
 /// The order of the page; what is not named here comes behind, by name.
-const ORDER: [&str; 12] =
-    ["fig1", "fig2", "fig3", "fig4", "fig5", "fig6", "fig7", "fig8", "fig9", "sindy", "forgetting", "table1"];
+const ORDER: [&str; 14] =
+    ["fig1", "fig2", "fig3", "fig4", "fig5", "fig6", "fig7", "fig8", "fig9", "sindy", "amount", "cost", "forgetting", "table1"];
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -4,13 +4,15 @@ use serde::{Deserialize, Serialize};
 
 use hydroid_core::adapt::guard::Action;
 use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::vessel::State;
+use plotters::style::RGBColor;
 
 use super::super::StudyError;
 use super::super::lab::{Lab, Learned, Sailed};
 use super::super::look;
 use super::super::outcome::{Outcome, Sheet};
 use super::adaptation::options;
-use super::{OUTPUTS, median};
+use super::{OUTPUTS, median, range};
 use crate::adapt;
 use crate::report::figure::{Figure, Key, Line, Mark, Panel, Stroke};
 use crate::report::style;
@@ -22,6 +24,9 @@ const WARM_UP: usize = 100;
 const TRANSITION: f64 = 2.5;
 /// Errors below it are drawn there.
 const LEAST: f64 = 1e-3;
+/// Half-width of an 80 % band of a normal distribution \[standard deviations\].
+const BAND_80: f64 = 1.281_55;
+const FLYING: RGBColor = RGBColor(0x00, 0x9e, 0x73);
 
 /// Errors over time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +46,10 @@ struct Walk {
     t: Vec<f64>,
     errors: [Vec<[f64; 3]>; 3],
     switched_s: Vec<f64>,
+    /// What the adapted network says of the outputs, and how sure it is of what will be measured.
+    said: Vec<[f64; 3]>,
+    deviations: Vec<[f64; 3]>,
+    measured: Vec<[f64; 3]>,
 }
 
 impl Along {
@@ -75,6 +84,21 @@ impl Along {
                 steps as f64 * sailed.run.dt,
             ),
         );
+        let coverage = walk.coverage();
+        outcome.measure("band_80_holds", coverage);
+        outcome.chart(
+            "bands",
+            self.bands(&walk),
+            format!(
+                "What the adapted network predicts {steps} steps ahead, with its 80 % band, and what was measured then, around the first flight. Along the whole record the bands of u, v, r hold {:.0} % of the measurements.",
+                100.0 * coverage
+            ),
+        );
+        outcome.chart(
+            "track",
+            track(&sailed),
+            format!("The track of {}: afloat blue, flying green.", self.record),
+        );
         let flying = |errors: &[[f64; 3]]| {
             let aloft = walk.t.iter().zip(errors).filter(|(t, _)| speed(&sailed, **t) > TRANSITION);
             aloft.map(|(_, error)| error[0]).collect::<Vec<f64>>()
@@ -91,20 +115,33 @@ impl Along {
         let mut adapted = adapt::adapter(&learned.model, &options(false, learned), &[run])?.0;
         let mut guarded = adapt::adapter(&learned.model, &options(true, learned), &[run])?.0;
         let mut frozen = learned.model.session();
-        let mut walk = Walk { t: Vec::new(), errors: Default::default(), switched_s: Vec::new() };
+        let mut walk = Walk { t: Vec::new(), errors: Default::default(), switched_s: Vec::new(), said: Vec::new(), deviations: Vec::new(), measured: Vec::new() };
         let (mut work, mut y) = (Workspace::new(), vec![0.0; 3 * self.steps]);
         for k in 0..run.len().saturating_sub(self.steps) {
             let sessions: [&mut dyn Predictor; 3] = [frozen.as_mut(), adapted.as_mut(), guarded.as_mut()];
+            let origin = k >= WARM_UP && k % STRIDE == 0;
+            let commands = run.inputs.rows(k, k + self.steps);
+            let at = k + self.steps;
             for (session, errors) in sessions.into_iter().zip(&mut walk.errors) {
                 session.observe(run.outputs.row(k));
-                if k >= WARM_UP && k % STRIDE == 0 {
-                    session.rollout(run.inputs.rows(k, k + self.steps), &mut work, &mut y);
+                if origin {
+                    session.rollout(commands, &mut work, &mut y);
                     let end = &y[3 * (self.steps - 1)..];
-                    errors.push(std::array::from_fn(|c| (end[c] - truth.row(k + self.steps)[c]).abs()));
+                    errors.push(std::array::from_fn(|c| (end[c] - truth.row(at)[c]).abs()));
                 }
-                session.advance(run.inputs.row(k));
             }
-            if k >= WARM_UP && k % STRIDE == 0 {
+            if origin {
+                adapted.rollout(commands, &mut work, &mut y);
+                walk.said.push(std::array::from_fn(|c| y[3 * (self.steps - 1) + c]));
+                let mut deviations = [0.0; 3];
+                adapted.deviations(commands, &[self.steps], &mut work, &mut deviations);
+                walk.deviations.push(deviations);
+                walk.measured.push(std::array::from_fn(|c| run.outputs.row(at)[c]));
+            }
+            frozen.advance(run.inputs.row(k));
+            adapted.advance(run.inputs.row(k));
+            guarded.advance(run.inputs.row(k));
+            if origin {
                 walk.t.push(run.t0 + k as f64 * run.dt);
             }
             let events = guarded.guard().map(|guard| guard.events());
@@ -114,6 +151,36 @@ impl Along {
             }
         }
         Ok(walk)
+    }
+
+    /// Predictions with their bands, from a little before the first take-off on.
+    fn bands(&self, walk: &Walk) -> Figure {
+        let off = walk.measured.iter().position(|y| y[0] > TRANSITION).unwrap_or(0);
+        let from = off.saturating_sub(40);
+        let to = (from + 160).min(walk.t.len());
+        let ahead = self.steps as f64 * 0.1;
+        let mut figure = Figure::new("Predictions with their bands", "time [s]")
+            .key(Key::Line(look::line(&self.model)), format!("predicted {ahead:.0} s before"))
+            .key(Key::Area(style::BAND), "80 % band")
+            .key(Key::Line(style::MEASURED_LINE), "measured");
+        for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
+            let line = |values: &[[f64; 3]]| -> Vec<(f64, f64)> {
+                (from..to).map(|i| (walk.t[i] + ahead, values[i][c])).collect()
+            };
+            let band = |i: usize| {
+                let half = BAND_80 * walk.deviations[i][c];
+                (walk.t[i] + ahead, walk.said[i][c] - half, walk.said[i][c] + half)
+            };
+            let band = Mark::Band { points: (from..to).map(band).collect(), colour: style::BAND, opacity: 0.35 };
+            figure = figure.panel(
+                Panel::new(format!("{output} [{unit}]"))
+                    .height(120.0)
+                    .mark(band)
+                    .mark(Mark::Line(Line::new(line(&walk.measured), style::MEASURED_LINE)))
+                    .mark(Mark::Line(Line::new(line(&walk.said), look::line(&self.model)))),
+            );
+        }
+        figure
     }
 
     fn figure(&self, walk: &Walk, sailed: &Sailed) -> Figure {
@@ -145,6 +212,45 @@ impl Along {
         }
         figure
     }
+}
+
+impl Walk {
+    /// Share of the measurements that lie in their 80 % band.
+    fn coverage(&self) -> f64 {
+        let (mut inside, mut all) = (0.0, 0.0);
+        for ((said, deviations), measured) in self.said.iter().zip(&self.deviations).zip(&self.measured) {
+            for c in 0..3 {
+                all += 1.0;
+                inside += f64::from(u8::from((measured[c] - said[c]).abs() < BAND_80 * deviations[c]));
+            }
+        }
+        inside / all
+    }
+}
+
+/// Where the vessel went, by mode.
+fn track(sailed: &Sailed) -> Figure {
+    let states = sailed.simulated.states();
+    let part = |flying: bool| {
+        let point = |state: &State| {
+            let here = (state.u > TRANSITION) == flying;
+            (if here { state.y } else { f64::NAN }, if here { state.x } else { f64::NAN })
+        };
+        states.iter().step_by(5).map(point).collect::<Vec<_>>()
+    };
+    let (low, high) = range(&states.iter().map(|state| state.y).collect::<Vec<_>>());
+    let (south, north) = range(&states.iter().map(|state| state.x).collect::<Vec<_>>());
+    // A metre is as long across as up; the frame of a figure is some 400 px wide.
+    let height = (400.0 * (north - south + 10.0) / (high - low + 10.0)).clamp(80.0, 500.0);
+    let mut panel = Panel::new("north [m]").height(height).range(south - 5.0, north + 5.0);
+    let mut figure =
+        Figure::new("Track of the lawn-mower by mode", "east [m]").x_range(low - 5.0, high + 5.0);
+    for (flying, colour, word) in [(false, style::MODEL, "afloat"), (true, FLYING, "flying")] {
+        let stroke = Stroke { colour, width: 1.8, ..style::MEASURED_LINE };
+        panel = panel.mark(Mark::Line(Line::new(part(flying), stroke)));
+        figure = figure.key(Key::Line(stroke), word);
+    }
+    figure.panel(panel)
 }
 
 /// True speed at a time.

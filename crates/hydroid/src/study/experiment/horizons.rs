@@ -57,7 +57,7 @@ impl Horizons {
         let mut outcome = Outcome::default();
         let mut table = Sheet::new(
             format!("{}_error", self.error.word()),
-            &["network", "", "1 step: u", "v", "r", "20 steps: u", "v", "r", "100 steps: u", "v", "r"],
+            &["network", "output", "", "1 step", "20 steps", "100 steps"],
         );
         for name in &self.models {
             let models = lab.models(name)?;
@@ -69,11 +69,11 @@ impl Horizons {
             self.one(name, &all, &mut table, &mut outcome);
         }
         let of = format!(
-            "{} models x {} records",
+            "{} of training and {} of noise",
             lab.models(&self.models[0])?.len(),
             records.len()
         );
-        outcome.table(table, format!("The {} error against the truth, medians over {of}.", self.error.word()));
+        outcome.table(table, format!("The {} error against the truth, medians over seeds, {of}.", self.error.word()));
         Ok(outcome)
     }
 
@@ -132,19 +132,24 @@ impl Horizons {
         for (way, _) in ways {
             figure = figure.key(Key::Line(look::way(way, name)), if way == "frozen" { "frozen, as trained" } else { way });
         }
-        for (way, of) in ways {
-            let mut row: Vec<Cell> = vec![network.clone().into(), way.into()];
-            for n in [1, 20, 100] {
-                row.extend((0..3).map(|c| Cell::Number(spread(of, n - 1, c).0)));
-            }
-            if row.iter().any(|cell| matches!(cell, Cell::Number(x) if x.is_finite())) {
-                table.row(row);
+        for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
+            for (way, of) in ways {
+                let mut row: Vec<Cell> =
+                    vec![network.clone().into(), format!("{output} [{unit}]").into(), way.into()];
+                row.extend([1, 20, 100].map(|n| Cell::Number(spread(of, n - 1, c).0)));
+                if row.iter().any(|cell| matches!(cell, Cell::Number(x) if x.is_finite())) {
+                    table.row(row);
+                }
             }
         }
         let caption = format!(
-            "{network}, trained at low speed, along lawn-mower records that fly: {} error against the truth. Lines are medians over {} runs (seeds of training and of noise), the band is the range of the adapted.",
+            "{network}, trained at low speed, along lawn-mower records that fly: {} error against the truth.{}",
             self.error.word(),
-            all.len()
+            if all.len() > 1 {
+                format!(" Lines are medians over {} runs (seeds of training and of noise), the band is the range of the adapted.", all.len())
+            } else {
+                String::new()
+            }
         );
         outcome.chart(&format!("{name}_{}", self.error.word()), figure, caption);
         outcome.sheets.push(sheet);

@@ -2,7 +2,9 @@
 
 mod adaptation;
 mod along;
+mod amount;
 mod blocks;
+mod cost;
 mod forgetting;
 mod horizons;
 mod recipe;
@@ -31,6 +33,10 @@ pub enum Kind {
     Recipe(recipe::Recipe),
     /// What a network forgets at sea.
     Forgetting(forgetting::Forgetting),
+    /// Accuracy against the amount of data.
+    Amount(amount::Amount),
+    /// Accuracy against what a step of the filter costs.
+    Cost(cost::Cost),
     /// All methods side by side.
     Table(table::Comparison),
 }
@@ -45,6 +51,8 @@ impl Kind {
             Self::Along(along) => (vec![&along.record], vec![&along.model]),
             Self::Recipe(recipe) => (vec![&recipe.train, &recipe.test], vec![&recipe.ours]),
             Self::Forgetting(forgetting) => forgetting.uses(),
+            Self::Amount(amount) => amount.uses(),
+            Self::Cost(cost) => (vec![&cost.record], cost.models.iter().collect()),
             Self::Table(table) => table.uses(),
         }
     }
@@ -57,6 +65,8 @@ impl Kind {
             Self::Along(along) => along.run(lab),
             Self::Recipe(recipe) => recipe.run(lab),
             Self::Forgetting(forgetting) => forgetting.run(lab),
+            Self::Amount(amount) => amount.run(lab),
+            Self::Cost(cost) => cost.run(lab),
             Self::Table(table) => table.run(lab),
         }
     }

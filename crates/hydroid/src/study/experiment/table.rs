@@ -46,9 +46,9 @@ pub struct MethodRow {
 
 /// Errors and costs of a model.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Judged {
+pub(super) struct Judged {
     /// Mean absolute error 20 steps ahead, from measured origins, against the truth.
-    at_20: Vec<f64>,
+    pub(super) at_20: Vec<f64>,
     diverged: usize,
     /// Time of a rollout of 20 steps, median \[us\].
     rollout_us: f64,
@@ -102,7 +102,7 @@ impl Comparison {
             let mut cells = vec![
                 row.name.as_str().into(),
                 number(shown.map(|(seconds, ..)| *seconds)),
-                number(shown.map(|(_, weights, _)| *weights as f64)),
+                shown.map_or_else(|| Cell::from("–"), |(_, weights, _)| Cell::Count(*weights)),
                 number(shown.map(|(.., judged)| judged.rollout_us)),
             ];
             cells.extend(errors(&simple));
@@ -163,7 +163,7 @@ fn middle(models: &[Learned], judged: &[Judged]) -> (f64, usize, Judged) {
 }
 
 /// A model on its own test record.
-fn judged(lab: &Lab<'_>, name: &str, learned: &Learned) -> Result<Judged, StudyError> {
+pub(super) fn judged(lab: &Lab<'_>, name: &str, learned: &Learned) -> Result<Judged, StudyError> {
     let plan = lab.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
     let test = lab.record(&plan.test)?;
     let key = lab.store.key("judged", &(), &[learned.key, test.key])?;

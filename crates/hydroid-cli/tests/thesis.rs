@@ -1,0 +1,218 @@
+//! `hydroid thesis`: the small version with its verdicts, going on after a kill, experiments of one's own.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Output, Stdio};
+use std::time::{Duration, Instant};
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &[&str]) -> Output {
+    Command::cargo_bin("hydroid").unwrap().current_dir(folder).args(args).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// All files below a folder but for what is kept.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for part in ["figures", "data"] {
+        for entry in fs::read_dir(folder.join(part)).unwrap() {
+            let path = entry.unwrap().path();
+            let name = format!("{part}/{}", path.file_name().unwrap().to_string_lossy());
+            found.insert(name, fs::read(&path).unwrap());
+        }
+    }
+    found.insert("index.html".into(), fs::read(folder.join("index.html")).unwrap());
+    found
+}
+
+/// The whole study in its small version: every claim that holds with a margin of two and more in the study holds here, every
+/// document is what it promises to be, and a second run changes nothing.
+#[test]
+fn the_small_study_tells_the_story() {
+    let folder = TempDir::new().unwrap();
+    let output = hydroid(folder.path(), &["thesis", "--quick", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let claims = told["claims"].as_array().unwrap();
+    let verdict = |words: &str| {
+        let of = |claim: &&Value| claim["claim"].as_str().unwrap().contains(words);
+        claims.iter().find(of).unwrap_or_else(|| panic!("no claim of '{words}'"))
+    };
+    for (words, expected) in [
+        ("SINDy identifies the simple vessel", "reproduced"),
+        ("SINDy cannot identify the hydrofoil", "in_part"),
+        ("The direct network predicts as well", "reproduced"),
+        ("While flying, the adapted network", "reproduced"),
+        ("Over several epochs the filter diverges", "not_reproduced"),
+        ("The filter is greedy", "reproduced"),
+    ] {
+        let claim = verdict(words);
+        assert_eq!(claim["verdict"], expected, "{claim}");
+        let margin = claim["margin"].as_f64().unwrap();
+        match expected {
+            "reproduced" => assert!(margin >= 2.0, "{claim}"),
+            "not_reproduced" => assert!(margin <= 0.5, "{claim}"),
+            _ => {}
+        }
+    }
+    for claim in claims {
+        for key in ["claim", "experiment", "measured", "because"] {
+            assert!(claim[key].as_str().is_some_and(|words| !words.is_empty()), "{key} of {claim}");
+        }
+        assert!(claim["figure"].as_f64().is_some_and(f64::is_finite), "{claim}");
+    }
+    let report = folder.path().join("report");
+    let first = files(&report);
+    let names: Vec<&String> = told["measures"].as_object().unwrap().keys().collect();
+    for name in names {
+        let data: Value = serde_json::from_slice(&first[&format!("data/{name}.json")]).unwrap();
+        assert!(data["experiment"]["title"].is_string() && data["measures"].is_object(), "{name}");
+        for table in data["tables"].as_array().unwrap() {
+            let columns = table["columns"].as_array().unwrap().len();
+            let rows = table["rows"].as_array().unwrap();
+            assert!(!rows.is_empty(), "{name}: {}", table["name"]);
+            assert!(rows.iter().all(|row| row.as_array().unwrap().len() == columns), "{name}");
+        }
+    }
+    let page = text(&first["index.html"]);
+    for figure in [1, 2, 3, 5, 6, 7, 8, 9] {
+        assert!(page.contains(&format!("Figure {figure}: ")), "figure {figure}");
+    }
+    assert!(page.contains("Table 1") && !page.contains("NaN") && !page.contains("http://localhost"));
+    // It opens offline: nothing is loaded from anywhere.
+    assert!(!page.contains("src=") && !page.contains("<script") && !page.contains("<link"));
+
+    let again = hydroid(folder.path(), &["thesis", "--quick"]);
+    assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
+    let second = files(&report);
+    let changed: Vec<&String> = first.keys().filter(|name| first[*name] != second[*name]).collect();
+    assert!(changed.is_empty(), "{changed:?}");
+}
+
+/// Experiments of one's own: small enough to be made thrice.
+fn own(folder: &Path) {
+    let write = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
+    fs::create_dir_all(folder).unwrap();
+    let mut records = String::new();
+    for (name, drive, duration, seed) in
+        [("train", "mixed", 200, 1), ("validate", "mixed", 100, 2), ("test", "mixed", 120, 3)]
+    {
+        records.push_str(&format!(
+            "[{name}]\nplant = \"hydrofoil\"\nexcitation = \"{drive}\"\nduration_s = {duration}\nseed = {seed}\n"
+        ));
+    }
+    write("records.toml", &records);
+    write(
+        "models.toml",
+        r#"
+[direct]
+method = "direct"
+train = "train"
+validate = "validate"
+test = "test"
+seeds = [0, 1]
+horizon = 20
+network = { base = "nothing", hidden = 16, epochs = 20 }
+[lstm]
+method = "lstm"
+train = "train"
+validate = "validate"
+test = "test"
+seeds = [0, 1, 2]
+horizon = 100
+network = { feedback = false, base = "nothing", hidden = 6, epochs = 20 }
+"#,
+    );
+    write("claims.toml", "claim = []\n");
+    write(
+        "fig5.toml",
+        "title = \"a\"\ntext = \"b\"\n[run.blocks]\nmodels = [\"direct\"]\nrecord = \"test\"\n",
+    );
+    write(
+        "fig6.toml",
+        "title = \"c\"\ntext = \"d\"\n[run.horizons]\nmodels = [\"lstm\"]\nrecords = [\"test\"]\nerror = \"mean\"\n",
+    );
+}
+
+/// Killed in the middle and run again, a study comes to the bytes of one that was not.
+#[test]
+fn a_study_that_was_killed_goes_on() {
+    let folder = TempDir::new().unwrap();
+    own(&folder.path().join("mine"));
+    let args = |into: &'static str| ["thesis", "--experiments", "mine", "-o", into];
+    let output = hydroid(folder.path(), &args("whole"));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+
+    let program = assert_cmd::cargo::cargo_bin("hydroid");
+    let mut child = std::process::Command::new(program)
+        .current_dir(folder.path())
+        .args(args("killed"))
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let cache = folder.path().join("killed/cache");
+    let clock = Instant::now();
+    // A model is there and the page is not.
+    while !fs::read_dir(&cache).is_ok_and(|files| files.count() > 0) && clock.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!folder.path().join("killed/index.html").exists(), "it was too fast to be killed");
+    let kept = fs::read_dir(&cache).unwrap().count();
+    assert!(kept > 0);
+
+    let output = hydroid(folder.path(), &args("killed"));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let (whole, killed) = (files(&folder.path().join("whole")), files(&folder.path().join("killed")));
+    assert_eq!(whole.keys().collect::<Vec<_>>(), killed.keys().collect::<Vec<_>>());
+    for (name, bytes) in &whole {
+        assert_eq!(bytes, &killed[name], "{name}");
+    }
+}
+
+#[test]
+fn what_cannot_be_is_told_with_its_place() {
+    let folder = TempDir::new().unwrap();
+    let mine = folder.path().join("mine");
+    let refused = |args: &[&str], words: &[&str]| {
+        let output = hydroid(folder.path(), args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        let told = text(&output.stderr);
+        for word in words {
+            assert!(told.contains(word), "{args:?}: {told}");
+        }
+    };
+    refused(&["thesis", "fig55"], &["fig55", "did you mean 'fig5'"]);
+    refused(&["thesis", "--experiments", "nowhere"], &["nowhere", "--write-experiments"]);
+    let study = ["thesis", "--experiments", "mine", "-o", "out"];
+    own(&mine);
+    fs::write(mine.join("fig6.toml"), "title = \"c\"\ntext = \"d\"\n[run.horizon]\nmodels = []\n").unwrap();
+    refused(&study, &["fig6.toml", "horizon"]);
+    own(&mine);
+    let records = fs::read_to_string(mine.join("records.toml")).unwrap();
+    fs::write(mine.join("records.toml"), records.replace("[test]", "[toast]")).unwrap();
+    refused(&study, &["'test'", "toast"]);
+    own(&mine);
+    fs::write(mine.join("records.toml"), records.replace("seed = 3", "sed = 3")).unwrap();
+    refused(&study, &["records.toml, line", "'test'", "sed"]);
+}
+
+#[test]
+fn built_in_experiments_are_files() {
+    let folder = TempDir::new().unwrap();
+    let output = hydroid(folder.path(), &["thesis", "--write-experiments", "mine"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    for args in [vec!["thesis", "--list"], vec!["thesis", "--list", "--experiments", "mine", "--quick"]] {
+        let listed = hydroid(folder.path(), &args);
+        assert_eq!(listed.status.code(), Some(0), "{}", text(&listed.stderr));
+        assert_eq!(text(&listed.stdout), text(&hydroid(folder.path(), &["thesis", "--list"]).stdout));
+    }
+}
