@@ -1,6 +1,7 @@
 //! What can be said on the command line.
 
 mod adapt;
+mod control;
 mod identify;
 mod values;
 
@@ -10,6 +11,7 @@ use clap::{Args as ClapArgs, Parser, Subcommand};
 use hydroid::log::{CommandTiming, InputDelay};
 
 pub use adapt::{Adapt, EquationsArgs, Learner, NetworksArgs};
+pub use control::{Control, ControllerKind, FleetArgs, LearnArgs, SeaArgs, TaskArgs, TaskKind, TimingKind};
 pub use identify::Identify;
 use values::parse_timing;
 pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Origin};
@@ -26,6 +28,7 @@ pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Or
   hydroid identify a.csv b.csv c.csv --methods sindy,gru --budget 2m -o out    a recurrent network beside them
   hydroid evaluate out/sindy.safetensors d.csv --horizon 100
   hydroid adapt out/sindy.safetensors d.csv     the same model learning on the way, beside it frozen
+  hydroid control hydrofoil --controller fl --speed 4 --radius 30 -o steered    steer a vessel with a model
 
 Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted."
 )]
@@ -58,6 +61,7 @@ pub enum Command {
     Identify(Box<Identify>),
     Evaluate(Evaluate),
     Adapt(Box<Adapt>),
+    Control(Box<Control>),
 }
 
 /// Simulate a vessel and write its log
