@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
 
-use crate::args::LogArgs;
-use crate::config;
+use crate::args::{Global, LogArgs};
+use crate::{config, ui};
 
 /// How to read logs: a base (defaults, a configuration file, or what a model says) with the command line's
 /// words over it.
@@ -75,4 +76,31 @@ pub fn prepare(files: &[PathBuf], reading: &Reading) -> Result<(Vec<RawLog>, Pre
     let raw = files.iter().map(|file| log::read(file)).collect::<Result<Vec<_>, _>>()?;
     let prepared = log::prepare(&raw, &reading.selection, &reading.options)?;
     Ok((raw, prepared))
+}
+
+/// The first `seconds` of each log that a model was trained on.
+pub fn beginnings(
+    files: &[PathBuf],
+    seconds: f64,
+    (path, model): (&Path, &Model),
+    reading: &Reading,
+    global: Global,
+) -> anyhow::Result<Vec<Trajectory>> {
+    let mut beginnings = Vec::new();
+    for file in files {
+        let (_, prepared) =
+            prepare(std::slice::from_ref(file), reading).with_context(|| unusable(path, model))?;
+        ui::tell(&prepared.notes, global);
+        model.check(&prepared.runs)?;
+        let mut left = seconds;
+        for run in &prepared.runs {
+            // Casts saturate.
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            let samples = (left / run.dt).round() as usize;
+            let samples = samples.min(run.len());
+            beginnings.extend((samples > 0).then(|| run.slice(0, samples)));
+            left -= samples as f64 * run.dt;
+        }
+    }
+    Ok(beginnings)
 }

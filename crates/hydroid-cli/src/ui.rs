@@ -151,6 +151,19 @@ pub fn explain(error: &anyhow::Error) -> String {
     text
 }
 
+/// The command line, as a shell takes it again.
+pub fn command_line() -> String {
+    let quoted = |word: String| {
+        if word.contains([' ', '[', '*', '$', '"', '\'', ';', '&', '(', '|']) {
+            format!("'{}'", word.replace('\'', "'\\''"))
+        } else {
+            word
+        }
+    };
+    let words = std::iter::once(String::from("hydroid")).chain(std::env::args().skip(1)).map(quoted);
+    words.collect::<Vec<_>>().join(" ")
+}
+
 /// Writes results to standard output. A reader that has seen enough (`| head`) ends the program quietly.
 pub fn write_out(text: std::fmt::Arguments<'_>) {
     if let Err(error) = std::io::stdout().lock().write_fmt(text) {

@@ -18,6 +18,7 @@ pub mod progress;
 pub mod report;
 pub mod simulate;
 pub mod sindy;
+pub mod steer;
 pub mod study;
 pub mod toml_file;
 pub mod train;

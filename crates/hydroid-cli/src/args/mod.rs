@@ -1,6 +1,7 @@
 //! What can be said on the command line.
 
 mod adapt;
+mod control;
 mod identify;
 mod thesis;
 mod values;
@@ -11,6 +12,7 @@ use clap::{Args as ClapArgs, Parser, Subcommand};
 use hydroid::log::{CommandTiming, InputDelay};
 
 pub use adapt::{Adapt, EquationsArgs, Learner, NetworksArgs};
+pub use control::{Control, ControllerKind, FleetArgs, LearnArgs, SeaArgs, TaskArgs, TaskKind, TimingKind};
 pub use identify::Identify;
 pub use thesis::Thesis;
 use values::parse_timing;
@@ -28,6 +30,7 @@ pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Or
   hydroid identify a.csv b.csv c.csv --methods sindy,gru --budget 2m -o out    a recurrent network beside them
   hydroid evaluate out/sindy.safetensors d.csv --horizon 100
   hydroid adapt out/sindy.safetensors d.csv     the same model learning on the way, beside it frozen
+  hydroid control hydrofoil --controller fl --speed 4 --radius 30 -o steered    steer a vessel with a model
 
 Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted."
 )]
@@ -60,6 +63,7 @@ pub enum Command {
     Identify(Box<Identify>),
     Evaluate(Evaluate),
     Adapt(Box<Adapt>),
+    Control(Box<Control>),
     Thesis(Thesis),
 }
 

@@ -46,6 +46,55 @@ impl FromStr for Duration {
     }
 }
 
+/// So many numbers, separated by commas.
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let wrong = || format!("'{text}' is not {N} numbers separated by commas");
+    let all: Vec<f64> =
+        text.split(',').map(|part| part.trim().parse()).collect::<Result<_, _>>().map_err(|_| wrong())?;
+    match <[f64; N]>::try_from(all) {
+        Ok(all) if all.iter().all(|x| !x.is_nan()) => Ok(all),
+        _ => Err(wrong()),
+    }
+}
+
+/// Two numbers: `0.3,-0.1`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pair(pub [f64; 2]);
+
+impl FromStr for Pair {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        numbers(text).map(Self)
+    }
+}
+
+/// Three numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triple(pub [f64; 3]);
+
+impl FromStr for Triple {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        numbers(text).map(Self)
+    }
+}
+
+/// Points in the plane: `0,0;60,0;60,40`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Points(pub Vec<[f64; 2]>);
+
+impl FromStr for Points {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let points = text.split(';').filter(|part| !part.trim().is_empty()).map(numbers);
+        let points = points.collect::<Result<_, String>>();
+        points.map(Self).map_err(|why| format!("{why}: write points as NORTH,EAST;NORTH,EAST;.."))
+    }
+}
+
 /// A number and its channel: `u=0.01`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedNumber {

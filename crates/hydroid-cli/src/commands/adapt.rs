@@ -9,8 +9,8 @@ use anyhow::{Context, bail, ensure};
 use hydroid::adapt::{self, Gate, Kalman, Method, Options, Report, Used};
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
-use hydroid::log::{self, Note, Trajectory};
-use hydroid::model::{self, Model, Reading};
+use hydroid::log::{self, Note};
+use hydroid::model::{self, Model};
 
 use super::{Outcome, evaluate, table};
 use crate::args::{Adapt, EquationsArgs, Global, Learner, NamedNumber, NetworksArgs};
@@ -56,7 +56,8 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         // What is faulty is no measure.
         options.evaluate.against = hydroid::evaluate::Against::Truth;
     }
-    let shore = shore(args, &model, &reading, global)?;
+    let trust = &args.trust;
+    let shore = logs::beginnings(&trust.shore, trust.shore_time.0, (&args.model, &model), &reading, global)?;
     let shore: Vec<_> = shore.iter().collect();
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("adapting", global);
@@ -77,28 +78,6 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let better = report.adapted.score() <= report.frozen.score();
     ui::tell(&doubts(report), global);
     Ok(if better && report.adapted.diverged == 0 { Outcome::Done } else { Outcome::Missed })
-}
-
-/// The beginnings of the logs that the model was trained on.
-fn shore(args: &Adapt, model: &Model, reading: &Reading, global: Global) -> anyhow::Result<Vec<Trajectory>> {
-    let mut beginnings = Vec::new();
-    for path in &args.trust.shore {
-        let raw = log::read(path)?;
-        let prepared = log::prepare(&[raw], &reading.selection, &reading.options)
-            .with_context(|| logs::unusable(&args.model, model))?;
-        ui::tell(&prepared.notes, global);
-        model.check(&prepared.runs)?;
-        let mut left = args.trust.shore_time.0;
-        for run in &prepared.runs {
-            // Casts saturate.
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-            let samples = (left / run.dt).round() as usize;
-            let samples = samples.min(run.len());
-            beginnings.extend((samples > 0).then(|| run.slice(0, samples)));
-            left -= samples as f64 * run.dt;
-        }
-    }
-    Ok(beginnings)
 }
 
 /// What the command line says, for a model; what it says of models of another kind is refused.

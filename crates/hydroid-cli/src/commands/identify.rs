@@ -239,22 +239,13 @@ fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Fil
 fn page(files: &Files, job: &Job, identified: &Identified, notes: &[Note]) -> anyhow::Result<String> {
     let all = files.train.iter().chain(&files.validate).chain(&files.test);
     let sources: Vec<String> = all.map(|file| file.display().to_string()).collect();
-    let quoted = |word: String| {
-        if word.contains([' ', '[', '*', '$', '"', '\'', ';', '&', '(', '|']) {
-            format!("'{}'", word.replace('\'', "'\\''"))
-        } else {
-            word
-        }
-    };
-    let command: Vec<String> =
-        std::iter::once(String::from("hydroid")).chain(std::env::args().skip(1)).map(quoted).collect();
     let context = Context {
         title: if files.note.is_some() {
             String::from("Identification: the built-in hydrofoil, simulated")
         } else {
             title(&sources)
         },
-        command: command.join(" "),
+        command: ui::command_line(),
         sources,
         notes: notes.to_vec(),
         seed: job.seed,

@@ -1,6 +1,7 @@
 //! One file for each verb.
 
 mod adapt;
+mod control;
 mod evaluate;
 mod identify;
 mod inspect;
@@ -47,6 +48,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Command::Identify(identify) => identify::run(&identify, args.global),
         Command::Evaluate(evaluate) => evaluate::run(&evaluate, args.global),
         Command::Adapt(adapt) => adapt::run(&adapt, args.global),
+        Command::Control(control) => control::run(&control, args.global),
         Command::Thesis(thesis) => thesis::run(&thesis, args.global),
     }
 }

@@ -85,7 +85,8 @@ pub fn record(options: &Options, global: Global) -> anyhow::Result<Simulated> {
     Ok(simulate::simulate(options, &mut bar.callback())?)
 }
 
-fn vessel(name: &str) -> anyhow::Result<VesselParams> {
+/// A plant by its name or file.
+pub fn vessel(name: &str) -> anyhow::Result<VesselParams> {
     if let Some(vessel) = simulate::built_in(name) {
         return Ok(vessel);
     }

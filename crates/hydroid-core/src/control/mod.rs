@@ -76,3 +76,17 @@ pub trait Controller {
     /// If `command` has not [`inputs`](Self::inputs) numbers.
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status;
 }
+
+impl<C: Controller + ?Sized> Controller for &mut C {
+    fn inputs(&self) -> usize {
+        (**self).inputs()
+    }
+
+    fn reset(&mut self) {
+        (**self).reset();
+    }
+
+    fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {
+        (**self).command(estimate, reference, command)
+    }
+}

@@ -150,6 +150,16 @@ impl Plant {
         drag * (fly * flying.drag_factor + normal) / (fly + normal)
     }
 
+    /// What a force from outside `[X, Y, N]` \[N, N, N m\], wind on the hull for one, adds to `dnu/dt` at surge velocity `u`:
+    /// the inverse mass matrices, between the modes weighted as the equations weigh them. Motion is linear in it.
+    #[inline]
+    pub fn pushed(&self, u: f64, force: [f64; 3]) -> [f64; 3] {
+        let normal = self.normal.apply(force);
+        let Some(flying) = &self.flying else { return normal };
+        let (weight, fly) = (self.flying_weight(u), flying.inverse.apply(force));
+        core::array::from_fn(|i| weight * fly[i] + (1.0 - weight) * normal[i])
+    }
+
     /// Mass matrix of the normal mode as `[m11, m22, m23, m33]`; see [`VesselParams::mass_matrix`].
     pub const fn mass_matrix(&self) -> [f64; 4] {
         self.mass

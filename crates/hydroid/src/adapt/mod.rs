@@ -225,6 +225,13 @@ fn learner(
     }
 }
 
+/// A network with a filter on its state alone; none for models whose state a measurement enters otherwise, or whose noise
+/// nobody knows.
+pub(crate) fn state_filtered(model: &Model) -> Option<Model> {
+    let noise = Kalman::default().noise_of(model, &[]).ok()?;
+    kalman::filtered(model, &noise)
+}
+
 /// Walks an adapter through runs that its model was trained on, so that it knows what they determine of the weights; then it
 /// stands at the start of a run.
 ///

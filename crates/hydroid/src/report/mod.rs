@@ -1,6 +1,6 @@
 //! What was found, as one self-contained HTML page with figures.
 //!
-//! [`identification`] makes the page of an identification. It loads nothing from outside, needs no script,
+//! [`identification`] makes the page of an identification, [`steering`](fn@steering) that of a voyage. A page loads nothing from outside, needs no script,
 //! and the same input gives the same bytes: what changes from run to run (a date, a duration) is in the
 //! page only if the [`Context`] says so.
 //!
@@ -27,12 +27,15 @@ mod rollouts;
 mod selection;
 mod series;
 mod settings;
+mod steering;
 mod summary;
 
 use crate::identify::{Candidate, Identified};
 use crate::log::{Note, Split, Trajectory};
 use equations::Sparse;
 use figure::FigureError;
+
+pub use steering::{Steered, steering};
 
 /// What a report says beside the result itself.
 #[derive(Clone, Debug, PartialEq)]

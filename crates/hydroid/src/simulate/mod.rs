@@ -34,3 +34,4 @@ pub use options::Options;
 pub use record::Simulated;
 pub use run::simulate;
 pub use vessel_file::{VesselFileError, built_in, load_vessel, parse_vessel, vessel_toml};
+pub(crate) use write::Shortest;

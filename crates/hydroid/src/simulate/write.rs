@@ -44,7 +44,7 @@ impl Simulated {
 
 /// The shortest decimal that reads back as the same number; what has died away to nearly nothing with an
 /// exponent, instead of hundreds of zeros.
-struct Shortest(f64);
+pub(crate) struct Shortest(pub(crate) f64);
 
 impl fmt::Display for Shortest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

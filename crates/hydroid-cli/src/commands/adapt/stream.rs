@@ -58,7 +58,9 @@ pub fn run(
     let learning = super::options(args, model)?;
     let (mut adapter, used) =
         adapt::adapter(model, &learning, &[]).context("the model cannot learn from a stream")?;
-    let shore = super::shore(args, model, &reading, global)?;
+    let trust = &args.trust;
+    let shore =
+        crate::logs::beginnings(&trust.shore, trust.shore_time.0, (&args.model, model), &reading, global)?;
     adapt::remember_shore(adapter.as_mut(), &shore.iter().collect::<Vec<_>>());
     let recorder = super::blackbox::settings(args)?.map(|settings| {
         let described = json!({ "learning": used, "reading": reading });

@@ -188,6 +188,12 @@ impl Guard {
         self.choice.active
     }
 
+    /// The weights of the model that predicts at this moment, in the layout of [`Adapter::weights`]: what a control law that
+    /// inverts the model shall go by.
+    pub fn active_weights(&self) -> &[f64] {
+        self.expert(self.choice.active).weights()
+    }
+
     /// Errors of late of each model, in the order of [`Expert::ALL`]; NaN before the first test.
     pub fn record(&self) -> [f64; 3] {
         self.choice.record

@@ -1,0 +1,242 @@
+//! What the command line says, as the library takes it.
+
+use std::time::Duration;
+
+use anyhow::{bail, ensure};
+use hydroid::adapt::{self, Kalman, Method};
+use hydroid::model::Model;
+use hydroid::steer::{Conditions, Course, Kind, Pace, Scene, Spread, Steering, Task, Timing, Wind};
+use hydroid_core::control::cem::PlannerSettings;
+use hydroid_core::vessel::VesselParams;
+use serde_json::{Value, json};
+
+use crate::args::{
+    Control, ControllerKind, FleetArgs, LearnArgs, Learner, SeaArgs, TaskArgs, TaskKind, TimingKind,
+};
+
+pub(super) const fn kind(controller: ControllerKind) -> Kind {
+    match controller {
+        ControllerKind::Fl => Kind::FeedbackLinearization,
+        ControllerKind::Backstepping => Kind::Backstepping,
+        ControllerKind::Cem => Kind::CrossEntropy,
+        ControllerKind::Pid => Kind::Autopilot,
+    }
+}
+
+/// Sample time of the loop \[s\].
+pub(super) fn sample_time(args: &Control, model: Option<&Model>) -> anyhow::Result<f64> {
+    let Some(model) = model.filter(|model| model.plant().is_none()) else {
+        return Ok(args.helm.dt.unwrap_or(0.1));
+    };
+    let own = model.description.dt;
+    if let Some(dt) = args.helm.dt {
+        ensure!(
+            (dt / own - 1.0).abs() < 1e-3,
+            "the model steps {own} s, and commands are made as often: leave --dt {dt} out"
+        );
+    }
+    Ok(own)
+}
+
+pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, Pace)> {
+    let lawn = args.leg.is_some() || args.spacing.is_some() || args.legs.is_some();
+    let by_points = matches!(args.task, TaskKind::Waypoints | TaskKind::Legs);
+    ensure!(
+        !lawn || args.task == TaskKind::LawnMower,
+        "--leg, --spacing and --legs are of --task lawn-mower"
+    );
+    ensure!(args.points.is_none() || by_points, "--points are of --task waypoints and legs");
+    ensure!(
+        args.radius.is_none() || args.task != TaskKind::Legs,
+        "--task legs has corners without a radius: leave --radius out, or use --task waypoints"
+    );
+    let radius = args.radius.unwrap_or(15.0);
+    let points = || match &args.points {
+        Some(points) => Ok(points.0.clone()),
+        None => {
+            bail!("way-points are missing: give them as --points '0,0;60,0;60,40' (north,east in metres)")
+        }
+    };
+    let task = match args.task {
+        TaskKind::Circle => Task::Circle { radius },
+        TaskKind::LawnMower => Task::LawnMower {
+            leg: args.leg.unwrap_or(60.0),
+            spacing: args.spacing.unwrap_or(2.0 * radius),
+            legs: args.legs.unwrap_or(4),
+            radius,
+        },
+        TaskKind::Waypoints => Task::Waypoints { points: points()?, radius: Some(radius) },
+        TaskKind::Legs => Task::Waypoints { points: points()?, radius: None },
+    };
+    if let (Some(turn), TaskKind::Circle) = (args.turn_speed, args.task) {
+        bail!("a circle is all turn: say --speed {turn} and leave --turn-speed out");
+    }
+    Ok((task, Pace { cruise: args.speed, turn: args.turn_speed, acceleration: args.acceleration }))
+}
+
+pub(super) fn scene(
+    args: &Control,
+    vessel: &VesselParams,
+    task: &Task,
+    pace: &Pace,
+    dt_s: f64,
+) -> anyhow::Result<Scene> {
+    let mut scene = Scene::new(vessel.clone(), Course::new(task, pace)?);
+    for (limits, (rate, what)) in
+        scene.limits.iter_mut().zip(args.helm.rate_limits.0.into_iter().zip(["propeller", "rudder"]))
+    {
+        ensure!(rate > 0.0, "--rate-limits: that of the {what} is {rate}, and must be greater than 0");
+        limits.rate = rate;
+    }
+    (scene.dt_s, scene.start, scene.tolerance) = (dt_s, args.task.start.0, args.helm.tolerance);
+    scene.duration_s = args.task.duration.map_or(scene.duration_s, |duration| duration.0);
+    Ok(scene)
+}
+
+/// From when on errors count \[s\].
+pub(super) fn from_s(args: &Control, scene: &Scene) -> f64 {
+    let usual = if scene.course.path.is_closed() { 40.0 } else { 10.0 };
+    args.helm.from.map_or_else(|| f64::min(usual, scene.duration_s / 3.0), |from| from.0)
+}
+
+pub(super) const fn conditions(args: &SeaArgs) -> Conditions {
+    let [gust, gust_s] = args.gusts.0;
+    Conditions {
+        seed: args.seed,
+        noise: args.noise,
+        current: args.current.0,
+        wind: Wind { force: args.wind.0, gust, gust_s },
+        mass: args.mass,
+        delay_s: args.delay,
+    }
+}
+
+pub(super) fn spread(args: &FleetArgs) -> Spread {
+    let usual = Spread::default();
+    Spread {
+        mass: args.mass_spread.unwrap_or(usual.mass),
+        current: args.current_spread.unwrap_or(usual.current),
+        wind: args.wind_spread.unwrap_or(usual.wind),
+    }
+}
+
+pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Result<Steering> {
+    let given = &args.helm;
+    let mut steering = Steering::new(kind, &scene.vessel, scene.dt_s);
+    (steering.limits, steering.tolerance) = (scene.limits, scene.tolerance);
+    steering.lead = given.lead.unwrap_or(steering.lead);
+    ensure!(
+        kind != Kind::Autopilot || given.lead.is_none_or(|lead| lead == 0.0),
+        "--lead: pid brings the vessel's origin on the path; leave --lead out"
+    );
+    steering.bandwidth = Some(given.bandwidth.0);
+    steering.rate = Some(given.rate);
+    if kind == Kind::CrossEntropy {
+        steering.timing = match given.reference {
+            TimingKind::Clock => Timing::Clock,
+            TimingKind::Foot => Timing::Foot,
+        };
+    } else {
+        ensure!(
+            given.reference == TimingKind::Clock,
+            "--reference is of --controller cem: fl and backstepping track the clock, pid follows the path"
+        );
+    }
+    ensure!(
+        (1..=100_000).contains(&given.candidates) && given.horizon <= 10_000,
+        "--candidates up to 100,000 and --horizon up to 10,000 samples are possible"
+    );
+    steering.planner = PlannerSettings {
+        horizon: given.horizon,
+        candidates: given.candidates,
+        elites: (given.candidates / 10).max(2),
+        iterations: given.iterations,
+        ..steering.planner
+    };
+    [steering.cost.position, steering.cost.heading, steering.cost.speed] = given.prices.0;
+    if let Some(ms) = given.plan_time {
+        ensure!(ms > 0.0 && ms < 1e6, "--plan-time {ms}: milliseconds greater than 0 are needed");
+        steering.budget = Some(Duration::from_secs_f64(1e-3 * ms));
+    }
+    Ok(steering)
+}
+
+/// How a model learns in the loop: as `hydroid adapt` lets it, with that command's own settings.
+pub(super) fn learning(args: &LearnArgs, model: &Model) -> anyhow::Result<adapt::Options> {
+    adapt::adaptable(model)?;
+    let mut options = adapt::Options::default();
+    let equations = model.equations().is_some();
+    ensure!(
+        equations || args.learner != Some(Learner::LeastSquares),
+        "--learner least-squares is for equations: this is a model of kind '{}', which learns by the filter",
+        model.kind()
+    );
+    if model.plant().is_some() {
+        options.method = Method::Kalman;
+        options.kalman = Kalman::of_plants();
+    } else if equations && args.learner == Some(Learner::Kalman) {
+        options.method = Method::Kalman;
+        options.kalman = Kalman::of_equations();
+    }
+    Ok(if args.no_guard { options } else { options.guarded(model) })
+}
+
+/// The controller as `control.json` has it.
+pub(super) fn told(args: &Control, steering: &Steering) -> anyhow::Result<Value> {
+    let mut told = json!({
+        "kind": steering.kind,
+        "model": args.model,
+        "lead_m": steering.lead,
+        "reference": steering.timing,
+        "adapt": steering.adapt.is_some(),
+    });
+    match steering.kind {
+        Kind::FeedbackLinearization => told["bandwidth"] = json!(steering.bandwidth),
+        Kind::Backstepping => told["rate_per_s"] = json!(steering.rate),
+        Kind::CrossEntropy => {
+            let p = &steering.planner;
+            told["horizon"] = json!(p.horizon);
+            told["candidates"] = json!(p.candidates);
+            told["iterations"] = json!(p.iterations);
+            told["prices"] = json!(args.helm.prices.0);
+        }
+        Kind::Autopilot => {}
+    }
+    Ok(told)
+}
+
+/// What the page says of controller, task and conditions.
+pub(super) fn facts(args: &Control, steering: &Steering, scene: &Scene) -> Vec<(String, String)> {
+    let words = match steering.kind {
+        Kind::FeedbackLinearization => "feedback linearization of a point ahead of the vessel",
+        Kind::Backstepping => "backstepping of a point ahead of the vessel",
+        Kind::CrossEntropy => "model predictive control by the cross-entropy method",
+        Kind::Autopilot => "line of sight, PID on the heading, PI on the speed",
+    };
+    let mut facts: Vec<(String, String)> = Vec::new();
+    let mut tell = |name: &str, value: String| facts.push((name.to_owned(), value));
+    tell("Controller", words.to_owned());
+    if let (Some(model), Some(path)) = (&steering.model, &args.model) {
+        let learns = if steering.adapt.is_some() { ", which learns on the way" } else { "" };
+        tell("Model", format!("{} ({}){learns}", path.display(), model.kind()));
+    }
+    tell("Plant", scene.vessel.name.clone());
+    let task = match args.task.task {
+        TaskKind::Circle => "circle",
+        TaskKind::LawnMower => "lawn-mower",
+        TaskKind::Waypoints => "way-points",
+        TaskKind::Legs => "straight legs",
+    };
+    let turn = args.task.turn_speed.map(|turn| format!(", {turn} m/s in turns")).unwrap_or_default();
+    tell("Task", format!("{task}, {} m/s{turn}", args.task.speed));
+    let sea = &args.sea;
+    let [[north, east], [to_north, to_east], [gust, gust_s]] = [sea.current.0, sea.wind.0, sea.gusts.0];
+    tell(
+        "Conditions",
+        format!(
+            "noise × {}, current {north}, {east} m/s, wind {to_north}, {to_east} N, gusts {gust} N ({gust_s} s), mass × {}, delay {} s, seed {}",
+            sea.noise, sea.mass, sea.delay, sea.seed
+        ),
+    );
+    facts
+}

@@ -1,0 +1,83 @@
+//! Many voyages.
+
+use maud::{Markup, html};
+
+use super::figures::histogram;
+use crate::report::ReportError;
+use crate::report::figure::{Figure, Mark, Panel};
+use crate::report::number::{self, text};
+use crate::report::page::{Section, cell, columns, figure, table};
+use crate::report::style;
+use crate::steer::{Fleet, Metrics, Outing, Summary};
+
+/// Voyages that are listed.
+const SHOWN: usize = 12;
+
+pub(super) fn section(fleet: &Fleet) -> Result<Section, ReportError> {
+    let row = |name: &str, summary: &Summary, unit: &str| {
+        let figures = [summary.median, summary.p95, summary.max].map(|x| cell(text(x, 3)));
+        std::iter::once(cell(name)).chain(figures).chain([cell(unit)]).collect::<Vec<Markup>>()
+    };
+    let rows = [
+        row("distance from the reference, RMS", &fleet.rms_position, "m"),
+        row("distance from the path, RMS", &fleet.rms_cross_track, "m"),
+        row("distance from the path, largest", &fleet.max_cross_track, "m"),
+        row("speed error, RMS", &fleet.rms_speed, "m/s"),
+    ];
+    let heads = ["figure", "median", "95 of 100 below", "largest", ""].map(cell);
+    let spread = &fleet.spread;
+    let body = html! {
+        p {
+            (number::count(fleet.runs)) " voyages, each with its own seed; mass by up to ±" (text(100.0 * spread.mass, 2))
+            " %, current up to " (text(spread.current, 2)) " m/s and wind up to " (text(spread.wind, 3))
+            " N from any direction. " (number::count(fleet.held)) " held their course, " (number::count(fleet.diverged))
+            " diverged; " (number::count(fleet.violations)) " commands were outside of their limits, "
+            (number::count(fleet.unsaid)) " samples were lost without a status that says so."
+        }
+        (table(&heads, &rows, 1))
+        (columns(&[
+            figure(&bars(fleet, "distance from the path, RMS [m]", |m| m.rms_cross_track).svg()?, &html! { "How many voyages had what distance from the path." }),
+            figure(&bars(fleet, "speed error, RMS [m/s]", |m| m.rms_speed).svg()?, &html! { "How many voyages had what speed error." }),
+        ]))
+        h3 { "The farthest off" }
+        (worst(fleet))
+    };
+    Ok(Section { id: "monte-carlo", heading: "Monte Carlo", body })
+}
+
+fn bars(fleet: &Fleet, label: &str, of: fn(&Metrics) -> f64) -> Figure {
+    let values: Vec<f64> = fleet.outings.iter().map(|outing| of(&outing.metrics)).collect();
+    let bars = Mark::Bars { bars: histogram(&values, 25), colour: style::BAND };
+    Figure::new(label, label).panel(Panel::new("voyages").height(130.0).mark(bars))
+}
+
+fn worst(fleet: &Fleet) -> Markup {
+    let mut order: Vec<&Outing> = fleet.outings.iter().collect();
+    let key = |outing: &Outing| (outing.metrics.held, -outing.metrics.rms_position);
+    order.sort_by(|a, b| {
+        let (a, b) = (key(a), key(b));
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+    });
+    let heads =
+        ["seed", "held", "position [m]", "path [m]", "speed [m/s]", "mass", "current [m/s]", "wind [N]"]
+            .map(cell);
+    let rows: Vec<Vec<Markup>> = order
+        .iter()
+        .take(SHOWN)
+        .map(|outing| {
+            let (c, m) = (&outing.conditions, &outing.metrics);
+            let size = |[x, y]: [f64; 2]| x.hypot(y);
+            vec![
+                cell(c.seed.to_string()),
+                cell(if m.held { "yes" } else { "no" }),
+                cell(text(m.rms_position, 3)),
+                cell(text(m.rms_cross_track, 3)),
+                cell(text(m.rms_speed, 3)),
+                cell(text(c.mass, 3)),
+                cell(text(size(c.current), 2)),
+                cell(text(size(c.wind.force), 3)),
+            ]
+        })
+        .collect();
+    table(&heads, &rows, 0)
+}

@@ -1,0 +1,226 @@
+//! Laws that invert a model, which may learn.
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::kalman::LearnablePlant;
+use hydroid_core::control::{
+    Affine, AffineEquations, AffinePlant, Backstepping, Channel, ControlError, Controller, Estimate,
+    FeedbackLinearization, Motion, Status,
+};
+use hydroid_core::model::PlantModel;
+use hydroid_core::model::sparse::Equations;
+use hydroid_core::vessel::{Numbers, VesselParams};
+
+use super::channels::Channels;
+use super::error::SteerError;
+use super::guide::Timing;
+use super::helm::{Helm, Sight};
+use super::mind::Mind;
+use crate::model::{Body, Model};
+
+/// A model that a law can invert.
+#[derive(Clone, Debug)]
+pub(super) enum Invertible {
+    Equations(Box<AffineEquations>),
+    Plant(Box<AffinePlant>),
+}
+
+impl Invertible {
+    /// Of a model whose `u`, `v`, `r` are these outputs.
+    pub(super) fn of(model: &Model, motion: [usize; 3], law: &'static str) -> Result<Self, SteerError> {
+        match &model.body {
+            Body::Equations(equations) => {
+                let description = &model.description;
+                let ports = description.outputs.iter().chain(&description.inputs);
+                let mut names: Vec<String> = ports.map(|port| port.channel.name.clone()).collect();
+                let signals: Vec<String> =
+                    equations.signals().iter().map(|s| s.name(&names, description.dt)).collect();
+                names.extend(signals);
+                match AffineEquations::new(equations, motion) {
+                    Ok(affine) => Ok(Self::Equations(Box::new(affine))),
+                    Err(why) => Err(SteerError::NotAffine {
+                        law,
+                        why: why.with_names(&names),
+                        remedy: ", or identify with terms that have one function of each command (--for-control, or --term for each)",
+                    }),
+                }
+            }
+            Body::Plant(vessel) => Ok(Self::Plant(Box::new(AffinePlant::new(vessel.params())?))),
+            Body::Recurrent(_) | Body::Direct(_) => Err(SteerError::NotAffine {
+                law,
+                why: format!("a model of kind '{}' says nothing of how a command enters", model.kind()),
+                remedy: "",
+            }),
+        }
+    }
+
+    /// Measured actuators, of a model that has them as outputs.
+    fn actuators_of(&self, y: &[f64], into: &mut [f64; 2]) {
+        match self {
+            Self::Equations(equations) => equations.actuators_of(y, into),
+            Self::Plant(_) => into.fill(f64::NAN),
+        }
+    }
+}
+
+impl Affine for Invertible {
+    fn channels(&self) -> &[Channel] {
+        match self {
+            Self::Equations(equations) => equations.channels(),
+            Self::Plant(plant) => plant.channels(),
+        }
+    }
+
+    fn evaluate(&mut self, nu: [f64; 3], into: &mut Motion) {
+        match self {
+            Self::Equations(equations) => equations.evaluate(nu, into),
+            Self::Plant(plant) => plant.evaluate(nu, into),
+        }
+    }
+}
+
+/// A law whose model can change.
+pub(super) trait Inverting: Controller {
+    fn model(&self) -> &Invertible;
+
+    fn change(&mut self, change: &mut dyn FnMut(&mut Invertible)) -> Result<(), ControlError>;
+}
+
+impl Inverting for FeedbackLinearization<Invertible> {
+    fn model(&self) -> &Invertible {
+        self.model()
+    }
+
+    fn change(&mut self, change: &mut dyn FnMut(&mut Invertible)) -> Result<(), ControlError> {
+        self.update(change)
+    }
+}
+
+impl Inverting for Backstepping<Invertible> {
+    fn model(&self) -> &Invertible {
+        self.model()
+    }
+
+    fn change(&mut self, change: &mut dyn FnMut(&mut Invertible)) -> Result<(), ControlError> {
+        self.update(change)
+    }
+}
+
+/// Where learned weights belong.
+enum Places {
+    Equations { coefficients: Vec<f64>, places: Vec<usize> },
+    Plant { params: Box<VesselParams>, numbers: Box<Numbers>, places: Vec<usize> },
+}
+
+impl Places {
+    fn of(model: &Model) -> Option<Self> {
+        match &model.body {
+            Body::Equations(equations) => Some(Self::equations(equations)),
+            Body::Plant(plant) => Some(Self::plant(plant)),
+            Body::Recurrent(_) | Body::Direct(_) => None,
+        }
+    }
+
+    fn equations(equations: &Arc<Equations>) -> Self {
+        let coefficients = equations.coefficients().to_vec();
+        let places = (0..coefficients.len()).filter(|&place| coefficients[place] != 0.0).collect();
+        Self::Equations { coefficients, places }
+    }
+
+    fn plant(plant: &Arc<PlantModel>) -> Self {
+        let (params, numbers) = (Box::new(plant.params().clone()), Box::new(*plant.numbers()));
+        Self::Plant { params, numbers, places: LearnablePlant::new(plant).places().to_vec() }
+    }
+
+    /// Puts weights into a model; those that make no vessel leave it as it is.
+    fn put(&mut self, weights: &[f64], into: &mut Invertible) {
+        match (self, into) {
+            (Self::Equations { coefficients, places }, Invertible::Equations(affine)) => {
+                for (&place, weight) in places.iter().zip(weights) {
+                    coefficients[place] = *weight;
+                }
+                affine.set_coefficients(coefficients);
+            }
+            (Self::Plant { params, numbers, places }, Invertible::Plant(affine)) => {
+                for (&place, weight) in places.iter().zip(weights) {
+                    numbers[place] = *weight;
+                }
+                params.set_numbers(numbers);
+                if let Ok(learned) = AffinePlant::new(params) {
+                    **affine = learned;
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// What learns beside a law, and what the law has taken over from it.
+struct Learning {
+    mind: Mind,
+    places: Places,
+    taken: Vec<f64>,
+}
+
+/// A law that inverts a model.
+pub(super) struct Inverted<L> {
+    law: L,
+    lead: f64,
+    channels: Channels,
+    learning: Option<Learning>,
+    y: Vec<f64>,
+}
+
+impl<L: Inverting> Inverted<L> {
+    /// A law of `model`; with a mind, what that learns is taken over from sample to sample.
+    pub(super) fn new(law: L, lead: f64, channels: Channels, model: &Model, mind: Option<Mind>) -> Self {
+        let learning =
+            mind.zip(Places::of(model)).map(|(mind, places)| Learning { mind, places, taken: Vec::new() });
+        let y = vec![f64::NAN; channels.len()];
+        Self { law, lead, channels, learning, y }
+    }
+
+    fn learn(&mut self) {
+        let Some(Learning { mind, places, taken }) = &mut self.learning else { return };
+        mind.observe(&self.y);
+        if let Some(weights) = mind.weights()
+            && weights != taken.as_slice()
+            && weights.iter().all(|w| w.is_finite())
+        {
+            taken.clear();
+            taken.extend_from_slice(weights);
+            // A lag that cannot be inverted any more: the law keeps the one before, and says nothing worth stopping for.
+            let _ = self.law.change(&mut |model| places.put(taken, model));
+        }
+    }
+}
+
+impl<L: Inverting> Helm for Inverted<L> {
+    fn lead(&self) -> f64 {
+        self.lead
+    }
+
+    fn timing(&self) -> Timing {
+        Timing::Clock
+    }
+
+    fn reset(&mut self) {
+        self.law.reset();
+        if let Some(learning) = &mut self.learning {
+            learning.mind.reset();
+        }
+    }
+
+    fn command(&mut self, sight: &Sight<'_>, command: &mut [f64; 2]) -> Status {
+        self.channels.fill(sight, &mut self.y);
+        self.learn();
+        let mut actuators = [f64::NAN; 2];
+        self.law.model().actuators_of(&self.y, &mut actuators);
+        let estimate = Estimate { eta: sight.eta, nu: sight.nu, actuators: &actuators };
+        let status = self.law.command(&estimate, sight.reference, command);
+        if let Some(learning) = &mut self.learning {
+            learning.mind.advance(command);
+        }
+        status
+    }
+}

@@ -1,0 +1,22 @@
+//! Random numbers of a voyage: one seed, a stream for each purpose.
+
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+
+/// What random numbers are drawn for.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Purpose {
+    /// Measurement noise.
+    Noise = 0,
+    /// Gusts.
+    Gusts = 1,
+    /// What differs from voyage to voyage.
+    Conditions = 2,
+}
+
+/// The stream of a purpose.
+pub(super) fn stream(seed: u64, purpose: Purpose) -> ChaCha8Rng {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(purpose as u64);
+    random
+}
