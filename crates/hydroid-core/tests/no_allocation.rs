@@ -17,7 +17,7 @@ use hydroid_core::adapt::kalman::{
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
-use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts};
+use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts, Room};
 use hydroid_core::control::{
     AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
     Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
@@ -30,7 +30,7 @@ use hydroid_core::model::recurrent::{
     Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
     StateFilter, Tape,
 };
-use hydroid_core::model::sparse::{Equations, EquationsSession, Real, SideBySide, Signal, Term};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::model::{Persistence, PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::VesselParams;
@@ -265,6 +265,23 @@ fn steering_allocates_nothing() {
     }
 }
 
+/// A law takes new coefficients, and refuses others.
+fn updating_allocates_nothing() {
+    let vessel = VesselParams::simple();
+    let equations = written::equations(&vessel, written::Force::Measured);
+    let model = AffineEquations::new(&equations, [0, 1, 2]).unwrap();
+    let settings = FeedbackLinearizationSettings::new(1.5);
+    let mut law = FeedbackLinearization::new(model, &AffinePlant::limits(&vessel), 0.1, settings).unwrap();
+    let good = equations.coefficients().to_vec();
+    let bad: Vec<f64> = good.iter().map(|c| -c).collect();
+    law.update(|model| model.set_coefficients(&good)).unwrap();
+    let count = allocations(|| {
+        law.update(|model| model.set_coefficients(&bad)).unwrap_err();
+        law.update(|model| model.set_coefficients(&good)).unwrap();
+    });
+    assert_eq!(count, 0, "allocations in an update");
+}
+
 /// Plans on a session, with time and without.
 fn planning_allocates_nothing(model: &mut dyn Rollouts) {
     let limits = AffinePlant::limits(&VesselParams::hydrofoil());
@@ -338,10 +355,11 @@ fn direct_session() -> Box<dyn Predictor> {
 fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
     steering_allocates_nothing();
+    updating_allocates_nothing();
     let flying = written::equations(&VesselParams::hydrofoil(), written::Force::Hidden);
     let mut session = EquationsSession::new(Arc::new(flying));
     session.observe(&[2.0, 0.0, 0.1]);
-    let mut room = SideBySide::new(session.equations(), 5).unwrap();
+    let mut room = Room::new(&session, 5);
     planning_allocates_nothing(&mut Abreast::new(&session, &mut room));
     let terms: Vec<Term> = (0..5).flat_map(|a| (a..5).map(move |b| Term::monomial(&[a, b]))).collect();
     let coefficients = (0..3 * terms.len()).map(|k| 0.01 * ((k % 5) as f64 - 2.0)).collect();
@@ -402,6 +420,10 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         session.observe(&[0.1, 0.2, 0.3]);
         session.rollout(&commands, &mut work, &mut y);
         planning_allocates_nothing(&mut Each::new(session.as_ref(), &mut work));
+        let mut room = Room::new(session.as_ref(), 20);
+        planning_allocates_nothing(&mut Abreast::new(session.as_ref(), &mut room));
+        let count = allocations(|| drop(Abreast::new(session.as_ref(), &mut room)));
+        assert_eq!(count, 0, "allocations at the begin of a plan");
         let count = allocations(|| {
             session.observe(&[0.1, f64::NAN, 0.3]);
             session.advance(&[0.5, -0.5]);

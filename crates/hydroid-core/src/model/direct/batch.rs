@@ -49,6 +49,7 @@ use crate::model::recurrent::LANES;
 pub struct Batch<T> {
     network: Perceptron,
     layers: Vec<Layer>,
+    room: usize,
     windows: usize,
     lanes: usize,
     /// `h_0 = x` and `h_1 .. h_{L-1}`.
@@ -88,6 +89,7 @@ impl<T: Scalar> Batch<T> {
             scratch: vec![T::zero(); product::scratch(longest.max(lanes).max(network.outputs))],
             network: network.clone(),
             layers,
+            room: windows,
             windows,
             lanes,
             arch: Arch::new(),
@@ -102,6 +104,25 @@ impl<T: Scalar> Batch<T> {
     /// Number of windows.
     pub fn windows(&self) -> usize {
         self.windows
+    }
+
+    /// Another number of windows, from the next input on: the last ones are forgotten.
+    ///
+    /// # Panics
+    /// If there is none, or there are more than it was made for.
+    pub fn set_windows(&mut self, windows: usize) {
+        assert!((1..=self.room).contains(&windows), "no more windows than there is room for");
+        let lanes = windows.next_multiple_of(LANES);
+        self.windows = windows;
+        if lanes == self.lanes {
+            return;
+        }
+        self.lanes = lanes;
+        for (hidden, layer) in self.hidden.iter_mut().zip(&self.layers) {
+            hidden.set_len(layer.reads * lanes);
+        }
+        self.output.set_len(self.network.outputs * lanes);
+        self.output_adjoint.set_len(self.network.outputs * lanes);
     }
 
     /// Number of windows rounded up: the length of a row.

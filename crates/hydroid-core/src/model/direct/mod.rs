@@ -6,6 +6,7 @@ mod check;
 mod model;
 mod perceptron;
 mod session;
+mod side_by_side;
 mod window;
 
 pub use batch::Batch;
@@ -13,3 +14,4 @@ pub use check::DirectError;
 pub use model::Direct;
 pub use perceptron::Perceptron;
 pub use session::DirectSession;
+pub use side_by_side::SideBySide;

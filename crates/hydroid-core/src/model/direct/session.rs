@@ -17,7 +17,7 @@ use super::model::Direct;
 use super::perceptron::Layer;
 use super::window::{Window, push};
 use crate::math::{Scalar, functions, product, slices};
-use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::predict::{Predictor, Source, Workspace, rollout_steps};
 
 /// A run of a [`Direct`] model. A measurement replaces the present output; what is not measured is predicted.
 ///
@@ -62,6 +62,16 @@ impl DirectSession {
         &self.model
     }
 
+    /// The same, as sessions share it.
+    pub(super) fn shared_model(&self) -> &Arc<Direct> {
+        &self.model
+    }
+
+    /// Outputs and commands that have passed, in their own units.
+    pub(super) fn past(&self) -> &[f64] {
+        &self.past
+    }
+
     /// Whether something of the past is not known.
     fn is_waiting(&self) -> bool {
         self.past.iter().any(|x| x.is_nan())
@@ -92,34 +102,25 @@ impl Forward {
     /// Predictions from a past in its own units, under commands, into `y`: as many steps as it has rows.
     fn roll(&self, model: &Direct, past: &[f64], commands: &[f64], scratch: &mut [f64], y: &mut [f64]) {
         let w = Window::of(model);
-        let s = &model.scaling;
         let (x, rest) = scratch.split_at_mut(self.layers[0].reads);
         let (hidden, g) = rest.split_at_mut(2 * self.widest);
-        for (i, (x, &y)) in x.iter_mut().zip(&past[..w.outputs()]).enumerate() {
-            *x = (y - s.output_mean[i % w.n]) / s.output_scale[i % w.n];
-        }
-        let scaled = |i: usize, c: f64| (c - s.input_mean[i % w.m]) / s.input_scale[i % w.m];
-        for (i, &c) in past[w.outputs()..].iter().enumerate() {
-            x[w.outputs() + i] = scaled(i, c);
-        }
+        w.scale_past(model, past, x);
         let blocks = y.chunks_mut(w.h * w.n);
         let mut first = 0;
         for y in blocks {
             let steps = y.len() / w.n;
             let given = &commands[first * w.m..(first + steps) * w.m];
-            w.give(x, given.iter().enumerate().map(|(i, &c)| scaled(i, c)));
+            w.give(x, given.iter().enumerate().map(|(i, &c)| model.scaled_command(i % w.m, c)));
             let g = &mut g[..y.len()];
             self.arch.dispatch(Through { forward: self, weights: &model.weights, x, hidden, g });
             let present = &x[(w.p - 1) * w.n..w.p * w.n];
             for (i, (y, g)) in y.iter_mut().zip(&*g).enumerate() {
-                let c = i % w.n;
-                let base = if model.hold { present[c] * s.output_scale[c] } else { 0.0 };
-                *y = s.output_mean[c] + base + s.correction_scale[c] * g;
+                *y = model.output_of(i % w.n, present[i % w.n], *g);
             }
             first += steps;
             if steps == w.h {
                 for (i, (g, &y)) in g.iter_mut().zip(&*y).enumerate() {
-                    *g = (y - s.output_mean[i % w.n]) / s.output_scale[i % w.n];
+                    *g = model.scaled_output(i % w.n, y);
                 }
                 w.pass(x, g);
             }
@@ -222,6 +223,10 @@ impl Predictor for DirectSession {
 
     fn restore(&mut self, from: &[f64]) {
         self.past.copy_from_slice(from);
+    }
+
+    fn source(&self) -> Source<'_> {
+        Source::Direct(self)
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
