@@ -17,14 +17,17 @@ use hydroid_core::adapt::kalman::{
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
+use hydroid_core::control::Map;
 use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts, Room};
 use hydroid_core::control::{
-    AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
-    Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
+    AffineEquations, AffineNetwork, AffinePlant, Autopilot, AutopilotSettings, Backstepping,
+    BacksteppingSettings, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
+    HeadingGains, SpeedGains,
 };
 use hydroid_core::guidance::{
     Follower, LineOfSight, LineOfSightSettings, Path, Reference, Side, SpeedLimits, SpeedProfile, Walker,
 };
+use hydroid_core::model::affine::{ControlAffine, ControlAffineSession, Effector};
 use hydroid_core::model::direct::{Batch, Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
     Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
@@ -230,6 +233,15 @@ fn controllers() -> Vec<Box<dyn Controller>> {
     vec![
         Box::new(FeedbackLinearization::new(plant(), &limits, 0.1, linearized).unwrap()),
         Box::new(FeedbackLinearization::new(equations(), &limits, 0.1, linearized).unwrap()),
+        Box::new(
+            FeedbackLinearization::new(
+                AffineNetwork::new(affine_network()).unwrap(),
+                &limits,
+                0.1,
+                linearized,
+            )
+            .unwrap(),
+        ),
         Box::new(Backstepping::new(plant(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
         Box::new(Backstepping::new(equations(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
         Box::new(Autopilot::new(&limits, 0.1, autopilot).unwrap()),
@@ -351,6 +363,22 @@ fn direct_session() -> Box<dyn Predictor> {
     Box::new(DirectSession::new(Arc::new(model)).unwrap())
 }
 
+/// A control-affine network of three outputs and two commands.
+fn affine_network() -> Arc<ControlAffine> {
+    let network = Perceptron { inputs: 3, hidden: vec![6], outputs: 9 };
+    let weights = (0..network.weights()).map(|k| 0.1 * (k as f64).sin()).collect();
+    let scaling = Scaling {
+        output_mean: vec![0.0; 3],
+        output_scale: vec![1.0; 3],
+        input_mean: vec![0.0; 2],
+        input_scale: vec![1.0; 2],
+        correction_scale: vec![1.0; 3],
+    };
+    let effector = |map| Effector { map, time_constant_s: 0.5, unit: 1.0 };
+    let effectors = vec![effector(Map::Identity), effector(Map::Sine)];
+    Arc::new(ControlAffine { network, weights, scaling, effectors, dt: 0.1, wash_out: 3 })
+}
+
 #[test]
 fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
@@ -400,8 +428,9 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(filtered(&recalling));
     learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
     let below = Arc::new(recalling.clone());
-    let sessions: [Box<dyn Predictor>; 11] = [
+    let sessions: [Box<dyn Predictor>; 12] = [
         direct_session(),
+        Box::new(ControlAffineSession::new(affine_network()).unwrap()),
         vessel(&hydrofoil).fork(),
         Box::new(vessel(&hydrofoil)),
         Box::new(PlantSession::new(&hydrofoil)),

@@ -166,8 +166,21 @@ impl<T: Scalar> Batch<T> {
     /// # Panics
     /// If there are fewer weights, or less room for their gradient, than the network has.
     pub fn backward(&mut self, weights: &[T], gradient: &mut [T]) {
+        self.back(weights, gradient, &mut []);
+    }
+
+    /// The same, and the adjoint of the input (`dL/dx`, `inputs x lanes`), for what is made of other things that learn.
+    ///
+    /// # Panics
+    /// If there are fewer weights, or less room, than the network has.
+    pub fn backward_to(&mut self, weights: &[T], gradient: &mut [T], input_adjoint: &mut [T]) {
+        assert_eq!(input_adjoint.len(), self.network.inputs * self.lanes, "inputs x lanes");
+        self.back(weights, gradient, input_adjoint);
+    }
+
+    fn back(&mut self, weights: &[T], gradient: &mut [T], input_adjoint: &mut [T]) {
         clear(&mut self.output_adjoint, self.lanes, self.windows);
-        self.arch.dispatch(Backs { batch: self, weights, gradient });
+        self.arch.dispatch(Backs { batch: self, weights, gradient, input_adjoint });
     }
 }
 
@@ -221,6 +234,8 @@ struct Backs<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
     gradient: &'a mut [T],
+    /// Empty where nobody asks for it.
+    input_adjoint: &'a mut [T],
 }
 
 impl<T: Scalar> WithSimd for Backs<'_, T> {
@@ -228,7 +243,7 @@ impl<T: Scalar> WithSimd for Backs<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { batch, weights, gradient } = self;
+        let Self { batch, weights, gradient, input_adjoint } = self;
         let Batch { layers, lanes, hidden, output_adjoint, adjoints, transposed, scratch, .. } = batch;
         let lanes = *lanes;
         let [mut d, mut below] = adjoints.each_mut();
@@ -244,10 +259,13 @@ impl<T: Scalar> WithSimd for Backs<'_, T> {
             for (bias, row) in bias.iter_mut().zip(given.chunks_exact(lanes)) {
                 *bias = sum(row);
             }
+            let left = Transposed(Matrix::new(layer.matrix(weights), layer.reads));
             if l == 0 {
+                if !input_adjoint.is_empty() {
+                    product(simd, &left, (given, lanes), None, (input_adjoint, lanes), scratch);
+                }
                 break;
             }
-            let left = Transposed(Matrix::new(layer.matrix(weights), layer.reads));
             let a = &mut below[..layer.reads * lanes];
             product(simd, &left, (given, lanes), None, (&mut *a, lanes), scratch);
             let one = Pack::splat(simd, T::one());

@@ -7,6 +7,7 @@ mod model;
 mod perceptron;
 mod session;
 mod side_by_side;
+mod through;
 mod window;
 
 pub use batch::Batch;
@@ -15,3 +16,4 @@ pub use model::Direct;
 pub use perceptron::Perceptron;
 pub use session::DirectSession;
 pub use side_by_side::SideBySide;
+pub(crate) use through::Through;
