@@ -26,6 +26,7 @@ pub struct Config {
     pub gru: NetworkSettings,
     pub rnn: NetworkSettings,
     pub direct: NetworkSettings,
+    pub affine: NetworkSettings,
     pub ranges: GivenRanges,
 }
 

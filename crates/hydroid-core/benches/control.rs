@@ -6,14 +6,15 @@ mod written;
 use std::sync::Arc;
 
 use divan::{Bencher, black_box};
-use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts};
+use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts, Room};
 use hydroid_core::control::{
     AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
     Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
 };
 use hydroid_core::guidance::{LineOfSightSettings, Path, Reference, Side};
+use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, RecurrentSession, Scaling};
-use hydroid_core::model::sparse::{Equations, EquationsSession, SideBySide};
+use hydroid_core::model::sparse::{Equations, EquationsSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::VesselParams;
 use written::{Force, equations};
@@ -87,41 +88,59 @@ fn autopilot(bencher: Bencher) {
     run(bencher, &mut Autopilot::new(&limits, 0.1, settings).expect("possible"));
 }
 
-/// Equations with one integration step in a sample, as identification makes them, and an LSTM of 18 cells.
-fn session(name: &str) -> Box<dyn Predictor> {
-    if name == "LSTM" {
-        let network = Network {
-            cell: Cell::Lstm { hidden: 18, projection: Some(3) },
-            inputs: 2,
-            outputs: 3,
-            read_out: false,
-        };
-        let weights = (0..network.weights()).map(|k| 0.3 * (1.7 * k as f64).sin()).collect();
-        let scaling = Scaling {
-            output_mean: vec![0.0; 3],
-            output_scale: vec![1.0; 3],
-            input_mean: vec![0.0; 2],
-            input_scale: vec![100.0, 1.0],
-            correction_scale: vec![1.0; 3],
-        };
-        let (base, feedback) = (Base::Nothing, false);
-        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1, state_filter: None };
-        return Box::new(RecurrentSession::new(Arc::new(model)).expect("parts that fit"));
+fn scaling() -> Scaling {
+    Scaling {
+        output_mean: vec![0.0; 3],
+        output_scale: vec![1.0; 3],
+        input_mean: vec![0.0; 2],
+        input_scale: vec![100.0, 1.0],
+        correction_scale: vec![1.0; 3],
     }
-    Box::new(equations_session(name))
+}
+
+/// Equations with one integration step in a sample, as identification makes them; recurrent networks of 18 cells, on their own
+/// or on the equations of the simple vessel; the direct predictor of the thesis, 58-256-256-256-60.
+fn session(name: &str) -> Box<dyn Predictor> {
+    let number = |k: usize| (1.7 * k as f64).sin();
+    let recurrent = |cell, base, feedback| -> Box<dyn Predictor> {
+        let read_out = !matches!(cell, Cell::Lstm { .. });
+        let network = Network { cell, inputs: if feedback { 5 } else { 2 }, outputs: 3, read_out };
+        let weights = (0..network.weights()).map(|k| 0.3 * number(k)).collect();
+        let (scaling, state_filter) = (scaling(), None);
+        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1, state_filter };
+        Box::new(RecurrentSession::new(Arc::new(model)).expect("parts that fit"))
+    };
+    match name {
+        "LSTM" => recurrent(Cell::Lstm { hidden: 18, projection: Some(3) }, Base::Nothing, false),
+        "GRU" => recurrent(Cell::Gru { hidden: 18 }, Base::Nothing, false),
+        "GRU on equations" => {
+            let base = Base::Equations(Arc::new(one_step("simple")));
+            recurrent(Cell::Gru { hidden: 18 }, base, true)
+        }
+        "direct" => {
+            let (inputs, outputs) = Direct::lengths(4, 20, 3, 2);
+            let network = Perceptron { inputs, hidden: vec![256; 3], outputs };
+            let weights = (0..network.weights()).map(|k| 0.1 * number(k)).collect();
+            let model = Direct { network, weights, scaling: scaling(), history: 4, horizon: 20, hold: false };
+            Box::new(DirectSession::new(Arc::new(model)).expect("parts that fit"))
+        }
+        name => Box::new(EquationsSession::new(Arc::new(one_step(name)))),
+    }
 }
 
 /// Equations with one integration step in a sample, as identification makes them.
-fn equations_session(name: &str) -> EquationsSession {
+fn one_step(name: &str) -> Equations {
     let fine = equations(&vessel(name), Force::Hidden);
     let (terms, coefficients, signals) =
         (fine.terms().to_vec(), fine.coefficients().to_vec(), fine.signals().to_vec());
-    let made = Equations::with_signals(terms, coefficients, 3, 2, signals, 0.1, 1).expect("as before");
-    EquationsSession::new(Arc::new(made))
+    Equations::with_signals(terms, coefficients, 3, 2, signals, 0.1, 1).expect("as before")
 }
 
+const PLANNED: [&str; 6] =
+    ["simple, equations", "hydrofoil, gated equations", "LSTM", "GRU", "GRU on equations", "direct"];
+
 /// A whole plan: 350 candidates, 20 samples ahead, 5 iterations; one candidate after the other.
-#[divan::bench(args = ["simple, equations", "hydrofoil, gated equations", "LSTM"], sample_count = 20)]
+#[divan::bench(args = PLANNED, sample_count = 20)]
 fn cem(bencher: Bencher, name: &str) {
     let mut session = session(name);
     begin(session.as_mut());
@@ -130,17 +149,19 @@ fn cem(bencher: Bencher, name: &str) {
 }
 
 /// The same with candidates side by side.
-#[divan::bench(args = ["simple, equations", "hydrofoil, gated equations"], sample_count = 20)]
+#[divan::bench(args = PLANNED, sample_count = 20)]
 fn cem_abreast(bencher: Bencher, name: &str) {
-    let mut session = equations_session(name);
-    begin(&mut session);
-    let mut room = SideBySide::new(session.equations(), 50).expect("no past");
-    plans(bencher, &mut Abreast::new(&session, &mut room));
+    let mut session = session(name);
+    begin(session.as_mut());
+    let mut room = Room::new(session.as_ref(), Room::AT_A_TIME);
+    plans(bencher, &mut Abreast::new(session.as_ref(), &mut room));
 }
 
 fn begin(session: &mut dyn Predictor) {
-    session.observe(&[2.4, -0.05, 0.12]);
-    session.advance(&[100.0, 0.1]);
+    for _ in 0..5 {
+        session.observe(&[2.4, -0.05, 0.12]);
+        session.advance(&[100.0, 0.1]);
+    }
     session.observe(&[2.4, -0.05, 0.12]);
 }
 

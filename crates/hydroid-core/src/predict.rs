@@ -17,6 +17,11 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
+use crate::adapt::guard::Guarded;
+use crate::model::direct::DirectSession;
+use crate::model::recurrent::RecurrentSession;
+use crate::model::sparse::EquationsSession;
+
 /// Scratch memory for rollouts. It grows when a model first asks for more and is kept: later calls of
 /// the same size do not allocate.
 #[derive(Clone, Debug, Default)]
@@ -105,9 +110,31 @@ pub trait Predictor: Send + Sync {
     /// If `from` has not [`snapshot_len`](Self::snapshot_len) numbers.
     fn restore(&mut self, from: &[f64]);
 
+    /// The session that rollouts are made by, for those who can roll it out under many command sequences at once
+    /// ([`Abreast`](crate::control::cem::Abreast)): it has the state and the weights of this moment.
+    fn source(&self) -> Source<'_> {
+        Source::Own
+    }
+
     /// A session of its own that predicts from here as this one does; weights that do not change are
     /// shared. The fork of a session that learns need not learn.
     fn fork(&self) -> Box<dyn Predictor>;
+}
+
+/// What makes the rollouts of a session.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum Source<'a> {
+    /// The session, in a way of its own.
+    Own,
+    /// Equations.
+    Equations(&'a EquationsSession),
+    /// A recurrent network, on its own or on a base.
+    Recurrent(&'a RecurrentSession),
+    /// A direct predictor.
+    Direct(&'a DirectSession),
+    /// A model that learned, as far from the one from shore as a guard allows.
+    Guarded(Guarded<'a>),
 }
 
 /// Checks the shapes of a rollout and gives its number of steps.

@@ -160,12 +160,12 @@ fn a_lag_that_has_learned_is_taken_over() {
     let mut actuators = Actuators::new(&[channel(1.0)], &limits, 0.1, 0.0).unwrap();
     let mut command = [0.0];
     actuators.apply(&[1.0], &mut command);
-    actuators.set_lags(&[channel(2.0)]).unwrap();
+    actuators.set_channels(&[channel(2.0)]).unwrap();
     actuators.apply(&[2.0], &mut command);
     let e = (-0.05f64).exp();
     assert!((command[0] - (2.0 - e) / (1.0 - e)).abs() < 1e-9);
     let unstable = Channel { map: Map::Identity, lag: Lag::FirstOrder { rate: 0.1, gain: 1.0, offset: 0.0 } };
-    assert_eq!(actuators.set_lags(&[unstable]), Err(ControlError::Lag { channel: 0 }));
+    assert_eq!(actuators.set_channels(&[unstable]), Err(ControlError::Lag { channel: 0 }));
 }
 
 #[test]

@@ -17,20 +17,23 @@ use hydroid_core::adapt::kalman::{
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
 };
-use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts};
+use hydroid_core::control::Map;
+use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts, Room};
 use hydroid_core::control::{
-    AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
-    Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
+    AffineEquations, AffineNetwork, AffinePlant, Autopilot, AutopilotSettings, Backstepping,
+    BacksteppingSettings, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
+    HeadingGains, SpeedGains,
 };
 use hydroid_core::guidance::{
     Follower, LineOfSight, LineOfSightSettings, Path, Reference, Side, SpeedLimits, SpeedProfile, Walker,
 };
+use hydroid_core::model::affine::{ControlAffine, ControlAffineSession, Effector};
 use hydroid_core::model::direct::{Batch, Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
     Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
     StateFilter, Tape,
 };
-use hydroid_core::model::sparse::{Equations, EquationsSession, Real, SideBySide, Signal, Term};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::model::{Persistence, PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::VesselParams;
@@ -230,6 +233,15 @@ fn controllers() -> Vec<Box<dyn Controller>> {
     vec![
         Box::new(FeedbackLinearization::new(plant(), &limits, 0.1, linearized).unwrap()),
         Box::new(FeedbackLinearization::new(equations(), &limits, 0.1, linearized).unwrap()),
+        Box::new(
+            FeedbackLinearization::new(
+                AffineNetwork::new(affine_network()).unwrap(),
+                &limits,
+                0.1,
+                linearized,
+            )
+            .unwrap(),
+        ),
         Box::new(Backstepping::new(plant(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
         Box::new(Backstepping::new(equations(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
         Box::new(Autopilot::new(&limits, 0.1, autopilot).unwrap()),
@@ -263,6 +275,23 @@ fn steering_allocates_nothing() {
         assert_eq!(count, 0, "allocations while steering");
         assert!(command.iter().all(|c| c.is_finite()));
     }
+}
+
+/// A law takes new coefficients, and refuses others.
+fn updating_allocates_nothing() {
+    let vessel = VesselParams::simple();
+    let equations = written::equations(&vessel, written::Force::Measured);
+    let model = AffineEquations::new(&equations, [0, 1, 2]).unwrap();
+    let settings = FeedbackLinearizationSettings::new(1.5);
+    let mut law = FeedbackLinearization::new(model, &AffinePlant::limits(&vessel), 0.1, settings).unwrap();
+    let good = equations.coefficients().to_vec();
+    let bad: Vec<f64> = good.iter().map(|c| -c).collect();
+    law.update(|model| model.set_coefficients(&good)).unwrap();
+    let count = allocations(|| {
+        law.update(|model| model.set_coefficients(&bad)).unwrap_err();
+        law.update(|model| model.set_coefficients(&good)).unwrap();
+    });
+    assert_eq!(count, 0, "allocations in an update");
 }
 
 /// Plans on a session, with time and without.
@@ -334,14 +363,31 @@ fn direct_session() -> Box<dyn Predictor> {
     Box::new(DirectSession::new(Arc::new(model)).unwrap())
 }
 
+/// A control-affine network of three outputs and two commands.
+fn affine_network() -> Arc<ControlAffine> {
+    let network = Perceptron { inputs: 3, hidden: vec![6], outputs: 9 };
+    let weights = (0..network.weights()).map(|k| 0.1 * (k as f64).sin()).collect();
+    let scaling = Scaling {
+        output_mean: vec![0.0; 3],
+        output_scale: vec![1.0; 3],
+        input_mean: vec![0.0; 2],
+        input_scale: vec![1.0; 2],
+        correction_scale: vec![1.0; 3],
+    };
+    let effector = |map| Effector { map, time_constant_s: 0.5, unit: 1.0 };
+    let effectors = vec![effector(Map::Identity), effector(Map::Sine)];
+    Arc::new(ControlAffine { network, weights, scaling, effectors, dt: 0.1, wash_out: 3 })
+}
+
 #[test]
 fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
     steering_allocates_nothing();
+    updating_allocates_nothing();
     let flying = written::equations(&VesselParams::hydrofoil(), written::Force::Hidden);
     let mut session = EquationsSession::new(Arc::new(flying));
     session.observe(&[2.0, 0.0, 0.1]);
-    let mut room = SideBySide::new(session.equations(), 5).unwrap();
+    let mut room = Room::new(&session, 5);
     planning_allocates_nothing(&mut Abreast::new(&session, &mut room));
     let terms: Vec<Term> = (0..5).flat_map(|a| (a..5).map(move |b| Term::monomial(&[a, b]))).collect();
     let coefficients = (0..3 * terms.len()).map(|k| 0.01 * ((k % 5) as f64 - 2.0)).collect();
@@ -382,8 +428,9 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(filtered(&recalling));
     learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
     let below = Arc::new(recalling.clone());
-    let sessions: [Box<dyn Predictor>; 11] = [
+    let sessions: [Box<dyn Predictor>; 12] = [
         direct_session(),
+        Box::new(ControlAffineSession::new(affine_network()).unwrap()),
         vessel(&hydrofoil).fork(),
         Box::new(vessel(&hydrofoil)),
         Box::new(PlantSession::new(&hydrofoil)),
@@ -402,6 +449,10 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         session.observe(&[0.1, 0.2, 0.3]);
         session.rollout(&commands, &mut work, &mut y);
         planning_allocates_nothing(&mut Each::new(session.as_ref(), &mut work));
+        let mut room = Room::new(session.as_ref(), 20);
+        planning_allocates_nothing(&mut Abreast::new(session.as_ref(), &mut room));
+        let count = allocations(|| drop(Abreast::new(session.as_ref(), &mut room)));
+        assert_eq!(count, 0, "allocations at the begin of a plan");
         let count = allocations(|| {
             session.observe(&[0.1, f64::NAN, 0.3]);
             session.advance(&[0.5, -0.5]);

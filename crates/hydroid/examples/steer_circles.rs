@@ -33,10 +33,11 @@ use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
 use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
 use hydroid_core::control::{
-    AffineEquations, AffinePlant, Backstepping, BacksteppingSettings, Controller, Estimate,
+    AffineEquations, AffineNetwork, AffinePlant, Backstepping, BacksteppingSettings, Controller, Estimate,
     FeedbackLinearization, FeedbackLinearizationSettings, Status,
 };
 use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, Walker};
+use hydroid_core::model::affine::ControlAffine;
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 use rand::SeedableRng;
@@ -163,6 +164,24 @@ pub const PHYSICAL: [&str; 12] =
 
 /// What hydroid finds, of terms that are given or, without any, when nothing is set.
 pub fn identified(vessel: &VesselParams, train_s: f64, terms: &[&str]) -> Arc<Equations> {
+    let sindy =
+        SindySettings { terms: terms.iter().map(ToString::to_string).collect(), ..SindySettings::default() };
+    match learned(vessel, train_s, Method::Sindy, sindy) {
+        Body::Equations(equations) => equations,
+        _ => unreachable!("the method gives equations"),
+    }
+}
+
+/// A control-affine network, when nothing is set.
+pub fn network(vessel: &VesselParams, train_s: f64) -> Arc<ControlAffine> {
+    match learned(vessel, train_s, Method::Affine, SindySettings::default()) {
+        Body::Affine(network) => network,
+        _ => unreachable!("the method gives a control-affine network"),
+    }
+}
+
+/// What a method learns.
+fn learned(vessel: &VesselParams, train_s: f64, method: Method, sindy: SindySettings) -> Body {
     let outputs = &MOTION[..];
     let split = Split {
         train: vec![run(vessel, outputs, train_s, 0)],
@@ -171,7 +190,7 @@ pub fn identified(vessel: &VesselParams, train_s: f64, terms: &[&str]) -> Arc<Eq
         notes: Vec::new(),
     };
     let job = Job {
-        methods: vec![Method::Sindy],
+        methods: vec![method],
         split,
         reading: Reading::default(),
         horizon: 100,
@@ -179,16 +198,10 @@ pub fn identified(vessel: &VesselParams, train_s: f64, terms: &[&str]) -> Arc<Eq
         seed: 0,
         ranges: GivenRanges::new(),
         networks: Networks::default(),
-        sindy: SindySettings {
-            terms: terms.iter().map(ToString::to_string).collect(),
-            ..SindySettings::default()
-        },
+        sindy,
     };
-    let found = identify(&job, &mut silent()).expect("the built-in vessels are identified");
-    match &found.candidates[0].model.body {
-        Body::Equations(equations) => Arc::clone(equations),
-        _ => unreachable!("the method gives equations"),
-    }
+    let mut found = identify(&job, &mut silent()).expect("the built-in vessels are identified");
+    found.candidates.swap_remove(0).model.body
 }
 
 /// A polynomial with thresholded or eliminated terms, forces in 100 N. Terms with more than one effort (a command, or the
@@ -247,6 +260,20 @@ pub fn on_equations(
 ) -> Result<FeedbackLinearization<AffineEquations>, String> {
     let model = affine(vessel, equations)?;
     FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings(ahead, gains))
+        .map_err(|error| error.to_string())
+}
+
+/// The law on a network.
+pub fn on_network(
+    vessel: &VesselParams,
+    network: &Arc<ControlAffine>,
+    ahead: f64,
+    gains: Gains,
+) -> Result<FeedbackLinearization<AffineNetwork>, String> {
+    AffineNetwork::new(Arc::clone(network))
+        .and_then(|model| {
+            FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings(ahead, gains))
+        })
         .map_err(|error| error.to_string())
 }
 
@@ -321,11 +348,14 @@ fn main() -> Result<(), std::num::ParseFloatError> {
             }
         }
     }
+    let net = network(&vessel, train_s);
     for task in HYDROFOIL {
         row("hydrofoil: true parameters", &vessel, task, Ok(on_plant(&vessel, task.ahead, gains)), false);
         for (name, equations) in &models {
             row(name, &vessel, task, on_equations(&vessel, equations, task.ahead, gains), false);
         }
+        let law = on_network(&vessel, &net, task.ahead, gains);
+        row("hydrofoil: control-affine network", &vessel, task, law, false);
         let stepped = affine(&vessel, &found).and_then(|model| {
             let settings = BacksteppingSettings::new(task.ahead);
             Backstepping::new(model, &AffinePlant::limits(&vessel), DT, settings)

@@ -41,7 +41,11 @@ A configuration file can hold all of it but --methods; what the command line say
                                [direct]  (hears nothing of [network])
                                history_s = 4.0
                                hidden = 256
-                               layers = 3")]
+                               layers = 3
+
+                               [affine]  (hears nothing of [network])
+                               maps = [\"identity\", \"sine\"]
+                               hidden = 32")]
 // Flags of a command line.
 #[allow(clippy::struct_excessive_bools)]
 pub struct Identify {

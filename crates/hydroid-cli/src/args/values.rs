@@ -181,6 +181,8 @@ pub enum Method {
     Rnn,
     /// A feed-forward network that gives all outputs of a horizon at once
     Direct,
+    /// A feed-forward network of the rates, affine in the inputs: for control laws that invert it
+    Affine,
 }
 
 impl From<Method> for identify::Method {
@@ -193,6 +195,7 @@ impl From<Method> for identify::Method {
             Method::Gru => Self::Gru,
             Method::Rnn => Self::Rnn,
             Method::Direct => Self::Direct,
+            Method::Affine => Self::Affine,
         }
     }
 }

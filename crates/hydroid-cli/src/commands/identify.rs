@@ -47,11 +47,21 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         None => Config::default(),
     };
     let seed = args.seed.or(config.identify.seed).unwrap_or(0);
-    let Config { log, split, identify, mut sindy, network, lstm, gru, rnn, direct, mut ranges } = config;
+    let Config { log, split, identify, mut sindy, network, lstm, gru, rnn, direct, affine, mut ranges } =
+        config;
     let budget = args.budget.or(identify.budget).map(|budget| budget.0);
     let checkpoints = Some(args.output.clone());
-    let mut networks =
-        Networks { all: network, lstm, gru, rnn, direct, budget_s: budget, checkpoints, resume: args.resume };
+    let mut networks = Networks {
+        all: network,
+        lstm,
+        gru,
+        rnn,
+        direct,
+        affine,
+        budget_s: budget,
+        checkpoints,
+        resume: args.resume,
+    };
     said_of_networks(args, &mut networks);
     for said in &args.ranges {
         if args.ranges.iter().filter(|other| other.name == said.name).count() > 1 {
@@ -118,9 +128,8 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
 fn said_of_networks(args: &Identify, networks: &mut Networks) {
     let (epochs, restarts) =
         (args.epochs.and_then(|n| usize::try_from(n).ok()), args.restarts.map(usize::from));
-    for settings in
-        [&mut networks.all, &mut networks.lstm, &mut networks.gru, &mut networks.rnn, &mut networks.direct]
-    {
+    let Networks { all, lstm, gru, rnn, direct, affine, .. } = networks;
+    for settings in [all, lstm, gru, rnn, direct, affine] {
         settings.epochs = epochs.or(settings.epochs);
         settings.restarts = restarts.or(settings.restarts);
     }

@@ -161,6 +161,17 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
             "tensors": tensors(&direct.network.tensors()),
         });
     }
+    if let Some(affine) = model.control_affine() {
+        document["network"] = json!({
+            "text": model.network_text(),
+            "network": affine.network,
+            "effectors": affine.effectors,
+            "wash_out": affine.wash_out,
+            "wash_out_s": affine.wash_out as f64 * model.description.dt,
+            "scaling": scaling(&affine.scaling),
+            "tensors": tensors(&affine.network.tensors()),
+        });
+    }
     document
 }
 

@@ -11,7 +11,7 @@ use super::settings::{MOST_PACES, MOST_SAMPLES, Settings, SettingsError};
 use super::weighted::WeightedSession;
 use super::{Adapter, Health, Innovation, Outcome};
 use crate::model::sparse::Equations;
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Source, Workspace};
 
 /// How fast the equations of a blend learn, and how they are compared.
 #[derive(Clone, Debug, PartialEq)]
@@ -293,6 +293,10 @@ impl Predictor for BlendedEquations {
         self.blended.restore(from);
         self.experts.iter_mut().for_each(|expert| expert.restore(from));
         self.past.seen = 0;
+    }
+
+    fn source(&self) -> Source<'_> {
+        self.blended.source()
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

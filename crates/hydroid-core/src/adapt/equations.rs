@@ -15,7 +15,7 @@ use super::spread::Spread;
 use super::weighted::WeightedSession;
 use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Source, Workspace};
 
 /// Equations with the same terms in them share one regressor and one covariance.
 #[derive(Clone, Debug)]
@@ -434,6 +434,10 @@ impl Predictor for RecursiveEquations {
         self.library.known = false;
         self.library.held = false;
         self.adopt();
+    }
+
+    fn source(&self) -> Source<'_> {
+        self.session.source()
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

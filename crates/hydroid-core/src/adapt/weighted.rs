@@ -5,7 +5,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 use crate::model::sparse::{Equations, EquationsSession};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Source, Workspace};
 
 /// A session of equations that are its own, with their coefficients in its snapshots.
 ///
@@ -120,6 +120,10 @@ impl Predictor for WeightedSession {
         let (state, weights) = from.split_at(self.session.snapshot_len());
         self.session.restore(state);
         self.set_weights(weights);
+    }
+
+    fn source(&self) -> Source<'_> {
+        self.session.source()
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -110,13 +110,7 @@ impl Actuators {
             if !limits.are_possible() {
                 return Err(ControlError::Limits { channel: index });
             }
-            let [decay, gain, offset] = Self::checked(index, channel, dt)?;
-            let (map, limits) = (channel.map, *limits);
-            let mut actuator = Actuator { map, decay, gain, offset, limits, position: 0.0, command: 0.0 };
-            let ends = [limits.low, limits.high].map(|command| actuator.settled(command));
-            if !map.is_invertible(ends[0].min(ends[1]), ends[0].max(ends[1])) {
-                return Err(ControlError::NotInvertible { channel: index });
-            }
+            let mut actuator = Self::checked(index, channel, *limits, dt)?;
             actuator.reset();
             all.push(actuator);
         }
@@ -124,28 +118,35 @@ impl Actuators {
         Ok(Self { all, dt, left, held_s: 0.0 })
     }
 
-    fn checked(index: usize, channel: &Channel, dt: f64) -> Result<[f64; 3], ControlError> {
+    fn checked(index: usize, channel: &Channel, limits: Limits, dt: f64) -> Result<Actuator, ControlError> {
         let over = channel.lag.over(dt);
-        if channel.lag.is_invertible() && over.iter().all(|x| x.is_finite()) && over[1] != 0.0 {
-            Ok(over)
+        let [decay, gain, offset] = over;
+        if !channel.lag.is_invertible() || over.iter().any(|x| !x.is_finite()) || gain == 0.0 {
+            return Err(ControlError::Lag { channel: index });
+        }
+        let map = channel.map;
+        let actuator = Actuator { map, decay, gain, offset, limits, position: 0.0, command: 0.0 };
+        let ends = [limits.low, limits.high].map(|command| actuator.settled(command));
+        if map.is_invertible(ends[0].min(ends[1]), ends[0].max(ends[1])) {
+            Ok(actuator)
         } else {
-            Err(ControlError::Lag { channel: index })
+            Err(ControlError::NotInvertible { channel: index })
         }
     }
 
-    /// Takes the lags of a model that has learned; positions and commands stay.
+    /// Takes the channels of a model that has learned; positions and commands stay.
     ///
     /// # Errors
-    /// If a lag cannot be inverted: all stays as it was.
-    ///
-    /// # Panics
-    /// If there are not as many channels as actuators.
-    pub fn set_lags(&mut self, channels: &[Channel]) -> Result<(), ControlError> {
-        assert_eq!(channels.len(), self.all.len(), "one channel for each actuator");
-        for (index, channel) in channels.iter().enumerate() {
-            Self::checked(index, channel, self.dt)?;
+    /// If one cannot be inverted, or there are not as many as actuators: all stays as it was.
+    pub fn set_channels(&mut self, channels: &[Channel]) -> Result<(), ControlError> {
+        if channels.len() != self.all.len() {
+            return Err(ControlError::Count { expected: channels.len(), given: self.all.len() });
+        }
+        for (index, (channel, actuator)) in channels.iter().zip(&self.all).enumerate() {
+            Self::checked(index, channel, actuator.limits, self.dt)?;
         }
         for (actuator, channel) in self.all.iter_mut().zip(channels) {
+            actuator.map = channel.map;
             [actuator.decay, actuator.gain, actuator.offset] = channel.lag.over(self.dt);
         }
         Ok(())

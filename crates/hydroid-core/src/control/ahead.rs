@@ -28,6 +28,8 @@ use crate::guidance::Reference;
 #[derive(Clone, Debug)]
 pub(super) struct PointAhead<M> {
     model: M,
+    /// The model before an update that may be refused; none before the first one, which allocates it.
+    before: Option<M>,
     motion: Motion,
     actuators: Actuators,
     columns: Vec<[f64; 2]>,
@@ -70,6 +72,7 @@ impl<M: Affine> PointAhead<M> {
         let spans = (0..inputs).map(|i| actuators.span(i)).collect();
         Ok(Self {
             model,
+            before: None,
             motion: Motion::new(inputs),
             actuators,
             columns: vec![[0.0; 2]; inputs],
@@ -84,10 +87,23 @@ impl<M: Affine> PointAhead<M> {
         &self.model
     }
 
-    /// Lets the model change, as one that learns does.
-    pub(super) fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError> {
-        change(&mut self.model);
-        self.actuators.set_lags(self.model.channels())?;
+    /// Lets the model change, as one that learns does: as a whole, or not at all.
+    pub(super) fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
+    where
+        M: Clone,
+    {
+        let Self { model, before, actuators, .. } = self;
+        match before {
+            Some(before) => before.clone_from(model),
+            None => *before = Some(model.clone()),
+        }
+        change(model);
+        if let Err(error) = actuators.set_channels(model.channels()) {
+            if let Some(before) = before {
+                core::mem::swap(model, before);
+            }
+            return Err(error);
+        }
         for (i, span) in self.spans.iter_mut().enumerate() {
             *span = self.actuators.span(i);
         }

@@ -6,6 +6,8 @@ use num_traits::Float;
 
 /// How an actuator's position `a` enters the motion: `phi(a)`, increasing, and known with its inverse.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum Map {
     /// `phi(a) = a`.
     #[default]
@@ -23,6 +25,15 @@ impl Map {
             Self::Identity => a,
             Self::Sine => Float::sin(a),
             Self::SignedSquare => a * a.abs(),
+        }
+    }
+
+    /// `d phi / da`.
+    pub fn slope(self, a: f64) -> f64 {
+        match self {
+            Self::Identity => 1.0,
+            Self::Sine => Float::cos(a),
+            Self::SignedSquare => 2.0 * a.abs(),
         }
     }
 

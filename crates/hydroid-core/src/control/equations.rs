@@ -18,7 +18,7 @@ pub use super::split::NotAffine;
 /// itself, its hidden first-order lag ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output of its own that
 /// follows it (a measured propeller force, `d P_f/dt = a P_f + b PP + c`). All that is not so is refused: [`NotAffine`]
 /// says which term, and why.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct AffineEquations {
     program: Program,
     slots: Vec<f64>,
@@ -28,6 +28,33 @@ pub struct AffineEquations {
     measured: Vec<Option<[Option<usize>; 3]>>,
     outputs: usize,
     len: usize,
+}
+
+impl Clone for AffineEquations {
+    fn clone(&self) -> Self {
+        let Self { program, slots, entries, channels, measured, outputs, len } = self;
+        Self {
+            program: program.clone(),
+            slots: slots.clone(),
+            entries: entries.clone(),
+            channels: channels.clone(),
+            measured: measured.clone(),
+            outputs: *outputs,
+            len: *len,
+        }
+    }
+
+    /// Without allocating, of the same equations with other coefficients: a law keeps the model from before an update.
+    fn clone_from(&mut self, from: &Self) {
+        if self.program != from.program {
+            self.program = from.program.clone();
+        }
+        self.slots.clone_from(&from.slots);
+        self.entries.clone_from(&from.entries);
+        self.channels.clone_from(&from.channels);
+        self.measured.clone_from(&from.measured);
+        (self.outputs, self.len) = (from.outputs, from.len);
+    }
 }
 
 /// A coefficient, what it multiplies, and where it belongs.

@@ -138,11 +138,15 @@ impl<M: Affine> FeedbackLinearization<M> {
         self.point.model()
     }
 
-    /// Lets the model change, as one that learns does; its lags are taken over.
+    /// Lets the model change, as one that learns does; its channels are taken over. Nothing is allocated after the first
+    /// time, where a model's `clone_from` does not.
     ///
     /// # Errors
-    /// If a lag cannot be inverted any more: the one before stays in use.
-    pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError> {
+    /// If a channel cannot be inverted any more: the model is what it was before, and so is the law.
+    pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
+    where
+        M: Clone,
+    {
         self.point.update(change)
     }
 }

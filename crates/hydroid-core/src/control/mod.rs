@@ -3,7 +3,7 @@
 //!
 //! - [`Controller`]: what every law offers; [`Estimate`] and [`Status`] are what it takes and says.
 //! - [`Affine`]: motion that a law can invert, `d nu/dt = f + sum g_i phi_i`: vessels with known parameters
-//!   ([`AffinePlant`]) and identified equations ([`AffineEquations`]).
+//!   ([`AffinePlant`]), identified equations ([`AffineEquations`]) and control-affine networks ([`AffineNetwork`]).
 //! - [`FeedbackLinearization`] and [`Backstepping`] of a point ahead of the vessel; [`Autopilot`], which has no model, to
 //!   compare with.
 //! - [`cem`]: plans over a horizon, on any predictor.
@@ -22,6 +22,7 @@ mod channel;
 mod equations;
 mod error;
 mod feedback_linearization;
+mod network;
 mod split;
 mod status;
 
@@ -34,6 +35,7 @@ pub use channel::{Channel, Lag, Limits, Map};
 pub use equations::{AffineEquations, NotAffine};
 pub use error::ControlError;
 pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationSettings};
+pub use network::AffineNetwork;
 pub use status::Status;
 
 use crate::guidance::Reference;

@@ -10,7 +10,7 @@ use crate::math::Scalar;
 /// would halve the speed of loads.
 const LINE: usize = 64;
 
-/// A slice of fixed length that begins at a multiple of 64 bytes.
+/// A slice that begins at a multiple of 64 bytes.
 #[derive(Debug)]
 pub(crate) struct Aligned<T> {
     numbers: Vec<T>,
@@ -22,6 +22,12 @@ impl<T: Scalar> Aligned<T> {
     pub(crate) fn zeros(len: usize) -> Self {
         let numbers = vec![T::zero(); len + LINE / size_of::<T>()];
         Self { begin: begin(&numbers), numbers, len }
+    }
+
+    /// Another length, no longer than it was made with; what stands there is what was left.
+    pub(crate) fn set_len(&mut self, len: usize) {
+        assert!(self.begin + len <= self.numbers.len(), "no longer than it was made with");
+        self.len = len;
     }
 }
 

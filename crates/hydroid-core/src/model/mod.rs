@@ -1,5 +1,6 @@
 //! Models: discrete steps `state+ = f(state, c)`, `y = g(state)`, with weights inside and state outside.
 
+pub mod affine;
 pub mod direct;
 mod persistence;
 mod plant;

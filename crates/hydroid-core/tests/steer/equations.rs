@@ -2,10 +2,10 @@
 
 use crate::written::{Force, equations};
 use hydroid_core::control::{
-    Affine, AffineEquations, AffinePlant, Controller, Estimate, FeedbackLinearization,
-    FeedbackLinearizationSettings, Lag, Limits, Map, Motion, NotAffine,
+    Affine, AffineEquations, AffinePlant, Backstepping, BacksteppingSettings, ControlError, Controller,
+    Estimate, FeedbackLinearization, FeedbackLinearizationSettings, Lag, Limits, Map, Motion, NotAffine,
 };
-use hydroid_core::guidance::Reference;
+use hydroid_core::guidance::{Path, Reference, Side};
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Jacobian, Real, Shape, Signal, Term};
 use hydroid_core::vessel::VesselParams;
 use proptest::prelude::*;
@@ -134,6 +134,43 @@ fn coefficients_that_were_learned_are_used() {
     let mut actuators = [0.0; 2];
     affine.actuators_of(&[1.0, 0.1, 0.2, 33.0], &mut actuators);
     assert!(actuators[0] == 33.0 && actuators[1].is_nan());
+}
+
+/// Coefficients whose lag cannot be inverted are refused as a whole: the laws go on as they were.
+#[test]
+fn coefficients_that_are_refused_change_nothing() {
+    let (vessel, mut heavy) = (VesselParams::simple(), VesselParams::simple());
+    heavy.rigid_body.mass *= 1.2;
+    let (before, after) = (equations(&vessel, Force::Measured), equations(&heavy, Force::Measured));
+    let mut unstable = after.coefficients().to_vec();
+    // The force of the propeller would grow.
+    unstable[3 * after.terms().len()..].iter_mut().for_each(|c| *c = -*c);
+    let model = || AffineEquations::new(&before, [0, 1, 2]).unwrap();
+    let limits = AffinePlant::limits(&vessel);
+    let settings = FeedbackLinearizationSettings::new(1.0);
+    let make = || FeedbackLinearization::new(model(), &limits, 0.1, settings).unwrap();
+    let (mut law, mut untouched) = (make(), make());
+    let refused = law.update(|model| model.set_coefficients(&unstable));
+    assert_eq!(refused, Err(ControlError::Lag { channel: 0 }));
+    assert_eq!(*law.model(), model());
+    let mut stepping = Backstepping::new(model(), &limits, 0.1, BacksteppingSettings::new(1.0)).unwrap();
+    stepping.update(|model| model.set_coefficients(&unstable)).unwrap_err();
+    assert_eq!(*stepping.model(), model());
+    let path = Path::circle([0.0, 0.0], 10.0, Side::Starboard, 0.0).unwrap();
+    let reference = Reference::new(1.0, &path.at(1.0), 1.5, 0.0);
+    let mut commands = [[0.0; 2]; 2];
+    for (law, command) in [&mut law, &mut untouched].into_iter().zip(&mut commands) {
+        let estimate = Estimate { eta: [10.2, 0.1, 1.5], nu: [1.4, 0.0, 0.1], actuators: &[20.0, f64::NAN] };
+        law.command(&estimate, &reference, command);
+    }
+    assert_eq!(commands[0], commands[1]);
+    // And they still learn what can be.
+    law.update(|model| model.set_coefficients(after.coefficients())).unwrap();
+    let (mut learned, mut fresh) = (law.model().clone(), AffineEquations::new(&after, [0, 1, 2]).unwrap());
+    let (mut one, mut two) = (Motion::new(2), Motion::new(2));
+    learned.evaluate([1.4, 0.1, 0.2], &mut one);
+    fresh.evaluate([1.4, 0.1, 0.2], &mut two);
+    assert_eq!((one, learned.channels()), (two, fresh.channels()));
 }
 
 /// `d nu/dt` of so many inputs with one more term in an equation.

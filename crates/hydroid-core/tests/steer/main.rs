@@ -2,6 +2,7 @@
 
 mod autopilot;
 mod backstepping;
+mod candidates;
 mod cem;
 mod equations;
 mod feedback_linearization;

@@ -61,7 +61,7 @@ fn sure(model: &Model, options: &Options) -> Kalman {
             noise_factor: 1.0,
             ..sure
         },
-        Body::Equations(_) | Body::Direct(_) | Body::Plant(_) => sure,
+        Body::Equations(_) | Body::Direct(_) | Body::Affine(_) | Body::Plant(_) => sure,
     }
 }
 

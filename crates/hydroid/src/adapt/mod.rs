@@ -178,7 +178,7 @@ pub enum AdaptError {
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     match &model.body {
         Body::Equations(_) | Body::Recurrent(_) | Body::Plant(_) => Ok(()),
-        Body::Direct(_) => Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Direct(_) | Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
     }
 }
 
@@ -221,7 +221,9 @@ fn learner(
             let (adapter, used) = plant::adapter(model, vessel, &options.kalman, runs)?;
             Ok((Box::new(adapter), Used::Kalman(used)))
         }
-        Body::Equations(_) | Body::Direct(_) => Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Equations(_) | Body::Direct(_) | Body::Affine(_) => {
+            Err(AdaptError::Kind { kind: model.kind() })
+        }
     }
 }
 
@@ -358,7 +360,9 @@ pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: &Used) -> Re
         (Used::LeastSquares(used), _) => least_squares::learned(model, weights, used.all_terms)?,
         (Used::Kalman(_), Body::Recurrent(network)) => kalman::learned(model, network, weights)?,
         (Used::Kalman(_), Body::Plant(vessel)) => plant::learned(model, vessel, weights)?,
-        (Used::Kalman(_), Body::Direct(_)) => return Err(AdaptError::Kind { kind: model.kind() }),
+        (Used::Kalman(_), Body::Direct(_) | Body::Affine(_)) => {
+            return Err(AdaptError::Kind { kind: model.kind() });
+        }
         (Used::Kalman(_), Body::Equations(_)) => least_squares::learned(model, weights, false)?,
     };
     let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });

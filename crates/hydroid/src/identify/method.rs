@@ -23,6 +23,8 @@ pub enum Method {
     Rnn,
     /// A feed-forward network that gives all outputs of a horizon at once.
     Direct,
+    /// A feed-forward network of the rates, affine in known maps of the inputs, which control laws invert.
+    Affine,
 }
 
 impl Method {
@@ -32,7 +34,9 @@ impl Method {
             Self::Sindy => "sindy",
             Self::Lagged => "lagged",
             Self::Recursive => "recursive",
-            Self::Lstm | Self::Gru | Self::Rnn | Self::Direct => self.cell().map_or("", CellKind::name),
+            Self::Lstm | Self::Gru | Self::Rnn | Self::Direct | Self::Affine => {
+                self.cell().map_or("", CellKind::name)
+            }
         }
     }
 
@@ -44,6 +48,7 @@ impl Method {
             Self::Gru => Some(CellKind::Gru),
             Self::Rnn => Some(CellKind::Rnn),
             Self::Direct => Some(CellKind::Direct),
+            Self::Affine => Some(CellKind::Affine),
         }
     }
 }

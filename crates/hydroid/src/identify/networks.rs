@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use hydroid_core::control::Map;
 use hydroid_core::model::sparse::Equations;
 use serde::{Deserialize, Serialize};
 
 use super::formulation::{choose, formulations};
 use super::judge::can_be_judged;
 use super::{IdentifyError, Job, Method, Parts};
-use crate::log::Note;
+use crate::log::{Channel, Note, Trajectory};
 use crate::train::{
     self, BaseKind, CellKind, Outcome, Precision, Refit, Schedule, Settings, TrainError, Trained,
 };
@@ -61,6 +62,9 @@ pub struct NetworkSettings {
     pub patience: Option<usize>,
     /// Weight of each output's squared error.
     pub channel_weights: Option<Vec<f64>>,
+    /// How each input's actuator enters the motion of a control-affine network; where it is not given, angles (units of
+    /// rad or deg) by their sine, all others as they are.
+    pub maps: Option<Vec<Map>>,
 }
 
 impl NetworkSettings {
@@ -70,7 +74,7 @@ impl NetworkSettings {
         }
         put!(hidden read_out feedback base epochs batch learning_rate schedule weight_decay clip restarts);
         put!(refit precision ensemble);
-        put!(channel_weights);
+        put!(channel_weights maps);
         into.layers = self.layers.or(into.layers);
         into.projection = self.projection.or(into.projection);
         into.wash_out_s = self.wash_out_s.or(into.wash_out_s);
@@ -93,6 +97,8 @@ pub struct Networks {
     pub rnn: NetworkSettings,
     /// Direct predictors.
     pub direct: NetworkSettings,
+    /// Control-affine networks.
+    pub affine: NetworkSettings,
     /// Time for the training of all networks of the job together \[s\].
     pub budget_s: Option<f64>,
     /// Folder in which interrupted trainings are kept, each in a file of its own. A training of the same job goes on from
@@ -113,22 +119,23 @@ impl Networks {
     }
 
     /// The settings that a training may have: one where the formulation is given, else one for each that is tried.
-    fn choices(&self, cell: CellKind, seed: u64, inputs: usize) -> Vec<(Settings, &'static str)> {
+    fn choices(&self, cell: CellKind, seed: u64, run: &Trajectory) -> Vec<(Settings, &'static str)> {
         let told = self.told(cell);
         let given = told.iter().any(|s| s.feedback.is_some() || s.base.is_some());
-        let mut choices = formulations(&self.settings(cell, seed), given, inputs);
+        let settings = with_maps(self.settings(cell, seed), run);
+        let mut choices = formulations(&settings, given || cell == CellKind::Affine, run.inputs.width());
         if told.iter().all(|s| s.learning_rate.is_none()) {
-            for (settings, _) in choices.iter_mut().filter(|(s, _)| s.cell != CellKind::Direct) {
+            for (settings, _) in choices.iter_mut().filter(|(s, _)| s.cell.is_recurrent()) {
                 settings.learning_rate = usual_rate(settings.base);
             }
         }
         choices
     }
 
-    /// What is told to a kind of network, the last word last. A direct predictor shares next to nothing with the others: it
-    /// hears of itself alone.
+    /// What is told to a kind of network, the last word last. Those that are not recurrent share next to nothing with the
+    /// others: they hear of themselves alone.
     fn told(&self, cell: CellKind) -> Vec<&NetworkSettings> {
-        let all = (cell != CellKind::Direct).then_some(&self.all);
+        let all = cell.is_recurrent().then_some(&self.all);
         all.into_iter().chain([self.own(cell)]).collect()
     }
 
@@ -139,6 +146,7 @@ impl Networks {
             CellKind::Gru => &self.gru,
             CellKind::Rnn => &self.rnn,
             CellKind::Direct => &self.direct,
+            CellKind::Affine => &self.affine,
         }
     }
 
@@ -162,13 +170,14 @@ impl Networks {
         let run = parts.train[0];
         for &method in methods {
             let Some(cell) = method.cell() else { continue };
-            let settings = self.settings(cell, 0);
+            let settings = with_maps(self.settings(cell, 0), run);
             let wrong = |error| IdentifyError::Train { method, error };
             settings.check(run.outputs.width()).map_err(wrong)?;
             // Runs without inputs are the matter of this method alone, and told when its turn comes.
             let (inputs, outputs) = (run.inputs.width().max(1), run.outputs.width());
             let sizes = match cell {
                 CellKind::Direct => settings.perceptron(inputs, outputs, settings.spans(run.dt)).map(|_| ()),
+                CellKind::Affine => settings.control_affine(run.inputs.width(), outputs).map(|_| ()),
                 CellKind::Lstm | CellKind::Gru | CellKind::Rnn => {
                     settings.network(inputs, outputs).map(|_| ())
                 }
@@ -192,13 +201,11 @@ impl Networks {
             }
             found = true;
             let task = task(job, parts, None);
-            let kept = self.choices(cell, job.seed, parts.train[0].inputs.width()).into_iter().map(
-                |(settings, _)| {
-                    let [same_settings, same_data] = task.is_kept_in(&settings, &path);
-                    // What equations the training stood on is not known before they are found again.
-                    (same_settings, same_data || settings.base == BaseKind::Equations)
-                },
-            );
+            let kept = self.choices(cell, job.seed, parts.train[0]).into_iter().map(|(settings, _)| {
+                let [same_settings, same_data] = task.is_kept_in(&settings, &path);
+                // What equations the training stood on is not known before they are found again.
+                (same_settings, same_data || settings.base == BaseKind::Equations)
+            });
             let reason = match kept.max().unwrap_or_default() {
                 (true, true) => continue,
                 (true, false) => {
@@ -212,6 +219,18 @@ impl Networks {
         }
         if found { Ok(()) } else { Err(IdentifyError::NoCheckpoint { folder: folder.clone() }) }
     }
+}
+
+/// The settings of a control-affine network with a map for each input: where none is given, a rudder is one that has an angle.
+fn with_maps(mut settings: Settings, run: &Trajectory) -> Settings {
+    if settings.cell == CellKind::Affine && settings.maps.is_empty() {
+        let map = |channel: &Channel| match channel.unit.as_str() {
+            "rad" | "deg" => Map::Sine,
+            _ => Map::Identity,
+        };
+        settings.maps = run.inputs.channels().iter().map(map).collect();
+    }
+    settings
 }
 
 /// Peak step size where none is given. What a network corrects adds up over a rollout, and so do its gradients: on real
@@ -261,7 +280,7 @@ pub(super) fn train(
 ) -> Result<(Settings, Trained), IdentifyError> {
     let networks = &job.networks;
     let inputs = parts.train[0].inputs.width();
-    let mut choices = networks.choices(method.cell().unwrap_or_default(), job.seed, inputs);
+    let mut choices = networks.choices(method.cell().unwrap_or_default(), job.seed, parts.train[0]);
     for (settings, _) in &mut choices {
         if settings.base == BaseKind::Equations && equations.is_none() {
             return Err(IdentifyError::NoBase { method });

@@ -52,6 +52,7 @@ impl Training {
             Self::Network(trained) => match trained.model {
                 train::Learned::Recurrent(_) => "recurrent network",
                 train::Learned::Direct(_) => "feed-forward network, many steps at once",
+                train::Learned::Affine(_) => "network that is affine in its inputs",
             },
         }
     }
@@ -162,7 +163,7 @@ pub(super) fn train_by(
             let score = score(&found);
             (model, Training::Recursive(found), score)
         }
-        Method::Lstm | Method::Gru | Method::Rnn | Method::Direct => {
+        Method::Lstm | Method::Gru | Method::Rnn | Method::Direct | Method::Affine => {
             let base = sparse.map(|found| Arc::new(found.fit.equations.clone()));
             let watch = &mut |status: &train::Status| tell(status.fraction, Some(status));
             let (settings, trained) = recurrent::train(job, parts, method, base, networks, notes, watch)?;

@@ -72,7 +72,7 @@ impl Model {
         match &self.body {
             Body::Equations(equations) => equations.coefficients().len(),
             Body::Direct(direct) => direct.weights.len(),
-            Body::Recurrent(_) | Body::Plant(_) => 0,
+            Body::Recurrent(_) | Body::Affine(_) | Body::Plant(_) => 0,
         }
     }
 
@@ -96,7 +96,7 @@ impl Model {
                 };
                 return values.chunks_exact(places.len()).filter_map(session).collect();
             }
-            Body::Recurrent(_) | Body::Plant(_) => return Vec::new(),
+            Body::Recurrent(_) | Body::Affine(_) | Body::Plant(_) => return Vec::new(),
         };
         let session = |values: &[f64]| -> Option<Box<dyn Predictor>> {
             let mut table = vec![0.0; equations.coefficients().len()];

@@ -15,6 +15,7 @@ mod units;
 use std::sync::Arc;
 
 use hydroid_core::adapt::BlendSettings;
+use hydroid_core::model::affine::{ControlAffine, ControlAffineSession};
 use hydroid_core::model::direct::{Direct, DirectSession};
 use hydroid_core::model::recurrent::{Recurrent, RecurrentSession};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
@@ -128,6 +129,8 @@ pub enum Body {
     Recurrent(Arc<Recurrent>),
     /// A feed-forward network that gives all outputs of a horizon at once.
     Direct(Arc<Direct>),
+    /// A feed-forward network of the rates that is affine in known maps of the inputs.
+    Affine(Arc<ControlAffine>),
     /// A vessel with given parameters.
     Plant(Arc<PlantModel>),
 }
@@ -138,6 +141,7 @@ impl Body {
         match learned {
             Learned::Recurrent(recurrent) => Self::Recurrent(Arc::new(recurrent)),
             Learned::Direct(direct) => Self::Direct(Arc::new(direct)),
+            Learned::Affine(affine) => Self::Affine(Arc::new(affine)),
         }
     }
 }
@@ -150,6 +154,7 @@ impl Model {
             Body::Equations(_) => "sparse_equations",
             Body::Recurrent(_) => "recurrent",
             Body::Direct(_) => "direct",
+            Body::Affine(_) => "control_affine",
             Body::Plant(_) => "plant",
         }
     }
@@ -160,6 +165,7 @@ impl Model {
             Body::Equations(equations) => equations.active_terms(),
             Body::Recurrent(recurrent) => recurrent.weights.len(),
             Body::Direct(direct) => direct.weights.len(),
+            Body::Affine(affine) => affine.weights.len() + affine.effectors.len(),
             Body::Plant(plant) => plant.numbers().iter().filter(|number| **number != 0.0).count(),
         }
     }
@@ -183,6 +189,10 @@ impl Model {
                 Err(error) => panic!("{error}"),
             },
             Body::Direct(direct) => match DirectSession::new(Arc::clone(direct)) {
+                Ok(session) => Box::new(session),
+                Err(error) => panic!("{error}"),
+            },
+            Body::Affine(affine) => match ControlAffineSession::new(Arc::clone(affine)) {
                 Ok(session) => Box::new(session),
                 Err(error) => panic!("{error}"),
             },

@@ -45,7 +45,7 @@ impl Model {
     pub fn equations(&self) -> Option<Motion<'_>> {
         match &self.body {
             Body::Equations(equations) => Some(Motion { description: &self.description, equations }),
-            Body::Recurrent(_) | Body::Direct(_) | Body::Plant(_) => None,
+            Body::Recurrent(_) | Body::Direct(_) | Body::Affine(_) | Body::Plant(_) => None,
         }
     }
 

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use hydroid_core::model::direct::Direct;
+use hydroid_core::control::Map;
+use hydroid_core::model::affine::ControlAffine;
+use hydroid_core::model::direct::{Direct, Perceptron};
 use hydroid_core::model::recurrent::{Base, Recurrent, Scaling};
 
 use super::recurrent::cell_text;
@@ -18,7 +20,15 @@ impl Model {
     pub fn direct(&self) -> Option<&Arc<Direct>> {
         match &self.body {
             Body::Direct(direct) => Some(direct),
-            Body::Equations(_) | Body::Recurrent(_) | Body::Plant(_) => None,
+            Body::Equations(_) | Body::Recurrent(_) | Body::Affine(_) | Body::Plant(_) => None,
+        }
+    }
+
+    /// The control-affine network; none for other models.
+    pub fn control_affine(&self) -> Option<&Arc<ControlAffine>> {
+        match &self.body {
+            Body::Affine(affine) => Some(affine),
+            Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Plant(_) => None,
         }
     }
 
@@ -27,6 +37,7 @@ impl Model {
         match &self.body {
             Body::Recurrent(recurrent) => Some(&recurrent.scaling),
             Body::Direct(direct) => Some(&direct.scaling),
+            Body::Affine(affine) => Some(&affine.scaling),
             Body::Equations(_) | Body::Plant(_) => None,
         }
     }
@@ -36,8 +47,29 @@ impl Model {
         match &self.body {
             Body::Recurrent(recurrent) => recurrent_text(recurrent, self.description.dt),
             Body::Direct(direct) => direct_text(direct, self.description.dt),
+            Body::Affine(affine) => self.affine_text(affine),
             Body::Equations(_) | Body::Plant(_) => Vec::new(),
         }
+    }
+
+    fn affine_text(&self, affine: &ControlAffine) -> Vec<String> {
+        let mut lines = vec![
+            format!("feed-forward network {}, tanh between its layers", sizes(&affine.network)),
+            String::from(
+                "gives the rates of the outputs: f(outputs) + sum of g(outputs) phi(actuator), by its structure",
+            ),
+        ];
+        for (port, effector) in self.description.inputs.iter().zip(&affine.effectors) {
+            let name = &port.channel.name;
+            let phi = match effector.map {
+                Map::Identity => "a".to_owned(),
+                Map::Sine => "sin(a)".to_owned(),
+                Map::SignedSquare => "a |a|".to_owned(),
+            };
+            let lag = effector.time_constant_s;
+            lines.push(format!("{name}: phi(a) = {phi}, a follows {name} with a lag of {lag:.3} s"));
+        }
+        lines
     }
 
     /// How the channels of a network are scaled, one line for each; none for models of equations.
@@ -85,16 +117,16 @@ fn recurrent_text(recurrent: &Recurrent, dt: f64) -> Vec<String> {
     lines
 }
 
+/// Lengths from input to output.
+fn sizes(network: &Perceptron) -> String {
+    let all = [&[network.inputs], network.hidden.as_slice(), &[network.outputs]].concat();
+    all.iter().map(usize::to_string).collect::<Vec<_>>().join("-")
+}
+
 fn direct_text(direct: &Direct, dt: f64) -> Vec<String> {
-    let network = &direct.network;
-    let sizes: Vec<String> = [&[network.inputs], network.hidden.as_slice(), &[network.outputs]]
-        .concat()
-        .iter()
-        .map(usize::to_string)
-        .collect();
     let seconds = |samples: usize| samples as f64 * dt;
     vec![
-        format!("feed-forward network {}, tanh between its layers", sizes.join("-")),
+        format!("feed-forward network {}, tanh between its layers", sizes(&direct.network)),
         format!(
             "sees the last {} samples ({:.3} s) of outputs and inputs, and the inputs to come",
             direct.history,

@@ -83,7 +83,7 @@ impl Model {
     pub fn plant(&self) -> Option<&Arc<PlantModel>> {
         match &self.body {
             Body::Plant(plant) => Some(plant),
-            Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) => None,
+            Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Affine(_) => None,
         }
     }
 

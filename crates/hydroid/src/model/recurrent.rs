@@ -84,7 +84,7 @@ impl Model {
     pub fn recurrent(&self) -> Option<&Arc<Recurrent>> {
         match &self.body {
             Body::Recurrent(recurrent) => Some(recurrent),
-            Body::Equations(_) | Body::Direct(_) | Body::Plant(_) => None,
+            Body::Equations(_) | Body::Direct(_) | Body::Affine(_) | Body::Plant(_) => None,
         }
     }
 }

@@ -231,6 +231,7 @@ fn model(candidate: &Candidate) -> &'static str {
             Base::Nothing | Base::Hold => "A recurrent network",
         },
         (Body::Direct(_), _) => "A feed-forward network that predicts many steps at once",
+        (Body::Affine(_), _) => "A feed-forward network of the rates that is affine in its inputs",
         (Body::Plant(_), _) => "A vessel with given parameters",
     }
 }

@@ -1,10 +1,12 @@
 //! Windows side by side: the unit of work of a thread, for networks of every kind.
 
 use hydroid_core::math::Scalar;
+use hydroid_core::model::affine::ControlAffine;
 use hydroid_core::model::direct::{Direct, Perceptron};
 use hydroid_core::model::recurrent::{Base, Network, Recurrent, Scaling};
 use rand_chacha::ChaCha8Rng;
 
+use super::affine::{self, Affine};
 use super::ahead::Ahead;
 use super::loss::Sums;
 use super::unroll::Unrolled;
@@ -18,6 +20,8 @@ pub(super) enum Net {
     Recurrent { network: Network, base: Base, feedback: bool },
     /// A direct predictor of a horizon, and whether it gives differences to the present outputs.
     Direct { network: Perceptron, horizon: usize, hold: bool },
+    /// A control-affine network; the logarithms of its time constants follow its weights.
+    Affine(affine::Parts),
 }
 
 impl Net {
@@ -26,6 +30,7 @@ impl Net {
         match self {
             Self::Recurrent { network, .. } => network.weights(),
             Self::Direct { network, .. } => network.weights(),
+            Self::Affine(parts) => parts.network.weights() + parts.maps.len(),
         }
     }
 
@@ -34,6 +39,11 @@ impl Net {
         match self {
             Self::Recurrent { network, .. } => init::weights(network, rng),
             Self::Direct { network, .. } => init::perceptron(network, rng),
+            Self::Affine(parts) => {
+                let mut weights = init::perceptron(&parts.network, rng);
+                weights.extend(parts.first_lags::<T>());
+                weights
+            }
         }
     }
 
@@ -44,6 +54,7 @@ impl Net {
         match self {
             Self::Recurrent { .. } => 16,
             Self::Direct { .. } => 128,
+            Self::Affine(_) => 64,
         }
     }
 
@@ -69,17 +80,18 @@ impl Net {
             Self::Direct { network, horizon, hold } => {
                 Chunk::Ahead(Box::new(Ahead::new(network, *horizon, *hold, scaling, shape, size)))
             }
+            Self::Affine(parts) => Chunk::Affine(Box::new(Affine::new(parts, scaling, shape, size, back))),
         }
     }
 
     /// The model with such weights.
     pub(super) fn model<T: Scalar>(&self, weights: &[T], scaling: &Scaling, shape: Shape) -> Learned {
-        let weights = weights.iter().map(|w| w.wide()).collect();
+        let wide = |weights: &[T]| weights.iter().map(|w| w.wide()).collect::<Vec<f64>>();
         let scaling = scaling.clone();
         match self {
             Self::Recurrent { network, base, feedback } => Learned::Recurrent(Recurrent {
                 network: *network,
-                weights,
+                weights: wide(weights),
                 scaling,
                 base: base.clone(),
                 feedback: *feedback,
@@ -88,12 +100,23 @@ impl Net {
             }),
             Self::Direct { network, horizon, hold } => Learned::Direct(Direct {
                 network: network.clone(),
-                weights,
+                weights: wide(weights),
                 scaling,
                 history: shape.wash_out + 1,
                 horizon: *horizon,
                 hold: *hold,
             }),
+            Self::Affine(parts) => {
+                let (weights, lags) = weights.split_at(parts.network.weights());
+                Learned::Affine(ControlAffine {
+                    network: parts.network.clone(),
+                    weights: wide(weights),
+                    scaling,
+                    effectors: parts.effectors(lags),
+                    dt: parts.dt,
+                    wash_out: shape.wash_out,
+                })
+            }
         }
     }
 }
@@ -106,6 +129,8 @@ pub(super) enum Chunk<T> {
     Unrolled(Box<Unrolled<T>>),
     /// One that gives all steps of a horizon at once.
     Ahead(Box<Ahead<T>>),
+    /// One whose rates are integrated.
+    Affine(Box<Affine<T>>),
 }
 
 impl<T: Scalar> Chunk<T> {
@@ -114,6 +139,7 @@ impl<T: Scalar> Chunk<T> {
         match self {
             Self::Unrolled(chunk) => chunk.walk(weights, runs, windows),
             Self::Ahead(chunk) => chunk.walk(weights, runs, windows),
+            Self::Affine(chunk) => chunk.walk(weights, runs, windows),
         }
     }
 
@@ -132,6 +158,7 @@ impl<T: Scalar> Chunk<T> {
         match self {
             Self::Unrolled(chunk) => chunk.compare(runs, step, each),
             Self::Ahead(chunk) => chunk.compare(runs, step, each),
+            Self::Affine(chunk) => chunk.compare(runs, step, each),
         }
     }
 
@@ -140,6 +167,7 @@ impl<T: Scalar> Chunk<T> {
         match self {
             Self::Unrolled(chunk) => chunk.leaves(most),
             Self::Ahead(chunk) => chunk.leaves(most),
+            Self::Affine(chunk) => chunk.leaves(most),
         }
     }
 
@@ -156,6 +184,7 @@ impl<T: Scalar> Chunk<T> {
         match self {
             Self::Unrolled(chunk) => chunk.backward(runs, channel_weights, factor, gradient),
             Self::Ahead(chunk) => chunk.backward(weights, runs, channel_weights, factor, gradient),
+            Self::Affine(chunk) => chunk.backward(weights, runs, channel_weights, factor, gradient),
         }
     }
 }

@@ -38,6 +38,7 @@
 //! [`schedule`](mod@schedule) that knows its end.
 
 mod adam;
+mod affine;
 mod ahead;
 mod base;
 mod budget;
@@ -66,6 +67,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use hydroid_core::math::Scalar;
+use hydroid_core::model::affine::ControlAffine;
 use hydroid_core::model::direct::Direct;
 use hydroid_core::model::recurrent::Recurrent;
 use hydroid_core::model::sparse::Equations;
@@ -160,6 +162,8 @@ pub enum Learned {
     Recurrent(Recurrent),
     /// A direct predictor.
     Direct(Direct),
+    /// A control-affine network.
+    Affine(ControlAffine),
 }
 
 impl Learned {
@@ -168,14 +172,15 @@ impl Learned {
         match self {
             Self::Recurrent(model) => &model.weights,
             Self::Direct(model) => &model.weights,
+            Self::Affine(model) => &model.weights,
         }
     }
 
-    /// The recurrent network; none for a direct predictor.
+    /// The recurrent network; none for others.
     pub fn recurrent(&self) -> Option<&Recurrent> {
         match self {
             Self::Recurrent(model) => Some(model),
-            Self::Direct(_) => None,
+            Self::Direct(_) | Self::Affine(_) => None,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use hydroid_core::control::Map;
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Base;
 use hydroid_core::model::sparse::Equations;
@@ -12,13 +13,18 @@ use super::loss::Loss;
 use super::scaling::HALF_RANGE;
 use super::team::Plan;
 use super::windows::{ScaledRun, Shape};
-use super::{BaseKind, CellKind, Job, Settings, TrainError, random, scaling};
+use super::{BaseKind, CellKind, Job, Settings, TrainError, affine, random, scaling};
+use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
 
 /// Samples of wash-out and of comparison where the settings say nothing, and the shares of the longest run that they
 /// may be.
 const WASH_OUT: (usize, usize) = (100, 8);
 const WINDOW: (usize, usize) = (200, 4);
+
+/// Samples that a window of a control-affine network compares: long enough that the noise of where it begins is little beside
+/// what the motion does, short enough that many of them are in a batch.
+const ROLLED: (usize, usize) = (30, 4);
 
 /// Origins on the validation runs: at least as many if they can be had, and at the most. In between judging costs a
 /// fraction of learning.
@@ -45,6 +51,8 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
             let share = 0.5 * *horizon as f64;
             Some(scaling::increments(job.runs).into_iter().map(|size| share.max(1.0) * size).collect())
         }
+        // Rates: a range in a few seconds.
+        Net::Affine(_) => None,
         Net::Recurrent { base, .. } => correction(job, base),
     };
     if let Some(correction) = correction {
@@ -67,7 +75,7 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
         length,
         measured: match &net {
             Net::Recurrent { base, feedback, .. } => *feedback || !matches!(base, Base::Nothing),
-            Net::Direct { .. } => true,
+            Net::Direct { .. } | Net::Affine(_) => true,
         },
     };
     let scaled = |runs: &[&Trajectory]| -> Vec<ScaledRun<T>> {
@@ -104,6 +112,17 @@ fn net(job: &Job<'_>, settings: &Settings) -> Result<(Net, usize, usize), TrainE
         let network = settings.perceptron(inputs, outputs, (history, horizon))?;
         let hold = settings.base == BaseKind::Hold;
         return Ok((Net::Direct { network, horizon, hold }, history - 1, horizon));
+    }
+    if settings.cell == CellKind::Affine {
+        let network = settings.control_affine(inputs, outputs)?;
+        let efforts = job.inputs.iter().zip(&settings.maps);
+        let size = |(range, map): (&DesignRange, &Map)| {
+            [range.low, range.high].map(|a| map.value(a).abs()).into_iter().fold(0.0, f64::max)
+        };
+        let units = efforts.map(size).collect();
+        let parts = affine::Parts { network, maps: settings.maps.clone(), units, dt: job.runs[0].dt };
+        let wash_out = samples(job, settings.wash_out_s, WASH_OUT);
+        return Ok((Net::Affine(parts), wash_out, samples(job, settings.window_s, ROLLED)));
     }
     let (network, base) = (settings.network(inputs, outputs)?, base(job, settings)?);
     let wash_out = wash_out(job, settings, &base);

@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 
+use hydroid_core::control::Map;
 use hydroid_core::model::direct::{Direct, DirectError, Perceptron};
 use hydroid_core::model::recurrent::{Cell, Network, NetworkError};
 use serde::{Deserialize, Serialize};
@@ -22,6 +23,8 @@ pub enum CellKind {
     /// No cell: a feed-forward network that gives all outputs of a horizon at once
     /// ([`Direct`](hydroid_core::model::direct::Direct)).
     Direct,
+    /// No cell: a control-affine network ([`ControlAffine`](hydroid_core::model::affine::ControlAffine)).
+    Affine,
 }
 
 impl CellKind {
@@ -32,7 +35,13 @@ impl CellKind {
             Self::Gru => "gru",
             Self::Rnn => "rnn",
             Self::Direct => "direct",
+            Self::Affine => "affine",
         }
+    }
+
+    /// Whether it is a recurrent network.
+    pub fn is_recurrent(self) -> bool {
+        matches!(self, Self::Lstm | Self::Gru | Self::Rnn)
     }
 }
 
@@ -84,8 +93,8 @@ pub struct Settings {
     pub cell: CellKind,
     /// Cells, or units, of each layer.
     pub hidden: usize,
-    /// Layers of a vanilla network (2 where not given), hidden layers of a direct predictor (3 where not given); LSTM and
-    /// GRU have one.
+    /// Layers of a vanilla network (2 where not given), hidden layers of a direct predictor (3 where not given) or of a
+    /// control-affine network (1); LSTM and GRU have one.
     pub layers: Option<usize>,
     /// Length to which the LSTM's `h` is projected; not projected where not given.
     pub projection: Option<usize>,
@@ -139,6 +148,9 @@ pub struct Settings {
     /// standard deviation of that output in the training runs; empty: all 1, as in the score. An output with weight 0
     /// is not learned.
     pub channel_weights: Vec<f64>,
+    /// How each input's actuator enters the motion of a control-affine network.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub maps: Vec<Map>,
 }
 
 impl Default for Settings {
@@ -168,6 +180,7 @@ impl Default for Settings {
             budget_s: None,
             patience: None,
             channel_weights: Vec::new(),
+            maps: Vec::new(),
         }
     }
 }
@@ -184,6 +197,15 @@ impl Settings {
                 epochs: 60,
                 batch: 256,
                 learning_rate: 0.002,
+                ..Self::default()
+            },
+            CellKind::Affine => Self {
+                cell,
+                hidden: 32,
+                feedback: true,
+                epochs: 200,
+                batch: 128,
+                learning_rate: 0.01,
                 ..Self::default()
             },
         }
@@ -246,6 +268,40 @@ impl Settings {
         Ok(network)
     }
 
+    /// The perceptron of a control-affine network for so many inputs and outputs of the model.
+    ///
+    /// # Errors
+    /// If a setting is not for it, or its sizes cannot be.
+    pub fn control_affine(&self, inputs: usize, outputs: usize) -> Result<Perceptron, TrainError> {
+        for (what, given) in [
+            ("feedback", !self.feedback),
+            ("read_out", !self.read_out),
+            ("base", self.base != BaseKind::Nothing),
+            ("projection", self.projection.is_some()),
+            ("history_s", self.history_s.is_some()),
+            ("ensemble", self.ensemble),
+        ] {
+            if given {
+                return Err(setting(what, &"given", "left out: a control-affine network has none to choose"));
+            }
+        }
+        if self.maps.len() != inputs {
+            let needed = "one map for each input: identity, sine or signed_square";
+            return Err(setting("maps", &self.maps.len(), needed));
+        }
+        let layers = self.layers.unwrap_or(1);
+        if layers > Perceptron::DEEPEST {
+            return Err(setting("layers", &layers, "at most 64"));
+        }
+        let network = Perceptron {
+            inputs: outputs,
+            hidden: vec![self.hidden; layers],
+            outputs: outputs * (1 + inputs),
+        };
+        network.check().map_err(|error| TrainError::Network { error: error.to_string() })?;
+        Ok(network)
+    }
+
     /// The recurrent network for so many inputs and outputs of the model.
     ///
     /// # Errors
@@ -256,8 +312,8 @@ impl Settings {
             CellKind::Lstm => Cell::Lstm { hidden, projection: self.projection },
             CellKind::Gru => Cell::Gru { hidden },
             CellKind::Rnn => Cell::Vanilla { hidden, layers: self.layers.unwrap_or(2) },
-            CellKind::Direct => {
-                return Err(setting("cell", &"direct", "lstm, gru or rnn for a recurrent network"));
+            CellKind::Direct | CellKind::Affine => {
+                return Err(setting("cell", &self.cell.name(), "lstm, gru or rnn for a recurrent network"));
             }
         };
         if self.history_s.is_some() || self.ensemble {

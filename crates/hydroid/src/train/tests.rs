@@ -2,8 +2,11 @@
 
 use std::sync::Arc;
 
+use hydroid_core::control::Map;
+use hydroid_core::model::affine::ControlAffineSession;
 use hydroid_core::model::recurrent::Base;
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
+use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
 use super::chunk::{Chunk, Net};
@@ -144,6 +147,58 @@ fn the_gradient_of_a_direct_predictor_is_differences_of_its_loss() {
                 "{base:?} {i}: {} {difference}",
                 gradient[i]
             );
+        }
+    }
+}
+
+/// The same of a control-affine network, the time constants of its actuators among the weights; and its predictions are those of
+/// the session.
+#[test]
+fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
+    let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
+    for (map, layers) in [(Map::Identity, 1), (Map::Sine, 2), (Map::SignedSquare, 1)] {
+        let settings =
+            Settings { hidden: 5, layers: Some(layers), maps: vec![map], ..small(CellKind::Affine) };
+        let plan = plan_of(&settings, &missing);
+        let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
+        let mut weights = plan.net.first::<f64>(&mut random::stream(3, random::Purpose::Weights, 0, 0));
+        loss(&plan, &mut chunk, &weights);
+        let mut gradient = vec![f64::NAN; weights.len()];
+        chunk.backward(&weights, &plan.runs, &channel_weights(&plan), 0.7, &mut gradient);
+        let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+        for i in 0..weights.len() {
+            let (at, step) = (weights[i], 1e-5);
+            let [plus, minus] = [step, -step].map(|step| {
+                weights[i] = at + step;
+                loss(&plan, &mut chunk, &weights)
+            });
+            weights[i] = at;
+            let difference = 0.7 * (plus - minus) / (2.0 * step);
+            assert!(
+                (gradient[i] - difference).abs() < 1e-8 * norm,
+                "{map:?} {i}: {} {difference}",
+                gradient[i]
+            );
+        }
+        let Learned::Affine(model) = plan.net.model(&weights, &plan.scaling, plan.shape) else { panic!() };
+        let mut session = ControlAffineSession::new(Arc::new(model)).unwrap();
+        let window = plan.shape.window(&plan.runs, 0, 20).unwrap();
+        chunk.walk(&weights, &plan.runs, &[window]);
+        let run = run(60, 0.0, &missing);
+        for k in 20 - plan.shape.wash_out..20 {
+            session.advance(run.inputs.row(k));
+        }
+        session.observe(run.outputs.row(20));
+        let (mut y, commands) =
+            (vec![0.0; 2 * plan.shape.length], run.inputs.rows(20, 20 + plan.shape.length));
+        session.rollout(commands, &mut Workspace::new(), &mut y);
+        for step in 0..plan.shape.length {
+            chunk.compare(&plan.runs, step, |i, _, error| {
+                let scaled = |y: f64| (y - plan.scaling.output_mean[i]) / plan.scaling.output_scale[i];
+                let measured = scaled(run.outputs.row(21 + step)[i]);
+                let ours = scaled(y[2 * step + i]);
+                assert!((ours - measured - error).abs() < 1e-11, "{step} {i}: {ours} {measured} {error}");
+            });
         }
     }
 }

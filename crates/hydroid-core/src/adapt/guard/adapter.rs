@@ -3,12 +3,12 @@
 use alloc::boxed::Box;
 
 use super::Guard;
-use super::bound::{Allowed, Bounded};
+use super::bound::{Allowed, Bounded, Guarded};
 use super::event::Expert;
 use super::sensor::Sensor;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Source, Workspace};
 
 impl Predictor for Guard {
     fn outputs(&self) -> usize {
@@ -107,6 +107,14 @@ impl Predictor for Guard {
         self.choice.active = if allowed == Allowed::NONE { Expert::Frozen } else { Expert::Learner };
         self.choice.reset();
         self.choice.allowed = allowed;
+    }
+
+    fn source(&self) -> Source<'_> {
+        Source::Guarded(Guarded {
+            bound: &self.bound,
+            allowed: self.choice.allowed,
+            models: [self.expert(self.choice.active), self.frozen.as_ref()],
+        })
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -15,7 +15,7 @@
 
 use alloc::boxed::Box;
 
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Source, Workspace};
 
 /// How far predictions may be from those of the model from shore: up to `most`, or from `free` up to `far`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,6 +103,38 @@ impl Bound {
     }
 }
 
+/// What the rollouts of a guard are made of.
+#[derive(Clone, Copy)]
+pub struct Guarded<'a> {
+    pub(super) bound: &'a Bound,
+    pub(super) allowed: Allowed,
+    pub(super) models: [&'a dyn Predictor; 2],
+}
+
+impl<'a> Guarded<'a> {
+    /// The model that learned, and the one from shore.
+    pub fn models(&self) -> [&'a dyn Predictor; 2] {
+        self.models
+    }
+
+    /// Whether the one from shore answers alone.
+    pub fn is_shore(&self) -> bool {
+        self.allowed == Allowed::NONE
+    }
+
+    /// Draws a rollout of the model that learned towards that of the one from shore under the same commands, unless it may
+    /// stand.
+    pub fn draw(&self, predicted: &mut [f64], shore: &[f64]) {
+        self.bound.draw(predicted, shore, self.allowed);
+    }
+}
+
+impl core::fmt::Debug for Guarded<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Guarded").field("allowed", &self.allowed).finish_non_exhaustive()
+    }
+}
+
 /// A session of its own that predicts as a guard does: by a model, bounded by the one from shore.
 pub(super) struct Bounded {
     pub(super) bound: Bound,
@@ -166,6 +198,14 @@ impl Predictor for Bounded {
         self.model.restore(model);
         self.shore.restore(shore);
         self.allowed = Allowed::of(core::array::from_fn(|i| allowed[i]));
+    }
+
+    fn source(&self) -> Source<'_> {
+        Source::Guarded(Guarded {
+            bound: &self.bound,
+            allowed: self.allowed,
+            models: [self.model.as_ref(), self.shore.as_ref()],
+        })
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

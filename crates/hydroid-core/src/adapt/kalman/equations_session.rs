@@ -13,7 +13,7 @@ use super::tuning::{Tuning, TuningError};
 use crate::adapt::memory::{Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome, Rejection, WeightedSession};
 use crate::model::sparse::Equations;
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Source, Workspace};
 
 /// A session of sparse equations whose outputs and coefficients are estimated by a [`Filter`], in the units of
 /// [`LearnableEquations`]: the tuning is in those.
@@ -238,6 +238,10 @@ impl Predictor for KalmanEquations {
         let units = self.filter.model().units();
         self.scaled.iter_mut().zip(&self.weights).zip(units).for_each(|((into, w), unit)| *into = w / unit);
         self.filter.set(self.z.iter().copied(), self.scaled.iter().copied());
+    }
+
+    fn source(&self) -> Source<'_> {
+        self.session.source()
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

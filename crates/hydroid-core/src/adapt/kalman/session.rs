@@ -13,7 +13,7 @@ use crate::adapt::memory::{Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome, Rejection};
 use crate::math::Scalar;
 use crate::model::recurrent::{Base, Packed, Recurrent, RecurrentError, RecurrentSession};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Source, Workspace};
 
 /// Why a model cannot learn so.
 #[derive(Clone, Debug, PartialEq)]
@@ -248,6 +248,10 @@ impl<T: Scalar> Predictor for KalmanNetwork<T> {
         let narrow = |x: &f64| T::of(*x);
         self.filter.set(self.session.hidden().iter().map(narrow), self.session.weights().iter().map(narrow));
         self.base.fill(f64::NAN);
+    }
+
+    fn source(&self) -> Source<'_> {
+        self.session.source()
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

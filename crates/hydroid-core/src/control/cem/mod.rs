@@ -9,9 +9,11 @@ mod cost;
 mod noise;
 mod planner;
 mod rollouts;
+mod room;
 mod settings;
 
 pub use cost::{Cost, SoftLimit};
 pub use planner::{Plan, Planner};
 pub use rollouts::{Abreast, Each, Rollouts};
+pub use room::Room;
 pub use settings::PlannerSettings;

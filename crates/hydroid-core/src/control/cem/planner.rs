@@ -8,6 +8,7 @@ use num_traits::Float;
 use super::cost::Cost;
 use super::noise::Noise;
 use super::rollouts::Rollouts;
+use super::room::Room;
 use super::settings::PlannerSettings;
 use crate::control::channel::Limits;
 use crate::control::error::{ControlError, positive};
@@ -15,7 +16,7 @@ use crate::control::status::Status;
 use crate::guidance::Reference;
 
 /// Candidates between two questions whether there is time left.
-const CHUNK: usize = 50;
+const CHUNK: usize = Room::AT_A_TIME;
 
 /// Plans from sample to sample by the cross-entropy method.
 ///
@@ -40,7 +41,7 @@ const CHUNK: usize = 50;
 ///
 /// # Time
 ///
-/// A caller with a clock gives `stop`, which is asked after every 50 candidates and ends the search; the best plan so far
+/// A caller with a clock gives `stop`, which is asked after every 64 candidates and ends the search; the best plan so far
 /// counts, and the shifted one at the least. Without it a plan is `candidates x horizon x iterations` predicted samples.
 /// What is drawn depends on the seed and on nothing else; a search that a clock ends depends on the clock.
 ///

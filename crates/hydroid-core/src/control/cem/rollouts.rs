@@ -1,6 +1,6 @@
 //! What candidates do, as a model predicts it.
 
-use crate::model::sparse::{EquationsSession, SideBySide};
+use crate::control::cem::Room;
 use crate::predict::{Predictor, Workspace};
 
 /// Predictions for many command sequences from one moment.
@@ -54,17 +54,25 @@ impl<P: Predictor + ?Sized> Rollouts for Each<'_, P> {
     }
 }
 
-/// Candidates of equations, side by side.
-#[derive(Debug)]
+/// Candidates side by side, of any [`Predictor`]: those whose rollouts are made by equations, recurrent networks or direct
+/// predictors with the state and the weights of the moment, sessions that learn and a guard among them. What cannot be rolled
+/// out so comes one after the other ([`Room::is_side_by_side`]).
 pub struct Abreast<'a> {
-    session: &'a EquationsSession,
-    room: &'a mut SideBySide,
+    session: &'a dyn Predictor,
+    room: &'a mut Room,
 }
 
 impl<'a> Abreast<'a> {
     /// Of a session as it stands; the room is kept by the caller, so that nothing is allocated from plan to plan.
-    pub fn new(session: &'a EquationsSession, room: &'a mut SideBySide) -> Self {
+    pub fn new(session: &'a dyn Predictor, room: &'a mut Room) -> Self {
+        room.begin(session);
         Self { session, room }
+    }
+}
+
+impl core::fmt::Debug for Abreast<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Abreast").field("room", &self.room).finish_non_exhaustive()
     }
 }
 
@@ -86,8 +94,7 @@ impl Rollouts for Abreast<'_> {
         let room = self.room.sequences();
         let pieces = commands.chunks(room * of_commands).zip(y.chunks_mut(room * of_outputs));
         for (commands, y) in pieces {
-            let count = y.len() / of_outputs;
-            self.room.rollout(self.session.equations(), self.session.state(), count, commands, y);
+            self.room.rollouts(self.session, y.len() / of_outputs, commands, y);
         }
     }
 }

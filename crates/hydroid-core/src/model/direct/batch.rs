@@ -49,6 +49,7 @@ use crate::model::recurrent::LANES;
 pub struct Batch<T> {
     network: Perceptron,
     layers: Vec<Layer>,
+    room: usize,
     windows: usize,
     lanes: usize,
     /// `h_0 = x` and `h_1 .. h_{L-1}`.
@@ -88,6 +89,7 @@ impl<T: Scalar> Batch<T> {
             scratch: vec![T::zero(); product::scratch(longest.max(lanes).max(network.outputs))],
             network: network.clone(),
             layers,
+            room: windows,
             windows,
             lanes,
             arch: Arch::new(),
@@ -102,6 +104,25 @@ impl<T: Scalar> Batch<T> {
     /// Number of windows.
     pub fn windows(&self) -> usize {
         self.windows
+    }
+
+    /// Another number of windows, from the next input on: the last ones are forgotten.
+    ///
+    /// # Panics
+    /// If there is none, or there are more than it was made for.
+    pub fn set_windows(&mut self, windows: usize) {
+        assert!((1..=self.room).contains(&windows), "no more windows than there is room for");
+        let lanes = windows.next_multiple_of(LANES);
+        self.windows = windows;
+        if lanes == self.lanes {
+            return;
+        }
+        self.lanes = lanes;
+        for (hidden, layer) in self.hidden.iter_mut().zip(&self.layers) {
+            hidden.set_len(layer.reads * lanes);
+        }
+        self.output.set_len(self.network.outputs * lanes);
+        self.output_adjoint.set_len(self.network.outputs * lanes);
     }
 
     /// Number of windows rounded up: the length of a row.
@@ -145,8 +166,21 @@ impl<T: Scalar> Batch<T> {
     /// # Panics
     /// If there are fewer weights, or less room for their gradient, than the network has.
     pub fn backward(&mut self, weights: &[T], gradient: &mut [T]) {
+        self.back(weights, gradient, &mut []);
+    }
+
+    /// The same, and the adjoint of the input (`dL/dx`, `inputs x lanes`), for what is made of other things that learn.
+    ///
+    /// # Panics
+    /// If there are fewer weights, or less room, than the network has.
+    pub fn backward_to(&mut self, weights: &[T], gradient: &mut [T], input_adjoint: &mut [T]) {
+        assert_eq!(input_adjoint.len(), self.network.inputs * self.lanes, "inputs x lanes");
+        self.back(weights, gradient, input_adjoint);
+    }
+
+    fn back(&mut self, weights: &[T], gradient: &mut [T], input_adjoint: &mut [T]) {
         clear(&mut self.output_adjoint, self.lanes, self.windows);
-        self.arch.dispatch(Backs { batch: self, weights, gradient });
+        self.arch.dispatch(Backs { batch: self, weights, gradient, input_adjoint });
     }
 }
 
@@ -200,6 +234,8 @@ struct Backs<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
     gradient: &'a mut [T],
+    /// Empty where nobody asks for it.
+    input_adjoint: &'a mut [T],
 }
 
 impl<T: Scalar> WithSimd for Backs<'_, T> {
@@ -207,7 +243,7 @@ impl<T: Scalar> WithSimd for Backs<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { batch, weights, gradient } = self;
+        let Self { batch, weights, gradient, input_adjoint } = self;
         let Batch { layers, lanes, hidden, output_adjoint, adjoints, transposed, scratch, .. } = batch;
         let lanes = *lanes;
         let [mut d, mut below] = adjoints.each_mut();
@@ -223,10 +259,13 @@ impl<T: Scalar> WithSimd for Backs<'_, T> {
             for (bias, row) in bias.iter_mut().zip(given.chunks_exact(lanes)) {
                 *bias = sum(row);
             }
+            let left = Transposed(Matrix::new(layer.matrix(weights), layer.reads));
             if l == 0 {
+                if !input_adjoint.is_empty() {
+                    product(simd, &left, (given, lanes), None, (input_adjoint, lanes), scratch);
+                }
                 break;
             }
-            let left = Transposed(Matrix::new(layer.matrix(weights), layer.reads));
             let a = &mut below[..layer.reads * lanes];
             product(simd, &left, (given, lanes), None, (&mut *a, lanes), scratch);
             let one = Pack::splat(simd, T::one());

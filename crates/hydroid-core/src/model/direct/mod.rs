@@ -6,6 +6,8 @@ mod check;
 mod model;
 mod perceptron;
 mod session;
+mod side_by_side;
+mod through;
 mod window;
 
 pub use batch::Batch;
@@ -13,3 +15,5 @@ pub use check::DirectError;
 pub use model::Direct;
 pub use perceptron::Perceptron;
 pub use session::DirectSession;
+pub use side_by_side::SideBySide;
+pub(crate) use through::Through;

@@ -48,6 +48,23 @@ impl Direct {
         self.scaling.output_mean.len()
     }
 
+    /// A scaled output.
+    pub(super) fn scaled_output(&self, output: usize, y: f64) -> f64 {
+        (y - self.scaling.output_mean[output]) / self.scaling.output_scale[output]
+    }
+
+    /// A scaled command.
+    pub(super) fn scaled_command(&self, input: usize, c: f64) -> f64 {
+        (c - self.scaling.input_mean[input]) / self.scaling.input_scale[input]
+    }
+
+    /// An output from what the network gives, and from the present output, scaled.
+    pub(super) fn output_of(&self, output: usize, present: f64, g: f64) -> f64 {
+        let s = &self.scaling;
+        let base = if self.hold { present * s.output_scale[output] } else { 0.0 };
+        s.output_mean[output] + base + s.correction_scale[output] * g
+    }
+
     /// Number of inputs: `m`.
     pub fn inputs(&self) -> usize {
         self.scaling.input_mean.len()

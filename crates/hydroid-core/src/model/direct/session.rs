@@ -1,23 +1,15 @@
 //! The session of a direct predictor: the last outputs and commands.
 
-#![expect(
-    clippy::inline_always,
-    reason = "must become a part of the function that was compiled for the processor"
-)]
-
 use alloc::boxed::Box;
 use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use pulp::{Arch, Simd, WithSimd};
-
 use super::check::DirectError;
 use super::model::Direct;
-use super::perceptron::Layer;
+use super::through::Through;
 use super::window::{Window, push};
-use crate::math::{Scalar, functions, product, slices};
-use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::predict::{Predictor, Source, Workspace, rollout_steps};
 
 /// A run of a [`Direct`] model. A measurement replaces the present output; what is not measured is predicted.
 ///
@@ -28,7 +20,7 @@ use crate::predict::{Predictor, Workspace, rollout_steps};
 #[derive(Clone, Debug)]
 pub struct DirectSession {
     model: Arc<Direct>,
-    forward: Forward,
+    through: Through,
     window: Window,
     /// Outputs and commands that have passed, in their own units.
     past: Vec<f64>,
@@ -45,13 +37,14 @@ impl DirectSession {
     pub fn new(model: Arc<Direct>) -> Result<Self, DirectError> {
         model.check()?;
         let window = Window::of(&model);
-        let forward = Forward::new(&model);
-        let scratch = vec![0.0; forward.scratch()];
+        let through = Through::new(&model.network);
+        let ends = model.network.inputs + model.network.outputs;
+        let scratch = vec![0.0; ends + through.hidden()];
         Ok(Self {
             past: vec![f64::NAN; window.past()],
             next: vec![0.0; window.n],
             model,
-            forward,
+            through,
             window,
             scratch,
         })
@@ -62,100 +55,49 @@ impl DirectSession {
         &self.model
     }
 
+    /// The same, as sessions share it.
+    pub(super) fn shared_model(&self) -> &Arc<Direct> {
+        &self.model
+    }
+
+    /// Outputs and commands that have passed, in their own units.
+    pub(super) fn past(&self) -> &[f64] {
+        &self.past
+    }
+
     /// Whether something of the past is not known.
     fn is_waiting(&self) -> bool {
         self.past.iter().any(|x| x.is_nan())
     }
 }
 
-/// Where a rollout works: what the network reads, its layers, what it gives.
-#[derive(Clone, Debug)]
-struct Forward {
-    layers: Arc<[Layer]>,
-    /// Longest hidden layer.
-    widest: usize,
-    arch: Arch,
-}
-
-impl Forward {
-    fn new(model: &Direct) -> Self {
-        let widest = model.network.hidden.iter().copied().max().unwrap_or(0);
-        Self { layers: model.network.layers().into(), widest, arch: Arch::new() }
-    }
-
-    /// Numbers that a rollout needs.
-    fn scratch(&self) -> usize {
-        let ends = self.layers.first().map_or(0, |l| l.reads) + self.layers.last().map_or(0, |l| l.gives);
-        ends + 2 * self.widest
-    }
-
+impl Through {
     /// Predictions from a past in its own units, under commands, into `y`: as many steps as it has rows.
     fn roll(&self, model: &Direct, past: &[f64], commands: &[f64], scratch: &mut [f64], y: &mut [f64]) {
         let w = Window::of(model);
-        let s = &model.scaling;
-        let (x, rest) = scratch.split_at_mut(self.layers[0].reads);
-        let (hidden, g) = rest.split_at_mut(2 * self.widest);
-        for (i, (x, &y)) in x.iter_mut().zip(&past[..w.outputs()]).enumerate() {
-            *x = (y - s.output_mean[i % w.n]) / s.output_scale[i % w.n];
-        }
-        let scaled = |i: usize, c: f64| (c - s.input_mean[i % w.m]) / s.input_scale[i % w.m];
-        for (i, &c) in past[w.outputs()..].iter().enumerate() {
-            x[w.outputs() + i] = scaled(i, c);
-        }
+        let (x, rest) = scratch.split_at_mut(model.network.inputs);
+        let (hidden, g) = rest.split_at_mut(self.hidden());
+        w.scale_past(model, past, x);
         let blocks = y.chunks_mut(w.h * w.n);
         let mut first = 0;
         for y in blocks {
             let steps = y.len() / w.n;
             let given = &commands[first * w.m..(first + steps) * w.m];
-            w.give(x, given.iter().enumerate().map(|(i, &c)| scaled(i, c)));
+            w.give(x, given.iter().enumerate().map(|(i, &c)| model.scaled_command(i % w.m, c)));
             let g = &mut g[..y.len()];
-            self.arch.dispatch(Through { forward: self, weights: &model.weights, x, hidden, g });
+            self.evaluate(&model.weights, x, hidden, g);
             let present = &x[(w.p - 1) * w.n..w.p * w.n];
             for (i, (y, g)) in y.iter_mut().zip(&*g).enumerate() {
-                let c = i % w.n;
-                let base = if model.hold { present[c] * s.output_scale[c] } else { 0.0 };
-                *y = s.output_mean[c] + base + s.correction_scale[c] * g;
+                *y = model.output_of(i % w.n, present[i % w.n], *g);
             }
             first += steps;
             if steps == w.h {
                 for (i, (g, &y)) in g.iter_mut().zip(&*y).enumerate() {
-                    *g = (y - s.output_mean[i % w.n]) / s.output_scale[i % w.n];
+                    *g = model.scaled_output(i % w.n, y);
                 }
                 w.pass(x, g);
             }
         }
-    }
-}
-
-/// `g <- f(x)`, its first numbers alone where `g` is shorter than what the network gives.
-struct Through<'a, T> {
-    forward: &'a Forward,
-    weights: &'a [T],
-    x: &'a [T],
-    hidden: &'a mut [T],
-    g: &'a mut [T],
-}
-
-impl<T: Scalar> WithSimd for Through<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Forward { layers, widest, .. } = self.forward;
-        let Some((read_out, inner)) = layers.split_last() else { return };
-        let (mut here, mut there) = self.hidden.split_at_mut(*widest);
-        for (l, layer) in inner.iter().enumerate() {
-            let x = if l == 0 { self.x } else { &here[..layer.reads] };
-            let h = &mut there[..layer.gives];
-            product::affine(layer.matrix(self.weights), layer.bias(self.weights), x, h);
-            let mut h = slices::Write::new(simd, h);
-            for k in slices::vectors::<S, T>(layer.gives) {
-                h.set(k, functions::tanh(simd, h.get(k)));
-            }
-            core::mem::swap(&mut here, &mut there);
-        }
-        let x = if inner.is_empty() { self.x } else { &here[..read_out.reads] };
-        product::affine(read_out.matrix(self.weights), read_out.bias(self.weights), x, self.g);
     }
 }
 
@@ -195,7 +137,7 @@ impl Predictor for DirectSession {
         let Window { n, p, .. } = self.window;
         self.next.copy_from_slice(&self.past[(p - 1) * n..p * n]);
         if !self.is_waiting() {
-            self.forward.roll(&self.model, &self.past, c, &mut self.scratch, &mut self.next);
+            self.through.roll(&self.model, &self.past, c, &mut self.scratch, &mut self.next);
         }
         let (outputs, commands) = self.past.split_at_mut(p * n);
         push(outputs, &self.next);
@@ -209,7 +151,7 @@ impl Predictor for DirectSession {
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         rollout_steps(commands, self.window.m, y, self.window.n);
-        self.forward.roll(&self.model, &self.past, commands, work.take(self.scratch.len()), y);
+        self.through.roll(&self.model, &self.past, commands, work.take(self.scratch.len()), y);
     }
 
     fn snapshot_len(&self) -> usize {
@@ -222,6 +164,10 @@ impl Predictor for DirectSession {
 
     fn restore(&mut self, from: &[f64]) {
         self.past.copy_from_slice(from);
+    }
+
+    fn source(&self) -> Source<'_> {
+        Source::Direct(self)
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -27,6 +27,17 @@ impl Window {
         self.outputs() + (self.p - 1) * self.m
     }
 
+    /// Scales what has passed, as a session remembers it, into the first part of a window.
+    pub(super) fn scale_past(&self, model: &Direct, past: &[f64], window: &mut [f64]) {
+        let (outputs, commands) = past.split_at(self.outputs());
+        for (k, (x, &y)) in window.iter_mut().zip(outputs).enumerate() {
+            *x = model.scaled_output(k % self.n, y);
+        }
+        for (k, (x, &c)) in window[self.outputs()..].iter_mut().zip(commands).enumerate() {
+            *x = model.scaled_command(k % self.m, c);
+        }
+    }
+
     /// Puts `given` commands from the present one on into a window; the last of them stands for those behind it.
     pub(super) fn give<T: Copy>(&self, window: &mut [T], given: impl Iterator<Item = T>) {
         let ahead = &mut window[self.past()..];

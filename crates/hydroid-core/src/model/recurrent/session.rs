@@ -10,7 +10,7 @@ use super::model::{Base, Recurrent, Scaling};
 use super::single::Packed;
 use super::state_filter::Covariance;
 use crate::model::persistence::take_measured;
-use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::predict::{Predictor, Source, Workspace, rollout_steps};
 
 /// A run of a [`Recurrent`] model. Every measurement replaces the output; what is not measured is predicted.
 ///
@@ -110,6 +110,16 @@ impl RecurrentSession {
     /// The model.
     pub fn model(&self) -> &Recurrent {
         &self.model
+    }
+
+    /// The same, as sessions share it.
+    pub(super) fn shared_model(&self) -> &Arc<Recurrent> {
+        &self.model
+    }
+
+    /// Outputs, then what the base remembers, then the network's state.
+    pub(super) fn state(&self) -> &[f64] {
+        &self.state
     }
 
     /// The network's state, as its [`Cell`](super::Cell) lays it out.
@@ -290,6 +300,10 @@ impl Predictor for RecurrentSession {
         if self.own_weights {
             self.set_weights(weights);
         }
+    }
+
+    fn source(&self) -> Source<'_> {
+        Source::Recurrent(self)
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 
 use super::equations::Equations;
 use crate::model::persistence::take_measured;
-use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::predict::{Predictor, Source, Workspace, rollout_steps};
 
 /// A run of [`Equations`]: every measurement replaces the state, what is not measured is predicted.
 ///
@@ -107,6 +107,10 @@ impl Predictor for EquationsSession {
 
     fn restore(&mut self, from: &[f64]) {
         self.state.copy_from_slice(from);
+    }
+
+    fn source(&self) -> Source<'_> {
+        Source::Equations(self)
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

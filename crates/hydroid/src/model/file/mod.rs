@@ -4,6 +4,7 @@
 //!
 //! Reading one never runs code and never panics: every number and shape is checked before it is used.
 
+mod affine;
 mod direct;
 mod equations;
 mod members;
@@ -113,6 +114,8 @@ enum Structure {
     Recurrent(recurrent::Structure),
     /// A direct predictor.
     Direct(direct::Structure),
+    /// A control-affine network.
+    ControlAffine(affine::Structure),
 }
 
 /// Writes a model file, whole or not at all; of a vessel its TOML file. The same model gives the same bytes.
@@ -135,6 +138,8 @@ pub fn encode(model: &Model) -> io::Result<Vec<u8>> {
             .map(|(structure, tensors)| (Structure::Recurrent(structure), tensors)),
         Body::Direct(direct) => direct::Structure::write(model, direct)
             .map(|(structure, tensors)| (Structure::Direct(structure), tensors)),
+        Body::Affine(affine) => affine::Structure::write(affine)
+            .map(|(structure, tensors)| (Structure::ControlAffine(structure), tensors)),
         Body::Plant(vessel) => {
             return plant::encode(model, vessel).map(String::into_bytes).map_err(io::Error::other);
         }
@@ -212,6 +217,7 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
         Structure::SparseEquations(structure) => structure.read(&tensors, description),
         Structure::Recurrent(structure) => structure.read(&tensors, description),
         Structure::Direct(structure) => structure.read(&tensors, description),
+        Structure::ControlAffine(structure) => structure.read(&tensors, description),
     }
     .map_err(inconsistent)
 }

@@ -130,6 +130,11 @@ impl<T: Scalar> Cells<T> {
         self.read_out.iter_mut().for_each(f);
     }
 
+    /// Another length of a row.
+    pub(super) fn set_lanes(&mut self, lanes: usize) {
+        self.lanes = lanes;
+    }
+
     /// Rows of the record of a step.
     pub(super) fn record_rows(&self) -> usize {
         match self.maps {

@@ -31,6 +31,8 @@ use crate::model::recurrent::network::Network;
 #[derive(Clone, Debug)]
 pub struct Rollout<T> {
     cells: Cells<T>,
+    network: Network,
+    room: usize,
     sequences: usize,
     lanes: usize,
     /// Where in the state the output stands, without read-out.
@@ -56,6 +58,8 @@ impl<T: Scalar> Rollout<T> {
         let cells = Cells::new(network, lanes);
         let outputs = if network.read_out { network.outputs } else { 0 };
         Self {
+            network: *network,
+            room: sequences,
             sequences,
             lanes,
             shown: (!network.read_out).then(|| (network.state_len() - network.outputs) * lanes),
@@ -71,6 +75,31 @@ impl<T: Scalar> Rollout<T> {
     /// Number of sequences.
     pub fn sequences(&self) -> usize {
         self.sequences
+    }
+
+    /// Another number of sequences, from the next state and input on: those of the last steps are forgotten.
+    ///
+    /// # Panics
+    /// If there is none, or there are more than it was made for.
+    pub fn set_sequences(&mut self, sequences: usize) {
+        assert!((1..=self.room).contains(&sequences), "no more sequences than there is room for");
+        let lanes = padded(sequences);
+        self.sequences = sequences;
+        if lanes == self.lanes {
+            return;
+        }
+        let Network { inputs, outputs, .. } = self.network;
+        self.lanes = lanes;
+        self.cells.set_lanes(lanes);
+        self.state.set_len(self.network.state_len() * lanes);
+        self.next.set_len(self.network.state_len() * lanes);
+        self.input.set_len(inputs * lanes);
+        self.record.set_len(self.cells.record_rows() * lanes);
+        if self.shown.is_some() {
+            self.shown = Some((self.network.state_len() - outputs) * lanes);
+        } else {
+            self.output.set_len(outputs * lanes);
+        }
     }
 
     /// Number of sequences rounded up: the length of a row.

@@ -19,6 +19,11 @@ use crate::model::sparse::signal::{Signal, lagged};
 #[derive(Clone, Debug)]
 pub struct SideBySide {
     arch: Arch,
+    /// Of the equations that it was made for: outputs, inputs and slots; then what its decays follow from.
+    shape: (usize, usize, usize),
+    signals: Vec<Signal>,
+    dt: f64,
+    substeps: usize,
     sequences: usize,
     lags: Vec<Lag>,
     slots: Vec<f64>,
@@ -52,6 +57,10 @@ impl SideBySide {
         let rows = |count: usize| vec![0.0; count * sequences];
         Some(Self {
             arch: Arch::new(),
+            shape: (n, m, equations.program.slots()),
+            signals: equations.signals.clone(),
+            dt: equations.dt,
+            substeps: equations.substeps,
             sequences,
             slots: rows(equations.program.slots()),
             state: rows(n + lags.len()),
@@ -82,55 +91,88 @@ impl SideBySide {
         y: &mut [f64],
     ) {
         let (n, m) = (equations.outputs, equations.inputs);
-        assert!((1..=self.sequences).contains(&count), "no more sequences than there is room for");
-        let steps = y.len() / (n * count);
+        let steps = y.len() / (n * count.max(1));
         assert!(y.len() == steps * n * count && commands.len() == steps * m * count, "whole sequences");
-        assert!(state.len() == n + self.lags.len(), "the equations that there is room for");
+        self.begin(state, count);
+        for step in 0..steps {
+            self.step(equations, count, |i, j| commands[(i * steps + step) * m + j]);
+            for (output, row) in self.outputs_mut(n, count).chunks_exact(count).enumerate() {
+                for (i, &x) in row.iter().enumerate() {
+                    y[(i * steps + step) * n + output] = x;
+                }
+            }
+        }
+    }
+
+    /// Whether it was made for these equations, whatever their coefficients.
+    pub(crate) fn fits(&self, equations: &Equations) -> bool {
+        let shape = (equations.outputs, equations.inputs, equations.program.slots());
+        shape == self.shape
+            && equations.signals == self.signals
+            && equations.dt == self.dt
+            && equations.substeps == self.substeps
+    }
+
+    /// All of `count` sequences at one state.
+    ///
+    /// # Panics
+    /// If there are more than room for, or the state is of other equations.
+    pub(crate) fn begin(&mut self, state: &[f64], count: usize) {
+        assert!((1..=self.sequences).contains(&count), "no more sequences than there is room for");
+        assert!(state.len() * self.sequences == self.state.len(), "the equations that there is room for");
         for (row, &x) in self.state.chunks_exact_mut(count).zip(state) {
             row.fill(x);
         }
         self.slots[..count].fill(1.0);
+    }
+
+    /// The present outputs, a row of `count` numbers for each.
+    pub(crate) fn outputs_mut(&mut self, outputs: usize, count: usize) -> &mut [f64] {
+        &mut self.state[..outputs * count]
+    }
+
+    /// A sample of all sequences; `command` is asked for each sequence and input.
+    pub(crate) fn step(
+        &mut self,
+        equations: &Equations,
+        count: usize,
+        command: impl Fn(usize, usize) -> f64,
+    ) {
+        let (n, m) = (equations.outputs, equations.inputs);
         let h = equations.dt / equations.substeps as f64;
-        for step in 0..steps {
-            for j in 0..m {
-                let row = &mut self.slots[(1 + n + j) * count..][..count];
-                for (i, c) in row.iter_mut().enumerate() {
-                    *c = commands[(i * steps + step) * m + j];
-                }
+        for j in 0..m {
+            let row = &mut self.slots[(1 + n + j) * count..][..count];
+            for (i, c) in row.iter_mut().enumerate() {
+                *c = command(i, j);
             }
-            equations.program.block_functions(&mut self.slots, count, true);
-            self.products(equations, count, true);
-            for _ in 0..equations.substeps {
-                self.sum[..n * count].fill(0.0);
-                for (halves, weight) in [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)] {
-                    let offset = halves as f64 * 0.5 * h;
-                    let outputs = &mut self.slots[count..(1 + n) * count];
-                    outputs.copy_from_slice(&self.state[..n * count]);
-                    if halves > 0 {
-                        for (x, k) in outputs.iter_mut().zip(&self.k) {
-                            *x += offset * k;
-                        }
-                    }
-                    self.lag(n, m, count, halves);
-                    equations.program.block_functions(&mut self.slots, count, false);
-                    self.products(equations, count, false);
-                    for (sum, k) in self.sum[..n * count].iter_mut().zip(&self.k) {
-                        *sum += weight * k;
+        }
+        equations.program.block_functions(&mut self.slots, count, true);
+        self.products(equations, count, true);
+        for _ in 0..equations.substeps {
+            self.sum[..n * count].fill(0.0);
+            for (halves, weight) in [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)] {
+                let offset = halves as f64 * 0.5 * h;
+                let outputs = &mut self.slots[count..(1 + n) * count];
+                outputs.copy_from_slice(&self.state[..n * count]);
+                if halves > 0 {
+                    for (x, k) in outputs.iter_mut().zip(&self.k) {
+                        *x += offset * k;
                     }
                 }
-                for (x, sum) in self.state[..n * count].iter_mut().zip(&self.sum) {
-                    *x += h / 6.0 * sum;
-                }
-                self.lag(n, m, count, 2);
-                for (index, lag) in self.lags.iter().enumerate() {
-                    let now = &self.slots[lag.slot * count..][..count];
-                    self.state[(n + index) * count..][..count].copy_from_slice(now);
+                self.lag(n, m, count, halves);
+                equations.program.block_functions(&mut self.slots, count, false);
+                self.products(equations, count, false);
+                for (sum, k) in self.sum[..n * count].iter_mut().zip(&self.k) {
+                    *sum += weight * k;
                 }
             }
-            for output in 0..n {
-                for (i, &x) in self.state[output * count..][..count].iter().enumerate() {
-                    y[(i * steps + step) * n + output] = x;
-                }
+            for (x, sum) in self.state[..n * count].iter_mut().zip(&self.sum) {
+                *x += h / 6.0 * sum;
+            }
+            self.lag(n, m, count, 2);
+            for (index, lag) in self.lags.iter().enumerate() {
+                let now = &self.slots[lag.slot * count..][..count];
+                self.state[(n + index) * count..][..count].copy_from_slice(now);
             }
         }
     }

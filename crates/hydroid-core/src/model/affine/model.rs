@@ -1,0 +1,136 @@
+//! What a control-affine network is.
+
+use alloc::vec::Vec;
+use core::fmt;
+
+use crate::control::Map;
+use crate::model::direct::Perceptron;
+use crate::model::recurrent::{NetworkError, Part, RecurrentError, Scaling};
+
+/// How a command acts: through a first-order lag, then a known map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Effector {
+    /// `phi`.
+    pub map: Map,
+    /// `T` \[s\].
+    pub time_constant_s: f64,
+    /// `w`: size of `phi(a)`, so that the network gives numbers of a sensible size.
+    pub unit: f64,
+}
+
+/// A control-affine network.
+///
+/// With `n` outputs `y`, scaled `z = (y - output_mean) / output_scale`, and `m` commands `c`:
+///
+/// ```text
+/// dy_j/dt = s_j ( f_j(z) + sum_i g_ij(z) phi_i(a_i) / w_i ),     s = correction_scale, per second
+/// T_i da_i/dt = c_i - a_i
+/// [f g_1 .. g_m] = N(z),     a perceptron from n to n (1 + m) numbers
+/// ```
+///
+/// over a sample `dt` by one step of RK4, the commands held and the lags exact. Whatever its weights, it is affine in the
+/// efforts `phi_i(a_i)`: that is its structure, not what it has learned.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControlAffine {
+    /// `N`.
+    pub network: Perceptron,
+    /// Its weights, as [`Perceptron::tensors`] has them.
+    pub weights: Vec<f64>,
+    /// How outputs are scaled (inputs are not; their means and scales are those of their ranges).
+    pub scaling: Scaling,
+    /// How each command acts.
+    pub effectors: Vec<Effector>,
+    /// Sample time \[s\].
+    pub dt: f64,
+    /// Samples that it must have walked before its lags are known whatever they were at first.
+    pub wash_out: usize,
+}
+
+/// Why a control-affine network cannot be.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ControlAffineError {
+    /// The perceptron cannot be.
+    Network(NetworkError),
+    /// It reads or gives other numbers than the model is made of.
+    Length {
+        /// `reads` or `gives`.
+        what: &'static str,
+        /// Numbers of the network.
+        network: usize,
+        /// Numbers of the model.
+        model: usize,
+    },
+    /// Weights or scales cannot be.
+    Numbers(RecurrentError),
+    /// A sample time, a time constant or a unit is not a positive number.
+    Positive {
+        /// Which.
+        what: &'static str,
+        /// What was given.
+        value: f64,
+    },
+}
+
+impl fmt::Display for ControlAffineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Network(error) => error.fmt(f),
+            Self::Length { what, network, model } => {
+                write!(f, "the network {what} {network} numbers, outputs and inputs ask for {model}")
+            }
+            Self::Numbers(error) => error.fmt(f),
+            Self::Positive { what, value } => write!(f, "{what} is {value}: a positive number is needed"),
+        }
+    }
+}
+
+impl core::error::Error for ControlAffineError {}
+
+impl ControlAffine {
+    /// Number of outputs: `n`.
+    pub fn outputs(&self) -> usize {
+        self.scaling.output_mean.len()
+    }
+
+    /// Number of commands: `m`.
+    pub fn inputs(&self) -> usize {
+        self.effectors.len()
+    }
+
+    /// Whether the parts fit together and every number can be.
+    ///
+    /// # Errors
+    /// If sizes contradict one another, a number is not finite, or a time or a scale is not positive.
+    pub fn check(&self) -> Result<(), ControlAffineError> {
+        self.network.check().map_err(ControlAffineError::Network)?;
+        let (n, m, scaling) = (self.outputs(), self.inputs(), &self.scaling);
+        for (what, network, model) in
+            [("reads", self.network.inputs, n), ("gives", self.network.outputs, n * (1 + m))]
+        {
+            if network != model {
+                return Err(ControlAffineError::Length { what, network, model });
+            }
+        }
+        for (part, numbers, expected) in [
+            (Part::Weights, &self.weights, self.network.weights()),
+            (Part::OutputMean, &scaling.output_mean, n),
+            (Part::OutputScale, &scaling.output_scale, n),
+            (Part::InputMean, &scaling.input_mean, m),
+            (Part::InputScale, &scaling.input_scale, m),
+            (Part::CorrectionScale, &scaling.correction_scale, n),
+        ] {
+            part.check(numbers, expected).map_err(ControlAffineError::Numbers)?;
+        }
+        let times = self.effectors.iter().flat_map(|effector| {
+            [("a time constant", effector.time_constant_s), ("the unit of an effort", effector.unit)]
+        });
+        for (what, value) in times.chain([("the sample time", self.dt)]) {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(ControlAffineError::Positive { what, value });
+            }
+        }
+        Ok(())
+    }
+}

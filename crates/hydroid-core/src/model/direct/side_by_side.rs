@@ -1,0 +1,99 @@
+//! Rollouts of a direct predictor for many command sequences side by side.
+
+use alloc::sync::Arc;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::batch::Batch;
+use super::model::Direct;
+use super::session::DirectSession;
+use super::window::Window;
+
+/// Scratch memory for rollouts of one session from its past under many command sequences at once: the weights, hundreds of
+/// kilobytes, are read once for all of them.
+///
+/// Results are those of the session's own rollouts but for the order in which sums are added.
+#[derive(Clone, Debug)]
+pub struct SideBySide {
+    model: Arc<Direct>,
+    window: Window,
+    batch: Batch<f64>,
+    /// What has passed, scaled: the first part of what the network reads.
+    past: Vec<f64>,
+    /// What the network reads, a row for each sequence.
+    windows: Vec<f64>,
+    /// What it predicts of one of them, scaled.
+    predicted: Vec<f64>,
+}
+
+impl SideBySide {
+    /// Room for so many sequences of sessions of this model.
+    pub fn new(session: &DirectSession, sequences: usize) -> Self {
+        let model = Arc::clone(session.shared_model());
+        let window = Window::of(&model);
+        let mut room = Self {
+            window,
+            batch: Batch::new(&model.network, sequences),
+            past: vec![0.0; window.past()],
+            windows: vec![0.0; sequences * model.network.inputs],
+            predicted: vec![0.0; model.network.outputs],
+            model,
+        };
+        room.begin(session);
+        room
+    }
+
+    /// Takes the past of a session as the moment that rollouts begin from, without allocating; false for a session of another
+    /// model, whose rollouts would be those of the one before.
+    pub fn begin(&mut self, session: &DirectSession) -> bool {
+        let model = session.shared_model();
+        if !Arc::ptr_eq(model, &self.model) && **model != *self.model {
+            return false;
+        }
+        self.window.scale_past(&self.model, session.past(), &mut self.past);
+        true
+    }
+
+    /// Rolls `count` sequences out: `commands` are `count x steps x inputs`, `y` are `count x steps x outputs`.
+    ///
+    /// # Panics
+    /// If there are more than room for, or the slices have not whole sequences of the same number of steps.
+    pub fn rollout(&mut self, count: usize, commands: &[f64], y: &mut [f64]) {
+        let Self { model, window: w, batch, past, windows, predicted } = self;
+        let (n, m, reads) = (w.n, w.m, model.network.inputs);
+        batch.set_windows(count);
+        let lanes = batch.lanes();
+        let steps = y.len() / (n * count);
+        assert!(y.len() == steps * n * count && commands.len() == steps * m * count, "whole sequences");
+        for x in windows[..count * reads].chunks_exact_mut(reads) {
+            x[..past.len()].copy_from_slice(past);
+        }
+        let mut first = 0;
+        while first < steps {
+            let here = w.h.min(steps - first);
+            for (i, x) in windows[..count * reads].chunks_exact_mut(reads).enumerate() {
+                let given = &commands[(i * steps + first) * m..][..here * m];
+                w.give(x, given.iter().enumerate().map(|(k, &c)| model.scaled_command(k % m, c)));
+                for (row, &x) in batch.input_mut().chunks_exact_mut(lanes).zip(&*x) {
+                    row[i] = x;
+                }
+            }
+            batch.forward(&model.weights);
+            for (i, x) in windows[..count * reads].chunks_exact_mut(reads).enumerate() {
+                let y = &mut y[(i * steps + first) * n..][..here * n];
+                let present = &x[(w.p - 1) * n..w.p * n];
+                let given = batch.output().iter().skip(i).step_by(lanes);
+                for (k, (y, &g)) in y.iter_mut().zip(given).enumerate() {
+                    *y = model.output_of(k % n, present[k % n], g);
+                }
+                if here == w.h {
+                    for (k, (z, &y)) in predicted.iter_mut().zip(&*y).enumerate() {
+                        *z = model.scaled_output(k % n, y);
+                    }
+                    w.pass(x, predicted);
+                }
+            }
+            first += here;
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Rollouts of a recurrent model for many command sequences side by side.
+
+use alloc::sync::Arc;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::batch::Rollout;
+use super::model::{Base, Recurrent};
+use super::session::RecurrentSession;
+use crate::model::sparse;
+
+/// Scratch memory for rollouts of one session, from its hidden state and with its weights of the moment, under many command
+/// sequences at once.
+///
+/// Network and base equations work on all sequences at the same time. Results are those of the session's own rollouts but
+/// for the order in which sums are added.
+#[derive(Clone, Debug)]
+pub struct SideBySide {
+    model: Arc<Recurrent>,
+    network: Rollout<f64>,
+    /// Of the base's equations.
+    equations: Option<sparse::SideBySide>,
+    /// As the session has its state.
+    state: Vec<f64>,
+    /// Present outputs of each sequence, a row for each output, where no equations have them.
+    outputs: Vec<f64>,
+}
+
+impl SideBySide {
+    /// Room for so many sequences of sessions of this model; none over equations with past values, which roll out one by
+    /// one.
+    pub fn new(session: &RecurrentSession, sequences: usize) -> Option<Self> {
+        let model = Arc::clone(session.shared_model());
+        let equations = match &model.base {
+            Base::Equations(equations) => Some(sparse::SideBySide::new(equations, sequences)?),
+            Base::Nothing | Base::Hold => None,
+        };
+        let outputs = vec![0.0; if equations.is_some() { 0 } else { model.outputs() * sequences }];
+        let mut room = Self {
+            network: Rollout::new(&model.network, sequences),
+            equations,
+            state: session.state().to_vec(),
+            outputs,
+            model,
+        };
+        room.begin(session);
+        Some(room)
+    }
+
+    /// Takes state and weights of a session as the moment that rollouts begin from, without allocating; false for a session
+    /// of a model that differs in more than weights, whose rollouts these would not be.
+    pub fn begin(&mut self, session: &RecurrentSession) -> bool {
+        let (theirs, ours) = (session.shared_model(), &self.model);
+        let same = |a: &Recurrent, b: &Recurrent| {
+            a.network == b.network && a.feedback == b.feedback && a.scaling == b.scaling && a.base == b.base
+        };
+        if !Arc::ptr_eq(theirs, ours) && !same(theirs, ours) {
+            return false;
+        }
+        self.state.copy_from_slice(session.state());
+        self.network.load(session.weights());
+        true
+    }
+
+    /// Rolls `count` sequences out: `commands` are `count x steps x inputs`, `y` are `count x steps x outputs`.
+    ///
+    /// # Panics
+    /// If there are more than room for, or the slices have not whole sequences of the same number of steps.
+    pub fn rollout(&mut self, count: usize, commands: &[f64], y: &mut [f64]) {
+        let Self { model, network, equations, state, outputs } = self;
+        let (n, m, scaling) = (model.outputs(), model.inputs(), &model.scaling);
+        network.set_sequences(count);
+        let lanes = network.lanes();
+        let steps = y.len() / (n * count);
+        assert!(y.len() == steps * n * count && commands.len() == steps * m * count, "whole sequences");
+        let (front, hidden) = state.split_at(state.len() - model.network.state_len());
+        for (row, &h) in network.state_mut().chunks_exact_mut(lanes).zip(hidden) {
+            row.fill(h);
+        }
+        match equations {
+            Some(equations) => equations.begin(front, count),
+            None => outputs.chunks_exact_mut(count).zip(front).for_each(|(row, &y)| row.fill(y)),
+        }
+        for step in 0..steps {
+            let command = |i: usize, j: usize| commands[(i * steps + step) * m + j];
+            let y_now = match equations {
+                Some(equations) => equations.outputs_mut(n, count),
+                None => &mut outputs[..n * count],
+            };
+            for (j, row) in network.input_mut().chunks_exact_mut(lanes).enumerate() {
+                if let Some(c) = j.checked_sub(m) {
+                    let (mean, scale) = (scaling.output_mean[c], scaling.output_scale[c]);
+                    let now = &y_now[c * count..][..count];
+                    row.iter_mut().zip(now).for_each(|(x, y)| *x = (y - mean) / scale);
+                } else {
+                    let (mean, scale) = (scaling.input_mean[j], scaling.input_scale[j]);
+                    row[..count]
+                        .iter_mut()
+                        .enumerate()
+                        .for_each(|(i, x)| *x = (command(i, j) - mean) / scale);
+                }
+            }
+            network.step();
+            let y_now = match (&model.base, equations.as_mut()) {
+                (Base::Equations(below), Some(equations)) => {
+                    equations.step(below, count, command);
+                    equations.outputs_mut(n, count)
+                }
+                (base, _) => {
+                    if matches!(base, Base::Nothing) {
+                        let rows = outputs.chunks_exact_mut(count).zip(&scaling.output_mean);
+                        rows.for_each(|(row, &mean)| row.fill(mean));
+                    }
+                    &mut outputs[..n * count]
+                }
+            };
+            let added = network.output().chunks_exact(lanes).zip(&scaling.correction_scale);
+            for (c, (row, (added, scale))) in y_now.chunks_exact_mut(count).zip(added).enumerate() {
+                for (i, (now, g)) in row.iter_mut().zip(added).enumerate() {
+                    *now += scale * g;
+                    y[(i * steps + step) * n + c] = *now;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,282 @@
+//! A control-affine network over a chunk of windows, forward and back through its integration.
+
+use hydroid_core::control::Map;
+use hydroid_core::math::Scalar;
+use hydroid_core::model::affine::Effector;
+use hydroid_core::model::direct::{Batch, Perceptron};
+use hydroid_core::model::recurrent::Scaling;
+
+use super::windows::{ScaledRun, Shape, Window};
+
+/// Logarithms of a time constant in samples, where it is between a fiftieth of a sample and thousands of them: beyond, no
+/// log tells.
+const LAGS: (f64, f64) = (-4.0, 8.0);
+
+/// First time constant \[samples\]: in the middle of what actuators have, on a scale of powers.
+const FIRST_LAG: f64 = 5.0;
+
+/// Stages of a step of RK4: how far from its begin, in halves, and what each weighs.
+const STAGES: [(usize, f64); 4] = [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)];
+
+/// What a control-affine network is made of, beside its weights; these are followed by the logarithms of the time constants in
+/// samples.
+#[derive(Clone, Debug)]
+pub(super) struct Parts {
+    pub(super) network: Perceptron,
+    pub(super) maps: Vec<Map>,
+    /// Size of each effort.
+    pub(super) units: Vec<f64>,
+    pub(super) dt: f64,
+}
+
+impl Parts {
+    /// The logarithms of the first time constants.
+    pub(super) fn first_lags<T: Scalar>(&self) -> impl Iterator<Item = T> {
+        std::iter::repeat_n(T::of(FIRST_LAG.ln()), self.maps.len())
+    }
+
+    /// Commands as the model has them, with what was learned of their lags.
+    pub(super) fn effectors<T: Scalar>(&self, lags: &[T]) -> Vec<Effector> {
+        let each = self.maps.iter().zip(&self.units).zip(lags);
+        each.map(|((&map, &unit), lag)| Effector {
+            map,
+            time_constant_s: self.dt * lag.wide().clamp(LAGS.0, LAGS.1).exp(),
+            unit,
+        })
+        .collect()
+    }
+}
+
+/// Windows side by side, one in each lane. With scaled outputs `z`, the first as measured, and actuators that have followed their
+/// commands since the begin of the wash-out:
+///
+/// ```text
+/// dz/dt = ratio ( f(z) + sum_i g_i(z) e_i ),     e_i = phi_i(a_i) / w_i,     RK4 over each sample
+/// L     = sum over k = 1 .. length, outputs j:  w_j (z_{o+k,j} - measured_{o+k,j})^2
+/// ```
+///
+/// Actuators depend on commands and their own time constant alone: what `e_i` changes by with its logarithm goes along, and
+/// the way back is through the stages of RK4.
+#[derive(Clone, Debug)]
+pub(super) struct Affine<T> {
+    parts: Parts,
+    shape: Shape,
+    lanes: usize,
+    /// `correction_scale / output_scale`: per second.
+    ratio: Vec<T>,
+    /// Stages of all steps; of one alone, where nobody goes back.
+    stages: Vec<Batch<T>>,
+    windows: Vec<Window>,
+    /// Efforts at each half of a step and at the end, `inputs x lanes`, and their derivatives by the logarithm of the lag.
+    efforts: Vec<T>,
+    slopes: Vec<T>,
+    /// `z_o ..`, each `outputs x lanes`.
+    states: Vec<T>,
+    /// Of a stage.
+    rate: Vec<T>,
+    /// Adjoints of the state, of its part by the stages, of a stage's input; the gradient of a stage.
+    adjoint: Vec<T>,
+    parts_adjoint: Vec<T>,
+    input_adjoint: Vec<T>,
+    gradient: Vec<T>,
+}
+
+impl<T: Scalar> Affine<T> {
+    pub(super) fn new(parts: &Parts, scaling: &Scaling, shape: Shape, size: usize, back: bool) -> Self {
+        let batch = Batch::new(&parts.network, size);
+        let lanes = batch.lanes();
+        let (row, inputs) = (shape.outputs * lanes, shape.inputs * lanes);
+        let ratio = scaling.correction_scale.iter().zip(&scaling.output_scale).map(|(c, s)| T::of(c / s));
+        let halves = (2 * shape.length + 1) * inputs;
+        Self {
+            lanes,
+            ratio: ratio.collect(),
+            stages: vec![batch; if back { STAGES.len() * shape.length } else { 1 }],
+            windows: Vec::with_capacity(size),
+            efforts: vec![T::zero(); halves],
+            slopes: vec![T::zero(); halves],
+            states: vec![T::zero(); (shape.length + 1) * row],
+            rate: vec![T::zero(); row],
+            adjoint: vec![T::zero(); row],
+            parts_adjoint: vec![T::zero(); row],
+            input_adjoint: vec![T::zero(); row],
+            gradient: vec![T::zero(); parts.network.weights()],
+            parts: parts.clone(),
+            shape,
+        }
+    }
+
+    pub(super) fn walk(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
+        self.windows.clear();
+        self.windows.extend_from_slice(windows);
+        let count = self.parts.network.weights();
+        self.actuate(&weights[count..], runs);
+        self.begin(runs);
+        let row = self.shape.outputs * self.lanes;
+        for k in 0..self.shape.length {
+            let (before, after) = self.states.split_at_mut((k + 1) * row);
+            let (z, next) = (&before[k * row..], &mut after[..row]);
+            next.copy_from_slice(z);
+            for (stage, (halves, weight)) in STAGES.into_iter().enumerate() {
+                let at = if self.stages.len() > 1 { STAGES.len() * k + stage } else { 0 };
+                let batch = &mut self.stages[at];
+                let offset = T::of(0.5 * halves as f64 * self.parts.dt);
+                for ((x, &z), &rate) in batch.input_mut().iter_mut().zip(z).zip(&self.rate) {
+                    *x = if halves == 0 { z } else { z + offset * rate };
+                }
+                batch.forward(&weights[..count]);
+                let efforts = &self.efforts[(2 * k + halves) * self.shape.inputs * self.lanes..];
+                rates(batch.output(), efforts, &self.ratio, (self.shape.inputs, self.lanes), &mut self.rate);
+                let share = T::of(weight * self.parts.dt / 6.0);
+                for (next, &rate) in next.iter_mut().zip(&self.rate) {
+                    *next += share * rate;
+                }
+            }
+        }
+    }
+
+    /// Efforts from commands.
+    fn actuate(&mut self, lags: &[T], runs: &[ScaledRun<T>]) {
+        let Shape { inputs: m, wash_out, length, .. } = self.shape;
+        let lanes = self.lanes;
+        self.efforts.fill(T::zero());
+        self.slopes.fill(T::zero());
+        for (i, lag) in lags.iter().enumerate() {
+            // A sample leaves exp(-1 / T) of a difference, T in samples; and what that changes by with ln T.
+            let inverse = (-lag.wide().clamp(LAGS.0, LAGS.1)).exp();
+            let of = |samples: f64| {
+                let decay = (-samples * inverse).exp();
+                (decay, decay * samples * inverse)
+            };
+            let ((whole, whole_slope), (half, half_slope)) = (of(1.0), of(0.5));
+            let (map, unit) = (self.parts.maps[i], self.parts.units[i]);
+            for (lane, window) in self.windows.iter().enumerate() {
+                let command = |k: usize| runs[window.run].commands[k * m + i];
+                let first = window.origin - wash_out;
+                let (mut a, mut slope) = (command(first), 0.0);
+                for k in first..window.origin {
+                    let off = a - command(k);
+                    (a, slope) = (command(k) + off * whole, slope * whole + off * whole_slope);
+                }
+                for at in 0..=2 * length {
+                    let place = (at * m + i) * lanes + lane;
+                    self.efforts[place] = T::of(map.value(a) / unit);
+                    self.slopes[place] = T::of(map.slope(a) * slope / unit);
+                    let c = command(window.origin + (at / 2).min(length - 1));
+                    (a, slope) = (c + (a - c) * half, slope * half + (a - c) * half_slope);
+                }
+            }
+        }
+    }
+
+    /// The states that predictions begin from: what was measured last of each output, the first value after where there is
+    /// none.
+    fn begin(&mut self, runs: &[ScaledRun<T>]) {
+        let (n, lanes, wash_out) = (self.shape.outputs, self.lanes, self.shape.wash_out);
+        let z = &mut self.states[..n * lanes];
+        z.fill(T::zero());
+        for (lane, window) in self.windows.iter().enumerate() {
+            let outputs = &runs[window.run].outputs;
+            for j in 0..n {
+                let seen = (window.origin - wash_out..=window.origin).rev().map(|k| outputs[k * n + j]);
+                // A window has measured each output once at least.
+                z[j * lanes + lane] = seen.into_iter().find(|z| !z.is_nan()).unwrap_or(T::zero());
+            }
+        }
+    }
+
+    pub(super) fn compare(&self, runs: &[ScaledRun<T>], step: usize, mut each: impl FnMut(usize, usize, T)) {
+        let (n, lanes) = (self.shape.outputs, self.lanes);
+        let predicted = &self.states[(step + 1) * n * lanes..(step + 2) * n * lanes];
+        for (lane, window) in self.windows.iter().enumerate() {
+            let at = (window.origin + step + 1) * n;
+            for (i, &value) in runs[window.run].outputs[at..at + n].iter().enumerate() {
+                if !value.is_nan() {
+                    each(i, lane, predicted[i * lanes + lane] - value);
+                }
+            }
+        }
+    }
+
+    pub(super) fn leaves(&self, most: f64) -> bool {
+        let (most, count) = (T::of(most), self.windows.len());
+        let mut rows = self.states.chunks_exact(self.lanes);
+        rows.any(|row| row[..count].iter().any(|z| z.is_nan() || z.abs() > most))
+    }
+
+    pub(super) fn backward(
+        &mut self,
+        weights: &[T],
+        runs: &[ScaledRun<T>],
+        channel_weights: &[f64],
+        factor: f64,
+        gradient: &mut [T],
+    ) {
+        let (n, m, lanes, dt) = (self.shape.outputs, self.shape.inputs, self.lanes, self.parts.dt);
+        let factors: Vec<T> = channel_weights.iter().map(|w| T::of(2.0 * factor * w)).collect();
+        gradient.fill(T::zero());
+        let (of_network, of_lags) = gradient.split_at_mut(self.parts.network.weights());
+        let weights = &weights[..of_network.len()];
+        self.adjoint.fill(T::zero());
+        for k in (0..self.shape.length).rev() {
+            let mut adjoint = std::mem::take(&mut self.adjoint);
+            self.compare(runs, k, |j, lane, error| adjoint[j * lanes + lane] += factors[j] * error);
+            self.adjoint = adjoint;
+            self.parts_adjoint.fill(T::zero());
+            for (stage, (halves, weight)) in STAGES.into_iter().enumerate().rev() {
+                // What the stage's rate is worth: in the sum, and in where the next stage stands.
+                let share = T::of(weight * dt / 6.0);
+                let next = match STAGES.get(stage + 1) {
+                    Some((halves, _)) => T::of(0.5 * *halves as f64 * dt),
+                    None => T::zero(),
+                };
+                for ((rate, &a), &x) in self.rate.iter_mut().zip(&self.adjoint).zip(&self.input_adjoint) {
+                    *rate = share * a + if stage + 1 < STAGES.len() { next * x } else { T::zero() };
+                }
+                let batch = &mut self.stages[STAGES.len() * k + stage];
+                let at = (2 * k + halves) * m * lanes;
+                let (efforts, slopes) = (&self.efforts[at..], &self.slopes[at..]);
+                for j in 0..n {
+                    let rate = &mut self.rate[j * lanes..(j + 1) * lanes];
+                    rate.iter_mut().for_each(|rate| *rate *= self.ratio[j]);
+                    for (i, lag) in of_lags.iter_mut().enumerate() {
+                        let given = &batch.output()[(n * (1 + i) + j) * lanes..][..lanes];
+                        let slopes = &slopes[i * lanes..(i + 1) * lanes];
+                        *lag += rate.iter().zip(given).zip(slopes).map(|((&r, &g), &s)| r * g * s).sum::<T>();
+                    }
+                    let into = batch.output_adjoint_mut();
+                    into[j * lanes..(j + 1) * lanes].copy_from_slice(rate);
+                    for i in 0..m {
+                        let into = &mut into[(n * (1 + i) + j) * lanes..][..lanes];
+                        let efforts = &efforts[i * lanes..(i + 1) * lanes];
+                        into.iter_mut().zip(&*rate).zip(efforts).for_each(|((d, &r), &e)| *d = r * e);
+                    }
+                }
+                batch.backward_to(weights, &mut self.gradient, &mut self.input_adjoint);
+                of_network.iter_mut().zip(&self.gradient).for_each(|(sum, &g)| *sum += g);
+                self.parts_adjoint.iter_mut().zip(&self.input_adjoint).for_each(|(sum, &x)| *sum += x);
+            }
+            self.adjoint.iter_mut().zip(&self.parts_adjoint).for_each(|(a, &x)| *a += x);
+        }
+    }
+}
+
+/// `rate <- ratio ( f + sum g_i e_i )`, from what the network gives.
+fn rates<T: Scalar>(
+    given: &[T],
+    efforts: &[T],
+    ratio: &[T],
+    (inputs, lanes): (usize, usize),
+    rate: &mut [T],
+) {
+    let n = ratio.len();
+    for (j, rate) in rate.chunks_exact_mut(lanes).enumerate() {
+        rate.copy_from_slice(&given[j * lanes..(j + 1) * lanes]);
+        for i in 0..inputs {
+            let g = &given[(n * (1 + i) + j) * lanes..][..lanes];
+            let efforts = &efforts[i * lanes..(i + 1) * lanes];
+            rate.iter_mut().zip(g).zip(efforts).for_each(|((rate, &g), &e)| *rate += g * e);
+        }
+        rate.iter_mut().for_each(|rate| *rate *= ratio[j]);
+    }
+}
