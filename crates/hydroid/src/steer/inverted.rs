@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::kalman::LearnablePlant;
 use hydroid_core::control::{
-    Affine, AffineEquations, AffinePlant, Backstepping, Channel, ControlError, Controller, Estimate,
+    Affine, AffineEquations, AffineNetwork, AffinePlant, Backstepping, Channel, ControlError, Controller, Estimate,
     FeedbackLinearization, Motion, Status,
 };
 use hydroid_core::model::PlantModel;
@@ -23,6 +23,7 @@ use crate::model::{Body, Model};
 pub(super) enum Invertible {
     Equations(Box<AffineEquations>),
     Plant(Box<AffinePlant>),
+    Network(Box<AffineNetwork>),
 }
 
 impl Invertible {
@@ -46,6 +47,7 @@ impl Invertible {
                 }
             }
             Body::Plant(vessel) => Ok(Self::Plant(Box::new(AffinePlant::new(vessel.params())?))),
+            Body::Affine(network) => Ok(Self::Network(Box::new(AffineNetwork::new(Arc::clone(network))?))),
             Body::Recurrent(_) | Body::Direct(_) => Err(SteerError::NotAffine {
                 law,
                 why: format!("a model of kind '{}' says nothing of how a command enters", model.kind()),
@@ -58,7 +60,7 @@ impl Invertible {
     fn actuators_of(&self, y: &[f64], into: &mut [f64; 2]) {
         match self {
             Self::Equations(equations) => equations.actuators_of(y, into),
-            Self::Plant(_) => into.fill(f64::NAN),
+            Self::Plant(_) | Self::Network(_) => into.fill(f64::NAN),
         }
     }
 }
@@ -68,6 +70,7 @@ impl Affine for Invertible {
         match self {
             Self::Equations(equations) => equations.channels(),
             Self::Plant(plant) => plant.channels(),
+            Self::Network(network) => network.channels(),
         }
     }
 
@@ -75,6 +78,7 @@ impl Affine for Invertible {
         match self {
             Self::Equations(equations) => equations.evaluate(nu, into),
             Self::Plant(plant) => plant.evaluate(nu, into),
+            Self::Network(network) => network.evaluate(nu, into),
         }
     }
 }
@@ -117,7 +121,7 @@ impl Places {
         match &model.body {
             Body::Equations(equations) => Some(Self::equations(equations)),
             Body::Plant(plant) => Some(Self::plant(plant)),
-            Body::Recurrent(_) | Body::Direct(_) => None,
+            Body::Recurrent(_) | Body::Direct(_) | Body::Affine(_) => None,
         }
     }
 

@@ -83,6 +83,11 @@ impl<'a> Lab<'a> {
         }
     }
 
+    /// Why the experiment at work cannot be made.
+    pub(super) fn cannot(&self, why: impl std::fmt::Display) -> StudyError {
+        StudyError::Cannot { name: self.at.clone(), why: why.to_string() }
+    }
+
     /// A record by its name.
     pub(super) fn record(&self, name: &str) -> Result<Arc<Sailed>, StudyError> {
         let there = |records: &Mutex<BTreeMap<String, Arc<Sailed>>>| {
@@ -143,6 +148,7 @@ impl<'a> Lab<'a> {
                 gru: of.clone(),
                 rnn: of.clone(),
                 direct: of.clone(),
+                affine: of.clone(),
                 ..Networks::default()
             };
             let job = Job {

@@ -6,7 +6,8 @@ use crate::report::figure::{Dash, Stroke};
 use crate::report::style;
 
 /// The kind of model that a name begins with, its words and its colour (Okabe and Ito 2008).
-const MODELS: [(&str, &str, RGBColor); 6] = [
+const MODELS: [(&str, &str, RGBColor); 7] = [
+    ("affine", "control-affine network", RGBColor(0x56, 0xb4, 0xe9)),
     ("lstm", "LSTM", RGBColor(0x00, 0x72, 0xb2)),
     ("gru", "GRU", RGBColor(0x00, 0x9e, 0x73)),
     ("rnn", "vanilla RNN", RGBColor(0xcc, 0x79, 0xa7)),

@@ -16,13 +16,14 @@ use crate::identify::{GivenRanges, Method, NetworkSettings, SindySettings};
 use crate::toml_file;
 
 /// The files that are built in, name and text.
-const BUILT_IN: [(&str, &str); 16] = [
+const BUILT_IN: [(&str, &str); 17] = [
     ("records.toml", include_str!("../../../../experiments/records.toml")),
     ("models.toml", include_str!("../../../../experiments/models.toml")),
     ("claims.toml", include_str!("../../../../experiments/claims.toml")),
     ("fig1.toml", include_str!("../../../../experiments/fig1.toml")),
     ("fig2.toml", include_str!("../../../../experiments/fig2.toml")),
     ("fig3.toml", include_str!("../../../../experiments/fig3.toml")),
+    ("fig4.toml", include_str!("../../../../experiments/fig4.toml")),
     ("fig5.toml", include_str!("../../../../experiments/fig5.toml")),
     ("fig6.toml", include_str!("../../../../experiments/fig6.toml")),
     ("fig7.toml", include_str!("../../../../experiments/fig7.toml")),

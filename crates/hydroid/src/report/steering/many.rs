@@ -42,7 +42,7 @@ pub(super) fn section(fleet: &Fleet) -> Result<Section, ReportError> {
         h3 { "The farthest off" }
         (worst(fleet))
     };
-    Ok(Section { id: "monte-carlo", heading: "Monte Carlo", body })
+    Ok(Section::new("monte-carlo", "Monte Carlo", body))
 }
 
 fn bars(fleet: &Fleet, label: &str, of: fn(&Metrics) -> f64) -> Figure {

@@ -90,7 +90,7 @@ fn summary(subject: &Steered<'_>) -> Section {
         @if fleet.is_none() { (figures_table(metrics)) }
         dl.facts { @for (name, value) in subject.facts { dt { (name) } dd { (value) } } }
     };
-    Section { id: "summary", heading: "Summary", body }
+    Section::new("summary", "Summary", body)
 }
 
 fn held(metrics: &Metrics) -> String {
@@ -138,13 +138,13 @@ fn track(subject: &Steered<'_>) -> Result<Section, ReportError> {
             table(&[cell("status"), cell("samples"), cell("share")], &counts, 1),
         ]))
     };
-    Ok(Section { id: "track", heading: "Track", body })
+    Ok(Section::new("track", "Track", body))
 }
 
 fn errors(subject: &Steered<'_>) -> Result<Section, ReportError> {
     let lines = html! { "To starboard of the path, distance from the reference, and speed over ground less the one asked for, of the point that is to be on the path; below, speed and the speed asked for. The upright line is where errors begin to count." };
     let body = html! { (figure(&figures::errors(subject).svg()?, &lines)) };
-    Ok(Section { id: "errors", heading: "Errors", body })
+    Ok(Section::new("errors", "Errors", body))
 }
 
 fn commands(subject: &Steered<'_>) -> Result<Section, ReportError> {
@@ -156,7 +156,7 @@ fn commands(subject: &Steered<'_>) -> Result<Section, ReportError> {
             figure(&figures::times(subject).svg()?, &times),
         ]))
     };
-    Ok(Section { id: "commands", heading: "Commands", body })
+    Ok(Section::new("commands", "Commands", body))
 }
 
 fn settings(subject: &Steered<'_>) -> Section {
@@ -178,7 +178,7 @@ fn settings(subject: &Steered<'_>) -> Section {
             }
         }
     };
-    Section { id: "settings", heading: "Settings", body }
+    Section::new("settings", "Settings", body)
 }
 
 #[cfg(test)]

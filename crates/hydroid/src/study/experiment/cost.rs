@@ -47,10 +47,9 @@ impl Cost {
             let models = lab.models(name)?;
             let mut points = Vec::new();
             for words in &self.memories {
-                let memory: Memory = words.parse().map_err(|error| StudyError::Cannot {
-                    name: lab.at.clone(),
-                    why: format!("'{words}' is no memory: {error}"),
-                })?;
+                let memory: Memory = words
+                    .parse()
+                    .map_err(|error| lab.cannot(format_args!("'{words}' is no memory: {error}")))?;
                 // One after the other: what is measured is time.
                 let mut all = Vec::new();
                 for learned in models.iter() {

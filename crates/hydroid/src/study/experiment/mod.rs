@@ -4,6 +4,7 @@ mod adaptation;
 mod along;
 mod amount;
 mod blocks;
+mod circles;
 mod cost;
 mod forgetting;
 mod horizons;
@@ -23,6 +24,8 @@ use super::outcome::Outcome;
 pub enum Kind {
     /// A drawing that explains.
     Schematic(schematic::Schematic),
+    /// Circles under feedback linearization.
+    Circles(circles::Circles),
     /// Error(k) of direct predictors beside C0.
     Blocks(blocks::Blocks),
     /// Errors of networks over the horizon, frozen and adapted.
@@ -46,6 +49,7 @@ impl Kind {
     pub(super) fn uses(&self) -> (Vec<&String>, Vec<&String>) {
         match self {
             Self::Schematic(_) => (Vec::new(), Vec::new()),
+            Self::Circles(circles) => circles.uses(),
             Self::Blocks(blocks) => (vec![&blocks.record], blocks.models.iter().collect()),
             Self::Horizons(horizons) => (horizons.records.iter().collect(), horizons.models.iter().collect()),
             Self::Along(along) => (vec![&along.record], vec![&along.model]),
@@ -60,6 +64,7 @@ impl Kind {
     pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
         match self {
             Self::Schematic(schematic) => Ok(schematic.run()),
+            Self::Circles(circles) => circles.run(lab),
             Self::Blocks(blocks) => blocks.run(lab),
             Self::Horizons(horizons) => horizons.run(lab),
             Self::Along(along) => along.run(lab),
