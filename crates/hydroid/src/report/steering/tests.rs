@@ -42,5 +42,5 @@ fn the_page_shows_track_errors_commands_and_many_voyages() {
 }
 
 fn steering_page(subject: &Steered<'_>) -> String {
-    super::steering(subject).unwrap()
+    steering(subject).unwrap()
 }
