@@ -160,7 +160,9 @@ fn a_study_that_was_killed_goes_on() {
     let cache = folder.path().join("killed/cache");
     let clock = Instant::now();
     // A model is there and the page is not.
-    while !fs::read_dir(&cache).is_ok_and(|files| files.count() > 0) && clock.elapsed() < Duration::from_secs(120) {
+    while !fs::read_dir(&cache).is_ok_and(|files| files.count() > 0)
+        && clock.elapsed() < Duration::from_secs(120)
+    {
         std::thread::sleep(Duration::from_millis(5));
     }
     child.kill().unwrap();

@@ -32,17 +32,14 @@ use hydroid::model::{Body, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
 use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
+use hydroid::steer::{self, Conditions, Course, Law, Metrics, Pace, Scene, Timing, sail};
 use hydroid_core::control::{
-    AffineEquations, AffineNetwork, AffinePlant, Backstepping, BacksteppingSettings, Controller, Estimate,
+    AffineEquations, AffineNetwork, AffinePlant, Backstepping, BacksteppingSettings, Controller,
     FeedbackLinearization, FeedbackLinearizationSettings, Status,
 };
-use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, Walker};
 use hydroid_core::model::affine::ControlAffine;
 use hydroid_core::model::sparse::{Equations, Term};
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
+use hydroid_core::vessel::VesselParams;
 
 /// What moves.
 pub const MOTION: [&str; 3] = ["u", "v", "r"];
@@ -86,53 +83,16 @@ pub fn circle(
     measured: bool,
     (noise, seed): (f64, u64),
 ) -> Outcome {
-    let plant = Plant::new(vessel).expect("built in");
-    let path = Path::circle([0.0, 0.0], task.radius, Side::Starboard, 0.0).expect("a circle");
-    let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(task.speed)).expect("a speed");
-    let mut walker = Walker::new(&profile);
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut white = |deviation: f64| {
-        let value: f64 = StandardNormal.sample(&mut random);
-        noise * deviation * value
-    };
-    controller.reset();
-    let start = path.at(0.0);
-    let mut state = State {
-        x: start.position[0] + 0.5,
-        y: start.position[1] - task.ahead,
-        psi: start.course,
-        u: task.speed,
-        p_f: plant.holding_force(task.speed),
-        ..State::REST
-    };
-    let (mut squares, mut settled) = (0.0, 0.0);
-    let mut counts = [0.0; 6];
-    let mut samples = 0.0;
-    while samples * DT < DURATION_S {
-        let sigma = vessel.noise;
-        let nu = [state.u + white(sigma.u), state.v + white(sigma.v), state.r + white(sigma.r)];
-        let force = [state.p_f + white(sigma.p_f), f64::NAN];
-        let actuators = if measured { &force[..] } else { &[] };
-        let reference = walker.reference(&path, &profile);
-        let mut command = [0.0; 2];
-        let estimate = Estimate { eta: [state.x, state.y, state.psi], nu, actuators };
-        let status = controller.command(&estimate, &reference, &mut command);
-        counts[status as usize] += 1.0;
-        if samples * DT >= SETTLED_S {
-            let (sin, cos) = state.psi.sin_cos();
-            let north = state.x + task.ahead * cos - reference.position[0];
-            let east = state.y + task.ahead * sin - reference.position[1];
-            squares += north * north + east * east;
-            settled += 1.0;
-        }
-        let actuation = plant.actuation(&Command { pp: command[0], rd: command[1] });
-        for _ in 0..10 {
-            state = plant.advance_under(&state, &actuation, 0.1 * DT);
-        }
-        walker.advance(&profile, DT);
-        samples += 1.0;
-    }
-    Outcome { rms: f64::sqrt(squares / settled), shares: counts.map(|count| count / samples) }
+    let circle = steer::Task::Circle { radius: task.radius };
+    let course = Course::new(&circle, &Pace::cruise(task.speed)).expect("a circle");
+    let scene = Scene { duration_s: DURATION_S, start: [0.0, -0.5], ..Scene::new(vessel.clone(), course) };
+    let conditions = Conditions { noise, ..Conditions::calm(seed) };
+    let mut helm = Law { controller, lead: task.ahead, timing: Timing::Clock, force: measured };
+    let voyage = sail(&scene, &conditions, &mut helm, &mut silent()).expect("built-in vessels sail");
+    let metrics = Metrics::of(&voyage, SETTLED_S);
+    let count = |status: Status| metrics.status.get(status.name()).copied().unwrap_or(0);
+    let samples = voyage.moments.len() as f64;
+    Outcome { rms: metrics.rms_position, shares: Status::ALL.map(|status| count(status) as f64 / samples) }
 }
 
 /// With clean velocities, and the median with noisy ones.

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::kalman::LearnablePlant;
 use hydroid_core::control::{
-    Affine, AffineEquations, AffineNetwork, AffinePlant, Backstepping, Channel, ControlError, Controller, Estimate,
-    FeedbackLinearization, Motion, Status,
+    Affine, AffineEquations, AffineNetwork, AffinePlant, Backstepping, Channel, ControlError, Controller,
+    Estimate, FeedbackLinearization, Motion, Status,
 };
 use hydroid_core::model::PlantModel;
 use hydroid_core::model::sparse::Equations;

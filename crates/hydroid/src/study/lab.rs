@@ -121,7 +121,8 @@ impl<'a> Lab<'a> {
             return Ok(Arc::clone(models));
         }
         let plan = self.plan.models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
-        let learned = plan.seeds.iter().map(|&seed| self.learn(name, plan, seed)).collect::<Result<_, _>>()?;
+        let learned =
+            plan.seeds.iter().map(|&seed| self.learn(name, plan, seed)).collect::<Result<_, _>>()?;
         let learned = Arc::new(learned);
         self.models
             .lock()

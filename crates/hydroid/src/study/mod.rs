@@ -6,8 +6,8 @@
 //! written whole or not at all. What differs from machine to machine are times.
 
 mod claims;
-pub mod error_k;
 mod error;
+pub mod error_k;
 mod experiment;
 mod lab;
 mod look;
@@ -79,7 +79,13 @@ pub struct Summary {
 ///
 /// # Errors
 /// If something is named that is not there, a part cannot be made or written, or the work is stopped.
-pub fn run(plan: &Plan, only: &[String], folder: &Path, program: u64, watch: Watch<'_>) -> Result<Summary, StudyError> {
+pub fn run(
+    plan: &Plan,
+    only: &[String],
+    folder: &Path,
+    program: u64,
+    watch: Watch<'_>,
+) -> Result<Summary, StudyError> {
     atomic::probe(folder)?;
     for name in only {
         if !plan.experiments.iter().any(|(known, _)| known == name) {

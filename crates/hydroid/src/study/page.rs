@@ -14,7 +14,12 @@ use crate::report::page::{Section, columns, figure, page, table};
 const BESIDE: usize = 7;
 
 /// The page.
-pub(super) fn write(plan: &Plan, done: &[Done<'_>], claims: &[Judged], lab: &Lab<'_>) -> Result<String, StudyError> {
+pub(super) fn write(
+    plan: &Plan,
+    done: &[Done<'_>],
+    claims: &[Judged],
+    lab: &Lab<'_>,
+) -> Result<String, StudyError> {
     let mut sections = vec![Section::new("summary", "Summary", summary(plan, done, claims))];
     for one in done {
         let body = experiment(one.name, one.experiment, &one.outcome, plan.quick)?;
@@ -84,7 +89,12 @@ fn claims_table(claims: &[Judged], reasons: bool) -> Markup {
     }
 }
 
-fn experiment(name: &str, experiment: &Experiment, outcome: &Outcome, quick: bool) -> Result<Markup, StudyError> {
+fn experiment(
+    name: &str,
+    experiment: &Experiment,
+    outcome: &Outcome,
+    quick: bool,
+) -> Result<Markup, StudyError> {
     let mut charts = Vec::new();
     let mut drawings = Vec::new();
     for shown in &outcome.pictures {
@@ -147,8 +157,7 @@ fn sheet(sheet: &Sheet) -> Markup {
 }
 
 fn method(plan: &Plan, done: &[Done<'_>], lab: &Lab<'_>) -> Markup {
-    let mut models: Vec<&String> =
-        done.iter().flat_map(|one| one.experiment.run.uses().1).collect();
+    let mut models: Vec<&String> = done.iter().flat_map(|one| one.experiment.run.uses().1).collect();
     models.sort();
     models.dedup();
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);

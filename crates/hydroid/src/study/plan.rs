@@ -186,8 +186,22 @@ pub struct Plan {
 }
 
 /// The order of the page; what is not named here comes behind, by name.
-const ORDER: [&str; 14] =
-    ["fig1", "fig2", "fig3", "fig4", "fig5", "fig6", "fig7", "fig8", "fig9", "sindy", "amount", "cost", "forgetting", "table1"];
+const ORDER: [&str; 14] = [
+    "fig1",
+    "fig2",
+    "fig3",
+    "fig4",
+    "fig5",
+    "fig6",
+    "fig7",
+    "fig8",
+    "fig9",
+    "sindy",
+    "amount",
+    "cost",
+    "forgetting",
+    "table1",
+];
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -331,7 +345,12 @@ fn small<T: DeserializeOwned>(text: &str, path: &Path, quick: bool) -> Result<T,
 fn wrong(text: &str, path: &Path, name: &str, error: &toml::de::Error) -> StudyError {
     // A table that was merged has lost its lines: the heading is the nearest that is known.
     let heading = text.lines().position(|line| line.trim() == format!("[{name}]")).map_or(1, |i| i + 1);
-    StudyError::Entry { path: path.to_owned(), line: heading, name: name.to_owned(), message: error.message().to_owned() }
+    StudyError::Entry {
+        path: path.to_owned(),
+        line: heading,
+        name: name.to_owned(),
+        message: error.message().to_owned(),
+    }
 }
 
 /// Takes the table `quick` out, and puts what it says in place where that is asked for.

@@ -188,4 +188,3 @@ pub fn recipe(
     }
     Ok(rows)
 }
-

@@ -60,7 +60,9 @@ impl Store {
         self.write(&path, &made)?;
         // What is read back is what others will see: a number that JSON has not would show here and not a run later.
         kept(&path).ok_or_else(|| {
-            StudyError::Result(format!("the result '{name}' has numbers that cannot be kept (NaN or infinite)"))
+            StudyError::Result(format!(
+                "the result '{name}' has numbers that cannot be kept (NaN or infinite)"
+            ))
         })
     }
 

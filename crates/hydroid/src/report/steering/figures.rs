@@ -96,28 +96,38 @@ fn over_time(subject: &Steered<'_>, of: impl Fn(&Moment) -> f64) -> Vec<(f64, f6
     envelope(points.into_iter(), POINTS / 2)
 }
 
-/// Errors and speeds over time.
+/// The line of the vessel.
+const VESSEL: Stroke = Stroke { width: 1.4, ..style::MODEL_LINE };
+
+fn line(subject: &Steered<'_>, of: fn(&Moment) -> f64, stroke: Stroke) -> Mark {
+    Mark::Line(Line::new(over_time(subject, of), stroke))
+}
+
+/// Where errors begin to count.
+fn counts(subject: &Steered<'_>) -> Mark {
+    let stroke = Stroke { colour: style::AXIS, width: 1.2, dash: SOLID };
+    Mark::Verticals { at: vec![subject.metrics.from_s], stroke }
+}
+
+/// Errors of the place over time.
 pub(super) fn errors(subject: &Steered<'_>) -> Figure {
-    let line = |of: fn(&Moment) -> f64, stroke| Mark::Line(Line::new(over_time(subject, of), stroke));
-    let model = Stroke { width: 1.4, ..style::MODEL_LINE };
-    let counts = Mark::Verticals {
-        at: vec![subject.metrics.from_s],
-        stroke: Stroke { colour: style::AXIS, width: 1.2, dash: SOLID },
-    };
-    Figure::new("Errors over time", "time [s]")
-        .key(Key::Line(model), "vessel")
+    let panel = |label: &str, of| Panel::new(label).mark(counts(subject)).mark(line(subject, of, VESSEL));
+    Figure::new("Errors of the place over time", "time [s]")
+        .panel(panel("cross-track error [m]", |m| m.cross_track))
+        .panel(panel("distance from the reference [m]", |m| m.distance))
+}
+
+/// Speed and its error over time.
+pub(super) fn speeds(subject: &Steered<'_>) -> Figure {
+    let error = line(subject, |m| m.speed_error, VESSEL);
+    Figure::new("Speed over time", "time [s]")
+        .key(Key::Line(VESSEL), "vessel")
         .key(Key::Line(style::PERSISTENCE_LINE), "asked for")
-        .panel(Panel::new("cross-track error [m]").mark(counts.clone()).mark(line(|m| m.cross_track, model)))
-        .panel(
-            Panel::new("distance from the reference [m]")
-                .mark(counts.clone())
-                .mark(line(|m| m.distance, model)),
-        )
-        .panel(Panel::new("speed error [m/s]").mark(counts).mark(line(|m| m.speed_error, model)))
+        .panel(Panel::new("speed error [m/s]").mark(counts(subject)).mark(error))
         .panel(
             Panel::new("speed over ground [m/s]")
-                .mark(line(|m| m.reference.speed + m.speed_error, model))
-                .mark(line(|m| m.reference.speed, style::PERSISTENCE_LINE)),
+                .mark(line(subject, |m| m.reference.speed + m.speed_error, VESSEL))
+                .mark(line(subject, |m| m.reference.speed, style::PERSISTENCE_LINE)),
         )
 }
 

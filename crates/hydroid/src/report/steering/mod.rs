@@ -142,8 +142,14 @@ fn track(subject: &Steered<'_>) -> Result<Section, ReportError> {
 }
 
 fn errors(subject: &Steered<'_>) -> Result<Section, ReportError> {
-    let lines = html! { "To starboard of the path, distance from the reference, and speed over ground less the one asked for, of the point that is to be on the path; below, speed and the speed asked for. The upright line is where errors begin to count." };
-    let body = html! { (figure(&figures::errors(subject).svg()?, &lines)) };
+    let errors = html! { "How far the point that is to be on the path is to starboard of it, and from its reference. Errors count from the upright line on." };
+    let speeds = html! { "Its speed over ground less the one asked for, and both." };
+    let body = html! {
+        (columns(&[
+            figure(&figures::errors(subject).svg()?, &errors),
+            figure(&figures::speeds(subject).svg()?, &speeds),
+        ]))
+    };
     Ok(Section::new("errors", "Errors", body))
 }
 

@@ -115,7 +115,14 @@ impl Along {
         let mut adapted = adapt::adapter(&learned.model, &options(false, learned), &[run])?.0;
         let mut guarded = adapt::adapter(&learned.model, &options(true, learned), &[run])?.0;
         let mut frozen = learned.model.session();
-        let mut walk = Walk { t: Vec::new(), errors: Default::default(), switched_s: Vec::new(), said: Vec::new(), deviations: Vec::new(), measured: Vec::new() };
+        let mut walk = Walk {
+            t: Vec::new(),
+            errors: Default::default(),
+            switched_s: Vec::new(),
+            said: Vec::new(),
+            deviations: Vec::new(),
+            measured: Vec::new(),
+        };
         let (mut work, mut y) = (Workspace::new(), vec![0.0; 3 * self.steps]);
         for k in 0..run.len().saturating_sub(self.steps) {
             let sessions: [&mut dyn Predictor; 3] = [frozen.as_mut(), adapted.as_mut(), guarded.as_mut()];
@@ -145,7 +152,8 @@ impl Along {
                 walk.t.push(run.t0 + k as f64 * run.dt);
             }
             let events = guarded.guard().map(|guard| guard.events());
-            let switched = events.into_iter().flatten().any(|event| matches!(event.action, Action::Switched { .. }));
+            let switched =
+                events.into_iter().flatten().any(|event| matches!(event.action, Action::Switched { .. }));
             if switched {
                 walk.switched_s.push(run.t0 + k as f64 * run.dt);
             }
@@ -171,7 +179,8 @@ impl Along {
                 let half = BAND_80 * walk.deviations[i][c];
                 (walk.t[i] + ahead, walk.said[i][c] - half, walk.said[i][c] + half)
             };
-            let band = Mark::Band { points: (from..to).map(band).collect(), colour: style::BAND, opacity: 0.35 };
+            let band =
+                Mark::Band { points: (from..to).map(band).collect(), colour: style::BAND, opacity: 0.35 };
             figure = figure.panel(
                 Panel::new(format!("{output} [{unit}]"))
                     .height(120.0)

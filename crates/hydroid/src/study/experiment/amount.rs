@@ -40,12 +40,14 @@ impl Amount {
             &["method", "log [min]", "20 steps: u [m/s]", "v [m/s]", "r [rad/s]", "training [s]"],
         );
         let mut panel = Panel::new("error of u after 20 steps [m/s]").height(240.0).decades();
-        let mut figure = Figure::new("Accuracy against the amount of data", "length of the log [min] (log10)");
+        let mut figure =
+            Figure::new("Accuracy against the amount of data", "length of the log [min] (log10)");
         for series in &self.series {
             let mut points = Vec::new();
             for name in &series.models {
                 let models = lab.models(name)?;
-                let found = models.iter().map(|learned| judged(lab, name, learned)).collect::<Result<Vec<_>, _>>()?;
+                let found =
+                    models.iter().map(|learned| judged(lab, name, learned)).collect::<Result<Vec<_>, _>>()?;
                 let middle = |c: usize| median(found.iter().map(|judged| judged.at_20[c]).collect());
                 let plan = lab.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
                 let minutes = lab.plan().records.get(&plan.train).map_or(f64::NAN, |r| r.duration_s / 60.0);

@@ -24,10 +24,8 @@ impl Blocks {
         let sailed = lab.record(&self.record)?;
         let record = Record::of(&sailed.simulated)?;
         let mut outcome = Outcome::default();
-        let mut table = Sheet::new(
-            "error_k_means",
-            &["model", "where", "blocks", "u [m/s]", "v [m/s]", "r [rad/s]"],
-        );
+        let mut table =
+            Sheet::new("error_k_means", &["model", "where", "blocks", "u [m/s]", "v [m/s]", "r [rad/s]"]);
         let mut sheet = Sheet::new(
             "error_k",
             &["model", "seed", "k", "mean u [m/s]", "output", "Error(k)", "Error(k) of C0"],
@@ -55,8 +53,10 @@ impl Blocks {
                 }
             }
             for (place, word) in error_k::PLACES.iter().enumerate() {
-                let chosen: Vec<Vec<&Block>> =
-                    all.iter().map(|blocks| blocks.iter().filter(|b| error_k::is(b, place)).collect()).collect();
+                let chosen: Vec<Vec<&Block>> = all
+                    .iter()
+                    .map(|blocks| blocks.iter().filter(|b| error_k::is(b, place)).collect())
+                    .collect();
                 let count = chosen.first().map_or(0, Vec::len);
                 let of = |c: usize, of: fn(&Block) -> [f64; 3]| {
                     median(chosen.iter().map(|blocks| mean(blocks.iter().map(|b| of(b)[c]))).collect())
@@ -67,7 +67,10 @@ impl Blocks {
                 if place == 2 && name == &self.models[0] {
                     for (c, (output, _)) in OUTPUTS.iter().enumerate() {
                         outcome.measure(&format!("above_{output}"), of(c, |b| b.model));
-                        outcome.measure(&format!("c0_over_model_{output}"), of(c, |b| b.c0) / of(c, |b| b.model));
+                        outcome.measure(
+                            &format!("c0_over_model_{output}"),
+                            of(c, |b| b.c0) / of(c, |b| b.model),
+                        );
                     }
                 }
             }
@@ -94,7 +97,8 @@ impl Blocks {
         let floor = lab.store.get("floor", lab.store.key("floor", &(), &[sailed.key])?, || {
             Ok(error_k::noise_floor(&record)?.to_vec())
         })?;
-        let mut row = vec!["noise floor: the true plant from the measured speeds".into(), "all".into(), "".into()];
+        let mut row =
+            vec!["noise floor: the true plant from the measured speeds".into(), "all".into(), "".into()];
         row.extend(floor.iter().map(|&x| Cell::Number(x)));
         table.row(row);
         outcome.sheets.push(sheet);

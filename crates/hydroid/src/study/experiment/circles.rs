@@ -108,7 +108,9 @@ impl Circles {
                 ];
                 match result {
                     Ok(sailed) => {
-                        row.extend([sailed.clean, sailed.noisy, 100.0 * sailed.not_tracking].map(Cell::Number));
+                        row.extend(
+                            [sailed.clean, sailed.noisy, 100.0 * sailed.not_tracking].map(Cell::Number),
+                        );
                         let of = format!("{}_{}", if name == TRUTH { "truth" } else { name }, i);
                         outcome.measure(&format!("{of}_clean"), sailed.clean);
                         outcome.measure(&format!("{of}_noisy"), sailed.noisy);
@@ -116,7 +118,9 @@ impl Circles {
                     }
                     Err(why) => {
                         row.extend(["–", "–", "–"].map(Cell::from));
-                        outcome.remarks.push(format!("{} at {} m/s, {word}: {why}", circle.plant, circle.speed_m_s));
+                        outcome
+                            .remarks
+                            .push(format!("{} at {} m/s, {word}: {why}", circle.plant, circle.speed_m_s));
                     }
                 }
                 table.row(row);
@@ -138,9 +142,15 @@ impl Circles {
         Ok(outcome)
     }
 
-    fn sail(&self, circle: &Circle, vessel: &VesselParams, model: &Model) -> Result<Sailed, crate::steer::SteerError> {
+    fn sail(
+        &self,
+        circle: &Circle,
+        vessel: &VesselParams,
+        model: &Model,
+    ) -> Result<Sailed, crate::steer::SteerError> {
         let course = Course::new(&Task::Circle { radius: circle.radius_m }, &Pace::cruise(circle.speed_m_s))?;
-        let scene = Scene { duration_s: DURATION_S, start: [0.0, -0.5], ..Scene::new(vessel.clone(), course) };
+        let scene =
+            Scene { duration_s: DURATION_S, start: [0.0, -0.5], ..Scene::new(vessel.clone(), course) };
         let mut steering = Steering::new(Kind::FeedbackLinearization, vessel, scene.dt_s);
         steering.model = Some(Arc::new(model.clone()));
         steering.lead = circle.lead_m;
@@ -162,7 +172,12 @@ impl Circles {
             voyage.moments.iter().step_by(5).map(point).collect()
         });
         let noise = median(noisy.iter().map(|voyage| Metrics::of(voyage, SETTLED_S).rms_position).collect());
-        Ok(Sailed { clean, noisy: noise, not_tracking: median(noisy.iter().map(not_tracking).collect()), points })
+        Ok(Sailed {
+            clean,
+            noisy: noise,
+            not_tracking: median(noisy.iter().map(not_tracking).collect()),
+            points,
+        })
     }
 }
 
@@ -176,16 +191,16 @@ fn stroke(name: &str) -> Stroke {
 fn track(circle: &Circle, drawn: &[Drawn]) -> Figure {
     let edge = 1.15 * circle.radius_m;
     // The centre is to starboard of the start, which is at the origin and heads north.
-    let around = (0..=180).map(|i| f64::from(i).to_radians() * 2.0).map(|angle| {
-        (circle.radius_m - circle.radius_m * angle.cos(), circle.radius_m * angle.sin())
-    });
+    let around = (0..=180)
+        .map(|i| f64::from(i).to_radians() * 2.0)
+        .map(|angle| (circle.radius_m - circle.radius_m * angle.cos(), circle.radius_m * angle.sin()));
     let dashed = Stroke { colour: style::AXIS, width: 1.4, dash: Dash::Dashed };
     let mut panel = Panel::new("north [m]")
         .height(400.0)
         .range(-edge, edge)
         .mark(Mark::Line(Line::new(around.collect(), dashed)));
-    let mut figure = Figure::new("Tracks on a circle", "east [m]")
-        .x_range(circle.radius_m - edge, circle.radius_m + edge);
+    let mut figure =
+        Figure::new("Tracks on a circle", "east [m]").x_range(circle.radius_m - edge, circle.radius_m + edge);
     for (word, name, points) in drawn {
         let points = points.iter().map(|[_, north, east, _]| (*east, *north)).collect();
         panel = panel.mark(Mark::Line(Line::new(points, stroke(name))));

@@ -37,10 +37,8 @@ impl Cost {
     pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
         let sailed = lab.record(&self.record)?;
         let mut outcome = Outcome::default();
-        let mut table = Sheet::new(
-            "cost",
-            &["network", "memory", "a sample [us]", "kept [kB]", "20 steps: u [m/s]"],
-        );
+        let mut table =
+            Sheet::new("cost", &["network", "memory", "a sample [us]", "kept [kB]", "20 steps: u [m/s]"]);
         let mut panel = Panel::new("adapted error of u after 20 steps [m/s]").height(220.0).decades();
         let mut figure = Figure::new("Accuracy against the cost of a step", "a sample [us] (log10)");
         for name in &self.models {
@@ -62,7 +60,11 @@ impl Cost {
                         let what = format!("{name}, {words}");
                         let report =
                             adapt::adapt(&learned.model, &runs, &options, &mut lab.progress(&what))?.report;
-                        Ok(Spent { us: report.us_per_sample.median, memory, error: report.adapted.mae[19][0] })
+                        Ok(Spent {
+                            us: report.us_per_sample.median,
+                            memory,
+                            error: report.adapted.mae[19][0],
+                        })
                     })?);
                 }
                 let of = |value: &dyn Fn(&Spent) -> f64| median(all.iter().map(value).collect());

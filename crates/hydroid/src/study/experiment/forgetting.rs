@@ -54,7 +54,13 @@ impl Forgetting {
         let mut table = Sheet::new(
             "forgetting",
             &[
-                "network", "", "at sea, epoch 1: u", "epoch 2", "last epoch", "at home before: u", "after",
+                "network",
+                "",
+                "at sea, epoch 1: u",
+                "epoch 2",
+                "last epoch",
+                "at home before: u",
+                "after",
                 "times as large",
             ],
         );

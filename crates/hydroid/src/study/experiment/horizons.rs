@@ -61,26 +61,26 @@ impl Horizons {
         );
         for name in &self.models {
             let models = lab.models(name)?;
-            let pairs: Vec<(&Learned, &Sailed)> =
-                models.iter().flat_map(|model| records.iter().map(move |record| (model, &**record))).collect();
+            let pairs: Vec<(&Learned, &Sailed)> = models
+                .iter()
+                .flat_map(|model| records.iter().map(move |record| (model, &**record)))
+                .collect();
             let all = lab.each(&format!("{name} along the records"), &pairs, |(model, record)| {
                 adaptation(lab, model, record, false)
             })?;
             self.one(name, &all, &mut table, &mut outcome);
         }
-        let of = format!(
-            "{} of training and {} of noise",
-            lab.models(&self.models[0])?.len(),
-            records.len()
+        let of = format!("{} of training and {} of noise", lab.models(&self.models[0])?.len(), records.len());
+        outcome.table(
+            table,
+            format!("The {} error against the truth, medians over seeds, {of}.", self.error.word()),
         );
-        outcome.table(table, format!("The {} error against the truth, medians over seeds, {of}.", self.error.word()));
         Ok(outcome)
     }
 
     fn one(&self, name: &str, all: &[Along], table: &mut Sheet, outcome: &mut Outcome) {
         let spread = |of: &dyn Fn(&Along) -> Option<&Errors>, n: usize, c: usize| -> Spread {
-            let values: Vec<f64> =
-                all.iter().filter_map(|one| Some(self.error.of(of(one)?)[n][c])).collect();
+            let values: Vec<f64> = all.iter().filter_map(|one| Some(self.error.of(of(one)?)[n][c])).collect();
             let (low, high) = range(&values);
             (median(values), low, high)
         };
@@ -100,7 +100,8 @@ impl Horizons {
             &["output", "steps", "way", "median", "least", "largest"],
         );
         for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
-            let mut panel = Panel::new(format!("{} error of {output} [{unit}]", self.error.word())).height(130.0);
+            let mut panel =
+                Panel::new(format!("{} error of {output} [{unit}]", self.error.word())).height(130.0);
             let mut top = 0.0f64;
             for (way, of) in ways {
                 let curve: Vec<Spread> = (0..HORIZON).map(|n| spread(of, n, c)).collect();
@@ -121,7 +122,8 @@ impl Horizons {
                 top = curve.iter().map(|(middle, ..)| *middle).fold(top, f64::max);
                 if way == "adapted" {
                     top = curve.iter().map(|(.., high)| *high).fold(top, f64::max);
-                    let points = curve.iter().enumerate().map(|(n, (_, low, high))| (step(n), *low, *high)).collect();
+                    let points =
+                        curve.iter().enumerate().map(|(n, (_, low, high))| (step(n), *low, *high)).collect();
                     panel = panel.mark(Mark::Band { points, colour: look::colour(name), opacity: 0.18 });
                 }
                 let points = curve.iter().enumerate().map(|(n, (middle, ..))| (step(n), *middle)).collect();
@@ -130,7 +132,10 @@ impl Horizons {
             figure = figure.panel(panel.range(0.0, 1.05 * top));
         }
         for (way, _) in ways {
-            figure = figure.key(Key::Line(look::way(way, name)), if way == "frozen" { "frozen, as trained" } else { way });
+            figure = figure.key(
+                Key::Line(look::way(way, name)),
+                if way == "frozen" { "frozen, as trained" } else { way },
+            );
         }
         for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
             for (way, of) in ways {
@@ -146,7 +151,10 @@ impl Horizons {
             "{network}, trained at low speed, along lawn-mower records that fly: {} error against the truth.{}",
             self.error.word(),
             if all.len() > 1 {
-                format!(" Lines are medians over {} runs (seeds of training and of noise), the band is the range of the adapted.", all.len())
+                format!(
+                    " Lines are medians over {} runs (seeds of training and of noise), the band is the range of the adapted.",
+                    all.len()
+                )
             } else {
                 String::new()
             }

@@ -29,8 +29,11 @@ pub struct Recipe {
 impl Recipe {
     pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
         let [train, test] = [lab.record(&self.train)?, lab.record(&self.test)?];
-        let degrees: Vec<(u8, usize)> =
-            self.degrees.iter().flat_map(|&degree| (0..DIFFERENCES.len()).map(move |d| (degree, d))).collect();
+        let degrees: Vec<(u8, usize)> = self
+            .degrees
+            .iter()
+            .flat_map(|&degree| (0..DIFFERENCES.len()).map(move |d| (degree, d)))
+            .collect();
         let rows: Vec<Vec<Row>> = lab.each("the recipe of the thesis", &degrees, |&(degree, d)| {
             let key = lab.store.key("recipe", &(degree, d), &[train.key, test.key])?;
             lab.store.get("recipe", key, || {
@@ -51,8 +54,19 @@ impl Recipe {
         let mut table = Sheet::new(
             "recipe",
             &[
-                "degree", "differences", "force in", "threshold", "terms", "20 steps: u [m/s]", "v [m/s]",
-                "r [rad/s]", "100 steps: u [m/s]", "v [m/s]", "r [rad/s]", "diverged", "verdict",
+                "degree",
+                "differences",
+                "force in",
+                "threshold",
+                "terms",
+                "20 steps: u [m/s]",
+                "v [m/s]",
+                "r [rad/s]",
+                "100 steps: u [m/s]",
+                "v [m/s]",
+                "r [rad/s]",
+                "diverged",
+                "verdict",
             ],
         );
         for row in &rows {
@@ -64,7 +78,10 @@ impl Recipe {
                 row.terms.into(),
             ];
             cells.extend(errors(row.errors.as_ref()));
-            cells.extend([format!("{} of {}", row.diverged, row.windows).into(), row.verdict.to_string().into()]);
+            cells.extend([
+                format!("{} of {}", row.diverged, row.windows).into(),
+                row.verdict.to_string().into(),
+            ]);
             table.row(cells);
         }
         for (learned, found) in ours.iter().zip(&found) {
@@ -76,7 +93,11 @@ impl Recipe {
         }
         let ours_20 = median(found.iter().flatten().map(|errors| errors[0][0]).collect());
         let works = rows.iter().filter(|row| row.verdict == Verdict::WorksModerately);
-        let best = works.clone().filter_map(|row| row.errors.as_ref()).map(|e| e[0][0]).fold(f64::INFINITY, f64::min);
+        let best = works
+            .clone()
+            .filter_map(|row| row.errors.as_ref())
+            .map(|e| e[0][0])
+            .fold(f64::INFINITY, f64::min);
         outcome.measure("failing_share", 1.0 - works.count() as f64 / rows.len() as f64);
         outcome.measure("recipe_over_ours_u_20", best / ours_20);
         outcome.chart(
@@ -84,7 +105,10 @@ impl Recipe {
             figure(&rows, ours_20),
             "Error of u after 20 steps, of every setting of the thesis's recipe, over the threshold; crosses at the upper edge diverged or have no term left. hydroid's equations, which find the lag and the change of mode by themselves, are the line.",
         );
-        outcome.table(table, "All settings: mean absolute errors of rollouts from true states against the truth.");
+        outcome.table(
+            table,
+            "All settings: mean absolute errors of rollouts from true states against the truth.",
+        );
         Ok(outcome)
     }
 }
@@ -102,21 +126,29 @@ fn figure(rows: &[Row], ours: f64) -> Figure {
     let height = |row: &Row| row.errors.as_ref().map(|errors| errors[0][0].log10());
     let top = 0.6;
     let mut panel = Panel::new("error of u after 20 steps [m/s]").height(240.0).decades().range(-4.2, top);
-    let mut figure = Figure::new(
-        "The recipe of the thesis over its threshold",
-        "log10 of the threshold (leftmost: none)",
-    )
-    .x_range(-2.9, -0.15);
+    let mut figure =
+        Figure::new("The recipe of the thesis over its threshold", "log10 of the threshold (leftmost: none)")
+            .x_range(-2.9, -0.15);
     for (unit, sign, shift) in [("N", Sign::Ring, -0.02), ("100 N", Sign::Disc, 0.02)] {
         let of = |good: bool| {
-            let some = rows.iter().filter(|row| row.unit == unit && good == (height(row).is_some() && row.diverged == 0));
-            some.map(|row| (place(row.threshold) + shift, if good { height(row).unwrap_or(top) } else { top - 0.1 }))
-                .collect::<Vec<_>>()
+            let some = rows
+                .iter()
+                .filter(|row| row.unit == unit && good == (height(row).is_some() && row.diverged == 0));
+            some.map(|row| {
+                (place(row.threshold) + shift, if good { height(row).unwrap_or(top) } else { top - 0.1 })
+            })
+            .collect::<Vec<_>>()
         };
         let colour = if unit == "N" { style::ALARM } else { style::MODEL };
         panel = panel
             .mark(Mark::Points(Points { points: of(true), sign, colour, radius: 3.5, label: None }))
-            .mark(Mark::Points(Points { points: of(false), sign: Sign::Cross, colour, radius: 4.0, label: None }));
+            .mark(Mark::Points(Points {
+                points: of(false),
+                sign: Sign::Cross,
+                colour,
+                radius: 4.0,
+                label: None,
+            }));
         figure = figure.key(Key::Sign(sign, colour), format!("recipe, propeller in {unit}"));
     }
     let line = look::line("sindy");

@@ -149,9 +149,17 @@ fn adaptation() -> String {
     let mut sheet = Sheet::new(title, 760, 280);
     sheet.block([20.0, 20.0, 150.0, 60.0], GREY, &["vessel", "command, then y"]);
     sheet.block([270.0, 20.0, 190.0, 60.0], BLUE, &["network", "state h, weights θ"]);
-    sheet.block([270.0, 130.0, 190.0, 70.0], GREEN, &["Kalman filter", "covariance of h and θ", "K = P H′ S⁻¹"]);
+    sheet.block(
+        [270.0, 130.0, 190.0, 70.0],
+        GREEN,
+        &["Kalman filter", "covariance of h and θ", "K = P H′ S⁻¹"],
+    );
     sheet.block([560.0, 20.0, 180.0, 60.0], BLUE, &["predictions", "and their bands"]);
-    sheet.block([560.0, 130.0, 180.0, 70.0], ORANGE, &["guard", "learner, snapshot, shore:", "who predicts best?"]);
+    sheet.block(
+        [560.0, 130.0, 180.0, 70.0],
+        ORANGE,
+        &["guard", "learner, snapshot, shore:", "who predicts best?"],
+    );
     sheet.arrow(title, &[(460.0, 50.0), (558.0, 50.0)]);
     sheet.arrow(title, &[(170.0, 50.0), (268.0, 50.0)]);
     sheet.words(219.0, 42.0, "middle", "font-size=\"13\" fill=\"#5b646e\"", "commands");
@@ -163,7 +171,11 @@ fn adaptation() -> String {
     sheet.words(408.0, 108.0, "start", "font-size=\"13\" fill=\"#5b646e\"", "corrects h and θ");
     sheet.arrow(title, &[(460.0, 165.0), (558.0, 165.0)]);
     sheet.arrow(title, &[(650.0, 130.0), (650.0, 82.0)]);
-    sheet.block([270.0, 226.0, 470.0, 42.0], GREY, &["model from shore: never learns, predicts where the learner is worse"]);
+    sheet.block(
+        [270.0, 226.0, 470.0, 42.0],
+        GREY,
+        &["model from shore: never learns, predicts where the learner is worse"],
+    );
     sheet.arrow(title, &[(650.0, 226.0), (650.0, 202.0)]);
     sheet.done()
 }

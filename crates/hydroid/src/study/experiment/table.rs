@@ -74,9 +74,21 @@ impl Comparison {
         let mut table = Sheet::new(
             "table1",
             &[
-                "method", "training [s]", "weights", "20 steps from now [us]", "simple: u [m/s]", "v [m/s]",
-                "r [rad/s]", "hydrofoil: u [m/s]", "v [m/s]", "r [rad/s]", "learning: a sample [us]",
-                "its memory [kB]", "error of u left", "what must be known", "the thesis",
+                "method",
+                "training [s]",
+                "weights",
+                "20 steps from now [us]",
+                "simple: u [m/s]",
+                "v [m/s]",
+                "r [rad/s]",
+                "hydrofoil: u [m/s]",
+                "v [m/s]",
+                "r [rad/s]",
+                "learning: a sample [us]",
+                "its memory [kB]",
+                "error of u left",
+                "what must be known",
+                "the thesis",
             ],
         );
         let mut panel = Panel::new("error of u after 20 steps, hydrofoil [m/s]").height(220.0).decades();
@@ -131,7 +143,10 @@ impl Comparison {
                     outcome.measure(&format!("{name}_{output}_20"), judged.at_20[c]);
                 }
                 if judged.diverged > 0 {
-                    outcome.remarks.push(format!("{name}: {} rollouts diverged, which are in no mean.", judged.diverged));
+                    outcome.remarks.push(format!(
+                        "{name}: {} rollouts diverged, which are in no mean.",
+                        judged.diverged
+                    ));
                 }
             }
             if let (Some(name), Some(learning)) = (&row.learns, &learning) {

@@ -1,0 +1,207 @@
+//! `hydroid control` from end to end.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &str) -> Output {
+    let words: Vec<&str> = args.split(' ').collect();
+    Command::cargo_bin("hydroid").unwrap().current_dir(folder).args(words).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn told(folder: &Path, args: &str, status: i32) -> Value {
+    let output = hydroid(folder, args);
+    assert_eq!(output.status.code(), Some(status), "{args}: {}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// All that no clock decides.
+fn timeless(mut told: Value) -> Value {
+    told.as_object_mut().unwrap().remove("us_per_command");
+    if let Some(outings) = told.get_mut("outings").and_then(Value::as_array_mut) {
+        for outing in outings {
+            outing["metrics"].as_object_mut().unwrap().remove("us_per_command");
+        }
+    }
+    told
+}
+
+#[test]
+fn a_vessel_steers_itself_and_all_is_written() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let args = "control hydrofoil --controller fl --speed 4 --radius 30 --seed 3 -o steered --json";
+    let report = told(at, args, 0);
+    for key in
+        ["rms_position", "rms_cross_track", "rms_speed", "max_cross_track", "settled_after", "saturated"]
+    {
+        assert!(report[key].as_f64().is_some_and(|x| x < 10.0), "{key}");
+    }
+    assert!(report["rms_position"].as_f64().unwrap() < 0.005);
+    assert!(
+        report["us_per_command"]["median"].as_f64().unwrap()
+            <= report["us_per_command"]["max"].as_f64().unwrap()
+    );
+    let counted: u64 = report["status"].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum();
+    assert_eq!(counted, 1200);
+    assert_eq!((&report["controller"]["kind"], &report["violations"]), (&Value::from("fl"), &Value::from(0)));
+    let written: Value =
+        serde_json::from_str(&fs::read_to_string(at.join("steered/control.json")).unwrap()).unwrap();
+    assert_eq!(written, report);
+    let page = fs::read_to_string(at.join("steered/report.html")).unwrap();
+    for words in ["north [m]", "cross-track error [m]", "PP_cmd [N]", "time for a command", "--speed 4"] {
+        assert!(page.contains(words), "{words}");
+    }
+    // The same again, but for what a clock says.
+    let track = fs::read(at.join("steered/track.csv")).unwrap();
+    let again = told(at, &args.replace("-o steered", "-o again --threads 1"), 0);
+    assert_eq!(timeless(again), timeless(report));
+    assert_eq!(fs::read(at.join("again/track.csv")).unwrap(), track);
+    // The track is a log, and others are judged by it.
+    let evaluated = hydroid(at, "evaluate hydrofoil steered/track.csv --horizon 2s --origin-stride 20");
+    assert_eq!(evaluated.status.code(), Some(0), "{}", text(&evaluated.stderr));
+    // For people.
+    let output = hydroid(at, "control hydrofoil --controller backstepping --speed 2.5 --radius 25");
+    assert_eq!(output.status.code(), Some(0));
+    assert!(text(&output.stdout).contains("RMS distance from the reference, from 40 s on"));
+}
+
+#[test]
+fn what_was_identified_steers_by_every_law_and_learns() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    for (seed, file) in [(0, "a.csv"), (1, "b.csv"), (2, "c.csv")] {
+        let args = format!("simulate hydrofoil --duration 300 --seed {seed} -o {file}");
+        assert_eq!(hydroid(at, &args).status.code(), Some(0));
+    }
+    let mut command = Command::cargo_bin("hydroid").unwrap();
+    command
+        .current_dir(at)
+        .args("identify a.csv --validate b.csv --test c.csv -o out -q --methods sindy".split(' '));
+    for term in
+        ["u", "v", "r", "u |u|", "v |v|", "r |r|", "u r", "v r", "r^2", "u v", "PP_cmd", "u sin(RD_ang)"]
+    {
+        command.args(["--term", term]);
+    }
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let model = "out/sindy.safetensors";
+    for rest in [
+        "fl",
+        "fl --adapt",
+        "fl --adapt --learner kalman --no-guard",
+        "backstepping",
+        "cem --candidates 40 --iterations 2",
+    ] {
+        let report = told(at, &format!("control {model} --controller {rest} --json"), 0);
+        let off = report["rms_position"].as_f64().unwrap();
+        assert!(off < 0.1, "{rest}: {off}");
+    }
+}
+
+#[test]
+fn equations_that_no_law_inverts_are_refused_with_a_remedy_and_steer_by_plans() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    for (seed, file) in [(0, "a.csv"), (1, "b.csv"), (2, "c.csv")] {
+        let args = format!("simulate simple --duration 120 --seed {seed} -o {file}");
+        assert_eq!(hydroid(at, &args).status.code(), Some(0));
+    }
+    let mut command = Command::cargo_bin("hydroid").unwrap();
+    command.current_dir(at).args(
+        "identify a.csv --validate b.csv --test c.csv --outputs u,v,r -o out -q --methods sindy --lag none --gate none"
+            .split(' '),
+    );
+    for term in ["u", "v", "r", "PP_cmd", "u RD_cmd", "u sin(RD_cmd)"] {
+        command.args(["--term", term]);
+    }
+    command.args(["--threshold", "0"]).output().unwrap();
+    let model = "out/sindy.safetensors";
+    let output = hydroid(at, &format!("control {model} --plant simple --controller fl --radius 10"));
+    let words = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    assert!(words.contains("fl cannot invert this model") && words.contains("cem"), "{words}");
+    let plan = "--controller cem --candidates 40 --iterations 2 --duration 20 --json";
+    let report = told(at, &format!("control {model} --plant simple --radius 10 {plan}"), 0);
+    assert!(report["rms_position"].as_f64().unwrap() < 0.5);
+}
+
+#[test]
+fn pid_is_tuned_and_lawn_mowers_are_sailed() {
+    let folder = TempDir::new().unwrap();
+    let lawn = "--task lawn-mower --leg 20 --legs 2 --radius 12 --speed 1.5";
+    let report = told(folder.path(), &format!("control --plant simple --controller pid {lawn} --json"), 0);
+    assert!(report["tuning"]["tried"].as_u64().unwrap() > 100);
+    assert!(report["tuning"]["best"]["lookahead"].as_f64().unwrap() > 0.0);
+    assert_eq!(report["arrived"], true);
+    let points = "--task waypoints --points 0,0;40,0;40,30 --radius 10";
+    let report =
+        told(folder.path(), &format!("control simple --plant simple --controller fl {points} --json"), 0);
+    assert_eq!(report["arrived"], true);
+}
+
+#[test]
+fn many_voyages_are_summed_up_and_one_that_fails_shows_in_the_exit_status() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let args = "control hydrofoil --controller fl --duration 30 --runs 6 --json -o many";
+    let report = told(at, args, 0);
+    assert_eq!((report["runs"].as_u64(), report["held"].as_u64()), (Some(6), Some(6)));
+    assert_eq!((report["violations"].as_u64(), report["unsaid"].as_u64()), (Some(0), Some(0)));
+    assert!(
+        report["rms_position"]["median"].as_f64().unwrap() <= report["rms_position"]["max"].as_f64().unwrap()
+    );
+    assert_eq!(report["outings"].as_array().unwrap().len(), 6);
+    assert!(fs::read_to_string(at.join("many/report.html")).unwrap().contains("Monte Carlo"));
+    assert_eq!(timeless(told(at, &args.replace("-o many", "--threads 1"), 0)), timeless(report));
+    // A current that is faster than the vessel.
+    let report = told(at, "control hydrofoil --controller fl --current 5,0 --duration 30 --json", 1);
+    assert!(report["settled_after"].is_null() && report["unsaid"] == 0);
+    assert_eq!(report["held"], false);
+}
+
+#[test]
+fn wrong_input_is_told_with_a_remedy() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let refused = |args: &str, words: &str| {
+        let output = hydroid(at, args);
+        assert_eq!(output.status.code(), Some(2), "{args}");
+        assert!(text(&output.stderr).contains(words), "{args}: {}", text(&output.stderr));
+    };
+    refused("control --controller fl", "steers by a model");
+    refused("control hydrofoil --controller pid", "without a model");
+    refused("control hydrofoil", "--controller");
+    refused("control none.safetensors --controller cem", "none.safetensors");
+    refused("control hydrofoil --plant simple --controller cem", "--inputs PP_cmd,RD_cmd");
+    refused("control hydrofoil --plant boat --controller fl", "no plant");
+    refused("control hydrofoil --controller fl --radius -3", "radius");
+    refused("control hydrofoil --controller fl --speed 0", "speed");
+    refused("control hydrofoil --controller fl --task waypoints", "way-points are missing");
+    refused("control hydrofoil --controller fl --task waypoints --points 0,0;1", "NORTH,EAST");
+    refused("control hydrofoil --controller fl --leg 30", "lawn-mower");
+    refused("control hydrofoil --controller fl --turn-speed 1", "a circle is all turn");
+    refused("control hydrofoil --controller fl --dt 0.015", "integration steps");
+    refused("control hydrofoil --controller fl --mass 0", "mass");
+    refused("control hydrofoil --controller fl --delay=-1", "delay");
+    refused("control hydrofoil --controller fl --gusts 5,0", "gusts");
+    refused("control hydrofoil --controller fl --runs 0", "voyages");
+    refused("control hydrofoil --controller fl --runs 3 --mass-spread 1", "spread");
+    refused("control hydrofoil --controller fl --rate-limits 0,1", "--rate-limits");
+    refused("control hydrofoil --controller fl --reference foot", "--reference");
+    refused("control hydrofoil --controller cem --candidates 1", "candidates");
+    refused("control hydrofoil --controller cem --learner kalman", "--adapt");
+    refused("control --controller pid --adapt", "pid has none");
+    refused(
+        "control hydrofoil --controller fl --task lawn-mower --radius 20 --spacing 30",
+        "legs 30 m apart",
+    );
+}
