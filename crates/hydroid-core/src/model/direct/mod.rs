@@ -3,6 +3,7 @@
 
 mod batch;
 mod check;
+mod forward;
 mod model;
 mod perceptron;
 mod session;
@@ -13,3 +14,4 @@ pub use check::DirectError;
 pub use model::Direct;
 pub use perceptron::Perceptron;
 pub use session::DirectSession;
+pub(crate) use window::{Window, push};

@@ -1,22 +1,14 @@
 //! The session of a direct predictor: the last outputs and commands.
 
-#![expect(
-    clippy::inline_always,
-    reason = "must become a part of the function that was compiled for the processor"
-)]
-
 use alloc::boxed::Box;
 use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use pulp::{Arch, Simd, WithSimd};
-
 use super::check::DirectError;
+use super::forward::Forward;
 use super::model::Direct;
-use super::perceptron::Layer;
 use super::window::{Window, push};
-use crate::math::{Scalar, functions, product, slices};
 use crate::predict::{Predictor, Workspace, rollout_steps};
 
 /// A run of a [`Direct`] model. A measurement replaces the present output; what is not measured is predicted.
@@ -24,7 +16,8 @@ use crate::predict::{Predictor, Workspace, rollout_steps};
 /// At the start of a run nothing is known of the past: a value that is measured for the first time stands for those before
 /// it, and until as many commands have passed as the history has, values wait as they were measured and rollouts are NaN.
 ///
-/// The snapshot is what it remembers: `history` rows of outputs, the present one last, then `history - 1` rows of commands.
+/// The snapshot is what it remembers: `history` rows of outputs, the present one last, then `history - 1` rows of commands;
+/// behind these, the read-out of a session that has one of its own.
 #[derive(Clone, Debug)]
 pub struct DirectSession {
     model: Arc<Direct>,
@@ -32,6 +25,8 @@ pub struct DirectSession {
     window: Window,
     /// Outputs and commands that have passed, in their own units.
     past: Vec<f64>,
+    /// Weights of the last layer that take the place of the model's, in their layout; none where these serve.
+    own: Vec<f64>,
     scratch: Vec<f64>,
     /// The present outputs, as they are predicted.
     next: Vec<f64>,
@@ -49,6 +44,7 @@ impl DirectSession {
         let scratch = vec![0.0; forward.scratch()];
         Ok(Self {
             past: vec![f64::NAN; window.past()],
+            own: Vec::new(),
             next: vec![0.0; window.n],
             model,
             forward,
@@ -62,100 +58,53 @@ impl DirectSession {
         &self.model
     }
 
+    /// The same with a read-out of its own, which travels in snapshots.
+    pub(crate) fn with_own_read_out(model: Arc<Direct>) -> Result<Self, DirectError> {
+        let mut session = Self::new(model)?;
+        session.own = session.forward.read_out(&session.model.weights).to_vec();
+        Ok(session)
+    }
+
+    /// Weights of the last layer: its matrix row by row, then its bias.
+    pub(crate) fn read_out(&self) -> &[f64] {
+        if self.own.is_empty() { self.forward.read_out(&self.model.weights) } else { &self.own }
+    }
+
+    /// The same, to go on from others; nothing where the session has none of its own.
+    pub(crate) fn read_out_mut(&mut self) -> &mut [f64] {
+        &mut self.own
+    }
+
+    /// Outputs and commands that have passed, in their own units.
+    pub(crate) fn past(&self) -> (&[f64], &[f64]) {
+        self.past.split_at(self.window.outputs())
+    }
+
+    /// How many numbers the last layer reads.
+    pub(crate) fn features(&self) -> usize {
+        self.forward.features()
+    }
+
+    /// What the last layer reads of a window of outputs and commands, in their own units; of commands that are not given the
+    /// last one stands.
+    pub(crate) fn look(&mut self, outputs: &[f64], passed: &[f64], ahead: &[f64], into: &mut [f64]) {
+        self.forward.look(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
+    }
+
+    /// The same of the window that ends now.
+    pub(crate) fn look_ahead(&mut self, ahead: &[f64], into: &mut [f64]) {
+        let (outputs, passed) = self.past.split_at(self.window.outputs());
+        self.forward.look(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
+    }
+
+    /// The read-out of features: all that the network gives.
+    pub(crate) fn give(&self, features: &[f64], into: &mut [f64]) {
+        self.forward.give(self.read_out(), features, into);
+    }
+
     /// Whether something of the past is not known.
-    fn is_waiting(&self) -> bool {
+    pub(crate) fn is_waiting(&self) -> bool {
         self.past.iter().any(|x| x.is_nan())
-    }
-}
-
-/// Where a rollout works: what the network reads, its layers, what it gives.
-#[derive(Clone, Debug)]
-struct Forward {
-    layers: Arc<[Layer]>,
-    /// Longest hidden layer.
-    widest: usize,
-    arch: Arch,
-}
-
-impl Forward {
-    fn new(model: &Direct) -> Self {
-        let widest = model.network.hidden.iter().copied().max().unwrap_or(0);
-        Self { layers: model.network.layers().into(), widest, arch: Arch::new() }
-    }
-
-    /// Numbers that a rollout needs.
-    fn scratch(&self) -> usize {
-        let ends = self.layers.first().map_or(0, |l| l.reads) + self.layers.last().map_or(0, |l| l.gives);
-        ends + 2 * self.widest
-    }
-
-    /// Predictions from a past in its own units, under commands, into `y`: as many steps as it has rows.
-    fn roll(&self, model: &Direct, past: &[f64], commands: &[f64], scratch: &mut [f64], y: &mut [f64]) {
-        let w = Window::of(model);
-        let s = &model.scaling;
-        let (x, rest) = scratch.split_at_mut(self.layers[0].reads);
-        let (hidden, g) = rest.split_at_mut(2 * self.widest);
-        for (i, (x, &y)) in x.iter_mut().zip(&past[..w.outputs()]).enumerate() {
-            *x = (y - s.output_mean[i % w.n]) / s.output_scale[i % w.n];
-        }
-        let scaled = |i: usize, c: f64| (c - s.input_mean[i % w.m]) / s.input_scale[i % w.m];
-        for (i, &c) in past[w.outputs()..].iter().enumerate() {
-            x[w.outputs() + i] = scaled(i, c);
-        }
-        let blocks = y.chunks_mut(w.h * w.n);
-        let mut first = 0;
-        for y in blocks {
-            let steps = y.len() / w.n;
-            let given = &commands[first * w.m..(first + steps) * w.m];
-            w.give(x, given.iter().enumerate().map(|(i, &c)| scaled(i, c)));
-            let g = &mut g[..y.len()];
-            self.arch.dispatch(Through { forward: self, weights: &model.weights, x, hidden, g });
-            let present = &x[(w.p - 1) * w.n..w.p * w.n];
-            for (i, (y, g)) in y.iter_mut().zip(&*g).enumerate() {
-                let c = i % w.n;
-                let base = if model.hold { present[c] * s.output_scale[c] } else { 0.0 };
-                *y = s.output_mean[c] + base + s.correction_scale[c] * g;
-            }
-            first += steps;
-            if steps == w.h {
-                for (i, (g, &y)) in g.iter_mut().zip(&*y).enumerate() {
-                    *g = (y - s.output_mean[i % w.n]) / s.output_scale[i % w.n];
-                }
-                w.pass(x, g);
-            }
-        }
-    }
-}
-
-/// `g <- f(x)`, its first numbers alone where `g` is shorter than what the network gives.
-struct Through<'a, T> {
-    forward: &'a Forward,
-    weights: &'a [T],
-    x: &'a [T],
-    hidden: &'a mut [T],
-    g: &'a mut [T],
-}
-
-impl<T: Scalar> WithSimd for Through<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Forward { layers, widest, .. } = self.forward;
-        let Some((read_out, inner)) = layers.split_last() else { return };
-        let (mut here, mut there) = self.hidden.split_at_mut(*widest);
-        for (l, layer) in inner.iter().enumerate() {
-            let x = if l == 0 { self.x } else { &here[..layer.reads] };
-            let h = &mut there[..layer.gives];
-            product::affine(layer.matrix(self.weights), layer.bias(self.weights), x, h);
-            let mut h = slices::Write::new(simd, h);
-            for k in slices::vectors::<S, T>(layer.gives) {
-                h.set(k, functions::tanh(simd, h.get(k)));
-            }
-            core::mem::swap(&mut here, &mut there);
-        }
-        let x = if inner.is_empty() { self.x } else { &here[..read_out.reads] };
-        product::affine(read_out.matrix(self.weights), read_out.bias(self.weights), x, self.g);
     }
 }
 
@@ -179,7 +128,8 @@ impl Predictor for DirectSession {
     fn observe(&mut self, y: &[f64]) {
         let Window { n, p, .. } = self.window;
         let outputs = &mut self.past[..p * n];
-        for (c, &y) in y.iter().enumerate().filter(|(_, y)| !y.is_nan()) {
+        // What is infinite was not measured.
+        for (c, &y) in y.iter().enumerate().filter(|(_, y)| y.is_finite()) {
             let present = (p - 1) * n + c;
             if outputs[present].is_nan() {
                 // Nothing was known of it.
@@ -195,7 +145,9 @@ impl Predictor for DirectSession {
         let Window { n, p, .. } = self.window;
         self.next.copy_from_slice(&self.past[(p - 1) * n..p * n]);
         if !self.is_waiting() {
-            self.forward.roll(&self.model, &self.past, c, &mut self.scratch, &mut self.next);
+            let Self { model, forward, past, own, scratch, next, .. } = self;
+            let read_out = if own.is_empty() { forward.read_out(&model.weights) } else { own };
+            forward.roll((model, read_out), past, c, scratch, next);
         }
         let (outputs, commands) = self.past.split_at_mut(p * n);
         push(outputs, &self.next);
@@ -209,19 +161,24 @@ impl Predictor for DirectSession {
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         rollout_steps(commands, self.window.m, y, self.window.n);
-        self.forward.roll(&self.model, &self.past, commands, work.take(self.scratch.len()), y);
+        let scratch = work.take(self.scratch.len());
+        self.forward.roll((&self.model, self.read_out()), &self.past, commands, scratch, y);
     }
 
     fn snapshot_len(&self) -> usize {
-        self.past.len()
+        self.past.len() + self.own.len()
     }
 
     fn snapshot(&self, into: &mut [f64]) {
-        into.copy_from_slice(&self.past);
+        let (past, own) = into.split_at_mut(self.past.len());
+        past.copy_from_slice(&self.past);
+        own.copy_from_slice(&self.own);
     }
 
     fn restore(&mut self, from: &[f64]) {
-        self.past.copy_from_slice(from);
+        let (past, own) = from.split_at(self.past.len());
+        self.past.copy_from_slice(past);
+        self.own.copy_from_slice(own);
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
