@@ -13,7 +13,7 @@ use crate::model::{Body, Members, Model};
 const FORGETTING_S: f64 = 300.0;
 
 /// What the last layer from shore is worth \[s\] where nothing else is asked for.
-const PRIOR_S: f64 = 1e-3;
+const PRIOR_S: f64 = 3e-3;
 
 /// Time \[s\] over which the errors of each step are known, of which bands are made.
 const NOISE_S: f64 = 20.0;

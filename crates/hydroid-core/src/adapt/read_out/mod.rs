@@ -16,10 +16,10 @@
 //! the window `k = m - H`, with all of its targets, and every step learns from it at once:
 //!
 //! ```text
-//! P <- forget(P)                                      the data, never the prior
 //! K  = P phi_k / (1 + phi_k' P phi_k)
 //! theta_i += K (t_{k,i} - phi_k' theta_i)             all i
 //! P <- P - K phi_k' P
+//! P <- forget(P)                                      the data, never the prior
 //! ```
 //!
 //! `K` depends on regressors alone and is the same for all steps. (To let the step `j` learn `H - j` samples earlier its
@@ -166,10 +166,7 @@ impl DirectReadOut {
             return;
         }
         self.sureness = match self.learner.as_mut().filter(|_| learning) {
-            Some(learner) => {
-                learner.forget(self.settings.forgetting);
-                1.0 + learner.project(&self.phi)
-            }
+            Some(learner) => 1.0 + learner.project(&self.phi),
             None => 1.0,
         };
         if !self.sureness.is_finite() {
@@ -189,6 +186,8 @@ impl DirectReadOut {
             *into = if error.is_nan() { 0.0 } else { error / self.windows.inflation(i) };
         }
         learner.correct(1.0);
+        // Last: errors are those of the weights that the session had.
+        learner.forget(self.settings.forgetting);
         self.outcome = Outcome::Accepted;
         self.take_over();
     }
