@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
+use hydroid_core::adapt::{DirectReadOut, ReadOutSettings};
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::{Batch, Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::Scaling;
@@ -56,9 +57,7 @@ fn forward<T: Scalar>(bencher: Bencher, windows: usize) {
     });
 }
 
-/// A session's rollout, in double precision.
-#[divan::bench(args = [20, 100])]
-fn rollout(bencher: Bencher, steps: usize) {
+fn model() -> Arc<Direct> {
     let network = network();
     let scaling = Scaling {
         output_mean: vec![0.0; 3],
@@ -68,8 +67,29 @@ fn rollout(bencher: Bencher, steps: usize) {
         correction_scale: vec![1.0; 3],
     };
     let weights = numbers(network.weights());
-    let model = Direct { network, weights, scaling, history: HISTORY, horizon: HORIZON, hold: false };
-    let mut session = match DirectSession::new(Arc::new(model)) {
+    Arc::new(Direct { network, weights, scaling, history: HISTORY, horizon: HORIZON, hold: false })
+}
+
+/// A whole sample of a session whose read-out learns, observed and advanced: 257 weights for each of 60 numbers.
+#[divan::bench]
+fn learning_sample(bencher: Bencher) {
+    let settings = ReadOutSettings { forgetting: 0.9997, information: 0.1, leak: true, noise_rate: 0.005 };
+    let mut session = match DirectReadOut::new(model(), &settings) {
+        Ok(session) => session,
+        Err(error) => panic!("{error}"),
+    };
+    let mut k = 0.0_f64;
+    bencher.bench_local(|| {
+        k += 1.0;
+        session.observe(divan::black_box(&[(0.1 * k).sin(), (0.3 * k).cos(), (0.7 * k).sin()]));
+        session.advance(divan::black_box(&[(0.05 * k).sin(), (0.2 * k).cos()]));
+    });
+}
+
+/// A session's rollout, in double precision.
+#[divan::bench(args = [20, 100])]
+fn rollout(bencher: Bencher, steps: usize) {
+    let mut session = match DirectSession::new(model()) {
         Ok(session) => session,
         Err(error) => panic!("{error}"),
     };

@@ -15,7 +15,8 @@ use hydroid_core::adapt::kalman::{
     KalmanEquations, KalmanNetwork, KalmanPlant, LearnableEquations, LearnablePlant, Memory, Tuning,
 };
 use hydroid_core::adapt::{
-    Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
+    Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, Outcome, ReadOutSettings,
+    RecursiveEquations, Settings,
 };
 use hydroid_core::control::Map;
 use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts, Room};
@@ -339,7 +340,7 @@ fn recurrent_batches_allocate_nothing(cell: Cell) {
 }
 
 /// Predicts four samples at once from three; with a batch of its network on the way.
-fn direct_session() -> Box<dyn Predictor> {
+fn direct() -> Arc<Direct> {
     let (inputs, outputs) = Direct::lengths(3, 4, 3, 2);
     let network = Perceptron { inputs, hidden: vec![7, 5], outputs };
     let weights = vec![0.1; network.weights()];
@@ -360,7 +361,13 @@ fn direct_session() -> Box<dyn Predictor> {
         correction_scale: vec![1.0; 3],
     };
     let model = Direct { network, weights, scaling, history: 3, horizon: 4, hold: true };
-    Box::new(DirectSession::new(Arc::new(model)).unwrap())
+    Arc::new(model)
+}
+
+/// Its last layer learns.
+fn read_out() -> DirectReadOut {
+    let settings = ReadOutSettings { forgetting: 0.99, information: 0.1, leak: true, noise_rate: 0.01 };
+    DirectReadOut::new(direct(), &settings).unwrap()
 }
 
 /// A control-affine network of three outputs and two commands.
@@ -414,6 +421,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(adapter.clone());
     learning_allocates_nothing(filtered(&equations));
     learning_networks_allocate_nothing();
+    learning_allocates_nothing(read_out());
     learning_allocates_nothing(guarded(&equations, &settings));
     let hydrofoil = PlantModel::new(&VesselParams::hydrofoil(), 0.1).unwrap();
     learning_allocates_nothing(vessel(&hydrofoil));
@@ -428,9 +436,11 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(filtered(&recalling));
     learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
     let below = Arc::new(recalling.clone());
-    let sessions: [Box<dyn Predictor>; 12] = [
-        direct_session(),
+    let sessions: [Box<dyn Predictor>; 14] = [
         Box::new(ControlAffineSession::new(affine_network()).unwrap()),
+        Box::new(DirectSession::new(direct()).unwrap()),
+        Box::new(read_out()),
+        read_out().fork(),
         vessel(&hydrofoil).fork(),
         Box::new(vessel(&hydrofoil)),
         Box::new(PlantSession::new(&hydrofoil)),

@@ -9,33 +9,33 @@ use hydroid::faults::Faults;
 use super::values::{Duration, NamedNumber};
 use super::{Judging, LogArgs};
 
-/// How equations learn by least squares.
+/// How equations learn by least squares, and the last layer of direct predictors.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
-#[command(next_help_heading = "Learning by least squares (equations)")]
+#[command(next_help_heading = "Learning by least squares (equations, direct predictors)")]
 pub struct EquationsArgs {
-    /// Learn from increments over this time [s] (default: what the model's identification chose, or 1)
+    /// Learn from increments over this time [s] (equations; default: what the model's identification chose, or 1)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub window: Option<f64>,
     /// Seconds of lively sailing that the model is worth: so long takes the log to count as much as it does (default:
-    /// 10)
+    /// 10; direct predictors 0.003, in each direction of the last layer)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub prior: Option<f64>,
-    /// Coefficients about which the log has long said nothing stay where they are, instead of returning to
+    /// Coefficients, or weights, about which the log has long said nothing stay where they are, instead of returning to
     /// the model's
     #[arg(long)]
     pub no_leak: bool,
-    /// Terms of the library that are not in an equation may enter it
+    /// Terms of the library that are not in an equation may enter it (equations)
     #[arg(long)]
     pub all_terms: bool,
-    /// Learn from outliers as from every other sample
+    /// Learn from outliers as from every other sample (equations)
     #[arg(long)]
     pub no_gate: bool,
 }
 
-/// How networks and vessels learn, and equations by the filter.
+/// How recurrent networks and vessels learn, and equations by the filter.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
 #[command(
-    next_help_heading = "Learning by the filter (networks, vessels, and equations with --learner kalman; variances of the scaled model)"
+    next_help_heading = "Learning by the filter (recurrent networks, vessels, and equations with --learner kalman; variances of the scaled model)"
 )]
 pub struct NetworksArgs {
     /// Standard deviation of the noise of each output, in its SI unit: u=0.01,v=0.01,r=0.02 (default: as in the logs that the
@@ -174,8 +174,8 @@ pub struct BlackBoxArgs {
 ///
 /// Walks the log once, sample by sample. At every origin the adapted model predicts with what it had learned
 /// by then, and nothing later. The coefficients of equations follow by recursive least squares with forgetting; the
-/// model itself stays the prior, to which coefficients return that the log says nothing about. The weights of a
-/// network, and with --learner kalman coefficients too, are estimated together with the state by an extended Kalman
+/// model itself stays the prior, to which coefficients return that the log says nothing about; so does the last layer of
+/// a direct predictor, all of its steps at once. The weights of a recurrent network, and with --learner kalman coefficients too, are estimated together with the state by an extended Kalman
 /// filter; so are the parameters of a vessel (masses, drag, rudder, propeller, flying mode), and -o writes its file.
 ///
 /// A guard stands beside it: it leaves out what no sensor can have measured, tests all the time whether what was learned
@@ -190,6 +190,7 @@ pub struct BlackBoxArgs {
   hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
   hydroid adapt out/sindy.safetensors today.csv --learner kalman --noise u=0.01,v=0.01,r=0.02
   hydroid adapt out/gru.safetensors today.csv --noise u=0.01,v=0.01,r=0.02
+  hydroid adapt out/direct.safetensors today.csv --horizon 2s --shore train.csv --shore-time 600s
   hydroid adapt mine.toml today.csv -o learned.toml    a vessel with given parameters, as `hydroid simulate` takes it
   hydroid adapt out/gru.safetensors today.csv --shore train.csv --inject spikes=0.01,dropout=u:10s
   logger | hydroid adapt out/sindy.safetensors - --state boat.state | controller
@@ -210,10 +211,12 @@ pub struct Adapt {
     /// Where to write the model with the coefficients or weights that it had at the end; a vessel as a .toml file
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// How the model learns: equations by least squares (the default) or by the filter, networks and vessels by the filter
+    /// How the model learns: equations by least squares (the default) or by the filter, direct predictors by least squares,
+    /// recurrent networks and vessels by the filter
     #[arg(long, value_name = "HOW", value_enum)]
     pub learner: Option<Learner>,
-    /// Time [s] after which a sample counts 1/e; inf to forget nothing (default: 60 for least squares, inf for the filter)
+    /// Time [s] after which a sample counts 1/e; inf to forget nothing (default: 60 for least squares, 300 for direct
+    /// predictors, inf for the filter)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub forgetting: Option<f64>,
     #[command(flatten)]

@@ -6,7 +6,7 @@ mod stream;
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use hydroid::adapt::{self, Gate, Kalman, Method, Options, Report, Used};
+use hydroid::adapt::{self, Gate, Kalman, LeastSquares, Method, Options, Report, Used};
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
@@ -87,14 +87,25 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     if !args.trust.no_guard {
         options = options.guarded(model);
     }
-    let equations = model.equations().is_some();
-    if equations && args.learner != Some(Learner::Kalman) {
+    let (equations, direct) = (model.equations().is_some(), model.direct().is_some());
+    ensure!(
+        !direct || args.learner != Some(Learner::Kalman),
+        "--learner kalman is not for direct predictors: their last layer learns by least squares"
+    );
+    if direct || equations && args.learner != Some(Learner::Kalman) {
         ensure!(
             args.networks == NetworksArgs::default(),
-            "options under 'Learning by the filter' are for networks and vessels, and for equations with --learner kalman: this is a model of kind '{}'",
+            "options under 'Learning by the filter' are for recurrent networks and vessels, and for equations with --learner kalman: this is a model of kind '{}'",
             model.kind()
         );
         let given = &args.equations;
+        if direct {
+            ensure!(
+                given.window.is_none() && !given.all_terms && !given.no_gate,
+                "--window, --all-terms and --no-gate are for equations: this is a direct predictor, which learns from the steps that it predicts"
+            );
+            options.least_squares = LeastSquares::of_read_outs();
+        }
         let settings = &mut options.least_squares;
         settings.forgetting_s = args.forgetting.unwrap_or(settings.forgetting_s);
         settings.window_s = given.window;
@@ -108,12 +119,12 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     }
     ensure!(
         equations || args.learner != Some(Learner::LeastSquares),
-        "--learner least-squares is for equations: this is a model of kind '{}', which learns by the filter",
+        "--learner least-squares is for equations and direct predictors: this is a model of kind '{}', which learns by the filter",
         model.kind()
     );
     ensure!(
         args.equations == EquationsArgs::default(),
-        "options under 'Learning by least squares' are for equations that learn so: this is a model of kind '{}', which is to learn by the filter",
+        "options under 'Learning by least squares' are for equations and direct predictors that learn so: this is a model of kind '{}', which is to learn by the filter",
         model.kind()
     );
     if model.recurrent().is_none() {
@@ -175,7 +186,9 @@ const EVENTS_SHOWN: usize = 12;
 fn doubts(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
     let remedy = match report.settings {
-        Used::LeastSquares(_) => "keep the model as it was; try a longer --forgetting or a larger --prior",
+        Used::LeastSquares(_) | Used::ReadOut(_) => {
+            "keep the model as it was; try a longer --forgetting or a larger --prior"
+        }
         Used::Kalman(_) => {
             "keep the model as it was; try a smaller --weight-variance or a larger --noise-factor"
         }

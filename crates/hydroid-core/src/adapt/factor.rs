@@ -1,7 +1,14 @@
 //! A covariance matrix that is symmetric and positive by construction: `P = U D U'`.
 
+#![expect(
+    clippy::inline_always,
+    reason = "must become a part of the function that was compiled for the processor"
+)]
+
 use alloc::vec;
 use alloc::vec::Vec;
+
+use pulp::{Arch, Simd, WithSimd};
 
 use super::memory::{Reader, Writer};
 
@@ -21,6 +28,7 @@ pub struct Factor {
     /// `f = U' phi` of the row that was projected last.
     f: Vec<f64>,
     gain: Vec<f64>,
+    arch: Arch,
 }
 
 impl Factor {
@@ -31,6 +39,7 @@ impl Factor {
             d: vec![variance; n],
             f: vec![0.0; n],
             gain: vec![0.0; n],
+            arch: Arch::new(),
         }
     }
 
@@ -107,13 +116,7 @@ impl Factor {
 
     /// Meets a row: gives `phi' P phi`, never negative.
     pub fn project(&mut self, phi: &[f64]) -> f64 {
-        let mut variance = 0.0;
-        for j in 0..self.len() {
-            let f = phi[j] + dot(&phi[..j], self.column(j));
-            self.f[j] = f;
-            variance += self.d[j] * f * f;
-        }
-        variance
+        self.arch.dispatch(Project { factor: self, phi })
     }
 
     /// `phi' P phi` of a row that is not met: nothing is kept of it.
@@ -134,28 +137,66 @@ impl Factor {
     /// Takes a measurement of the row met last, with noise variance `noise > 0`: `P -= K phi' P`. Gives the
     /// gain `K = P phi / (noise + phi' P phi)`.
     pub fn absorb(&mut self, noise: f64) -> &[f64] {
+        self.arch.dispatch(Absorb { factor: self, noise });
+        &self.gain
+    }
+}
+
+/// See [`Factor::project`].
+struct Project<'a> {
+    factor: &'a mut Factor,
+    phi: &'a [f64],
+}
+
+impl WithSimd for Project<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let Self { factor: Factor { columns, d, f, .. }, phi } = self;
+        let mut variance = 0.0;
+        for j in 0..d.len() {
+            let sum = phi[j] + dot(&phi[..j], &columns[start(j)..][..j]);
+            f[j] = sum;
+            variance += d[j] * sum * sum;
+        }
+        variance
+    }
+}
+
+/// See [`Factor::absorb`].
+struct Absorb<'a> {
+    factor: &'a mut Factor,
+    noise: f64,
+}
+
+impl WithSimd for Absorb<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { factor: Factor { columns, d, f, gain, .. }, noise } = self;
         let mut alpha = noise;
-        for j in 0..self.len() {
-            let f = core::mem::take(&mut self.f[j]);
-            let v = self.d[j] * f;
+        for j in 0..d.len() {
+            let f = core::mem::take(&mut f[j]);
+            let v = d[j] * f;
             let before = alpha;
             if v != 0.0 {
                 alpha += v * f;
-                self.d[j] *= before / alpha;
+                d[j] *= before / alpha;
                 let slope = -f / before;
-                let column = &mut self.columns[start(j)..][..j];
-                for (u, k) in column.iter_mut().zip(&mut self.gain[..j]) {
+                let column = &mut columns[start(j)..][..j];
+                for (u, k) in column.iter_mut().zip(&mut gain[..j]) {
                     let old = *u;
                     *u = old + slope * *k;
                     *k += v * old;
                 }
             }
-            self.gain[j] = v;
+            gain[j] = v;
         }
-        for k in &mut self.gain {
+        for k in gain.iter_mut() {
             *k /= alpha;
         }
-        &self.gain
     }
 }
 
@@ -165,6 +206,7 @@ fn start(j: usize) -> usize {
 }
 
 /// Scalar product in four partial sums, which the compiler can keep in vectors.
+#[inline(always)]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a4, a_rest) = a.as_chunks::<4>();
     let (b4, b_rest) = b.as_chunks::<4>();

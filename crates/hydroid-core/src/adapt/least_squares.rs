@@ -187,6 +187,16 @@ impl RecursiveLeastSquares {
         }
     }
 
+    /// Meets a row without its targets: gives `phi' P phi`. The innovations are to be put in
+    /// [`innovations_mut`](Self::innovations_mut) before [`correct`](Self::correct).
+    ///
+    /// # Panics
+    /// If `phi` has not `n` numbers.
+    pub fn project(&mut self, phi: &[f64]) -> f64 {
+        assert_eq!(phi.len(), self.len(), "a row of this regression");
+        self.factor.project(phi)
+    }
+
     /// Meets a row: gives `phi' P phi` and keeps the innovations `z_i - phi' theta_i`. The variance of an
     /// innovation is `noise variance x (1/w + phi' P phi)`.
     ///
@@ -204,6 +214,11 @@ impl RecursiveLeastSquares {
     /// The innovations of the last [`predict`](Self::predict).
     pub fn innovations(&self) -> &[f64] {
         &self.innovations
+    }
+
+    /// The same, to put others in their place; 0 of a target from which there is nothing to learn.
+    pub fn innovations_mut(&mut self) -> &mut [f64] {
+        &mut self.innovations
     }
 
     /// Learns from the row that [`predict`](Self::predict) has met, with weight `w > 0`: `theta_i += K e_i`,

@@ -10,6 +10,7 @@
 //! | [`KalmanEquations`](kalman::KalmanEquations) | the same, with the outputs, by an extended Kalman [`Filter`](kalman::Filter) |
 //! | [`KalmanPlant`](kalman::KalmanPlant) | motion, propeller force and parameters of a vessel, by such a filter |
 //! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by such a filter |
+//! | [`DirectReadOut`] | the last layer of a direct predictor, all steps of its horizon at once, by [`RecursiveLeastSquares`] |
 //! | [`BlendedEquations`] | several of these at different paces, weighed by what they have predicted of late |
 //! | [`Guard`](guard::Guard) | what another one does, as long as that is to be trusted |
 
@@ -22,6 +23,7 @@ mod increments;
 pub mod kalman;
 mod least_squares;
 mod memory;
+mod read_out;
 mod scale;
 mod settings;
 mod spread;
@@ -34,6 +36,7 @@ pub use equations::RecursiveEquations;
 pub use factor::Factor;
 pub use gate::Gate;
 pub use least_squares::RecursiveLeastSquares;
+pub use read_out::{DirectReadOut, ReadOutError, ReadOutSettings};
 pub use scale::rms_over_range;
 pub use settings::{Settings, SettingsError};
 pub use weighted::WeightedSession;

@@ -6,7 +6,7 @@ use hydroid_core::adapt::kalman::Memory;
 use hydroid_core::model::recurrent::Base;
 
 use super::kalman::{Kalman, LEAST_NOISE};
-use super::{AdaptError, Options, Used, learner};
+use super::{AdaptError, Options, Used, learner, read_out};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
 
@@ -26,13 +26,18 @@ pub(super) fn guard(
     let (adapter, used) = learner(model, options, runs)?;
     let sure = Options { kalman: sure(model, options), ..options.clone() };
     let companion = || -> Result<Box<dyn Adapter>, AdaptError> {
+        if let Body::Direct(direct) = &model.body {
+            return Ok(Box::new(read_out::companion(model, direct, &options.least_squares)?));
+        }
         let (mut companion, _) = learner(model, &sure, runs)?;
         companion.freeze(true);
         Ok(companion)
     };
     let noise = match &used {
         Used::Kalman(used) => used.noise.clone(),
-        Used::LeastSquares(_) => options.kalman.noise_of(model, runs).unwrap_or_else(|_| floor(model)),
+        Used::LeastSquares(_) | Used::ReadOut(_) => {
+            options.kalman.noise_of(model, runs).unwrap_or_else(|_| floor(model))
+        }
     };
     let ranges = model.description.ranges();
     let guard = Guard::new(adapter, [companion()?, companion()?], &ranges, &noise, settings.clone())

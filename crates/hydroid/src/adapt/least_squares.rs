@@ -20,7 +20,8 @@ use serde::{Deserialize, Serialize};
 use super::{AdaptError, Gate};
 use crate::model::{Body, Members, Model, Motion};
 
-/// How equations are adapted.
+/// How equations are adapted, and the last layer of direct predictors, for which the default is
+/// [`of_read_outs`](Self::of_read_outs).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LeastSquares {
@@ -118,7 +119,7 @@ pub(super) fn adapter(
 
 /// The model with the weights that an adapter of its equations has.
 pub(super) fn learned(model: &Model, weights: &[f64], all_terms: bool) -> Result<Model, AdaptError> {
-    let motion = model.equations().ok_or_else(|| AdaptError::Kind { kind: model.kind() })?;
+    let motion = model.equations().ok_or(AdaptError::Weights)?;
     let equations = with_weights(motion.equations(), weights, all_terms)?;
     // The members spread around coefficients that the model no longer has.
     Ok(Model { body: Body::Equations(Arc::new(equations)), members: Members::default(), ..model.clone() })

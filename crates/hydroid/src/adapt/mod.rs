@@ -10,12 +10,13 @@ mod guarded;
 mod kalman;
 pub mod least_squares;
 mod plant;
+mod read_out;
 pub mod stream;
 mod watch;
 
 use hydroid_core::adapt::guard::GuardError;
 use hydroid_core::adapt::kalman::KalmanError;
-use hydroid_core::adapt::{Adapter, SettingsError};
+use hydroid_core::adapt::{Adapter, ReadOutError, SettingsError};
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
@@ -32,9 +33,11 @@ pub use hydroid_core::adapt::kalman::Memory;
 pub use kalman::{Kalman, UsedKalman, Which};
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
 pub use plant::LearnedParameter;
+pub use read_out::UsedReadOut;
 pub use watch::{Counts, Coverage, Times};
 
-/// How equations learn. Networks and vessels learn by the filter, whatever is chosen.
+/// How equations learn. Recurrent networks and vessels learn by the filter, and direct predictors by least squares, whatever is
+/// chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
@@ -51,9 +54,9 @@ pub enum Method {
 pub struct Options {
     /// How equations learn.
     pub method: Method,
-    /// For equations that learn by least squares.
+    /// For equations that learn by least squares; for direct predictors [`LeastSquares::of_read_outs`] is where to begin.
     pub least_squares: LeastSquares,
-    /// For networks; for equations that learn by the filter [`Kalman::of_equations`] is where to begin, for vessels
+    /// For recurrent networks; for equations that learn by the filter [`Kalman::of_equations`] is where to begin, for vessels
     /// [`Kalman::of_plants`].
     pub kalman: Kalman,
     /// Whether, and how, what is learned is guarded.
@@ -94,7 +97,9 @@ pub struct Report {
 pub enum Used {
     /// Of equations.
     LeastSquares(UsedLeastSquares),
-    /// Of a network, a vessel, or equations that learn by the filter.
+    /// Of a direct predictor.
+    ReadOut(UsedReadOut),
+    /// Of a recurrent network, a vessel, or equations that learn by the filter.
     Kalman(UsedKalman),
 }
 
@@ -112,12 +117,15 @@ pub struct Adapted {
 pub enum AdaptError {
     /// A model that nothing here can adapt.
     #[error(
-        "a model of kind '{kind}' cannot learn on the way: give one of equations (methods sindy, lagged, recursive) or a recurrent network (lstm, gru, rnn); `hydroid evaluate` judges this one as it stands"
+        "a model of kind '{kind}' cannot learn on the way: give one of equations (methods sindy, lagged, recursive), a recurrent network (lstm, gru, rnn), a direct predictor or a vessel; `hydroid evaluate` judges this one as it stands"
     )]
     Kind {
         /// Of the model.
         kind: &'static str,
     },
+    /// The last layer cannot learn so.
+    #[error("the model cannot be adapted: {0}")]
+    ReadOut(#[from] ReadOutError),
     /// The settings make no sense.
     #[error("the model cannot be adapted: {0}")]
     Settings(SettingsError),
@@ -177,8 +185,8 @@ pub enum AdaptError {
 /// If nothing here adapts a model of its kind.
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     match &model.body {
-        Body::Equations(_) | Body::Recurrent(_) | Body::Plant(_) => Ok(()),
-        Body::Direct(_) | Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Plant(_) => Ok(()),
+        Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
     }
 }
 
@@ -204,26 +212,29 @@ fn learner(
     options: &Options,
     runs: &[&Trajectory],
 ) -> Result<(Box<dyn Adapter>, Used), AdaptError> {
-    if let Some(motion) = model.equations() {
-        if options.method == Method::Kalman {
-            let (adapter, used) = equations::adapter(model, &motion, &options.kalman, runs)?;
-            return Ok((Box::new(adapter), Used::Kalman(used)));
-        }
-        let (adapter, used) = least_squares::adapter(model, &motion, &options.least_squares)?;
-        return Ok((Box::new(adapter), Used::LeastSquares(used)));
-    }
     match &model.body {
+        Body::Equations(equations) => {
+            let motion = model.motion(equations);
+            if options.method == Method::Kalman {
+                let (adapter, used) = equations::adapter(model, &motion, &options.kalman, runs)?;
+                return Ok((Box::new(adapter), Used::Kalman(used)));
+            }
+            let (adapter, used) = least_squares::adapter(model, &motion, &options.least_squares)?;
+            Ok((Box::new(adapter), Used::LeastSquares(used)))
+        }
         Body::Recurrent(network) => {
             let (adapter, used) = kalman::adapter(model, network, &options.kalman, runs)?;
             Ok((adapter, Used::Kalman(used)))
+        }
+        Body::Direct(direct) => {
+            let (adapter, used) = read_out::adapter(model, direct, &options.least_squares)?;
+            Ok((Box::new(adapter), Used::ReadOut(used)))
         }
         Body::Plant(vessel) => {
             let (adapter, used) = plant::adapter(model, vessel, &options.kalman, runs)?;
             Ok((Box::new(adapter), Used::Kalman(used)))
         }
-        Body::Equations(_) | Body::Direct(_) | Body::Affine(_) => {
-            Err(AdaptError::Kind { kind: model.kind() })
-        }
+        Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
     }
 }
 
@@ -304,7 +315,7 @@ pub fn adapt_recorded(
         progress(0.5 * done)
     })?;
     let filtered = match (&used, model.equations(), model.plant()) {
-        (Used::LeastSquares(_), ..) => None,
+        (Used::LeastSquares(_) | Used::ReadOut(_), ..) => None,
         (Used::Kalman(_), Some(motion), _) => {
             Some(equations::filtered(model, &motion, &options.kalman, runs)?)
         }
@@ -356,14 +367,15 @@ pub fn adapt_recorded(
 /// # Errors
 /// If they are not weights of this model under these settings.
 pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: &Used) -> Result<Model, AdaptError> {
-    let mut model = match (used, &model.body) {
-        (Used::LeastSquares(used), _) => least_squares::learned(model, weights, used.all_terms)?,
-        (Used::Kalman(_), Body::Recurrent(network)) => kalman::learned(model, network, weights)?,
-        (Used::Kalman(_), Body::Plant(vessel)) => plant::learned(model, vessel, weights)?,
-        (Used::Kalman(_), Body::Direct(_) | Body::Affine(_)) => {
-            return Err(AdaptError::Kind { kind: model.kind() });
+    let mut model = match &model.body {
+        Body::Equations(_) => {
+            let all_terms = matches!(used, Used::LeastSquares(used) if used.all_terms);
+            least_squares::learned(model, weights, all_terms)?
         }
-        (Used::Kalman(_), Body::Equations(_)) => least_squares::learned(model, weights, false)?,
+        Body::Recurrent(network) => kalman::learned(model, network, weights)?,
+        Body::Direct(direct) => read_out::learned(model, direct, weights)?,
+        Body::Affine(_) => return Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Plant(vessel) => plant::learned(model, vessel, weights)?,
     };
     let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });
     let settings = &mut model.description.provenance.settings;

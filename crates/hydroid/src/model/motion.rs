@@ -44,9 +44,14 @@ impl Model {
     /// The equations that the model is; none for a network or a vessel.
     pub fn equations(&self) -> Option<Motion<'_>> {
         match &self.body {
-            Body::Equations(equations) => Some(Motion { description: &self.description, equations }),
+            Body::Equations(equations) => Some(self.motion(equations)),
             Body::Recurrent(_) | Body::Direct(_) | Body::Affine(_) | Body::Plant(_) => None,
         }
+    }
+
+    /// Equations in the words of the model.
+    pub(crate) fn motion<'a>(&'a self, equations: &'a Arc<Equations>) -> Motion<'a> {
+        Motion { description: &self.description, equations }
     }
 
     /// The equations that a network corrects (a grey box); none for other models.

@@ -40,7 +40,8 @@ impl Field {
             *z = (y[i] - model.scaling.output_mean[i]) / model.scaling.output_scale[i];
         }
         let g = &mut g[..self.outputs * (1 + self.inputs)];
-        self.through.evaluate(&model.weights, z, hidden, g);
+        let read_out = self.through.read_out(&model.weights);
+        self.through.evaluate([&model.weights, read_out], z, hidden, g);
         g
     }
 

@@ -3,6 +3,7 @@
 
 mod batch;
 mod check;
+mod forward;
 mod model;
 mod perceptron;
 mod session;
@@ -17,3 +18,4 @@ pub use perceptron::Perceptron;
 pub use session::DirectSession;
 pub use side_by_side::SideBySide;
 pub(crate) use through::Through;
+pub(crate) use window::{Window, push};

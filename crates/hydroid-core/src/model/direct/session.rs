@@ -16,7 +16,8 @@ use crate::predict::{Predictor, Source, Workspace, rollout_steps};
 /// At the start of a run nothing is known of the past: a value that is measured for the first time stands for those before
 /// it, and until as many commands have passed as the history has, values wait as they were measured and rollouts are NaN.
 ///
-/// The snapshot is what it remembers: `history` rows of outputs, the present one last, then `history - 1` rows of commands.
+/// The snapshot is what it remembers: `history` rows of outputs, the present one last, then `history - 1` rows of commands;
+/// behind these, the read-out of a session that has one of its own.
 #[derive(Clone, Debug)]
 pub struct DirectSession {
     model: Arc<Direct>,
@@ -24,6 +25,8 @@ pub struct DirectSession {
     window: Window,
     /// Outputs and commands that have passed, in their own units.
     past: Vec<f64>,
+    /// Weights of the last layer that take the place of the model's, in their layout; none where these serve.
+    own: Vec<f64>,
     scratch: Vec<f64>,
     /// The present outputs, as they are predicted.
     next: Vec<f64>,
@@ -38,10 +41,10 @@ impl DirectSession {
         model.check()?;
         let window = Window::of(&model);
         let through = Through::new(&model.network);
-        let ends = model.network.inputs + model.network.outputs;
-        let scratch = vec![0.0; ends + through.hidden()];
+        let scratch = vec![0.0; through.scratch(&model)];
         Ok(Self {
             past: vec![f64::NAN; window.past()],
+            own: Vec::new(),
             next: vec![0.0; window.n],
             model,
             through,
@@ -61,43 +64,57 @@ impl DirectSession {
     }
 
     /// Outputs and commands that have passed, in their own units.
-    pub(super) fn past(&self) -> &[f64] {
+    pub(super) fn whole_past(&self) -> &[f64] {
         &self.past
     }
 
-    /// Whether something of the past is not known.
-    fn is_waiting(&self) -> bool {
-        self.past.iter().any(|x| x.is_nan())
+    /// The same with a read-out of its own, which travels in snapshots.
+    pub(crate) fn with_own_read_out(model: Arc<Direct>) -> Result<Self, DirectError> {
+        let mut session = Self::new(model)?;
+        session.own = session.through.read_out(&session.model.weights).to_vec();
+        Ok(session)
     }
-}
 
-impl Through {
-    /// Predictions from a past in its own units, under commands, into `y`: as many steps as it has rows.
-    fn roll(&self, model: &Direct, past: &[f64], commands: &[f64], scratch: &mut [f64], y: &mut [f64]) {
-        let w = Window::of(model);
-        let (x, rest) = scratch.split_at_mut(model.network.inputs);
-        let (hidden, g) = rest.split_at_mut(self.hidden());
-        w.scale_past(model, past, x);
-        let blocks = y.chunks_mut(w.h * w.n);
-        let mut first = 0;
-        for y in blocks {
-            let steps = y.len() / w.n;
-            let given = &commands[first * w.m..(first + steps) * w.m];
-            w.give(x, given.iter().enumerate().map(|(i, &c)| model.scaled_command(i % w.m, c)));
-            let g = &mut g[..y.len()];
-            self.evaluate(&model.weights, x, hidden, g);
-            let present = &x[(w.p - 1) * w.n..w.p * w.n];
-            for (i, (y, g)) in y.iter_mut().zip(&*g).enumerate() {
-                *y = model.output_of(i % w.n, present[i % w.n], *g);
-            }
-            first += steps;
-            if steps == w.h {
-                for (i, (g, &y)) in g.iter_mut().zip(&*y).enumerate() {
-                    *g = model.scaled_output(i % w.n, y);
-                }
-                w.pass(x, g);
-            }
-        }
+    /// Weights of the last layer: its matrix row by row, then its bias.
+    pub(crate) fn read_out(&self) -> &[f64] {
+        if self.own.is_empty() { self.through.read_out(&self.model.weights) } else { &self.own }
+    }
+
+    /// The same, to go on from others; nothing where the session has none of its own.
+    pub(crate) fn read_out_mut(&mut self) -> &mut [f64] {
+        &mut self.own
+    }
+
+    /// Outputs and commands that have passed, in their own units.
+    pub(crate) fn past(&self) -> (&[f64], &[f64]) {
+        self.past.split_at(self.window.outputs())
+    }
+
+    /// How many numbers the last layer reads.
+    pub(crate) fn features(&self) -> usize {
+        self.through.features()
+    }
+
+    /// What the last layer reads of a window of outputs and commands, in their own units; of commands that are not given the
+    /// last one stands.
+    pub(crate) fn look(&mut self, outputs: &[f64], passed: &[f64], ahead: &[f64], into: &mut [f64]) {
+        self.through.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
+    }
+
+    /// The same of the window that ends now.
+    pub(crate) fn look_ahead(&mut self, ahead: &[f64], into: &mut [f64]) {
+        let (outputs, passed) = self.past.split_at(self.window.outputs());
+        self.through.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
+    }
+
+    /// The read-out of features: all that the network gives.
+    pub(crate) fn give(&self, features: &[f64], into: &mut [f64]) {
+        self.through.give(self.read_out(), features, into);
+    }
+
+    /// Whether something of the past is not known.
+    pub(crate) fn is_waiting(&self) -> bool {
+        self.past.iter().any(|x| x.is_nan())
     }
 }
 
@@ -121,7 +138,8 @@ impl Predictor for DirectSession {
     fn observe(&mut self, y: &[f64]) {
         let Window { n, p, .. } = self.window;
         let outputs = &mut self.past[..p * n];
-        for (c, &y) in y.iter().enumerate().filter(|(_, y)| !y.is_nan()) {
+        // What is infinite was not measured.
+        for (c, &y) in y.iter().enumerate().filter(|(_, y)| y.is_finite()) {
             let present = (p - 1) * n + c;
             if outputs[present].is_nan() {
                 // Nothing was known of it.
@@ -137,7 +155,9 @@ impl Predictor for DirectSession {
         let Window { n, p, .. } = self.window;
         self.next.copy_from_slice(&self.past[(p - 1) * n..p * n]);
         if !self.is_waiting() {
-            self.through.roll(&self.model, &self.past, c, &mut self.scratch, &mut self.next);
+            let Self { model, through, past, own, scratch, next, .. } = self;
+            let read_out = if own.is_empty() { through.read_out(&model.weights) } else { own };
+            through.roll((model, read_out), past, c, scratch, next);
         }
         let (outputs, commands) = self.past.split_at_mut(p * n);
         push(outputs, &self.next);
@@ -151,19 +171,24 @@ impl Predictor for DirectSession {
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         rollout_steps(commands, self.window.m, y, self.window.n);
-        self.through.roll(&self.model, &self.past, commands, work.take(self.scratch.len()), y);
+        let scratch = work.take(self.scratch.len());
+        self.through.roll((&self.model, self.read_out()), &self.past, commands, scratch, y);
     }
 
     fn snapshot_len(&self) -> usize {
-        self.past.len()
+        self.past.len() + self.own.len()
     }
 
     fn snapshot(&self, into: &mut [f64]) {
-        into.copy_from_slice(&self.past);
+        let (past, own) = into.split_at_mut(self.past.len());
+        past.copy_from_slice(&self.past);
+        own.copy_from_slice(&self.own);
     }
 
     fn restore(&mut self, from: &[f64]) {
-        self.past.copy_from_slice(from);
+        let (past, own) = from.split_at(self.past.len());
+        self.past.copy_from_slice(past);
+        self.own.copy_from_slice(own);
     }
 
     fn source(&self) -> Source<'_> {

@@ -16,6 +16,8 @@ use super::window::Window;
 #[derive(Clone, Debug)]
 pub struct SideBySide {
     model: Arc<Direct>,
+    /// Its weights, with the read-out of the session.
+    weights: Vec<f64>,
     window: Window,
     batch: Batch<f64>,
     /// What has passed, scaled: the first part of what the network reads.
@@ -37,20 +39,24 @@ impl SideBySide {
             past: vec![0.0; window.past()],
             windows: vec![0.0; sequences * model.network.inputs],
             predicted: vec![0.0; model.network.outputs],
+            weights: model.weights.clone(),
             model,
         };
         room.begin(session);
         room
     }
 
-    /// Takes the past of a session as the moment that rollouts begin from, without allocating; false for a session of another
+    /// Takes past and read-out of a session as the moment that rollouts begin from, without allocating; false for a session of another
     /// model, whose rollouts would be those of the one before.
     pub fn begin(&mut self, session: &DirectSession) -> bool {
         let model = session.shared_model();
         if !Arc::ptr_eq(model, &self.model) && **model != *self.model {
             return false;
         }
-        self.window.scale_past(&self.model, session.past(), &mut self.past);
+        self.window.scale_past(&self.model, session.whole_past(), &mut self.past);
+        let read_out = session.read_out();
+        let from = self.weights.len() - read_out.len();
+        self.weights[from..].copy_from_slice(read_out);
         true
     }
 
@@ -59,7 +65,7 @@ impl SideBySide {
     /// # Panics
     /// If there are more than room for, or the slices have not whole sequences of the same number of steps.
     pub fn rollout(&mut self, count: usize, commands: &[f64], y: &mut [f64]) {
-        let Self { model, window: w, batch, past, windows, predicted } = self;
+        let Self { model, weights, window: w, batch, past, windows, predicted } = self;
         let (n, m, reads) = (w.n, w.m, model.network.inputs);
         batch.set_windows(count);
         let lanes = batch.lanes();
@@ -78,7 +84,7 @@ impl SideBySide {
                     row[i] = x;
                 }
             }
-            batch.forward(&model.weights);
+            batch.forward(weights);
             for (i, x) in windows[..count * reads].chunks_exact_mut(reads).enumerate() {
                 let y = &mut y[(i * steps + first) * n..][..here * n];
                 let present = &x[(w.p - 1) * n..w.p * n];

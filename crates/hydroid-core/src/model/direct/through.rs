@@ -32,9 +32,41 @@ impl Through {
         2 * self.widest
     }
 
-    /// `g <- f(x)`, its first numbers alone where `g` is shorter than what the network gives.
-    pub(crate) fn evaluate<T: Scalar>(&self, weights: &[T], x: &[T], hidden: &mut [T], g: &mut [T]) {
-        self.arch.dispatch(Step { through: self, weights, x, hidden, g });
+    /// How many numbers the last layer reads.
+    pub(super) fn features(&self) -> usize {
+        self.layers.last().map_or(0, |layer| layer.reads)
+    }
+
+    /// The last layer of all weights: its matrix row by row, then its bias.
+    pub(crate) fn read_out<'a, T>(&self, weights: &'a [T]) -> &'a [T] {
+        &weights[self.layers.last().map_or(0, |layer| layer.at)..]
+    }
+
+    /// `g <- f(x)`, its first numbers alone where `g` is shorter than what the network gives; the weights of the last layer are
+    /// given by themselves.
+    pub(crate) fn evaluate<T: Scalar>(
+        &self,
+        [weights, read_out]: [&[T]; 2],
+        x: &[T],
+        hidden: &mut [T],
+        g: &mut [T],
+    ) {
+        self.arch.dispatch(Step { through: self, weights, read_out, x, hidden, g });
+    }
+
+    /// What the last layer reads, given `x`.
+    pub(super) fn look<T: Scalar>(&self, weights: &[T], x: &[T], hidden: &mut [T], into: &mut [T]) {
+        self.evaluate([weights, &[]], x, hidden, &mut []);
+        let inner = self.layers.len() - 1;
+        // Layers write to one half and to the other in turn.
+        let h = if inner == 0 { x } else { &hidden[(inner % 2) * self.widest..] };
+        into.copy_from_slice(&h[..into.len()]);
+    }
+
+    /// The last layer of what [`look`](Self::look) gives, its first numbers.
+    pub(super) fn give<T: Scalar>(&self, read_out: &[T], features: &[T], g: &mut [T]) {
+        let Some(layer) = self.layers.last() else { return };
+        self.arch.dispatch(ReadOut { layer, weights: read_out, x: features, g });
     }
 }
 
@@ -42,6 +74,7 @@ impl Through {
 struct Step<'a, T> {
     through: &'a Through,
     weights: &'a [T],
+    read_out: &'a [T],
     x: &'a [T],
     hidden: &'a mut [T],
     g: &'a mut [T],
@@ -53,7 +86,7 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Through { layers, widest, .. } = self.through;
-        let Some((read_out, inner)) = layers.split_last() else { return };
+        let Some((last, inner)) = layers.split_last() else { return };
         let (mut here, mut there) = self.hidden.split_at_mut(*widest);
         for (l, layer) in inner.iter().enumerate() {
             let x = if l == 0 { self.x } else { &here[..layer.reads] };
@@ -65,7 +98,27 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
             }
             core::mem::swap(&mut here, &mut there);
         }
-        let x = if inner.is_empty() { self.x } else { &here[..read_out.reads] };
-        product::affine(read_out.matrix(self.weights), read_out.bias(self.weights), x, self.g);
+        let x = if inner.is_empty() { self.x } else { &here[..last.reads] };
+        if !self.g.is_empty() {
+            ReadOut { layer: last, weights: self.read_out, x, g: self.g }.with_simd(simd);
+        }
+    }
+}
+
+/// The last layer by itself.
+struct ReadOut<'a, T> {
+    layer: &'a Layer,
+    weights: &'a [T],
+    x: &'a [T],
+    g: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for ReadOut<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let (matrix, bias) = self.weights.split_at(self.layer.reads * self.layer.gives);
+        product::affine(matrix, bias, self.x, self.g);
     }
 }

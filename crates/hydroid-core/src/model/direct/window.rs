@@ -4,26 +4,26 @@ use super::model::Direct;
 
 /// Sizes of a window: `[z_{k-p+1} .. z_k  m_{k-p+1} .. m_{k+H-1}]`, in any units.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Window {
+pub(crate) struct Window {
     /// Outputs, inputs, history and horizon.
-    pub(super) n: usize,
-    pub(super) m: usize,
-    pub(super) p: usize,
-    pub(super) h: usize,
+    pub(crate) n: usize,
+    pub(crate) m: usize,
+    pub(crate) p: usize,
+    pub(crate) h: usize,
 }
 
 impl Window {
-    pub(super) fn of(model: &Direct) -> Self {
+    pub(crate) fn of(model: &Direct) -> Self {
         Self { n: model.outputs(), m: model.inputs(), p: model.history, h: model.horizon }
     }
 
     /// Numbers of the past outputs.
-    pub(super) fn outputs(&self) -> usize {
+    pub(crate) fn outputs(&self) -> usize {
         self.p * self.n
     }
 
     /// Numbers of outputs and commands that have passed: what a session remembers.
-    pub(super) fn past(&self) -> usize {
+    pub(crate) fn past(&self) -> usize {
         self.outputs() + (self.p - 1) * self.m
     }
 
@@ -39,7 +39,7 @@ impl Window {
     }
 
     /// Puts `given` commands from the present one on into a window; the last of them stands for those behind it.
-    pub(super) fn give<T: Copy>(&self, window: &mut [T], given: impl Iterator<Item = T>) {
+    pub(crate) fn give<T: Copy>(&self, window: &mut [T], given: impl Iterator<Item = T>) {
         let ahead = &mut window[self.past()..];
         let mut count = 0;
         for (slot, value) in ahead.iter_mut().zip(given) {
@@ -53,7 +53,7 @@ impl Window {
     }
 
     /// Moves on by a whole horizon: the outputs that were predicted and the commands that have passed become the past.
-    pub(super) fn pass<T: Copy>(&self, window: &mut [T], predicted: &[T]) {
+    pub(crate) fn pass<T: Copy>(&self, window: &mut [T], predicted: &[T]) {
         let (outputs, commands) = window.split_at_mut(self.outputs());
         push(outputs, &predicted[..self.h * self.n]);
         commands.copy_within(self.h * self.m.., 0);
@@ -61,7 +61,7 @@ impl Window {
 }
 
 /// Shifts a row of numbers and appends others: of a longer row its end stays.
-pub(super) fn push<T: Copy>(row: &mut [T], others: &[T]) {
+pub(crate) fn push<T: Copy>(row: &mut [T], others: &[T]) {
     let (len, new) = (row.len(), others.len());
     if new >= len {
         row.copy_from_slice(&others[new - len..]);

@@ -1,0 +1,110 @@
+//! It learns, says what it did, and can be saved.
+
+use super::{DirectReadOut, FEWEST_WINDOWS};
+use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
+use crate::adapt::{Adapter, Health, Innovation, Outcome};
+use crate::predict::{Predictor, Workspace};
+
+impl Adapter for DirectReadOut {
+    fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+
+    /// Of the last step of the horizon: what a window had to say of this sample.
+    fn innovations(&self) -> &[Innovation] {
+        &self.innovations
+    }
+
+    fn weights(&self) -> &[f64] {
+        self.session.read_out()
+    }
+
+    fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+    }
+
+    fn inflate(&mut self, factor: f64) {
+        self.inflation = factor;
+    }
+
+    fn restart(&mut self) {
+        if let Some(learner) = &mut self.learner {
+            learner.restart();
+        }
+    }
+
+    /// Its covariance is positive by construction.
+    fn health(&self) -> Health {
+        Health { sureness: self.sureness, ..Health::UNKNOWN }
+    }
+
+    fn memory_len(&self) -> usize {
+        let learner = self.learner.as_ref().map_or(0, |learner| learner.memory_len());
+        self.session.snapshot_len() + self.windows.memory_len() + learner + self.variance.len() + 4
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "room for the memory");
+        let mut into = Writer::new(into);
+        self.session.snapshot(into.part(self.session.snapshot_len()));
+        self.windows.save(&mut into);
+        if let Some(learner) = &self.learner {
+            learner.save(&mut into);
+        }
+        into.numbers(&self.variance);
+        into.numbers(&[self.sureness, self.inflation]);
+        into.count(self.seen);
+        into.flag(self.frozen);
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
+        let mut from = Reader::new(from);
+        self.session.restore(from.part(self.session.snapshot_len()));
+        self.windows.load(&mut from);
+        if let Some(learner) = &mut self.learner {
+            learner.load(&mut from);
+        }
+        from.numbers(&mut self.variance);
+        self.sureness = from.part(1)[0];
+        self.inflation = from.part(1)[0];
+        self.seen = from.count(MOST_COUNTED);
+        self.frozen = from.flag();
+        self.innovations.clear();
+        self.outcome = Outcome::Waiting;
+    }
+
+    /// From the errors of each step of late and the uncertainty of the weights; NaN beyond the horizon of the network, and
+    /// before errors are known.
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        _: &mut Workspace,
+        deviations: &mut [f64],
+    ) {
+        let n = self.session.outputs();
+        assert_eq!(deviations.len(), horizons.len() * n, "a row for each horizon");
+        let (h, m) = (self.model().horizon, self.session.inputs());
+        deviations.fill(f64::NAN);
+        // Without inputs there are no commands to know.
+        let given = &commands[..commands.len().min(h * m)];
+        let missing = given.is_empty() && m > 0 || given.iter().any(|c| c.is_nan());
+        if self.seen < FEWEST_WINDOWS || self.session.is_waiting() || missing {
+            return;
+        }
+        let features = self.phi.len() - 1;
+        self.session.look_ahead(given, &mut self.phi[..features]);
+        let sureness = 1.0 + self.learner.as_mut().map_or(0.0, |learner| learner.project(&self.phi));
+        let scale = &self.session.model().scaling.correction_scale;
+        for (&horizon, into) in horizons.iter().zip(deviations.chunks_exact_mut(n)) {
+            if !(1..=h).contains(&horizon) {
+                continue;
+            }
+            let variances = &self.variance[(horizon - 1) * n..][..n];
+            for ((into, variance), scale) in into.iter_mut().zip(variances).zip(scale) {
+                *into = num_traits::Float::sqrt(variance * sureness) * scale;
+            }
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! It predicts as the network with the read-out of the moment does.
+
+use alloc::boxed::Box;
+
+use super::DirectReadOut;
+use crate::adapt::{Outcome, Rejection};
+use crate::predict::{Predictor, Source, Workspace};
+
+impl Predictor for DirectReadOut {
+    fn outputs(&self) -> usize {
+        self.session.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.session.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        self.session.warm_up()
+    }
+
+    fn reset(&mut self) {
+        self.session.reset();
+        self.windows.restart(self.session.past());
+        self.inflation = 1.0;
+        self.innovations.clear();
+        self.outcome = Outcome::Waiting;
+    }
+
+    /// What is infinite was not measured.
+    fn observe(&mut self, y: &[f64]) {
+        let inflation = core::mem::replace(&mut self.inflation, 1.0);
+        self.session.observe(y);
+        if self.windows.measure(y, self.session.past().0, inflation) {
+            self.learn();
+        }
+        if y.iter().any(|y| y.is_infinite()) {
+            self.outcome = Outcome::Rejected(Rejection::NotFinite);
+            self.innovations.clear();
+        }
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        self.session.advance(c);
+        let outputs = self.session.past().0;
+        let present = &outputs[outputs.len() - self.session.outputs()..];
+        self.windows.pass(c, present);
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        self.session.output(y);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.session.rollout(commands, work, y);
+    }
+
+    fn source(&self) -> Source<'_> {
+        self.session.source()
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.session.snapshot_len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        self.session.snapshot(into);
+    }
+
+    /// It learns again from windows that begin here; how sure it is of the weights stays as it is.
+    fn restore(&mut self, from: &[f64]) {
+        self.session.restore(from);
+        self.windows.restart(self.session.past());
+        self.hand_over();
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        self.session.fork()
+    }
+}

@@ -1,0 +1,73 @@
+//! A window through a direct predictor, and rollouts that chain windows.
+
+use super::model::Direct;
+use super::through::Through;
+use super::window::Window;
+
+impl Through {
+    /// Numbers that a rollout needs.
+    pub(super) fn scratch(&self, model: &Direct) -> usize {
+        model.network.inputs + model.network.outputs + self.hidden()
+    }
+
+    /// What the last layer reads of a window: outputs, commands that have passed, commands to come; of those that are not given
+    /// the last one stands.
+    pub(super) fn look_through(
+        &self,
+        model: &Direct,
+        [outputs, passed, ahead]: [&[f64]; 3],
+        scratch: &mut [f64],
+        into: &mut [f64],
+    ) {
+        let (x, hidden) = scratch.split_at_mut(model.network.inputs);
+        let w = Window::of(model);
+        let (of_outputs, of_commands) = x.split_at_mut(w.outputs());
+        for (i, (x, &y)) in of_outputs.iter_mut().zip(outputs).enumerate() {
+            *x = model.scaled_output(i % w.n, y);
+        }
+        for (i, (x, &c)) in of_commands.iter_mut().zip(passed).enumerate() {
+            *x = model.scaled_command(i % w.m, c);
+        }
+        w.give(x, scaled(model, ahead));
+        self.look(&model.weights, x, hidden, into);
+    }
+
+    /// Predictions from a past in its own units, under commands, into `y`: as many steps as it has rows.
+    pub(super) fn roll(
+        &self,
+        (model, read_out): (&Direct, &[f64]),
+        past: &[f64],
+        commands: &[f64],
+        scratch: &mut [f64],
+        y: &mut [f64],
+    ) {
+        let w = Window::of(model);
+        let (x, rest) = scratch.split_at_mut(model.network.inputs);
+        let (hidden, g) = rest.split_at_mut(self.hidden());
+        w.scale_past(model, past, x);
+        let blocks = y.chunks_mut(w.h * w.n);
+        let mut first = 0;
+        for y in blocks {
+            let steps = y.len() / w.n;
+            w.give(x, scaled(model, &commands[first * w.m..(first + steps) * w.m]));
+            let g = &mut g[..y.len()];
+            self.evaluate([&model.weights, read_out], x, hidden, g);
+            let present = &x[(w.p - 1) * w.n..w.p * w.n];
+            for (i, (y, g)) in y.iter_mut().zip(&*g).enumerate() {
+                *y = model.output_of(i % w.n, present[i % w.n], *g);
+            }
+            first += steps;
+            if steps == w.h {
+                for (i, (g, &y)) in g.iter_mut().zip(&*y).enumerate() {
+                    *g = model.scaled_output(i % w.n, y);
+                }
+                w.pass(x, g);
+            }
+        }
+    }
+}
+
+/// Commands in the scale of the network.
+fn scaled<'a>(model: &'a Direct, commands: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    commands.iter().enumerate().map(|(i, &c)| model.scaled_command(i % model.inputs(), c))
+}

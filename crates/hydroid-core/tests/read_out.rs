@@ -1,0 +1,431 @@
+//! The last layer of a direct predictor that learns, against recursive least squares of each of its numbers by itself, written
+//! down with whole matrices once more.
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::guard::{Guard, GuardSettings};
+use hydroid_core::adapt::{Adapter, DirectReadOut, Outcome, ReadOutError, ReadOutSettings, Rejection};
+use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
+use hydroid_core::model::recurrent::Scaling;
+use hydroid_core::predict::{Predictor, Workspace};
+use proptest::prelude::*;
+
+const SETTINGS: ReadOutSettings =
+    ReadOutSettings { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
+
+fn model(history: usize, horizon: usize, hold: bool, hidden: &[usize]) -> Direct {
+    let (inputs, outputs) = Direct::lengths(history, horizon, 2, 2);
+    let network = Perceptron { inputs, hidden: hidden.to_vec(), outputs };
+    let weights = (0..network.weights()).map(|k| 0.6 * (0.7 * k as f64 + 0.3).sin()).collect();
+    let scaling = Scaling {
+        output_mean: vec![1.0, -0.5],
+        output_scale: vec![2.0, 0.4],
+        input_mean: vec![10.0, 0.1],
+        input_scale: vec![5.0, 0.3],
+        correction_scale: vec![0.7, 0.2],
+    };
+    Direct { weights, network, scaling, history, horizon, hold }
+}
+
+fn learner(model: &Direct, settings: &ReadOutSettings) -> DirectReadOut {
+    DirectReadOut::new(Arc::new(model.clone()), settings).unwrap()
+}
+
+fn command(k: usize) -> [f64; 2] {
+    [10.0 + 5.0 * (0.3 * k as f64).sin(), 0.2 * (0.17 * k as f64).cos()]
+}
+
+fn measured(k: usize) -> [f64; 2] {
+    let noise = (0.01 * (12.9 * k as f64).sin() * 43_758.5).fract();
+    [1.0 + (0.1 * k as f64).sin() + 0.05 * noise, -0.5 + 0.2 * (0.23 * k as f64).cos()]
+}
+
+/// Of one number that the network gives: `R = P^-1` and its weights.
+struct Naive {
+    information: Vec<Vec<f64>>,
+    theta: Vec<f64>,
+    prior: Vec<f64>,
+    turn: usize,
+}
+
+/// `A x = b` by elimination with pivots.
+fn solve(a: &[Vec<f64>], b: &[f64]) -> Vec<f64> {
+    let n = b.len();
+    let mut rows: Vec<Vec<f64>> = a.iter().zip(b).map(|(row, b)| [row.as_slice(), &[*b]].concat()).collect();
+    for i in 0..n {
+        let pivot = (i..n).max_by(|&p, &q| rows[p][i].abs().total_cmp(&rows[q][i].abs())).unwrap();
+        rows.swap(i, pivot);
+        for p in 0..n {
+            if p != i {
+                let factor = rows[p][i] / rows[i][i];
+                for q in i..=n {
+                    rows[p][q] -= factor * rows[i][q];
+                }
+            }
+        }
+    }
+    (0..n).map(|i| rows[i][n] / rows[i][i]).collect()
+}
+
+impl Naive {
+    fn new(theta: &[f64], r0: f64) -> Self {
+        let n = theta.len();
+        let information = (0..n).map(|i| (0..n).map(|j| if i == j { r0 } else { 0.0 }).collect()).collect();
+        Self { information, theta: theta.to_vec(), prior: theta.to_vec(), turn: 0 }
+    }
+
+    fn weigh(&mut self, phi: &[f64], error: f64, weight: f64) {
+        for (row, a) in self.information.iter_mut().zip(phi) {
+            row.iter_mut().zip(phi).for_each(|(r, b)| *r += weight * a * b);
+        }
+        let pull: Vec<f64> = phi.iter().map(|phi| weight * phi * error).collect();
+        let step = solve(&self.information, &pull);
+        self.theta.iter_mut().zip(step).for_each(|(theta, step)| *theta += step);
+    }
+
+    /// `R <- R + phi phi'`, then `R <- lambda R + n (1 - lambda) r0 e_j e_j'`; of what is given back to the prior the target is
+    /// its own.
+    fn learn(&mut self, phi: &[f64], target: f64, settings: &ReadOutSettings) {
+        let error = target - phi.iter().zip(&self.theta).map(|(phi, theta)| phi * theta).sum::<f64>();
+        self.weigh(phi, error, 1.0);
+        let n = self.theta.len();
+        let (lambda, j) = (settings.forgetting, self.turn);
+        if lambda < 1.0 {
+            self.information.iter_mut().flatten().for_each(|r| *r *= lambda);
+            let unit: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == j))).collect();
+            let lost = if settings.leak { self.prior[j] - self.theta[j] } else { 0.0 };
+            self.weigh(&unit, lost, n as f64 * (1.0 - lambda) * settings.information);
+            self.turn = (j + 1) % n;
+        }
+    }
+}
+
+/// Rows of the read-out with their biases behind them.
+fn rows(model: &Direct, weights: &[f64]) -> Vec<Vec<f64>> {
+    let gives = model.network.outputs;
+    let features = weights.len() / gives - 1;
+    let (matrix, bias) = weights.split_at(features * gives);
+    matrix.chunks_exact(features).zip(bias).map(|(row, b)| [row, &[*b]].concat()).collect()
+}
+
+/// What the last layer reads of the window that ended at `k`, by loops.
+fn regressor(model: &Direct, k: usize) -> Vec<f64> {
+    let (s, p, h) = (&model.scaling, model.history, model.horizon);
+    let outputs =
+        (k + 1 - p..=k).flat_map(|j| [0, 1].map(|i| (measured(j)[i] - s.output_mean[i]) / s.output_scale[i]));
+    let inputs =
+        (k + 1 - p..k + h).flat_map(|j| [0, 1].map(|i| (command(j)[i] - s.input_mean[i]) / s.input_scale[i]));
+    let mut x: Vec<f64> = outputs.chain(inputs).collect();
+    let tensors = model.network.tensors();
+    for pair in tensors.chunks(2).take(model.network.hidden.len()) {
+        let (w, b) = (&model.weights[pair[0].range()], &model.weights[pair[1].range()]);
+        let sum = |(row, b): (&[f64], &f64)| b + row.iter().zip(&x).map(|(w, x)| w * x).sum::<f64>();
+        x = w.chunks_exact(pair[0].columns).zip(b).map(|row| sum(row).tanh()).collect();
+    }
+    x.push(1.0);
+    x
+}
+
+/// Every number learns from its own target as soon as its regressor is known, as if it were alone.
+#[test]
+fn every_step_learns_as_if_it_were_alone() {
+    for (p, h, hold, hidden) in
+        [(1, 1, false, vec![5]), (4, 6, true, vec![7, 5]), (3, 4, false, vec![6, 4, 5]), (2, 3, true, vec![])]
+    {
+        for settings in [
+            SETTINGS,
+            ReadOutSettings { forgetting: 1.0, ..SETTINGS },
+            ReadOutSettings { leak: false, ..SETTINGS },
+        ] {
+            let model = model(p, h, hold, &hidden);
+            let mut adapter = learner(&model, &settings);
+            let mut naive: Vec<Naive> = rows(&model, adapter.weights())
+                .iter()
+                .map(|theta| Naive::new(theta, settings.information))
+                .collect();
+            for m in 0..60 {
+                adapter.observe(&measured(m));
+                // The window that ended a horizon ago is complete, if its past is known.
+                let complete = m.checked_sub(h).filter(|k| k + 1 >= p);
+                assert_eq!(adapter.outcome() == Outcome::Accepted, complete.is_some(), "{m}");
+                if let Some(k) = complete {
+                    let phi = regressor(&model, k);
+                    for (i, naive) in naive.iter_mut().enumerate() {
+                        let (j, c) = (i / 2 + 1, i % 2);
+                        let base = if hold { measured(k)[c] } else { model.scaling.output_mean[c] };
+                        let target = (measured(k + j)[c] - base) / model.scaling.correction_scale[c];
+                        naive.learn(&phi, target, &settings);
+                    }
+                }
+                for (row, naive) in rows(&model, adapter.weights()).iter().zip(&naive) {
+                    for (a, b) in row.iter().zip(&naive.theta) {
+                        assert!((a - b).abs() < 1e-9, "{p} {h} {hold} {hidden:?} {m}: {a} {b}");
+                    }
+                }
+                adapter.advance(&command(m));
+            }
+        }
+    }
+}
+
+fn walk(adapter: &mut dyn Adapter, from: usize, to: usize) -> Vec<u64> {
+    let (mut seen, mut work) = (Vec::new(), Workspace::new());
+    for k in from..to {
+        let mut y = measured(k);
+        if k % 23 == 22 {
+            y[k % 2] = f64::NAN;
+        }
+        if k % 29 == 28 {
+            adapter.inflate(9.0);
+        }
+        adapter.observe(&y);
+        seen.push(u64::from(adapter.outcome() == Outcome::Accepted));
+        seen.extend(adapter.innovations().iter().flat_map(|i| [i.value.to_bits(), i.deviation.to_bits()]));
+        adapter.advance(&command(k));
+        let (mut ahead, mut bands) = ([0.0; 12], [0.0; 4]);
+        let commands: Vec<f64> = (k + 1..k + 7).flat_map(command).collect();
+        adapter.rollout(&commands, &mut work, &mut ahead);
+        adapter.deviations(&commands, &[2, 6], &mut work, &mut bands);
+        seen.extend(ahead.iter().chain(&bands).chain(adapter.weights()).map(|x| x.to_bits()));
+    }
+    seen
+}
+
+fn saved(adapter: &dyn Adapter) -> Vec<f64> {
+    let mut memory = vec![0.0; adapter.memory_len()];
+    adapter.save(&mut memory);
+    memory
+}
+
+fn far(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+fn bits(numbers: &[f64]) -> Vec<u64> {
+    numbers.iter().map(|x| x.to_bits()).collect()
+}
+
+#[test]
+fn it_goes_on_from_what_another_saved() {
+    let model = model(3, 4, true, &[7, 5]);
+    for at in [0, 1, 3, 6, 7, 23, 30, 120] {
+        let (mut first, mut second) = (learner(&model, &SETTINGS), learner(&model, &SETTINGS));
+        walk(&mut first, 0, at);
+        walk(&mut second, 5, 90);
+        second.load(&saved(&first));
+        assert_eq!(bits(&saved(&second)), bits(&saved(&first)));
+        assert_eq!(walk(&mut first, at, at + 100), walk(&mut second, at, at + 100), "{at}");
+    }
+}
+
+/// With the weights of the moment: of the model as it was then.
+#[test]
+fn a_snapshot_predicts_as_it_did() {
+    let model = model(3, 4, false, &[7, 5]);
+    let mut adapter = learner(&model, &SETTINGS);
+    walk(&mut adapter, 0, 60);
+    let roll = |session: &dyn Predictor| {
+        let commands: Vec<f64> = (60..70).flat_map(command).collect();
+        let mut y = vec![0.0; 20];
+        session.rollout(&commands, &mut Workspace::new(), &mut y);
+        y
+    };
+    let then = roll(&adapter);
+    let mut snapshot = vec![0.0; adapter.snapshot_len()];
+    adapter.snapshot(&mut snapshot);
+    let weights = adapter.weights().to_vec();
+    assert_eq!(snapshot[snapshot.len() - weights.len()..], weights);
+    walk(&mut adapter, 60, 120);
+    assert_ne!(roll(&adapter), then);
+    let mut fork = adapter.fork();
+    fork.restore(&snapshot);
+    assert_eq!(roll(fork.as_ref()), then);
+    adapter.restore(&snapshot);
+    assert_eq!((roll(&adapter), adapter.weights()), (then, &weights[..]));
+    // Windows begin again; then it learns on from there.
+    for k in 60..60 + model.horizon {
+        adapter.observe(&measured(k));
+        adapter.advance(&command(k));
+        assert_eq!(adapter.weights(), weights);
+    }
+    adapter.observe(&measured(60 + model.horizon));
+    assert_ne!(adapter.weights(), weights);
+}
+
+/// Weights of an output that is not measured stay; of the other they are what they would be.
+#[test]
+fn what_was_not_measured_teaches_nothing() {
+    let model = model(3, 4, false, &[7, 5]);
+    let settings = ReadOutSettings { leak: false, ..SETTINGS };
+    let (mut whole, mut half) = (learner(&model, &settings), learner(&model, &settings));
+    for k in 0..41 {
+        // Regressors are the same until the windows are complete that end where it was not measured any more.
+        let gone = k >= 37;
+        whole.observe(&measured(k));
+        half.observe(&[measured(k)[0], if gone { f64::NAN } else { measured(k)[1] }]);
+        assert_eq!(half.outcome(), whole.outcome());
+        let (a, b) = (rows(&model, whole.weights()), rows(&model, half.weights()));
+        for i in 0..8 {
+            let (j, c) = (i / 2 + 1, i % 2);
+            // The target of step j of the window that ended 4 samples ago.
+            assert_eq!(a[i] != b[i], gone && c == 1 && k - 4 + j >= 37, "{k} {j} {c}");
+        }
+        whole.advance(&command(k));
+        half.advance(&command(k));
+    }
+    // Nothing at all: nothing is learned, and nothing breaks.
+    let before = half.weights().to_vec();
+    for k in 41..60 {
+        half.observe(&[f64::NAN; 2]);
+        half.advance(&command(k));
+    }
+    assert_eq!(half.outcome(), Outcome::Waiting);
+    assert!(half.weights().iter().zip(&before).any(|(a, b)| a != b), "targets that were still to come");
+    let before = half.weights().to_vec();
+    half.observe(&[f64::INFINITY, 1.0]);
+    assert_eq!(half.outcome(), Outcome::Rejected(Rejection::NotFinite));
+    assert!(half.weights().iter().all(|w| w.is_finite()) && before.iter().all(|w| w.is_finite()));
+    let mut y = [0.0; 2];
+    half.output(&mut y);
+    assert!(y[0].is_finite());
+}
+
+/// A vessel that the features can tell, with another last layer: it is found, and bands say how well.
+#[test]
+fn a_last_layer_that_has_changed_is_found() {
+    let plain = model(2, 1, false, &[12]);
+    let mut other = plain.clone();
+    let at = other.weights.len() - 13 * 2;
+    for (k, w) in other.weights[at..].iter_mut().enumerate() {
+        *w += 0.2 * (1.3 * k as f64).cos();
+    }
+    let settings = ReadOutSettings { forgetting: 1.0, information: 1e-6, ..SETTINGS };
+    let mut adapter = learner(&plain, &settings);
+    let mut frozen = DirectSession::new(Arc::new(plain)).unwrap();
+    let mut world = DirectSession::new(Arc::new(other)).unwrap();
+    world.observe(&measured(0));
+    let command = |k: usize| {
+        let x = (k * k) as f64;
+        [10.0 + 7.0 * (1.7 * x).sin(), 0.5 * (2.3 * x + k as f64).cos()]
+    };
+    let (mut y, mut work) = ([0.0; 2], Workspace::new());
+    let (mut before, mut after, mut bands) = (0.0_f64, 0.0_f64, [0.0; 4]);
+    for k in 0..2000 {
+        world.output(&mut y);
+        adapter.observe(&y);
+        frozen.observe(&y);
+        adapter.advance(&command(k));
+        frozen.advance(&command(k));
+        world.advance(&command(k));
+        if k > 1500 {
+            let [mut truth, mut a, mut b] = [[0.0; 2]; 3];
+            world.output(&mut truth);
+            adapter.output(&mut a);
+            frozen.output(&mut b);
+            after = after.max(far(&a, &truth));
+            before = before.max(far(&b, &truth));
+        }
+    }
+    assert!(before > 0.02 && after < 1e-4 * before, "{before} {after}");
+    adapter.observe(&y);
+    let commands: Vec<f64> = (2000..2002).flat_map(command).collect();
+    adapter.deviations(&commands, &[1, 2], &mut work, &mut bands);
+    assert!(bands[..2].iter().all(|b| *b < 0.1 * before), "{bands:?}");
+    assert!(bands[2..].iter().all(|b| b.is_nan()), "beyond what the network gives: {bands:?}");
+}
+
+/// Many samples of little excitation: nothing grows.
+#[test]
+fn it_stays_sound_for_long() {
+    let model = model(2, 3, true, &[6]);
+    let mut adapter = learner(&model, &ReadOutSettings { forgetting: 0.97, ..SETTINGS });
+    for k in 0..200_000 {
+        // Nothing happens but noise, and now and then something does.
+        let lively = (k / 5000) % 4 == 3;
+        let y = if lively { measured(k) } else { [1.0 + 1e-3 * (k as f64).sin(), -0.5] };
+        adapter.observe(&y);
+        adapter.advance(&if lively { command(k) } else { [10.0, 0.1] });
+        assert!(adapter.health().sureness.is_nan() || adapter.health().sureness >= 1.0, "{k}");
+    }
+    let learner = adapter.learner().unwrap();
+    assert!(learner.is_sound());
+    for i in 0..learner.len() {
+        let most = 0.97_f64.powi(1 - learner.len() as i32) / SETTINGS.information;
+        assert!((0.0..=most).contains(&learner.covariance(i, i)), "{i}: {}", learner.covariance(i, i));
+    }
+    assert!(adapter.weights().iter().all(|w| w.abs() < 100.0));
+}
+
+#[test]
+fn a_guard_stands_around_it_with_companions_that_do_not_learn() {
+    let model = Arc::new(model(3, 4, true, &[7, 5]));
+    let companion = || -> Box<dyn Adapter> {
+        let mut companion = DirectReadOut::companion(Arc::clone(&model), &SETTINGS).unwrap();
+        companion.freeze(true);
+        Box::new(companion)
+    };
+    let guard = || {
+        let learner = Box::new(DirectReadOut::new(Arc::clone(&model), &SETTINGS).unwrap());
+        let ranges = [(-1.0, 3.0), (-1.5, 0.5), (0.0, 20.0), (-0.5, 0.5)];
+        let settings = GuardSettings { horizon: 4, stride: 1, keep: 10, ..GuardSettings::new(0.1) };
+        Guard::new(learner, [companion(), companion()], &ranges, &[0.02, 0.02], settings).unwrap()
+    };
+    let (mut first, mut second) = (guard(), guard());
+    let before = first.weights().to_vec();
+    walk(&mut first, 0, 200);
+    assert_ne!(first.weights(), before);
+    second.load(&saved(&first));
+    assert_eq!(walk(&mut first, 200, 300), walk(&mut second, 200, 300));
+    // What never learns is what a plain session is.
+    let mut companion = companion();
+    let mut plain = DirectSession::new(Arc::clone(&model)).unwrap();
+    for k in 0..50 {
+        companion.observe(&measured(k));
+        plain.observe(&measured(k));
+        companion.advance(&command(k));
+        plain.advance(&command(k));
+    }
+    assert_eq!(companion.weights(), before);
+    let commands: Vec<f64> = (50..60).flat_map(command).collect();
+    let (mut a, mut b, mut work) = ([0.0; 20], [0.0; 20], Workspace::new());
+    companion.rollout(&commands, &mut work, &mut a);
+    plain.rollout(&commands, &mut work, &mut b);
+    assert_eq!(bits(&a), bits(&b));
+}
+
+#[test]
+fn settings_that_make_no_sense_are_refused() {
+    let model = Arc::new(model(3, 4, true, &[7]));
+    for (settings, part) in [
+        (ReadOutSettings { forgetting: 1.1, ..SETTINGS }, "forgetting"),
+        (ReadOutSettings { forgetting: f64::NAN, ..SETTINGS }, "forgetting"),
+        (ReadOutSettings { forgetting: 0.1, ..SETTINGS }, "forgetting"),
+        (ReadOutSettings { information: 0.0, ..SETTINGS }, "worth"),
+        (ReadOutSettings { noise_rate: -0.1, ..SETTINGS }, "noise"),
+    ] {
+        let error = DirectReadOut::new(Arc::clone(&model), &settings).unwrap_err();
+        assert!(error.to_string().contains(part), "{error}");
+    }
+    let broken = Arc::new(Direct { history: 0, ..Direct::clone(&model) });
+    assert!(matches!(DirectReadOut::new(broken, &SETTINGS), Err(ReadOutError::Model(_))));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// What comes from a file may be anything.
+    #[test]
+    fn a_memory_of_nonsense_never_panics(seed in any::<u64>(), finite in any::<bool>()) {
+        let mut x = seed | 1;
+        let mut next = || {
+            x ^= x << 13;
+            x ^= x >> 7;
+            x ^= x << 17;
+            if finite { (x % 10_000) as f64 - 5000.0 } else { f64::from_bits(x) }
+        };
+        let mut adapter = learner(&model(3, 4, true, &[7, 5]), &SETTINGS);
+        let memory: Vec<f64> = (0..adapter.memory_len()).map(|_| next()).collect();
+        adapter.load(&memory);
+        walk(&mut adapter, 0, 60);
+    }
+}

@@ -1,0 +1,204 @@
+//! Direct predictors that learn along logs with truth, in several ways, beside the same networks frozen.
+//!
+//! ```text
+//! cargo run --release --example direct_at_sea -- MODEL[,MODEL ..] LOG[,LOG ..] [KEY=VALUE ..]
+//! ```
+//!
+//! Models are direct predictors of 20 steps or more; errors are medians over all of them. `frozen`: as trained; `read-out`: the
+//! last layer by recursive least squares; `guarded`: the same under guard; `replay`: all weights by steps of Adam in the
+//! background, on windows of the run that are complete. `forgetting` \[s\], `prior` \[s\], `leak` (0 or 1) are those of the least
+//! squares; `rate`, `batch`, `steps` (of Adam, for each sample) and `last` (windows that are kept) those of the replay, which is left out where
+//! `steps=0`. `low=LOG` is a log of low speed that each walks afterwards, without learning any more. `shore=LOG` is one that the networks
+//! were trained on: those that learn by least squares walk through its first `shore_time` seconds (600) before they sail.
+//!
+//! Windows start at samples 100, 105, ..; errors are means of the absolute difference from the truth at 1, 5 and 20
+//! steps, and times the medians of what a sample takes.
+
+#[path = "direct_at_sea/replay.rs"]
+mod replay;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use hydroid::adapt::{LeastSquares, Options, adapter, remember_shore};
+use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
+use hydroid::model::{self, Model};
+use hydroid_core::adapt::Adapter;
+use hydroid_core::model::direct::Direct;
+use hydroid_core::predict::Workspace;
+use replay::{Replay, ReplaySettings};
+
+type Failure = Box<dyn std::error::Error>;
+
+const HORIZON: usize = 20;
+const SHOWN: [usize; 3] = [1, 5, 20];
+const STEPS: usize = SHOWN.len() + 1;
+const WAYS: [&str; 4] = ["frozen", "read-out", "guarded", "replay"];
+
+/// Mean errors of each output at the steps shown, then over all of them.
+type Errors = [[f64; 3]; STEPS];
+
+/// Of one network on one log, in one way.
+#[derive(Clone, Copy)]
+struct Outcome {
+    errors: Errors,
+    time_us: f64,
+    /// At low speed afterwards.
+    low: Errors,
+}
+
+fn main() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [models, logs, keys @ ..] = arguments.as_slice() else {
+        return Err("give MODEL[,MODEL ..] LOG[,LOG ..] [KEY=VALUE ..]".into());
+    };
+    let mut settings = BTreeMap::new();
+    for key in keys {
+        let (name, value) = key.split_once('=').ok_or("settings are KEY=VALUE")?;
+        settings.insert(name.to_owned(), value.to_owned());
+    }
+    let models: Vec<Model> =
+        models.split(',').map(|path| model::read(Path::new(path))).collect::<Result<_, _>>()?;
+    let runs: Vec<Trajectory> = logs.split(',').map(read).collect::<Result<_, _>>()?;
+    let low = settings.get("low").map(read).transpose()?;
+    let shore = settings.get("shore").map(read).transpose()?;
+    let number = |key: &str, default: f64| settings.get(key).map_or(Ok(default), |v| v.parse::<f64>());
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
+    let shore = match shore {
+        Some(run) => Some(run.slice(0, run.len().min((number("shore_time", 600.0)? / run.dt) as usize))),
+        None => None,
+    };
+    let ways = if number("steps", 1.0)? > 0.0 { WAYS.len() } else { WAYS.len() - 1 };
+    for run in &runs {
+        println!("{} ({} windows)", run.name, (run.len() - HORIZON).saturating_sub(100).div_ceil(5));
+        let mut frozen = None;
+        for (way, name) in WAYS.iter().enumerate().take(ways) {
+            let outcomes: Vec<Outcome> = models
+                .iter()
+                .map(|model| sail(model, way, run, [low.as_ref(), shore.as_ref()], &settings))
+                .collect::<Result<_, _>>()?;
+            let middle = |of: &dyn Fn(&Outcome) -> f64| median(outcomes.iter().map(of).collect());
+            let row: Vec<String> = (0..STEPS)
+                .map(|s| {
+                    let of = |c: usize| format!("{:.4}", middle(&|outcome| outcome.errors[s][c]));
+                    format!("{} {} {}", of(0), of(1), of(2))
+                })
+                .collect();
+            // The ratio of each network is its own.
+            let own: &Vec<Outcome> = frozen.get_or_insert_with(|| outcomes.clone());
+            let ratio = |errors: &dyn Fn(&Outcome) -> Errors, c: usize| {
+                let of = |(a, b): (&Outcome, &Outcome)| errors(a)[STEPS - 1][c] / errors(b)[STEPS - 1][c];
+                median(outcomes.iter().zip(own).map(of).collect())
+            };
+            let ratios = |errors: &dyn Fn(&Outcome) -> Errors| {
+                format!("{:.2} {:.2} {:.2}", ratio(errors, 0), ratio(errors, 1), ratio(errors, 2))
+            };
+            println!(
+                "  {name:8} {} | ratio of the mean {} | low {} | {:.0} us",
+                row.join("  "),
+                ratios(&|outcome| outcome.errors),
+                ratios(&|outcome| outcome.low),
+                middle(&|outcome| outcome.time_us),
+            );
+        }
+    }
+    Ok(())
+}
+
+/// A network along a run, then along one of low speed.
+fn sail(
+    model: &Model,
+    way: usize,
+    run: &Trajectory,
+    [low, shore]: [Option<&Trajectory>; 2],
+    settings: &BTreeMap<String, String>,
+) -> Result<Outcome, Failure> {
+    let number = |key: &str, default: f64| settings.get(key).map_or(Ok(default), |v| v.parse::<f64>());
+    let direct = model.direct().ok_or("a direct predictor is needed")?;
+    if direct.horizon < HORIZON {
+        return Err(format!("the network gives {} steps and not {HORIZON}", direct.horizon).into());
+    }
+    let mut session: Box<dyn Adapter> = if WAYS[way] == "replay" {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
+        let count = |key: &str, default: f64| number(key, default).map(|n| n as usize);
+        Box::new(Replay::new(
+            &Arc::new(Direct::clone(direct)),
+            ReplaySettings {
+                rate: number("rate", 3e-4)?,
+                batch: count("batch", 64.0)?,
+                steps: count("steps", 1.0)?,
+                last: count("last", 100_000.0)?,
+            },
+        )?)
+    } else {
+        let defaults = LeastSquares::of_read_outs();
+        let least_squares = LeastSquares {
+            forgetting_s: number("forgetting", defaults.forgetting_s)?,
+            prior_s: number("prior", defaults.prior_s)?,
+            leak: number("leak", 1.0)? > 0.5,
+            ..defaults
+        };
+        let options = Options { least_squares, ..Options::default() };
+        let options = if WAYS[way] == "guarded" { options.guarded(model) } else { options };
+        adapter(model, &options, &[])?.0
+    };
+    if WAYS[way] == "read-out" || WAYS[way] == "guarded" {
+        remember_shore(session.as_mut(), shore.as_slice());
+    }
+    session.freeze(way == 0);
+    let (errors, time_us) = walk(session.as_mut(), run);
+    session.reset();
+    session.freeze(true);
+    let low = low.map_or([[f64::NAN; 3]; STEPS], |low| walk(session.as_mut(), low).0);
+    Ok(Outcome { errors, time_us, low })
+}
+
+/// Errors, and the median time of a sample in microseconds.
+fn walk(session: &mut dyn Adapter, run: &Trajectory) -> (Errors, f64) {
+    let truth = run.truth.as_ref().unwrap_or(&run.outputs);
+    let commands: Vec<f64> = (0..run.len()).flat_map(|k| run.inputs.row(k).to_vec()).collect();
+    let m = run.inputs.row(0).len();
+    let (mut sums, mut windows) = ([[0.0; 3]; STEPS], 0.0);
+    let (mut work, mut y) = (Workspace::new(), vec![0.0; 3 * HORIZON]);
+    let mut times = Vec::with_capacity(run.len());
+    for k in 0..run.len() - HORIZON {
+        let start = Instant::now();
+        session.observe(run.outputs.row(k));
+        let observed = start.elapsed();
+        if k >= 100 && k % 5 == 0 {
+            session.rollout(&commands[m * k..m * (k + HORIZON)], &mut work, &mut y);
+            for n in 0..HORIZON {
+                for c in 0..3 {
+                    let error = (y[3 * n + c] - truth.row(k + n + 1)[c]).abs();
+                    sums[STEPS - 1][c] += error / HORIZON as f64;
+                    if let Some(s) = SHOWN.iter().position(|shown| *shown == n + 1) {
+                        sums[s][c] += error;
+                    }
+                }
+            }
+            windows += 1.0;
+        }
+        let start = Instant::now();
+        session.advance(run.inputs.row(k));
+        times.push(1e6 * (observed + start.elapsed()).as_secs_f64());
+    }
+    sums.iter_mut().flatten().for_each(|sum| *sum /= windows);
+    (sums, median(times))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let of = |at: usize| values.get(at).copied().unwrap_or(f64::NAN);
+    0.5 * (of(values.len() / 2) + of(values.len().saturating_sub(1) / 2))
+}
+
+fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
+    let path = path.as_ref();
+    let raw = log::read(Path::new(path))?;
+    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
+    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
+    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
+    Ok(prepared.runs.remove(0))
+}
