@@ -82,7 +82,8 @@ fn a_direct_predictor_learns_to_fly_and_is_written_with_its_history() {
     assert_eq!(adapted["settings"], alone["settings"]);
     // What was written predicts on the log as the network from shore never did.
     let error = |model: &str| {
-        let judged = run(prepared(), &format!("evaluate {model} lawn.csv --against truth --horizon 20 --json -q"));
+        let judged =
+            run(prepared(), &format!("evaluate {model} lawn.csv --against truth --horizon 20 --json -q"));
         let judged: Value = serde_json::from_slice(&judged.stdout).unwrap();
         judged["mae"][19][0].as_f64().unwrap()
     };
@@ -112,7 +113,8 @@ fn what_makes_no_sense_is_refused() {
 fn a_service_that_was_killed_goes_on_to_the_same_model() {
     let at = prepared();
     let options = "--stream --horizons 1,20 -q";
-    let whole = run(at, &format!("adapt {MODEL} lawn.csv {options} -o whole.safetensors --black-box direct.box"));
+    let whole =
+        run(at, &format!("adapt {MODEL} lawn.csv {options} -o whole.safetensors --black-box direct.box"));
     assert_eq!(whole.status.code(), Some(0), "{}", text(&whole.stderr));
     let whole = text(&whole.stdout);
     let log = fs::read_to_string(at.join("lawn.csv")).unwrap();

@@ -111,8 +111,10 @@ fn rows(model: &Direct, weights: &[f64]) -> Vec<Vec<f64>> {
 /// What the last layer reads of the window that ended at `k`, by loops.
 fn regressor(model: &Direct, k: usize) -> Vec<f64> {
     let (s, p, h) = (&model.scaling, model.history, model.horizon);
-    let outputs = (k + 1 - p..=k).flat_map(|j| [0, 1].map(|i| (measured(j)[i] - s.output_mean[i]) / s.output_scale[i]));
-    let inputs = (k + 1 - p..k + h).flat_map(|j| [0, 1].map(|i| (command(j)[i] - s.input_mean[i]) / s.input_scale[i]));
+    let outputs =
+        (k + 1 - p..=k).flat_map(|j| [0, 1].map(|i| (measured(j)[i] - s.output_mean[i]) / s.output_scale[i]));
+    let inputs =
+        (k + 1 - p..k + h).flat_map(|j| [0, 1].map(|i| (command(j)[i] - s.input_mean[i]) / s.input_scale[i]));
     let mut x: Vec<f64> = outputs.chain(inputs).collect();
     let tensors = model.network.tensors();
     for pair in tensors.chunks(2).take(model.network.hidden.len()) {
@@ -130,7 +132,11 @@ fn every_step_learns_as_if_it_were_alone() {
     for (p, h, hold, hidden) in
         [(1, 1, false, vec![5]), (4, 6, true, vec![7, 5]), (3, 4, false, vec![6, 4, 5]), (2, 3, true, vec![])]
     {
-        for settings in [SETTINGS, ReadOutSettings { forgetting: 1.0, ..SETTINGS }, ReadOutSettings { leak: false, ..SETTINGS }] {
+        for settings in [
+            SETTINGS,
+            ReadOutSettings { forgetting: 1.0, ..SETTINGS },
+            ReadOutSettings { leak: false, ..SETTINGS },
+        ] {
             let model = model(p, h, hold, &hidden);
             let mut adapter = learner(&model, &settings);
             let mut naive: Vec<Naive> = rows(&model, adapter.weights())

@@ -27,7 +27,7 @@ use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
 use hydroid::model::{self, Model};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::model::direct::Direct;
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::Workspace;
 use replay::{Replay, ReplaySettings};
 
 type Failure = Box<dyn std::error::Error>;
@@ -59,7 +59,8 @@ fn main() -> Result<(), Failure> {
         let (name, value) = key.split_once('=').ok_or("settings are KEY=VALUE")?;
         settings.insert(name.to_owned(), value.to_owned());
     }
-    let models: Vec<Model> = models.split(',').map(|path| model::read(Path::new(path))).collect::<Result<_, _>>()?;
+    let models: Vec<Model> =
+        models.split(',').map(|path| model::read(Path::new(path))).collect::<Result<_, _>>()?;
     let runs: Vec<Trajectory> = logs.split(',').map(read).collect::<Result<_, _>>()?;
     let low = settings.get("low").map(read).transpose()?;
     let shore = settings.get("shore").map(read).transpose()?;

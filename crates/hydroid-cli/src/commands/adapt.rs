@@ -205,7 +205,9 @@ const EVENTS_SHOWN: usize = 12;
 fn doubts(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
     let remedy = match report.settings {
-        Used::LeastSquares(_) | Used::ReadOut(_) => "keep the model as it was; try a longer --forgetting or a larger --prior",
+        Used::LeastSquares(_) | Used::ReadOut(_) => {
+            "keep the model as it was; try a longer --forgetting or a larger --prior"
+        }
         Used::Kalman(_) => {
             "keep the model as it was; try a smaller --weight-variance or a larger --noise-factor"
         }

@@ -73,8 +73,9 @@ impl Replay {
         let Direct { history: p, horizon: h, .. } = self.model;
         let (n, m) = (self.model.outputs(), self.model.inputs());
         let (count, lanes) = (self.settings.batch.max(1), self.batch.lanes());
-        let ends: Vec<usize> =
-            (0..count).map(|w| if w == 0 { last } else { first + self.any_below(last + 1 - first) }).collect();
+        let ends: Vec<usize> = (0..count)
+            .map(|w| if w == 0 { last } else { first + self.any_below(last + 1 - first) })
+            .collect();
         for (w, &k) in ends.iter().enumerate() {
             let outputs = &self.outputs[(k + 1 - p) * n..(k + 1) * n];
             let commands = &self.commands[(k + 1 - p) * m..(k + h) * m];
@@ -134,7 +135,8 @@ impl Predictor for Replay {
         let scaled = |(i, y): (usize, &f64)| ((y - s.output_mean[i]) / s.output_scale[i]) as f32;
         self.outputs.extend(y.iter().enumerate().map(scaled));
         let first = self.model.history - 1;
-        let Some(last) = self.samples().checked_sub(1 + self.model.horizon).filter(|last| *last >= first) else {
+        let Some(last) = self.samples().checked_sub(1 + self.model.horizon).filter(|last| *last >= first)
+        else {
             return;
         };
         if self.frozen {

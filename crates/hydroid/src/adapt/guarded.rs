@@ -35,7 +35,9 @@ pub(super) fn guard(
     };
     let noise = match &used {
         Used::Kalman(used) => used.noise.clone(),
-        Used::LeastSquares(_) | Used::ReadOut(_) => options.kalman.noise_of(model, runs).unwrap_or_else(|_| floor(model)),
+        Used::LeastSquares(_) | Used::ReadOut(_) => {
+            options.kalman.noise_of(model, runs).unwrap_or_else(|_| floor(model))
+        }
     };
     let ranges = model.description.ranges();
     let guard = Guard::new(adapter, [companion()?, companion()?], &ranges, &noise, settings.clone())
