@@ -78,7 +78,7 @@ fn learning_sample(bencher: Bencher) {
         Ok(session) => session,
         Err(error) => panic!("{error}"),
     };
-    let mut k = 0.0;
+    let mut k = 0.0_f64;
     bencher.bench_local(|| {
         k += 1.0;
         session.observe(divan::black_box(&[(0.1 * k).sin(), (0.3 * k).cos(), (0.7 * k).sin()]));
