@@ -350,7 +350,7 @@ fn it_stays_sound_for_long() {
     let learner = adapter.learner().unwrap();
     assert!(learner.is_sound());
     for i in 0..learner.len() {
-        let most = 0.97_f64.powi(1 - learner.len() as i32) / SETTINGS.information;
+        let most = 0.97_f64.powf(1.0 - learner.len() as f64) / SETTINGS.information;
         assert!((0.0..=most).contains(&learner.covariance(i, i)), "{i}: {}", learner.covariance(i, i));
     }
     assert!(adapter.weights().iter().all(|w| w.abs() < 100.0));

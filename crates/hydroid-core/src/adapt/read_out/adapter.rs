@@ -2,7 +2,7 @@
 
 use super::{DirectReadOut, FEWEST_WINDOWS};
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
-use crate::adapt::{Adapter, Health, Innovation, Outcome};
+use crate::adapt::{Adapter, Health, Innovation, Outcome, RecursiveLeastSquares};
 use crate::predict::{Predictor, Workspace};
 
 impl Adapter for DirectReadOut {
@@ -39,7 +39,7 @@ impl Adapter for DirectReadOut {
     }
 
     fn memory_len(&self) -> usize {
-        let learner = self.learner.as_ref().map_or(0, |learner| learner.memory_len());
+        let learner = self.learner.as_ref().map_or(0, RecursiveLeastSquares::memory_len);
         self.session.snapshot_len() + self.windows.memory_len() + learner + self.variance.len() + 4
     }
 
