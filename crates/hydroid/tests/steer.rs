@@ -8,8 +8,8 @@ use hydroid::sindy::{Optimizer, Regression};
 use hydroid_core::control::Status;
 use hydroid_core::vessel::VesselParams;
 use steer_circles::{
-    HYDROFOIL, MOTION, PHYSICAL, SIMPLE, both, identified, network, on_equations, on_network, on_plant,
-    polynomial, run, with_measured_force,
+    HYDROFOIL, MOTION, PHYSICAL, SIMPLE, both, identified, on_equations, on_plant, polynomial, run,
+    with_measured_force,
 };
 
 /// An independent check of the same task: 0.0003 m with clean and 0.0045 m with noisy velocities.
@@ -33,24 +33,6 @@ fn the_hydrofoil_is_steered_in_all_modes_with_what_was_identified() {
     let equations = identified(&vessel, 600.0, &PHYSICAL);
     for (task, limit) in HYDROFOIL.into_iter().zip([0.012, 0.020, 0.022]) {
         let mut law = on_equations(&vessel, &equations, task.ahead, None).unwrap();
-        let [clean, noisy] = both(&vessel, task, &mut law, false);
-        println!("{} m/s: {:.5} m clean, {:.5} m noisy", task.speed, clean.rms, noisy.rms);
-        assert!(noisy.rms <= limit, "{} m/s: {} m", task.speed, noisy.rms);
-    }
-}
-
-/// A network that is affine by its structure is steered as equations are, with nothing said of the vessel: here a quarter of an hour of a
-/// log and the defaults, and errors that a wrong `f` or `g` would leave far behind. (Figures of two hours are in
-/// `docs/control.md`.)
-#[test]
-fn a_control_affine_network_steers_the_hydrofoil() {
-    let vessel = VesselParams::hydrofoil();
-    let learned = network(&vessel, 900.0);
-    let [propeller, rudder] = learned.effectors[..] else { panic!("two commands") };
-    println!("lags: {:.3} s and {:.3} s", propeller.time_constant_s, rudder.time_constant_s);
-    assert!((propeller.time_constant_s - vessel.propeller.lag).abs() < 0.3 && rudder.time_constant_s < 0.1);
-    for (task, limit) in HYDROFOIL.into_iter().zip([0.06, 0.12, 0.06]) {
-        let mut law = on_network(&vessel, &learned, task.ahead, None).unwrap();
         let [clean, noisy] = both(&vessel, task, &mut law, false);
         println!("{} m/s: {:.5} m clean, {:.5} m noisy", task.speed, clean.rms, noisy.rms);
         assert!(noisy.rms <= limit, "{} m/s: {} m", task.speed, noisy.rms);

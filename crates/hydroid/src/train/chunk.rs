@@ -40,7 +40,7 @@ impl Net {
             Self::Recurrent { network, .. } => init::weights(network, rng),
             Self::Direct { network, .. } => init::perceptron(network, rng),
             Self::Affine(parts) => {
-                let mut weights = init::control_affine(&parts.network, rng);
+                let mut weights = init::perceptron(&parts.network, rng);
                 weights.extend(parts.first_lags::<T>());
                 weights
             }
