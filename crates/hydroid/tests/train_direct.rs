@@ -278,7 +278,7 @@ fn members_predict_the_same_after_a_refit() {
     };
     let scale = |trained: &Trained| match &trained.model {
         Learned::Direct(model) => model.scaling.correction_scale.clone(),
-        Learned::Recurrent(_) => panic!("no direct predictor"),
+        Learned::Recurrent(_) | Learned::Affine(_) => panic!("no direct predictor"),
     };
     assert_ne!(scale(&before), scale(&after), "there is nothing to see");
     for member in 0..2 {
