@@ -9,7 +9,8 @@ use divan::{Bencher, black_box};
 use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts, Room};
 use hydroid_core::control::{
     AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
-    Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains, SpeedGains,
+    Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains,
+    LearnedCorrection, LearnedCorrectionSettings, SpeedGains,
 };
 use hydroid_core::guidance::{LineOfSightSettings, Path, Reference, Side};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
@@ -73,6 +74,17 @@ fn backstepping(bencher: Bencher, name: &str) {
     } else {
         run(bencher, &mut Backstepping::new(model(name), &limits, 0.1, settings).expect("possible"));
     }
+}
+
+/// A sample, those at which the network learns among them.
+#[divan::bench(sample_size = 1_000)]
+fn learned_correction(bencher: Bencher) {
+    let vessel = VesselParams::simple();
+    let plant = AffinePlant::new(&vessel).expect("built in");
+    let (limits, settings) = (AffinePlant::limits(&vessel), FeedbackLinearizationSettings::new(1.5));
+    let base = FeedbackLinearization::new(plant, &limits, 0.1, settings).expect("possible");
+    let settings = LearnedCorrectionSettings::default();
+    run(bencher, &mut LearnedCorrection::new(base, settings, 1).expect("possible"));
 }
 
 #[divan::bench(sample_size = 1_000)]

@@ -23,7 +23,7 @@ use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, 
 use hydroid_core::control::{
     AffineEquations, AffineNetwork, AffinePlant, Autopilot, AutopilotSettings, Backstepping,
     BacksteppingSettings, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
-    HeadingGains, SpeedGains,
+    HeadingGains, LearnedCorrection, LearnedCorrectionSettings, SpeedGains,
 };
 use hydroid_core::guidance::{
     Follower, LineOfSight, LineOfSightSettings, Path, Reference, Side, SpeedLimits, SpeedProfile, Walker,
@@ -246,6 +246,14 @@ fn controllers() -> Vec<Box<dyn Controller>> {
         Box::new(Backstepping::new(plant(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
         Box::new(Backstepping::new(equations(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
         Box::new(Autopilot::new(&limits, 0.1, autopilot).unwrap()),
+        Box::new(
+            LearnedCorrection::new(
+                FeedbackLinearization::new(plant(), &limits, 0.1, linearized).unwrap(),
+                LearnedCorrectionSettings { window_s: 0.3, ..LearnedCorrectionSettings::default() },
+                1,
+            )
+            .unwrap(),
+        ),
     ]
 }
 

@@ -130,16 +130,22 @@ impl<M: Affine> PointAhead<M> {
 
     pub(super) fn error(&self, estimate: &Estimate<'_>, reference: &Reference) -> PointError {
         let [x, y, psi] = estimate.eta;
-        let [u, v, r] = estimate.nu;
         let l = self.distance;
         let (sin, cos) = Float::sin_cos(psi);
-        let side = v + l * r;
         let point = [x + l * cos, y + l * sin];
-        let velocity = [u * cos - side * sin, u * sin + side * cos];
+        let velocity = self.velocity(estimate);
         PointError {
             position: core::array::from_fn(|i| reference.position[i] - point[i]),
             velocity: core::array::from_fn(|i| reference.velocity[i] - velocity[i]),
         }
+    }
+
+    /// Velocity of the point, north and east.
+    pub(super) fn velocity(&self, estimate: &Estimate<'_>) -> [f64; 2] {
+        let [u, v, r] = estimate.nu;
+        let (sin, cos) = Float::sin_cos(estimate.eta[2]);
+        let side = v + self.distance * r;
+        [u * cos - side * sin, u * sin + side * cos]
     }
 
     /// Accelerates the point by `wanted` (north, east) \[m/s^2\] as far as the actuators can; and what of it is missing

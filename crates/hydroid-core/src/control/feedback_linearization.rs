@@ -165,15 +165,39 @@ impl<M: Affine> Controller for FeedbackLinearization<M> {
         if !(estimate.is_finite() && reference.is_finite()) {
             return self.point.hold(command);
         }
+        self.command_against(estimate, reference, [0.0; 2], command).0
+    }
+}
+
+impl<M: Affine> FeedbackLinearization<M> {
+    pub(super) fn dt(&self) -> f64 {
+        self.point.dt()
+    }
+
+    /// Velocity of the point, north and east.
+    pub(super) fn velocity(&self, estimate: &Estimate<'_>) -> [f64; 2] {
+        self.point.velocity(estimate)
+    }
+
+    /// The command against an acceleration of the point that the model does not know (north, east), and the acceleration
+    /// that the model tells of it.
+    pub(super) fn command_against(
+        &mut self,
+        estimate: &Estimate<'_>,
+        reference: &Reference,
+        disturbance: [f64; 2],
+        command: &mut [f64],
+    ) -> (Status, [f64; 2]) {
         let FeedbackLinearizationSettings { proportional, derivative, integral, .. } = self.settings;
         let error = self.point.error(estimate, reference);
         // A speed, so that far away the vessel comes at the closing speed, whatever the distance.
         let closing =
             shortened(error.position.map(|e| e * (proportional / derivative)), self.settings.closing_speed);
-        let wanted = core::array::from_fn(|i| {
+        let wanted: [f64; 2] = core::array::from_fn(|i| {
             reference.acceleration[i]
                 + derivative * (error.velocity[i] + closing[i])
                 + integral * self.integral[i]
+                - disturbance[i]
         });
         let (mut status, missing) = self.point.accelerate(estimate, wanted, command);
         if integral > 0.0 {
@@ -189,6 +213,6 @@ impl<M: Affine> Controller for FeedbackLinearization<M> {
         if error.distance() > self.settings.tolerance {
             status = status.and(Status::Lost);
         }
-        status
+        (status, [wanted[0] + missing[0], wanted[1] + missing[1]])
     }
 }

@@ -6,6 +6,7 @@
 //!   ([`AffinePlant`]), identified equations ([`AffineEquations`]) and control-affine networks ([`AffineNetwork`]).
 //! - [`FeedbackLinearization`] and [`Backstepping`] of a point ahead of the vessel; [`Autopilot`], which has no model, to
 //!   compare with.
+//! - [`LearnedCorrection`]: feedback linearization and a network that learns under way what its model misses.
 //! - [`cem`]: plans over a horizon, on any predictor.
 //! - [`Actuators`]: limits and rate limits of the commands, and the lag of what follows them, inverted ([`Channel`],
 //!   [`Map`], [`Lag`], [`Limits`]).
@@ -22,6 +23,7 @@ mod channel;
 mod equations;
 mod error;
 mod feedback_linearization;
+mod learned;
 mod network;
 mod split;
 mod status;
@@ -35,6 +37,7 @@ pub use channel::{Channel, Lag, Limits, Map};
 pub use equations::{AffineEquations, NotAffine};
 pub use error::ControlError;
 pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationSettings};
+pub use learned::{LearnedCorrection, LearnedCorrectionSettings};
 pub use network::AffineNetwork;
 pub use status::Status;
 

@@ -7,4 +7,5 @@ mod cem;
 mod equations;
 mod feedback_linearization;
 mod helm;
+mod learned;
 mod written;

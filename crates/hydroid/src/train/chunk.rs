@@ -54,7 +54,7 @@ impl Net {
         match self {
             Self::Recurrent { .. } => 16,
             Self::Direct { .. } => 128,
-            Self::Affine(_) => 64,
+            Self::Affine(_) => 16,
         }
     }
 

@@ -24,7 +24,7 @@ const WINDOW: (usize, usize) = (200, 4);
 
 /// Samples that a window of a control-affine network compares: long enough that the noise of where it begins is little beside
 /// what the motion does, short enough that many of them are in a batch.
-const ROLLED: (usize, usize) = (30, 4);
+const ROLLED: (usize, usize) = (20, 4);
 
 /// Origins on the validation runs: at least as many if they can be had, and at the most. In between judging costs a
 /// fraction of learning.

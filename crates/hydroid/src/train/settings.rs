@@ -201,11 +201,11 @@ impl Settings {
             },
             CellKind::Affine => Self {
                 cell,
-                hidden: 32,
+                hidden: 64,
                 feedback: true,
-                epochs: 200,
-                batch: 128,
-                learning_rate: 0.01,
+                epochs: 150,
+                batch: 32,
+                learning_rate: 0.03,
                 ..Self::default()
             },
         }

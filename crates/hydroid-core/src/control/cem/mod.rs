@@ -13,6 +13,7 @@ mod room;
 mod settings;
 
 pub use cost::{Cost, SoftLimit};
+pub(super) use noise::Noise;
 pub use planner::{Plan, Planner};
 pub use rollouts::{Abreast, Each, Rollouts};
 pub use room::Room;

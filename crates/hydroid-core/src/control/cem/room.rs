@@ -18,7 +18,7 @@ pub struct Room {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    Equations(sparse::SideBySide),
+    Equations(Box<sparse::SideBySide>),
     Recurrent(Box<recurrent::SideBySide>),
     Direct(Box<direct::SideBySide>),
     /// Of the model that learned, and of the one from shore.
@@ -36,9 +36,8 @@ impl Room {
     pub fn new(session: &dyn Predictor, sequences: usize) -> Self {
         assert!(sequences > 0, "room for no candidate: give one at least");
         let kind = match session.source() {
-            Source::Equations(session) => {
-                sparse::SideBySide::new(session.equations(), sequences).map(Kind::Equations)
-            }
+            Source::Equations(session) => sparse::SideBySide::new(session.equations(), sequences)
+                .map(|room| Kind::Equations(Box::new(room))),
             Source::Recurrent(session) => {
                 recurrent::SideBySide::new(session, sequences).map(|room| Kind::Recurrent(Box::new(room)))
             }
