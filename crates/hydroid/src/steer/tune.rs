@@ -17,13 +17,13 @@ use crate::progress::{Progress, silent};
 const SEEDS: [u64; 3] = [0x7e57_0001, 0x7e57_0002, 0x7e57_0003];
 
 /// Natural frequency of the heading \[rad/s\].
-const OMEGA: [f64; 5] = [0.7, 1.0, 1.5, 2.2, 3.2];
+const OMEGA: [f64; 6] = [0.4, 0.7, 1.0, 1.5, 2.2, 3.2];
 /// Look-ahead \[s\] at the cruising speed.
-const LOOKAHEAD_S: [f64; 5] = [0.5, 0.8, 1.2, 2.0, 3.5];
+const LOOKAHEAD_S: [f64; 6] = [0.4, 0.7, 1.0, 1.5, 2.5, 4.0];
 /// Integral of the line of sight, in shares of the cruising speed.
-const SIGMA: [f64; 3] = [0.0, 0.1, 0.3];
+const SIGMA: [f64; 4] = [0.0, 0.1, 0.2, 0.4];
 /// Gain of the speed, in masses over lags.
-const PROPORTIONAL: [f64; 4] = [1.5, 3.0, 6.0, 12.0];
+const PROPORTIONAL: [f64; 5] = [0.8, 1.5, 3.0, 6.0, 12.0];
 /// How the moment of the rudder grows with the speed.
 const EXPONENT: [f64; 2] = [1.0, 2.0];
 /// Damping of the heading.
