@@ -129,6 +129,13 @@ fn equations_that_no_law_inverts_are_refused_with_a_remedy_and_steer_by_plans() 
     let words = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{words}");
     assert!(words.contains("fl cannot invert this model") && words.contains("cem"), "{words}");
+    // The remedy that is told.
+    let args = "identify a.csv --validate b.csv --test c.csv --outputs u,v,r -o invertible -q --methods sindy --for-control";
+    let identified = hydroid(at, args);
+    assert!(identified.status.code() < Some(2), "{}", text(&identified.stderr));
+    let report =
+        told(at, "control invertible/sindy.safetensors --plant simple --controller fl --radius 10 --json", 0);
+    assert!(report["rms_position"].as_f64().unwrap() < 0.05, "{}", report["rms_position"]);
     let plan = "--controller cem --candidates 40 --iterations 2 --duration 20 --json";
     let report = told(at, &format!("control {model} --plant simple --radius 10 {plan}"), 0);
     assert!(report["rms_position"].as_f64().unwrap() < 0.5);

@@ -17,6 +17,7 @@ use super::{Duration, Horizon, LogArgs, Method, NamedRange};
   hydroid identify a.csv b.csv c.csv --gate u=2.5/12 --lag n=1.5 --dissipative -o out
   hydroid identify a.csv b.csv c.csv --library 'marine + rational' --constraint 'v: u r = r: u v' -o out
   hydroid identify a.csv b.csv c.csv --term u --term 'u |u|' --term 'n |n|' --lag none --gate none -o out
+  hydroid identify a.csv b.csv c.csv --methods sindy --for-control -o out      to steer with: hydroid control
   hydroid identify a.csv b.csv c.csv --methods sindy,lstm,gru --budget 5m --range u=0:6,v=-1:1 -o out
   hydroid identify a.csv b.csv c.csv --methods sindy,lstm,gru --budget 5m --range u=0:6,v=-1:1 -o out --resume
   hydroid identify a.csv b.csv c.csv --methods sindy,direct --horizon 20 -o out      all 20 steps at once
@@ -106,6 +107,10 @@ pub struct Identify {
     /// (default: 50)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1000), help_heading = "Equations")]
     pub members: Option<u16>,
+    /// Equations for hydroid control, whose laws invert them: terms are linear in one function of each command (c, sin(c) or
+    /// c |c|), which is chosen on the validation logs (method sindy)
+    #[arg(long, help_heading = "Equations")]
+    pub for_control: bool,
     /// Degree of the polynomial library (default: 1 and 2 are tried)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = "Equations", conflicts_with = "library")]
     pub degree: Option<u8>,

@@ -152,6 +152,7 @@ fn said(args: &Identify, sindy: &mut SindySettings) {
         }
     }
     sindy.dissipative = args.dissipative.then_some(true).or(sindy.dissipative);
+    sindy.for_control |= args.for_control;
     sindy.lag = args.lag.clone().unwrap_or_else(|| std::mem::take(&mut sindy.lag));
     sindy.gate = args.gate.clone().unwrap_or_else(|| std::mem::take(&mut sindy.gate));
     sindy.huber = args.huber.or(sindy.huber);

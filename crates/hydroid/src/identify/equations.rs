@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::affine;
 use super::settings::{intervals, reference};
 use super::{IdentifyError, Job, Parts, SEARCH_ORIGINS, overview};
 use crate::evaluate;
@@ -47,13 +48,32 @@ pub(super) fn memoryless(
     // Windows of a fifth of the horizon average the noise and blur no actuator.
     let regression = Regression::Weak { intervals: intervals(0.2 * job.horizon as f64).max(4) };
     let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
-    let libraries = libraries(job, train[0])?;
-    let structures =
-        discover(train, &reference(&libraries), regression, &lags, &gate, &mut |f| progress(0.3 * f))
-            .map_err(SearchError::Cancelled)?;
     // What is said of the vessel holds; what was found must prove itself beside equations without it.
     let said = matches!(lags, Wanted::Given(_)) || matches!(gate, Wanted::Given(_));
-    run(job, parts, &structures, !said, &mut |f| progress(0.3 + 0.7 * f))
+    let all = libraries(job, train[0])?;
+    // One search for each way in which commands may enter: equations put together from two could not be inverted.
+    let searches: Vec<Vec<Library>> = if job.sindy.for_control {
+        affine::libraries(&all, &Variables::of(train[0])).into_iter().map(|library| vec![library]).collect()
+    } else {
+        vec![all]
+    };
+    let share = 1.0 / searches.len() as f64;
+    let mut best: Result<Arc<Found>, IdentifyError> = Err(SearchError::Empty.into());
+    for (libraries, index) in searches.iter().zip(0_u32..) {
+        let mut part = |f: f64| progress(share * (f64::from(index) + f));
+        let structures =
+            discover(train, &reference(libraries), regression, &lags, &gate, &mut |f| part(0.3 * f))
+                .map_err(SearchError::Cancelled)?;
+        match run(job, parts, libraries, &structures, !said, &mut |f| part(0.3 + 0.7 * f)) {
+            Err(IdentifyError::Sindy(SearchError::Cancelled(cancelled))) => {
+                return Err(SearchError::Cancelled(cancelled).into());
+            }
+            Ok(found) if best.as_ref().is_ok_and(|best| best.score <= found.score) => {}
+            Err(_) if best.is_ok() => {}
+            found => best = found,
+        }
+    }
+    best
 }
 
 /// A search for equations in which outputs and inputs of some time ago stand as well.
@@ -71,7 +91,7 @@ pub(super) fn lagged(
     let libraries = libraries(job, parts.train[0])?;
     let structures: Vec<Structure> =
         pasts.into_iter().map(|past| Structure { past, ..Structure::from(reference(&libraries)) }).collect();
-    run(job, parts, &structures, false, progress)
+    run(job, parts, &libraries, &structures, false, progress)
 }
 
 /// Equations with all terms of the richest library, and the inputs of a tenth of a horizon ago: a start for what keeps
@@ -111,14 +131,14 @@ pub(super) fn whole(
 fn run(
     job: &Job,
     parts: &Parts<'_>,
+    libraries: &[Library],
     structures: &[Structure],
     plain: bool,
     progress: Progress<'_>,
 ) -> Result<Arc<Found>, IdentifyError> {
     let train = &parts.train;
-    let libraries = libraries(job, train[0])?;
-    let mut grid = job.sindy.grid(train, job.horizon, &libraries, structures, plain);
-    grid.constraints = job.sindy.rules(train[0], &libraries)?;
+    let mut grid = job.sindy.grid(train, job.horizon, libraries, structures, plain);
+    grid.constraints = job.sindy.rules(train[0], libraries)?;
     searched(job, parts, &grid, progress)
 }
 

@@ -1,5 +1,6 @@
 //! From runs to a judged model: fit on training runs, choose on validation runs, judge on test runs.
 
+mod affine;
 mod apart;
 mod design;
 mod equations;

@@ -57,6 +57,9 @@ pub struct SindySettings {
     pub refine: Refine,
     /// Members of the ensemble that tells how sure the coefficients are.
     pub members: Members,
+    /// Whether the equations are for a control law that inverts them: terms are linear in one function of each command
+    /// (`c`, `sin(c)` or `c |c|`), which is chosen on the validation runs.
+    pub for_control: bool,
 }
 
 /// Members of an ensemble at the most: quantiles are no better for more, and each is a fit.

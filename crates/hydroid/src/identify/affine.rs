@@ -1,0 +1,88 @@
+//! Libraries whose equations a control law can invert.
+
+use hydroid_core::model::sparse::{Factor, Shape, Term};
+
+use crate::sindy::{Kind, Library, Variables};
+
+/// One function of a command.
+type Form = &'static [Shape];
+
+const IDENTITY: Form = &[Shape::Power(1)];
+const SINE: Form = &[Shape::Sin];
+const SIGNED_SQUARE: Form = &[Shape::Power(1), Shape::Abs];
+
+/// One library for each choice of a function of each command: `c` or `c |c|`, of an angle `c` or `sin(c)`. It has the
+/// terms of all `libraries` that are free of commands, or have that function of one command as a factor. Choices that make no
+/// difference are left out; where commands are so many that there would be more than 16, the later ones enter as they are.
+pub(super) fn libraries(libraries: &[Library], variables: &Variables) -> Vec<Library> {
+    const MOST: usize = 16;
+    let mut terms: Vec<Term> = Vec::new();
+    for library in libraries {
+        let fresh: Vec<Term> =
+            library.terms(variables).into_iter().filter(|term| !terms.contains(term)).collect();
+        terms.extend(fresh);
+    }
+    let mut choices: Vec<Vec<(u16, Form)>> = vec![Vec::new()];
+    for (command, kind) in variables.inputs() {
+        let forms: &[Form] = match kind {
+            _ if 2 * choices.len() > MOST => &[IDENTITY],
+            Kind::Plain => &[SIGNED_SQUARE, IDENTITY],
+            Kind::Angle => &[IDENTITY, SINE],
+            Kind::Wind => &[IDENTITY],
+        };
+        choices = choices
+            .iter()
+            .flat_map(|before| {
+                forms.iter().map(move |form| before.iter().copied().chain([(command, *form)]).collect())
+            })
+            .collect();
+    }
+    let mut all: Vec<Library> = Vec::new();
+    for choice in choices {
+        let library =
+            Library::listed(terms.iter().filter(|term| is_affine(term, &choice)).cloned().collect());
+        if !all.contains(&library) {
+            all.push(library);
+        }
+    }
+    all
+}
+
+/// Whether a term has no command, or one, and that in the chosen way.
+fn is_affine(term: &Term, choice: &[(u16, Form)]) -> bool {
+    let of_command = |factor: &&Factor| choice.iter().any(|(command, _)| *command == factor.variable);
+    let factors: Vec<&Factor> = term.factors().iter().filter(of_command).collect();
+    let Some(first) = factors.first() else { return true };
+    choice.iter().any(|(command, form)| {
+        *command == first.variable
+            && factors.iter().all(|factor| factor.variable == *command)
+            && factors.iter().map(|factor| factor.shape).eq(form.iter().copied())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_library_has_one_function_of_each_command() {
+        let variables = Variables::new(vec![Kind::Plain; 3], vec![Kind::Plain, Kind::Angle]);
+        let all = [Library::marine(), Library::polynomial(2)];
+        let found = libraries(&all, &variables);
+        assert_eq!(found.len(), 4);
+        for library in &found {
+            let terms = library.terms(&variables);
+            let has = |wanted: &Term| terms.contains(wanted);
+            let rudder = [Term::monomial(&[4]), Term::of(4, Shape::Sin)];
+            assert!(has(&rudder[0]) != has(&rudder[1]), "one of the two");
+            let propeller = [Term::monomial(&[3]), Term::signed_square(3, 3)];
+            assert!(has(&propeller[0]) != has(&propeller[1]), "one of the two");
+            // Drag stays; products of commands go.
+            assert!(has(&Term::signed_square(0, 0)) && has(&Term::monomial(&[0, 1])));
+            assert!(!has(&Term::monomial(&[3, 4])) && !has(&Term::signed_square(0, 3)));
+        }
+        // What is tried last, and lags are looked for with: as it stands, and the sine of an angle.
+        let last = found.last().unwrap().terms(&variables);
+        assert!(last.contains(&Term::monomial(&[3])) && last.contains(&Term::of(4, Shape::Sin)));
+    }
+}
