@@ -72,7 +72,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     let voyage = sail(&scene, &shown, helm.as_mut(), &mut bar.callback())?;
     drop(bar);
     let metrics = Metrics::of(&voyage, from_s);
-    let controller = setup::told(args, &steering)?;
+    let controller = setup::told(args, &steering);
     let task = json!({ "path": task, "pace": pace, "duration_s": scene.duration_s, "dt_s": scene.dt_s, "tolerance_m": scene.tolerance });
     let result = match &many {
         Some(many) => serde_json::to_value(many)?,

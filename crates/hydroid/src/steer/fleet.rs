@@ -58,7 +58,7 @@ impl Spread {
         let (force, size) = vector(self.wind, about.wind.force);
         let mut wind = about.wind;
         (wind.force, wind.gust) = (force, about.wind.gust.hypot(0.5 * size));
-        Conditions { seed, mass, current, wind, ..*about }
+        Conditions { seed, current, wind, mass, ..*about }
     }
 }
 

@@ -61,7 +61,8 @@ impl Metrics {
             let (sum, n) = counted().fold((0.0, 0.0), |(sum, n), m| (sum + of(m).powi(2), n + 1.0));
             (sum / n).sqrt()
         };
-        let beyond = |m: &Moment| !(m.distance <= voyage.tolerance);
+        // What is no number is beyond, too.
+        let beyond = |m: &Moment| m.distance.is_nan() || m.distance > voyage.tolerance;
         let settled_after = match all.iter().rposition(beyond) {
             None => all.first().map(|m| m.t),
             Some(last) => all.get(last + 1).map(|m| m.t),

@@ -182,7 +182,7 @@ pub(super) fn learning(args: &LearnArgs, model: &Model) -> anyhow::Result<adapt:
 }
 
 /// The controller as `control.json` has it.
-pub(super) fn told(args: &Control, steering: &Steering) -> anyhow::Result<Value> {
+pub(super) fn told(args: &Control, steering: &Steering) -> Value {
     let mut told = json!({
         "kind": steering.kind,
         "model": args.model,
@@ -202,7 +202,7 @@ pub(super) fn told(args: &Control, steering: &Steering) -> anyhow::Result<Value>
         }
         Kind::Autopilot => {}
     }
-    Ok(told)
+    told
 }
 
 /// What the page says of controller, task and conditions.
