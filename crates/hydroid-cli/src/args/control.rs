@@ -139,7 +139,8 @@ pub struct LearnArgs {
     /// The model learns in the loop, as with hydroid adapt, and each command is made with what it has learned so far
     #[arg(long)]
     pub adapt: bool,
-    /// How equations learn: by least squares (the default) or by the filter. Networks and vessels learn by the filter
+    /// How the model learns: equations by least squares (the default) or by the filter, direct predictors by least squares,
+    /// recurrent networks and vessels by the filter
     #[arg(long, value_name = "HOW", value_enum, requires = "adapt")]
     pub learner: Option<Learner>,
     /// No guard: whatever was learned is steered by

@@ -6,7 +6,7 @@ mod stream;
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use hydroid::adapt::{self, Gate, Kalman, LeastSquares, Method, Options, Report, Used};
+use hydroid::adapt::{self, Gate, Method, Options, Report, Used};
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
@@ -83,7 +83,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
 /// What the command line says, for a model; what it says of models of another kind is refused.
 fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     let mut options =
-        Options { evaluate: evaluate::options(args.judging, model.description.dt), ..Options::default() };
+        Options { evaluate: evaluate::options(args.judging, model.description.dt), ..Options::of(model) };
     if !args.trust.no_guard {
         options = options.guarded(model);
     }
@@ -104,7 +104,6 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
                 given.window.is_none() && !given.all_terms && !given.no_gate,
                 "--window, --all-terms and --no-gate are for equations: this is a direct predictor, which learns from the steps that it predicts"
             );
-            options.least_squares = LeastSquares::of_read_outs();
         }
         let settings = &mut options.least_squares;
         settings.forgetting_s = args.forgetting.unwrap_or(settings.forgetting_s);
@@ -134,7 +133,6 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
             model.kind()
         );
         options.method = Method::Kalman;
-        options.kalman = if equations { Kalman::of_equations() } else { Kalman::of_plants() };
     }
     let (given, settings) = (&args.networks, &mut options.kalman);
     for (value, into) in [

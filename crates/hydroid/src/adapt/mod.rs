@@ -48,7 +48,7 @@ pub enum Method {
     Kalman,
 }
 
-/// How to adapt, and how to judge it.
+/// How to adapt, and how to judge it. [`Options::of`] is where to begin: what suits one kind of model does not suit another.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Options {
@@ -177,6 +177,23 @@ pub enum AdaptError {
     /// Frozen and adapted cannot be judged.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
+}
+
+impl Options {
+    /// The defaults for a model of its kind, without a guard (see [`guarded`](Self::guarded)).
+    ///
+    /// Those of the filter are set for equations too, which learn by least squares: choosing [`Method::Kalman`] is enough.
+    pub fn of(model: &Model) -> Self {
+        let (method, least_squares, kalman) = match &model.body {
+            Body::Equations(_) => (Method::LeastSquares, LeastSquares::default(), Kalman::of_equations()),
+            Body::Direct(_) => (Method::LeastSquares, LeastSquares::of_read_outs(), Kalman::default()),
+            Body::Recurrent(_) => (Method::Kalman, LeastSquares::default(), Kalman::default()),
+            Body::Plant(_) => (Method::Kalman, LeastSquares::default(), Kalman::of_plants()),
+            // Nothing adapts these yet: `adaptable` says so.
+            Body::Affine(_) => return Self::default(),
+        };
+        Self { method, least_squares, kalman, ..Self::default() }
+    }
 }
 
 /// Whether a model can be adapted.

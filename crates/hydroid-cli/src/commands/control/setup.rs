@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::{bail, ensure};
-use hydroid::adapt::{self, Kalman, Method};
+use hydroid::adapt::{self, Method};
 use hydroid::model::Model;
 use hydroid::steer::{Conditions, Course, Kind, Pace, Scene, Spread, Steering, Task, Timing, Wind};
 use hydroid_core::control::cem::PlannerSettings;
@@ -161,22 +161,22 @@ pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Res
     Ok(steering)
 }
 
-/// How a model learns in the loop: as `hydroid adapt` lets it, with that command's own settings.
+/// How a model learns in the loop: as `hydroid adapt` lets it, with the settings that are that command's default.
 pub(super) fn learning(args: &LearnArgs, model: &Model) -> anyhow::Result<adapt::Options> {
     adapt::adaptable(model)?;
-    let mut options = adapt::Options::default();
-    let equations = model.equations().is_some();
+    let mut options = adapt::Options::of(model);
+    let (equations, direct) = (model.equations().is_some(), model.direct().is_some());
     ensure!(
-        equations || args.learner != Some(Learner::LeastSquares),
-        "--learner least-squares is for equations: this is a model of kind '{}', which learns by the filter",
+        !direct || args.learner != Some(Learner::Kalman),
+        "--learner kalman is not for direct predictors: their last layer learns by least squares; leave it out"
+    );
+    ensure!(
+        equations || direct || args.learner != Some(Learner::LeastSquares),
+        "--learner least-squares is for equations and direct predictors: this is a model of kind '{}', which learns by the filter; leave it out",
         model.kind()
     );
-    if model.plant().is_some() {
+    if args.learner == Some(Learner::Kalman) {
         options.method = Method::Kalman;
-        options.kalman = Kalman::of_plants();
-    } else if equations && args.learner == Some(Learner::Kalman) {
-        options.method = Method::Kalman;
-        options.kalman = Kalman::of_equations();
     }
     Ok(if args.no_guard { options } else { options.guarded(model) })
 }
