@@ -45,8 +45,9 @@ fn links(text: &str) -> Vec<(usize, String)> {
 #[test]
 fn links_lead_somewhere() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let mut pages: Vec<PathBuf> =
-        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root.join(name)).into();
+    let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"]
+        .map(|name| root.join(name))
+        .into();
     for entry in fs::read_dir(root.join("docs")).unwrap() {
         let path = entry.unwrap().path();
         pages.extend(path.extension().is_some_and(|e| e == "md").then_some(path));
@@ -60,7 +61,8 @@ fn links_lead_somewhere() {
                 continue;
             }
             count += 1;
-            let (file, anchor) = target.split_once('#').map_or((target.as_str(), None), |(f, a)| (f, Some(a)));
+            let (file, anchor) =
+                target.split_once('#').map_or((target.as_str(), None), |(f, a)| (f, Some(a)));
             let path = if file.is_empty() { page.clone() } else { page.parent().unwrap().join(file) };
             let there = path.exists()
                 && anchor.is_none_or(|anchor| {

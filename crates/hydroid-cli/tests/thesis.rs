@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -47,6 +47,7 @@ fn the_small_study_tells_the_story() {
     };
     for (words, expected) in [
         ("SINDy identifies the simple vessel", "reproduced"),
+        ("Feedback linearization with what SINDy found", "reproduced"),
         ("SINDy cannot identify the hydrofoil", "in_part"),
         ("The direct network predicts as well", "reproduced"),
         ("While flying, the adapted network", "reproduced"),
@@ -81,8 +82,22 @@ fn the_small_study_tells_the_story() {
             assert!(rows.iter().all(|row| row.as_array().unwrap().len() == columns), "{name}");
         }
     }
+    let kept: Value = serde_json::from_slice(&first["data/claims.json"]).unwrap();
+    assert_eq!(&kept, &told["claims"]);
+    for (name, bytes) in &first {
+        let content = text(bytes);
+        if name.ends_with(".svg") {
+            assert!(
+                content.starts_with("<svg ") && content.contains("xmlns="),
+                "{name} is no file of its own"
+            );
+        }
+        if name.ends_with(".csv") {
+            assert!(!content.contains("NaN") && !content.contains(",inf"), "{name}");
+        }
+    }
     let page = text(&first["index.html"]);
-    for figure in [1, 2, 3, 5, 6, 7, 8, 9] {
+    for figure in 1..=9 {
         assert!(page.contains(&format!("Figure {figure}: ")), "figure {figure}");
     }
     assert!(page.contains("Table 1") && !page.contains("NaN") && !page.contains("http://localhost"));
@@ -159,20 +174,29 @@ fn a_study_that_was_killed_goes_on() {
         .unwrap();
     let cache = folder.path().join("killed/cache");
     let clock = Instant::now();
+    // What is kept for good, with the time when it was written: `NAME.json` comes behind its model.
+    let kept = || -> BTreeMap<PathBuf, SystemTime> {
+        let entries = fs::read_dir(&cache).into_iter().flatten().flatten().map(|entry| entry.path());
+        let whole = entries.filter(|path| path.extension().is_some_and(|e| e == "json"));
+        whole.map(|path| (path.clone(), fs::metadata(path).unwrap().modified().unwrap())).collect()
+    };
     // A model is there and the page is not.
-    while !fs::read_dir(&cache).is_ok_and(|files| files.count() > 0)
-        && clock.elapsed() < Duration::from_secs(120)
-    {
+    while kept().is_empty() && clock.elapsed() < Duration::from_secs(120) {
         std::thread::sleep(Duration::from_millis(5));
     }
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(!folder.path().join("killed/index.html").exists(), "it was too fast to be killed");
-    let kept = fs::read_dir(&cache).unwrap().count();
-    assert!(kept > 0);
+    let before = kept();
+    assert!(!before.is_empty(), "nothing was made within two minutes");
 
     let output = hydroid(folder.path(), &args("killed"));
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let after = kept();
+    for (path, time) in &before {
+        assert_eq!(time, &after[path], "{} was made again", path.display());
+    }
+    assert!(after.len() > before.len());
     let (whole, killed) = (files(&folder.path().join("whole")), files(&folder.path().join("killed")));
     assert_eq!(whole.keys().collect::<Vec<_>>(), killed.keys().collect::<Vec<_>>());
     for (name, bytes) in &whole {
@@ -199,6 +223,11 @@ fn what_cannot_be_is_told_with_its_place() {
     fs::write(mine.join("fig6.toml"), "title = \"c\"\ntext = \"d\"\n[run.horizon]\nmodels = []\n").unwrap();
     refused(&study, &["fig6.toml", "horizon"]);
     own(&mine);
+    let none =
+        "title = \"c\"\ntext = \"d\"\n[run.horizons]\nmodels = []\nrecords = [\"test\"]\nerror = \"mean\"\n";
+    fs::write(mine.join("fig6.toml"), none).unwrap();
+    refused(&study, &["fig6", "no models"]);
+    own(&mine);
     let records = fs::read_to_string(mine.join("records.toml")).unwrap();
     fs::write(mine.join("records.toml"), records.replace("[test]", "[toast]")).unwrap();
     refused(&study, &["'test'", "toast"]);
@@ -212,6 +241,13 @@ fn built_in_experiments_are_files() {
     let folder = TempDir::new().unwrap();
     let output = hydroid(folder.path(), &["thesis", "--write-experiments", "mine"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    // What was edited is not lost.
+    fs::write(folder.path().join("mine/fig5.toml"), "mine").unwrap();
+    let refused = hydroid(folder.path(), &["thesis", "--write-experiments", "mine"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert_eq!(fs::read_to_string(folder.path().join("mine/fig5.toml")).unwrap(), "mine");
+    fs::remove_file(folder.path().join("mine/fig5.toml")).unwrap();
+    assert_eq!(hydroid(folder.path(), &["thesis", "--write-experiments", "mine"]).status.code(), Some(0));
     for args in [vec!["thesis", "--list"], vec!["thesis", "--list", "--experiments", "mine", "--quick"]] {
         let listed = hydroid(folder.path(), &args);
         assert_eq!(listed.status.code(), Some(0), "{}", text(&listed.stderr));

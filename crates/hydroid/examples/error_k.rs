@@ -127,7 +127,7 @@ fn tell(model: &str, log: &str, figure: Option<&String>) -> Result<(), Failure> 
     }
     if let Some(path) = figure {
         let drawn = error_k::figure(&blocks, &model.description.name, style::MODEL_LINE, record.run.dt);
-        std::fs::write(path, drawn.svg()?)?;
+        std::fs::write(path, drawn.file()?)?;
     }
     Ok(())
 }

@@ -35,7 +35,8 @@ pub struct Thesis {
     /// List the experiments and stop
     #[arg(long)]
     pub list: bool,
-    /// Use what another version of this program has kept as well: for work on the page, not for figures
+    /// Keep results without regard to the build of this program, and take those that were kept so: for work on the page, not for
+    /// figures
     #[arg(long)]
     pub any_program: bool,
 }

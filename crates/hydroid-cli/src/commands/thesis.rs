@@ -1,6 +1,7 @@
 //! `hydroid thesis`.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -30,7 +31,7 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
     // Words are told from several threads; a bar is drawn by one at a time.
     let last = Mutex::new(String::new());
     let watch = |told: &Told<'_>| {
-        let fraction = (told.done as f64 + 0.5 * told.fraction) / told.of.max(1) as f64;
+        let fraction = told.done as f64 / told.of.max(1) as f64;
         let words = format!("{}: {}", told.experiment, told.what);
         if let Ok(mut last) = last.lock()
             && *last != words
@@ -41,7 +42,7 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
         bar.at(fraction);
         if ui::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let summary = study::run(&plan, &args.only, &args.output, program, &watch)?;
+    let summary = study::run(&plan, &args.only, &args.output, program, &alone(args), &watch)?;
     drop(bar);
     if global.json {
         super::print_json(&summary)?;
@@ -49,6 +50,21 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
         show(&summary, clock.elapsed().as_secs_f64());
     }
     Ok(Outcome::Done)
+}
+
+/// What makes an experiment alone, but for its name.
+fn alone(args: &Thesis) -> String {
+    let mut command = String::from("hydroid thesis");
+    if args.quick {
+        command.push_str(" --quick");
+    }
+    if let Some(folder) = &args.experiments {
+        command.extend([" --experiments ", &folder.display().to_string()]);
+    }
+    if args.output != Path::new("report") {
+        command.extend([" -o ", &args.output.display().to_string()]);
+    }
+    command
 }
 
 fn list(plan: &Plan, global: Global) -> anyhow::Result<()> {
@@ -72,8 +88,10 @@ fn show(summary: &Summary, seconds: f64) {
             Holds::Reproduced => "+",
             Holds::InPart => "o",
             Holds::NotReproduced => "-",
+            Holds::NotMeasured => "?",
         };
-        outln!("{sign} {:14} {:<9.3} {}", claim.verdict.word(), claim.figure, claim.claim);
+        let figure = claim.figure.map_or_else(|| String::from("–"), |figure| format!("{figure:.3}"));
+        outln!("{sign} {:14} {figure:<9} {}", claim.verdict.word(), claim.claim);
     }
     let mut slow: Vec<_> = summary.seconds.iter().filter(|(_, seconds)| *seconds >= 0.1).collect();
     slow.sort_by(|a, b| b.1.total_cmp(&a.1));

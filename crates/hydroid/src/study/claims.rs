@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::outcome::Outcome;
-use super::plan::Claim;
+use super::plan::{Bound, Claim};
 
 /// Whether a claim is so.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -17,6 +17,8 @@ pub enum Holds {
     InPart,
     /// It is not.
     NotReproduced,
+    /// The experiment gave no such figure.
+    NotMeasured,
 }
 
 impl Holds {
@@ -26,6 +28,7 @@ impl Holds {
             Self::Reproduced => "reproduced",
             Self::InPart => "in part",
             Self::NotReproduced => "not reproduced",
+            Self::NotMeasured => "not measured",
         }
     }
 }
@@ -39,12 +42,14 @@ pub struct Judged {
     pub experiment: String,
     /// What the figure is.
     pub measured: String,
-    /// The figure.
-    pub figure: f64,
+    /// The figure, if the experiment gave it.
+    pub figure: Option<f64>,
     /// Whether it is so.
     pub verdict: Holds,
     /// By what factor the figure keeps the bound of *reproduced*; below 1 where it does not.
-    pub margin: f64,
+    pub margin: Option<f64>,
+    /// What it is reproduced by, and what in part.
+    pub bounds: [Bound; 2],
     /// Why.
     pub because: String,
 }
@@ -53,13 +58,12 @@ pub struct Judged {
 pub(super) fn judge(claims: &[Claim], outcomes: &BTreeMap<&str, &Outcome>) -> Vec<Judged> {
     let one = |claim: &Claim| {
         let outcome = outcomes.get(claim.experiment.as_str())?;
-        let figure = *outcome.measures.get(&claim.measure)?;
-        let verdict = if claim.reproduced.holds(figure) {
-            Holds::Reproduced
-        } else if claim.partly.holds(figure) {
-            Holds::InPart
-        } else {
-            Holds::NotReproduced
+        let figure = outcome.measures.get(&claim.measure).copied();
+        let verdict = match figure {
+            None => Holds::NotMeasured,
+            Some(figure) if claim.reproduced.holds(figure) => Holds::Reproduced,
+            Some(figure) if claim.partly.holds(figure) => Holds::InPart,
+            Some(_) => Holds::NotReproduced,
         };
         Some(Judged {
             claim: claim.claim.clone(),
@@ -67,7 +71,8 @@ pub(super) fn judge(claims: &[Claim], outcomes: &BTreeMap<&str, &Outcome>) -> Ve
             measured: claim.measured.clone(),
             figure,
             verdict,
-            margin: claim.reproduced.margin(figure),
+            margin: figure.map(|figure| claim.reproduced.margin(figure)),
+            bounds: [claim.reproduced, claim.partly],
             because: claim.because.clone(),
         })
     };

@@ -59,6 +59,25 @@ pub enum StudyError {
         /// The model.
         model: String,
     },
+    /// A folder without experiments.
+    #[error(
+        "there is no experiment: `hydroid thesis --write-experiments FOLDER` writes those that are built in"
+    )]
+    Nothing,
+    /// A file that was edited would be lost.
+    #[error("{} is there and says something else: name a folder without it, or take it away", path.display())]
+    Edited {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Part of an experiment failed.
+    #[error("the experiment '{name}': {error}")]
+    In {
+        /// The experiment.
+        name: String,
+        /// What failed.
+        error: Box<StudyError>,
+    },
     /// An experiment that cannot be made of what it was given.
     #[error("the experiment '{name}' cannot be made: {why}")]
     Cannot {

@@ -100,13 +100,19 @@ impl<'a> Lab<'a> {
         self.tell(&format!("simulating {name}"), 0.0)?;
         let simulated = simulate(&options(record)?, &mut self.progress(name))?;
         let run = Trajectory { name: name.to_owned(), ..simulated.to_trajectory(&["u", "v", "r"])? };
-        let key = self.store.key("record", record, &[])?;
+        let key = self.store.key("record", record, &[]);
         let sailed = Arc::new(Sailed { name: name.to_owned(), key, simulated, run });
         self.records
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .insert(name.to_owned(), Arc::clone(&sailed));
         Ok(sailed)
+    }
+
+    /// Whether a model can walk along a record: the same outputs and inputs, and the same sample time.
+    pub(super) fn fits(&self, learned: &Learned, sailed: &Sailed) -> Result<(), StudyError> {
+        let fits = learned.model.check(std::slice::from_ref(&sailed.run));
+        fits.map_err(|error| self.cannot(format_args!("a model on the record '{}': {error}", sailed.name)))
     }
 
     /// Several records by their names.
@@ -136,7 +142,7 @@ impl<'a> Lab<'a> {
             [&plan.train, &plan.validate, &plan.test].map(|record| self.record(record));
         let (train, validate, test) = (train?, validate?, test?);
         let alone = ModelPlan { seeds: vec![seed], ..plan.clone() };
-        let key = self.store.key("model", &alone, &[train.key, validate.key, test.key])?;
+        let key = self.store.key("model", &alone, &[train.key, validate.key, test.key]);
         let (model, about) = self.store.model(&format!("{name}-seed{seed}"), key, || {
             let names: Vec<&str> = plan.outputs.iter().map(String::as_str).collect();
             let part = |sailed: &Sailed| -> Result<Vec<Trajectory>, StudyError> {

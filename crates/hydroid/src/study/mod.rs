@@ -75,7 +75,8 @@ pub struct Summary {
 }
 
 /// Makes the experiments named in `only`, or all, in a folder: `index.html`, `figures/*.svg`, `data/*.csv` and `*.json`; what
-/// can be used again is kept in `cache`. `program` is a fingerprint of what makes the results ([`program()`]).
+/// can be used again is kept in `cache`. `program` is a fingerprint of what makes the results ([`program()`]), `command`
+/// what makes one of them alone, but for its name. Of a part of the study the page has its name, and that of the whole stays.
 ///
 /// # Errors
 /// If something is named that is not there, a part cannot be made or written, or the work is stopped.
@@ -84,6 +85,7 @@ pub fn run(
     only: &[String],
     folder: &Path,
     program: u64,
+    command: &str,
     watch: Watch<'_>,
 ) -> Result<Summary, StudyError> {
     atomic::probe(folder)?;
@@ -104,7 +106,10 @@ pub fn run(
         lab.place = (i, chosen.len());
         lab.at.clone_from(name);
         let clock = Instant::now();
-        let outcome = experiment.run.run(&lab)?;
+        let outcome = experiment.run.run(&lab).map_err(|error| match error {
+            StudyError::Cancelled(_) | StudyError::Cannot { .. } => error,
+            error => StudyError::In { name: name.clone(), error: Box::new(error) },
+        })?;
         seconds.push((name.clone(), clock.elapsed().as_secs_f64()));
         done.push(Done { name, experiment, outcome });
     }
@@ -115,10 +120,15 @@ pub fn run(
     for done in &done {
         files(done, folder)?;
     }
-    json(&folder.join("data/claims.json"), &claims)?;
-    json(&folder.join("data/measures.json"), &measures)?;
-    let page = folder.join("index.html");
-    let html = page::write(plan, &done, &claims, &lab)?;
+    // Of a part of the study only that part is rewritten: the page of the whole stays.
+    let page = match only {
+        [] => {
+            json(&folder.join("data/claims.json"), &claims)?;
+            folder.join("index.html")
+        }
+        some => folder.join(format!("{}.html", some.join("+"))),
+    };
+    let html = page::write(plan, &done, &claims, command)?;
     atomic::write(&page, |out| out.write_all(html.as_bytes()))?;
     Ok(Summary { page, quick: plan.quick, measures, claims, seconds })
 }
@@ -127,15 +137,15 @@ pub fn run(
 fn files(done: &Done<'_>, folder: &Path) -> Result<(), StudyError> {
     for shown in &done.outcome.pictures {
         let svg = match &shown.picture {
-            Picture::Chart(chart) => chart.svg()?,
+            Picture::Chart(chart) => chart.file()?,
             Picture::Drawing(svg) => svg.clone(),
         };
-        let path = folder.join("figures").join(format!("{}.svg", shown.name));
+        let path = folder.join("figures").join(format!("{}_{}.svg", done.name, shown.name));
         atomic::write(&path, |out| out.write_all(svg.as_bytes()))?;
     }
     let tables = done.outcome.tables.iter().map(|tabled| &tabled.sheet);
     for sheet in done.outcome.sheets.iter().chain(tables) {
-        let path = folder.join("data").join(format!("{}.csv", sheet.name));
+        let path = folder.join("data").join(format!("{}_{}.csv", done.name, sheet.name));
         atomic::write(&path, |out| out.write_all(sheet.csv().as_bytes()))?;
     }
     let sheets: Vec<&Sheet> =

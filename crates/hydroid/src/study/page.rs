@@ -3,7 +3,6 @@
 use maud::{Markup, html};
 
 use super::claims::{Holds, Judged};
-use super::lab::Lab;
 use super::outcome::{Cell, Outcome, Picture, Sheet};
 use super::plan::{Experiment, Plan};
 use super::{Done, StudyError};
@@ -18,18 +17,18 @@ pub(super) fn write(
     plan: &Plan,
     done: &[Done<'_>],
     claims: &[Judged],
-    lab: &Lab<'_>,
+    command: &str,
 ) -> Result<String, StudyError> {
     let mut sections = vec![Section::new("summary", "Summary", summary(plan, done, claims))];
     for one in done {
-        let body = experiment(one.name, one.experiment, &one.outcome, plan.quick)?;
+        let body = experiment(one.name, one.experiment, &one.outcome, command)?;
         sections.push(Section::new(one.name.clone(), one.experiment.title.clone(), body));
     }
     if !claims.is_empty() {
         let body = claims_table(claims, true);
         sections.push(Section::new("claims", "Claims", body));
     }
-    sections.push(Section::new("method", "Method", method(plan, done, lab)));
+    sections.push(Section::new("method", "Method", method(plan, done)));
     Ok(page("hydroid: a study", &sections))
 }
 
@@ -46,7 +45,7 @@ fn summary(plan: &Plan, done: &[Done<'_>], claims: &[Judged]) -> Markup {
         }
         @if !claims.is_empty() {
             p {
-                strong { (count(Holds::Reproduced)) " claims are reproduced, " (count(Holds::InPart)) " in part, " (count(Holds::NotReproduced)) " not." }
+                strong { (count(Holds::Reproduced)) " claims are reproduced, " (count(Holds::InPart)) " in part, " (count(Holds::NotReproduced)) " not." @if count(Holds::NotMeasured) > 0 { " " (count(Holds::NotMeasured)) " could not be measured." } }
                 " Each verdict follows from a bound on one figure; " a href="#claims" { "the reasons" } " stand at the end."
             }
             (claims_table(claims, false))
@@ -60,7 +59,7 @@ fn verdict(verdict: Holds) -> Markup {
     let class = match verdict {
         Holds::Reproduced => "good",
         Holds::InPart => "usable",
-        Holds::NotReproduced => "bad",
+        Holds::NotReproduced | Holds::NotMeasured => "bad",
     };
     html! { span class={ "verdict " (class) } { (verdict.word()) } }
 }
@@ -71,16 +70,19 @@ fn claims_table(claims: &[Judged], reasons: bool) -> Markup {
             table.claims {
                 thead { tr {
                     th scope="col" { "claim" } th scope="col" { "measured" } th.n scope="col" { "figure" } th scope="col" { "verdict" }
-                    @if reasons { th scope="col" { "because" } }
+                    @if reasons { th scope="col" { "reproduced" } th scope="col" { "in part" } th scope="col" { "because" } }
                 } }
                 tbody {
                     @for claim in claims {
                         tr {
                             td.words { a href={ "#" (claim.experiment) } { (claim.claim) } }
                             td.words { (claim.measured) }
-                            td.n { (number::text(claim.figure, 3)) }
+                            td.n { @if claim.figure.is_some() { (number::text(claim.figure.unwrap_or(f64::NAN), 3)) } @else { (number::NONE) } }
                             td { (verdict(claim.verdict)) }
-                            @if reasons { td.words { (claim.because) } }
+                            @if reasons {
+                                td { (claim.bounds[0].words()) } td { (claim.bounds[1].words()) }
+                                td.words { (claim.because) }
+                            }
                         }
                     }
                 }
@@ -93,12 +95,13 @@ fn experiment(
     name: &str,
     experiment: &Experiment,
     outcome: &Outcome,
-    quick: bool,
+    command: &str,
 ) -> Result<Markup, StudyError> {
     let mut charts = Vec::new();
     let mut drawings = Vec::new();
     for shown in &outcome.pictures {
-        let caption = html! { (shown.caption) " " a href={ "figures/" (shown.name) ".svg" } { "SVG" } };
+        let caption =
+            html! { (shown.caption) " " a href={ "figures/" (name) "_" (shown.name) ".svg" } { "SVG" } };
         match &shown.picture {
             Picture::Chart(chart) => charts.push(figure(&chart.svg()?, &caption)),
             Picture::Drawing(svg) => drawings.push(figure(svg, &caption)),
@@ -108,7 +111,7 @@ fn experiment(
         html! {
             @for tabled in outcome.tables.iter().filter(|tabled| wide == (tabled.sheet.columns.len() > BESIDE)) {
                 (sheet(&tabled.sheet))
-                p.small { (tabled.caption) " " a href={ "data/" (tabled.sheet.name) ".csv" } { "CSV" } }
+                p.small { (tabled.caption) " " a href={ "data/" (name) "_" (tabled.sheet.name) ".csv" } { "CSV" } }
             }
         }
     };
@@ -122,12 +125,12 @@ fn experiment(
         (tables(true))
         @for remark in &outcome.remarks { p.nothing { (remark) } }
         p.small {
-            "Alone: " code { "hydroid thesis" @if quick { " --quick" } " " (name) }
+            "Alone: " code { (command) " " (name) }
             @if !outcome.sheets.is_empty() {
                 "; numbers: "
                 @for (i, sheet) in outcome.sheets.iter().enumerate() {
                     @if i > 0 { ", " }
-                    a href={ "data/" (sheet.name) ".csv" } { (sheet.name) ".csv" }
+                    a href={ "data/" (name) "_" (sheet.name) ".csv" } { (sheet.name) ".csv" }
                 }
             }
         }
@@ -156,7 +159,7 @@ fn sheet(sheet: &Sheet) -> Markup {
     table(&heads, &rows, first)
 }
 
-fn method(plan: &Plan, done: &[Done<'_>], lab: &Lab<'_>) -> Markup {
+fn method(plan: &Plan, done: &[Done<'_>]) -> Markup {
     let mut models: Vec<&String> = done.iter().flat_map(|one| one.experiment.run.uses().1).collect();
     models.sort();
     models.dedup();
@@ -184,7 +187,7 @@ fn method(plan: &Plan, done: &[Done<'_>], lab: &Lab<'_>) -> Markup {
         p.small {
             "hydroid " (env!("CARGO_PKG_VERSION")) ", " (std::env::consts::OS) " on " (std::env::consts::ARCH) ", " (threads) " cores. "
             "Experiments, records, models and claims are files: " code { "hydroid thesis --write-experiments FOLDER" } " writes them, " code { "hydroid thesis --experiments FOLDER" } " runs what was made of them. Results are kept in "
-            code { "cache" } " beside this page and taken from there where nothing that they depend on has changed (" (lab.plan().experiments.len()) " experiments in all)."
+            code { "cache" } " beside this page and taken from there where nothing that they depend on has changed (" (plan.experiments.len()) " experiments in all)."
         }
     }
 }

@@ -161,6 +161,14 @@ impl Bound {
         }
     }
 
+    /// In words.
+    pub fn words(self) -> String {
+        match self {
+            Self::AtMost(most) => format!("≤ {most}"),
+            Self::AtLeast(least) => format!("≥ {least}"),
+        }
+    }
+
     /// By what factor a figure keeps it; below 1 where it does not.
     pub fn margin(self, figure: f64) -> f64 {
         match self {
@@ -240,10 +248,14 @@ impl Plan {
     /// Writes the files that are built in, to be edited.
     ///
     /// # Errors
-    /// If a file cannot be written.
+    /// If a file cannot be written, or one of the name is there that says something else.
     pub fn write(folder: &Path) -> Result<(), StudyError> {
         for (name, text) in BUILT_IN {
-            crate::atomic::write(&folder.join(name), |out| out.write_all(text.as_bytes()))?;
+            let path = folder.join(name);
+            if std::fs::read_to_string(&path).is_ok_and(|there| there != text) {
+                return Err(StudyError::Edited { path });
+            }
+            crate::atomic::write(&path, |out| out.write_all(text.as_bytes()))?;
         }
         Ok(())
     }
@@ -273,6 +285,13 @@ impl Plan {
 
     /// Whether all that is named is there.
     fn check(&self) -> Result<(), StudyError> {
+        if self.experiments.is_empty() {
+            return Err(StudyError::Nothing);
+        }
+        let plants: Vec<String> = ["simple", "hydrofoil"].map(String::from).to_vec();
+        for (name, record) in &self.records {
+            known(&format!("record '{name}'"), "plant", &record.plant, plants.iter())?;
+        }
         let record = |whose: &str, name: &String| known(whose, "record", name, self.records.keys());
         for (name, model) in &self.models {
             for used in [&model.train, &model.validate, &model.test] {
@@ -285,6 +304,7 @@ impl Plan {
         for (name, experiment) in &self.experiments {
             let whose = format!("experiment '{name}'");
             let (records, models) = experiment.run.uses();
+            experiment.run.check().map_err(|why| StudyError::Cannot { name: name.clone(), why })?;
             records.into_iter().try_for_each(|used| record(&whose, used))?;
             models.into_iter().try_for_each(|used| known(&whose, "model", used, self.models.keys()))?;
         }

@@ -4,6 +4,7 @@
 //! models, by the same program. Files are written whole or not at all, so that whatever is there can be trusted after a
 //! process was killed; one that cannot be read is made again.
 
+use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -32,13 +33,15 @@ impl Store {
     }
 
     /// The key of something that is described by `what` and depends on others.
-    pub(super) fn key(&self, kind: &str, what: &impl Serialize, on: &[Key]) -> Result<Key, StudyError> {
+    ///
+    /// It is made of the words of `Debug`: JSON knows no infinity.
+    pub(super) fn key(&self, kind: &str, what: &impl Debug, on: &[Key]) -> Key {
         let mut print = Fnv::new();
         print.word(self.program);
         print.text(kind);
-        print.text(&serde_json::to_string(what).map_err(|error| StudyError::Result(error.to_string()))?);
+        print.text(&format!("{what:?}"));
         on.iter().for_each(|key| print.word(key.0));
-        Ok(Key(print.value()))
+        Key(print.value())
     }
 
     fn path(&self, name: &str, key: Key, extension: &str) -> PathBuf {
@@ -100,11 +103,18 @@ fn kept<T: DeserializeOwned>(path: &Path) -> Option<T> {
 pub fn program() -> u64 {
     let mut print = Fnv::new();
     print.text(env!("CARGO_PKG_VERSION"));
-    if let Ok(bytes) = std::env::current_exe().and_then(std::fs::read) {
-        for word in bytes.chunks(8) {
-            let mut padded = [0; 8];
-            padded[..word.len()].copy_from_slice(word);
-            print.word(u64::from_le_bytes(padded));
+    match std::env::current_exe().and_then(std::fs::read) {
+        Ok(bytes) => {
+            for word in bytes.chunks(8) {
+                let mut padded = [0; 8];
+                padded[..word.len()].copy_from_slice(word);
+                print.word(u64::from_le_bytes(padded));
+            }
+        }
+        // Not known: then no result is of this program but those that it makes now.
+        Err(_) => {
+            let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+            print.text(&format!("{:?} {}", now, std::process::id()));
         }
     }
     print.value()

@@ -258,6 +258,21 @@ impl Figure {
     pub fn svg(&self) -> Result<String, FigureError> {
         layout::draw(self)
     }
+
+    /// The figure as a file of its own, with a name space, a size and a font, which an element in a page has from there.
+    ///
+    /// # Errors
+    /// If plotters cannot write it.
+    pub fn file(&self) -> Result<String, FigureError> {
+        Ok(self.svg()?.replacen(
+            "<svg ",
+            &format!(
+                "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" font-family=\"Arial, Helvetica, 'Liberation Sans', sans-serif\" ",
+                style::WIDTH
+            ),
+            1,
+        ))
+    }
 }
 
 #[cfg(test)]

@@ -32,11 +32,9 @@ pub(super) struct Along {
     /// The state is filtered, the weights are frozen; none for models whose state a measurement enters otherwise.
     pub(super) filtered: Option<Errors>,
     pub(super) adapted: Errors,
-    /// Time for a sample, median \[us\].
-    pub(super) us: f64,
 }
 
-/// How a model learns along a record: as `hydroid adapt` has it by default.
+/// How a model learns along a record: with the defaults of `hydroid adapt`, with its guard or without.
 pub(super) fn options(guarded: bool, learned: &Learned) -> Options {
     let evaluate = evaluate::Options {
         horizon: HORIZON,
@@ -45,7 +43,7 @@ pub(super) fn options(guarded: bool, learned: &Learned) -> Options {
         warm_up: 100,
         ..evaluate::Options::default()
     };
-    let options = Options { evaluate, ..Options::default() };
+    let options = Options { evaluate, ..Options::of(&learned.model) };
     if guarded { options.guarded(&learned.model) } else { options }
 }
 
@@ -56,7 +54,8 @@ pub(super) fn adaptation(
     sailed: &Sailed,
     guarded: bool,
 ) -> Result<Along, StudyError> {
-    let key = lab.store.key("adaptation", &guarded, &[learned.key, sailed.key])?;
+    lab.fits(learned, sailed)?;
+    let key = lab.store.key("adaptation", &guarded, &[learned.key, sailed.key]);
     lab.store.get("adaptation", key, || {
         let options = options(guarded, learned);
         let adapted =
@@ -65,7 +64,6 @@ pub(super) fn adaptation(
             frozen: Errors::of(adapted.frozen),
             filtered: adapted.frozen_filtered.map(Errors::of),
             adapted: Errors::of(adapted.adapted),
-            us: adapted.us_per_sample.median,
         })
     })
 }

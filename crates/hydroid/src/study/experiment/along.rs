@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 use hydroid_core::adapt::guard::Action;
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::State;
-use plotters::style::RGBColor;
 
 use super::super::StudyError;
 use super::super::lab::{Lab, Learned, Sailed};
@@ -26,7 +25,6 @@ const TRANSITION: f64 = 2.5;
 const LEAST: f64 = 1e-3;
 /// Half-width of an 80 % band of a normal distribution \[standard deviations\].
 const BAND_80: f64 = 1.281_55;
-const FLYING: RGBColor = RGBColor(0x00, 0x9e, 0x73);
 
 /// Errors over time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,7 +55,8 @@ impl Along {
         let sailed = lab.record(&self.record)?;
         let models = lab.models(&self.model)?;
         let Some(learned) = models.first() else { return Ok(Outcome::default()) };
-        let key = lab.store.key("along", self, &[learned.key, sailed.key])?;
+        lab.fits(learned, &sailed)?;
+        let key = lab.store.key("along", self, &[learned.key, sailed.key]);
         let walk = lab.store.get("along", key, || self.walk(learned, &sailed))?;
         let mut outcome = Outcome::default();
         let names = ["frozen", "adapted", "guarded"];
@@ -78,7 +77,7 @@ impl Along {
             "error_over_time",
             self.figure(&walk, &sailed),
             format!(
-                "{}, trained at low speed, along {}: the error against the truth of what was predicted {steps} steps ({:.1} s) before. Each take-off is new to the frozen network and known to the adapted one after its first. Vertical lines: the guard changes the model that predicts.",
+                "{}, trained at low speed, along {}: the error against the truth of the prediction that was made at that time for {steps} steps ({:.1} s) later, in means over eight origins (4 s). Each take-off is new to the frozen network and known to the adapted one after its first. Vertical lines: the guard changes the model that predicts.",
                 look::title(&self.model),
                 self.record,
                 steps as f64 * sailed.run.dt,
@@ -88,7 +87,7 @@ impl Along {
         outcome.measure("band_80_holds", coverage);
         outcome.chart(
             "bands",
-            self.bands(&walk),
+            self.bands(&walk, sailed.run.dt),
             format!(
                 "What the adapted network predicts {steps} steps ahead, with its 80 % band, and what was measured then, around the first flight. Along the whole record the bands of u, v, r hold {:.0} % of the measurements.",
                 100.0 * coverage
@@ -97,7 +96,7 @@ impl Along {
         outcome.chart(
             "track",
             track(&sailed),
-            format!("The track of {}: afloat blue, flying green.", self.record),
+            format!("The track of {}: afloat grey, flying black.", self.record),
         );
         let flying = |errors: &[[f64; 3]]| {
             let aloft = walk.t.iter().zip(errors).filter(|(t, _)| speed(&sailed, **t) > TRANSITION);
@@ -162,13 +161,13 @@ impl Along {
     }
 
     /// Predictions with their bands, from a little before the first take-off on.
-    fn bands(&self, walk: &Walk) -> Figure {
+    fn bands(&self, walk: &Walk, dt: f64) -> Figure {
         let off = walk.measured.iter().position(|y| y[0] > TRANSITION).unwrap_or(0);
         let from = off.saturating_sub(40);
         let to = (from + 160).min(walk.t.len());
-        let ahead = self.steps as f64 * 0.1;
+        let ahead = self.steps as f64 * dt;
         let mut figure = Figure::new("Predictions with their bands", "time [s]")
-            .key(Key::Line(look::line(&self.model)), format!("predicted {ahead:.0} s before"))
+            .key(Key::Line(look::line(&self.model)), format!("predicted {ahead:.1} s before"))
             .key(Key::Area(style::BAND), "80 % band")
             .key(Key::Line(style::MEASURED_LINE), "measured");
         for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
@@ -213,7 +212,7 @@ impl Along {
             let mut panel = Panel::new(format!("error of {output} [{unit}]")).decades().height(120.0);
             panel = panel.mark(Mark::Verticals { at: walk.switched_s.clone(), stroke: events });
             for (errors, stroke) in walk.errors.iter().zip(strokes) {
-                // Thirds of a minute: what is between them is noise to the eye.
+                // What is between them is noise to the eye.
                 let points = smoothed(&walk.t, errors.iter().map(|error| error[c]));
                 panel = panel.mark(Mark::Line(Line::new(points, stroke)));
             }
@@ -254,7 +253,7 @@ fn track(sailed: &Sailed) -> Figure {
     let mut panel = Panel::new("north [m]").height(height).range(south - 5.0, north + 5.0);
     let mut figure =
         Figure::new("Track of the lawn-mower by mode", "east [m]").x_range(low - 5.0, high + 5.0);
-    for (flying, colour, word) in [(false, style::MODEL, "afloat"), (true, FLYING, "flying")] {
+    for (flying, colour, word) in [(false, style::PERSISTENCE, "afloat"), (true, style::INK, "flying")] {
         let stroke = Stroke { colour, width: 1.8, ..style::MEASURED_LINE };
         panel = panel.mark(Mark::Line(Line::new(part(flying), stroke)));
         figure = figure.key(Key::Line(stroke), word);

@@ -34,7 +34,8 @@ impl Blocks {
         for name in &self.models {
             let models = lab.models(name)?;
             let all: Vec<Vec<Block>> = lab.each(&format!("Error(k) of {name}"), &models, |learned| {
-                let key = lab.store.key("error_k", &(), &[learned.key, sailed.key])?;
+                lab.fits(learned, &sailed)?;
+                let key = lab.store.key("error_k", &(), &[learned.key, sailed.key]);
                 lab.store.get("error_k", key, || error_k::blocks(&record, learned.model.session().as_mut()))
             })?;
             for (learned, blocks) in models.iter().zip(&all) {
@@ -94,7 +95,7 @@ impl Blocks {
             row.extend((0..3).map(|c| Cell::Number(mean(chosen.iter().map(|b| b.c0[c])))));
             table.row(row);
         }
-        let floor = lab.store.get("floor", lab.store.key("floor", &(), &[sailed.key])?, || {
+        let floor = lab.store.get("floor", lab.store.key("floor", &(), &[sailed.key]), || {
             Ok(error_k::noise_floor(&record)?.to_vec())
         })?;
         let mut row =
@@ -102,7 +103,7 @@ impl Blocks {
         row.extend(floor.iter().map(|&x| Cell::Number(x)));
         table.row(row);
         outcome.sheets.push(sheet);
-        outcome.table(table, "Mean of Error(k), over medians of seeds.");
+        outcome.table(table, "Mean of Error(k) over its blocks, the median over seeds.");
         Ok(outcome)
     }
 }

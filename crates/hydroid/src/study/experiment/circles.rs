@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use hydroid_core::control::Status;
 use hydroid_core::vessel::VesselParams;
 
 use super::super::StudyError;
@@ -16,7 +17,9 @@ use crate::progress::silent;
 use crate::report::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke};
 use crate::report::style;
 use crate::simulate;
-use crate::steer::{Conditions, Course, Kind, Metrics, Pace, Scene, Steering, Task, Voyage, sail};
+use crate::steer::{
+    Conditions, Course, Kind, Metrics, Moment, Pace, Scene, SteerError, Steering, Task, Voyage, sail,
+};
 
 /// How long a circle is sailed, and from when on errors count \[s\].
 const DURATION_S: f64 = 120.0;
@@ -93,8 +96,8 @@ impl Circles {
             let all = lab.each(&what, &models, |(name, key, model)| {
                 let settings = (circle, &self.seeds, name);
                 let on: Vec<_> = key.iter().copied().collect();
-                lab.store.get("circle", lab.store.key("circle", &settings, &on)?, || {
-                    Ok(self.sail(circle, &vessel, model).map_err(|error| error.to_string()))
+                lab.store.get("circle", lab.store.key("circle", &settings, &on), || {
+                    Ok(self.sail(circle, &vessel, model))
                 })
             })?;
             let mut drawn = Vec::new();
@@ -142,42 +145,45 @@ impl Circles {
         Ok(outcome)
     }
 
-    fn sail(
-        &self,
-        circle: &Circle,
-        vessel: &VesselParams,
-        model: &Model,
-    ) -> Result<Sailed, crate::steer::SteerError> {
-        let course = Course::new(&Task::Circle { radius: circle.radius_m }, &Pace::cruise(circle.speed_m_s))?;
+    /// What came of a circle, or why nothing did.
+    fn sail(&self, circle: &Circle, vessel: &VesselParams, model: &Model) -> Result<Sailed, String> {
+        let words = |error: SteerError| error.to_string();
+        let task = Task::Circle { radius: circle.radius_m };
+        let course =
+            Course::new(&task, &Pace::cruise(circle.speed_m_s)).map_err(|error| error.to_string())?;
         let scene =
             Scene { duration_s: DURATION_S, start: [0.0, -0.5], ..Scene::new(vessel.clone(), course) };
         let mut steering = Steering::new(Kind::FeedbackLinearization, vessel, scene.dt_s);
         steering.model = Some(Arc::new(model.clone()));
         steering.lead = circle.lead_m;
-        let voyage = |noise: f64, seed: u64| -> Result<Voyage, crate::steer::SteerError> {
+        let voyage = |noise: f64, seed: u64| -> Result<Voyage, String> {
             let conditions = Conditions { noise, ..Conditions::calm(seed) };
-            sail(&scene, &conditions, steering.helm(seed)?.as_mut(), &mut silent())
+            let mut helm = steering.helm(seed).map_err(words)?;
+            let voyage = sail(&scene, &conditions, helm.as_mut(), &mut silent()).map_err(words)?;
+            let end_s = voyage.moments.last().map_or(0.0, |moment| moment.t);
+            if voyage.diverged {
+                Err(format!("the vessel's state was no number after {end_s} s"))
+            } else {
+                Ok(voyage)
+            }
         };
-        let clean = Metrics::of(&voyage(0.0, 0)?, SETTLED_S).rms_position;
+        let rms = |voyage: &Voyage| Metrics::of(voyage, SETTLED_S).rms_position;
+        let clean = rms(&voyage(0.0, 0)?);
         let noisy = self.seeds.iter().map(|&seed| voyage(1.0, seed)).collect::<Result<Vec<_>, _>>()?;
         let not_tracking = |voyage: &Voyage| {
-            let not = voyage.moments.iter().filter(|m| m.status != hydroid_core::control::Status::Tracking);
+            let not = voyage.moments.iter().filter(|moment| moment.status != Status::Tracking);
             not.count() as f64 / voyage.moments.len() as f64
         };
         let points = noisy.first().map_or_else(Vec::new, |voyage| {
-            let point = |m: &crate::steer::Moment| {
-                let (sin, cos) = m.state.psi.sin_cos();
-                [m.t, m.state.x + circle.lead_m * cos, m.state.y + circle.lead_m * sin, m.distance]
+            let point = |moment: &Moment| {
+                let (sin, cos) = moment.state.psi.sin_cos();
+                let north = moment.state.x + circle.lead_m * cos;
+                [moment.t, north, moment.state.y + circle.lead_m * sin, moment.distance]
             };
             voyage.moments.iter().step_by(5).map(point).collect()
         });
-        let noise = median(noisy.iter().map(|voyage| Metrics::of(voyage, SETTLED_S).rms_position).collect());
-        Ok(Sailed {
-            clean,
-            noisy: noise,
-            not_tracking: median(noisy.iter().map(not_tracking).collect()),
-            points,
-        })
+        let middle = |of: &dyn Fn(&Voyage) -> f64| median(noisy.iter().map(of).collect());
+        Ok(Sailed { clean, noisy: middle(&rms), not_tracking: middle(&not_tracking), points })
     }
 }
 

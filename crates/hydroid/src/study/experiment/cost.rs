@@ -8,7 +8,7 @@ use super::super::StudyError;
 use super::super::lab::Lab;
 use super::super::look;
 use super::super::outcome::{Outcome, Sheet};
-use super::adaptation::options;
+use super::adaptation;
 use super::median;
 use crate::adapt;
 use crate::report::figure::{Figure, Key, Mark, Panel, Points, Sign};
@@ -51,9 +51,10 @@ impl Cost {
                 // One after the other: what is measured is time.
                 let mut all = Vec::new();
                 for learned in models.iter() {
-                    let key = lab.store.key("cost", words, &[learned.key, sailed.key])?;
+                    lab.fits(learned, &sailed)?;
+                    let key = lab.store.key("cost", words, &[learned.key, sailed.key]);
                     all.push(lab.store.get("cost", key, || {
-                        let mut options = options(false, learned);
+                        let mut options = adaptation::options(false, learned);
                         options.kalman.memory = memory;
                         let runs = [&sailed.run];
                         let memory = adapt::adapter(&learned.model, &options, &runs)?.0.memory_len();
@@ -69,7 +70,7 @@ impl Cost {
                 }
                 let of = |value: &dyn Fn(&Spent) -> f64| median(all.iter().map(value).collect());
                 let (us, error) = (of(&|s| s.us), of(&|s| s.error));
-                points.push((us.log10(), error.log10()));
+                points.push(((us.log10(), error.log10()), words.clone()));
                 table.row(vec![
                     look::title(name).into(),
                     words.as_str().into(),
@@ -80,14 +81,23 @@ impl Cost {
                 outcome.measure(&format!("{name}_{words}_us"), us);
             }
             let (colour, sign) = (look::colour(name), Sign::Disc);
-            panel = panel.mark(Mark::Points(Points { points, sign, colour, radius: 4.5, label: None }));
+            for (point, words) in points {
+                let label = Some(words);
+                panel = panel.mark(Mark::Points(Points {
+                    points: vec![point],
+                    sign,
+                    colour,
+                    radius: 4.5,
+                    label,
+                }));
+            }
             figure = figure.key(Key::Sign(sign, colour), look::title(name));
         }
         outcome.chart(
             "accuracy_cost",
             figure.panel(panel),
             format!(
-                "Networks trained at low speed, along {}: what is left of the error of u 2 s ahead over the time that the filter takes for a sample, for {}.",
+                "Networks trained at low speed, along {}: the adapted error of u 2 s ahead over the time that the filter takes for a sample, for {}.",
                 self.record,
                 self.memories.join(", ")
             ),

@@ -73,7 +73,7 @@ impl Forgetting {
             let stories = lab.each(&format!("{name} over {} epochs", self.epochs), &models, |learned| {
                 let settings = (self.shore_s, self.epochs);
                 let key =
-                    lab.store.key("forgetting", &settings, &[learned.key, sea.key, known.key, shore.key])?;
+                    lab.store.key("forgetting", &settings, &[learned.key, sea.key, known.key, shore.key]);
                 lab.store.get("forgetting", key, || self.story(lab, learned, &sea, &known, &shore))
             })?;
             let middle = |of: &dyn Fn(&Story) -> f64| median(stories.iter().map(of).collect());
@@ -118,7 +118,7 @@ impl Forgetting {
         outcome.table(
             table,
             format!(
-                "At home: along {}, which is sailed at low speed, with the model that predicts by then and a filter on the state alone. Guarded: {} s of what it was trained on are walked through first, and the guard chooses who predicts.",
+                "At home: along {}, which is sailed at low speed, with the weights that predict at the end of the sea, held, and a filter on the state alone. Guarded: {} s of what it was trained on are walked through first, and the guard chooses who predicts.",
                 self.known, self.shore_s
             ),
         );
@@ -134,6 +134,7 @@ impl Forgetting {
         shore: &Sailed,
     ) -> Result<Story, StudyError> {
         let model = &learned.model;
+        [sea, known, shore].into_iter().try_for_each(|record| lab.fits(learned, record))?;
         let mut story = Story { epochs: Default::default(), before: [0.0; 3], after: [[0.0; 3]; 2] };
         for (way, guarded) in [false, true].into_iter().enumerate() {
             let options = if guarded { Options::default().guarded(model) } else { Options::default() };
@@ -151,11 +152,8 @@ impl Forgetting {
                 lab.tell("epochs at sea", epoch as f64 / self.epochs as f64)?;
                 story.epochs[way].push(errors(session.as_mut(), sea));
             }
-            story.after[way] = if guarded {
-                errors(session.as_mut(), known)
-            } else {
-                held(learned, session.weights(), known)?
-            };
+            let weights = session.guard().map_or_else(|| session.weights(), |guard| guard.active_weights());
+            story.after[way] = held(learned, weights, known)?;
         }
         Ok(story)
     }

@@ -61,6 +61,35 @@ impl Kind {
         }
     }
 
+    /// Whether it can be done at all.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let some = |what: &str, given: usize| {
+            if given > 0 { Ok(()) } else { Err(format!("it has no {what}: give one at least")) }
+        };
+        match self {
+            Self::Schematic(_) | Self::Recipe(_) | Self::Table(_) => Ok(()),
+            Self::Circles(circles) => {
+                some("circles", circles.circles.len())?;
+                some("seeds", circles.seeds.len())
+            }
+            Self::Blocks(blocks) => some("models", blocks.models.len()),
+            Self::Horizons(horizons) => {
+                some("models", horizons.models.len())?;
+                some("records", horizons.records.len())
+            }
+            Self::Along(along) => some("steps", along.steps),
+            Self::Forgetting(forgetting) => {
+                some("models", forgetting.models.len())?;
+                some("epochs", forgetting.epochs)
+            }
+            Self::Amount(amount) => {
+                some("series", amount.series.len())?;
+                amount.series.iter().try_for_each(|series| some("models", series.models.len()))
+            }
+            Self::Cost(cost) => some("models", cost.models.len()),
+        }
+    }
+
     pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
         match self {
             Self::Schematic(schematic) => Ok(schematic.run()),

@@ -35,7 +35,7 @@ impl Recipe {
             .flat_map(|&degree| (0..DIFFERENCES.len()).map(move |d| (degree, d)))
             .collect();
         let rows: Vec<Vec<Row>> = lab.each("the recipe of the thesis", &degrees, |&(degree, d)| {
-            let key = lab.store.key("recipe", &(degree, d), &[train.key, test.key])?;
+            let key = lab.store.key("recipe", &(degree, d), &[train.key, test.key]);
             lab.store.get("recipe", key, || {
                 recipe::recipe(&train.run, &test.run, &[degree], &DIFFERENCES[d..=d], &THRESHOLDS)
             })
@@ -44,7 +44,8 @@ impl Recipe {
         let ours = lab.models(&self.ours)?;
         let ranges = ranges(&[&train.run]);
         let found: Vec<Option<recipe::Errors>> = lab.each("hydroid's equations", &ours, |learned| {
-            let key = lab.store.key("from truth", &(), &[learned.key, test.key])?;
+            lab.fits(learned, &test)?;
+            let key = lab.store.key("from truth", &(), &[learned.key, train.key, test.key]);
             lab.store.get("equations", key, || {
                 let test = recipe::judged(learned.model.session().as_mut(), &ranges, &test.run)?;
                 Ok((test.diverged == 0).then(|| recipe::errors(&test.mae)))
@@ -88,7 +89,10 @@ impl Recipe {
             let mut cells: Vec<Cell> =
                 vec!["".into(), "hydroid".into(), "".into(), "".into(), learned.model.weights().into()];
             cells.extend(errors(found.as_ref()));
-            cells.extend(["".into(), format!("nothing set, seed {}", learned.seed).into()]);
+            cells.extend([
+                if found.is_some() { "none" } else { "some" }.into(),
+                format!("nothing set, seed {}", learned.seed).into(),
+            ]);
             table.row(cells);
         }
         let ours_20 = median(found.iter().flatten().map(|errors| errors[0][0]).collect());
@@ -131,15 +135,18 @@ fn figure(rows: &[Row], ours: f64) -> Figure {
             .x_range(-2.9, -0.15);
     for (unit, sign, shift) in [("N", Sign::Ring, -0.02), ("100 N", Sign::Disc, 0.02)] {
         let of = |good: bool| {
-            let some = rows
-                .iter()
-                .filter(|row| row.unit == unit && good == (height(row).is_some() && row.diverged == 0));
+            let some = rows.iter().filter(|row| {
+                row.unit == unit && good == (height(row).is_some() && row.diverged == 0 && row.terms > 0)
+            });
             some.map(|row| {
-                (place(row.threshold) + shift, if good { height(row).unwrap_or(top) } else { top - 0.1 })
+                (
+                    place(row.threshold) + shift,
+                    if good { height(row).unwrap_or(top).min(top) } else { top - 0.1 },
+                )
             })
             .collect::<Vec<_>>()
         };
-        let colour = if unit == "N" { style::ALARM } else { style::MODEL };
+        let colour = if unit == "N" { style::PERSISTENCE } else { style::INK };
         panel = panel
             .mark(Mark::Points(Points { points: of(true), sign, colour, radius: 3.5, label: None }))
             .mark(Mark::Points(Points {

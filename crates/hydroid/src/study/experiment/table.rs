@@ -181,9 +181,12 @@ fn middle(models: &[Learned], judged: &[Judged]) -> (f64, usize, Judged) {
 pub(super) fn judged(lab: &Lab<'_>, name: &str, learned: &Learned) -> Result<Judged, StudyError> {
     let plan = lab.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
     let test = lab.record(&plan.test)?;
-    let key = lab.store.key("judged", &(), &[learned.key, test.key])?;
+    let key = lab.store.key("judged", &(), &[learned.key, test.key]);
     lab.store.get("judged", key, || {
         let names: Vec<&str> = plan.outputs.iter().map(String::as_str).collect();
+        if names != ["u", "v", "r"] {
+            return Err(lab.cannot(format_args!("'{name}' has other outputs than u, v, r")));
+        }
         let run = test.simulated.to_trajectory(&names)?;
         let options = evaluate::Options {
             horizon: 20,
@@ -218,11 +221,15 @@ fn learning(lab: &Lab<'_>, name: &str, sea: &Sailed) -> Result<Learning, StudyEr
     let mut all = Vec::new();
     for learned in lab.models(name)?.iter() {
         let along = adaptation(lab, learned, sea, false)?;
-        let key = lab.store.key("learning", &(), &[learned.key, sea.key])?;
+        let key = lab.store.key("learning", &(), &[learned.key, sea.key]);
         all.push(lab.store.get("learning", key, || {
-            let (adapter, _) = adapt::adapter(&learned.model, &options(false, learned), &[&sea.run])?;
+            // By itself: what is measured is time, which those that went side by side have taken from each other.
+            let mut options = options(false, learned);
+            options.evaluate.origin_stride = 500;
+            let memory = adapt::adapter(&learned.model, &options, &[&sea.run])?.0.memory_len();
+            let timed = adapt::adapt(&learned.model, &[&sea.run], &options, &mut lab.progress("timing"))?;
             let left = along.adapted.mean[19][0] / along.frozen.mean[19][0];
-            Ok(Learning { memory: adapter.memory_len(), us: along.us, left })
+            Ok(Learning { memory, us: timed.report.us_per_sample.median, left })
         })?);
     }
     let of = |value: &dyn Fn(&Learning) -> f64| median(all.iter().map(value).collect());
