@@ -290,6 +290,56 @@ fn what_was_not_measured_teaches_nothing() {
     assert!(y[0].is_finite());
 }
 
+/// An output that is not measured for long is not known before its own errors are, and then as well as the other.
+#[test]
+fn each_number_has_a_band_from_its_own_errors() {
+    let model = model(3, 4, true, &[7, 5]);
+    let mut adapter = learner(&model, &SETTINGS);
+    let mut work = Workspace::new();
+    let mut bands = |adapter: &mut DirectReadOut, k: usize| {
+        let (commands, mut bands): (Vec<f64>, _) = ((k + 1..k + 5).flat_map(command).collect(), [0.0; 4]);
+        adapter.deviations(&commands, &[1, 4], &mut work, &mut bands);
+        bands
+    };
+    for k in 0..200 {
+        // Known once, so that windows are whole; then gone until sample 100.
+        let gone = (1..100).contains(&k);
+        adapter.observe(&[measured(k)[0], if gone { f64::NAN } else { measured(k)[1] }]);
+        adapter.advance(&command(k));
+        if k == 99 {
+            let bands = bands(&mut adapter, k);
+            assert!(bands[0] > 0.0 && bands[2] > 0.0 && bands[1].is_nan() && bands[3].is_nan(), "{bands:?}");
+        }
+    }
+    let bands = bands(&mut adapter, 199);
+    assert!(bands.iter().all(|band| *band > 1e-6), "{bands:?}");
+}
+
+/// A number that is one, and too large to learn from, is no more than missing.
+#[test]
+fn a_number_beyond_all_sense_leaves_nothing_behind() {
+    for (hold, hidden) in [(true, vec![7, 5]), (false, vec![7]), (false, vec![])] {
+        for far in [1e308, -1e308, 1e200] {
+            let mut adapter = learner(&model(3, 4, hold, &hidden), &SETTINGS);
+            walk(&mut adapter, 0, 60);
+            let before = adapter.weights().to_vec();
+            adapter.observe(&[far, measured(60)[1]]);
+            assert_eq!(adapter.outcome(), Outcome::Rejected(Rejection::NotFinite), "{far}");
+            assert_eq!(adapter.weights(), before);
+            adapter.advance(&command(60));
+            for k in 61..120 {
+                adapter.observe(&measured(k));
+                adapter.advance(&command(k));
+                assert!(adapter.weights().iter().all(|w| w.abs() < 100.0), "{far} {k}");
+            }
+            assert_eq!(adapter.outcome(), Outcome::Accepted);
+            assert_ne!(adapter.weights(), before);
+            let last = adapter.innovations()[0];
+            assert!(last.deviation < 10.0, "{far}: {last:?}");
+        }
+    }
+}
+
 /// A vessel that the features can tell, with another last layer: it is found, and bands say how well.
 #[test]
 fn a_last_layer_that_has_changed_is_found() {
@@ -404,7 +454,7 @@ fn settings_that_make_no_sense_are_refused() {
         (ReadOutSettings { noise_rate: -0.1, ..SETTINGS }, "noise"),
     ] {
         let error = DirectReadOut::new(Arc::clone(&model), &settings).unwrap_err();
-        assert!(error.to_string().contains(part), "{error}");
+        assert!(error.to_string().contains(part) && error.to_string().contains("needed"), "{error}");
     }
     let broken = Arc::new(Direct { history: 0, ..Direct::clone(&model) });
     assert!(matches!(DirectReadOut::new(broken, &SETTINGS), Err(ReadOutError::Model(_))));

@@ -36,7 +36,7 @@ pub use equations::RecursiveEquations;
 pub use factor::Factor;
 pub use gate::Gate;
 pub use least_squares::RecursiveLeastSquares;
-pub use read_out::{DirectReadOut, ReadOutError, ReadOutSettings};
+pub use read_out::{DirectReadOut, ReadOutError, ReadOutSettings, SHORTEST_FORGETTING};
 pub use scale::rms_over_range;
 pub use settings::{Settings, SettingsError};
 pub use weighted::WeightedSession;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::guard::{Guard, GuardSettings};
 use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
-use hydroid_core::adapt::{Adapter, BlendSettings, BlendedEquations, Gate};
+use hydroid_core::adapt::{Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, ReadOutSettings};
 use hydroid_core::control::cem::{Abreast, Each, Rollouts, Room};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
@@ -134,6 +134,38 @@ fn of_direct_predictors() {
         for steps in [1, 7, 17] {
             agree(&session, &mut room, steps);
         }
+    }
+}
+
+/// With the last layer of the moment, and through a guard.
+#[test]
+fn of_direct_predictors_that_learn() {
+    let (inputs, outputs) = Direct::lengths(3, 7, 3, 2);
+    let network = Perceptron { inputs, hidden: vec![20, 9], outputs };
+    let weights: Vec<f64> = (0..network.weights()).map(|k| 0.3 * wild(k)).collect();
+    let model = Arc::new(Direct { network, weights, scaling: scaling(), history: 3, horizon: 7, hold: true });
+    let settings = ReadOutSettings { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
+    let learner = || DirectReadOut::new(Arc::clone(&model), &settings).unwrap();
+    let mut learned = learner();
+    let mut room = side_by_side(&learned, 7);
+    let before = learned.weights().to_vec();
+    walk(&mut learned, 60);
+    assert_ne!(learned.weights(), before);
+    for steps in [1, 7, 17] {
+        agree(&learned, &mut room, steps);
+    }
+    agree(learned.fork().as_ref(), &mut room, 7);
+
+    let companion =
+        || -> Box<dyn Adapter> { Box::new(DirectReadOut::companion(Arc::clone(&model), &settings).unwrap()) };
+    let guarded = GuardSettings { horizon: 4, stride: 1, keep: 2, ..GuardSettings::new(0.1) };
+    let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
+    let companions = [companion(), companion()];
+    let mut guard = Guard::new(Box::new(learner()), companions, &ranges, &[0.01; 3], guarded).unwrap();
+    let mut room = side_by_side(&guard, 7);
+    for _ in 0..6 {
+        walk(&mut guard, 10);
+        agree(&guard, &mut room, 7);
     }
 }
 

@@ -126,6 +126,16 @@ pub enum AdaptError {
     /// The last layer cannot learn so.
     #[error("the model cannot be adapted: {0}")]
     ReadOut(#[from] ReadOutError),
+    /// The last layer cannot forget so fast.
+    #[error(
+        "the forgetting time is {given_s} s: at least {least_s:.3} s are needed, which are 9.5 samples; give it, as in --forgetting 300"
+    )]
+    Forgetting {
+        /// Asked for \[s\].
+        given_s: f64,
+        /// The least \[s\].
+        least_s: f64,
+    },
     /// The settings make no sense.
     #[error("the model cannot be adapted: {0}")]
     Settings(SettingsError),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::{DirectReadOut, ReadOutSettings};
+use hydroid_core::adapt::{DirectReadOut, ReadOutSettings, SHORTEST_FORGETTING};
 use hydroid_core::model::direct::Direct;
 use serde::Serialize;
 
@@ -55,6 +55,10 @@ pub(super) fn adapter(
     direct: &Arc<Direct>,
     options: &LeastSquares,
 ) -> Result<(DirectReadOut, UsedReadOut), AdaptError> {
+    let (given_s, least_s) = (options.forgetting_s, SHORTEST_FORGETTING * model.description.dt);
+    if given_s.is_nan() || given_s < least_s {
+        return Err(AdaptError::Forgetting { given_s, least_s });
+    }
     let adapter = DirectReadOut::new(Arc::clone(direct), &settings(options, model.description.dt))?;
     let LeastSquares { forgetting_s, prior_s, leak, .. } = *options;
     Ok((adapter, UsedReadOut { forgetting_s, prior_s, leak }))

@@ -1,6 +1,6 @@
 //! It learns, says what it did, and can be saved.
 
-use super::{DirectReadOut, FEWEST_WINDOWS};
+use super::DirectReadOut;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome, RecursiveLeastSquares};
 use crate::predict::{Predictor, Workspace};
@@ -40,7 +40,7 @@ impl Adapter for DirectReadOut {
 
     fn memory_len(&self) -> usize {
         let learner = self.learner.as_ref().map_or(0, RecursiveLeastSquares::memory_len);
-        self.session.snapshot_len() + self.windows.memory_len() + learner + self.variance.len() + 4
+        self.session.snapshot_len() + self.windows.memory_len() + learner + 2 * self.variance.len() + 3
     }
 
     fn save(&self, into: &mut [f64]) {
@@ -53,7 +53,9 @@ impl Adapter for DirectReadOut {
         }
         into.numbers(&self.variance);
         into.numbers(&[self.sureness, self.inflation]);
-        into.count(self.seen);
+        for &seen in &self.seen {
+            into.count(seen);
+        }
         into.flag(self.frozen);
     }
 
@@ -68,14 +70,16 @@ impl Adapter for DirectReadOut {
         from.numbers(&mut self.variance);
         self.sureness = from.part(1)[0];
         self.inflation = from.part(1)[0];
-        self.seen = from.count(MOST_COUNTED);
+        for seen in &mut self.seen {
+            *seen = from.count(MOST_COUNTED);
+        }
         self.frozen = from.flag();
         self.innovations.clear();
         self.outcome = Outcome::Waiting;
     }
 
     /// From the errors of each step of late and the uncertainty of the weights; NaN beyond the horizon of the network, and
-    /// before errors are known.
+    /// where errors are not known yet.
     fn deviations(
         &mut self,
         commands: &[f64],
@@ -90,7 +94,8 @@ impl Adapter for DirectReadOut {
         // Without inputs there are no commands to know.
         let given = &commands[..commands.len().min(h * m)];
         let missing = given.is_empty() && m > 0 || given.iter().any(|c| c.is_nan());
-        if self.seen < FEWEST_WINDOWS || self.session.is_waiting() || missing {
+        let unknown = (0..self.seen.len()).all(|i| !self.is_known(i));
+        if unknown || self.session.is_waiting() || missing {
             return;
         }
         let features = self.phi.len() - 1;
@@ -101,9 +106,11 @@ impl Adapter for DirectReadOut {
             if !(1..=h).contains(&horizon) {
                 continue;
             }
-            let variances = &self.variance[(horizon - 1) * n..][..n];
-            for ((into, variance), scale) in into.iter_mut().zip(variances).zip(scale) {
-                *into = num_traits::Float::sqrt(variance * sureness) * scale;
+            for (c, (into, scale)) in into.iter_mut().zip(scale).enumerate() {
+                let number = (horizon - 1) * n + c;
+                if self.is_known(number) {
+                    *into = num_traits::Float::sqrt(self.variance[number] * sureness) * scale;
+                }
             }
         }
     }

@@ -42,7 +42,7 @@ use super::{Innovation, Outcome, RecursiveLeastSquares, Rejection};
 use crate::model::direct::{Direct, DirectSession};
 use windows::Windows;
 
-pub use settings::{ReadOutError, ReadOutSettings};
+pub use settings::{ReadOutError, ReadOutSettings, SHORTEST_FORGETTING};
 
 /// Windows before the errors of a step are known well enough for a band.
 const FEWEST_WINDOWS: usize = 30;
@@ -65,9 +65,10 @@ pub struct DirectReadOut {
     phi: Vec<f64>,
     /// What the network gives, then how far that is off.
     errors: Vec<f64>,
-    /// Variance of the errors of each number that the network gives, scaled, and windows that it is from.
+    /// Variance of the errors of each number that the network gives, scaled, and windows that it is from: not all outputs are
+    /// measured as often.
     variance: Vec<f64>,
-    seen: usize,
+    seen: Vec<usize>,
     /// `1 + phi' P phi` of the last window.
     sureness: f64,
     /// What the noise of the next measurement counts for.
@@ -107,7 +108,7 @@ impl DirectReadOut {
             phi: vec![1.0; session.features() + 1],
             errors: vec![0.0; gives],
             variance: vec![0.0; gives],
-            seen: 0,
+            seen: vec![0; gives],
             sureness: f64::NAN,
             inflation: 1.0,
             frozen: false,
@@ -140,21 +141,32 @@ impl DirectReadOut {
     /// What the last step of each output was off by, and what was expected of that; then the errors themselves widen or narrow
     /// what is expected of the next.
     fn note(&mut self) {
-        let (n, known) = (self.session.model().outputs(), self.seen >= FEWEST_WINDOWS);
+        let n = self.session.model().outputs();
         let scale = &self.session.model().scaling.correction_scale;
         let last = self.errors.len() - n;
-        let deviation = |i: usize| num_traits::Float::sqrt(self.variance[i] * self.sureness);
         self.innovations.clear();
-        self.innovations.extend((0..n).map(|c| Innovation {
-            value: self.errors[last + c] * scale[c],
-            deviation: if known { deviation(last + c) * scale[c] } else { f64::NAN },
-        }));
-        let share = self.settings.noise_rate.max(1.0 / (self.seen + 1) as f64);
-        for (variance, error) in self.variance.iter_mut().zip(&self.errors).filter(|(_, e)| e.is_finite()) {
-            let most = if known { FARTHEST * FARTHEST * *variance } else { f64::INFINITY };
-            *variance += share * ((error * error / self.sureness).min(most) - *variance);
+        for c in 0..n {
+            let deviation = match self.is_known(last + c) {
+                true => num_traits::Float::sqrt(self.variance[last + c] * self.sureness),
+                false => f64::NAN,
+            };
+            let value = self.errors[last + c] * scale[c];
+            self.innovations.push(Innovation { value, deviation: deviation * scale[c] });
         }
-        self.seen = self.seen.saturating_add(1);
+        let numbers = self.variance.iter_mut().zip(&mut self.seen).zip(&self.errors);
+        for ((variance, seen), error) in numbers.filter(|(_, error)| error.is_finite()) {
+            let share = self.settings.noise_rate.max(1.0 / (*seen + 1) as f64);
+            // A variance of 0 bounds nothing: it would stay 0 whatever came.
+            let bounds = *seen >= FEWEST_WINDOWS && *variance > 0.0;
+            let most = if bounds { FARTHEST * FARTHEST * *variance } else { f64::INFINITY };
+            *variance += share * ((error * error / self.sureness).min(most) - *variance);
+            *seen = seen.saturating_add(1);
+        }
+    }
+
+    /// Whether the errors of a number are known well enough for a band.
+    fn is_known(&self, number: usize) -> bool {
+        self.seen[number] >= FEWEST_WINDOWS
     }
 
     /// Learns from the window that the present sample completes.
@@ -175,6 +187,11 @@ impl DirectReadOut {
             return;
         }
         if self.errors.iter().all(|error| error.is_nan()) {
+            return;
+        }
+        // What is missing is NaN; what is too large for its square would be in weights and variances for good.
+        if self.errors.iter().any(|error| (error * error).is_infinite()) {
+            self.outcome = Outcome::Rejected(Rejection::NotFinite);
             return;
         }
         self.note();

@@ -21,14 +21,21 @@ pub enum ReadOutError {
     /// The model makes no sense.
     Model(DirectError),
     /// A number that is none, or not one that it can be.
-    Number(&'static str),
+    Number {
+        /// Which.
+        what: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is needed.
+        needed: &'static str,
+    },
 }
 
 impl core::fmt::Display for ReadOutError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Model(error) => error.fmt(f),
-            Self::Number(what) => write!(f, "{what} is not a number that it can be"),
+            Self::Number { what, value, needed } => write!(f, "{what} is {value}: {needed}"),
         }
     }
 }
@@ -42,18 +49,34 @@ const MOST_INFORMATION: f64 = 1e30;
 /// inverse in each.
 const LEAST_FORGETTING: f64 = 0.9;
 
+/// The shortest forgetting time \[samples\]: `exp(-1 / 9.5)` is just above what may be kept at the least.
+pub const SHORTEST_FORGETTING: f64 = 9.5;
+
 impl ReadOutSettings {
     pub(super) fn check(&self) -> Result<(), ReadOutError> {
+        let Self { forgetting, information, leak: _, noise_rate } = *self;
         let sound = [
-            ("the forgetting time", (LEAST_FORGETTING..=1.0).contains(&self.forgetting)),
             (
-                "what the model from shore is worth",
-                (1.0 / MOST_INFORMATION..=MOST_INFORMATION).contains(&self.information),
+                "the share of what was learned that is kept from sample to sample",
+                forgetting,
+                (LEAST_FORGETTING..=1.0).contains(&forgetting),
+                "between 0.9 and 1 are needed, which is a forgetting time of 9.5 samples or more",
             ),
-            ("the rate of the noise", (0.0..=1.0).contains(&self.noise_rate)),
+            (
+                "what the model from shore is worth, in samples,",
+                information,
+                (1.0 / MOST_INFORMATION..=MOST_INFORMATION).contains(&information),
+                "more than 0 and no more than 1e30 are needed: give a prior of some milliseconds to some minutes",
+            ),
+            (
+                "the rate of the noise",
+                noise_rate,
+                (0.0..=1.0).contains(&noise_rate),
+                "between 0 and 1 is needed",
+            ),
         ];
-        match sound.into_iter().find(|(_, sound)| !sound) {
-            Some((what, _)) => Err(ReadOutError::Number(what)),
+        match sound.into_iter().find(|(_, _, sound, _)| !sound) {
+            Some((what, value, _, needed)) => Err(ReadOutError::Number { what, value, needed }),
             None => Ok(()),
         }
     }
