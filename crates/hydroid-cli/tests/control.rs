@@ -141,6 +141,53 @@ fn equations_that_no_law_inverts_are_refused_with_a_remedy_and_steer_by_plans() 
     assert!(report["rms_position"].as_f64().unwrap() < 0.5);
 }
 
+/// Tiny networks, which need not be good: they are written, read, and steered by.
+#[test]
+fn networks_are_identified_and_steered_by() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    for (seed, file) in [(0, "a.csv"), (1, "b.csv"), (2, "c.csv")] {
+        let args = format!("simulate simple --duration 60 --seed {seed} -o {file}");
+        assert_eq!(hydroid(at, &args).status.code(), Some(0));
+    }
+    let tiny = "hidden = 6\nepochs = 3\nrestarts = 1\n";
+    let direct = "history_s = 0.5\nwindow_s = 1.0\n";
+    let text_of = format!("[affine]\n{tiny}\n[network]\n{tiny}\n[direct]\n{tiny}{direct}");
+    fs::write(at.join("tiny.toml"), text_of).unwrap();
+    let args = "identify a.csv --validate b.csv --test c.csv --outputs u,v,r --methods affine,gru,direct -c tiny.toml --horizon 10 -o out -q";
+    let identified = hydroid(at, args);
+    assert!(identified.status.code() < Some(2), "{}", text(&identified.stderr));
+    let steered = |rest: &str| {
+        let args = format!("control out/{rest} --plant simple --radius 10 --speed 1 --duration 5 --json");
+        let output = hydroid(at, &args);
+        assert!(output.status.code() < Some(2), "{args}: {}", text(&output.stderr));
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!((&report["violations"], &report["unsaid"]), (&Value::from(0), &Value::from(0)), "{args}");
+        report
+    };
+    for law in ["fl", "backstepping"] {
+        let report = steered(&format!("affine.safetensors --controller {law}"));
+        assert!(report["rms_position"].as_f64().is_some(), "{report}");
+    }
+    let plan = "--controller cem --candidates 20 --iterations 2 --horizon 10";
+    let frozen = steered(&format!("gru.safetensors {plan}"));
+    let learning = steered(&format!("gru.safetensors {plan} --adapt"));
+    assert_eq!(learning["controller"]["adapt"], true);
+    assert_ne!(frozen["rms_position"], learning["rms_position"]);
+    steered(&format!("direct.safetensors {plan} --adapt --learner least-squares"));
+    let refused = |args: &str, words: &str| {
+        let output = hydroid(at, &format!("control out/{args} --plant simple"));
+        assert_eq!(output.status.code(), Some(2), "{args}");
+        assert!(text(&output.stderr).contains(words), "{args}: {}", text(&output.stderr));
+    };
+    refused("direct.safetensors --controller cem --adapt --learner kalman", "not for direct predictors");
+    refused("gru.safetensors --controller cem --adapt --learner least-squares", "learns by the filter");
+    refused("affine.safetensors --controller fl --adapt", "cannot");
+    let output = hydroid(at, "adapt out/direct.safetensors c.csv --forgetting 0.5");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("at least 0.950 s are needed"), "{}", text(&output.stderr));
+}
+
 #[test]
 fn pid_is_tuned_and_lawn_mowers_are_sailed() {
     let folder = TempDir::new().unwrap();
@@ -199,6 +246,16 @@ fn wrong_input_is_told_with_a_remedy() {
     refused("control hydrofoil --controller fl --dt 0.015", "integration steps");
     refused("control hydrofoil --controller fl --mass 0", "mass");
     refused("control hydrofoil --controller fl --delay=-1", "delay");
+    refused("control hydrofoil --controller fl --delay 0.25", "give 0.2 or 0.3");
+    refused("control hydrofoil --controller fl --duration 30 --from 30s", "below that");
+    refused("control hydrofoil --controller fl --rate 2", "--rate is of --controller backstepping");
+    refused("control hydrofoil --controller backstepping --bandwidth 1,1", "of --controller fl");
+    refused("control hydrofoil --controller fl --candidates 10", "of --controller cem");
+    refused("control hydrofoil --controller fl --plan-time 10", "of --controller cem");
+    refused("control hydrofoil --controller fl --wind-spread 10", "give --runs");
+    refused("control hydrofoil --controller fl --adapt --shore-time 10s", "--shore");
+    refused("control hydrofoil --controller cem --candidates 100000 --horizon 1000", "fewer of either");
+    refused("control hydrofoil --controller fl --adapt --learner least-squares", "direct predictors");
     refused("control hydrofoil --controller fl --gusts 5,0", "gusts");
     refused("control hydrofoil --controller fl --runs 0", "voyages");
     refused("control hydrofoil --controller fl --runs 3 --mass-spread 1", "spread");

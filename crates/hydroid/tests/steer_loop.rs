@@ -128,6 +128,9 @@ fn a_delay_shifts_what_commands_do_by_as_much() {
         let conditions = Conditions { noise: 0.0, delay_s, ..Conditions::calm(0) };
         sail(&scene, &conditions, &mut Step(0), &mut silent()).unwrap()
     };
+    let between = Conditions { delay_s: 0.25, ..Conditions::calm(0) };
+    let refused = sail(&scene, &between, &mut Step(0), &mut silent()).unwrap_err();
+    assert!(refused.to_string().contains("give 0.2 or 0.3"), "{refused}");
     let (prompt, late) = (run(0.0), run(0.4));
     for (a, b) in prompt.moments.iter().zip(&late.moments[4..]) {
         assert!((a.state.u - b.state.u).abs() < 1e-9, "{} s", a.t);
@@ -203,9 +206,29 @@ fn the_autopilot_is_tuned_on_seeds_of_its_own_and_holds_a_lawn_mower() {
     assert_eq!(tuned, tune(&scene, 1.5, 10.0, &mut silent()).unwrap());
 }
 
+/// The time from which errors count leaves something to count.
+#[test]
+fn a_short_course_counts_from_its_middle_on_and_none_from_its_end() {
+    let vessel = VesselParams::simple();
+    let task = Task::Waypoints { points: vec![[0.0, 0.0], [9.0, 0.0]], radius: None };
+    let course = Course::new(&task, &Pace::cruise(1.5)).unwrap();
+    let scene = Scene { duration_s: 120.0, ..Scene::new(vessel.clone(), course) };
+    assert!((scene.usual_from_s() - 3.0).abs() < 0.1, "{}", scene.usual_from_s());
+    let steering = by(Kind::FeedbackLinearization, &vessel, &vessel);
+    let voyage = sailed(&steering, &scene, &Conditions::calm(0));
+    let metrics = Metrics::of(&voyage, scene.usual_from_s());
+    assert!(metrics.held && metrics.rms_position.is_finite(), "{metrics:?}");
+    assert!(!Metrics::of(&voyage, 60.0).held);
+    let late = fleet(&steering, &scene, &Conditions::calm(0), &Spread::default(), 2, 120.0, &mut silent());
+    assert!(matches!(late, Err(SteerError::From { .. })));
+    assert!((circle(&vessel, 15.0, 1.5).usual_from_s() - 40.0).abs() < 1e-9);
+}
+
 #[test]
 fn what_cannot_steer_says_why() {
     let vessel = VesselParams::hydrofoil();
+    let learns = adapt::Options::of(&Model::of_vessel(&vessel, 0.1).unwrap());
+    assert_eq!((learns.method, learns.kalman), (adapt::Method::Kalman, adapt::Kalman::of_plants()));
     let refused = |steering: &Steering| steering.helm(0).err().map(|error| error.to_string()).unwrap();
     let bare = Steering::new(Kind::FeedbackLinearization, &vessel, 0.1);
     assert!(matches!(bare.helm(0).err(), Some(SteerError::NoModel { .. })));

@@ -10,9 +10,9 @@ use super::values::{Duration, Pair, Points};
 /// Controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ControllerKind {
-    /// Feedback linearization of a point ahead of the vessel: equations and vessels
+    /// Feedback linearization of a point ahead of the vessel: equations, vessels and control-affine networks
     Fl,
-    /// Backstepping of the same point, which learns constant disturbances: equations and vessels
+    /// Backstepping of the same point, which learns constant disturbances: equations, vessels and control-affine networks
     Backstepping,
     /// Model predictive control by the cross-entropy method: any model
     Cem,
@@ -97,30 +97,30 @@ pub struct HelmArgs {
     #[arg(long, value_name = "M", default_value_t = 2.0, allow_negative_numbers = true)]
     pub tolerance: f64,
     /// Errors count, and the vessel is to be settled, from here on (default: 40 s on a circle, else 10 s; a third of the
-    /// duration at the most)
+    /// duration at the most, and half of the time that the course takes)
     #[arg(long, value_name = "TIME")]
     pub from: Option<Duration>,
-    /// fl: natural frequency [rad/s] and damping of the error
-    #[arg(long, value_name = "RAD_S,ZETA", default_value = "1.5,0.7")]
-    pub bandwidth: Pair,
-    /// backstepping: the rate of all its gains [1/s]
-    #[arg(long, value_name = "PER_S", default_value_t = 1.0, allow_negative_numbers = true)]
-    pub rate: f64,
-    /// cem: what moves the reference
-    #[arg(long, value_enum, default_value = "clock")]
-    pub reference: TimingKind,
-    /// cem: samples that a plan looks ahead
-    #[arg(long, value_name = "N", default_value_t = 20)]
-    pub horizon: usize,
-    /// cem: candidates in an iteration; a tenth of them are elites
-    #[arg(long, value_name = "N", default_value_t = 350)]
-    pub candidates: usize,
-    /// cem: iterations
-    #[arg(long, value_name = "N", default_value_t = 5)]
-    pub iterations: usize,
-    /// cem: prices of a metre, a radian, and 1 m/s
-    #[arg(long, value_name = "M,RAD,M_S", default_value = "1,0.2,0.2")]
-    pub prices: super::values::Triple,
+    /// fl: natural frequency [rad/s] and damping of the error (default: 1.5,0.7)
+    #[arg(long, value_name = "RAD_S,ZETA")]
+    pub bandwidth: Option<Pair>,
+    /// backstepping: the rate of all its gains [1/s] (default: 1)
+    #[arg(long, value_name = "PER_S", allow_negative_numbers = true)]
+    pub rate: Option<f64>,
+    /// cem: what moves the reference (default: clock)
+    #[arg(long, value_enum)]
+    pub reference: Option<TimingKind>,
+    /// cem: samples that a plan looks ahead (default: 20)
+    #[arg(long, value_name = "N")]
+    pub horizon: Option<usize>,
+    /// cem: candidates in an iteration; a tenth of them are elites (default: 350)
+    #[arg(long, value_name = "N")]
+    pub candidates: Option<usize>,
+    /// cem: iterations (default: 5)
+    #[arg(long, value_name = "N")]
+    pub iterations: Option<usize>,
+    /// cem: prices of a metre, a radian, and 1 m/s (default: 1,0.2,0.2)
+    #[arg(long, value_name = "M,RAD,M_S")]
+    pub prices: Option<super::values::Triple>,
     /// cem: end a search after so many milliseconds; the best plan so far counts. The result depends on the clock then
     #[arg(long, value_name = "MS", allow_negative_numbers = true)]
     pub plan_time: Option<f64>,
@@ -150,7 +150,7 @@ pub struct LearnArgs {
     #[arg(long, value_name = "LOG", requires = "adapt")]
     pub shore: Vec<PathBuf>,
     /// How much of each of these logs
-    #[arg(long, value_name = "TIME", default_value = "200s")]
+    #[arg(long, value_name = "TIME", default_value = "200s", requires = "shore")]
     pub shore_time: Duration,
 }
 
@@ -176,7 +176,7 @@ pub struct SeaArgs {
     /// Factor on mass and yaw inertia: 1.2 for 20 % more
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
     pub mass: f64,
-    /// Time between a command and the moment at which it acts [s]
+    /// Time between a command and the moment at which it acts [s]: a whole number of samples
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     pub delay: f64,
 }
@@ -188,21 +188,21 @@ pub struct FleetArgs {
     /// Sail so many times, each with its own seed and conditions
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub runs: usize,
-    /// Mass varies by up to this share (default: 0.2)
+    /// Mass varies by up to this share, with --runs (default: 0.2)
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     pub mass_spread: Option<f64>,
-    /// Current varies by up to this, from any direction [m/s] (default: 0.3)
+    /// Current varies by up to this, from any direction [m/s], with --runs (default: 0.3)
     #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
     pub current_spread: Option<f64>,
-    /// Wind varies by up to this, from any direction [N], half of it in gusts (default: 15)
+    /// Wind varies by up to this, from any direction [N], half of it in gusts, with --runs (default: 15)
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub wind_spread: Option<f64>,
 }
 
 /// Steer a vessel with a model: a controller in closed loop with the true plant, with noise, current, wind and delay
 ///
-/// fl and backstepping invert the model: equations whose terms have one known function of each command, or a vessel (a TOML
-/// file). cem plans with any model. pid has none, and is tuned by a grid on seeds of its own: what the others are to be
+/// fl and backstepping invert the model: equations whose terms have one known function of each command, a control-affine
+/// network, or a vessel (a TOML file). cem plans with any model. pid has none, and is tuned by a grid on seeds of its own: what the others are to be
 /// compared with. With --adapt the model learns in the loop, under guard, and what it has learned is used at the next command.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:

@@ -12,7 +12,9 @@ use clap::{Args as ClapArgs, Parser, Subcommand};
 use hydroid::log::{CommandTiming, InputDelay};
 
 pub use adapt::{Adapt, EquationsArgs, Learner, NetworksArgs};
-pub use control::{Control, ControllerKind, FleetArgs, LearnArgs, SeaArgs, TaskArgs, TaskKind, TimingKind};
+pub use control::{
+    Control, ControllerKind, FleetArgs, HelmArgs, LearnArgs, SeaArgs, TaskArgs, TaskKind, TimingKind,
+};
 pub use identify::Identify;
 pub use thesis::Thesis;
 use values::parse_timing;

@@ -33,6 +33,7 @@ struct Told<'a, T> {
 }
 
 pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
+    setup::check_meant(args)?;
     let vessel = simulate::vessel(&args.plant)?;
     let kind = setup::kind(args.helm.controller);
     let model = model(args, kind)?;
@@ -40,7 +41,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     let model = model.map(|model| model.at_step(dt)).transpose()?;
     let (task, pace) = setup::task(&args.task)?;
     let scene = setup::scene(args, &vessel, &task, &pace, dt)?;
-    let from_s = setup::from_s(args, &scene);
+    let from_s = setup::from_s(args, &scene)?;
     let conditions = setup::conditions(&args.sea);
     let mut steering = setup::steering(args, kind, &scene)?;
     if args.learn.adapt {

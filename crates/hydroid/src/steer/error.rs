@@ -56,6 +56,38 @@ pub enum SteerError {
     /// The model is not of this plant.
     #[error("the model cannot steer this plant: {0}")]
     Channels(String),
+    /// The voyage is over before anything counts.
+    #[error(
+        "errors are to count from {from_s} s on, and the voyage takes {duration_s} s: give a --from below that, or a longer --duration"
+    )]
+    From {
+        /// From when on \[s\].
+        from_s: f64,
+        /// Of the voyage \[s\].
+        duration_s: f64,
+    },
+    /// A delay between samples.
+    #[error(
+        "a delay of {delay_s} s is not a whole number of samples of {dt_s} s: give {} or {}",
+        rounded(dt_s * (delay_s / dt_s).floor()),
+        rounded(dt_s * (delay_s / dt_s).ceil())
+    )]
+    Delay {
+        /// Asked for \[s\].
+        delay_s: f64,
+        /// Sample time \[s\].
+        dt_s: f64,
+    },
+    /// What the model learns does not fit the law.
+    #[error(
+        "{weights} numbers are learned, and the law takes over {places}: learn the terms that the model has (all_terms off), or use cem"
+    )]
+    Places {
+        /// Of the learner.
+        weights: usize,
+        /// Of the law.
+        places: usize,
+    },
     /// The sample time of the loop is no multiple of the integration step.
     #[error("the sample time of {dt_s} s is not a whole number of integration steps of {step_s} s")]
     Substeps {
@@ -72,6 +104,11 @@ pub enum SteerError {
     /// The callback asked to stop.
     #[error("interrupted before it was done")]
     Cancelled,
+}
+
+/// To a microsecond: `3 * 0.1` is `0.3`.
+fn rounded(seconds: f64) -> f64 {
+    (1e6 * seconds).round() / 1e6
 }
 
 pub(super) fn positive(what: &'static str, value: f64) -> Result<(), SteerError> {

@@ -124,6 +124,7 @@ pub fn fleet(
     progress: Progress<'_>,
 ) -> Result<Fleet, SteerError> {
     spread.check()?;
+    scene.check_from(from_s)?;
     if runs == 0 {
         let needed = "at least one is needed";
         return Err(SteerError::Option { what: "the number of voyages", value: 0.0, needed });
@@ -164,8 +165,11 @@ pub fn fleet(
     })
 }
 
-/// Nearest ranks; what is no number is last.
+/// Nearest ranks; what is no number is last, whatever its sign.
 fn summary(mut figures: Vec<f64>) -> Summary {
+    for figure in &mut figures {
+        *figure = if figure.is_nan() { f64::INFINITY } else { *figure };
+    }
     figures.sort_unstable_by(f64::total_cmp);
     let rank = |share: f64| {
         // Between 0 and the length.
@@ -174,4 +178,17 @@ fn summary(mut figures: Vec<f64>) -> Summary {
         figures.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
     };
     Summary { median: rank(0.5), p95: rank(0.95), max: rank(1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_is_the_most() {
+        let of = |figures: &[f64]| summary(figures.to_vec());
+        let [plain, signed] = [f64::NAN, -f64::NAN].map(|nan| of(&[1.0, nan, 3.0, 2.0]));
+        assert_eq!((plain.median, plain.p95, plain.max), (2.0, f64::INFINITY, f64::INFINITY));
+        assert_eq!(plain, signed);
+    }
 }

@@ -19,11 +19,32 @@ use super::mind::Mind;
 use crate::model::{Body, Model};
 
 /// A model that a law can invert.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) enum Invertible {
     Equations(Box<AffineEquations>),
     Plant(Box<AffinePlant>),
     Network(Box<AffineNetwork>),
+}
+
+impl Clone for Invertible {
+    fn clone(&self) -> Self {
+        match self {
+            Self::Equations(equations) => Self::Equations(equations.clone()),
+            Self::Plant(plant) => Self::Plant(plant.clone()),
+            Self::Network(network) => Self::Network(network.clone()),
+        }
+    }
+
+    /// Into the memory of one of the same kind: a law keeps the model from before an update, in each sample of a model that
+    /// learns.
+    fn clone_from(&mut self, from: &Self) {
+        match (self, from) {
+            (Self::Equations(into), Self::Equations(from)) => into.clone_from(from),
+            (Self::Plant(into), Self::Plant(from)) => into.clone_from(from),
+            (Self::Network(into), Self::Network(from)) => into.clone_from(from),
+            (into, from) => *into = from.clone(),
+        }
+    }
 }
 
 impl Invertible {
@@ -136,7 +157,14 @@ impl Places {
         Self::Plant { params, numbers, places: LearnablePlant::new(plant).places().to_vec() }
     }
 
-    /// Puts weights into a model; those that make no vessel leave it as it is.
+    /// Numbers that there are places for.
+    const fn len(&self) -> usize {
+        match self {
+            Self::Equations { places, .. } | Self::Plant { places, .. } => places.len(),
+        }
+    }
+
+    /// Puts weights into a model, one for each place; those that make no vessel leave it as it is.
     fn put(&mut self, weights: &[f64], into: &mut Invertible) {
         match (self, into) {
             (Self::Equations { coefficients, places }, Invertible::Equations(affine)) => {
@@ -177,11 +205,26 @@ pub(super) struct Inverted<L> {
 
 impl<L: Inverting> Inverted<L> {
     /// A law of `model`; with a mind, what that learns is taken over from sample to sample.
-    pub(super) fn new(law: L, lead: f64, channels: Channels, model: &Model, mind: Option<Mind>) -> Self {
+    ///
+    /// # Errors
+    /// If the mind learns other numbers than the law takes over.
+    pub(super) fn new(
+        law: L,
+        lead: f64,
+        channels: Channels,
+        model: &Model,
+        mind: Option<Mind>,
+    ) -> Result<Self, SteerError> {
         let learning =
             mind.zip(Places::of(model)).map(|(mind, places)| Learning { mind, places, taken: Vec::new() });
+        if let Some(Learning { mind, places, .. }) = &learning
+            && let Some(weights) = mind.weights()
+            && weights.len() != places.len()
+        {
+            return Err(SteerError::Places { weights: weights.len(), places: places.len() });
+        }
         let y = vec![f64::NAN; channels.len()];
-        Self { law, lead, channels, learning, y }
+        Ok(Self { law, lead, channels, learning, y })
     }
 
     fn learn(&mut self) {

@@ -17,7 +17,8 @@ pub struct Times {
 }
 
 /// What a voyage was worth. Errors are those of the point that is to be on the path, from `from_s` on; root mean squares
-/// unless they say otherwise.
+/// unless they say otherwise. They are infinite where there is nothing to count, and where the vessel's state stopped being a
+/// number: so a voyage that came to nothing is the worst of any, in each of its figures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Metrics {
     /// Distance from the reference \[m\].
@@ -48,7 +49,8 @@ pub struct Metrics {
     pub violations: usize,
     /// Samples farther from the reference than the tolerance without a status that says so. There must be none.
     pub unsaid: usize,
-    /// Whether the vessel held its course: settled by the time from which errors count, and came to the end of the path.
+    /// Whether the vessel held its course: settled by the time from which errors count, with a sample at least that counts, and
+    /// came to the end of the path.
     pub held: bool,
 }
 
@@ -59,8 +61,9 @@ impl Metrics {
         let counted = || all.iter().filter(|m| m.t >= from_s - 1e-9);
         let rms = |of: fn(&Moment) -> f64| {
             let (sum, n) = counted().fold((0.0, 0.0), |(sum, n), m| (sum + of(m).powi(2), n + 1.0));
-            (sum / n).sqrt()
+            or_worst(voyage, (sum / n).sqrt())
         };
+        let most = counted().map(|m| or_worst(voyage, m.cross_track.abs())).reduce(f64::max);
         // What is no number is beyond, too.
         let beyond = |m: &Moment| m.distance.is_nan() || m.distance > voyage.tolerance;
         let settled_after = match all.iter().rposition(beyond) {
@@ -75,14 +78,15 @@ impl Metrics {
         let at_limit = |m: &&Moment| {
             (0..2).any(|i| !(voyage.limits[i].low < m.command[i] && m.command[i] < voyage.limits[i].high))
         };
-        let held =
-            settled_after.is_some_and(|settled| settled <= from_s + 1e-9) && voyage.arrived != Some(false);
+        let held = settled_after.is_some_and(|settled| settled <= from_s + 1e-9)
+            && counted().next().is_some()
+            && voyage.arrived != Some(false);
         let last = all.last().map_or(0.0, |m| m.t + voyage.dt_s);
         Self {
             rms_position: rms(|m| m.distance),
             rms_cross_track: rms(|m| m.cross_track),
             rms_speed: rms(|m| m.speed_error),
-            max_cross_track: counted().map(|m| m.cross_track.abs()).fold(0.0, f64::max),
+            max_cross_track: most.unwrap_or(f64::INFINITY),
             settled_after,
             saturated: all.iter().filter(at_limit).count() as f64 / (all.len() as f64).max(1.0),
             us_per_command: times(all),
@@ -96,6 +100,11 @@ impl Metrics {
             held,
         }
     }
+}
+
+/// A figure of a voyage. A mean of nothing is NaN, whose sign, and so its place in an order, depends on the machine.
+const fn or_worst(voyage: &Voyage, figure: f64) -> f64 {
+    if voyage.diverged || figure.is_nan() { f64::INFINITY } else { figure }
 }
 
 fn times(all: &[Moment]) -> Times {
@@ -121,4 +130,60 @@ fn violations(voyage: &Voyage) -> usize {
         }
     }
     count
+}
+
+#[cfg(test)]
+mod tests {
+    use hydroid_core::control::Limits;
+    use hydroid_core::guidance::{Pose, Reference};
+    use hydroid_core::vessel::State;
+
+    use super::*;
+
+    /// Half a metre off, for so many samples of 0.1 s.
+    fn voyage(samples: usize) -> Voyage {
+        let pose = Pose { position: [0.0; 2], course: 0.0, curvature: 0.0 };
+        let reference = Reference::new(0.0, &pose, 1.0, 0.0);
+        let moment = |k: usize| Moment {
+            t: 0.1 * k as f64,
+            state: State::REST,
+            measured: [0.0; 4],
+            reference,
+            distance: 0.5,
+            cross_track: -0.5,
+            speed_error: 0.1,
+            command: [0.0; 2],
+            status: Status::Tracking,
+            time_us: 1.0,
+        };
+        Voyage {
+            moments: (0..samples).map(moment).collect(),
+            dt_s: 0.1,
+            limits: [Limits::between([-1.0, 1.0]); 2],
+            tolerance: 2.0,
+            arrived: None,
+            diverged: false,
+        }
+    }
+
+    fn figures(m: &Metrics) -> [f64; 4] {
+        [m.rms_position, m.rms_cross_track, m.rms_speed, m.max_cross_track]
+    }
+
+    #[test]
+    fn what_came_to_nothing_is_the_worst() {
+        let sound = Metrics::of(&voyage(100), 5.0);
+        assert!(sound.held && (sound.rms_position - 0.5).abs() < 1e-12 && sound.max_cross_track == 0.5);
+        // It ended before errors count.
+        let early = Metrics::of(&voyage(20), 5.0);
+        assert!(!early.held && figures(&early) == [f64::INFINITY; 4], "{early:?}");
+        let told = serde_json::to_value(&early).unwrap();
+        assert!(told["rms_position"].is_null() && told["max_cross_track"].is_null());
+        let lost = Metrics::of(&Voyage { diverged: true, ..voyage(100) }, 5.0);
+        assert!(!lost.held && figures(&lost) == [f64::INFINITY; 4], "{lost:?}");
+        let mut broken = voyage(100);
+        broken.moments[80].cross_track = f64::NAN;
+        let broken = Metrics::of(&broken, 5.0);
+        assert_eq!((broken.rms_cross_track, broken.max_cross_track), (f64::INFINITY, f64::INFINITY));
+    }
 }

@@ -50,6 +50,9 @@ impl Moving {
                 needed: "fewer than 10,000 samples are needed",
             });
         }
+        if (late * dt_s - conditions.delay_s).abs() > 1e-6 * dt_s {
+            return Err(SteerError::Delay { delay_s: conditions.delay_s, dt_s });
+        }
         // Both are small and positive.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let (steps, late) = (steps as u32, late as usize);

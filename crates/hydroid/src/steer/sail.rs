@@ -43,6 +43,26 @@ impl Scene {
         let duration_s = course.duration_s().map_or(120.0, |duration| 1.5 * duration);
         Self { vessel, course, limits, dt_s: 0.1, duration_s, start: [0.0; 2], tolerance: 2.0 }
     }
+
+    /// From when on errors count where nothing is said \[s\]: 40 s on a circle, else 10 s; a third of the voyage at the most,
+    /// and half of what the course takes, after which a voyage may end.
+    pub fn usual_from_s(&self) -> f64 {
+        let usual = if self.course.path.is_closed() { 40.0_f64 } else { 10.0 };
+        let course = self.course.duration_s().map_or(f64::INFINITY, |duration| 0.5 * duration);
+        usual.min(self.duration_s / 3.0).min(course)
+    }
+
+    /// Whether a voyage has samples that count, if errors count from then on.
+    ///
+    /// # Errors
+    /// If it is over before.
+    pub fn check_from(&self, from_s: f64) -> Result<(), SteerError> {
+        at_least("the time from which errors count", from_s, 0.0)?;
+        if from_s < self.duration_s {
+            return Ok(());
+        }
+        Err(SteerError::From { from_s, duration_s: self.duration_s })
+    }
 }
 
 /// A sample of a voyage.

@@ -39,7 +39,7 @@ pub struct Conditions {
     pub wind: Wind,
     /// Factor on mass and yaw inertia of the vessel.
     pub mass: f64,
-    /// Time between a command and the moment at which it acts \[s\].
+    /// Time between a command and the moment at which it acts \[s\]; a whole number of samples.
     pub delay_s: f64,
 }
 

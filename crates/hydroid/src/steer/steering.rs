@@ -137,7 +137,7 @@ impl Steering {
                     self.bandwidth.map_or(settings, |[omega, zeta]| settings.with_bandwidth(omega, zeta));
                 let inverse = Invertible::of(model, channels.motion, law)?;
                 let law = FeedbackLinearization::new(inverse, &self.limits, self.dt_s, settings)?;
-                Ok(self.inverted(law, channels, model, mind()?))
+                self.inverted(law, channels, model, mind()?)
             }
             Kind::Backstepping => {
                 let settings = BacksteppingSettings {
@@ -147,7 +147,7 @@ impl Steering {
                 let settings = self.rate.map_or(settings, |rate| settings.with_rate(rate));
                 let inverse = Invertible::of(model, channels.motion, law)?;
                 let law = Backstepping::new(inverse, &self.limits, self.dt_s, settings)?;
-                Ok(self.inverted(law, channels, model, mind()?))
+                self.inverted(law, channels, model, mind()?)
             }
             Kind::CrossEntropy | Kind::Autopilot => {
                 if channels.motion != [0, 1, 2] {
@@ -178,8 +178,8 @@ impl Steering {
         channels: Channels,
         model: &Model,
         mind: Option<Mind>,
-    ) -> Box<dyn Helm> {
-        Box::new(Inverted::new(law, self.lead, channels, model, mind))
+    ) -> Result<Box<dyn Helm>, SteerError> {
+        Ok(Box::new(Inverted::new(law, self.lead, channels, model, mind)?))
     }
 
     fn autopilot(&self) -> Result<Box<dyn Helm>, SteerError> {

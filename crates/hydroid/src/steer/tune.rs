@@ -69,6 +69,7 @@ pub struct Tuned {
 /// # Errors
 /// If the scene is not possible, no point of the grid holds its course, or `progress` breaks off.
 pub fn tune(scene: &Scene, cruise: f64, from_s: f64, progress: Progress<'_>) -> Result<Tuned, SteerError> {
+    scene.check_from(from_s)?;
     let plant = Plant::new(&scene.vessel)?;
     let lag = scene.vessel.propeller.lag;
     let [mass, ..] = plant.mass_matrix();

@@ -11,7 +11,7 @@ use hydroid_core::vessel::VesselParams;
 use serde_json::{Value, json};
 
 use crate::args::{
-    Control, ControllerKind, FleetArgs, LearnArgs, Learner, SeaArgs, TaskArgs, TaskKind, TimingKind,
+    Control, ControllerKind, FleetArgs, HelmArgs, LearnArgs, Learner, SeaArgs, TaskArgs, TaskKind, TimingKind,
 };
 
 pub(super) const fn kind(controller: ControllerKind) -> Kind {
@@ -94,9 +94,10 @@ pub(super) fn scene(
 }
 
 /// From when on errors count \[s\].
-pub(super) fn from_s(args: &Control, scene: &Scene) -> f64 {
-    let usual = if scene.course.path.is_closed() { 40.0 } else { 10.0 };
-    args.helm.from.map_or_else(|| f64::min(usual, scene.duration_s / 3.0), |from| from.0)
+pub(super) fn from_s(args: &Control, scene: &Scene) -> anyhow::Result<f64> {
+    let from_s = args.helm.from.map_or_else(|| scene.usual_from_s(), |from| from.0);
+    scene.check_from(from_s)?;
+    Ok(from_s)
 }
 
 pub(super) const fn conditions(args: &SeaArgs) -> Conditions {
@@ -120,6 +121,42 @@ pub(super) fn spread(args: &FleetArgs) -> Spread {
     }
 }
 
+/// What is said of another controller than the one that steers, or of many voyages where there is one, is refused: it would
+/// change nothing.
+pub(super) fn check_meant(args: &Control) -> anyhow::Result<()> {
+    let (given, kind) = (&args.helm, args.helm.controller);
+    for (option, said, of, owner) in [
+        ("--bandwidth", given.bandwidth.is_some(), ControllerKind::Fl, "fl"),
+        ("--rate", given.rate.is_some(), ControllerKind::Backstepping, "backstepping"),
+        ("--horizon", given.horizon.is_some(), ControllerKind::Cem, "cem"),
+        ("--candidates", given.candidates.is_some(), ControllerKind::Cem, "cem"),
+        ("--iterations", given.iterations.is_some(), ControllerKind::Cem, "cem"),
+        ("--prices", given.prices.is_some(), ControllerKind::Cem, "cem"),
+        ("--plan-time", given.plan_time.is_some(), ControllerKind::Cem, "cem"),
+    ] {
+        ensure!(!said || kind == of, "{option} is of --controller {owner}: leave it out");
+    }
+    ensure!(
+        kind == ControllerKind::Cem || given.reference.is_none_or(|timing| timing == TimingKind::Clock),
+        "--reference is of --controller cem: fl and backstepping track the clock, pid follows the path"
+    );
+    let fleet = &args.fleet;
+    for (option, said) in [
+        ("--mass-spread", fleet.mass_spread.is_some()),
+        ("--current-spread", fleet.current_spread.is_some()),
+        ("--wind-spread", fleet.wind_spread.is_some()),
+    ] {
+        ensure!(
+            !said || fleet.runs != 1,
+            "{option} is of many voyages: give --runs, or leave it out and say what the one voyage meets (--mass, --current, --wind)"
+        );
+    }
+    Ok(())
+}
+
+/// Numbers of all candidates of an iteration, of one command, at the most: 80 MB.
+const MOST_DRAWN: usize = 10_000_000;
+
 pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Result<Steering> {
     let given = &args.helm;
     let mut steering = Steering::new(kind, &scene.vessel, scene.dt_s);
@@ -129,36 +166,37 @@ pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Res
         kind != Kind::Autopilot || given.lead.is_none_or(|lead| lead == 0.0),
         "--lead: pid brings the vessel's origin on the path; leave --lead out"
     );
-    steering.bandwidth = Some(given.bandwidth.0);
-    steering.rate = Some(given.rate);
-    if kind == Kind::CrossEntropy {
-        steering.timing = match given.reference {
-            TimingKind::Clock => Timing::Clock,
-            TimingKind::Foot => Timing::Foot,
-        };
-    } else {
-        ensure!(
-            given.reference == TimingKind::Clock,
-            "--reference is of --controller cem: fl and backstepping track the clock, pid follows the path"
-        );
+    steering.bandwidth = Some(given.bandwidth.map_or([1.5, 0.7], |bandwidth| bandwidth.0));
+    steering.rate = Some(given.rate.unwrap_or(1.0));
+    if let (Kind::CrossEntropy, Some(TimingKind::Foot)) = (kind, given.reference) {
+        steering.timing = Timing::Foot;
     }
+    let usual = steering.planner;
+    let (candidates, horizon) =
+        (given.candidates.unwrap_or(usual.candidates), given.horizon.unwrap_or(usual.horizon));
+    ensure!(candidates > 0, "--candidates 0: one is needed at least");
     ensure!(
-        (1..=100_000).contains(&given.candidates) && given.horizon <= 10_000,
-        "--candidates up to 100,000 and --horizon up to 10,000 samples are possible"
+        candidates.saturating_mul(horizon) <= MOST_DRAWN,
+        "--candidates {candidates} of --horizon {horizon} samples are more than a plan has room for: together (one times the other) they may be {MOST_DRAWN}; give fewer of either"
     );
     steering.planner = PlannerSettings {
-        horizon: given.horizon,
-        candidates: given.candidates,
-        elites: (given.candidates / 10).max(2),
-        iterations: given.iterations,
-        ..steering.planner
+        horizon,
+        candidates,
+        elites: (candidates / 10).max(2),
+        iterations: given.iterations.unwrap_or(usual.iterations),
+        ..usual
     };
-    [steering.cost.position, steering.cost.heading, steering.cost.speed] = given.prices.0;
+    [steering.cost.position, steering.cost.heading, steering.cost.speed] = prices(given);
     if let Some(ms) = given.plan_time {
         ensure!(ms > 0.0 && ms < 1e6, "--plan-time {ms}: milliseconds greater than 0 are needed");
         steering.budget = Some(Duration::from_secs_f64(1e-3 * ms));
     }
     Ok(steering)
+}
+
+/// Of a metre, a radian, 1 m/s.
+fn prices(given: &HelmArgs) -> [f64; 3] {
+    given.prices.map_or([1.0, 0.2, 0.2], |prices| prices.0)
 }
 
 /// How a model learns in the loop: as `hydroid adapt` lets it, with the settings that are that command's default.
@@ -198,7 +236,7 @@ pub(super) fn told(args: &Control, steering: &Steering) -> Value {
             told["horizon"] = json!(p.horizon);
             told["candidates"] = json!(p.candidates);
             told["iterations"] = json!(p.iterations);
-            told["prices"] = json!(args.helm.prices.0);
+            told["prices"] = json!(prices(&args.helm));
         }
         Kind::Autopilot => {}
     }

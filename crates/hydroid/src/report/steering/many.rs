@@ -53,10 +53,10 @@ fn bars(fleet: &Fleet, label: &str, of: fn(&Metrics) -> f64) -> Figure {
 
 fn worst(fleet: &Fleet) -> Markup {
     let mut order: Vec<&Outing> = fleet.outings.iter().collect();
-    let key = |outing: &Outing| (outing.metrics.held, -outing.metrics.rms_position);
+    // The figures of a voyage that came to nothing are infinite, never NaN.
     order.sort_by(|a, b| {
-        let (a, b) = (key(a), key(b));
-        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        let (a, b) = (&a.metrics, &b.metrics);
+        a.held.cmp(&b.held).then(b.rms_position.total_cmp(&a.rms_position))
     });
     let heads =
         ["seed", "held", "position [m]", "path [m]", "speed [m/s]", "mass", "current [m/s]", "wind [N]"]
