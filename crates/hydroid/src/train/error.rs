@@ -66,6 +66,20 @@ pub enum TrainError {
         /// As given.
         high: f64,
     },
+    /// A sine of more than a quarter of a turn.
+    #[error(
+        "input '{channel}' is to act by its sine, and its design range is {low}..{high} rad, beyond a quarter of a turn (1.5708), where a sine cannot be inverted: give a narrower --range, or say that it acts as it is, maps = [{maps}] in [affine]"
+    )]
+    Sine {
+        /// The input.
+        channel: String,
+        /// Lowest \[rad\].
+        low: f64,
+        /// Highest \[rad\].
+        high: f64,
+        /// Maps that would do.
+        maps: String,
+    },
     /// No run holds a whole window.
     #[error(
         "no {what} run is long enough: a window needs {needed} samples ({wash_out} of wash-out, {length} compared, and the first), the longest run has {longest}. Give longer runs, or a shorter wash_out_s or {} (a direct predictor has history_s in place of wash_out_s)",

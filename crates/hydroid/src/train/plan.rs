@@ -1,5 +1,6 @@
 //! From a job and settings to all that does not change in a training.
 
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use hydroid_core::control::Map;
@@ -115,7 +116,9 @@ fn net(job: &Job<'_>, settings: &Settings) -> Result<(Net, usize, usize), TrainE
     }
     if settings.cell == CellKind::Affine {
         let network = settings.control_affine(inputs, outputs)?;
+        check_sines(job, settings)?;
         let efforts = job.inputs.iter().zip(&settings.maps);
+        // At one of the ends: every map increases over the range.
         let size = |(range, map): (&DesignRange, &Map)| {
             [range.low, range.high].map(|a| map.value(a).abs()).into_iter().fold(0.0, f64::max)
         };
@@ -128,6 +131,28 @@ fn net(job: &Job<'_>, settings: &Settings) -> Result<(Net, usize, usize), TrainE
     let wash_out = wash_out(job, settings, &base);
     let length = samples(job, settings.window_s, WINDOW);
     Ok((Net::Recurrent { network, base, feedback: settings.feedback }, wash_out, length))
+}
+
+/// Whether every input that acts by its sine stays within a quarter of a turn: beyond, a sine falls again, and no law can tell
+/// which angle an effort asks for.
+fn check_sines(job: &Job<'_>, settings: &Settings) -> Result<(), TrainError> {
+    let within = |range: &DesignRange| range.low.abs().max(range.high.abs()) <= FRAC_PI_2 + 1e-9;
+    let efforts = job.inputs.iter().zip(&settings.maps);
+    let Some(input) = efforts.clone().position(|(range, map)| *map == Map::Sine && !within(range)) else {
+        return Ok(());
+    };
+    let names = efforts.enumerate().map(|(i, (_, map))| match map {
+        Map::Sine if i != input => "\"sine\"",
+        Map::Sine | Map::Identity => "\"identity\"",
+        Map::SignedSquare => "\"signed_square\"",
+    });
+    let DesignRange { low, high, .. } = job.inputs[input];
+    Err(TrainError::Sine {
+        channel: job.runs[0].inputs.channels()[input].name.clone(),
+        low,
+        high,
+        maps: names.collect::<Vec<_>>().join(", "),
+    })
 }
 
 /// Size of what a recurrent network gives, where that is not the outputs themselves.

@@ -151,6 +151,25 @@ fn the_gradient_of_a_direct_predictor_is_differences_of_its_loss() {
     }
 }
 
+/// Beyond a quarter of a turn a sine has no inverse.
+#[test]
+fn a_sine_over_more_than_a_quarter_of_a_turn_is_refused() {
+    let settings = Settings { maps: vec![Map::Sine], ..small(CellKind::Affine) };
+    let runs = [run(60, 0.0, &[]), run(45, 1.0, &[])];
+    let refs: Vec<&Trajectory> = runs.iter().collect();
+    let planned = |low: f64, high: f64| {
+        let (runs, validation, inputs) = (&refs[..], &refs[..], &[DesignRange { low, high }]);
+        let job = Job { runs, validation, outputs: &RANGES, inputs, horizon: 5, equations: None };
+        plan::plan::<f64>(&job, &settings)
+    };
+    let quarter = 90.0_f64.to_radians();
+    let plan = planned(-0.3, quarter).unwrap();
+    let Net::Affine(parts) = &plan.net else { panic!() };
+    assert_eq!(parts.units, [1.0]);
+    let words = planned(-2.0, 1.0).err().map(|error| error.to_string()).unwrap();
+    assert!(words.contains("'n'") && words.contains("maps = [\"identity\"] in [affine]"), "{words}");
+}
+
 /// The same of a control-affine network, the time constants of its actuators among the weights; and its predictions are those of
 /// the session.
 #[test]
