@@ -23,7 +23,7 @@ enum Kind {
     Direct(Box<direct::SideBySide>),
     /// Of the model that learned, and of the one from shore.
     Guarded(Box<[Room; 2]>),
-    /// One after the other.
+    /// One after the other: vessels, control-affine networks, equations with past values and networks on them.
     Each,
 }
 
@@ -61,7 +61,7 @@ impl Room {
     }
 
     /// Whether candidates of the session that it was made for are rolled out side by side: not those of vessels with given
-    /// parameters, of equations with past values, and of networks on such equations.
+    /// parameters, of control-affine networks, of equations with past values, and of networks on such equations.
     pub fn is_side_by_side(&self) -> bool {
         match &self.kind {
             Kind::Each => false,
