@@ -6,11 +6,12 @@ use crate::report::figure::{Dash, Stroke};
 use crate::report::style;
 
 /// The kind of model that a name begins with, its words and its colour (Okabe and Ito 2008).
-const MODELS: [(&str, &str, RGBColor); 6] = [
+const MODELS: [(&str, &str, RGBColor); 7] = [
     ("affine", "control-affine network", RGBColor(0x56, 0xb4, 0xe9)),
     ("lstm", "LSTM", RGBColor(0x00, 0x72, 0xb2)),
     ("gru", "GRU", RGBColor(0x00, 0x9e, 0x73)),
     ("rnn", "vanilla RNN", RGBColor(0xcc, 0x79, 0xa7)),
+    ("polynomial", "SINDy (polynomials, differences)", RGBColor(0x86, 0x8e, 0x96)),
     ("direct", "direct predictor", RGBColor(0xd5, 0x5e, 0x00)),
     ("sindy", "SINDy (hydroid)", RGBColor(0xe6, 0x9f, 0x00)),
 ];

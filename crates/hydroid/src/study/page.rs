@@ -1,6 +1,8 @@
 //! The page of a study: summary, figures, tables, claims, method.
 
 use maud::{Markup, html};
+use serde::Serialize;
+use serde_json::Value;
 
 use super::claims::{Holds, Judged};
 use super::outcome::{Cell, Outcome, Picture, Sheet};
@@ -177,7 +179,7 @@ fn method(plan: &Plan, done: &[Done<'_>]) -> Markup {
                             tr {
                                 td { (name) } td { (model.method.name()) } td { (record(plan, &model.train)) } td { (record(plan, &model.validate)) }
                                 td { (model.seeds.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")) }
-                                td.words { (settings(&model.network)) }
+                                td.words { (settings(&model.network)) " " (settings(&model.sindy)) }
                             }
                         }
                     }
@@ -199,15 +201,10 @@ fn record(plan: &Plan, name: &str) -> String {
     )
 }
 
-/// What is said of a network, as it stands in the file.
-fn settings(network: &crate::identify::NetworkSettings) -> Markup {
-    let said = serde_json::to_value(network).ok();
-    let said = said.as_ref().and_then(|value| value.as_object());
-    let words: Vec<String> = said
-        .into_iter()
-        .flatten()
-        .filter(|(_, value)| !value.is_null())
-        .map(|(key, value)| format!("{key} = {value}"))
-        .collect();
-    html! { (words.join(", ")) }
+/// What is said of a network or of equations beside what goes without saying, as it stands in the file.
+fn settings<T: Serialize + Default>(said: &T) -> String {
+    let [said, usual] = [said, &T::default()].map(|settings| serde_json::to_value(settings).ok());
+    let said = said.as_ref().and_then(Value::as_object).into_iter().flatten();
+    let other = said.filter(|(key, value)| usual.as_ref().is_none_or(|usual| usual[key.as_str()] != **value));
+    other.map(|(key, value)| format!("{key} = {value}")).collect::<Vec<_>>().join(", ")
 }
