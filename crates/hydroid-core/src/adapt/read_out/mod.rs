@@ -146,9 +146,10 @@ impl DirectReadOut {
         let last = self.errors.len() - n;
         self.innovations.clear();
         for c in 0..n {
-            let deviation = match self.is_known(last + c) {
-                true => num_traits::Float::sqrt(self.variance[last + c] * self.sureness),
-                false => f64::NAN,
+            let deviation = if self.is_known(last + c) {
+                num_traits::Float::sqrt(self.variance[last + c] * self.sureness)
+            } else {
+                f64::NAN
             };
             let value = self.errors[last + c] * scale[c];
             self.innovations.push(Innovation { value, deviation: deviation * scale[c] });
