@@ -1,6 +1,7 @@
 //! `hydroid thesis`: the small version with its verdicts, going on after a kill, experiments of one's own.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
@@ -86,13 +87,13 @@ fn the_small_study_tells_the_story() {
     assert_eq!(&kept, &told["claims"]);
     for (name, bytes) in &first {
         let content = text(bytes);
-        if name.ends_with(".svg") {
+        if name.starts_with("figures/") {
             assert!(
                 content.starts_with("<svg ") && content.contains("xmlns="),
                 "{name} is no file of its own"
             );
         }
-        if name.ends_with(".csv") {
+        if Path::new(name).extension().is_some_and(|e| e == "csv") {
             assert!(!content.contains("NaN") && !content.contains(",inf"), "{name}");
         }
     }
@@ -119,9 +120,10 @@ fn own(folder: &Path) {
     for (name, drive, duration, seed) in
         [("train", "mixed", 200, 1), ("validate", "mixed", 100, 2), ("test", "mixed", 120, 3)]
     {
-        records.push_str(&format!(
+        let _ = write!(
+            records,
             "[{name}]\nplant = \"hydrofoil\"\nexcitation = \"{drive}\"\nduration_s = {duration}\nseed = {seed}\n"
-        ));
+        );
     }
     write("records.toml", &records);
     write(
@@ -181,7 +183,7 @@ fn a_study_that_was_killed_goes_on() {
         whole.map(|path| (path.clone(), fs::metadata(path).unwrap().modified().unwrap())).collect()
     };
     // A model is there and the page is not.
-    while kept().is_empty() && clock.elapsed() < Duration::from_secs(120) {
+    while kept().is_empty() && clock.elapsed() < Duration::from_mins(2) {
         std::thread::sleep(Duration::from_millis(5));
     }
     child.kill().unwrap();

@@ -224,6 +224,9 @@ pub fn on_equations(
 }
 
 /// The law on a network.
+///
+/// # Errors
+/// Why it cannot be inverted.
 pub fn on_network(
     vessel: &VesselParams,
     network: &Arc<ControlAffine>,

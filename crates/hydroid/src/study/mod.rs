@@ -133,6 +133,15 @@ pub fn run(
     Ok(Summary { page, quick: plan.quick, measures, claims, seconds })
 }
 
+/// All that is told of an experiment in numbers.
+#[derive(Serialize)]
+struct Numbers<'a> {
+    experiment: &'a Experiment,
+    measures: &'a BTreeMap<String, f64>,
+    remarks: &'a [String],
+    tables: Vec<&'a Sheet>,
+}
+
 /// The figures and the numbers of an experiment.
 fn files(done: &Done<'_>, folder: &Path) -> Result<(), StudyError> {
     for shown in &done.outcome.pictures {
@@ -150,14 +159,7 @@ fn files(done: &Done<'_>, folder: &Path) -> Result<(), StudyError> {
     }
     let sheets: Vec<&Sheet> =
         done.outcome.sheets.iter().chain(done.outcome.tables.iter().map(|t| &t.sheet)).collect();
-    #[derive(Serialize)]
-    struct Told<'a> {
-        experiment: &'a Experiment,
-        measures: &'a BTreeMap<String, f64>,
-        remarks: &'a [String],
-        tables: Vec<&'a Sheet>,
-    }
-    let told = Told {
+    let told = Numbers {
         experiment: done.experiment,
         measures: &done.outcome.measures,
         remarks: &done.outcome.remarks,

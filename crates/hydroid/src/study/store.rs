@@ -40,7 +40,9 @@ impl Store {
         print.word(self.program);
         print.text(kind);
         print.text(&format!("{what:?}"));
-        on.iter().for_each(|key| print.word(key.0));
+        for key in on {
+            print.word(key.0);
+        }
         Key(print.value())
     }
 
@@ -60,19 +62,13 @@ impl Store {
             return Ok(kept);
         }
         let made = make()?;
-        self.write(&path, &made)?;
+        write(&path, &made)?;
         // What is read back is what others will see: a number that JSON has not would show here and not a run later.
         kept(&path).ok_or_else(|| {
             StudyError::Result(format!(
                 "the result '{name}' has numbers that cannot be kept (NaN or infinite)"
             ))
         })
-    }
-
-    fn write(&self, path: &Path, value: &impl Serialize) -> Result<(), StudyError> {
-        let bytes = serde_json::to_vec(value).map_err(|error| StudyError::Result(error.to_string()))?;
-        atomic::write(path, |out| out.write_all(&bytes))?;
-        Ok(())
     }
 
     /// The model under a key with what is told of it, made if they are not there.
@@ -88,11 +84,17 @@ impl Store {
         }
         let (made, about) = make()?;
         model::write(&made, &path)?;
-        self.write(&told, &about)?;
+        write(&told, &about)?;
         // The same from a file as from memory: a second run must not differ.
         let model = model::read(&path).map_err(|error| StudyError::Result(error.to_string()))?;
         Ok((model, about))
     }
+}
+
+fn write(path: &Path, value: &impl Serialize) -> Result<(), StudyError> {
+    let bytes = serde_json::to_vec(value).map_err(|error| StudyError::Result(error.to_string()))?;
+    atomic::write(path, |out| out.write_all(&bytes))?;
+    Ok(())
 }
 
 fn kept<T: DeserializeOwned>(path: &Path) -> Option<T> {
@@ -103,19 +105,16 @@ fn kept<T: DeserializeOwned>(path: &Path) -> Option<T> {
 pub fn program() -> u64 {
     let mut print = Fnv::new();
     print.text(env!("CARGO_PKG_VERSION"));
-    match std::env::current_exe().and_then(std::fs::read) {
-        Ok(bytes) => {
-            for word in bytes.chunks(8) {
-                let mut padded = [0; 8];
-                padded[..word.len()].copy_from_slice(word);
-                print.word(u64::from_le_bytes(padded));
-            }
+    if let Ok(bytes) = std::env::current_exe().and_then(std::fs::read) {
+        for word in bytes.chunks(8) {
+            let mut padded = [0; 8];
+            padded[..word.len()].copy_from_slice(word);
+            print.word(u64::from_le_bytes(padded));
         }
+    } else {
         // Not known: then no result is of this program but those that it makes now.
-        Err(_) => {
-            let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-            print.text(&format!("{:?} {}", now, std::process::id()));
-        }
+        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        print.text(&format!("{now:?} {}", std::process::id()));
     }
     print.value()
 }

@@ -238,7 +238,9 @@ impl<T: Scalar> Affine<T> {
                 let (efforts, slopes) = (&self.efforts[at..], &self.slopes[at..]);
                 for j in 0..n {
                     let rate = &mut self.rate[j * lanes..(j + 1) * lanes];
-                    rate.iter_mut().for_each(|rate| *rate *= self.ratio[j]);
+                    for rate in rate.iter_mut() {
+                        *rate *= self.ratio[j];
+                    }
                     for (i, lag) in of_lags.iter_mut().enumerate() {
                         let given = &batch.output()[(n * (1 + i) + j) * lanes..][..lanes];
                         let slopes = &slopes[i * lanes..(i + 1) * lanes];
@@ -277,6 +279,8 @@ fn rates<T: Scalar>(
             let efforts = &efforts[i * lanes..(i + 1) * lanes];
             rate.iter_mut().zip(g).zip(efforts).for_each(|((rate, &g), &e)| *rate += g * e);
         }
-        rate.iter_mut().for_each(|rate| *rate *= ratio[j]);
+        for rate in rate.iter_mut() {
+            *rate *= ratio[j];
+        }
     }
 }

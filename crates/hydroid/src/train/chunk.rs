@@ -52,9 +52,8 @@ impl Net {
     /// second cache.
     pub(super) fn chunk_windows(&self) -> usize {
         match self {
-            Self::Recurrent { .. } => 16,
+            Self::Recurrent { .. } | Self::Affine(_) => 16,
             Self::Direct { .. } => 128,
-            Self::Affine(_) => 16,
         }
     }
 

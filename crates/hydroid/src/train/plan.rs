@@ -46,14 +46,13 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
     let mut scaling = scaling::from_ranges(job.outputs, job.inputs)?;
     let (net, wash_out, length) = net(job, settings)?;
     let correction = match &net {
-        Net::Direct { hold: false, .. } => None,
+        // Of a control-affine network these are rates: a range in a few seconds.
+        Net::Direct { hold: false, .. } | Net::Affine(_) => None,
         // As large as changes over half of the horizon.
         Net::Direct { horizon, .. } => {
             let share = 0.5 * *horizon as f64;
             Some(scaling::increments(job.runs).into_iter().map(|size| share.max(1.0) * size).collect())
         }
-        // Rates: a range in a few seconds.
-        Net::Affine(_) => None,
         Net::Recurrent { base, .. } => correction(job, base),
     };
     if let Some(correction) = correction {

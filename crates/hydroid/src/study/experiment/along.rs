@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use hydroid_core::adapt::guard::Action;
+use hydroid_core::adapt::guard::{Action, Guard};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::State;
 
@@ -150,7 +150,7 @@ impl Along {
             if origin {
                 walk.t.push(run.t0 + k as f64 * run.dt);
             }
-            let events = guarded.guard().map(|guard| guard.events());
+            let events = guarded.guard().map(Guard::events);
             let switched =
                 events.into_iter().flatten().any(|event| matches!(event.action, Action::Switched { .. }));
             if switched {

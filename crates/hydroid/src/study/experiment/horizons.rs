@@ -48,6 +48,9 @@ impl Which {
     }
 }
 
+/// Which errors of a run.
+type Way<'a> = &'a dyn Fn(&Along) -> Option<&Errors>;
+
 /// Over models and records: median, least and largest.
 type Spread = (f64, f64, f64);
 
@@ -79,12 +82,12 @@ impl Horizons {
     }
 
     fn one(&self, name: &str, all: &[Along], table: &mut Sheet, outcome: &mut Outcome) {
-        let spread = |of: &dyn Fn(&Along) -> Option<&Errors>, n: usize, c: usize| -> Spread {
+        let spread = |of: Way<'_>, n: usize, c: usize| -> Spread {
             let values: Vec<f64> = all.iter().filter_map(|one| Some(self.error.of(of(one)?)[n][c])).collect();
             let (low, high) = range(&values);
             (median(values), low, high)
         };
-        let ways: [(&str, &dyn Fn(&Along) -> Option<&Errors>); 3] = [
+        let ways: [(&str, Way<'_>); 3] = [
             ("frozen", &|one| Some(&one.frozen)),
             ("state filtered", &|one| one.filtered.as_ref()),
             ("adapted", &|one| Some(&one.adapted)),
@@ -166,11 +169,11 @@ impl Horizons {
 
     /// The share of horizons at which the adapted median is below the frozen one, by output, and what is left at 20 steps.
     fn measures(&self, name: &str, all: &[Along], outcome: &mut Outcome) {
-        let middle = |of: fn(&Along) -> &Errors, n: usize, c: usize| {
-            median(all.iter().map(|one| self.error.of(of(one))[n][c]).collect())
+        let middle = |of: Way<'_>, n: usize, c: usize| {
+            median(all.iter().filter_map(|one| Some(self.error.of(of(one)?)[n][c])).collect())
         };
-        let (frozen, adapted): (fn(&Along) -> &Errors, fn(&Along) -> &Errors) =
-            (|one| &one.frozen, |one| &one.adapted);
+        let frozen: Way<'_> = &|one| Some(&one.frozen);
+        let adapted: Way<'_> = &|one| Some(&one.adapted);
         for (c, (output, _)) in OUTPUTS.iter().enumerate() {
             let better = (0..HORIZON).filter(|&n| middle(adapted, n, c) < middle(frozen, n, c)).count();
             outcome.measure(&format!("{name}_{output}_better"), better as f64 / HORIZON as f64);
