@@ -50,7 +50,7 @@ const FEWEST_WINDOWS: usize = 30;
 /// Errors beyond so many standard deviations widen the bands no further: one bad sample must not.
 const FARTHEST: f64 = 5.0;
 
-/// A session of a [`Direct`] model whose last layer is learned; see the [module](self).
+/// A session of a [`Direct`] model whose last layer is learned by recursive least squares, all steps of its horizon from one regressor and one covariance (`docs/adapt.md`).
 ///
 /// The weights are those of the read-out, its matrix row by row, then its bias, as at the end of the model's. The snapshot is
 /// that of a [`DirectSession`] with these behind it.

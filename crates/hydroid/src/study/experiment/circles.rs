@@ -196,17 +196,15 @@ fn stroke(name: &str) -> Stroke {
 
 fn track(circle: &Circle, drawn: &[Drawn]) -> Figure {
     let edge = 1.15 * circle.radius_m;
-    // The centre is to starboard of the start, which is at the origin and heads north.
     let around = (0..=180)
-        .map(|i| f64::from(i).to_radians() * 2.0)
-        .map(|angle| (circle.radius_m - circle.radius_m * angle.cos(), circle.radius_m * angle.sin()));
+        .map(|i| f64::from(2 * i).to_radians())
+        .map(|angle| (circle.radius_m * angle.sin(), circle.radius_m * angle.cos()));
     let dashed = Stroke { colour: style::AXIS, width: 1.4, dash: Dash::Dashed };
     let mut panel = Panel::new("north [m]")
         .height(400.0)
         .range(-edge, edge)
         .mark(Mark::Line(Line::new(around.collect(), dashed)));
-    let mut figure =
-        Figure::new("Tracks on a circle", "east [m]").x_range(circle.radius_m - edge, circle.radius_m + edge);
+    let mut figure = Figure::new("Tracks on a circle", "east [m]").x_range(-edge, edge);
     for (word, name, points) in drawn {
         let points = points.iter().map(|[_, north, east, _]| (*east, *north)).collect();
         panel = panel.mark(Mark::Line(Line::new(points, stroke(name))));
