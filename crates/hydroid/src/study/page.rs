@@ -13,6 +13,8 @@ use crate::report::page::{Section, columns, figure, page, table};
 
 /// A table of no more columns than this stands beside a figure.
 const BESIDE: usize = 7;
+/// A table of more rows than this is folded.
+const LONG: usize = 40;
 
 /// The page.
 pub(super) fn write(
@@ -112,7 +114,11 @@ fn experiment(
     let tables = |wide: bool| {
         html! {
             @for tabled in outcome.tables.iter().filter(|tabled| wide == (tabled.sheet.columns.len() > BESIDE)) {
-                (sheet(&tabled.sheet))
+                @if tabled.sheet.rows.len() > LONG {
+                    details { summary { "All " (tabled.sheet.rows.len()) " rows" } (sheet(&tabled.sheet)) }
+                } @else {
+                    (sheet(&tabled.sheet))
+                }
                 p.small { (tabled.caption) " " a href={ "data/" (name) "_" (tabled.sheet.name) ".csv" } { "CSV" } }
             }
         }

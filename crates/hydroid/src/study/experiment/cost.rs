@@ -39,7 +39,7 @@ impl Cost {
         let mut outcome = Outcome::default();
         let mut table =
             Sheet::new("cost", &["network", "memory", "a sample [us]", "kept [kB]", "20 steps: u [m/s]"]);
-        let mut panel = Panel::new("adapted error of u after 20 steps [m/s]").height(220.0).decades();
+        let mut panel = Panel::new("adapted error of u after 20 steps [m/s]").height(320.0).decades();
         let mut figure = Figure::new("Accuracy against the cost of a step", "a sample [us] (log10)");
         for name in &self.models {
             let models = lab.models(name)?;
