@@ -196,7 +196,8 @@ fn the_autopilot_is_tuned_on_seeds_of_its_own_and_holds_a_lawn_mower() {
     assert!(tuned.seeds.iter().all(|seed| *seed > 1_000_000));
     let [gain, time] = tuned.nomoto;
     // `N = u RD` with linear drag; what sway adds is little.
-    assert!((gain - 1.5 / 82.88).abs() < 0.1 * gain && (time - 41.4 / 82.88).abs() < 0.3 * time);
+    let (of_gain, of_time) = (gain / (1.5 / 82.88), time / (41.4 / 82.88));
+    assert!((of_gain - 1.0).abs() < 0.1 && (of_time - 1.0).abs() < 0.3, "{of_gain} {of_time}");
     let mut steering = Steering::new(Kind::Autopilot, &vessel, 0.1);
     steering.autopilot = Some(tuned.settings);
     let voyage = sailed(&steering, &scene, &Conditions::calm(1));
