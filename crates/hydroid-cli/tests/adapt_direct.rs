@@ -3,52 +3,21 @@
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Stdio;
 use std::sync::OnceLock;
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-fn hydroid(folder: &Path, args: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
-    command.current_dir(folder).args(args.split(' '));
-    command
-}
-
-fn run(folder: &Path, args: &str) -> Output {
-    hydroid(folder, args).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
+mod low_speed;
+use low_speed::{hydroid, run, text};
 
 /// A small network of low speed, and a log that leaves it; made once.
 fn prepared() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
-    FOLDER
-        .get_or_init(|| {
-            let folder = TempDir::new().unwrap();
-            let at = folder.path();
-            let low = "simulate hydrofoil --excitation low-speed --duration";
-            for args in [
-                &format!("{low} 900 --seed 1 -o a.csv"),
-                &format!("{low} 200 --seed 2 -o b.csv"),
-                &format!("{low} 200 --seed 3 -o c.csv"),
-                "simulate hydrofoil --excitation lawn-mower --leg-speeds 1.5,4,2 --duration 240 --seed 4 -o lawn.csv",
-            ] {
-                assert_eq!(run(at, args).status.code(), Some(0), "{args}");
-            }
-            let settings = "[direct]\nhidden = 24\nlayers = 2\nhistory_s = 0.4\nepochs = 12\nrestarts = 1\nensemble = false\nbase = \"nothing\"\n";
-            fs::write(at.join("net.toml"), settings).unwrap();
-            let identified = run(
-                at,
-                "identify a.csv --validate b.csv --test c.csv --outputs u,v,r --methods direct -c net.toml --horizon 20 --range u=0:6,v=-1.5:1.5,r=-1:1,PP_cmd=-130:350 -o out -q",
-            );
-            assert!(matches!(identified.status.code(), Some(0 | 1)), "{}", text(&identified.stderr));
-            folder
-        })
-        .path()
+    let settings = "[direct]\nhidden = 24\nlayers = 2\nhistory_s = 0.4\nepochs = 12\nrestarts = 1\nensemble = false\nbase = \"nothing\"\n";
+    let identify = "identify a.csv --validate b.csv --test c.csv --outputs u,v,r --methods direct -c net.toml --horizon 20 --range u=0:6,v=-1.5:1.5,r=-1:1,PP_cmd=-130:350 -o out -q";
+    FOLDER.get_or_init(|| low_speed::folder(settings, identify)).path()
 }
 
 const MODEL: &str = "out/direct.safetensors";

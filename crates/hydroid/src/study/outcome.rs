@@ -17,6 +17,8 @@ pub(super) enum Cell {
     Count(usize),
     /// Words.
     Text(String),
+    /// There is none: a dash on the page, nothing in a file.
+    Nothing,
 }
 
 impl From<f64> for Cell {
@@ -78,6 +80,7 @@ impl Sheet {
                 Cell::Number(x) => x.to_string(),
                 Cell::Count(n) => n.to_string(),
                 Cell::Text(text) => quoted(text),
+                Cell::Nothing => String::new(),
             });
             // Writing to a string does not fail.
             let _ = writeln!(csv, "{}", cells.collect::<Vec<_>>().join(","));

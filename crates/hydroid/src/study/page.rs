@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::claims::{Holds, Judged};
 use super::outcome::{Cell, Outcome, Picture, Sheet};
-use super::plan::{Experiment, Plan};
+use super::plan::{Experiment, Plan, Record};
 use super::{Done, StudyError};
 use crate::report::number;
 use crate::report::page::{Section, columns, figure, page, table};
@@ -81,7 +81,7 @@ fn claims_table(claims: &[Judged], reasons: bool) -> Markup {
                         tr {
                             td.words { a href={ "#" (claim.experiment) } { (claim.claim) } }
                             td.words { (claim.measured) }
-                            td.n { @if claim.figure.is_some() { (number::text(claim.figure.unwrap_or(f64::NAN), 3)) } @else { (number::NONE) } }
+                            td.n { (claim.figure.map_or_else(|| number::NONE.to_owned(), |figure| number::text(figure, 3))) }
                             td { (verdict(claim.verdict)) }
                             @if reasons {
                                 td { (claim.bounds[0].words()) } td { (claim.bounds[1].words()) }
@@ -154,7 +154,7 @@ fn sheet(sheet: &Sheet) -> Markup {
             row.iter()
                 .map(|cell| match cell {
                     Cell::Number(x) if x.is_finite() => html! { (number::text(*x, 3)) },
-                    Cell::Number(_) => html! { (number::NONE) },
+                    Cell::Number(_) | Cell::Nothing => html! { (number::NONE) },
                     Cell::Count(n) => html! { (number::count(*n)) },
                     Cell::Text(text) => html! { span.name { (text) } },
                 })
@@ -162,7 +162,7 @@ fn sheet(sheet: &Sheet) -> Markup {
         })
         .collect();
     // Columns that have a number somewhere stand to the right of those that have none, but for words at the end.
-    let words = |c: usize| sheet.rows.iter().all(|row| matches!(row[c], Cell::Text(_)));
+    let words = |c: usize| sheet.rows.iter().all(|row| matches!(row[c], Cell::Text(_) | Cell::Nothing));
     let first = (0..sheet.columns.len()).find(|&c| !words(c)).unwrap_or(sheet.columns.len());
     table(&heads, &rows, first)
 }
@@ -173,7 +173,7 @@ fn method(plan: &Plan, done: &[Done<'_>]) -> Markup {
     models.dedup();
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     html! {
-        p { "All records are simulated: Runge-Kutta in steps of 10 ms, samples of 0.1 s, white noise of 1 cm/s, 1 cm/s and 1 deg/s on u, v and r, commands mixed of steps, ramps, chirps, triangles and binary sequences, or those of a lawn-mower in closed loop. Rollouts start from measured samples unless it is said otherwise, and are compared with the truth." }
+        p { "All records are simulated: Runge-Kutta in steps of 10 ms, samples of 0.1 s unless it is said otherwise, white noise of 1 cm/s, 1 cm/s and 1 deg/s on u, v and r, commands mixed of steps, ramps, chirps, triangles and binary sequences, or those of a lawn-mower in closed loop. Rollouts start from measured samples unless it is said otherwise, and are compared with the truth." }
         p { "Equations of motion, of the networks, of the filter and of the guard, with their sources, stand in hydroid's documentation. Settings are chosen on validation records, never on those that judge." }
         h3 { "Models" }
         div.scroll tabindex="0" {
@@ -203,7 +203,10 @@ fn method(plan: &Plan, done: &[Done<'_>]) -> Markup {
 fn record(plan: &Plan, name: &str) -> String {
     plan.records.get(name).map_or_else(
         || name.to_owned(),
-        |record| format!("{name} ({}, {} s, seed {})", record.plant, record.duration_s, record.seed),
+        |record| {
+            let Record { plant, duration_s, dt_s, seed, .. } = record;
+            format!("{name} ({plant}, {duration_s} s in samples of {dt_s} s, seed {seed})")
+        },
     )
 }
 

@@ -99,7 +99,7 @@ impl Blocks {
             Ok(error_k::noise_floor(&record)?.to_vec())
         })?;
         let mut row =
-            vec!["noise floor: the true plant from the measured speeds".into(), "all".into(), "".into()];
+            vec!["noise floor: the true plant from the measured speeds".into(), "all".into(), Cell::Nothing];
         row.extend(floor.iter().map(|&x| Cell::Number(x)));
         table.row(row);
         outcome.sheets.push(sheet);

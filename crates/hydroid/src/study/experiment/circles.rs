@@ -120,7 +120,7 @@ impl Circles {
                         drawn.push((word, name.clone(), sailed.points));
                     }
                     Err(why) => {
-                        row.extend(["–", "–", "–"].map(Cell::from));
+                        row.extend([Cell::Nothing, Cell::Nothing, Cell::Nothing]);
                         outcome
                             .remarks
                             .push(format!("{} at {} m/s, {word}: {why}", circle.plant, circle.speed_m_s));

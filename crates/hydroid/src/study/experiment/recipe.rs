@@ -86,8 +86,13 @@ impl Recipe {
             table.row(cells);
         }
         for (learned, found) in ours.iter().zip(&found) {
-            let mut cells: Vec<Cell> =
-                vec!["".into(), "hydroid".into(), "".into(), "".into(), learned.model.weights().into()];
+            let mut cells: Vec<Cell> = vec![
+                Cell::Nothing,
+                "hydroid".into(),
+                Cell::Nothing,
+                Cell::Nothing,
+                learned.model.weights().into(),
+            ];
             cells.extend(errors(found.as_ref()));
             cells.extend([
                 if found.is_some() { "none" } else { "some" }.into(),
@@ -120,7 +125,7 @@ impl Recipe {
 fn errors(found: Option<&recipe::Errors>) -> Vec<Cell> {
     match found {
         Some(found) => found.iter().flatten().map(|&x| Cell::Number(x)).collect(),
-        None => (0..3 * HORIZONS.len()).map(|_| "".into()).collect(),
+        None => (0..3 * HORIZONS.len()).map(|_| Cell::Nothing).collect(),
     }
 }
 

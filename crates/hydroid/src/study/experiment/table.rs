@@ -109,7 +109,7 @@ impl Comparison {
                 (Some(name), Some(sea)) => Some(learning(lab, name, &*lab.record(sea)?)?),
                 _ => None,
             };
-            let number = |x: Option<f64>| x.map_or_else(|| Cell::from("–"), Cell::Number);
+            let number = |x: Option<f64>| x.map_or_else(|| Cell::Nothing, Cell::Number);
             let shown = hydrofoil.as_ref().or(simple.as_ref());
             let errors = |found: &Option<(f64, usize, Judged)>| -> Vec<Cell> {
                 (0..3).map(|c| number(found.as_ref().map(|(.., judged)| judged.at_20[c]))).collect()
@@ -117,7 +117,7 @@ impl Comparison {
             let mut cells = vec![
                 row.name.as_str().into(),
                 number(shown.map(|(seconds, ..)| *seconds)),
-                shown.map_or_else(|| Cell::from("–"), |(_, weights, _)| Cell::Count(*weights)),
+                shown.map_or_else(|| Cell::Nothing, |(_, weights, _)| Cell::Count(*weights)),
                 number(shown.map(|(.., judged)| judged.rollout_us)),
             ];
             cells.extend(errors(&simple));
