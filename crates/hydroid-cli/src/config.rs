@@ -42,6 +42,7 @@ pub struct Log {
     pub max_gap_s: Option<f64>,
     pub command_timing: CommandTiming,
     pub input_delay: Delay,
+    pub keep_towed: bool,
 }
 
 /// An input delay: a number of samples, or text as on the command line.

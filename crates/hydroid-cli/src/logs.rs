@@ -31,6 +31,7 @@ pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
     options.max_gap_s = args.max_gap.or(options.max_gap_s);
     options.command_timing = args.command_timing.unwrap_or(options.command_timing);
     options.input_delay = args.input_delay.unwrap_or(options.input_delay);
+    options.keep_towed |= args.keep_towed;
     Ok(reading)
 }
 
@@ -51,6 +52,7 @@ pub fn configured(log: config::Log) -> Reading {
                 config::Delay::Samples(n) => log::InputDelay::Samples(n),
                 config::Delay::Text(delay) => delay,
             },
+            keep_towed: log.keep_towed,
         },
     }
 }

@@ -83,13 +83,13 @@ fn cybership_is_a_tenth_below_the_ridge_that_validation_chooses() {
     }
 }
 
-/// A tenth, as on the tug, is not reached here: README says by how much it is missed.
+/// Without the ends at which the ship is towed, for the ridge as well: README says what it is with them.
 #[test]
-fn esso_is_below_the_ridge_that_validation_chooses() {
+fn esso_is_a_tenth_below_the_ridge_that_validation_chooses() {
     let Some(data) = data() else { return };
     let (result, means, ridge) = means(&ESSO, &data);
-    assert!(means[result.best.unwrap()] < 0.96 * ridge, "{means:?} against {ridge}");
-    assert!(means.iter().all(|mean| *mean < 0.98 * ridge), "{means:?} against {ridge}");
+    assert!(means.iter().all(|mean| *mean < 0.9 * ridge), "{means:?} against {ridge}");
+    assert!(means[result.best.unwrap()] < 0.8 * ridge, "{means:?} against {ridge}");
     assert!(result.candidates.iter().all(|c| c.test.diverged == 0));
     assert!(result.sound());
 }

@@ -211,6 +211,10 @@ pub struct LogArgs {
     /// Longest time [s] that an output may be missing before the run is cut
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub max_gap: Option<f64>,
+    /// Keep the ends of a log at which all commands are zero for 20 s and more and the vessel gathers way all the
+    /// same, as where it is towed (default: they are left out, and it is told)
+    #[arg(long)]
+    pub keep_towed: bool,
     /// Step [s] to resample to (default: the log's own), or of the rows of a log without a time column
     #[arg(long = "dt", value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,

@@ -95,6 +95,17 @@ impl Columns {
     pub(crate) fn rows(&self) -> usize {
         self.t.len()
     }
+
+    /// Leaves out all other rows.
+    pub(crate) fn keep(&mut self, rows: std::ops::Range<usize>) {
+        let values = self.outputs.iter_mut().chain(&mut self.inputs).chain(self.truth.iter_mut().flatten());
+        for values in values.chain([&mut self.t]) {
+            values.truncate(rows.end);
+            values.drain(..rows.start);
+        }
+        self.lines.truncate(rows.end);
+        self.lines.drain(..rows.start);
+    }
 }
 
 /// The time \[s\] of every row of the log, NaN where it has none; since the first of them where they are

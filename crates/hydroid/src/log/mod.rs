@@ -22,6 +22,7 @@ pub(crate) mod sanity;
 mod selection;
 mod split;
 mod stamp;
+mod towed;
 mod trajectory;
 pub mod units;
 

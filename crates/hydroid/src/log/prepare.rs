@@ -1,8 +1,9 @@
 //! From logs as read to runs that models can learn from.
 //!
-//! The order of work, file by file: select columns, convert units, refuse what cannot be true, find the
-//! clock, split at jumps in time, put each part on a regular clock (its own, if it has one), hold and shift
-//! the commands, cut where a measurement is missing too long. Whatever was changed is told in a [`Note`].
+//! The order of work, file by file: select columns, convert units, refuse what cannot be true, leave out ends
+//! where the vessel is towed, find the clock, split at jumps in time, put each part on a regular clock (its own, if
+//! it has one), hold and shift the commands, cut where a measurement is missing too long. Whatever was changed is
+//! told in a [`Note`].
 
 use super::align::{CommandTiming, InputDelay};
 use super::clock::{self, Clock};
@@ -16,6 +17,7 @@ use super::resample::Resampling;
 use super::resolve::{self, Resolved};
 use super::sanity;
 use super::selection::Selection;
+use super::towed;
 use super::trajectory::{Channel, Table, Trajectory};
 
 /// Fewest samples of a run.
@@ -43,6 +45,9 @@ pub struct PrepareOptions {
     pub command_timing: CommandTiming,
     /// How much later a command acts than it is logged.
     pub input_delay: InputDelay,
+    /// Whether to keep the ends of a log at which all commands are zero for 20 s or longer and the vessel gathers
+    /// way all the same.
+    pub keep_towed: bool,
 }
 
 /// Runs on regular clocks of one step, and what was done to get them.
@@ -73,9 +78,12 @@ pub fn prepare(
     let (resolved, selection) = resolve_all(logs, selection, options.dt, &mut notes)?;
     let mut files = Vec::with_capacity(logs.len());
     for (log, resolved) in logs.iter().zip(&resolved) {
-        let columns = Columns::new(log, resolved, &mut notes)?;
+        let mut columns = Columns::new(log, resolved, &mut notes)?;
         clock::check_order(&columns)?;
         sanity::check(&columns)?;
+        if !options.keep_towed {
+            towed::cut(&mut columns, resolved.inputs.len(), &mut notes);
+        }
         files.push(File::new(columns, options, &mut notes)?);
     }
     let dt = common_step(&files, options, &mut notes);

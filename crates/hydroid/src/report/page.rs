@@ -84,7 +84,12 @@ pub(crate) fn columns(blocks: &[Markup]) -> Markup {
 /// A table that scrolls by itself where the page is narrow. Cells of columns from `numbers` on are
 /// numbers.
 pub(crate) fn table(heads: &[Markup], rows: &[Vec<Markup>], numbers: usize) -> Markup {
-    let class = |i: usize| (i >= numbers).then_some("n");
+    table_of(heads, rows, |i| i >= numbers)
+}
+
+/// A table of which some columns hold numbers.
+pub(crate) fn table_of(heads: &[Markup], rows: &[Vec<Markup>], numbers: impl Fn(usize) -> bool) -> Markup {
+    let class = |i: usize| numbers(i).then_some("n");
     html! {
         div.scroll tabindex="0" {
             table {

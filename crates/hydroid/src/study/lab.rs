@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::peak;
 use super::plan::{Drive, ModelPlan, Plan, Record};
 use super::store::{Key, Store};
 use super::{StudyError, Told, Watch};
@@ -41,6 +42,8 @@ pub(super) struct Learned {
 pub(super) struct About {
     /// Time that finding it took \[s\].
     pub(super) seconds: f64,
+    /// Largest memory of the process meanwhile \[MB\], where the system tells.
+    pub(super) peak_mb: Option<f64>,
 }
 
 /// Where experiments are made.
@@ -176,10 +179,11 @@ impl<'a> Lab<'a> {
             };
             let what = format!("training {name}, seed {seed}");
             let mut progress = self.progress(&what);
+            peak::reset();
             let mut found =
                 identify_watched(&job, &mut |stage: &identify::Stage<'_>| progress(stage.fraction))?;
             let candidate = found.candidates.swap_remove(0);
-            Ok((candidate.model, About { seconds: candidate.train_seconds }))
+            Ok((candidate.model, About { seconds: candidate.train_seconds, peak_mb: peak::mb() }))
         })?;
         Ok(Learned { key, seed, model, about })
     }

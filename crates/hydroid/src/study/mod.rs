@@ -13,6 +13,7 @@ mod lab;
 mod look;
 mod outcome;
 mod page;
+mod peak;
 mod plan;
 pub mod recipe;
 mod store;

@@ -9,10 +9,10 @@ use super::outcome::{Cell, Outcome, Picture, Sheet};
 use super::plan::{Experiment, Plan, Record};
 use super::{Done, StudyError};
 use crate::report::number;
-use crate::report::page::{Section, columns, figure, page, table};
+use crate::report::page::{Section, columns, figure, page, table_of};
 
 /// A table of no more columns than this stands beside a figure.
-const BESIDE: usize = 7;
+const BESIDE: usize = 6;
 /// A table of more rows than this is folded.
 const LONG: usize = 40;
 
@@ -161,10 +161,8 @@ fn sheet(sheet: &Sheet) -> Markup {
                 .collect()
         })
         .collect();
-    // Columns that have a number somewhere stand to the right of those that have none, but for words at the end.
-    let words = |c: usize| sheet.rows.iter().all(|row| matches!(row[c], Cell::Text(_) | Cell::Nothing));
-    let first = (0..sheet.columns.len()).find(|&c| !words(c)).unwrap_or(sheet.columns.len());
-    table(&heads, &rows, first)
+    let number = |c: usize| sheet.rows.iter().any(|row| matches!(row[c], Cell::Number(_) | Cell::Count(_)));
+    table_of(&heads, &rows, number)
 }
 
 fn method(plan: &Plan, done: &[Done<'_>]) -> Markup {

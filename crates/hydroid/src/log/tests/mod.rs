@@ -15,6 +15,7 @@ mod properties;
 mod reading;
 mod real_logs;
 mod rules;
+mod towed;
 
 use super::{LogError, PrepareOptions, Prepared, RawLog, Selection, prepare, read_from};
 

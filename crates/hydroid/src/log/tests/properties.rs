@@ -19,19 +19,20 @@ fn options() -> impl Strategy<Value = PrepareOptions> {
     (
         prop::option::of(prop_oneof![0.01..5.0_f64, any::<f64>()]),
         prop::option::of(prop_oneof![0.01..50.0_f64, any::<f64>()]),
-        any::<bool>(),
+        any::<(bool, bool)>(),
         prop_oneof![
             (-5..30_i64).prop_map(InputDelay::Samples),
             any::<i64>().prop_map(InputDelay::Samples),
             any::<f64>().prop_map(InputDelay::Seconds)
         ],
     )
-        .prop_map(|(dt, max_gap_s, after, input_delay)| PrepareOptions {
+        .prop_map(|(dt, max_gap_s, (after, keep_towed), input_delay)| PrepareOptions {
             // The smallest steps are refused for their size in other tests; here they would only fill memory.
             dt: dt.map(|d| if d.abs() < 1e-4 { 1e-4 } else { d }),
             max_gap_s,
             command_timing: if after { CommandTiming::After } else { CommandTiming::Before },
             input_delay,
+            keep_towed,
         })
 }
 

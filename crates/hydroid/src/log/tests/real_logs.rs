@@ -68,6 +68,21 @@ fn the_zigzag_loses_only_its_blank_end() {
 }
 
 #[test]
+fn only_the_two_random_runs_that_end_under_tow_are_shortened() {
+    let Some(folder) = data("esso-osaka") else { return };
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    files.retain(|f| f.file_name().unwrap().to_string_lossy().starts_with("random"));
+    files.sort();
+    let logs: Vec<RawLog> = files.iter().map(|f| read(f).unwrap()).collect();
+    let p = prepare(&logs, &esso(), &PrepareOptions::default()).unwrap();
+    let rows: Vec<usize> = p.runs.iter().map(crate::log::Trajectory::len).collect();
+    assert_eq!(rows, [8073, 6717, 6077, 6936, 6564, 5684]);
+    let kept =
+        prepare(&logs, &esso(), &PrepareOptions { keep_towed: true, ..PrepareOptions::default() }).unwrap();
+    assert_eq!(kept.runs.iter().map(crate::log::Trajectory::len).sum::<usize>(), 40_908);
+}
+
+#[test]
 fn the_ugly_log_is_called_ugly() {
     let Some(path) = data("usv-asw/boat1_2_sin.csv") else { return };
     let log = read(&path).unwrap();

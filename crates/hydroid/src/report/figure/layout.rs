@@ -48,7 +48,7 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
         for (row, keys) in legend.iter().enumerate() {
             draw_legend(canvas, keys, LEGEND * (row as f64 + 0.5));
         }
-        let x_ticks = roomy(&x, right - left);
+        let x_ticks = roomy(&x, right - left, figure.x_decades);
         for (i, panel) in placed.iter().enumerate() {
             let last = i + 1 == placed.len();
             draw_axes(canvas, panel, &x, &x_ticks, last.then_some(figure.x_label.as_str()));
@@ -61,7 +61,7 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
 }
 
 /// Ticks whose labels do not touch over a width.
-fn roomy(x: &Scale, width: f64) -> Ticks {
+fn roomy(x: &Scale, width: f64, decades: bool) -> Ticks {
     let fits = |ticks: &Ticks| {
         let widest =
             ticks.values.iter().map(|v| text::width(&ticks.label(*v), style::SMALL)).fold(0.0, f64::max);
@@ -72,8 +72,8 @@ fn roomy(x: &Scale, width: f64) -> Ticks {
         };
         widest + 14.0 <= apart
     };
-    let candidates = || [6, 5, 4, 3, 2].map(|wanted| x.ticks(wanted, wanted + 3)).into_iter();
-    candidates().find(fits).unwrap_or_else(|| x.ticks(2, 3))
+    let of = |wanted: usize, most: usize| if decades { x.decades(most) } else { x.ticks(wanted, most) };
+    [6, 5, 4, 3, 2].into_iter().map(|wanted| of(wanted, wanted + 3)).find(fits).unwrap_or_else(|| of(2, 3))
 }
 
 /// Labels beside the ends of lines.
@@ -105,7 +105,9 @@ fn vertical(panel: &Panel) -> (Scale, Ticks) {
 fn horizontal(figure: &Figure) -> (f64, f64) {
     figure.x_range.unwrap_or_else(|| {
         let all = figure.panels.iter().flat_map(|p| &p.marks).flat_map(marks::places);
-        cover(all).unwrap_or((0.0, 1.0))
+        let covered = cover(all).unwrap_or((0.0, 1.0));
+        // What has a logarithmic axis are points: none stands on the frame.
+        if figure.x_decades { padded(covered, 0.06) } else { covered }
     })
 }
 

@@ -38,6 +38,7 @@ pub(super) fn places(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
 pub(super) fn draw(canvas: &mut Canvas<'_>, marks: &[Mark], frame: Frame, x: &Scale, y: &Scale) -> usize {
     let place = |p: &(f64, f64)| (x.place(p.0), y.place(p.1));
     let mut labels = Vec::new();
+    let mut points = Vec::new();
     let mut shown = 0;
     for mark in marks {
         shown += usize::from(holds_data(mark));
@@ -55,7 +56,7 @@ pub(super) fn draw(canvas: &mut Canvas<'_>, marks: &[Mark], frame: Frame, x: &Sc
                     }
                 }
                 if let (Some(label), Some(first)) = (&set.label, set.points.first()) {
-                    beside(canvas, label, place(first), set.radius, frame);
+                    points.push((label.as_str(), place(first), set.radius));
                 }
             }
             Mark::Band { points, colour, opacity } => {
@@ -89,6 +90,7 @@ pub(super) fn draw(canvas: &mut Canvas<'_>, marks: &[Mark], frame: Frame, x: &Sc
             }
         }
     }
+    beside(canvas, &points, frame);
     spread(&mut labels, frame);
     for label in &labels {
         let words = text::fit(&label.words, style::TEXT, style::WIDTH - label.at.0);
@@ -136,13 +138,37 @@ pub(super) fn sign(canvas: &mut Canvas<'_>, sign: Sign, (x, y): Point, r: f64, c
     }
 }
 
-/// A label below a point, or above it where there is no room below.
-fn beside(canvas: &mut Canvas<'_>, label: &str, (x, y): Point, radius: f64, frame: Frame) {
-    let half = 0.55 * text::width(label, style::TEXT);
-    let x = x.clamp(frame.left + half, (frame.right - half).max(frame.left + half));
-    let off = radius + 12.0;
-    let y = if y + off + 8.0 < frame.bottom { y + off } else { y - off };
-    canvas.bold((x, y), label, style::TEXT, style::INK, Align::Middle);
+/// Labels of points `(words, place, radius)`: below, above, right or left of them, whichever covers least of what is
+/// there already, in this order where nothing tells.
+fn beside(canvas: &mut Canvas<'_>, points: &[(&str, Point, f64)], frame: Frame) {
+    let boxed = |(x, y): Point, half: f64, high: f64| Frame {
+        left: x - half,
+        top: y - high,
+        right: x + half,
+        bottom: y + high,
+    };
+    let mut taken: Vec<Frame> = points.iter().map(|(_, at, radius)| boxed(*at, *radius, *radius)).collect();
+    for (label, (x, y), radius) in points {
+        let half = 0.55 * text::width(label, style::TEXT);
+        let (over, aside) = (radius + 12.0, radius + 6.0 + half);
+        let fits = |x: f64| x.clamp(frame.left + half, (frame.right - half).max(frame.left + half));
+        let places = [(fits(*x), y + over), (fits(*x), y - over), (x + aside, *y), (x - aside, *y)];
+        let covered = |at: &Point| {
+            let here = boxed(*at, half, 8.0);
+            let beyond = share(here, here) - share(here, frame);
+            taken.iter().map(|there| share(here, *there)).sum::<f64>() + beyond
+        };
+        let best = places.into_iter().min_by(|a, b| covered(a).total_cmp(&covered(b)));
+        let at = best.unwrap_or(places[0]);
+        canvas.bold(at, label, style::TEXT, style::INK, Align::Middle);
+        taken.push(boxed(at, half, 8.0));
+    }
+}
+
+/// The area that two frames share \[px^2\].
+fn share(a: Frame, b: Frame) -> f64 {
+    let along = |from: f64, to: f64| (to - from).max(0.0);
+    along(a.left.max(b.left), a.right.min(b.right)) * along(a.top.max(b.top), a.bottom.min(b.bottom))
 }
 
 /// A label beside the end of a line.

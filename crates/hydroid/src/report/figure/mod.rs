@@ -215,6 +215,8 @@ pub struct Figure {
     pub x_label: String,
     /// Range of the horizontal axis; without it what the marks cover.
     pub x_range: Option<(f64, f64)>,
+    /// Whether places are logarithms to base 10, so that the axis has the numbers themselves at its ticks.
+    pub x_decades: bool,
     /// Panels from top to bottom.
     pub panels: Vec<Panel>,
     /// Keys above the panels, where labels beside the lines do not do.
@@ -228,6 +230,7 @@ impl Figure {
             title: title.into(),
             x_label: x_label.into(),
             x_range: None,
+            x_decades: false,
             panels: Vec::new(),
             legend: Vec::new(),
         }
@@ -236,6 +239,12 @@ impl Figure {
     /// The same figure with a stated range of the horizontal axis.
     pub fn x_range(mut self, low: f64, high: f64) -> Self {
         self.x_range = Some((low, high));
+        self
+    }
+
+    /// The same figure with a logarithmic horizontal axis: marks hold logarithms to base 10.
+    pub fn x_decades(mut self) -> Self {
+        self.x_decades = true;
         self
     }
 

@@ -41,7 +41,7 @@ impl Amount {
         );
         let mut panel = Panel::new("error of u after 20 steps [m/s]").height(240.0).decades();
         let mut figure =
-            Figure::new("Accuracy against the amount of data", "length of the log [min] (log10)");
+            Figure::new("Accuracy against the amount of data", "length of the log [min]").x_decades();
         for series in &self.series {
             let mut points = Vec::new();
             for name in &series.models {

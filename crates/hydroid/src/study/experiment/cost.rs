@@ -40,7 +40,7 @@ impl Cost {
         let mut table =
             Sheet::new("cost", &["network", "memory", "a sample [us]", "kept [kB]", "20 steps: u [m/s]"]);
         let mut panel = Panel::new("adapted error of u after 20 steps [m/s]").height(320.0).decades();
-        let mut figure = Figure::new("Accuracy against the cost of a step", "a sample [us] (log10)");
+        let mut figure = Figure::new("Accuracy against the cost of a step", "a sample [us]").x_decades();
         for name in &self.models {
             let models = lab.models(name)?;
             let mut points = Vec::new();

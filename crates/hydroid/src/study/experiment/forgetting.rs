@@ -67,8 +67,7 @@ impl Forgetting {
             ],
         );
         let mut panel = Panel::new("error of u at sea, 20 steps [m/s]").height(200.0).decades();
-        let mut figure =
-            Figure::new("Epochs over one record", "epoch").x_range(0.5, self.epochs as f64 + 0.5);
+        let mut figure = Figure::new("Epochs over one record", "epoch").x_range(1.0, self.epochs as f64);
         let (mut worse, mut epochs) = (Vec::new(), Vec::new());
         for name in &self.models {
             let models = lab.models(name)?;

@@ -135,9 +135,9 @@ fn figure(rows: &[Row], ours: f64) -> Figure {
     let height = |row: &Row| row.errors.as_ref().map(|errors| errors[0][0].log10());
     let top = 0.6;
     let mut panel = Panel::new("error of u after 20 steps [m/s]").height(240.0).decades().range(-4.2, top);
-    let mut figure =
-        Figure::new("The recipe of the thesis over its threshold", "log10 of the threshold (leftmost: none)")
-            .x_range(-2.9, -0.15);
+    let mut figure = Figure::new("The recipe of the thesis over its threshold", "threshold (leftmost: none)")
+        .x_decades()
+        .x_range(-2.9, -0.15);
     for (unit, sign, shift) in [("N", Sign::Ring, -0.02), ("100 N", Sign::Disc, 0.02)] {
         let of = |good: bool| {
             let some = rows.iter().filter(|row| {

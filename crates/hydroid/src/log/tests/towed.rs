@@ -1,0 +1,97 @@
+//! Ends of a log at which somebody else moves the vessel.
+
+use super::super::PrepareOptions;
+use super::{has_note, log, output, prepared, prepared_with, table};
+
+/// Rows at 10 Hz: 30 s before, 100 s under command, 40 s after.
+const BEFORE: usize = 300;
+const AFTER: usize = 1300;
+const ROWS: usize = 1700;
+
+fn command(k: usize) -> String {
+    let steered = (BEFORE..AFTER).contains(&k);
+    // Zero for 25 s in the middle as well.
+    let rests = (500..750).contains(&k);
+    format!("{}", if steered && !rests { 1 + k / 100 % 3 } else { 0 })
+}
+
+/// Under command u goes between 0 and 1 m/s (standard deviation 0.35); before it rests, afterwards `end` says, of
+/// the time [s] since.
+fn speed(end: impl Fn(f64) -> f64) -> impl Fn(usize) -> String {
+    move |k| {
+        let t = k as f64 * 0.1;
+        let u = match k {
+            _ if k < BEFORE => 0.0,
+            _ if k < AFTER => 0.5 - 0.5 * ((t - 30.0) * 0.4).cos(),
+            _ => end(t - 130.0),
+        };
+        // A ripple of a wave that is no motion.
+        format!("{}", u + 0.05 * (7.0 * t).sin())
+    }
+}
+
+#[test]
+fn a_vessel_that_is_towed_home_is_left_there() {
+    let text = table(ROWS, speed(|t| if t < 15.0 { 0.1 } else { 0.6 }), command);
+    let p = prepared(&text);
+    assert_eq!((p.runs.len(), p.runs[0].len(), p.runs[0].t0), (1, AFTER, 0.0));
+    assert!(
+        has_note(&p, "the end of the log, 39.9 s from line 1302 to line 1701, is left out"),
+        "{:?}",
+        p.notes
+    );
+    assert!(p.notes.iter().any(|n| n.is_warning() && n.remedy.as_deref() == Some("--keep-towed keeps it")));
+    let kept = prepared_with(&text, &PrepareOptions { keep_towed: true, ..PrepareOptions::default() });
+    assert_eq!(kept.runs[0].len(), ROWS);
+    assert!(!has_note(&kept, "left out"), "{:?}", kept.notes);
+}
+
+#[test]
+fn a_vessel_that_is_pushed_off_begins_where_it_is_steered() {
+    let end = speed(|t| (-0.1 * t).exp());
+    let pushed = |k: usize| if (200..BEFORE).contains(&k) { "-0.7".to_owned() } else { end(k) };
+    let p = prepared(&table(ROWS, pushed, command));
+    assert_eq!((p.runs[0].len(), p.runs[0].t0), (ROWS - BEFORE, 30.0));
+    assert_eq!(output(&p, 0, 0)[0].to_string(), end(BEFORE));
+    assert!(has_note(&p, "the beginning of the log, 29.9 s from line 2 to line 301"), "{:?}", p.notes);
+}
+
+#[test]
+fn what_a_vessel_does_by_itself_is_kept() {
+    type End = fn(f64) -> f64;
+    let ends: [(&str, End); 5] = [
+        ("coasts", |t| (-0.1 * t).exp()),
+        ("rests", |_| 0.0),
+        ("goes on gathering way for a while, as its propeller runs down", |t| {
+            if t < 8.0 { 0.1 * t } else { 0.8 * (-0.1 * (t - 8.0)).exp() }
+        }),
+        ("stops and drifts slowly", |t| -0.2 * (1.0 - (-0.2 * t).exp())),
+        ("is not measured", |_| f64::NAN),
+    ];
+    for (what, end) in ends {
+        let p = prepared(&table(ROWS, speed(end), command));
+        assert!(!has_note(&p, "grows all the same"), "{what}: {:?}", p.notes);
+    }
+    // Too short to tell.
+    let p = prepared(&table(AFTER + 190, speed(|t| t), command));
+    assert_eq!(p.runs[0].len(), AFTER + 190);
+    // Most of the log.
+    let seldom = |k: usize| if k < 1100 { "0".to_owned() } else { "1".to_owned() };
+    assert_eq!(prepared(&table(ROWS, speed(|t| t), seldom)).runs[0].len(), ROWS);
+    // Nobody ever steers: not this rule's business.
+    let p = prepared(&table(ROWS, speed(|t| t), |_| "0".to_owned()));
+    assert_eq!(p.runs[0].len(), ROWS);
+}
+
+#[test]
+fn wind_is_no_command() {
+    let mut text = "t,u [m/s],n,wind [m/s],from [rad]\n".to_owned();
+    let u = speed(|t| if t < 15.0 { 0.1 } else { 0.6 });
+    for k in 0..ROWS {
+        text += &format!("{:.1},{},{},2,0.5\n", k as f64 * 0.1, u(k), command(k));
+    }
+    let mut selection = super::super::Selection::of("u", "n").unwrap();
+    selection.wind = Some("wind,from".parse().unwrap());
+    let p = super::super::prepare(&[log(&text)], &selection, &PrepareOptions::default()).unwrap();
+    assert_eq!(p.runs[0].len(), AFTER);
+}

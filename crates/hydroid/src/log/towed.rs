@@ -1,0 +1,104 @@
+//! Ends of a log at which somebody else moves the vessel: towed to its start, pushed off, caught by hand.
+
+use super::columns::Columns;
+use super::note::Note;
+
+/// Shortest stretch \[s\] that is looked at.
+const SHORTEST_S: f64 = 20.0;
+/// Largest share of a log that is an end of it.
+const SHARE: f64 = 0.25;
+/// Time \[s\] after the commands have gone to zero over which a lagging actuator may still move the vessel.
+const GRACE_S: f64 = 10.0;
+/// Time \[s\] over which outputs are averaged: noise and waves are no motion.
+const MEAN_S: f64 = 1.0;
+/// What an output gathers where somebody else moves the vessel, in its standard deviations under command.
+const GATHERED: f64 = 1.0;
+
+/// Takes away the beginning and the end of a log where all of the first `commands` inputs are exactly zero for
+/// 20 s or longer, and yet an output gathers way.
+///
+/// A vessel that is left to itself slows down, or drifts. With `m_b` the mean of an output over the `b`th second
+/// of such a stretch, from 10 s after its beginning, it is taken for moved by others where
+///
+/// ```text
+/// max over b of (|m_b| - min over a <= b of |m_a|) > standard deviation of the output over all other rows
+/// ```
+///
+/// in any output. Stretches between commands are left alone, and so are those that are more than a quarter of
+/// the log: where commands are as rare as that, something else is to be learned.
+pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>) {
+    let n = columns.rows();
+    let moved = |k: &usize| columns.inputs[..commands].iter().any(|c| !(c[*k] == 0.0 || c[*k].is_nan()));
+    let (Some(first), Some(last)) = ((0..n).find(moved), (0..n).rev().find(moved)) else { return };
+    let mut keep = 0..n;
+    for (stretch, edge) in [(0..first, true), (last + 1..n, false)] {
+        let Some(output) = gathers(columns, stretch.clone(), first..last + 1) else { continue };
+        let (from, to) = (columns.t[stretch.start], columns.t[stretch.end - 1]);
+        notes.push(
+            Note::warning(format!(
+                "{}: {} of the log, {:.1} s from line {} to line {}, is left out: all commands are exactly zero, and `{}` grows all \
+                 the same, as where a vessel is towed or pushed",
+                columns.path,
+                if edge { "the beginning" } else { "the end" },
+                to - from,
+                columns.lines[stretch.start],
+                columns.lines[stretch.end - 1],
+                columns.output_channels[output].name,
+            ))
+            .with_remedy("--keep-towed keeps it"),
+        );
+        if edge {
+            keep.start = stretch.end;
+        } else {
+            keep.end = stretch.start;
+        }
+    }
+    if keep != (0..n) {
+        columns.keep(keep);
+    }
+}
+
+/// The first output that gathers way in a stretch of rows, measured by what it does under command.
+fn gathers(
+    columns: &Columns,
+    stretch: std::ops::Range<usize>,
+    under_command: std::ops::Range<usize>,
+) -> Option<usize> {
+    let t = &columns.t[stretch.clone()];
+    let (first, last) = (*t.first()?, *t.last()?);
+    if last - first < SHORTEST_S || t.len() as f64 > SHARE * columns.rows() as f64 {
+        return None;
+    }
+    (0..columns.outputs.len()).find(|&i| {
+        let y = &columns.outputs[i];
+        let allowed = GATHERED * deviation(&y[under_command.clone()]);
+        let measured = t.iter().zip(&y[stretch.clone()]).filter(|(_, y)| !y.is_nan());
+        let mut least = f64::INFINITY;
+        second_by_second(measured.map(|(t, y)| (t - first - GRACE_S, *y))).any(|mean| {
+            least = least.min(mean.abs());
+            mean.abs() - least > allowed
+        })
+    })
+}
+
+/// Means over the seconds from 0 on.
+fn second_by_second(values: impl Iterator<Item = (f64, f64)>) -> impl Iterator<Item = f64> {
+    let mut values = values.filter(|(t, _)| *t >= 0.0).map(|(t, y)| ((t / MEAN_S).floor(), y)).peekable();
+    std::iter::from_fn(move || {
+        let (second, mut sum) = values.next()?;
+        let mut count = 1.0;
+        while let Some((_, y)) = values.next_if(|(next, _)| *next == second) {
+            sum += y;
+            count += 1.0;
+        }
+        Some(sum / count)
+    })
+}
+
+/// Standard deviation of what is measured.
+fn deviation(y: &[f64]) -> f64 {
+    let measured = || y.iter().filter(|y| y.is_finite());
+    let n = measured().count().max(1) as f64;
+    let mean = measured().sum::<f64>() / n;
+    (measured().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt()
+}

@@ -1,0 +1,43 @@
+//! How much memory the process has used at the most, where the system tells.
+
+use std::fs;
+
+/// Forgets the largest memory so far, so that the next [`mb`] is that of what comes between.
+pub(super) fn reset() {
+    // 5 resets the peak of the resident set (proc(5), clear_refs). Where it cannot, the peak is that of all before too.
+    let _ = fs::write("/proc/self/clear_refs", "5");
+}
+
+/// Largest resident memory since the last [`reset`] \[MB\]; nothing where the system does not tell (other than Linux).
+pub(super) fn mb() -> Option<f64> {
+    of(&fs::read_to_string("/proc/self/status").ok()?)
+}
+
+fn of(status: &str) -> Option<f64> {
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some((kib * 1.024e-3).round())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_system_tells_in_kibibytes() {
+        assert_eq!(of("VmPeak:\t  9 kB\nVmHWM:\t 1000000 kB\nVmRSS:\t 1 kB\n"), Some(1024.0));
+        assert_eq!(of("Name:\thydroid\n"), None);
+    }
+
+    #[test]
+    fn what_is_used_shows() {
+        let Some(before) = mb() else { return };
+        // Written to, so that it is there.
+        let filled = vec![1u8; 256 << 20];
+        let grown = mb().unwrap() - before;
+        assert!(
+            filled.iter().map(|&x| u64::from(x)).sum::<u64>() == 256 << 20 && grown > 200.0,
+            "{grown} MB"
+        );
+    }
+}
