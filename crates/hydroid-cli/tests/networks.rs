@@ -357,7 +357,8 @@ fn grey_boxes_stand_on_equations_of_the_same_job() {
     let path = folder.path();
     fs::write(
         path.join("grey.toml"),
-        "[network]\nbase = \"equations\"\nfeedback = true\nhidden = 4\nepochs = 1\nwash_out_s = 1\nwindow_s = 4\n",
+        "[network]\nbase = \"equations\"\nfeedback = true\nhidden = 4\nepochs = 1\nwash_out_s = 1\nwindow_s = 4\n\
+         [direct]\nbase = \"equations\"\nhidden = 4\nepochs = 1\nhistory_s = 1\nwindow_s = 1\n",
     )
     .unwrap();
     let rest = [
@@ -374,14 +375,19 @@ fn grey_boxes_stand_on_equations_of_the_same_job() {
         "-o",
         "out",
     ];
-    let alone = done(path, &job(&[&rest[..], &["--methods", "gru"]].concat()), &[2]);
-    assert!(String::from_utf8_lossy(&alone.stderr).contains("add sindy or lagged"));
-    done(path, &job(&[&rest[..], &["--methods", "sindy,gru"]].concat()), &[0, 1]);
-    let shown = done(path, &["inspect", "out/gru.safetensors"], &[0]);
-    let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
-    assert!(shown.contains("a grey box") && shown.contains("equations that it corrects"), "{shown}");
-    let latex = done(path, &["inspect", "out/gru.safetensors", "--latex"], &[0]);
-    assert!(String::from_utf8_lossy(&latex.stdout).starts_with("% These equations alone are not the model"));
+    for method in ["gru", "direct"] {
+        let alone = done(path, &job(&[&rest[..], &["--methods", method]].concat()), &[2]);
+        assert!(String::from_utf8_lossy(&alone.stderr).contains("add sindy or lagged"));
+    }
+    done(path, &job(&[&rest[..], &["--methods", "sindy,gru,direct"]].concat()), &[0, 1]);
+    for file in ["out/gru.safetensors", "out/direct.safetensors"] {
+        let shown = done(path, &["inspect", file], &[0]);
+        let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
+        assert!(shown.contains("a grey box") && shown.contains("equations that it corrects"), "{shown}");
+        let latex = done(path, &["inspect", file, "--latex"], &[0]);
+        let latex = String::from_utf8_lossy(&latex.stdout).into_owned();
+        assert!(latex.starts_with("% These equations alone are not the model"), "{latex}");
+    }
 }
 
 #[test]

@@ -133,7 +133,8 @@ fn session(name: &str) -> Box<dyn Predictor> {
             let (inputs, outputs) = Direct::lengths(4, 20, 3, 2);
             let network = Perceptron { inputs, hidden: vec![256; 3], outputs };
             let weights = (0..network.weights()).map(|k| 0.1 * number(k)).collect();
-            let model = Direct { network, weights, scaling: scaling(), history: 4, horizon: 20, hold: false };
+            let model =
+                Direct { network, weights, scaling: scaling(), history: 4, horizon: 20, base: Base::Nothing };
             Box::new(DirectSession::new(Arc::new(model)).expect("parts that fit"))
         }
         name => Box::new(EquationsSession::new(Arc::new(one_step(name)))),

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::{Batch, Direct, DirectError, DirectSession, Perceptron};
-use hydroid_core::model::recurrent::Scaling;
+use hydroid_core::model::recurrent::{Base, RecurrentError, Scaling};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 use serde_json::Value;
@@ -113,7 +114,7 @@ proptest! {
     }
 }
 
-fn model(history: usize, horizon: usize, hold: bool) -> Direct {
+fn model(history: usize, horizon: usize, base: Base) -> Direct {
     let (inputs, outputs) = Direct::lengths(history, horizon, 2, 2);
     let network = Perceptron { inputs, hidden: vec![9, 7], outputs };
     let scaling = Scaling {
@@ -123,12 +124,50 @@ fn model(history: usize, horizon: usize, hold: bool) -> Direct {
         input_scale: vec![5.0, 0.3],
         correction_scale: vec![0.7, 0.2],
     };
-    Direct { weights: ruled(&network), network, scaling, history, horizon, hold }
+    Direct { weights: ruled(&network), network, scaling, history, horizon, base }
+}
+
+/// Samples that the past of [`equations`] goes back.
+const PAST: usize = 2;
+
+/// Of two outputs and two inputs, with a lag and past values of an output and of an input.
+fn equations() -> Base {
+    let signals = vec![
+        Signal::Lag { input: 2, time_constant_s: Real(0.2) },
+        Signal::Past { variable: 0, samples: 2 },
+        Signal::Past { variable: 3, samples: 1 },
+    ];
+    let terms: Vec<Term> =
+        [&[0][..], &[1], &[0, 1], &[3], &[4], &[5], &[6]].iter().map(|v| Term::monomial(v)).collect();
+    let coefficients = vec![-0.8, 0.1, -0.3, 0.2, 0.09, -0.1, 0.3, 0.2, -1.1, 0.1, 0.5, 0.01, 0.1, -0.2];
+    Base::Equations(Arc::new(Equations::with_signals(terms, coefficients, 2, 2, signals, 0.1, 2).unwrap()))
 }
 
 fn every_model() -> Vec<Direct> {
     let sizes = [(1, 1), (1, 3), (4, 6), (6, 2), (3, 3)];
-    sizes.into_iter().flat_map(|(p, h)| [false, true].map(|hold| model(p, h, hold))).collect()
+    let on = |(p, h)| [Base::Nothing, Base::Hold, equations()].map(|base| model(p, h, base));
+    sizes.into_iter().flat_map(on).collect()
+}
+
+/// What the model adds to over a horizon; equations are walked along all outputs from the first on.
+fn base(model: &Direct, outputs: &[[f64; 2]], passed: &[[f64; 2]], given: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let Some(equations) = model.equations() else {
+        let s = &model.scaling;
+        let present = outputs[outputs.len() - 1];
+        let base = if model.base == Base::Hold { present } else { [s.output_mean[0], s.output_mean[1]] };
+        return vec![base; given.len()];
+    };
+    let (mut state, mut scratch) = (vec![f64::NAN; equations.state_len()], vec![0.0; equations.scratch()]);
+    for (y, c) in outputs.iter().zip(passed) {
+        state[..2].copy_from_slice(y);
+        equations.step(&mut state, c, &mut scratch);
+    }
+    state[..2].copy_from_slice(&outputs[outputs.len() - 1]);
+    let mut step = |c: &[f64; 2]| {
+        equations.step(&mut state, c, &mut scratch);
+        [state[0], state[1]]
+    };
+    given.iter().map(&mut step).collect()
 }
 
 fn session(model: &Direct) -> DirectSession {
@@ -162,10 +201,9 @@ fn plain(model: &Direct, outputs: &[[f64; 2]], passed: &[[f64; 2]], given: &[[f6
             let last = l == model.network.hidden.len();
             x = rows.map(|y| if last { y } else { y.tanh() }).collect();
         }
-        let present = outputs[outputs.len() - 1];
-        for (g, c) in x.chunks_exact(2).zip(given) {
-            let base = |i: usize| if model.hold { present[i] } else { s.output_mean[i] };
-            let y = [0, 1].map(|i| base(i) + s.correction_scale[i] * g[i]);
+        let base = base(model, &outputs, &passed, given);
+        for (g, (c, base)) in x.chunks_exact(2).zip(given.iter().zip(base)) {
+            let y = [0, 1].map(|i| base[i] + s.correction_scale[i] * g[i]);
             outputs.push(y);
             passed.push(*c);
             predicted.push(y);
@@ -184,12 +222,14 @@ fn walks_and_rolls_out_as_the_equations_say() {
         let mut session = session(&model);
         let (mut outputs, mut passed) = (vec![measured(0)], Vec::new());
         session.observe(&measured(0));
-        assert_eq!(session.warm_up(), model.history);
+        let past = if model.equations().is_some() { PAST } else { 0 };
+        let least = model.equations().map_or(0, |equations| equations.warm_up());
+        assert_eq!(session.warm_up(), model.history.max(least));
         for k in 0..20 {
             session.advance(&command(k));
             let mut y = [0.0; 2];
             session.output(&mut y);
-            if k + 1 >= model.history {
+            if k + 1 >= model.history && k >= past {
                 close(&y, &plain(&model, &outputs, &passed, &[command(k)]));
             } else {
                 assert_eq!(y, measured(k), "nothing can be predicted yet");
@@ -243,7 +283,7 @@ fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
 /// An output that is first measured late stands for its past from then on.
 #[test]
 fn what_was_never_measured_is_waited_for() {
-    let model = model(4, 3, false);
+    let model = model(4, 3, Base::Nothing);
     let mut session = session(&model);
     for k in 0..9 {
         session.observe(&[measured(k)[0], f64::NAN]);
@@ -263,14 +303,74 @@ fn what_was_never_measured_is_waited_for() {
     close(&y, &plain(&model, &outputs, &passed, &given));
 }
 
+/// A last layer of zeros adds nothing: to the last bit, and beyond the horizon as well.
+#[test]
+fn without_a_correction_it_is_the_equations() {
+    for (p, h) in [(1, 3), (4, 6), (6, 2)] {
+        let mut model = model(p, h, equations());
+        let read_out = (model.network.hidden[1] + 1) * model.network.outputs;
+        let at = model.weights.len() - read_out;
+        model.weights[at..].fill(0.0);
+        let Some(below) = model.equations() else { panic!("it stands on equations") };
+        let (mut alone, mut session) = (EquationsSession::new(Arc::clone(below)), session(&model));
+        let commands: Vec<f64> = (0..17).flat_map(command).collect();
+        let roll = |session: &dyn Predictor| {
+            let mut y = vec![0.0; 34];
+            session.rollout(&commands, &mut Workspace::new(), &mut y);
+            y
+        };
+        for k in 0..12 {
+            let mut y = measured(k);
+            if k == 9 {
+                y[1] = f64::NAN;
+            }
+            let known = k >= PAST && k + 1 >= p;
+            alone.observe(&y);
+            session.observe(&y);
+            assert_eq!(roll(&session).iter().all(|y| y.is_finite()), known, "{k}");
+            if known {
+                assert_eq!(roll(&session), roll(&alone));
+            }
+            alone.advance(&command(k));
+            session.advance(&command(k));
+        }
+    }
+}
+
+/// Equations that run away within a sample leave the last measurement in the history, and nothing that is no number.
+#[test]
+fn what_runs_away_is_held_while_it_walks() {
+    let steep = Equations::new(vec![Term::monomial(&[0, 0, 0])], vec![1e9, 0.0], 2, 2, 0.1, 4).unwrap();
+    let model = model(3, 4, Base::Equations(Arc::new(steep)));
+    let mut session = session(&model);
+    for k in 0..8 {
+        let y = if k == 4 { [f64::NAN; 2] } else { [1e3, 0.1] };
+        session.observe(&y);
+        let mut now = [0.0; 2];
+        session.output(&mut now);
+        assert_eq!(now, [1e3, 0.1], "{k}");
+        session.advance(&command(k));
+    }
+    let mut y = [0.0; 8];
+    session.rollout(&[0.1; 8], &mut Workspace::new(), &mut y);
+    assert!(y.iter().any(|y| !y.is_finite()), "a rollout says so: {y:?}");
+    for k in 8..20 {
+        session.observe(&[0.0, 0.1]);
+        session.advance(&command(k));
+    }
+    session.observe(&[0.0, 0.1]);
+    session.rollout(&[0.1; 2], &mut Workspace::new(), &mut y[..2]);
+    assert!(y[..2].iter().all(|y| y.is_finite()));
+}
+
 #[test]
 fn models_that_cannot_be_are_refused() {
     let refused = |change: fn(&mut Direct)| {
-        let mut model = model(4, 3, false);
+        let mut model = model(4, 3, Base::Nothing);
         change(&mut model);
         model.check().unwrap_err()
     };
-    assert_eq!(model(4, 3, true).check(), Ok(()));
+    assert_eq!(model(4, 3, Base::Hold).check(), Ok(()));
     assert_eq!(refused(|m| m.history = 0), DirectError::Span { what: "history", given: 0 });
     assert_eq!(refused(|m| m.history = 5), DirectError::Length { what: "reads", network: 20, model: 24 });
     assert_eq!(
@@ -280,4 +380,10 @@ fn models_that_cannot_be_are_refused() {
     assert!(matches!(refused(|m| m.weights[3] = f64::NAN), DirectError::Numbers(_)));
     assert!(refused(|m| m.scaling.input_scale[0] = 0.0).to_string().contains("inputs' scales"));
     assert!(matches!(refused(|m| m.weights.truncate(5)), DirectError::Numbers(_)));
+    let alien = |m: &mut Direct| {
+        let other = Equations::new(vec![Term::monomial(&[0])], vec![0.1; 3], 3, 2, 0.1, 1).unwrap();
+        m.base = Base::Equations(Arc::new(other));
+    };
+    let error = DirectError::Numbers(RecurrentError::Equations { equations: (2, 3), model: (2, 2) });
+    assert_eq!(refused(alien), error);
 }

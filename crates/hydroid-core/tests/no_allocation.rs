@@ -348,7 +348,7 @@ fn recurrent_batches_allocate_nothing(cell: Cell) {
 }
 
 /// Predicts four samples at once from three; with a batch of its network on the way.
-fn direct() -> Arc<Direct> {
+fn direct(base: Base) -> Arc<Direct> {
     let (inputs, outputs) = Direct::lengths(3, 4, 3, 2);
     let network = Perceptron { inputs, hidden: vec![7, 5], outputs };
     let weights = vec![0.1; network.weights()];
@@ -368,14 +368,14 @@ fn direct() -> Arc<Direct> {
         input_scale: vec![1.0; 2],
         correction_scale: vec![1.0; 3],
     };
-    let model = Direct { network, weights, scaling, history: 3, horizon: 4, hold: true };
+    let model = Direct { network, weights, scaling, history: 3, horizon: 4, base };
     Arc::new(model)
 }
 
 /// Its last layer learns.
-fn read_out() -> DirectReadOut {
+fn read_out(base: Base) -> DirectReadOut {
     let settings = ReadOutSettings { forgetting: 0.99, information: 0.1, leak: true, noise_rate: 0.01 };
-    DirectReadOut::new(direct(), &settings).unwrap()
+    DirectReadOut::new(direct(base), &settings).unwrap()
 }
 
 /// A control-affine network of three outputs and two commands.
@@ -429,7 +429,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(adapter.clone());
     learning_allocates_nothing(filtered(&equations));
     learning_networks_allocate_nothing();
-    learning_allocates_nothing(read_out());
+    learning_allocates_nothing(read_out(Base::Hold));
     learning_allocates_nothing(guarded(&equations, &settings));
     let hydrofoil = PlantModel::new(&VesselParams::hydrofoil(), 0.1).unwrap();
     learning_allocates_nothing(vessel(&hydrofoil));
@@ -444,11 +444,17 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(filtered(&recalling));
     learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
     let below = Arc::new(recalling.clone());
-    let sessions: [Box<dyn Predictor>; 14] = [
+    let [on_plain, on_recalling] =
+        [&equations, &recalling].map(|equations| Base::Equations(Arc::new(equations.clone())));
+    learning_allocates_nothing(read_out(on_recalling.clone()));
+    let sessions: [Box<dyn Predictor>; 17] = [
         Box::new(ControlAffineSession::new(affine_network()).unwrap()),
-        Box::new(DirectSession::new(direct()).unwrap()),
-        Box::new(read_out()),
-        read_out().fork(),
+        Box::new(DirectSession::new(direct(Base::Hold)).unwrap()),
+        Box::new(DirectSession::new(direct(on_plain)).unwrap()),
+        Box::new(DirectSession::new(direct(on_recalling.clone())).unwrap()),
+        Box::new(read_out(on_recalling)),
+        Box::new(read_out(Base::Hold)),
+        read_out(Base::Hold).fork(),
         vessel(&hydrofoil).fork(),
         Box::new(vessel(&hydrofoil)),
         Box::new(PlantSession::new(&hydrofoil)),

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use hydroid_core::adapt::guard::{Guard, GuardSettings};
 use hydroid_core::adapt::{Adapter, DirectReadOut, Outcome, ReadOutError, ReadOutSettings, Rejection};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
-use hydroid_core::model::recurrent::Scaling;
+use hydroid_core::model::recurrent::{Base, Scaling};
+use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
@@ -14,6 +15,43 @@ const SETTINGS: ReadOutSettings =
     ReadOutSettings { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
 
 fn model(history: usize, horizon: usize, hold: bool, hidden: &[usize]) -> Direct {
+    on(if hold { Base::Hold } else { Base::Nothing }, history, horizon, hidden)
+}
+
+/// Of two outputs and two inputs, with a lag and past values of an output.
+fn equations() -> Base {
+    let signals =
+        vec![Signal::Lag { input: 2, time_constant_s: Real(0.2) }, Signal::Past { variable: 0, samples: 2 }];
+    let terms: Vec<Term> = [0, 1, 3, 4, 5].map(|v| Term::monomial(&[v])).to_vec();
+    let coefficients = vec![-0.8, 0.1, 0.2, 0.09, -0.1, 0.2, -1.1, 0.5, 0.01, 0.1];
+    Base::Equations(Arc::new(Equations::with_signals(terms, coefficients, 2, 2, signals, 0.1, 2).unwrap()))
+}
+
+/// What the model adds to over the horizon of the window that ended at `k`, step by step: equations are walked from the
+/// beginning.
+fn base(model: &Direct, k: usize) -> Vec<[f64; 2]> {
+    let mut e: Vec<[f64; 2]> = Vec::new();
+    match &model.base {
+        Base::Nothing => e.resize(model.horizon, [0, 1].map(|c| model.scaling.output_mean[c])),
+        Base::Hold => e.resize(model.horizon, measured(k)),
+        Base::Equations(equations) => {
+            let (mut state, mut scratch) =
+                (vec![f64::NAN; equations.state_len()], vec![0.0; equations.scratch()]);
+            for j in 0..k + model.horizon {
+                if j <= k {
+                    state[..2].copy_from_slice(&measured(j));
+                }
+                equations.step(&mut state, &command(j), &mut scratch);
+                if j >= k {
+                    e.push([state[0], state[1]]);
+                }
+            }
+        }
+    }
+    e
+}
+
+fn on(base: Base, history: usize, horizon: usize, hidden: &[usize]) -> Direct {
     let (inputs, outputs) = Direct::lengths(history, horizon, 2, 2);
     let network = Perceptron { inputs, hidden: hidden.to_vec(), outputs };
     let weights = (0..network.weights()).map(|k| 0.6 * (0.7 * k as f64 + 0.3).sin()).collect();
@@ -24,7 +62,7 @@ fn model(history: usize, horizon: usize, hold: bool, hidden: &[usize]) -> Direct
         input_scale: vec![5.0, 0.3],
         correction_scale: vec![0.7, 0.2],
     };
-    Direct { weights, network, scaling, history, horizon, hold }
+    Direct { weights, network, scaling, history, horizon, base }
 }
 
 fn learner(model: &Direct, settings: &ReadOutSettings) -> DirectReadOut {
@@ -129,15 +167,20 @@ fn regressor(model: &Direct, k: usize) -> Vec<f64> {
 /// Every number learns from its own target as soon as its regressor is known, as if it were alone.
 #[test]
 fn every_step_learns_as_if_it_were_alone() {
-    for (p, h, hold, hidden) in
-        [(1, 1, false, vec![5]), (4, 6, true, vec![7, 5]), (3, 4, false, vec![6, 4, 5]), (2, 3, true, vec![])]
-    {
+    for (p, h, below, hidden) in [
+        (1, 1, Base::Nothing, vec![5]),
+        (4, 6, Base::Hold, vec![7, 5]),
+        (3, 4, Base::Nothing, vec![6, 4, 5]),
+        (2, 3, Base::Hold, vec![]),
+        (4, 6, equations(), vec![7, 5]),
+        (3, 1, equations(), vec![]),
+    ] {
         for settings in [
             SETTINGS,
             ReadOutSettings { forgetting: 1.0, ..SETTINGS },
             ReadOutSettings { leak: false, ..SETTINGS },
         ] {
-            let model = model(p, h, hold, &hidden);
+            let model = on(below.clone(), p, h, &hidden);
             let mut adapter = learner(&model, &settings);
             let mut naive: Vec<Naive> = rows(&model, adapter.weights())
                 .iter()
@@ -149,17 +192,17 @@ fn every_step_learns_as_if_it_were_alone() {
                 let complete = m.checked_sub(h).filter(|k| k + 1 >= p);
                 assert_eq!(adapter.outcome() == Outcome::Accepted, complete.is_some(), "{m}");
                 if let Some(k) = complete {
-                    let phi = regressor(&model, k);
+                    let (phi, base) = (regressor(&model, k), base(&model, k));
                     for (i, naive) in naive.iter_mut().enumerate() {
                         let (j, c) = (i / 2 + 1, i % 2);
-                        let base = if hold { measured(k)[c] } else { model.scaling.output_mean[c] };
-                        let target = (measured(k + j)[c] - base) / model.scaling.correction_scale[c];
+                        let target =
+                            (measured(k + j)[c] - base[j - 1][c]) / model.scaling.correction_scale[c];
                         naive.learn(&phi, target, &settings);
                     }
                 }
                 for (row, naive) in rows(&model, adapter.weights()).iter().zip(&naive) {
                     for (a, b) in row.iter().zip(&naive.theta) {
-                        assert!((a - b).abs() < 1e-9, "{p} {h} {hold} {hidden:?} {m}: {a} {b}");
+                        assert!((a - b).abs() < 1e-9, "{p} {h} {hidden:?} {m}: {a} {b}");
                     }
                 }
                 adapter.advance(&command(m));
@@ -207,9 +250,11 @@ fn bits(numbers: &[f64]) -> Vec<u64> {
 
 #[test]
 fn it_goes_on_from_what_another_saved() {
-    let model = model(3, 4, true, &[7, 5]);
-    for at in [0, 1, 3, 6, 7, 23, 30, 120] {
-        let (mut first, mut second) = (learner(&model, &SETTINGS), learner(&model, &SETTINGS));
+    for (model, at) in [model(3, 4, true, &[7, 5]), on(equations(), 3, 4, &[7, 5])]
+        .iter()
+        .flat_map(|model| [0, 1, 3, 6, 7, 23, 30, 120].map(|at| (model, at)))
+    {
+        let (mut first, mut second) = (learner(model, &SETTINGS), learner(model, &SETTINGS));
         walk(&mut first, 0, at);
         walk(&mut second, 5, 90);
         second.load(&saved(&first));
@@ -221,8 +266,13 @@ fn it_goes_on_from_what_another_saved() {
 /// With the weights of the moment: of the model as it was then.
 #[test]
 fn a_snapshot_predicts_as_it_did() {
-    let model = model(3, 4, false, &[7, 5]);
-    let mut adapter = learner(&model, &SETTINGS);
+    for model in [model(3, 4, false, &[7, 5]), on(equations(), 3, 4, &[7, 5])] {
+        snapshots_of(&model);
+    }
+}
+
+fn snapshots_of(model: &Direct) {
+    let mut adapter = learner(model, &SETTINGS);
     walk(&mut adapter, 0, 60);
     let roll = |session: &dyn Predictor| {
         let commands: Vec<f64> = (60..70).flat_map(command).collect();

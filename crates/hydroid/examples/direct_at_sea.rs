@@ -123,6 +123,9 @@ fn sail(
     let mut session: Box<dyn Adapter> = if WAYS[way] == "replay" {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
         let count = |key: &str, default: f64| number(key, default).map(|n| n as usize);
+        if direct.equations().is_some() {
+            return Err("replayed steps are not for predictors on equations: give steps=0".into());
+        }
         Box::new(Replay::new(
             &Arc::new(Direct::clone(direct)),
             ReplaySettings {

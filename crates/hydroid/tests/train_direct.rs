@@ -158,7 +158,7 @@ fn settings_that_are_not_for_it_are_refused() {
         let error = with(&settings, None, &mut |_| panic!("it began"));
         error.unwrap_err().to_string()
     };
-    assert!(told(Settings { base: BaseKind::Equations, ..settings() }).contains("base = equations"));
+    assert!(told(Settings { base: BaseKind::Equations, ..settings() }).contains("none are given"));
     assert!(told(Settings { feedback: false, ..settings() }).contains("feedback = false"));
     assert!(told(Settings { wash_out_s: Some(3.0), ..settings() }).contains("history_s"));
     assert!(told(Settings { history_s: Some(1e9), ..settings() }).contains("history of 10000000000 samples"));

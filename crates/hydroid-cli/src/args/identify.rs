@@ -42,7 +42,7 @@ A configuration file can hold all of it but --methods; what the command line say
                                [direct]  (hears nothing of [network])
                                history_s = 4.0
                                hidden = 256
-                               layers = 3
+                               base = \"equations\"             (or \"nothing\", \"hold\"; of sindy or lagged)
 
                                [affine]  (hears nothing of [network])
                                maps = [\"identity\", \"sine\"]

@@ -95,12 +95,12 @@ fn latex(file: &Path, model: &Model) -> anyhow::Result<String> {
     }
     let Some(base) = model.base_equations() else {
         bail!(
-            "{} is a recurrent network and has no equations: `hydroid inspect` without --latex tells what it is. For equations identify with --methods sindy",
+            "{} is a network and has no equations: `hydroid inspect` without --latex tells what it is. For equations identify with --methods sindy",
             file.display()
         );
     };
     Ok(format!(
-        "% These equations alone are not the model: a recurrent network corrects what they predict.\n{}{}",
+        "% These equations alone are not the model: a network corrects what they predict.\n{}{}",
         base.equations_latex(),
         base.units_latex()
     ))
@@ -139,11 +139,7 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
             "state_filter": recurrent.state_filter,
             "scaling": scaling(&recurrent.scaling),
             "tensors": tensors(&recurrent.network.tensors()),
-            "base": match &recurrent.base {
-                Base::Nothing => "nothing",
-                Base::Hold => "hold",
-                Base::Equations(_) => "equations",
-            },
+            "base": base(&recurrent.base),
             "base_equations": model.base_equations().map(equations),
         });
     }
@@ -155,7 +151,8 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
             "history_s": direct.history as f64 * model.description.dt,
             "horizon": direct.horizon,
             "horizon_s": direct.horizon as f64 * model.description.dt,
-            "base": if direct.hold { "hold" } else { "nothing" },
+            "base": base(&direct.base),
+            "base_equations": model.base_equations().map(equations),
             "members": model.members.len(),
             "scaling": scaling(&direct.scaling),
             "tensors": tensors(&direct.network.tensors()),
@@ -173,6 +170,14 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
         });
     }
     document
+}
+
+fn base(of: &Base) -> &'static str {
+    match of {
+        Base::Nothing => "nothing",
+        Base::Hold => "hold",
+        Base::Equations(_) => "equations",
+    }
 }
 
 fn scaling(of: &Scaling) -> serde_json::Value {

@@ -123,11 +123,12 @@ fn of_recurrent_networks() {
 /// Over a horizon, over less of it, over more than two.
 #[test]
 fn of_direct_predictors() {
-    for hold in [false, true] {
+    let below = Base::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
+    for base in [Base::Nothing, Base::Hold, below] {
         let (inputs, outputs) = Direct::lengths(3, 7, 3, 2);
         let network = Perceptron { inputs, hidden: vec![20, 9], outputs };
         let weights = (0..network.weights()).map(|k| 0.3 * wild(k)).collect();
-        let model = Direct { network, weights, scaling: scaling(), history: 3, horizon: 7, hold };
+        let model = Direct { network, weights, scaling: scaling(), history: 3, horizon: 7, base };
         let mut session = DirectSession::new(Arc::new(model)).unwrap();
         let mut room = side_by_side(&session, 7);
         walk(&mut session, 12);
@@ -140,10 +141,17 @@ fn of_direct_predictors() {
 /// With the last layer of the moment, and through a guard.
 #[test]
 fn of_direct_predictors_that_learn() {
+    let below = Base::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
+    for base in [Base::Hold, below] {
+        direct_predictors_that_learn(base);
+    }
+}
+
+fn direct_predictors_that_learn(base: Base) {
     let (inputs, outputs) = Direct::lengths(3, 7, 3, 2);
     let network = Perceptron { inputs, hidden: vec![20, 9], outputs };
     let weights: Vec<f64> = (0..network.weights()).map(|k| 0.3 * wild(k)).collect();
-    let model = Arc::new(Direct { network, weights, scaling: scaling(), history: 3, horizon: 7, hold: true });
+    let model = Arc::new(Direct { network, weights, scaling: scaling(), history: 3, horizon: 7, base });
     let settings = ReadOutSettings { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
     let learner = || DirectReadOut::new(Arc::clone(&model), &settings).unwrap();
     let mut learned = learner();
@@ -221,16 +229,22 @@ fn of_others_one_by_one() {
     let below = Arc::new(Equations::with_signals(terms, vec![0.1, 0.0, 0.0], 3, 2, past, DT, 1).unwrap());
     let on_past = network(Cell::Gru { hidden: 3 }, Base::Equations(Arc::clone(&below)), true, None);
     let plain = network(Cell::Gru { hidden: 3 }, Base::Nothing, false, None);
-    let sessions: [Box<dyn Predictor>; 4] = [
+    let (inputs, outputs) = Direct::lengths(3, 4, 3, 2);
+    let perceptron = Perceptron { inputs, hidden: vec![6], outputs };
+    let weights = (0..perceptron.weights()).map(|k| 0.3 * wild(k)).collect();
+    let base = Base::Equations(Arc::clone(&below));
+    let direct = Direct { network: perceptron, weights, scaling: scaling(), history: 3, horizon: 4, base };
+    let sessions: [Box<dyn Predictor>; 5] = [
         Box::new(EquationsSession::new(below)),
+        Box::new(DirectSession::new(Arc::new(direct)).unwrap()),
         Box::new(RecurrentSession::new(on_past).unwrap()),
         Box::new(PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap())),
         Box::new(RecurrentSession::new(plain).unwrap()),
     ];
-    let mut others = Room::new(sessions[3].as_ref(), 4);
+    let mut others = Room::new(sessions[4].as_ref(), 4);
     for (k, mut session) in sessions.into_iter().enumerate() {
         let mut room = Room::new(session.as_ref(), 4);
-        assert_eq!(room.is_side_by_side(), k == 3);
+        assert_eq!(room.is_side_by_side(), k == 4);
         walk(session.as_mut(), 6);
         agree(session.as_ref(), &mut room, 8);
         agree(session.as_ref(), &mut others, 8);

@@ -258,7 +258,7 @@ fn task<'a>(job: &Job, parts: &'a Parts<'_>, equations: Option<Arc<Equations>>) 
 /// at which they begin.
 fn warm_up(settings: &Settings, parts: &Parts<'_>, equations: Option<&Equations>) -> usize {
     if settings.cell == CellKind::Direct {
-        return settings.spans(parts.train[0].dt).0;
+        return settings.spans(parts.train[0].dt).0.max(equations.map_or(1, Equations::warm_up));
     }
     let longest = parts.train.iter().map(|run| run.len()).max().unwrap_or(0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and it saturates")]

@@ -56,8 +56,13 @@ impl Model {
 
     /// The equations that a network corrects (a grey box); none for other models.
     pub fn base_equations(&self) -> Option<Motion<'_>> {
-        match &self.recurrent()?.base {
-            Base::Equations(equations) => Some(Motion { description: &self.description, equations }),
+        let base = match &self.body {
+            Body::Recurrent(recurrent) => &recurrent.base,
+            Body::Direct(direct) => &direct.base,
+            Body::Equations(_) | Body::Affine(_) | Body::Plant(_) => return None,
+        };
+        match base {
+            Base::Equations(equations) => Some(self.motion(equations)),
             Base::Nothing | Base::Hold => None,
         }
     }

@@ -136,7 +136,12 @@ fn direct_text(direct: &Direct, dt: f64) -> Vec<String> {
             "gives the next {} samples ({:.3} s) at once{}; longer predictions are chained",
             direct.horizon,
             seconds(direct.horizon),
-            if direct.hold { ", as differences to the present outputs" } else { "" }
+            match direct.base {
+                Base::Nothing => "",
+                Base::Hold => ", as differences to the present outputs",
+                Base::Equations(_) =>
+                    ", as what equations of motion miss from the present sample on (a grey box)",
+            }
         ),
     ]
 }

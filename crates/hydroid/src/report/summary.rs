@@ -230,7 +230,12 @@ fn model(candidate: &Candidate) -> &'static str {
             Base::Equations(_) => "A recurrent network on top of equations of motion",
             Base::Nothing | Base::Hold => "A recurrent network",
         },
-        (Body::Direct(_), _) => "A feed-forward network that predicts many steps at once",
+        (Body::Direct(direct), _) => match direct.base {
+            Base::Equations(_) => {
+                "A feed-forward network that predicts many steps at once on top of equations of motion"
+            }
+            Base::Nothing | Base::Hold => "A feed-forward network that predicts many steps at once",
+        },
         (Body::Affine(_), _) => "A feed-forward network of the rates that is affine in its inputs",
         (Body::Plant(_), _) => "A vessel with given parameters",
     }

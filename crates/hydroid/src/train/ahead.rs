@@ -2,8 +2,9 @@
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::{Batch, Perceptron};
-use hydroid_core::model::recurrent::Scaling;
+use hydroid_core::model::recurrent::{Base, Scaling};
 
+use super::chain::Chain;
 use super::windows::{ScaledRun, Shape, Window};
 
 /// Windows side by side, one in each lane, gathered from the runs as they come: nothing is copied for those that wait.
@@ -16,13 +17,14 @@ use super::windows::{ScaledRun, Shape, Window};
 /// L                  = sum over k = 1 .. H, outputs i:  w_i (p_{o+k,i} - measured_{o+k,i})^2
 /// ```
 ///
-/// A measurement that is missing in the history is held from the one before it, or taken from the one after it. A length
+/// `base` is nothing, `z_o`, or what equations say from `o` on, which stands with the runs
+/// ([`Below`](super::below::Below)): the weights do not move it. A measurement that is missing in the history is held from the one before it, or taken from the one after it. A length
 /// beyond `H` is chained as a session does it; the way back is for one horizon alone.
 #[derive(Clone, Debug)]
 pub(super) struct Ahead<T> {
     shape: Shape,
     horizon: usize,
-    hold: bool,
+    base: Kind,
     /// Size of what the network gives, in scaled outputs.
     ratio: Vec<T>,
     batch: Batch<T>,
@@ -33,22 +35,38 @@ pub(super) struct Ahead<T> {
     predicted: Vec<T>,
 }
 
+/// What the network adds to.
+#[derive(Clone, Debug)]
+enum Kind {
+    Nothing,
+    Hold,
+    /// Equations, beyond the first horizon those that go on from what was predicted.
+    Equations(Box<Chain>),
+}
+
 impl<T: Scalar> Ahead<T> {
     pub(super) fn new(
         network: &Perceptron,
         horizon: usize,
-        hold: bool,
+        base: &Base,
         scaling: &Scaling,
         shape: Shape,
         size: usize,
     ) -> Self {
         let batch = Batch::new(network, size);
         let row = shape.outputs * batch.lanes();
+        let base = match base {
+            Base::Nothing => Kind::Nothing,
+            Base::Hold => Kind::Hold,
+            Base::Equations(equations) => {
+                Kind::Equations(Box::new(Chain::new(equations, scaling, batch.lanes())))
+            }
+        };
         let ratio = scaling.correction_scale.iter().zip(&scaling.output_scale).map(|(c, s)| T::of(c / s));
         Self {
             shape,
             horizon,
-            hold,
+            base,
             ratio: ratio.collect(),
             windows: Vec::with_capacity(size),
             past: vec![T::zero(); (shape.wash_out + 1) * row],
@@ -64,6 +82,7 @@ impl<T: Scalar> Ahead<T> {
         for first in (0..self.shape.length).step_by(self.horizon) {
             self.read(runs, first);
             self.batch.forward(weights);
+            self.stand(runs, first);
             self.predict(first);
         }
     }
@@ -112,19 +131,45 @@ impl<T: Scalar> Ahead<T> {
         }
     }
 
+    /// What the network adds to, in the place of predictions from `first` samples after the origins on.
+    fn stand(&mut self, runs: &[ScaledRun<T>], first: usize) {
+        let lanes = self.batch.lanes();
+        let row = self.shape.outputs * lanes;
+        let (before, after) = self.predicted.split_at_mut(first * row);
+        let last = after.len().min(self.horizon * row);
+        let after = &mut after[..last];
+        let present = if first == 0 { &self.past } else { &*before };
+        let present = &present[present.len() - row..];
+        match &mut self.base {
+            Kind::Nothing => after.fill(T::zero()),
+            Kind::Hold => after.chunks_exact_mut(row).for_each(|into| into.copy_from_slice(present)),
+            Kind::Equations(_) if first == 0 => {
+                for (lane, window) in self.windows.iter().enumerate() {
+                    // Windows are of runs that have been looked through with these equations.
+                    let Some(below) = &runs[window.run].below else { continue };
+                    for (into, &e) in
+                        after.iter_mut().skip(lane).step_by(lanes).zip(below.ahead(window.origin))
+                    {
+                        *into = e;
+                    }
+                }
+            }
+            Kind::Equations(chain) => {
+                let before = &before[(first - self.horizon) * row..];
+                chain.go_on(runs, &self.windows, first, before, after);
+            }
+        }
+    }
+
     /// Predictions from what the network gives.
     fn predict(&mut self, first: usize) {
         let (n, lanes) = (self.shape.outputs, self.batch.lanes());
         let row = n * lanes;
-        let (before, after) = self.predicted.split_at_mut(first * row);
-        let present = if first == 0 { &self.past } else { &*before };
-        let present = &present[present.len() - row..];
         let given = self.batch.output().chunks_exact(row);
-        for (into, given) in after.chunks_exact_mut(row).zip(given) {
+        for (into, given) in self.predicted[first * row..].chunks_exact_mut(row).zip(given) {
             for i in 0..n {
                 for lane in i * lanes..(i + 1) * lanes {
-                    let base = if self.hold { present[lane] } else { T::zero() };
-                    into[lane] = base + self.ratio[i] * given[lane];
+                    into[lane] += self.ratio[i] * given[lane];
                 }
             }
         }

@@ -18,8 +18,8 @@ use super::{Learned, init};
 pub(super) enum Net {
     /// A recurrent network, what it corrects, and whether it sees its outputs.
     Recurrent { network: Network, base: Base, feedback: bool },
-    /// A direct predictor of a horizon, and whether it gives differences to the present outputs.
-    Direct { network: Perceptron, horizon: usize, hold: bool },
+    /// A direct predictor of a horizon, and what it adds to.
+    Direct { network: Perceptron, horizon: usize, base: Base },
     /// A control-affine network; the logarithms of its time constants follow its weights.
     Affine(affine::Parts),
 }
@@ -76,8 +76,8 @@ impl Net {
                 let chunk = Unrolled::new(network, base, scaling, *feedback, shape, size, back);
                 Chunk::Unrolled(Box::new(chunk))
             }
-            Self::Direct { network, horizon, hold } => {
-                Chunk::Ahead(Box::new(Ahead::new(network, *horizon, *hold, scaling, shape, size)))
+            Self::Direct { network, horizon, base } => {
+                Chunk::Ahead(Box::new(Ahead::new(network, *horizon, base, scaling, shape, size)))
             }
             Self::Affine(parts) => Chunk::Affine(Box::new(Affine::new(parts, scaling, shape, size, back))),
         }
@@ -97,13 +97,13 @@ impl Net {
                 wash_out: shape.wash_out,
                 state_filter: None,
             }),
-            Self::Direct { network, horizon, hold } => Learned::Direct(Direct {
+            Self::Direct { network, horizon, base } => Learned::Direct(Direct {
                 network: network.clone(),
                 weights: wide(weights),
                 scaling,
                 history: shape.wash_out + 1,
                 horizon: *horizon,
-                hold: *hold,
+                base: base.clone(),
             }),
             Self::Affine(parts) => {
                 let (weights, lags) = weights.split_at(parts.network.weights());

@@ -23,7 +23,8 @@
 //! model's own prediction stands for it; a window in which an input is missing is left out.
 //!
 //! **Scaling** is by design ranges: a range is mapped to -2..2. What the network gives is in units of the output where it
-//! corrects nothing, and in units of what it corrects where it has a [`BaseKind`].
+//! corrects nothing, and in units of what it corrects where it has a [`BaseKind`]: of a direct predictor on equations the root mean
+//! square of what these miss over the horizons of the training runs.
 //!
 //! **Determinism.** On one kind of machine the weights are a function of runs and settings alone. Random numbers have one stream for each purpose,
 //! restart and epoch; gradients are summed over chunks of windows of a fixed size in a fixed order, so that the number
@@ -41,7 +42,9 @@ mod adam;
 mod affine;
 mod ahead;
 mod base;
+mod below;
 mod budget;
+mod chain;
 mod checkpoint;
 mod chunk;
 mod error;

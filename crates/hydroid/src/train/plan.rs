@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use hydroid_core::control::Map;
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::recurrent::{Base, Scaling};
 use hydroid_core::model::sparse::Equations;
 
+use super::below::Below;
 use super::chunk::Net;
 use super::judge::Judge;
 use super::loss::Loss;
@@ -45,14 +46,19 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
     check(job)?;
     let mut scaling = scaling::from_ranges(job.outputs, job.inputs)?;
     let (net, wash_out, length) = net(job, settings)?;
+    let scaled = |runs: &[&Trajectory]| -> Result<Vec<ScaledRun<T>>, TrainError> {
+        runs.iter().map(|run| look_along(run, &net, &scaling)).collect()
+    };
+    let (runs, validation) = (scaled(job.runs)?, scaled(job.validation)?);
     let correction = match &net {
         // Of a control-affine network these are rates: a range in a few seconds.
-        Net::Direct { hold: false, .. } | Net::Affine(_) => None,
+        Net::Direct { base: Base::Nothing, .. } | Net::Affine(_) => None,
         // As large as changes over half of the horizon.
-        Net::Direct { horizon, .. } => {
+        Net::Direct { base: Base::Hold, horizon, .. } => {
             let share = 0.5 * *horizon as f64;
             Some(scaling::increments(job.runs).into_iter().map(|size| share.max(1.0) * size).collect())
         }
+        Net::Direct { base: Base::Equations(_), .. } => Some(scaling::missed(&runs, &scaling)),
         Net::Recurrent { base, .. } => correction(job, base),
     };
     if let Some(correction) = correction {
@@ -78,10 +84,6 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
             Net::Direct { .. } | Net::Affine(_) => true,
         },
     };
-    let scaled = |runs: &[&Trajectory]| -> Vec<ScaledRun<T>> {
-        runs.iter().map(|run| ScaledRun::new(run, &scaling)).collect()
-    };
-    let (runs, validation) = (scaled(job.runs), scaled(job.validation));
     let windows = if net.everywhere() {
         shape.every(&runs, 1).len()
     } else {
@@ -104,14 +106,28 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, settings: &Settings) -> Result<Plan
     Ok(Plan { settings, net, scaling, shape, runs, validation, judge, loss, epochs })
 }
 
+/// A run as the network sees it, with what equations below a direct predictor say of it.
+fn look_along<T: Scalar>(run: &Trajectory, net: &Net, scaling: &Scaling) -> Result<ScaledRun<T>, TrainError> {
+    let mut scaled = ScaledRun::new(run, scaling);
+    if let Net::Direct { base: Base::Equations(equations), horizon, .. } = net {
+        let below = Below::new(equations, run, scaling, *horizon).map_err(|t| TrainError::Equations {
+            reason: format!(
+                "from the sample at {t:.3} s of run '{}' on they run away within the horizon: choose base = \"hold\" or \"nothing\", or a shorter window_s",
+                run.name
+            ),
+        })?;
+        scaled.below = Some(below);
+    }
+    Ok(scaled)
+}
+
 /// The network, and the samples of its windows before and after their origins.
 fn net(job: &Job<'_>, settings: &Settings) -> Result<(Net, usize, usize), TrainError> {
     let (outputs, inputs) = (job.outputs.len(), job.inputs.len());
     if settings.cell == CellKind::Direct {
         let (history, horizon) = settings.spans(job.runs[0].dt);
         let network = settings.perceptron(inputs, outputs, (history, horizon))?;
-        let hold = settings.base == BaseKind::Hold;
-        return Ok((Net::Direct { network, horizon, hold }, history - 1, horizon));
+        return Ok((Net::Direct { network, horizon, base: base(job, settings)? }, history - 1, horizon));
     }
     if settings.cell == CellKind::Affine {
         let network = settings.control_affine(inputs, outputs)?;

@@ -1,9 +1,11 @@
 //! How channels are brought to the size that networks work with.
 
+use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::model::sparse::Equations;
 
 use super::TrainError;
+use super::windows::ScaledRun;
 use crate::evaluate::{DesignRange, mean_finite};
 use crate::log::{Table, Trajectory};
 
@@ -78,6 +80,31 @@ pub(super) fn residuals(runs: &[&Trajectory], equations: &Equations) -> Vec<f64>
         }
     }
     root_mean_square(n, |c| missed[c].iter().copied())
+}
+
+/// Size of what equations miss over the horizons that begin at the samples of runs, in the outputs' units.
+pub(super) fn missed<T: Scalar>(runs: &[ScaledRun<T>], scaling: &Scaling) -> Vec<f64> {
+    let n = scaling.output_scale.len();
+    let of_run = |run: &ScaledRun<T>, c: usize| {
+        let mut sums = [0.0; 2];
+        for (k, below) in run.below.iter().flat_map(|below| (0..run.samples).map(move |k| (k, below))) {
+            let measured = run.outputs[(k + 1) * n..].iter().skip(c).step_by(n);
+            for (y, e) in measured.zip(below.ahead(k).iter().skip(c).step_by(n)) {
+                let square = (y.wide() - e.wide()).powi(2);
+                if square.is_finite() {
+                    sums = [sums[0] + square, sums[1] + 1.0];
+                }
+            }
+        }
+        sums
+    };
+    (0..n)
+        .map(|c| {
+            let sums = runs.iter().map(|run| of_run(run, c));
+            let [sum, count] = sums.fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+            scaling.output_scale[c] * (sum / f64::max(count, 1.0)).sqrt()
+        })
+        .collect()
 }
 
 fn measured(table: &Table, row: usize, column: usize) -> f64 {

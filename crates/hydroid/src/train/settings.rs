@@ -54,7 +54,8 @@ pub enum BaseKind {
     Nothing,
     /// The present outputs: it gives increments.
     Hold,
-    /// Equations of motion, which the caller gives: it gives what they miss.
+    /// Equations of motion, which the caller gives: it gives what they miss, over a sample, or, as a direct predictor, over
+    /// each sample of its horizon.
     Equations,
 }
 
@@ -239,11 +240,9 @@ impl Settings {
         for (what, wrong, needed) in [
             ("feedback", !self.feedback, "true, or leave it out: a direct predictor sees its outputs"),
             ("read_out", !self.read_out, "true, or leave it out: a direct predictor has a read-out"),
-            ("base", self.base == BaseKind::Equations, "\"nothing\" or \"hold\" for a direct predictor"),
         ] {
             if wrong {
-                let value = if what == "base" { "equations" } else { "false" };
-                return Err(setting(what, &value, needed));
+                return Err(setting(what, &"false", needed));
             }
         }
         if let Some(projection) = self.projection {

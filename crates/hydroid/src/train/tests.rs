@@ -118,7 +118,7 @@ fn gradients_are_differences_of_the_loss() {
 #[test]
 fn the_gradient_of_a_direct_predictor_is_differences_of_its_loss() {
     let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
-    for base in [BaseKind::Nothing, BaseKind::Hold] {
+    for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
         let settings = Settings {
             hidden: 5,
             base,

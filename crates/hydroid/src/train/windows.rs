@@ -8,6 +8,7 @@ use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Scaling;
 
 use super::TrainError;
+use super::below::Below;
 use crate::log::{Table, Trajectory};
 
 /// A run as a network sees it: `(value - mean) / scale`, row by row; a missing value is NaN.
@@ -22,6 +23,8 @@ pub(super) struct ScaledRun<T> {
     pub(super) commands: Vec<f64>,
     /// Whether nothing is missing: windows need not look.
     complete: bool,
+    /// What equations say from each sample on, below a direct predictor.
+    pub(super) below: Option<Below<T>>,
 }
 
 impl<T: Scalar> ScaledRun<T> {
@@ -35,7 +38,7 @@ impl<T: Scalar> ScaledRun<T> {
         let inputs = scaled(&run.inputs, &scaling.input_mean, &scaling.input_scale);
         let complete = outputs.iter().chain(&inputs).all(|x| x.is_finite());
         let commands = run.inputs.rows(0, run.inputs.len()).to_vec();
-        Self { samples: run.len(), outputs, inputs, commands, complete }
+        Self { samples: run.len(), outputs, inputs, commands, complete, below: None }
     }
 }
 
@@ -80,6 +83,9 @@ impl Shape {
         let data = &runs[run];
         let (first, last) = (origin.checked_sub(self.wash_out)?, origin.saturating_add(self.length));
         if last >= data.samples {
+            return None;
+        }
+        if data.below.as_ref().is_some_and(|below| !below.knows(origin)) {
             return None;
         }
         let (n, m) = (self.outputs, self.inputs);

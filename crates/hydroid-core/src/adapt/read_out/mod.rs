@@ -6,7 +6,7 @@
 //! ```text
 //! phi_k   = [h(x_k), 1]                              x_k: the window, h: what the last hidden layer makes of it
 //! g_{k,i} = phi_k' theta_i                           i = (j, c): step j = 1 .. H, output c
-//! t_{k,i} = (y_{k+j,c} - b_{k,c}) / scale_c          what was measured of it; b: what the model adds it to
+//! t_{k,i} = (y_{k+j,c} - b_{k,i}) / scale_c          what was measured of it; b: what the model adds it to
 //! ```
 //!
 //! So one covariance serves all `H n` of them ([`RecursiveLeastSquares`]), and learning is exact for each.
@@ -65,6 +65,8 @@ pub struct DirectReadOut {
     phi: Vec<f64>,
     /// What the network gives, then how far that is off.
     errors: Vec<f64>,
+    /// What the model's equations say of the same numbers; empty without equations.
+    below: Vec<f64>,
     /// Variance of the errors of each number that the network gives, scaled, and windows that it is from: not all outputs are
     /// measured as often.
     variance: Vec<f64>,
@@ -107,6 +109,7 @@ impl DirectReadOut {
             settings: *settings,
             phi: vec![1.0; session.features() + 1],
             errors: vec![0.0; gives],
+            below: vec![0.0; if session.model().equations().is_some() { gives } else { 0 }],
             variance: vec![0.0; gives],
             seen: vec![0; gives],
             sureness: f64::NAN,
@@ -134,7 +137,9 @@ impl DirectReadOut {
         let features = self.phi.len() - 1;
         self.session.look(outputs, passed, ahead, &mut self.phi[..features]);
         self.session.give(&self.phi[..features], &mut self.errors);
-        self.windows.subtract_from_targets(self.session.model(), &mut self.errors);
+        let [present, memory, commands] = self.windows.oldest_below();
+        self.session.of_equations(present, memory, commands, &mut self.below);
+        self.windows.subtract_from_targets(self.session.model(), &self.below, &mut self.errors);
         true
     }
 

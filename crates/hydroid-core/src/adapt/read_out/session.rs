@@ -21,7 +21,7 @@ impl Predictor for DirectReadOut {
 
     fn reset(&mut self) {
         self.session.reset();
-        self.windows.restart(self.session.past());
+        self.windows.restart(self.session.past(), self.session.memory());
         self.inflation = 1.0;
         self.innovations.clear();
         self.outcome = Outcome::Waiting;
@@ -44,7 +44,7 @@ impl Predictor for DirectReadOut {
         self.session.advance(c);
         let outputs = self.session.past().0;
         let present = &outputs[outputs.len() - self.session.outputs()..];
-        self.windows.pass(c, present);
+        self.windows.pass(c, present, self.session.memory());
     }
 
     fn output(&self, y: &mut [f64]) {
@@ -70,7 +70,7 @@ impl Predictor for DirectReadOut {
     /// It learns again from windows that begin here; how sure it is of the weights stays as it is.
     fn restore(&mut self, from: &[f64]) {
         self.session.restore(from);
-        self.windows.restart(self.session.past());
+        self.windows.restart(self.session.past(), self.session.memory());
         self.hand_over();
     }
 

@@ -5,6 +5,7 @@ use alloc::vec::Vec;
 
 use crate::adapt::memory::{Reader, Writer};
 use crate::model::direct::{Direct, Window, push};
+use crate::model::recurrent::Base;
 
 /// Outputs, commands and measurements since the beginning of the oldest window: all of them share one row of samples.
 ///
@@ -21,6 +22,8 @@ pub(super) struct Windows {
     measured: Vec<f64>,
     /// What the noise of each of these rows counts for.
     inflation: Vec<f64>,
+    /// What the model's equations remembered at each sample `k .. m`; empty without equations.
+    memory: Vec<f64>,
     /// Whether the present sample was not taken yet.
     open: bool,
 }
@@ -35,18 +38,21 @@ impl Windows {
             commands: vec![f64::NAN; (p + h - 1) * m],
             measured: vec![f64::NAN; h * n],
             inflation: vec![1.0; h],
+            memory: vec![f64::NAN; (h + 1) * model.below().saturating_sub(n)],
             open: true,
         }
     }
 
     /// Nothing is known of the past but what a session remembers of it.
-    pub(super) fn restart(&mut self, (outputs, commands): (&[f64], &[f64])) {
+    pub(super) fn restart(&mut self, (outputs, commands): (&[f64], &[f64]), memory: &[f64]) {
         self.outputs.fill(f64::NAN);
         self.commands.fill(f64::NAN);
         self.measured.fill(f64::NAN);
         self.inflation.fill(1.0);
+        self.memory.fill(f64::NAN);
         push(&mut self.outputs, outputs);
         push(&mut self.commands, commands);
+        push(&mut self.memory, memory);
         self.open = true;
     }
 
@@ -65,10 +71,11 @@ impl Windows {
         core::mem::take(&mut self.open)
     }
 
-    /// Moves on under a command to a sample of which this is predicted.
-    pub(super) fn pass(&mut self, c: &[f64], predicted: &[f64]) {
+    /// Moves on under a command to a sample of which this is predicted, and at which equations remember this.
+    pub(super) fn pass(&mut self, c: &[f64], predicted: &[f64], memory: &[f64]) {
         push(&mut self.outputs, predicted);
         push(&mut self.commands, c);
+        push(&mut self.memory, memory);
         let kept = self.measured.len() - predicted.len();
         self.measured.copy_within(predicted.len().., 0);
         self.measured[kept..].fill(f64::NAN);
@@ -84,13 +91,25 @@ impl Windows {
         (known(outputs) && known(&self.commands)).then_some([outputs, passed, ahead])
     }
 
-    /// `x <- t - x` of the oldest window's targets, scaled; NaN where nothing was measured.
-    pub(super) fn subtract_from_targets(&self, model: &Direct, x: &mut [f64]) {
+    /// Of the oldest window: the outputs at its end, what equations remembered there, and the commands that came.
+    pub(super) fn oldest_below(&self) -> [&[f64]; 3] {
+        let Window { n, m, p, h } = self.window;
+        let memory = &self.memory[..self.memory.len() / (h + 1)];
+        [&self.outputs[(p - 1) * n..p * n], memory, &self.commands[(p - 1) * m..]]
+    }
+
+    /// `x <- t - x` of the oldest window's targets, scaled; NaN where nothing was measured. `of_equations` is what equations say of
+    /// them, where the model adds to these.
+    pub(super) fn subtract_from_targets(&self, model: &Direct, of_equations: &[f64], x: &mut [f64]) {
         let Window { n, p, .. } = self.window;
         let s = &model.scaling;
         for (i, (x, y)) in x.iter_mut().zip(&self.measured).enumerate() {
             let c = i % n;
-            let base = if model.hold { self.outputs[(p - 1) * n + c] } else { s.output_mean[c] };
+            let base = match model.base {
+                Base::Nothing => s.output_mean[c],
+                Base::Hold => self.outputs[(p - 1) * n + c],
+                Base::Equations(_) => of_equations[i],
+            };
             *x = (y - base) / s.correction_scale[c] - *x;
         }
     }
@@ -101,18 +120,20 @@ impl Windows {
     }
 
     pub(super) fn memory_len(&self) -> usize {
-        self.outputs.len() + self.commands.len() + self.measured.len() + self.inflation.len() + 1
+        let parts = [&self.outputs, &self.commands, &self.measured, &self.inflation, &self.memory];
+        parts.into_iter().map(Vec::len).sum::<usize>() + 1
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
-        for numbers in [&self.outputs, &self.commands, &self.measured, &self.inflation] {
+        for numbers in [&self.outputs, &self.commands, &self.measured, &self.inflation, &self.memory] {
             into.numbers(numbers);
         }
         into.flag(self.open);
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        for numbers in [&mut self.outputs, &mut self.commands, &mut self.measured, &mut self.inflation] {
+        let Self { outputs, commands, measured, inflation, memory, .. } = self;
+        for numbers in [outputs, commands, measured, inflation, memory] {
             from.numbers(numbers);
         }
         self.open = from.flag();

@@ -42,7 +42,7 @@ impl Room {
                 recurrent::SideBySide::new(session, sequences).map(|room| Kind::Recurrent(Box::new(room)))
             }
             Source::Direct(session) => {
-                Some(Kind::Direct(Box::new(direct::SideBySide::new(session, sequences))))
+                direct::SideBySide::new(session, sequences).map(|room| Kind::Direct(Box::new(room)))
             }
             Source::Guarded(guarded) => {
                 Some(Kind::Guarded(Box::new(guarded.models().map(|model| Self::new(model, sequences)))))

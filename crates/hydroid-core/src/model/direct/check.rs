@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::model::Direct;
-use crate::model::recurrent::{NetworkError, Part, RecurrentError};
+use crate::model::recurrent::{Base, NetworkError, Part, RecurrentError};
 
 /// Why a direct predictor cannot be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,6 +84,12 @@ impl Direct {
             (Part::CorrectionScale, &scaling.correction_scale, n),
         ] {
             part.check(numbers, expected).map_err(DirectError::Numbers)?;
+        }
+        if let Base::Equations(equations) = &self.base
+            && (equations.inputs(), equations.outputs()) != (m, n)
+        {
+            let equations = (equations.inputs(), equations.outputs());
+            return Err(DirectError::Numbers(RecurrentError::Equations { equations, model: (m, n) }));
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! A window through a direct predictor, and rollouts that chain windows.
 
+use super::below::Below;
 use super::model::Direct;
 use super::through::Through;
 use super::window::Window;
@@ -7,7 +8,7 @@ use super::window::Window;
 impl Through {
     /// Numbers that a rollout needs.
     pub(super) fn scratch(&self, model: &Direct) -> usize {
-        model.network.inputs + model.network.outputs + self.hidden()
+        model.network.inputs + model.network.outputs + self.hidden() + Below::scratch(model)
     }
 
     /// What the last layer reads of a window: outputs, commands that have passed, commands to come; of those that are not given
@@ -32,36 +33,43 @@ impl Through {
         self.look(&model.weights, x, hidden, into);
     }
 
-    /// Predictions from a past in its own units, under commands, into `y`: as many steps as it has rows.
+    /// Predictions from a past in its own units, and from what equations remember of it, under commands, into `y`: as many steps
+    /// as it has rows.
     pub(super) fn roll(
         &self,
         (model, read_out): (&Direct, &[f64]),
-        past: &[f64],
+        (past, memory): (&[f64], &[f64]),
         commands: &[f64],
         scratch: &mut [f64],
         y: &mut [f64],
     ) {
         let w = Window::of(model);
         let (x, rest) = scratch.split_at_mut(model.network.inputs);
-        let (hidden, g) = rest.split_at_mut(self.hidden());
+        let (hidden, rest) = rest.split_at_mut(self.hidden());
+        let (g, rest) = rest.split_at_mut(model.network.outputs);
         w.scale_past(model, past, x);
+        let mut below = Below::begin(model, &past[(w.p - 1) * w.n..w.p * w.n], memory, rest);
+        let total = y.len() / w.n;
         let blocks = y.chunks_mut(w.h * w.n);
         let mut first = 0;
         for y in blocks {
             let steps = y.len() / w.n;
-            w.give(x, scaled(model, &commands[first * w.m..(first + steps) * w.m]));
+            let given = &commands[first * w.m..(first + steps) * w.m];
+            w.give(x, scaled(model, given));
             let g = &mut g[..y.len()];
             self.evaluate([&model.weights, read_out], x, hidden, g);
+            below.roll(given, y);
             let present = &x[(w.p - 1) * w.n..w.p * w.n];
             for (i, (y, g)) in y.iter_mut().zip(&*g).enumerate() {
-                *y = model.output_of(i % w.n, present[i % w.n], *g);
+                *y = model.output_of(i % w.n, present[i % w.n], *y, *g);
             }
             first += steps;
-            if steps == w.h {
+            if first < total {
                 for (i, (g, &y)) in g.iter_mut().zip(&*y).enumerate() {
                     *g = model.scaled_output(i % w.n, y);
                 }
                 w.pass(x, g);
+                below.pass(given, y);
             }
         }
     }

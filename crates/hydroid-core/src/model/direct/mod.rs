@@ -2,6 +2,7 @@
 //! horizon at once; one window at a time in a [`DirectSession`], many side by side in a [`Batch`].
 
 mod batch;
+mod below;
 mod check;
 mod forward;
 mod model;

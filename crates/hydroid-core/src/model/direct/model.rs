@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::perceptron::Perceptron;
-use crate::model::recurrent::Scaling;
+use crate::model::recurrent::{Base, Scaling};
 
 /// A direct predictor: all outputs of a horizon of `H` samples at once, from a history of `p` samples and the commands of
 /// both.
@@ -14,9 +14,12 @@ use crate::model::recurrent::Scaling;
 /// ```text
 /// x       = [z_{k-p+1} .. z_k   m_{k-p+1} .. m_{k-1}   m_k .. m_{k+H-1}]       p n + (p - 1 + H) m numbers
 /// g       = f(x)                                                               H n numbers, step by step
-/// y_{k+j} = b + correction_scale . g_j,   j = 1 .. H
-/// b       = output_mean, or y_k where it holds
+/// y_{k+j} = b_j + correction_scale . g_j, j = 1 .. H
+/// b_j     = output_mean (nothing), y_k (hold), or e_{k+j} (equations)
 /// ```
+///
+/// where `e_{k+1} .. e_{k+H}` is the rollout of the equations from `y_k` under `m_k ..`, with what they remember (lags, past
+/// values) walked along all samples before.
 ///
 /// (Thesis, eq. 13-17: `p = 4`, `H = 20`, `n = 3`, `m = 2`, layers 58-256-256-256-60.) Every step has weights of its own and
 /// none is made from the one before it: an error of the first step does not grow into the last.
@@ -35,8 +38,8 @@ pub struct Direct {
     pub history: usize,
     /// Samples that it predicts at once: `H`.
     pub horizon: usize,
-    /// Whether it gives differences to the present outputs, and not the outputs themselves.
-    pub hold: bool,
+    /// What it adds to: nothing (it gives the outputs themselves), the present outputs, or a rollout of equations.
+    pub base: Base,
 }
 
 impl Direct {
@@ -58,11 +61,15 @@ impl Direct {
         (c - self.scaling.input_mean[input]) / self.scaling.input_scale[input]
     }
 
-    /// An output from what the network gives, and from the present output, scaled.
-    pub(super) fn output_of(&self, output: usize, present: f64, g: f64) -> f64 {
+    /// An output from what the network gives, from the present output, scaled, and from what equations say of it.
+    pub(super) fn output_of(&self, output: usize, present: f64, of_equations: f64, g: f64) -> f64 {
         let s = &self.scaling;
-        let base = if self.hold { present * s.output_scale[output] } else { 0.0 };
-        s.output_mean[output] + base + s.correction_scale[output] * g
+        let base = match self.base {
+            Base::Nothing => s.output_mean[output],
+            Base::Hold => s.output_mean[output] + present * s.output_scale[output],
+            Base::Equations(_) => of_equations,
+        };
+        base + s.correction_scale[output] * g
     }
 
     /// Number of inputs: `m`.

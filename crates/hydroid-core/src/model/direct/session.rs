@@ -5,6 +5,7 @@ use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::below::Below;
 use super::check::DirectError;
 use super::model::Direct;
 use super::through::Through;
@@ -14,10 +15,11 @@ use crate::predict::{Predictor, Source, Workspace, rollout_steps};
 /// A run of a [`Direct`] model. A measurement replaces the present output; what is not measured is predicted.
 ///
 /// At the start of a run nothing is known of the past: a value that is measured for the first time stands for those before
-/// it, and until as many commands have passed as the history has, values wait as they were measured and rollouts are NaN.
+/// it, and until as many commands have passed as the history has, values wait as they were measured and rollouts are NaN. So
+/// they do on equations as long as a past value that these ask for is not known.
 ///
 /// The snapshot is what it remembers: `history` rows of outputs, the present one last, then `history - 1` rows of commands;
-/// behind these, the read-out of a session that has one of its own.
+/// behind these what its equations remember, and the read-out of a session that has one of its own.
 #[derive(Clone, Debug)]
 pub struct DirectSession {
     model: Arc<Direct>,
@@ -25,6 +27,9 @@ pub struct DirectSession {
     window: Window,
     /// Outputs and commands that have passed, in their own units.
     past: Vec<f64>,
+    /// State of the equations, as they move it: outputs of no meaning, then what they remember of the samples before the
+    /// present one. Empty without equations.
+    below: Vec<f64>,
     /// Weights of the last layer that take the place of the model's, in their layout; none where these serve.
     own: Vec<f64>,
     scratch: Vec<f64>,
@@ -44,6 +49,7 @@ impl DirectSession {
         let scratch = vec![0.0; through.scratch(&model)];
         Ok(Self {
             past: vec![f64::NAN; window.past()],
+            below: vec![f64::NAN; model.below()],
             own: Vec::new(),
             next: vec![0.0; window.n],
             model,
@@ -90,6 +96,23 @@ impl DirectSession {
         self.past.split_at(self.window.outputs())
     }
 
+    /// What its equations remember of the samples before the present one; nothing without equations.
+    pub(crate) fn memory(&self) -> &[f64] {
+        self.below.get(self.window.n..).unwrap_or_default()
+    }
+
+    /// What equations say of the horizon of a window that ended at these outputs, with what they remembered then, under the
+    /// commands that came; without equations `into` stays as it is.
+    pub(crate) fn of_equations(
+        &mut self,
+        present: &[f64],
+        memory: &[f64],
+        commands: &[f64],
+        into: &mut [f64],
+    ) {
+        Below::begin(&self.model, present, memory, &mut self.scratch).roll(commands, into);
+    }
+
     /// How many numbers the last layer reads.
     pub(crate) fn features(&self) -> usize {
         self.through.features()
@@ -128,11 +151,12 @@ impl Predictor for DirectSession {
     }
 
     fn warm_up(&self) -> usize {
-        self.window.p
+        self.window.p.max(self.model.equations().map_or(0, |equations| equations.warm_up()))
     }
 
     fn reset(&mut self) {
         self.past.fill(f64::NAN);
+        self.below.fill(f64::NAN);
     }
 
     fn observe(&mut self, y: &[f64]) {
@@ -155,9 +179,19 @@ impl Predictor for DirectSession {
         let Window { n, p, .. } = self.window;
         self.next.copy_from_slice(&self.past[(p - 1) * n..p * n]);
         if !self.is_waiting() {
-            let Self { model, through, past, own, scratch, next, .. } = self;
+            let Self { model, through, past, below, own, scratch, next, .. } = self;
             let read_out = if own.is_empty() { through.read_out(&model.weights) } else { own };
-            through.roll((model, read_out), past, c, scratch, next);
+            let memory = below.get(n..).unwrap_or_default();
+            through.roll((model, read_out), (past, memory), c, scratch, next);
+        }
+        if let Some(equations) = self.model.equations() {
+            let present = &self.past[(p - 1) * n..p * n];
+            // Of a past that is not known, or from where they run away, equations say nothing that could be a history.
+            if !self.next.iter().all(|y| y.is_finite()) {
+                self.next.copy_from_slice(present);
+            }
+            self.below[..n].copy_from_slice(present);
+            equations.wait(&mut self.below, c, &mut self.scratch);
         }
         let (outputs, commands) = self.past.split_at_mut(p * n);
         push(outputs, &self.next);
@@ -172,22 +206,28 @@ impl Predictor for DirectSession {
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         rollout_steps(commands, self.window.m, y, self.window.n);
         let scratch = work.take(self.scratch.len());
-        self.through.roll((&self.model, self.read_out()), &self.past, commands, scratch, y);
+        self.through.roll((&self.model, self.read_out()), (&self.past, self.memory()), commands, scratch, y);
     }
 
     fn snapshot_len(&self) -> usize {
-        self.past.len() + self.own.len()
+        self.past.len() + self.memory().len() + self.own.len()
     }
 
     fn snapshot(&self, into: &mut [f64]) {
-        let (past, own) = into.split_at_mut(self.past.len());
+        let (past, rest) = into.split_at_mut(self.past.len());
+        let (memory, own) = rest.split_at_mut(self.memory().len());
         past.copy_from_slice(&self.past);
+        memory.copy_from_slice(self.memory());
         own.copy_from_slice(&self.own);
     }
 
     fn restore(&mut self, from: &[f64]) {
-        let (past, own) = from.split_at(self.past.len());
+        let (past, rest) = from.split_at(self.past.len());
+        let (memory, own) = rest.split_at(self.memory().len());
         self.past.copy_from_slice(past);
+        if let Some(into) = self.below.get_mut(self.window.n..) {
+            into.copy_from_slice(memory);
+        }
         self.own.copy_from_slice(own);
     }
 

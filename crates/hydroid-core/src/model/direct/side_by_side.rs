@@ -8,6 +8,7 @@ use super::batch::Batch;
 use super::model::Direct;
 use super::session::DirectSession;
 use super::window::Window;
+use crate::model::sparse;
 
 /// Scratch memory for rollouts of one session from its past under many command sequences at once: the weights, hundreds of
 /// kilobytes, are read once for all of them.
@@ -20,6 +21,10 @@ pub struct SideBySide {
     weights: Vec<f64>,
     window: Window,
     batch: Batch<f64>,
+    /// Of the equations that it adds to.
+    equations: Option<sparse::SideBySide>,
+    /// Their state: the present outputs, then what they remember.
+    below: Vec<f64>,
     /// What has passed, scaled: the first part of what the network reads.
     past: Vec<f64>,
     /// What the network reads, a row for each sequence.
@@ -29,13 +34,20 @@ pub struct SideBySide {
 }
 
 impl SideBySide {
-    /// Room for so many sequences of sessions of this model.
-    pub fn new(session: &DirectSession, sequences: usize) -> Self {
+    /// Room for so many sequences of sessions of this model; none over equations with past values, which roll out one by
+    /// one.
+    pub fn new(session: &DirectSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
+        let equations = match model.equations() {
+            Some(equations) => Some(sparse::SideBySide::new(equations, sequences)?),
+            None => None,
+        };
         let window = Window::of(&model);
         let mut room = Self {
             window,
             batch: Batch::new(&model.network, sequences),
+            equations,
+            below: vec![0.0; model.below()],
             past: vec![0.0; window.past()],
             windows: vec![0.0; sequences * model.network.inputs],
             predicted: vec![0.0; model.network.outputs],
@@ -43,7 +55,7 @@ impl SideBySide {
             model,
         };
         room.begin(session);
-        room
+        Some(room)
     }
 
     /// Takes past and read-out of a session as the moment that rollouts begin from, without allocating; false for a session of another
@@ -53,7 +65,12 @@ impl SideBySide {
         if !Arc::ptr_eq(model, &self.model) && **model != *self.model {
             return false;
         }
+        let Window { n, p, .. } = self.window;
         self.window.scale_past(&self.model, session.whole_past(), &mut self.past);
+        if !self.below.is_empty() {
+            self.below[..n].copy_from_slice(&session.whole_past()[(p - 1) * n..p * n]);
+            self.below[n..].copy_from_slice(session.memory());
+        }
         let read_out = session.read_out();
         let from = self.weights.len() - read_out.len();
         self.weights[from..].copy_from_slice(read_out);
@@ -65,7 +82,7 @@ impl SideBySide {
     /// # Panics
     /// If there are more than room for, or the slices have not whole sequences of the same number of steps.
     pub fn rollout(&mut self, count: usize, commands: &[f64], y: &mut [f64]) {
-        let Self { model, weights, window: w, batch, past, windows, predicted } = self;
+        let Self { model, weights, window: w, batch, equations, below, past, windows, predicted } = self;
         let (n, m, reads) = (w.n, w.m, model.network.inputs);
         batch.set_windows(count);
         let lanes = batch.lanes();
@@ -74,9 +91,21 @@ impl SideBySide {
         for x in windows[..count * reads].chunks_exact_mut(reads) {
             x[..past.len()].copy_from_slice(past);
         }
+        if let Some(equations) = equations {
+            equations.begin(below, count);
+        }
         let mut first = 0;
         while first < steps {
             let here = w.h.min(steps - first);
+            if let (Some(room), Some(equations)) = (equations.as_mut(), model.equations()) {
+                for step in first..first + here {
+                    room.step(equations, count, |i, j| commands[(i * steps + step) * m + j]);
+                    let rows = room.outputs_mut(n, count).chunks_exact(count);
+                    for (c, row) in rows.enumerate() {
+                        row.iter().enumerate().for_each(|(i, &e)| y[(i * steps + step) * n + c] = e);
+                    }
+                }
+            }
             for (i, x) in windows[..count * reads].chunks_exact_mut(reads).enumerate() {
                 let given = &commands[(i * steps + first) * m..][..here * m];
                 w.give(x, given.iter().enumerate().map(|(k, &c)| model.scaled_command(k % m, c)));
@@ -90,9 +119,9 @@ impl SideBySide {
                 let present = &x[(w.p - 1) * n..w.p * n];
                 let given = batch.output().iter().skip(i).step_by(lanes);
                 for (k, (y, &g)) in y.iter_mut().zip(given).enumerate() {
-                    *y = model.output_of(k % n, present[k % n], g);
+                    *y = model.output_of(k % n, present[k % n], *y, g);
                 }
-                if here == w.h {
+                if first + here < steps {
                     for (k, (z, &y)) in predicted.iter_mut().zip(&*y).enumerate() {
                         *z = model.scaled_output(k % n, y);
                     }
@@ -100,6 +129,12 @@ impl SideBySide {
                 }
             }
             first += here;
+            if let Some(room) = equations {
+                // The next horizon begins from what was predicted; lags hear of commands alone.
+                for (c, row) in room.outputs_mut(n, count).chunks_exact_mut(count).enumerate() {
+                    row.iter_mut().enumerate().for_each(|(i, now)| *now = y[(i * steps + first - 1) * n + c]);
+                }
+            }
         }
     }
 }

@@ -13,7 +13,8 @@ pub enum Base {
     Nothing,
     /// The present outputs: it gives their increments.
     Hold,
-    /// Equations of motion: it gives what they miss over one sample (a grey box).
+    /// Equations of motion: it gives what they miss (a grey box), over one sample, or, of a direct predictor, over each sample
+    /// of its horizon.
     Equations(Arc<Equations>),
 }
 

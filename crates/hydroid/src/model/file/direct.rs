@@ -1,13 +1,15 @@
-//! Direct predictors in a file: one tensor for each of PyTorch's, under its name, and the members of an ensemble.
+//! Direct predictors in a file: one tensor for each of PyTorch's, under its name, `coefficients` of the equations that one
+//! adds to, and the members of an ensemble.
 
 use std::sync::Arc;
 
 use hydroid_core::model::direct::{Direct, Perceptron};
-use hydroid_core::model::recurrent::Scaling;
+use hydroid_core::model::recurrent::{Base, Scaling};
 use safetensors::tensor::SafeTensors;
 use serde::{Deserialize, Serialize};
 
 use super::super::{Body, Description, Model};
+use super::equations::{self, Library};
 use super::members;
 use super::recurrent::ScalingFields;
 use super::tensors::{Written, weights, write};
@@ -22,6 +24,9 @@ pub(super) struct Structure {
     history: usize,
     horizon: usize,
     hold: bool,
+    /// The equations that it adds to; then it does not hold.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    equations: Option<Library>,
 }
 
 impl Structure {
@@ -36,13 +41,16 @@ impl Structure {
             tensors.push(write(&tensor.name, tensor.shape(), values));
         }
         tensors.extend(members::write(&model.members)?);
-        let Direct { network, scaling, history, horizon, hold, .. } = direct.clone();
-        Ok((Self { network, scaling, history, horizon, hold }, tensors))
+        tensors.extend(direct.equations().map(|of| equations::coefficients(of)));
+        let equations = direct.equations().map(|of| Library::of(of));
+        let hold = direct.base == Base::Hold;
+        let Direct { network, scaling, history, horizon, .. } = direct.clone();
+        Ok((Self { network, scaling, history, horizon, hold, equations }, tensors))
     }
 
     /// The model, with its numbers from the file.
     pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
-        let Self { network, scaling, history, horizon, hold } = self;
+        let Self { network, scaling, history, horizon, hold, equations } = self;
         // Sizes come before whatever is made from them.
         network.check().map_err(|error| error.to_string())?;
         if !(description.dt.is_finite() && description.dt > 0.0) {
@@ -50,7 +58,15 @@ impl Structure {
         }
         let weights = weights(&network.tensors(), tensors)?;
         let members = members::read(tensors, weights.len())?;
-        let direct = Direct { network, weights, scaling, history, horizon, hold };
+        let base = match (hold, equations) {
+            (false, None) => Base::Nothing,
+            (true, None) => Base::Hold,
+            (false, Some(terms)) => Base::Equations(Arc::new(terms.read(tensors, &description)?)),
+            (true, Some(_)) => {
+                return Err(String::from("it adds both to the present outputs and to equations"));
+            }
+        };
+        let direct = Direct { network, weights, scaling, history, horizon, base };
         direct.check().map_err(|error| error.to_string())?;
         let (outputs, inputs) = (description.outputs.len(), description.inputs.len());
         if (direct.outputs(), direct.inputs()) != (outputs, inputs) {

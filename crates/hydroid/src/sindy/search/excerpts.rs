@@ -5,9 +5,11 @@ use crate::log::Trajectory;
 /// Samples of the training runs that take part in the score; more change no choice.
 const EXCERPT_SAMPLES: usize = 15_000;
 
-/// The training runs, or evenly spread parts of at most three horizons each where they are long together.
-pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize) -> Vec<Trajectory> {
-    let length = 3 * horizon + 1;
+/// The training runs, or evenly spread parts of at most three horizons each where they are long together; behind a warm-up where
+/// three horizons have no room for that and a prediction: nothing could be judged on them.
+pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize, warm_up: usize) -> Vec<Trajectory> {
+    let three = 3 * horizon + 1;
+    let length = if warm_up + horizon <= three { three } else { warm_up + three };
     let runs: Vec<&&Trajectory> = runs.iter().filter(|run| run.len() > horizon).collect();
     let total: usize = runs.iter().map(|run| run.len()).sum();
     if total <= EXCERPT_SAMPLES.max(2 * length) {
@@ -41,7 +43,7 @@ mod tests {
 
     fn lengths(samples: usize, runs: usize) -> Vec<usize> {
         let runs: Vec<Trajectory> = (0..runs).map(|_| run(samples)).collect();
-        excerpts(&runs.iter().collect::<Vec<_>>(), 100).iter().map(Trajectory::len).collect()
+        excerpts(&runs.iter().collect::<Vec<_>>(), 100, 71).iter().map(Trajectory::len).collect()
     }
 
     #[test]
@@ -51,6 +53,8 @@ mod tests {
         let long = lengths(72_000, 1);
         assert_eq!((long.len(), long[0]), (49, 301));
         // A log that gaps cut into pieces shorter than three horizons once had no excerpts at all.
+        let short = excerpts(&[&run(72_000)], 20, 71);
+        assert!(short.iter().all(|part| part.len() == 132), "a lag that settles in 7 s, a horizon of 2 s");
         let cut = lengths(200, 2_000);
         assert!(cut.iter().all(|&n| n == 200) && (20..=49).contains(&cut.len()), "{}", cut.len());
     }

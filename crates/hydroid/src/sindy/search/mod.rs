@@ -200,7 +200,7 @@ pub fn search(
     progress: Progress<'_>,
 ) -> Result<Found, SearchError> {
     let run = training.first().ok_or(SearchError::Empty)?;
-    let excerpts = excerpts::excerpts(training, judge.options.horizon);
+    let excerpts = excerpts::excerpts(training, judge.options.horizon, grid.warm_up(run));
     let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
     let mut bench = Bench { judge, excerpts: &excerpts, variables: Variables::of(run), tried: Vec::new() };
     let mut refusal = None;
