@@ -118,6 +118,9 @@ pub struct HelmArgs {
     /// cem: iterations (default: 5)
     #[arg(long, value_name = "N")]
     pub iterations: Option<usize>,
+    /// cem: Gauss-Newton steps from the best candidate; 0 for what was drawn alone (default: 2)
+    #[arg(long, value_name = "N")]
+    pub descents: Option<usize>,
     /// cem: prices of a metre, a radian, and 1 m/s (default: 1,0.2,0.2)
     #[arg(long, value_name = "M,RAD,M_S")]
     pub prices: Option<super::values::Triple>,

@@ -131,6 +131,7 @@ pub(super) fn check_meant(args: &Control) -> anyhow::Result<()> {
         ("--horizon", given.horizon.is_some(), ControllerKind::Cem, "cem"),
         ("--candidates", given.candidates.is_some(), ControllerKind::Cem, "cem"),
         ("--iterations", given.iterations.is_some(), ControllerKind::Cem, "cem"),
+        ("--descents", given.descents.is_some(), ControllerKind::Cem, "cem"),
         ("--prices", given.prices.is_some(), ControllerKind::Cem, "cem"),
         ("--plan-time", given.plan_time.is_some(), ControllerKind::Cem, "cem"),
     ] {
@@ -184,6 +185,7 @@ pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Res
         candidates,
         elites: (candidates / 10).max(2),
         iterations: given.iterations.unwrap_or(usual.iterations),
+        descents: given.descents.unwrap_or(usual.descents),
         ..usual
     };
     [steering.cost.position, steering.cost.heading, steering.cost.speed] = prices(given);
@@ -236,6 +238,7 @@ pub(super) fn told(args: &Control, steering: &Steering) -> Value {
             told["horizon"] = json!(p.horizon);
             told["candidates"] = json!(p.candidates);
             told["iterations"] = json!(p.iterations);
+            told["descents"] = json!(p.descents);
             told["prices"] = json!(prices(&args.helm));
         }
         Kind::Autopilot => {}
