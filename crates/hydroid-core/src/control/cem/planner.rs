@@ -33,18 +33,21 @@ const CHUNK: usize = Room::AT_A_TIME;
 ///
 /// Among the candidates are always the mean itself and the best of all so far; what is commanded is the first row of the
 /// best. The next sample starts from that plan, shifted by one sample with its last row repeated, and from the first
-/// deviations.
+/// deviations. From the best of the last iteration `descents` Gauss-Newton steps go on downhill (derivatives by differences,
+/// damped, within limits): what was drawn is near an optimum, and noisy.
 ///
 /// Source: R. Y. Rubinstein and D. P. Kroese, *The Cross-Entropy Method*, 2004; P.-T. de Boer et al., *A tutorial on the
 /// cross-entropy method*, 2005 (smoothing); C. Pinneri et al., *Sample-efficient cross-entropy method for real-time
 /// planning*, 2020 (coloured noise, elites that are kept, shifted plans); Y. Yang et al., *Data efficient reinforcement
-/// learning for legged robots*, 2019 (on learned multi-step dynamics).
+/// learning for legged robots*, 2019 (on learned multi-step dynamics); H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive
+/// control via cross-entropy and gradient-based optimization*, 2020 (steps downhill from what was drawn).
 ///
 /// # Time
 ///
 /// A caller with a clock gives `stop`, which is asked after every 64 candidates and ends the search; the best plan so far
 /// counts, and the shifted one at the least. Without it a plan is `candidates x horizon x iterations` predicted samples.
-/// What is drawn depends on the seed and on nothing else; a search that a clock ends depends on the clock.
+/// What is drawn depends on the seed and on nothing else; a search that a clock ends depends on the clock, and has no steps
+/// downhill. Each of these is `horizon x inputs + 9` candidates.
 ///
 /// # When it fails
 ///
