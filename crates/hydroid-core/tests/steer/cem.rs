@@ -112,7 +112,9 @@ fn the_plan_is_the_optimum_of_a_linear_vessel() {
     for seed in 0..3 {
         let (few, many) = (cost(5, 0, seed), cost(40, 0, seed));
         let (once, twice) = (cost(1, 1, seed), cost(1, 2, seed));
-        println!("optimum {best:.4}, 5 iterations {few:.4}, 40 {many:.4}; 1 and a step {once:.6}, two {twice:.6}");
+        println!(
+            "optimum {best:.4}, 5 iterations {few:.4}, 40 {many:.4}; 1 and a step {once:.6}, two {twice:.6}"
+        );
         let rounding = 1.0 - 1e-9;
         assert!([few, many, once, twice].iter().all(|cost| *cost >= rounding * best), "nothing is better");
         assert!(few < 1.7 * best && many < 1.02 * best);

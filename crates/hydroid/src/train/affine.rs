@@ -156,9 +156,15 @@ impl<T: Scalar> Affine<T> {
             }
             if k < self.settle {
                 let gain = self.gain;
-                measured(&self.windows, runs, (self.shape.outputs, self.lanes), self.settle - 1 - k, |at, value| {
-                    next[at] += gain * (value - next[at]);
-                });
+                measured(
+                    &self.windows,
+                    runs,
+                    (self.shape.outputs, self.lanes),
+                    self.settle - 1 - k,
+                    |at, value| {
+                        next[at] += gain * (value - next[at]);
+                    },
+                );
             }
         }
     }

@@ -128,7 +128,8 @@ fn net(job: &Job<'_>, settings: &Settings) -> Result<(Net, usize, usize), TrainE
         let units = efforts.map(size).collect();
         let wash_out = samples(job, settings.wash_out_s, WASH_OUT);
         let (most, share) = SETTLE;
-        let settle = settings.settle_s.map_or(most.min(wash_out / share), |_| samples(job, settings.settle_s, (1, 1)));
+        let settle =
+            settings.settle_s.map_or(most.min(wash_out / share), |_| samples(job, settings.settle_s, (1, 1)));
         if settle > wash_out {
             let value = format!("{settle} samples");
             let needed = "no longer than wash_out_s: it is the end of the wash-out";

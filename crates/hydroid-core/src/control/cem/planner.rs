@@ -280,7 +280,14 @@ impl Planner {
                 return;
             }
             plan.iterations += 1;
-            learn(&self.settings, &self.limits, &self.candidates, &self.costs, &mut self.order, [&mut self.mean, &mut self.deviation]);
+            learn(
+                &self.settings,
+                &self.limits,
+                &self.candidates,
+                &self.costs,
+                &mut self.order,
+                [&mut self.mean, &mut self.deviation],
+            );
             if stopped {
                 return;
             }
@@ -289,7 +296,8 @@ impl Planner {
             if !plan.cost.is_finite() {
                 return;
             }
-            let (tried, cost) = self.descent.step(model, &self.cost, &moment, (&mut self.plan, plan.cost), &mut self.y);
+            let (tried, cost) =
+                self.descent.step(model, &self.cost, &moment, (&mut self.plan, plan.cost), &mut self.y);
             plan.tried += tried;
             let better = cost < plan.cost;
             plan.cost = cost;
