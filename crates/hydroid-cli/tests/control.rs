@@ -100,6 +100,7 @@ fn what_was_identified_steers_by_every_law_and_learns() {
     let model = "out/sindy.safetensors";
     for rest in [
         "fl",
+        "fl --learned",
         "fl --adapt",
         "fl --adapt --learner kalman --no-guard",
         "backstepping",
@@ -190,6 +191,29 @@ fn networks_are_identified_and_steered_by() {
     let output = hydroid(at, "adapt out/direct.safetensors c.csv --forgetting 0.5");
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("at least 0.950 s are needed"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_correction_is_learned_under_way() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let sea = "--task lawn-mower --speed 1.5 --legs 2 --mass 1.2 --current 0,0.3 --seed 4 --json";
+    let of = |law: &str| told(at, &format!("control hydrofoil --controller {law} {sea}"), 0);
+    let (base, learned) = (of("fl"), of("fl --learned"));
+    let off = |report: &Value| report["rms_cross_track"].as_f64().unwrap();
+    assert!(off(&learned) < 0.8 * off(&base), "{} beside {}", off(&learned), off(&base));
+    let said = |report: &Value| report["controller"]["learned"].as_bool();
+    assert_eq!((said(&base), said(&learned)), (Some(false), Some(true)));
+    assert_eq!(timeless(of("fl --learned")), timeless(learned), "the same seed, the same voyage");
+    for (args, words) in [
+        ("control hydrofoil --controller backstepping --learned", "--learned is of --controller fl"),
+        ("control hydrofoil --controller fl --learned --adapt", "cannot be used with"),
+        ("control hydrofoil --controller fl --descents 3", "--descents is of --controller cem"),
+    ] {
+        let output = hydroid(at, args);
+        assert_eq!(output.status.code(), Some(2), "{args}");
+        assert!(text(&output.stderr).contains(words), "{args}: {}", text(&output.stderr));
+    }
 }
 
 #[test]

@@ -180,8 +180,9 @@ fn begin(session: &mut dyn Predictor) {
 
 fn plans(bencher: Bencher, model: &mut dyn Rollouts) {
     let limits = AffinePlant::limits(&VesselParams::hydrofoil());
-    let mut planner =
-        Planner::new(PlannerSettings::new(1), Cost::tracking(2), &limits, 3, 0.1, 5.0).expect("possible");
+    // What is drawn alone: steps downhill are 49 candidates each.
+    let settings = PlannerSettings { descents: 0, ..PlannerSettings::new(1) };
+    let mut planner = Planner::new(settings, Cost::tracking(2), &limits, 3, 0.1, 5.0).expect("possible");
     let path = Path::circle([0.0, 0.0], 20.0, Side::Starboard, 0.0).expect("a circle");
     let at = |k: u32| Reference::new(0.24 * f64::from(k), &path.at(0.24 * f64::from(k)), 2.4, 0.0);
     let references: Vec<Reference> = (1..=20).map(at).collect();

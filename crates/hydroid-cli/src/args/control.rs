@@ -103,6 +103,9 @@ pub struct HelmArgs {
     /// fl: natural frequency [rad/s] and damping of the error (default: 1.5,0.7)
     #[arg(long, value_name = "RAD_S,ZETA")]
     pub bandwidth: Option<Pair>,
+    /// fl: a small network around the law learns under way what its model misses, and is used while it foretells what happens
+    #[arg(long, conflicts_with = "adapt")]
+    pub learned: bool,
     /// backstepping: the rate of all its gains [1/s] (default: 1)
     #[arg(long, value_name = "PER_S", allow_negative_numbers = true)]
     pub rate: Option<f64>,
@@ -118,6 +121,9 @@ pub struct HelmArgs {
     /// cem: iterations (default: 5)
     #[arg(long, value_name = "N")]
     pub iterations: Option<usize>,
+    /// cem: Gauss-Newton steps from the best candidate; 0 for what was drawn alone (default: 2)
+    #[arg(long, value_name = "N")]
+    pub descents: Option<usize>,
     /// cem: prices of a metre, a radian, and 1 m/s (default: 1,0.2,0.2)
     #[arg(long, value_name = "M,RAD,M_S")]
     pub prices: Option<super::values::Triple>,
@@ -211,6 +217,7 @@ pub struct FleetArgs {
   hydroid control out/gru.safetensors --controller cem --adapt --task lawn-mower --speed 4 --turn-speed 1.8 --radius 15
   hydroid control --controller pid --task lawn-mower --speed 4 --turn-speed 1.8 --radius 15
   hydroid control hydrofoil --controller fl --mass 1.2 --current 0.2,-0.2 --gusts 10,5 --delay 0.2
+  hydroid control hydrofoil --controller fl --learned --mass 1.2 --current 0,0.3 --task lawn-mower
   hydroid control hydrofoil --controller fl --runs 1000 --json        current, wind and mass vary from run to run
   hydroid control hydrofoil-low-speed --controller cem --task waypoints --points '0,0;40,0;40,30' --radius 10
 

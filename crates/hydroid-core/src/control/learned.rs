@@ -199,6 +199,17 @@ impl<M: Affine> LearnedCorrection<M> {
         &self.base
     }
 
+    /// Lets the base's model change ([`FeedbackLinearization::update`]).
+    ///
+    /// # Errors
+    /// If a channel cannot be inverted any more: the model is what it was before, and so is the law.
+    pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
+    where
+        M: Clone,
+    {
+        self.base.update(change)
+    }
+
     /// Whether the correction is in use.
     pub fn is_used(&self) -> bool {
         self.saved > EVIDENCE * self.settings.noise * self.settings.noise

@@ -38,6 +38,8 @@ pub struct NetworkSettings {
     pub history_s: Option<f64>,
     /// Time over which a window compares predictions, or a direct predictor predicts at once \[s\].
     pub window_s: Option<f64>,
+    /// Time over which the state of a window of a control-affine network is drawn towards what is measured \[s\].
+    pub settle_s: Option<f64>,
     /// Passes over the training runs at the most.
     pub epochs: Option<usize>,
     /// Windows of one step of the optimizer.
@@ -80,6 +82,7 @@ impl NetworkSettings {
         into.wash_out_s = self.wash_out_s.or(into.wash_out_s);
         into.history_s = self.history_s.or(into.history_s);
         into.window_s = self.window_s.or(into.window_s);
+        into.settle_s = self.settle_s.or(into.settle_s);
         into.patience = self.patience.or(into.patience);
     }
 }

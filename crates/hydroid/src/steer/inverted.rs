@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hydroid_core::adapt::kalman::LearnablePlant;
 use hydroid_core::control::{
     Affine, AffineEquations, AffineNetwork, AffinePlant, Backstepping, Channel, ControlError, Controller,
-    Estimate, FeedbackLinearization, Motion, Status,
+    Estimate, FeedbackLinearization, LearnedCorrection, Motion, Status,
 };
 use hydroid_core::model::PlantModel;
 use hydroid_core::model::sparse::Equations;
@@ -114,6 +114,16 @@ pub(super) trait Inverting: Controller {
 impl Inverting for FeedbackLinearization<Invertible> {
     fn model(&self) -> &Invertible {
         self.model()
+    }
+
+    fn change(&mut self, change: &mut dyn FnMut(&mut Invertible)) -> Result<(), ControlError> {
+        self.update(change)
+    }
+}
+
+impl Inverting for LearnedCorrection<Invertible> {
+    fn model(&self) -> &Invertible {
+        self.base().model()
     }
 
     fn change(&mut self, change: &mut dyn FnMut(&mut Invertible)) -> Result<(), ControlError> {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use hydroid_core::control::cem::{Cost, Planner, PlannerSettings};
 use hydroid_core::control::{
     AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings, FeedbackLinearization,
-    FeedbackLinearizationSettings, Limits,
+    FeedbackLinearizationSettings, LearnedCorrection, LearnedCorrectionSettings, Limits,
 };
 use hydroid_core::vessel::VesselParams;
 use serde::Serialize;
@@ -68,6 +68,9 @@ pub struct Steering {
     pub timing: Timing,
     /// Gains of the feedback linearization: natural frequency \[rad/s\] and damping; none for its own.
     pub bandwidth: Option<[f64; 2]>,
+    /// Around the feedback linearization a network that learns under way what its model misses, its first weights drawn from
+    /// the seed of the voyage; none for the law as it is.
+    pub learned: Option<LearnedCorrectionSettings>,
     /// Rate of the backstepping \[1/s\]; none for its own.
     pub rate: Option<f64>,
     /// How plans are looked for; the seed is that of the voyage.
@@ -100,6 +103,7 @@ impl Steering {
             lead: if by_law { 1.5 } else { 0.0 },
             timing: if kind == Kind::Autopilot { Timing::Foot } else { Timing::Clock },
             bandwidth: None,
+            learned: None,
             rate: None,
             planner: PlannerSettings::new(0),
             cost: Cost::tracking(2),
@@ -137,7 +141,13 @@ impl Steering {
                     self.bandwidth.map_or(settings, |[omega, zeta]| settings.with_bandwidth(omega, zeta));
                 let inverse = Invertible::of(model, channels.motion, law)?;
                 let law = FeedbackLinearization::new(inverse, &self.limits, self.dt_s, settings)?;
-                self.inverted(law, channels, model, mind()?)
+                match self.learned {
+                    Some(learned) => {
+                        let law = LearnedCorrection::new(law, learned, seed)?;
+                        self.inverted(law, channels, model, mind()?)
+                    }
+                    None => self.inverted(law, channels, model, mind()?),
+                }
             }
             Kind::Backstepping => {
                 let settings = BacksteppingSettings {

@@ -52,6 +52,7 @@ mod fingerprint;
 mod init;
 mod judge;
 mod loss;
+mod mean;
 mod plan;
 mod random;
 mod refit;
@@ -216,7 +217,7 @@ pub struct Trained {
     /// Time that it took \[s\].
     pub seconds: f64,
     /// The best weights of each restart, where they were to be kept ([`Settings::ensemble`]); those of restarts that never
-    /// had any are missing.
+    /// had any are missing. None of a control-affine network, which is their mean.
     pub members: Vec<Vec<f64>>,
     /// What came of learning from the validation runs as well, where that was asked for. All other figures are of the
     /// training before.
@@ -360,8 +361,19 @@ fn finish<T: Scalar>(
             _ => clock.no_time(),
         });
     };
+    let kept = || team.members.iter().filter(|member| settings.ensemble && member.best_epoch > 0);
+    let of = |member: &team::Member<T>| plan.net.model(&member.best, &plan.scaling, plan.shape);
+    // Control-affine networks are averaged, others stay beside the best.
+    let averaged = settings.cell == CellKind::Affine && settings.ensemble;
+    let models: Vec<ControlAffine> = kept()
+        .filter(|_| averaged)
+        .filter_map(|member| match of(member) {
+            Learned::Affine(model) => Some(model),
+            Learned::Recurrent(_) | Learned::Direct(_) => None,
+        })
+        .collect();
     Ok(Trained {
-        model: plan.net.model(&member.best, &plan.scaling, plan.shape),
+        model: mean::mean(&models).map_or_else(|| of(member), Learned::Affine),
         history: member.history.clone(),
         restart,
         best_epoch: member.best_epoch,
@@ -372,10 +384,8 @@ fn finish<T: Scalar>(
         wash_out: plan.shape.wash_out,
         window: plan.shape.length,
         seconds: clock.seconds(),
-        members: team
-            .members
-            .iter()
-            .filter(|member| settings.ensemble && member.best_epoch > 0)
+        members: kept()
+            .filter(|_| !averaged)
             .map(|member| member.best.iter().map(|w| w.wide()).collect())
             .collect(),
         refit: None,

@@ -114,6 +114,10 @@ pub struct Settings {
     /// Time over which a window compares predictions \[s\]; 200 samples where not given, or a quarter of the longest
     /// run if that is less. Of a direct predictor it is the time that it predicts at once; 20 samples where not given.
     pub window_s: Option<f64>,
+    /// Time before its origin over which the state of a window of a control-affine network is drawn towards what is measured
+    /// \[s\]; 20 samples where not given, or half of the wash-out if that is less.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub settle_s: Option<f64>,
     /// Passes over the training runs at the most.
     pub epochs: usize,
     /// Windows of one step of the optimizer; fewer where runs are so short that an epoch would have less than 8 steps.
@@ -132,7 +136,8 @@ pub struct Settings {
     /// model has the last weights of that, unless it went wrong ([`Refit`](super::Refit)).
     pub refit: bool,
     /// Whether the best weights of every restart (of 50 at most) are kept beside the model's ([`Trained::members`](super::Trained)): other
-    /// numbers that the data allow as well. For direct predictors.
+    /// numbers that the data allow as well. For direct predictors; of a control-affine network the model is the mean of all
+    /// restarts.
     pub ensemble: bool,
     /// Seed of first weights and of the order of windows.
     pub seed: u64,
@@ -167,6 +172,7 @@ impl Default for Settings {
             wash_out_s: None,
             history_s: None,
             window_s: None,
+            settle_s: None,
             epochs: 500,
             batch: 32,
             learning_rate: 0.03,
@@ -248,6 +254,9 @@ impl Settings {
         if let Some(projection) = self.projection {
             return Err(setting("projection", &projection, "left out: only lstm has a projection"));
         }
+        if let Some(seconds) = self.settle_s {
+            return Err(setting("settle_s", &seconds, OF_AFFINE));
+        }
         if let Some(seconds) = self.wash_out_s {
             let needed = "left out: a direct predictor has history_s";
             return Err(setting("wash_out_s", &seconds, needed));
@@ -278,7 +287,6 @@ impl Settings {
             ("base", self.base != BaseKind::Nothing),
             ("projection", self.projection.is_some()),
             ("history_s", self.history_s.is_some()),
-            ("ensemble", self.ensemble),
         ] {
             if given {
                 return Err(setting(what, &"given", "left out: a control-affine network has none to choose"));
@@ -319,6 +327,9 @@ impl Settings {
             let what = if self.ensemble { "ensemble" } else { "history_s" };
             return Err(setting(what, &"given", "left out: it is for direct predictors"));
         }
+        if let Some(seconds) = self.settle_s {
+            return Err(setting("settle_s", &seconds, OF_AFFINE));
+        }
         if self.cell != CellKind::Rnn && self.layers.is_some_and(|layers| layers != 1) {
             let needed = "1 for lstm and gru: only rnn has layers";
             return Err(setting("layers", &self.layers.unwrap_or(0), needed));
@@ -346,6 +357,10 @@ impl Settings {
         if self.ensemble && self.restarts < 2 {
             return Err(setting("restarts", &self.restarts, "2 or more for an ensemble"));
         }
+        if self.ensemble && self.refit && self.cell == CellKind::Affine {
+            let needed = "false with an ensemble of control-affine networks: it trains one network again";
+            return Err(setting("refit", &true, needed));
+        }
         if self.patience == Some(0) {
             return Err(setting("patience", &0, "at least 1, or leave it out to train to the end"));
         }
@@ -372,6 +387,7 @@ impl Settings {
             ("wash_out_s", self.wash_out_s),
             ("history_s", self.history_s),
             ("window_s", self.window_s),
+            ("settle_s", self.settle_s),
             ("budget_s", self.budget_s),
         ] {
             if let Some(value) = value
@@ -398,6 +414,8 @@ impl Settings {
 
 /// History and horizon of a direct predictor where the settings say nothing \[samples\].
 const HISTORY: usize = 40;
+/// What is needed of a setting that control-affine networks have.
+const OF_AFFINE: &str = "left out: it is for control-affine networks";
 const HORIZON: usize = 20;
 
 fn setting(what: &'static str, value: &dyn Display, needed: &'static str) -> TrainError {

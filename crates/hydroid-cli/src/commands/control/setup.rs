@@ -6,6 +6,7 @@ use anyhow::{bail, ensure};
 use hydroid::adapt::{self, Method};
 use hydroid::model::Model;
 use hydroid::steer::{Conditions, Course, Kind, Pace, Scene, Spread, Steering, Task, Timing, Wind};
+use hydroid_core::control::LearnedCorrectionSettings;
 use hydroid_core::control::cem::PlannerSettings;
 use hydroid_core::vessel::VesselParams;
 use serde_json::{Value, json};
@@ -127,10 +128,12 @@ pub(super) fn check_meant(args: &Control) -> anyhow::Result<()> {
     let (given, kind) = (&args.helm, args.helm.controller);
     for (option, said, of, owner) in [
         ("--bandwidth", given.bandwidth.is_some(), ControllerKind::Fl, "fl"),
+        ("--learned", given.learned, ControllerKind::Fl, "fl"),
         ("--rate", given.rate.is_some(), ControllerKind::Backstepping, "backstepping"),
         ("--horizon", given.horizon.is_some(), ControllerKind::Cem, "cem"),
         ("--candidates", given.candidates.is_some(), ControllerKind::Cem, "cem"),
         ("--iterations", given.iterations.is_some(), ControllerKind::Cem, "cem"),
+        ("--descents", given.descents.is_some(), ControllerKind::Cem, "cem"),
         ("--prices", given.prices.is_some(), ControllerKind::Cem, "cem"),
         ("--plan-time", given.plan_time.is_some(), ControllerKind::Cem, "cem"),
     ] {
@@ -167,6 +170,7 @@ pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Res
         "--lead: pid brings the vessel's origin on the path; leave --lead out"
     );
     steering.bandwidth = Some(given.bandwidth.map_or([1.5, 0.7], |bandwidth| bandwidth.0));
+    steering.learned = given.learned.then(LearnedCorrectionSettings::default);
     steering.rate = Some(given.rate.unwrap_or(1.0));
     if let (Kind::CrossEntropy, Some(TimingKind::Foot)) = (kind, given.reference) {
         steering.timing = Timing::Foot;
@@ -184,6 +188,7 @@ pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Res
         candidates,
         elites: (candidates / 10).max(2),
         iterations: given.iterations.unwrap_or(usual.iterations),
+        descents: given.descents.unwrap_or(usual.descents),
         ..usual
     };
     [steering.cost.position, steering.cost.heading, steering.cost.speed] = prices(given);
@@ -229,13 +234,17 @@ pub(super) fn told(args: &Control, steering: &Steering) -> Value {
         "adapt": steering.adapt.is_some(),
     });
     match steering.kind {
-        Kind::FeedbackLinearization => told["bandwidth"] = json!(steering.bandwidth),
+        Kind::FeedbackLinearization => {
+            told["bandwidth"] = json!(steering.bandwidth);
+            told["learned"] = json!(steering.learned.is_some());
+        }
         Kind::Backstepping => told["rate_per_s"] = json!(steering.rate),
         Kind::CrossEntropy => {
             let p = &steering.planner;
             told["horizon"] = json!(p.horizon);
             told["candidates"] = json!(p.candidates);
             told["iterations"] = json!(p.iterations);
+            told["descents"] = json!(p.descents);
             told["prices"] = json!(prices(&args.helm));
         }
         Kind::Autopilot => {}
@@ -246,6 +255,9 @@ pub(super) fn told(args: &Control, steering: &Steering) -> Value {
 /// What the page says of controller, task and conditions.
 pub(super) fn facts(args: &Control, steering: &Steering, scene: &Scene) -> Vec<(String, String)> {
     let words = match steering.kind {
+        Kind::FeedbackLinearization if steering.learned.is_some() => {
+            "feedback linearization of a point ahead of the vessel, with a correction that is learned under way"
+        }
         Kind::FeedbackLinearization => "feedback linearization of a point ahead of the vessel",
         Kind::Backstepping => "backstepping of a point ahead of the vessel",
         Kind::CrossEntropy => "model predictive control by the cross-entropy method",

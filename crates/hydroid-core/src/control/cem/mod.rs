@@ -6,6 +6,7 @@
 //! learned until this sample.
 
 mod cost;
+mod descent;
 mod noise;
 mod planner;
 mod rollouts;

@@ -5,7 +5,8 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use super::cost::Cost;
+use super::cost::{Cost, Moment};
+use super::descent::Descent;
 use super::noise::Noise;
 use super::rollouts::Rollouts;
 use super::room::Room;
@@ -32,18 +33,21 @@ const CHUNK: usize = Room::AT_A_TIME;
 ///
 /// Among the candidates are always the mean itself and the best of all so far; what is commanded is the first row of the
 /// best. The next sample starts from that plan, shifted by one sample with its last row repeated, and from the first
-/// deviations.
+/// deviations. From the best of the last iteration `descents` Gauss-Newton steps go on downhill (derivatives by differences,
+/// damped, within limits): what was drawn is near an optimum, and noisy.
 ///
 /// Source: R. Y. Rubinstein and D. P. Kroese, *The Cross-Entropy Method*, 2004; P.-T. de Boer et al., *A tutorial on the
 /// cross-entropy method*, 2005 (smoothing); C. Pinneri et al., *Sample-efficient cross-entropy method for real-time
 /// planning*, 2020 (coloured noise, elites that are kept, shifted plans); Y. Yang et al., *Data efficient reinforcement
-/// learning for legged robots*, 2019 (on learned multi-step dynamics).
+/// learning for legged robots*, 2019 (on learned multi-step dynamics); H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive
+/// control via cross-entropy and gradient-based optimization*, 2020 (steps downhill from what was drawn).
 ///
 /// # Time
 ///
 /// A caller with a clock gives `stop`, which is asked after every 64 candidates and ends the search; the best plan so far
 /// counts, and the shifted one at the least. Without it a plan is `candidates x horizon x iterations` predicted samples.
-/// What is drawn depends on the seed and on nothing else; a search that a clock ends depends on the clock.
+/// What is drawn depends on the seed and on nothing else; a search that a clock ends depends on the clock, and has no steps
+/// downhill. Each of these is `horizon x inputs + 9` candidates.
 ///
 /// # When it fails
 ///
@@ -60,6 +64,7 @@ pub struct Planner {
     outputs: usize,
     correlation: f64,
     noise: Noise,
+    descent: Descent,
     /// Samples since it last knew where it was.
     blind: usize,
     last: Vec<f64>,
@@ -124,9 +129,11 @@ impl Planner {
         let len = settings.horizon * limits.len();
         let correlation =
             if settings.correlation_s > 0.0 { Float::exp(-dt / settings.correlation_s) } else { 0.0 };
+        let descent = Descent::new(&cost, settings.horizon, limits.len(), settings.descents > 0);
         let mut planner = Self {
             settings,
             cost,
+            descent,
             limits: limits.to_vec(),
             dt,
             tolerance,
@@ -236,9 +243,19 @@ impl Planner {
             let limits = &self.limits[k % inputs];
             *s = deviation * 0.5 * (limits.high - limits.low);
         }
-        let nu = [self.now[0], self.now[1], self.now[2]];
+        let moment = Moment {
+            pose,
+            nu: [self.now[0], self.now[1], self.now[2]],
+            outputs: self.outputs,
+            last: &self.last,
+            limits: &self.limits,
+            references,
+            dt: self.dt,
+        };
         for _ in 0..iterations {
-            self.draw(plan.cost.is_finite());
+            let known = plan.cost.is_finite();
+            let around = [&self.mean[..], &self.deviation, &self.plan];
+            draw(&mut self.noise, self.correlation, around, known, &moment, &mut self.candidates);
             let (mut first, mut stopped) = (0, false);
             while first < candidates && !stopped {
                 let count = CHUNK.min(candidates - first);
@@ -248,18 +265,7 @@ impl Planner {
                 model.rollouts(count, commands, y);
                 for k in 0..count {
                     let of = &commands[k * len..(k + 1) * len];
-                    let row = &y[k * rows..(k + 1) * rows];
-                    let cost = self.cost.of(
-                        pose,
-                        nu,
-                        row,
-                        self.outputs,
-                        of,
-                        &self.last,
-                        &self.limits,
-                        references,
-                        self.dt,
-                    );
+                    let cost = self.cost.of(&moment, &y[k * rows..(k + 1) * rows], of);
                     self.costs[first + k] = cost;
                     if cost < plan.cost {
                         plan.cost = cost;
@@ -274,61 +280,30 @@ impl Planner {
                 return;
             }
             plan.iterations += 1;
-            self.learn();
+            learn(
+                &self.settings,
+                &self.limits,
+                &self.candidates,
+                &self.costs,
+                &mut self.order,
+                [&mut self.mean, &mut self.deviation],
+            );
             if stopped {
                 return;
             }
         }
-    }
-
-    /// Candidates of an iteration: the mean, the best so far, and what is drawn around the mean.
-    fn draw(&mut self, known: bool) {
-        let (inputs, len) = (self.limits.len(), self.plan.len());
-        let fresh = Float::sqrt(1.0 - self.correlation * self.correlation);
-        for (index, candidate) in self.candidates.chunks_exact_mut(len).enumerate() {
-            if index == 0 {
-                candidate.copy_from_slice(&self.mean);
-            } else if index == 1 && known {
-                candidate.copy_from_slice(&self.plan);
-            } else {
-                for i in 0..inputs {
-                    let mut n = self.noise.normal();
-                    for at in (i..len).step_by(inputs) {
-                        candidate[at] = self.mean[at] + self.deviation[at] * n;
-                        n = self.correlation * n + fresh * self.noise.normal();
-                    }
-                }
+        for _ in 0..self.settings.descents {
+            if !plan.cost.is_finite() {
+                return;
             }
-            feasible(candidate, &self.last, &self.limits, self.dt);
-        }
-    }
-
-    /// Moves mean and deviations to the elites.
-    fn learn(&mut self) {
-        let (inputs, len) = (self.limits.len(), self.plan.len());
-        let PlannerSettings { elites, momentum, least_deviation, .. } = self.settings;
-        let costs = &self.costs;
-        // Equal costs in the order of the candidates: the same elites whatever the order was before.
-        let by_cost = |a: &usize, b: &usize| costs[*a].total_cmp(&costs[*b]).then(a.cmp(b));
-        self.order.select_nth_unstable_by(elites - 1, by_cost);
-        let best = &mut self.order[..elites];
-        best.sort_unstable();
-        // Candidates that blow up teach nothing.
-        let finite = best.iter().filter(|k| costs[**k].is_finite()).count();
-        if finite < 2 {
-            return;
-        }
-        best.sort_unstable_by_key(|k| (!costs[*k].is_finite(), *k));
-        let (best, elites) = (&self.order[..finite], finite);
-        for at in 0..len {
-            let value = |k: &usize| self.candidates[k * len + at];
-            let mean = best.iter().map(value).sum::<f64>() / elites as f64;
-            let square = best.iter().map(|k| (value(k) - mean) * (value(k) - mean)).sum::<f64>();
-            let limits = &self.limits[at % inputs];
-            let least = least_deviation * 0.5 * (limits.high - limits.low);
-            let deviation = Float::sqrt(square / elites as f64);
-            self.mean[at] = momentum * self.mean[at] + (1.0 - momentum) * mean;
-            self.deviation[at] = (momentum * self.deviation[at] + (1.0 - momentum) * deviation).max(least);
+            let (tried, cost) =
+                self.descent.step(model, &self.cost, &moment, (&mut self.plan, plan.cost), &mut self.y);
+            plan.tried += tried;
+            let better = cost < plan.cost;
+            plan.cost = cost;
+            if !better || stop() {
+                return;
+            }
         }
     }
 
@@ -355,7 +330,7 @@ impl Planner {
 }
 
 /// Brings a sequence within limits and, from the command before it on, within rate limits.
-fn feasible(sequence: &mut [f64], last: &[f64], limits: &[Limits], dt: f64) {
+pub(super) fn feasible(sequence: &mut [f64], last: &[f64], limits: &[Limits], dt: f64) {
     let inputs = limits.len();
     for (i, limits) in limits.iter().enumerate() {
         let (mut before, change) = (last[i], limits.rate * dt);
@@ -365,5 +340,68 @@ fn feasible(sequence: &mut [f64], last: &[f64], limits: &[Limits], dt: f64) {
             sequence[at] = sequence[at].clamp(low, high);
             before = sequence[at];
         }
+    }
+}
+
+/// Candidates of an iteration: the mean, the best so far, and what is drawn around the mean.
+fn draw(
+    noise: &mut Noise,
+    correlation: f64,
+    [mean, deviation, best]: [&[f64]; 3],
+    known: bool,
+    moment: &Moment<'_>,
+    candidates: &mut [f64],
+) {
+    let (inputs, len) = (moment.limits.len(), mean.len());
+    let fresh = Float::sqrt(1.0 - correlation * correlation);
+    for (index, candidate) in candidates.chunks_exact_mut(len).enumerate() {
+        if index == 0 {
+            candidate.copy_from_slice(mean);
+        } else if index == 1 && known {
+            candidate.copy_from_slice(best);
+        } else {
+            for i in 0..inputs {
+                let mut n = noise.normal();
+                for at in (i..len).step_by(inputs) {
+                    candidate[at] = mean[at] + deviation[at] * n;
+                    n = correlation * n + fresh * noise.normal();
+                }
+            }
+        }
+        feasible(candidate, moment.last, moment.limits, moment.dt);
+    }
+}
+
+/// Moves mean and deviations to the elites.
+fn learn(
+    settings: &PlannerSettings,
+    limits: &[Limits],
+    candidates: &[f64],
+    costs: &[f64],
+    order: &mut [usize],
+    [mean, deviation]: [&mut [f64]; 2],
+) {
+    let (inputs, len) = (limits.len(), mean.len());
+    let PlannerSettings { elites, momentum, least_deviation, .. } = *settings;
+    // Equal costs in the order of the candidates: the same elites whatever the order was before.
+    let by_cost = |a: &usize, b: &usize| costs[*a].total_cmp(&costs[*b]).then(a.cmp(b));
+    order.select_nth_unstable_by(elites - 1, by_cost);
+    let best = &mut order[..elites];
+    // Candidates that blow up teach nothing.
+    let finite = best.iter().filter(|k| costs[**k].is_finite()).count();
+    if finite < 2 {
+        return;
+    }
+    best.sort_unstable_by_key(|k| (!costs[*k].is_finite(), *k));
+    let best = &best[..finite];
+    for at in 0..len {
+        let value = |k: &usize| candidates[k * len + at];
+        let of_elites = best.iter().map(value).sum::<f64>() / finite as f64;
+        let square = best.iter().map(|k| (value(k) - of_elites) * (value(k) - of_elites)).sum::<f64>();
+        let limits = &limits[at % inputs];
+        let least = least_deviation * 0.5 * (limits.high - limits.low);
+        let spread = Float::sqrt(square / finite as f64);
+        mean[at] = momentum * mean[at] + (1.0 - momentum) * of_elites;
+        deviation[at] = (momentum * deviation[at] + (1.0 - momentum) * spread).max(least);
     }
 }

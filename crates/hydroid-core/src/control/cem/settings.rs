@@ -21,12 +21,14 @@ pub struct PlannerSettings {
     pub least_deviation: f64,
     /// Time in which drawn commands are correlated \[s\]: noise that changes its sign with every sample moves no vessel.
     pub correlation_s: f64,
+    /// Gauss-Newton steps from the best candidate at the most; 0 for what was drawn alone.
+    pub descents: usize,
     /// Seed of what is drawn.
     pub seed: u64,
 }
 
 impl PlannerSettings {
-    /// 20 samples ahead, 350 candidates, 35 elites, 5 iterations.
+    /// 20 samples ahead, 350 candidates, 35 elites, 5 iterations, and 2 steps downhill.
     pub const fn new(seed: u64) -> Self {
         Self {
             horizon: 20,
@@ -37,6 +39,7 @@ impl PlannerSettings {
             deviation: 0.5,
             least_deviation: 0.02,
             correlation_s: 0.5,
+            descents: 2,
             seed,
         }
     }

@@ -1,0 +1,241 @@
+//! Steps downhill from the best candidate.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use num_traits::Float;
+
+use super::cost::{Cost, Moment};
+use super::planner::feasible;
+use super::rollouts::Rollouts;
+use super::room::Room;
+
+/// Candidates that are rolled out at a time.
+const CHUNK: usize = Room::AT_A_TIME;
+
+/// How far each command is moved for a derivative, in shares of half of its range.
+const SHARE: f64 = 0.01;
+
+/// Dampings that are tried side by side, in shares of the diagonal: from a whole step to one along the gradient.
+const DAMPINGS: [f64; 8] = [1e-6, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0];
+
+/// What keeps a command without any effect from being divided by zero, in shares of the largest entry.
+const LEAST: f64 = 1e-9;
+
+/// Gauss-Newton steps of a plan, on derivatives by differences.
+///
+/// What is drawn finds where the optimum is and, in as many directions as a plan has commands, not the place itself: its noise
+/// becomes noise of the commands. The cost is a mean of squares `r_k^2`, so that from the best candidate `c` a few rollouts
+/// more are enough. With `J_ki = dr_k/dc_i`, from one rollout for each command of the plan:
+///
+/// ```text
+/// (J'J + lambda diag(J'J)) step = -J' r,     lambda = 1e-6 .. 100
+/// ```
+///
+/// for all `lambda` side by side; the best of them is taken if it is better than `c`. Commands at a limit that the gradient
+/// pushes against stay there (projected Newton); what else a step brings beyond limits and rate limits is brought back.
+///
+/// Source: H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive control via cross-entropy and gradient-based
+/// optimization*, L4DC 2020; K. Levenberg, 1944, and D. W. Marquardt, 1963 (the damping); D. P. Bertsekas, *Projected Newton
+/// methods for optimization problems with simple constraints*, 1982.
+#[derive(Clone, Debug)]
+pub(super) struct Descent {
+    /// Commands of a plan.
+    len: usize,
+    /// Residuals of a plan at the most.
+    rows: usize,
+    /// `r` first, then a column of `J` for each command.
+    residuals: Vec<f64>,
+    /// `J'J`, the lower half of what is solved, the gradient and a step.
+    normal: Vec<f64>,
+    factor: Vec<f64>,
+    gradient: Vec<f64>,
+    step: Vec<f64>,
+    free: Vec<bool>,
+    candidates: Vec<f64>,
+}
+
+impl Descent {
+    /// For plans of so many samples and inputs; without memory where it is not `used`.
+    pub(super) fn new(cost: &Cost, horizon: usize, inputs: usize, used: bool) -> Self {
+        let len = if used { horizon * inputs } else { 0 };
+        let rows = horizon * cost.residuals_of_a_sample(inputs);
+        Self {
+            len,
+            rows,
+            residuals: vec![0.0; if used { (len + 1) * rows } else { 0 }],
+            normal: vec![0.0; len * len],
+            factor: vec![0.0; len * len],
+            gradient: vec![0.0; len],
+            step: vec![0.0; len],
+            free: vec![false; len],
+            candidates: vec![0.0; CHUNK * len],
+        }
+    }
+
+    /// A step from a plan and its cost: the candidates that were tried, and the cost of the plan now. `y` has room for the
+    /// outputs of 64 candidates.
+    pub(super) fn step(
+        &mut self,
+        model: &mut dyn Rollouts,
+        cost: &Cost,
+        moment: &Moment<'_>,
+        (plan, mut best): (&mut [f64], f64),
+        y: &mut [f64],
+    ) -> (usize, f64) {
+        let rows = moment.references.len() * moment.outputs;
+        if !self.differentiate(model, cost, moment, plan, y) {
+            return (self.len + 1, best);
+        }
+        self.square();
+        self.hold(moment, plan);
+        let mut count = 0;
+        for damping in DAMPINGS {
+            if !self.solve(damping) {
+                continue;
+            }
+            let candidate = &mut self.candidates[count * self.len..][..self.len];
+            for (at, to) in candidate.iter_mut().enumerate() {
+                *to = plan[at] + half(moment, at, moment.limits.len()) * self.step[at];
+            }
+            feasible(candidate, moment.last, moment.limits, moment.dt);
+            count += 1;
+        }
+        let tried = self.len + 1 + count;
+        if count == 0 {
+            return (tried, best);
+        }
+        let candidates = &self.candidates[..count * self.len];
+        let y = &mut y[..count * rows];
+        model.rollouts(count, candidates, y);
+        for (candidate, y) in candidates.chunks_exact(self.len).zip(y.chunks_exact(rows)) {
+            let new = cost.of(moment, y, candidate);
+            if new < best {
+                best = new;
+                plan.copy_from_slice(candidate);
+            }
+        }
+        (tried, best)
+    }
+
+    /// `r` and `J` by forward differences; whether all of it is finite.
+    fn differentiate(
+        &mut self,
+        model: &mut dyn Rollouts,
+        cost: &Cost,
+        moment: &Moment<'_>,
+        plan: &[f64],
+        y: &mut [f64],
+    ) -> bool {
+        let (len, inputs) = (self.len, moment.limits.len());
+        let rows = moment.references.len() * moment.outputs;
+        self.residuals.fill(0.0);
+        for first in (0..=len).step_by(CHUNK) {
+            let count = CHUNK.min(len + 1 - first);
+            for (k, candidate) in self.candidates.chunks_exact_mut(len).take(count).enumerate() {
+                candidate.copy_from_slice(plan);
+                if let Some(at) = (first + k).checked_sub(1) {
+                    candidate[at] += moved(moment, plan, at, inputs);
+                }
+            }
+            let candidates = &self.candidates[..count * len];
+            let y = &mut y[..count * rows];
+            model.rollouts(count, candidates, y);
+            for k in 0..count {
+                let mut into = self.residuals[(first + k) * self.rows..][..self.rows].iter_mut();
+                let (of, y) = (&candidates[k * len..(k + 1) * len], &y[k * rows..(k + 1) * rows]);
+                let known = cost.residuals(moment, y, of, |residual| {
+                    if let Some(into) = into.next() {
+                        *into = residual;
+                    }
+                });
+                if !known.is_finite() {
+                    return false;
+                }
+            }
+        }
+        let (base, columns) = self.residuals.split_at_mut(self.rows);
+        for (at, column) in columns.chunks_exact_mut(self.rows).enumerate() {
+            // By shares of half of the range: commands of any unit weigh alike.
+            let inverse = half(moment, at, inputs) / moved(moment, plan, at, inputs);
+            for (moved, base) in column.iter_mut().zip(&*base) {
+                *moved = (*moved - base) * inverse;
+            }
+        }
+        self.residuals.iter().all(|r| r.is_finite())
+    }
+
+    /// `J'J` and `J' r`.
+    fn square(&mut self) {
+        let (base, columns) = self.residuals.split_at(self.rows);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        for (i, column) in columns.chunks_exact(self.rows).enumerate() {
+            self.gradient[i] = dot(column, base);
+            for (j, other) in columns.chunks_exact(self.rows).enumerate().take(i + 1) {
+                let product = dot(column, other);
+                self.normal[i * self.len + j] = product;
+                self.normal[j * self.len + i] = product;
+            }
+        }
+    }
+
+    /// Which commands may move: not those at a limit beyond which it goes downhill.
+    fn hold(&mut self, moment: &Moment<'_>, plan: &[f64]) {
+        let inputs = moment.limits.len();
+        for (at, free) in self.free.iter_mut().enumerate() {
+            let (limits, uphill) = (&moment.limits[at % inputs], self.gradient[at]);
+            *free = !(plan[at] >= limits.high && uphill < 0.0 || plan[at] <= limits.low && uphill > 0.0);
+        }
+    }
+
+    /// The damped step, by `L L'`; whether there is one.
+    fn solve(&mut self, damping: f64) -> bool {
+        let n = self.len;
+        let largest = (0..n).map(|i| self.normal[i * n + i]).fold(0.0, f64::max);
+        let Self { normal, factor: l, gradient, step, free, .. } = self;
+        for i in 0..n {
+            for j in 0..=i {
+                let held = !(free[i] && free[j]);
+                let given = match (i == j, held) {
+                    (true, true) => 1.0,
+                    (false, true) => 0.0,
+                    (true, false) => normal[i * n + i] * (1.0 + damping) + LEAST * largest,
+                    (false, false) => normal[i * n + j],
+                };
+                let (row, other) = (&l[i * n..i * n + j], &l[j * n..j * n + j]);
+                let rest = given - row.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
+                if i == j {
+                    // NaN is no positive number either.
+                    if !(rest > 0.0 && rest.is_finite()) {
+                        return false;
+                    }
+                    l[i * n + i] = Float::sqrt(rest);
+                } else {
+                    l[i * n + j] = rest / l[j * n + j];
+                }
+            }
+        }
+        for i in 0..n {
+            let known: f64 = (0..i).map(|j| l[i * n + j] * step[j]).sum();
+            let given = if free[i] { -gradient[i] } else { 0.0 };
+            step[i] = (given - known) / l[i * n + i];
+        }
+        for i in (0..n).rev() {
+            let known: f64 = (i + 1..n).map(|j| l[j * n + i] * step[j]).sum();
+            step[i] = (step[i] - known) / l[i * n + i];
+        }
+        true
+    }
+}
+
+/// Half of the range of a command of a plan.
+fn half(moment: &Moment<'_>, at: usize, inputs: usize) -> f64 {
+    let limits = &moment.limits[at % inputs];
+    0.5 * (limits.high - limits.low)
+}
+
+/// What a command is moved by for its derivative: into its range.
+fn moved(moment: &Moment<'_>, plan: &[f64], at: usize, inputs: usize) -> f64 {
+    let size = SHARE * half(moment, at, inputs);
+    if plan[at] + size > moment.limits[at % inputs].high { -size } else { size }
+}
