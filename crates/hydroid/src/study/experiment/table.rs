@@ -73,116 +73,159 @@ impl Comparison {
 
     pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
         let mut outcome = Outcome::default();
-        let mut table = Sheet::new(
-            "table1",
-            &[
-                "method",
-                "training [s]",
-                "its peak memory [MB]",
-                "20 steps [us]",
-                "simple: u [m/s]",
-                "v [m/s]",
-                "r [rad/s]",
-                "hydrofoil: u [m/s]",
-                "v [m/s]",
-                "r [rad/s]",
-                "hydrofoil at 10 ms: u [m/s]",
-            ],
-        );
-        let mut learns = Sheet::new(
-            "table1_learning",
-            &[
-                "method",
-                "weights",
-                "learning: a sample [us]",
-                "its memory [kB]",
-                "error of u left",
-                "what must be known",
-                "the thesis has",
-            ],
-        );
         let mut panel = Panel::new("error of u after 20 steps, hydrofoil [m/s]").height(340.0).decades();
-        let mut figure = Figure::new("Accuracy against training time", "training [s]").x_decades();
-        for row in &self.methods {
-            let of = |name: &Option<String>| -> Result<Option<Found>, StudyError> {
-                let Some(name) = name else { return Ok(None) };
-                let models = lab.models(name)?;
-                let judged: Vec<Judged> =
-                    models.iter().map(|learned| judged(lab, name, learned)).collect::<Result<_, _>>()?;
-                Ok(Some(middle(&models, &judged)))
-            };
-            let (simple, hydrofoil, fast) = (of(&row.simple)?, of(&row.hydrofoil)?, of(&row.fast)?);
-            let learning = match (&row.learns, &row.sea) {
-                (Some(name), Some(sea)) => Some(learning(lab, name, &*lab.record(sea)?)?),
-                _ => None,
-            };
-            let number = |x: Option<f64>| x.map_or_else(|| Cell::Nothing, Cell::Number);
-            let shown = hydrofoil.as_ref().or(simple.as_ref());
-            let errors = |found: &Option<Found>| -> Vec<Cell> {
-                (0..3).map(|c| number(found.as_ref().map(|found| found.judged.at_20[c]))).collect()
-            };
-            let mut cells = vec![
-                row.name.as_str().into(),
-                number(shown.map(|found| found.seconds)),
-                number(shown.and_then(|found| found.peak_mb)),
-                number(shown.map(|found| found.judged.rollout_us)),
-            ];
-            cells.extend(errors(&simple));
-            cells.extend(errors(&hydrofoil));
-            cells.push(number(fast.as_ref().map(|found| found.judged.at_20[0])));
-            table.row(cells);
-            learns.row(vec![
-                row.name.as_str().into(),
-                shown.map_or_else(|| Cell::Nothing, |found| Cell::Count(found.weights)),
-                number(learning.as_ref().map(|l| l.us)),
-                number(learning.as_ref().map(|l| l.memory as f64 * 8.0 / 1e3)),
-                number(learning.as_ref().map(|l| l.left)),
-                row.knows.as_str().into(),
-                row.thesis.as_str().into(),
-            ]);
-            if let (Some(found), Some(name)) = (&hydrofoil, &row.hydrofoil) {
+        let mut rows = Vec::new();
+        for method in &self.methods {
+            let row = Row::new(method, lab)?;
+            row.tell(&mut outcome);
+            if let (Some(found), Some(name)) = (&row.hydrofoil, &method.hydrofoil) {
                 panel = panel.mark(Mark::Points(Points {
                     points: vec![(found.seconds.max(1e-3).log10(), found.judged.at_20[0].log10())],
                     sign: Sign::Disc,
                     colour: look::colour(name),
                     radius: 5.0,
-                    label: Some(row.name.clone()),
+                    label: Some(method.name.clone()),
                 }));
-                outcome.measure(&format!("{name}_training_s"), found.seconds);
             }
-            for (name, found) in [(&row.simple, &simple), (&row.hydrofoil, &hydrofoil), (&row.fast, &fast)] {
-                let (Some(name), Some(Found { judged, .. })) = (name, found) else { continue };
-                for (c, (output, _)) in OUTPUTS.iter().enumerate() {
-                    outcome.measure(&format!("{name}_{output}_20"), judged.at_20[c]);
-                }
-                if judged.diverged > 0 {
-                    outcome.remarks.push(format!(
-                        "{name}: {} rollouts diverged, which are in no mean.",
-                        judged.diverged
-                    ));
-                }
-            }
-            if let (Some(name), Some(learning)) = (&row.learns, &learning) {
-                outcome.measure(&format!("{name}_learning_us"), learning.us);
-                outcome.measure(&format!("{name}_learning_left"), learning.left);
-            }
+            rows.push(row);
         }
-        figure = figure.panel(panel);
         outcome.chart(
             "accuracy_time",
-            figure,
+            Figure::new("Accuracy against training time", "training [s]").x_decades().panel(panel),
             "Every method on the hydrofoil in both modes: the error of u 2 s ahead over the time that its training took on this machine, medians over seeds. Lower left is better.",
         );
         outcome.table(
-            table,
+            errors(&rows),
             "Table 1, measured. Errors: mean absolute error 20 steps (2 s; with samples of 10 ms 0.2 s) ahead, from measured origins, against the truth of a record that played no part. Training, its peak memory (that of the whole process, records included) and the time of a prediction of 20 steps: of the model of the hydrofoil, where there is one. Times and peaks are of this machine.",
         );
         outcome.table(
-            learns,
+            learning_and_words(&rows),
             "Learning at sea: the model trained at low speed, along a record that flies. Its memory is all that it goes on from; what is left is the adapted error over the frozen one, 20 steps ahead. Beside it what must be known beforehand, and what the thesis says.",
         );
         Ok(outcome)
     }
+}
+
+/// What was found of a method.
+struct Row<'a> {
+    method: &'a MethodRow,
+    simple: Option<Found>,
+    hydrofoil: Option<Found>,
+    fast: Option<Found>,
+    learning: Option<Learning>,
+}
+
+impl<'a> Row<'a> {
+    fn new(method: &'a MethodRow, lab: &Lab<'_>) -> Result<Self, StudyError> {
+        let of = |name: &Option<String>| -> Result<Option<Found>, StudyError> {
+            let Some(name) = name else { return Ok(None) };
+            let models = lab.models(name)?;
+            let judged: Vec<Judged> =
+                models.iter().map(|learned| judged(lab, name, learned)).collect::<Result<_, _>>()?;
+            Ok(Some(middle(&models, &judged)))
+        };
+        let learning = match (&method.learns, &method.sea) {
+            (Some(name), Some(sea)) => Some(learning(lab, name, &*lab.record(sea)?)?),
+            _ => None,
+        };
+        let (simple, hydrofoil, fast) = (of(&method.simple)?, of(&method.hydrofoil)?, of(&method.fast)?);
+        Ok(Self { method, simple, hydrofoil, fast, learning })
+    }
+
+    /// The model whose costs are shown.
+    fn shown(&self) -> Option<&Found> {
+        self.hydrofoil.as_ref().or(self.simple.as_ref())
+    }
+
+    /// Figures by name, and what went wrong.
+    fn tell(&self, outcome: &mut Outcome) {
+        let Self { method, simple, hydrofoil, fast, learning } = self;
+        if let (Some(found), Some(name)) = (hydrofoil, &method.hydrofoil) {
+            outcome.measure(&format!("{name}_training_s"), found.seconds);
+        }
+        for (name, found) in [(&method.simple, simple), (&method.hydrofoil, hydrofoil), (&method.fast, fast)]
+        {
+            let (Some(name), Some(Found { judged, .. })) = (name, found) else { continue };
+            for (c, (output, _)) in OUTPUTS.iter().enumerate() {
+                outcome.measure(&format!("{name}_{output}_20"), judged.at_20[c]);
+            }
+            if judged.diverged > 0 {
+                outcome
+                    .remarks
+                    .push(format!("{name}: {} rollouts diverged, which are in no mean.", judged.diverged));
+            }
+        }
+        if let (Some(name), Some(learning)) = (&method.learns, learning) {
+            outcome.measure(&format!("{name}_learning_us"), learning.us);
+            outcome.measure(&format!("{name}_learning_left"), learning.left);
+        }
+    }
+}
+
+fn number(x: Option<f64>) -> Cell {
+    x.map_or(Cell::Nothing, Cell::Number)
+}
+
+fn errors(rows: &[Row<'_>]) -> Sheet {
+    let mut table = Sheet::new(
+        "table1",
+        &[
+            "method",
+            "training [s]",
+            "its peak memory [MB]",
+            "20 steps [us]",
+            "simple: u [m/s]",
+            "v [m/s]",
+            "r [rad/s]",
+            "hydrofoil: u [m/s]",
+            "v [m/s]",
+            "r [rad/s]",
+            "hydrofoil at 10 ms: u [m/s]",
+        ],
+    );
+    for row in rows {
+        let shown = row.shown();
+        let mut cells = vec![
+            row.method.name.as_str().into(),
+            number(shown.map(|found| found.seconds)),
+            number(shown.and_then(|found| found.peak_mb)),
+            number(shown.map(|found| found.judged.rollout_us)),
+        ];
+        for found in [&row.simple, &row.hydrofoil] {
+            cells.extend((0..3).map(|c| number(found.as_ref().map(|found| found.judged.at_20[c]))));
+        }
+        cells.push(number(row.fast.as_ref().map(|found| found.judged.at_20[0])));
+        table.row(cells);
+    }
+    table
+}
+
+fn learning_and_words(rows: &[Row<'_>]) -> Sheet {
+    let mut table = Sheet::new(
+        "table1_learning",
+        &[
+            "method",
+            "weights",
+            "learning: a sample [us]",
+            "its memory [kB]",
+            "error of u left",
+            "what must be known",
+            "the thesis has",
+        ],
+    );
+    for row in rows {
+        let learning = row.learning.as_ref();
+        table.row(vec![
+            row.method.name.as_str().into(),
+            row.shown().map_or(Cell::Nothing, |found| Cell::Count(found.weights)),
+            number(learning.map(|l| l.us)),
+            number(learning.map(|l| l.memory as f64 * 8.0 / 1e3)),
+            number(learning.map(|l| l.left)),
+            row.method.knows.as_str().into(),
+            row.method.thesis.as_str().into(),
+        ]);
+    }
+    table
 }
 
 /// The models of a method on a vessel: medians over seeds.
