@@ -61,13 +61,11 @@ impl Parts {
 /// L     = sum over k = 1 .. length, outputs j:  w_j (z_{o+k,j} - measured_{o+k,j})^2
 /// ```
 ///
-/// Without the second line windows would begin from the noise of one measurement. A regression on what is noisy is biased
-/// (errors in variables): commands are held for seconds, what `v` and `r` do beside following them is little more than that
-/// noise, and a model that forgets its start too fast and answers its rudder too strongly meets the measurements best (by
-/// a quarter, on two hours of the hydrofoil). An observer of this gain leaves a fifteenth of the noise's variance, and follows
-/// what the commands do. Source: L. Ljung, *System Identification*, 2nd ed., 1999, sections 3.3 and 7.3 (predictors that are
-/// observers, whose gradient goes through them); T. Soderstrom, *Errors-in-variables methods in system identification*,
-/// Automatica, 2007.
+/// The second line is an observer, where `settle` is not zero: windows then do not begin from the noise of one measurement. A
+/// regression on what is noisy is biased (errors in variables); an observer of this gain over 20 samples leaves a fifteenth of
+/// the noise's variance, and follows what the commands do. Source: L. Ljung, *System Identification*, 2nd ed., 1999, sections
+/// 3.3 and 7.3 (predictors that are observers, whose gradient goes through them); T. Soderstrom, *Errors-in-variables methods in
+/// system identification*, Automatica, 2007.
 ///
 /// Actuators depend on commands and their own time constant alone: what `e_i` changes by with its logarithm goes along, and
 /// the way back is through the stages of RK4.

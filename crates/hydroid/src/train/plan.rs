@@ -28,10 +28,6 @@ const WINDOW: (usize, usize) = (200, 4);
 /// what the motion does, short enough that many of them are in a batch.
 const ROLLED: (usize, usize) = (20, 4);
 
-/// Samples before its origin over which a window of a control-affine network finds its state, and the share of the wash-out that
-/// they may be.
-const SETTLE: (usize, usize) = (20, 2);
-
 /// Origins on the validation runs: at least as many if they can be had, and at the most. In between judging costs a
 /// fraction of learning.
 const LEAST_ORIGINS: usize = 64;
@@ -143,9 +139,7 @@ fn net(job: &Job<'_>, settings: &Settings) -> Result<(Net, usize, usize), TrainE
         };
         let units = efforts.map(size).collect();
         let wash_out = samples(job, settings.wash_out_s, WASH_OUT);
-        let (most, share) = SETTLE;
-        let settle =
-            settings.settle_s.map_or(most.min(wash_out / share), |_| samples(job, settings.settle_s, (1, 1)));
+        let settle = settings.settle_s.map_or(0, |_| samples(job, settings.settle_s, (1, 1)));
         if settle > wash_out {
             let value = format!("{settle} samples");
             let needed = "no longer than wash_out_s: it is the end of the wash-out";

@@ -115,7 +115,7 @@ pub struct Settings {
     /// run if that is less. Of a direct predictor it is the time that it predicts at once; 20 samples where not given.
     pub window_s: Option<f64>,
     /// Time before its origin over which the state of a window of a control-affine network is drawn towards what is measured
-    /// \[s\]; 20 samples where not given, or half of the wash-out if that is less.
+    /// \[s\]; where not given the window begins from what was measured last.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub settle_s: Option<f64>,
     /// Passes over the training runs at the most.

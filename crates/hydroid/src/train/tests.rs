@@ -176,8 +176,13 @@ fn a_sine_over_more_than_a_quarter_of_a_turn_is_refused() {
 fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
     let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
     for (map, layers) in [(Map::Identity, 1), (Map::Sine, 2), (Map::SignedSquare, 1)] {
-        let settings =
-            Settings { hidden: 5, layers: Some(layers), maps: vec![map], ..small(CellKind::Affine) };
+        let settings = Settings {
+            hidden: 5,
+            layers: Some(layers),
+            maps: vec![map],
+            settle_s: Some(0.4),
+            ..small(CellKind::Affine)
+        };
         let plan = plan_of(&settings, &missing);
         let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
         let mut weights = plan.net.first::<f64>(&mut random::stream(3, random::Purpose::Weights, 0, 0));
