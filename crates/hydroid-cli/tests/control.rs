@@ -278,6 +278,8 @@ fn wrong_input_is_told_with_a_remedy() {
     refused("control hydrofoil --controller fl --duration 30 --from 30s", "below that");
     refused("control hydrofoil --controller fl --rate 2", "--rate is of --controller backstepping");
     refused("control hydrofoil --controller backstepping --bandwidth 1,1", "of --controller fl");
+    refused("control hydrofoil --controller backstepping --integral 1", "of --controller fl");
+    refused("control hydrofoil --controller fl --integral 5", "less than the product of the other two");
     refused("control hydrofoil --controller fl --candidates 10", "of --controller cem");
     refused("control hydrofoil --controller fl --plan-time 10", "of --controller cem");
     refused("control hydrofoil --controller fl --wind-spread 10", "give --runs");

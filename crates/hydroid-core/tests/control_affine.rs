@@ -34,10 +34,13 @@ fn network(hidden: Vec<usize>) -> ControlAffine {
     ControlAffine { network, weights, scaling, effectors, dt: DT, wash_out: 10 }
 }
 
-/// Without a hidden layer the network is `f` and `g` linear in the outputs, which equations can say as well.
-#[test]
-fn a_linear_network_is_the_equations_that_say_the_same() {
-    let model = network(Vec::new());
+/// What a network without a hidden layer, and equations that say the same, predict over 30 samples: `f` and `g` are linear in the
+/// outputs then. Equations are integrated in so many parts of a sample.
+fn linear(lags: [f64; 2], parts: usize) -> [Vec<f64>; 2] {
+    let mut model = network(Vec::new());
+    for (effector, lag) in model.effectors.iter_mut().zip(lags) {
+        effector.time_constant_s = lag;
+    }
     let one = Shape::Power(1);
     let efforts = [None, Some((5, one, 200.0)), Some((6, Shape::Sin, 0.5))];
     let (mut terms, mut coefficients) = (Vec::new(), vec![Vec::new(); 3]);
@@ -60,17 +63,19 @@ fn a_linear_network_is_the_equations_that_say_the_same() {
             row.extend((0..3).map(|k| size * line[k] / s.output_scale[k]));
         }
     }
-    let lags = [(3, 0.7), (4, 0.02)]
+    let lags = [3, 4]
+        .into_iter()
+        .zip(lags)
         .map(|(input, seconds)| Signal::Lag { input, time_constant_s: Real(seconds) })
-        .to_vec();
-    let equations = Equations::with_signals(terms, coefficients.concat(), 3, 2, lags, DT, 1).unwrap();
+        .collect();
+    let equations = Equations::with_signals(terms, coefficients.concat(), 3, 2, lags, DT, parts).unwrap();
     let mut sessions: [Box<dyn Predictor>; 2] = [
         Box::new(EquationsSession::new(Arc::new(equations))),
         Box::new(ControlAffineSession::new(Arc::new(model)).unwrap()),
     ];
     let commands: Vec<f64> =
         (0..60).map(|k| if k % 2 == 0 { 100.0 + 80.0 * wild(k) } else { 0.4 * wild(k) }).collect();
-    let predictions = sessions.each_mut().map(|session| {
+    sessions.each_mut().map(|session| {
         let mut y = vec![0.0; 90];
         // Sensors that report in turns, and a sample in which one is missing.
         session.observe(&[1.8, f64::NAN, 0.1]);
@@ -80,9 +85,27 @@ fn a_linear_network_is_the_equations_that_say_the_same() {
         session.observe(&[2.0, f64::NAN, 0.12]);
         session.rollout(&commands, &mut Workspace::new(), &mut y);
         y
-    });
-    for (ours, theirs) in predictions[1].iter().zip(&predictions[0]) {
-        assert!((ours - theirs).abs() < 1e-12 * (1.0 + theirs.abs()), "{ours} and {theirs}");
+    })
+}
+
+fn farthest(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_linear_network_is_the_equations_that_say_the_same() {
+    let [equations, network] = linear([0.7, 1.5], 1);
+    assert!(farthest(&network, &equations) < 1e-6, "{}", farthest(&network, &equations));
+}
+
+/// Equations see a lag at the begin of a sample where it was then: one that is much faster than a sample comes a sixth of it late.
+#[test]
+fn actuators_that_are_faster_than_a_sample_come_in_time() {
+    for lags in [[0.7, 0.02], [0.05, 0.002], [0.03, 0.2]] {
+        let [exact, network] = linear(lags, 200);
+        let [plain, _] = linear(lags, 1);
+        let (ours, theirs) = (farthest(&network, &exact), farthest(&plain, &exact));
+        assert!(ours < 0.2 * theirs && ours < 0.003, "{lags:?}: {ours}, without {theirs}");
     }
 }
 

@@ -103,6 +103,10 @@ pub struct HelmArgs {
     /// fl: natural frequency [rad/s] and damping of the error (default: 1.5,0.7)
     #[arg(long, value_name = "RAD_S,ZETA")]
     pub bandwidth: Option<Pair>,
+    /// fl: gain of an integral [1/s^3] against what the model misses and what pushes steadily (default: 0; with the default
+    /// bandwidth 1 is a good one)
+    #[arg(long, value_name = "PER_S3", allow_negative_numbers = true)]
+    pub integral: Option<f64>,
     /// fl: a small network around the law learns under way what its model misses, and is used while it foretells what happens
     #[arg(long, conflicts_with = "adapt")]
     pub learned: bool,

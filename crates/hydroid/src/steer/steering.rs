@@ -68,6 +68,8 @@ pub struct Steering {
     pub timing: Timing,
     /// Gains of the feedback linearization: natural frequency \[rad/s\] and damping; none for its own.
     pub bandwidth: Option<[f64; 2]>,
+    /// Integral gain of the feedback linearization \[1/s^3\]; 0 for none.
+    pub integral: f64,
     /// Around the feedback linearization a network that learns under way what its model misses, its first weights drawn from
     /// the seed of the voyage; none for the law as it is.
     pub learned: Option<LearnedCorrectionSettings>,
@@ -103,6 +105,7 @@ impl Steering {
             lead: if by_law { 1.5 } else { 0.0 },
             timing: if kind == Kind::Autopilot { Timing::Foot } else { Timing::Clock },
             bandwidth: None,
+            integral: 0.0,
             learned: None,
             rate: None,
             planner: PlannerSettings::new(0),
@@ -139,6 +142,7 @@ impl Steering {
                 };
                 let settings =
                     self.bandwidth.map_or(settings, |[omega, zeta]| settings.with_bandwidth(omega, zeta));
+                let settings = FeedbackLinearizationSettings { integral: self.integral, ..settings };
                 let inverse = Invertible::of(model, channels.motion, law)?;
                 let law = FeedbackLinearization::new(inverse, &self.limits, self.dt_s, settings)?;
                 match self.learned {

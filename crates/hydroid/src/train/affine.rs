@@ -2,7 +2,7 @@
 
 use hydroid_core::control::Map;
 use hydroid_core::math::Scalar;
-use hydroid_core::model::affine::Effector;
+use hydroid_core::model::affine::{Effector, first_stage};
 use hydroid_core::model::direct::{Batch, Perceptron};
 use hydroid_core::model::recurrent::Scaling;
 
@@ -17,6 +17,9 @@ const FIRST_LAG: f64 = 5.0;
 
 /// Stages of a step of RK4: how far from its begin, in halves, and what each weighs.
 const STAGES: [(usize, f64); 4] = [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)];
+
+/// What its stages see of an actuator: at the begin of a sample, in its middle, at its end.
+const SEEN: usize = 3;
 
 /// What a control-affine network is made of, beside its weights; these are followed by the logarithms of the time constants in
 /// samples.
@@ -83,7 +86,7 @@ pub(super) struct Affine<T> {
     /// Stages of all steps; of one alone, where nobody goes back.
     stages: Vec<Batch<T>>,
     windows: Vec<Window>,
-    /// Efforts at each half of a step and at the end, `inputs x lanes`, and their derivatives by the logarithm of the lag.
+    /// Efforts as the stages of a step see them, `SEEN x inputs x lanes` for each step, and their derivatives by the logarithm of the lag.
     efforts: Vec<T>,
     slopes: Vec<T>,
     /// `z_o ..`, each `outputs x lanes`.
@@ -105,7 +108,7 @@ impl<T: Scalar> Affine<T> {
         let ratio = scaling.correction_scale.iter().zip(&scaling.output_scale).map(|(c, s)| T::of(c / s));
         let settle = if back { parts.settle.min(shape.wash_out) } else { 0 };
         let steps = settle + shape.length;
-        let halves = (2 * steps + 1) * inputs;
+        let seen = SEEN * steps * inputs;
         Self {
             lanes,
             settle,
@@ -113,8 +116,8 @@ impl<T: Scalar> Affine<T> {
             ratio: ratio.collect(),
             stages: vec![batch; if back { STAGES.len() * steps } else { 1 }],
             windows: Vec::with_capacity(size),
-            efforts: vec![T::zero(); halves],
-            slopes: vec![T::zero(); halves],
+            efforts: vec![T::zero(); seen],
+            slopes: vec![T::zero(); seen],
             states: vec![T::zero(); (steps + 1) * row],
             rate: vec![T::zero(); row],
             adjoint: vec![T::zero(); row],
@@ -145,7 +148,7 @@ impl<T: Scalar> Affine<T> {
                     *x = if halves == 0 { z } else { z + offset * rate };
                 }
                 batch.forward(&weights[..count]);
-                let efforts = &self.efforts[(2 * k + halves) * self.shape.inputs * self.lanes..];
+                let efforts = &self.efforts[(SEEN * k + halves) * self.shape.inputs * self.lanes..];
                 rates(batch.output(), efforts, &self.ratio, (self.shape.inputs, self.lanes), &mut self.rate);
                 let share = T::of(weight * self.parts.dt / 6.0);
                 for (next, &rate) in next.iter_mut().zip(&self.rate) {
@@ -181,21 +184,30 @@ impl<T: Scalar> Affine<T> {
                 (decay, decay * samples * inverse)
             };
             let ((whole, whole_slope), (half, half_slope)) = (of(1.0), of(0.5));
+            let mean = -(-inverse).exp_m1() / inverse;
+            let (first, first_slope) =
+                (first_stage(inverse), 6.0 * (mean - whole) - 4.0 * half_slope - whole_slope);
             let (map, unit) = (self.parts.maps[i], self.parts.units[i]);
             for (lane, window) in self.windows.iter().enumerate() {
                 let command = |k: usize| runs[window.run].commands[k * m + i];
-                let (first, begin) = (window.origin - wash_out, window.origin - self.settle);
-                let (mut a, mut slope) = (command(first), 0.0);
-                for k in first..begin {
+                let (rest, begin) = (window.origin - wash_out, window.origin - self.settle);
+                let (mut a, mut slope) = (command(rest), 0.0);
+                for k in rest..begin {
                     let off = a - command(k);
                     (a, slope) = (command(k) + off * whole, slope * whole + off * whole_slope);
                 }
-                for at in 0..=2 * steps {
-                    let place = (at * m + i) * lanes + lane;
-                    self.efforts[place] = T::of(map.value(a) / unit);
-                    self.slopes[place] = T::of(map.slope(a) * slope / unit);
-                    let c = command(begin + (at / 2).min(steps - 1));
-                    (a, slope) = (c + (a - c) * half, slope * half + (a - c) * half_slope);
+                for k in 0..steps {
+                    let c = command(begin + k);
+                    let mut see = |halves: usize, a: f64, slope: f64| {
+                        let place = ((SEEN * k + halves) * m + i) * lanes + lane;
+                        self.efforts[place] = T::of(map.value(a) / unit);
+                        self.slopes[place] = T::of(map.slope(a) * slope / unit);
+                    };
+                    see(0, c + (a - c) * first, slope * first + (a - c) * first_slope);
+                    for halves in 1..SEEN {
+                        (a, slope) = (c + (a - c) * half, slope * half + (a - c) * half_slope);
+                        see(halves, a, slope);
+                    }
                 }
             }
         }
@@ -273,7 +285,7 @@ impl<T: Scalar> Affine<T> {
                     *rate = share * a + if stage + 1 < STAGES.len() { next * x } else { T::zero() };
                 }
                 let batch = &mut self.stages[STAGES.len() * k + stage];
-                let at = (2 * k + halves) * m * lanes;
+                let at = (SEEN * k + halves) * m * lanes;
                 let (efforts, slopes) = (&self.efforts[at..], &self.slopes[at..]);
                 for j in 0..n {
                     let rate = &mut self.rate[j * lanes..(j + 1) * lanes];

@@ -128,6 +128,7 @@ pub(super) fn check_meant(args: &Control) -> anyhow::Result<()> {
     let (given, kind) = (&args.helm, args.helm.controller);
     for (option, said, of, owner) in [
         ("--bandwidth", given.bandwidth.is_some(), ControllerKind::Fl, "fl"),
+        ("--integral", given.integral.is_some(), ControllerKind::Fl, "fl"),
         ("--learned", given.learned, ControllerKind::Fl, "fl"),
         ("--rate", given.rate.is_some(), ControllerKind::Backstepping, "backstepping"),
         ("--horizon", given.horizon.is_some(), ControllerKind::Cem, "cem"),
@@ -170,6 +171,7 @@ pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Res
         "--lead: pid brings the vessel's origin on the path; leave --lead out"
     );
     steering.bandwidth = Some(given.bandwidth.map_or([1.5, 0.7], |bandwidth| bandwidth.0));
+    steering.integral = given.integral.unwrap_or(0.0);
     steering.learned = given.learned.then(LearnedCorrectionSettings::default);
     steering.rate = Some(given.rate.unwrap_or(1.0));
     if let (Kind::CrossEntropy, Some(TimingKind::Foot)) = (kind, given.reference) {
@@ -236,6 +238,7 @@ pub(super) fn told(args: &Control, steering: &Steering) -> Value {
     match steering.kind {
         Kind::FeedbackLinearization => {
             told["bandwidth"] = json!(steering.bandwidth);
+            told["integral"] = json!(steering.integral);
             told["learned"] = json!(steering.learned.is_some());
         }
         Kind::Backstepping => told["rate_per_s"] = json!(steering.rate),

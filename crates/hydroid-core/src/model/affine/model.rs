@@ -30,7 +30,8 @@ pub struct Effector {
 /// [f g_1 .. g_m] = N(z),     a perceptron from n to n (1 + m) numbers
 /// ```
 ///
-/// over a sample `dt` by one step of RK4, the commands held and the lags exact. Whatever its weights, it is affine in the
+/// over a sample `dt` by one step of RK4, the commands held and the lags exact, whose first stage sees actuators where the mean
+/// over the sample is that of theirs ([`first_stage`](super::first_stage)). Whatever its weights, it is affine in the
 /// efforts `phi_i(a_i)`: that is its structure, not what it has learned.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControlAffine {
