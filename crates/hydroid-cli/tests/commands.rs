@@ -270,6 +270,29 @@ fn a_reader_that_has_seen_enough_is_no_error() {
     }
 }
 
+/// Sailed for two minutes, then towed home with the commands at zero.
+#[test]
+fn the_end_of_a_log_under_tow_is_left_out_unless_it_is_kept() {
+    let folder = TempDir::new().unwrap();
+    let mut log = String::from("t [s],u [m/s],n\n");
+    for k in 0..1500_u32 {
+        let t = f64::from(k) * 0.1;
+        let (u, n) =
+            if k < 1200 { (0.5 + 0.2 * (0.3 * t).sin(), 1 + k / 100 % 3) } else { (0.05 * (t - 120.0), 0) };
+        let _ = writeln!(log, "{t:.1},{u:.4},{n}");
+    }
+    fs::write(folder.path().join("log.csv"), log).unwrap();
+    let told = |more: &[&str]| {
+        let args = [&["inspect", "log.csv", "--outputs", "u", "--inputs", "n"], more].concat();
+        let output = hydroid(folder.path(), &args);
+        assert_eq!(output.status.code(), Some(0));
+        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+    };
+    let words = told(&[]);
+    assert!(words.contains("the end of the log, 29.9 s from line 1202 to line 1501, is left out"), "{words}");
+    assert!(!told(&["--keep-towed"]).contains("left out"));
+}
+
 #[test]
 fn every_command_has_help_with_an_example() {
     let folder = TempDir::new().unwrap();

@@ -285,6 +285,7 @@ fn wrong_input_is_told_with_a_remedy() {
     refused("control hydrofoil --controller fl --wind-spread 10", "give --runs");
     refused("control hydrofoil --controller fl --adapt --shore-time 10s", "--shore");
     refused("control hydrofoil --controller cem --candidates 100000 --horizon 1000", "fewer of either");
+    refused("control hydrofoil --controller cem --horizon 500", "or --descents 0");
     refused("control hydrofoil --controller fl --adapt --learner least-squares", "direct predictors");
     refused("control hydrofoil --controller fl --gusts 5,0", "gusts");
     refused("control hydrofoil --controller fl --runs 0", "voyages");

@@ -2,8 +2,10 @@
 //! coarse step on a fixed list of terms, on the splits of the real ships.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release --example ridge_baseline
+//! HYDROID_DATA=... cargo run --release --example ridge_baseline [-- keep-towed]
 //! ```
+//!
+//! Ends of a log at which the ship is towed are left out, as they are for the equations; `keep-towed` keeps them.
 //!
 //! `y_{k+s} - y_k = step * Xi theta(y_k, c)`, stepped forward with the coarse step (0.5 s for the tug, 1 s for
 //! the tanker); `theta` is `{1, u, v, r, u|u|, v|v|, r|r|, uv, ur, vr, commands, commands |commands|}`, the
@@ -37,6 +39,8 @@ pub struct Ship {
     pub horizon: usize,
     /// Coarse step of the baseline \[samples\].
     pub stride: usize,
+    /// Whether ends of logs at which the ship is towed are kept.
+    pub keep_towed: bool,
 }
 
 pub const CYBERSHIP: Ship = Ship {
@@ -50,6 +54,7 @@ pub const CYBERSHIP: Ship = Ship {
     wind: None,
     horizon: 100,
     stride: 10,
+    keep_towed: false,
 };
 
 pub const ESSO: Ship = Ship {
@@ -68,6 +73,7 @@ pub const ESSO: Ship = Ship {
     wind: Some("wind_velo_relative_mid,wind_dir_relative_mid"),
     horizon: 300,
     stride: 10,
+    keep_towed: false,
 };
 
 impl Ship {
@@ -82,7 +88,8 @@ impl Ship {
             wind: self.wind.map(|wind| wind.parse().unwrap()),
             ..Selection::of(self.outputs, self.inputs).unwrap()
         };
-        let prepared = log::prepare(&raw, &selection, &PrepareOptions::default()).unwrap();
+        let options = PrepareOptions { keep_towed: self.keep_towed, ..PrepareOptions::default() };
+        let prepared = log::prepare(&raw, &selection, &options).unwrap();
         let mut parts = [Vec::new(), Vec::new(), Vec::new()];
         for (run, source) in prepared.runs.into_iter().zip(prepared.sources) {
             let part = usize::from(source >= self.train.len())
@@ -299,7 +306,8 @@ fn main() {
         println!("skipped: no HYDROID_DATA");
         return;
     };
-    for ship in [CYBERSHIP, ESSO] {
+    let keep_towed = std::env::args().any(|argument| argument == "keep-towed");
+    for ship in [CYBERSHIP, ESSO].map(|ship| Ship { keep_towed, ..ship }) {
         println!("\n{}: ridge on a fixed list, NRMSE on the test run at {} samples", ship.name, ship.horizon);
         println!(
             "{:>8} {:>8} {:>12} {:>30} {:>8} {:>9}",

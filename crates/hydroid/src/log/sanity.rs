@@ -34,6 +34,11 @@ fn limit(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
     }
 }
 
+/// Whether a channel is a velocity or a turn.
+pub(crate) fn is_velocity(channel: &Channel) -> bool {
+    fastest(channel).is_some()
+}
+
 /// The limit of a channel and its unit.
 fn fastest(channel: &Channel) -> Option<(f64, &'static str)> {
     match (channel.name.as_str(), channel.unit.as_str()) {

@@ -2,6 +2,7 @@
 
 use super::columns::Columns;
 use super::note::Note;
+use super::sanity::is_velocity;
 
 /// Shortest stretch \[s\] that is looked at.
 const SHORTEST_S: f64 = 20.0;
@@ -17,19 +18,18 @@ const GATHERED: f64 = 1.0;
 /// Takes away the beginning and the end of a log where all of the first `commands` inputs are exactly zero for
 /// 20 s or longer, and yet an output gathers way.
 ///
-/// A vessel that is left to itself slows down, or drifts. With `m_b` the mean of an output over the `b`th second
+/// A vessel that is left to itself slows down, or drifts. With `m_b` the mean of a velocity over the `b`th second
 /// of such a stretch, from 10 s after its beginning, it is taken for moved by others where
 ///
 /// ```text
-/// max over b of (|m_b| - min over a <= b of |m_a|) > standard deviation of the output over all other rows
+/// max over b of (|m_b| - min over a <= b of |m_a|) > standard deviation from the first to the last command
 /// ```
 ///
-/// in any output. Stretches between commands are left alone, and so are those that are more than a quarter of
+/// in any output that is a velocity or a turn. A blank command is the one before it, and none before the first. Stretches between commands are left alone, and so are those that are more than a quarter of
 /// the log: where commands are as rare as that, something else is to be learned.
 pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>) {
     let n = columns.rows();
-    let moved = |k: &usize| columns.inputs[..commands].iter().any(|c| !(c[*k] == 0.0 || c[*k].is_nan()));
-    let (Some(first), Some(last)) = ((0..n).find(moved), (0..n).rev().find(moved)) else { return };
+    let Some((first, last)) = under_command(&columns.inputs[..commands], n) else { return };
     let mut keep = 0..n;
     for (stretch, edge) in [(0..first, true), (last + 1..n, false)] {
         let Some(output) = gathers(columns, stretch.clone(), first..last + 1) else { continue };
@@ -58,6 +58,23 @@ pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>)
     }
 }
 
+/// The first and the last row in which a command is not zero.
+fn under_command(commands: &[Vec<f64>], rows: usize) -> Option<(usize, usize)> {
+    let mut held = vec![0.0; commands.len()];
+    let mut found = None;
+    for k in 0..rows {
+        for (held, command) in held.iter_mut().zip(commands) {
+            if !command[k].is_nan() {
+                *held = command[k];
+            }
+        }
+        if held.iter().any(|&command| command != 0.0) {
+            found = Some((found.map_or(k, |(first, _)| first), k));
+        }
+    }
+    found
+}
+
 /// The first output that gathers way in a stretch of rows, measured by what it does under command.
 fn gathers(
     columns: &Columns,
@@ -69,14 +86,15 @@ fn gathers(
     if last - first < SHORTEST_S || t.len() as f64 > SHARE * columns.rows() as f64 {
         return None;
     }
-    (0..columns.outputs.len()).find(|&i| {
+    (0..columns.outputs.len()).filter(|&i| is_velocity(&columns.output_channels[i])).find(|&i| {
         let y = &columns.outputs[i];
         let allowed = GATHERED * deviation(&y[under_command.clone()]);
         let measured = t.iter().zip(&y[stretch.clone()]).filter(|(_, y)| !y.is_nan());
         let mut least = f64::INFINITY;
         second_by_second(measured.map(|(t, y)| (t - first - GRACE_S, *y))).any(|mean| {
             least = least.min(mean.abs());
-            mean.abs() - least > allowed
+            // One that did not move at all under command tells of nothing.
+            allowed > 0.0 && mean.abs() - least > allowed
         })
     })
 }

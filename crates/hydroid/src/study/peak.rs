@@ -31,13 +31,9 @@ mod tests {
 
     #[test]
     fn what_is_used_shows() {
-        let Some(before) = mb() else { return };
-        // Written to, so that it is there.
+        // Written to, so that it is there; other tests of this process may use more.
         let filled = vec![1u8; 256 << 20];
-        let grown = mb().unwrap() - before;
-        assert!(
-            filled.iter().map(|&x| u64::from(x)).sum::<u64>() == 256 << 20 && grown > 200.0,
-            "{grown} MB"
-        );
+        let Some(peak) = mb() else { return };
+        assert!(filled.iter().map(|&x| u64::from(x)).sum::<u64>() == 256 << 20 && peak > 256.0, "{peak} MB");
     }
 }

@@ -306,6 +306,23 @@ impl Settings {
             outputs: outputs * (1 + inputs),
         };
         network.check().map_err(|error| TrainError::Network { error: error.to_string() })?;
+        if self.ensemble {
+            // The mean of all restarts is one network, with the units of all of them side by side.
+            if layers == 0 {
+                return Err(setting("layers", &layers, "1 or more for an ensemble"));
+            }
+            let mean = Perceptron {
+                hidden: vec![self.restarts.saturating_mul(self.hidden); layers],
+                ..network.clone()
+            };
+            if let Err(error) = mean.check() {
+                let error = format!(
+                    "the mean of {} restarts has {error}: fewer of them, or of units, are possible",
+                    self.restarts
+                );
+                return Err(TrainError::Network { error });
+            }
+        }
         Ok(network)
     }
 

@@ -170,6 +170,50 @@ fn a_sine_over_more_than_a_quarter_of_a_turn_is_refused() {
     assert!(words.contains("'n'") && words.contains("maps = [\"identity\"] in [affine]"), "{words}");
 }
 
+/// As wide as all restarts together, and the same on any number of threads; what cannot be averaged is told before.
+#[test]
+fn the_mean_of_all_restarts_is_one_control_affine_network() {
+    let settings = Settings {
+        maps: vec![Map::Identity],
+        restarts: 3,
+        ensemble: true,
+        epochs: 3,
+        ..small(CellKind::Affine)
+    };
+    let runs = [run(120, 0.0, &[]), run(90, 1.0, &[])];
+    let refs: Vec<&Trajectory> = runs.iter().collect();
+    let job = || Job {
+        runs: &refs,
+        validation: &refs,
+        outputs: &RANGES,
+        inputs: &INPUT,
+        horizon: 5,
+        equations: None,
+    };
+    let learned = |settings: &Settings, threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| train(&job(), settings, None, &mut |_| ControlFlow::Continue(()))).map(|trained| {
+            let Learned::Affine(model) = trained.model else { panic!() };
+            (model, trained.members.len())
+        })
+    };
+    let (mean, members) = learned(&settings, 1).unwrap();
+    assert_eq!((mean.network.hidden.clone(), members), (vec![12], 0));
+    assert_eq!(learned(&settings, 2).unwrap(), (mean.clone(), 0));
+    let (alone, _) = learned(&Settings { ensemble: false, ..settings.clone() }, 1).unwrap();
+    assert_eq!(alone.network.hidden, [4]);
+    for (wrong, words) in [
+        (Settings { refit: true, ..settings.clone() }, "refit"),
+        (Settings { layers: Some(0), ..settings.clone() }, "1 or more for an ensemble"),
+        (Settings { hidden: 2000, ..settings.clone() }, "the mean of 3 restarts"),
+        (Settings { settle_s: Some(2.0), ..settings.clone() }, "no longer than wash_out_s"),
+        (Settings { settle_s: Some(0.2), ..small(CellKind::Gru) }, "for control-affine networks"),
+    ] {
+        let error = learned(&wrong, 1).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(words), "{words}: {error}");
+    }
+}
+
 /// The same of a control-affine network, the time constants of its actuators among the weights; and its predictions are those of
 /// the session.
 #[test]

@@ -185,12 +185,18 @@ pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Res
         candidates.saturating_mul(horizon) <= MOST_DRAWN,
         "--candidates {candidates} of --horizon {horizon} samples are more than a plan has room for: together (one times the other) they may be {MOST_DRAWN}; give fewer of either"
     );
+    let descents = given.descents.unwrap_or(usual.descents);
+    ensure!(
+        descents == 0 || horizon.saturating_mul(scene.limits.len()) <= PlannerSettings::MOST_DOWNHILL,
+        "--horizon {horizon}: steps downhill solve for all commands of a plan, {} at the most; give a shorter horizon, or --descents 0",
+        PlannerSettings::MOST_DOWNHILL
+    );
     steering.planner = PlannerSettings {
         horizon,
         candidates,
         elites: (candidates / 10).max(2),
         iterations: given.iterations.unwrap_or(usual.iterations),
-        descents: given.descents.unwrap_or(usual.descents),
+        descents,
         ..usual
     };
     [steering.cost.position, steering.cost.heading, steering.cost.speed] = prices(given);

@@ -24,12 +24,12 @@ pub struct SoftLimit {
 /// ```text
 /// position |p - p_d|^2 + heading 2 (1 - cos(psi + beta - psi_d)) + speed (|nu| - U_d)^2
 ///   + sum_i effort_i (c_i / s_i)^2 + rate_i (dc_i / s_i)^2 + sum of weights times crossed limits squared
-/// beta = asin(v / |nu|)
+/// beta = asin(v / max(|nu|, U_d / 2, 0.1 m/s))
 /// ```
 ///
 /// `p` is a point `ahead` metres ahead of the origin; `psi_d` the course of the path at the reference, `U_d` its speed;
 /// `s_i` half of the range of a command, `dc_i` its change from sample to sample. `beta` is the drift: it is the course over
-/// ground that shall be the path's. A vessel that turns, or crosses a current, has to head elsewhere, and a price on its
+/// ground that shall be the path's, as long as the vessel goes ahead. A vessel that turns, or crosses a current, has to head elsewhere, and a price on its
 /// heading would hold it off the path. A plan whose prediction is no number costs infinity. The pose is integrated by the
 /// midpoint rule: mean velocities, turned by the mean heading.
 #[derive(Clone, Debug, PartialEq)]

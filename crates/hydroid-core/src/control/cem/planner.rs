@@ -44,10 +44,10 @@ const CHUNK: usize = Room::AT_A_TIME;
 ///
 /// # Time
 ///
-/// A caller with a clock gives `stop`, which is asked after every 64 candidates and ends the search; the best plan so far
-/// counts, and the shifted one at the least. Without it a plan is `candidates x horizon x iterations` predicted samples.
-/// What is drawn depends on the seed and on nothing else; a search that a clock ends depends on the clock, and has no steps
-/// downhill. Each of these is `horizon x inputs + 9` candidates.
+/// A caller with a clock gives `stop`, which is asked after every 64 candidates, and between steps downhill, and ends the
+/// search; the best plan so far counts, and the shifted one at the least. Without it a plan is `candidates x horizon x
+/// iterations` predicted samples. What is drawn depends on the seed and on nothing else; a search that a clock ends depends
+/// on the clock, and has no steps downhill. Each of these is `horizon x inputs + 9` candidates.
 ///
 /// # When it fails
 ///

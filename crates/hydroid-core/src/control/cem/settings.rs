@@ -28,6 +28,9 @@ pub struct PlannerSettings {
 }
 
 impl PlannerSettings {
+    /// Commands of a plan, samples times inputs, that steps downhill can solve for: their work grows with the cube.
+    pub const MOST_DOWNHILL: usize = 400;
+
     /// 20 samples ahead, 350 candidates, 35 elites, 5 iterations, and 2 steps downhill.
     pub const fn new(seed: u64) -> Self {
         Self {

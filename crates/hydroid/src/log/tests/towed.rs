@@ -78,9 +78,35 @@ fn what_a_vessel_does_by_itself_is_kept() {
     // Most of the log.
     let seldom = |k: usize| if k < 1100 { "0".to_owned() } else { "1".to_owned() };
     assert_eq!(prepared(&table(ROWS, speed(|t| t), seldom)).runs[0].len(), ROWS);
+    // A blank command is the one before it.
+    let blank = |k: usize| {
+        if k < AFTER - 1 {
+            command(k)
+        } else if k < AFTER {
+            "2".into()
+        } else {
+            String::new()
+        }
+    };
+    assert_eq!(prepared(&table(ROWS, speed(|t| t), blank)).runs[0].len(), ROWS);
+    // What never moved under command, as a sensor that was switched on late, says nothing.
+    let late = |k: usize| if k < AFTER { String::new() } else { format!("{}", 0.01 * k as f64) };
+    assert!(!has_note(&prepared(&table(ROWS, late, command)), "grows all the same"));
     // Nobody ever steers: not this rule's business.
     let p = prepared(&table(ROWS, speed(|t| t), |_| "0".to_owned()));
     assert_eq!(p.runs[0].len(), ROWS);
+}
+
+/// A heading goes on growing while a vessel turns out.
+#[test]
+fn what_is_no_velocity_tells_of_no_tow() {
+    let text = table(ROWS, speed(|t| if t < 15.0 { 0.1 } else { 0.6 }), command);
+    for (unit, rows) in [("rad", ROWS), ("m/s", AFTER)] {
+        let log = log(&text.replacen("u [m/s]", &format!("psi [{unit}]"), 1));
+        let selection = super::super::Selection::of("psi", "n").unwrap();
+        let p = super::super::prepare(&[log], &selection, &PrepareOptions::default()).unwrap();
+        assert_eq!(p.runs[0].len(), rows, "{unit}");
+    }
 }
 
 #[test]

@@ -55,8 +55,9 @@ pub(super) fn draw(canvas: &mut Canvas<'_>, marks: &[Mark], frame: Frame, x: &Sc
                         sign(canvas, set.sign, at, set.radius, set.colour);
                     }
                 }
-                if let (Some(label), Some(first)) = (&set.label, set.points.first()) {
-                    points.push((label.as_str(), place(first), set.radius));
+                let first = set.points.first().map(place);
+                if let (Some(label), Some(at)) = (&set.label, first.filter(|at| inside(*at, frame))) {
+                    points.push((label.as_str(), at, set.radius));
                 }
             }
             Mark::Band { points, colour, opacity } => {
@@ -138,8 +139,8 @@ pub(super) fn sign(canvas: &mut Canvas<'_>, sign: Sign, (x, y): Point, r: f64, c
     }
 }
 
-/// Labels of points `(words, place, radius)`: below, above, right or left of them, whichever covers least of what is
-/// there already, in this order where nothing tells.
+/// Labels of points `(words, place, radius)`: below, above, right or left of them, whichever covers least of the points that
+/// have one and of the labels before, in this order where nothing tells.
 fn beside(canvas: &mut Canvas<'_>, points: &[(&str, Point, f64)], frame: Frame) {
     let boxed = |(x, y): Point, half: f64, high: f64| Frame {
         left: x - half,
