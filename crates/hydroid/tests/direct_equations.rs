@@ -1,15 +1,17 @@
 //! Direct predictors on equations: their training, their model file, and their place among the methods.
 
+mod vessel;
+
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use hydroid::evaluate::{DesignRange, Options, evaluate};
+use hydroid::evaluate::{Options, evaluate};
 use hydroid::identify::{
     GivenRanges, IdentifyError, Job as Identification, Members, Method, NetworkSettings, Networks,
     SindySettings, identify,
 };
-use hydroid::log::{Channel, Split, Table, Trajectory};
+use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Model, Reading, decode, encode};
 use hydroid::progress::silent;
 use hydroid::train::{BaseKind, CellKind, Job, Learned, Settings, TrainError, Trained, train};
@@ -17,32 +19,7 @@ use hydroid_core::model::direct::{Direct, DirectSession};
 use hydroid_core::model::recurrent::Base;
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::predict::Predictor;
-
-const OUTPUTS: [DesignRange; 2] =
-    [DesignRange { low: -1.5, high: 1.5 }, DesignRange { low: -1.0, high: 1.0 }];
-const INPUTS: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
-
-/// Two outputs that follow a sum of sines; with gaps a little of everything is missing.
-fn run(name: &str, samples: usize, phase: f64, gaps: bool) -> Trajectory {
-    let (mut u, mut v) = (0.0, 0.0);
-    let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
-    for k in 0..samples {
-        let t = 0.1 * k as f64 + phase;
-        let c = 0.6 * (0.7 * t).sin() + 0.4 * (1.9 * t).sin();
-        inputs.push(c);
-        let missing = |every: usize, y: f64| if gaps && k % every == every - 1 { f64::NAN } else { y };
-        outputs.extend([missing(61, u), missing(83, v)]);
-        (u, v) = (u + 0.1 * (c - u - 0.5 * v * v), v + 0.1 * (0.8 * u - 1.5 * v));
-    }
-    Trajectory {
-        name: name.to_owned(),
-        t0: 0.0,
-        dt: 0.1,
-        outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], outputs),
-        inputs: Table::new([Channel::new("n", "1/s")], inputs),
-        truth: None,
-    }
-}
+use vessel::{INPUTS, OUTPUTS, smooth, with_gaps};
 
 /// Nearly what the vessel is, with a lag and past values that it has not.
 fn equations() -> Equations {
@@ -68,7 +45,7 @@ fn settings() -> Settings {
 }
 
 fn on(equations: &Equations, settings: &Settings, validation: &Trajectory) -> Result<Trained, TrainError> {
-    let (a, b) = (run("a", 900, 0.0, true), run("b", 500, 40.0, true));
+    let (a, b) = (with_gaps("a", 900, 0.0), with_gaps("b", 500, 40.0));
     let job = Job {
         runs: &[&a, &b],
         validation: &[validation],
@@ -93,7 +70,7 @@ fn score(session: &mut dyn Predictor, run: &Trajectory) -> f64 {
 /// Chained over two horizons and a half. The run is so short that every origin is judged.
 #[test]
 fn it_learns_what_the_equations_miss_and_is_judged_as_its_session_is() {
-    let whole = run("c", 130, 100.0, false);
+    let whole = smooth("c", 130, 100.0);
     let trained = on(&equations(), &settings(), &whole).unwrap();
     let model = direct(&trained);
     let alone = score(&mut EquationsSession::new(Arc::new(equations())), &whole);
@@ -108,7 +85,7 @@ fn it_learns_what_the_equations_miss_and_is_judged_as_its_session_is() {
 
 #[test]
 fn the_bytes_do_not_depend_on_threads() {
-    let validation = run("c", 330, 100.0, true);
+    let validation = with_gaps("c", 330, 100.0);
     let settings = Settings { restarts: 2, epochs: 2, ensemble: true, refit: true, ..settings() };
     let trained = [1, 2, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -122,7 +99,7 @@ fn the_bytes_do_not_depend_on_threads() {
 #[test]
 fn equations_that_are_not_for_it_are_refused() {
     let told = |equations: &Equations| {
-        let error = on(equations, &settings(), &run("c", 330, 100.0, true)).unwrap_err();
+        let error = on(equations, &settings(), &with_gaps("c", 330, 100.0)).unwrap_err();
         error.to_string()
     };
     let of = |terms: Vec<Term>, coefficients: Vec<f64>, outputs: usize, dt: f64| {
@@ -147,9 +124,9 @@ fn job(methods: Vec<Method>) -> Identification {
     Identification {
         methods,
         split: Split {
-            train: vec![run("a", 900, 0.0, true)],
-            validation: vec![run("b", 300, 40.0, true)],
-            test: vec![run("c", 300, 100.0, true)],
+            train: vec![with_gaps("a", 900, 0.0)],
+            validation: vec![with_gaps("b", 300, 40.0)],
+            test: vec![with_gaps("c", 300, 100.0)],
             notes: Vec::new(),
         },
         reading: Reading::default(),
@@ -183,7 +160,7 @@ fn it_takes_the_equations_of_the_job_into_its_file() {
     let again = decode(&bytes, Path::new("m")).unwrap();
     assert_eq!(&again, model);
     assert_eq!(encode(&again).unwrap(), bytes);
-    let whole = run("c", 300, 100.0, true);
+    let whole = with_gaps("c", 300, 100.0);
     let [one, two] = [&again, model].map(|model| score(model.session().as_mut(), &whole));
     assert_eq!(one.to_bits(), two.to_bits());
 

@@ -1,44 +1,35 @@
 //! Trainings from end to end.
 
+mod vessel;
+
+use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use hydroid::evaluate::DesignRange;
-use hydroid::log::{Channel, Table, Trajectory};
+use hydroid::log::Trajectory;
 use hydroid::train::{BaseKind, CellKind, Ending, Job, Settings, Status, TrainError, Trained, train};
+use vessel::{INPUTS, OUTPUTS, measured, sail};
 
-const OUTPUTS: [DesignRange; 2] =
-    [DesignRange { low: -1.5, high: 1.5 }, DesignRange { low: -1.0, high: 1.0 }];
-const INPUTS: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
-
-/// A made-up vessel of two outputs under steps of its command, with some noise.
+/// Under steps of the command, with some noise.
 fn run(name: &str, samples: usize, seed: u64) -> Trajectory {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    let mut random = || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    let state = Cell::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+    let random = || {
+        let mut x = state.get();
+        x ^= x << 13;
+        x ^= x >> 7;
+        x ^= x << 17;
+        state.set(x);
+        (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     };
-    let (mut u, mut v, mut c) = (0.0, 0.0, 0.0);
-    let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
-    for k in 0..samples {
-        if k % 15 == 0 {
-            c = random();
+    let mut held = 0.0;
+    let command = |k: usize| {
+        if k.is_multiple_of(15) {
+            held = random();
         }
-        inputs.push(c);
-        outputs.extend([u + 0.005 * random(), v + 0.005 * random()]);
-        (u, v) = (u + 0.1 * (c - u - 0.5 * v * v), v + 0.1 * (0.8 * u - 1.5 * v));
-    }
-    Trajectory {
-        name: name.to_owned(),
-        t0: 0.0,
-        dt: 0.1,
-        outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], outputs),
-        inputs: Table::new([Channel::new("n", "1/s")], inputs),
-        truth: None,
-    }
+        held
+    };
+    sail(name, samples, command, |_, [u, v]| [u + 0.005 * random(), v + 0.005 * random()])
 }
 
 fn settings(cell: CellKind) -> Settings {
@@ -228,7 +219,7 @@ fn what_cannot_be_is_said() {
     assert!(of(|s| s.base = BaseKind::Equations).contains("none are given"));
     let still = Trajectory {
         // The mean of so many tenths is no tenth.
-        outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], vec![0.1; 1800]),
+        outputs: measured(vec![0.1; 1800]),
         ..run("still", 900, 1)
     };
     let horizon = |horizon: usize, validation: &Trajectory| {

@@ -1,14 +1,16 @@
 //! Direct predictors: their training, their model file, and their place among the methods.
 
+mod vessel;
+
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use hydroid::evaluate::{DesignRange, Options, band_coverage, evaluate};
+use hydroid::evaluate::{Options, band_coverage, evaluate};
 use hydroid::identify::{
     GivenRanges, Job as Identification, Method, NetworkSettings, Networks, SindySettings,
 };
 use hydroid::identify::{IdentifyError, identify};
-use hydroid::log::{Channel, Split, Table, Trajectory};
+use hydroid::log::{Split, Table, Trajectory};
 use hydroid::model::{Body, Model, Reading, decode, encode};
 use hydroid::progress::silent;
 use hydroid::train::{
@@ -16,32 +18,7 @@ use hydroid::train::{
 };
 use hydroid_core::model::direct::{Direct, DirectSession};
 use hydroid_core::predict::{Predictor, Workspace};
-
-const OUTPUTS: [DesignRange; 2] =
-    [DesignRange { low: -1.5, high: 1.5 }, DesignRange { low: -1.0, high: 1.0 }];
-const INPUTS: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
-
-/// Two outputs that follow a sum of sines, with a little of everything missing.
-fn run(name: &str, samples: usize, phase: f64) -> Trajectory {
-    let (mut u, mut v) = (0.0, 0.0);
-    let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
-    for k in 0..samples {
-        let t = 0.1 * k as f64 + phase;
-        let c = 0.6 * (0.7 * t).sin() + 0.4 * (1.9 * t).sin();
-        inputs.push(c);
-        let missing = |every: usize, y: f64| if k % every == every - 1 { f64::NAN } else { y };
-        outputs.extend([missing(61, u), missing(83, v)]);
-        (u, v) = (u + 0.1 * (c - u - 0.5 * v * v), v + 0.1 * (0.8 * u - 1.5 * v));
-    }
-    Trajectory {
-        name: name.to_owned(),
-        t0: 0.0,
-        dt: 0.1,
-        outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], outputs),
-        inputs: Table::new([Channel::new("n", "1/s")], inputs),
-        truth: None,
-    }
-}
+use vessel::{INPUTS, OUTPUTS, with_gaps};
 
 fn settings() -> Settings {
     Settings {
@@ -59,7 +36,7 @@ fn settings() -> Settings {
 type Watched<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
 fn with(settings: &Settings, checkpoint: Option<&Path>, watch: Watched<'_>) -> Result<Trained, TrainError> {
-    let (a, b, c) = (run("a", 900, 0.0), run("b", 500, 40.0), run("c", 330, 100.0));
+    let (a, b, c) = (with_gaps("a", 900, 0.0), with_gaps("b", 500, 40.0), with_gaps("c", 330, 100.0));
     let job = Job {
         runs: &[&a, &b],
         validation: &[&c],
@@ -88,7 +65,7 @@ fn it_learns_the_vessel_and_its_validation_error_is_that_of_the_evaluation() {
         assert_eq!((trained.wash_out, trained.window), (4, 8));
         let Learned::Direct(model) = &trained.model else { panic!("no direct predictor") };
         let mut session = DirectSession::new(model.clone().into()).unwrap();
-        let mut whole = run("c", 330, 100.0);
+        let mut whole = with_gaps("c", 330, 100.0);
         // What is missing in a history is held there, and predicted by a session: on a whole run they agree.
         let options = Options { horizon: 20, ..Options::default() };
         let score = |session: &mut DirectSession, run: &Trajectory| {
@@ -101,7 +78,7 @@ fn it_learns_the_vessel_and_its_validation_error_is_that_of_the_evaluation() {
         let filled = (0..130).flat_map(|k| [0, 1].map(|c| whole.outputs.row(k)[c])).collect::<Vec<_>>();
         let filled = filled.iter().enumerate().map(|(i, y)| if y.is_nan() { filled[i - 2] } else { *y });
         whole.outputs = Table::new(whole.outputs.channels().to_vec(), filled.collect());
-        let (a, b) = (run("a", 900, 0.0), run("b", 500, 40.0));
+        let (a, b) = (with_gaps("a", 900, 0.0), with_gaps("b", 500, 40.0));
         let job = Job {
             runs: &[&a, &b],
             validation: &[&whole],
@@ -185,9 +162,9 @@ fn job(change: impl FnOnce(&mut NetworkSettings)) -> Identification {
     Identification {
         methods: vec![Method::Direct],
         split: Split {
-            train: vec![run("a", 900, 0.0)],
-            validation: vec![run("b", 300, 40.0)],
-            test: vec![run("c", 300, 100.0)],
+            train: vec![with_gaps("a", 900, 0.0)],
+            validation: vec![with_gaps("b", 300, 40.0)],
+            test: vec![with_gaps("c", 300, 100.0)],
             notes: Vec::new(),
         },
         reading: Reading::default(),
@@ -216,7 +193,7 @@ fn a_method_like_the_others_with_a_file_and_an_ensemble() {
     assert_eq!(&again, model);
     let members = again.member_sessions();
     assert_eq!(members.len(), 3);
-    let test = run("c", 300, 100.0);
+    let test = with_gaps("c", 300, 100.0);
     let coverage = band_coverage(&members, &[&test], &Options::default(), &[1, 20]).unwrap();
     assert_eq!(coverage.members, 3);
     let Body::Direct(direct) = &model.body else { panic!("no direct predictor") };
@@ -263,7 +240,7 @@ fn members_predict_the_same_after_a_refit() {
     let settings = Settings { base: BaseKind::Hold, ensemble: true, restarts: 2, epochs: 30, ..settings() };
     let (before, after) = (go(&settings), go(&Settings { refit: true, ..settings }));
     assert_eq!(after.refit.as_ref().unwrap().outcome, Outcome::Taken);
-    let run = run("d", 200, 7.0);
+    let run = with_gaps("d", 200, 7.0);
     let predict = |trained: &Trained, member: usize| {
         let Learned::Direct(model) = &trained.model else { panic!("no direct predictor") };
         let model = Direct { weights: trained.members[member].clone(), ..model.clone() };

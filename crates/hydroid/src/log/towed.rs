@@ -25,8 +25,9 @@ const GATHERED: f64 = 1.0;
 /// max over b of (|m_b| - min over a <= b of |m_a|) > standard deviation from the first to the last command
 /// ```
 ///
-/// in any output that is a velocity or a turn. A blank command is the one before it, and none before the first. Stretches between commands are left alone, and so are those that are more than a quarter of
-/// the log: where commands are as rare as that, something else is to be learned.
+/// in any output that is a velocity or a turn. A blank command is the one before it, and none before the first. Stretches
+/// between commands are left alone, and so are those that are more than a quarter of the log: where commands are as rare as
+/// that, something else is to be learned.
 pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>) {
     let n = columns.rows();
     let Some((first, last)) = under_command(&columns.inputs[..commands], n) else { return };
