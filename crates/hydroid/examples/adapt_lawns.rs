@@ -6,9 +6,9 @@
 //!
 //! Models are files of hydroid's recurrent networks that see inputs alone, or PyTorch's tensors with `norm.*` beside them, as
 //! the reference has them; errors are medians over all of them. `KEY=VALUE` is the tuning, in scaled units: `p0`, `q`,
-//! `p0_h`, `q_h`, `r` (times the variance of the true noise), `leak`, `forgetting`, `huber`, `noise_rate`, `weights`
-//! (`all`, `last`, `read_out`), `memory` (`full`, `blocks:GROUP`, `diagonal`, `low-rank:RANK`). `bands=1` counts how often the
-//! 80 and 95 % bands hold what is measured.
+//! `gates` (times these, for the weights of gates), `p0_h`, `q_h`, `r` (times the variance of the true noise), `leak`,
+//! `forgetting`, `huber`, `noise_rate`, `weights` (`all`, `last`, `read_out`), `memory` (`full`, `blocks:GROUP`, `diagonal`,
+//! `low-rank:RANK`). `bands=1` counts how often the 80 and 95 % bands hold what is measured.
 //!
 //! Windows start at samples 100, 105, ..; from the filtered state the network is run 100 steps on the logged commands with the
 //! weights of that moment; errors are means of the absolute difference from the truth. `frozen`: no measurement enters;
@@ -25,7 +25,7 @@ use hydroid::model::{self, Body, NamedTensor, weights_from_torch};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
 use hydroid_core::model::recurrent::{
-    Base, Blocks, Cell, Network, Packed, Recurrent, RecurrentSession, Scaling, StateFilter,
+    Base, Blocks, Cell, Layout, Network, Packed, Recurrent, RecurrentSession, Scaling, StateFilter,
 };
 use hydroid_core::predict::{Predictor, Workspace};
 use safetensors::SafeTensors;
@@ -113,7 +113,7 @@ fn three(
     let r = number("r", 3.0)?;
     let noise: Vec<f64> = noise.iter().map(|n| r * n).collect();
     let mut tuning = Tuning {
-        leak: number("leak", 3.03e-5)?,
+        leak: number("leak", 3e-6)?,
         forgetting: number("forgetting", 1.0)?,
         huber: number("huber", f64::INFINITY)?,
         noise_rate: number("noise_rate", 0.0)?,
@@ -121,11 +121,16 @@ fn three(
         ..Tuning::uniform(
             model.weights.len(),
             number("p0", 0.02)?,
-            number("q", 3e-8)?,
+            number("q", 6e-8)?,
             (number("p0_h", 1.0)?, number("q_h", 1e-5)?),
             &noise,
         )
     };
+    let gates = number("gates", 5.0)?;
+    for place in Layout::new(&model.network).gates(model.network.cell) {
+        tuning.initial_weights[place] *= gates;
+        tuning.weight_noise[place] *= gates;
+    }
     let blocks = Blocks::new(&Packed::new(model.network, &model.weights));
     let from = match settings.get("weights").map_or("all", String::as_str) {
         "read_out" => blocks.transition(),

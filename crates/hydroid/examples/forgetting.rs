@@ -26,12 +26,12 @@ const STEPS: usize = 20;
 /// Name, time of the leak \[s\], time walked through what it was trained on \[s\], guard.
 const WAYS: [(&str, f64, f64, bool); 7] = [
     ("nothing", f64::INFINITY, 0.0, false),
-    ("leak in 3300 s (default)", 3300.0, 0.0, false),
-    ("leak in 330 s", 330.0, 0.0, false),
-    ("shore, 200 s", 3300.0, 200.0, false),
-    ("shore, 2000 s", 3300.0, 2000.0, false),
-    ("guard", 3300.0, 0.0, true),
-    ("guard and shore, 200 s", 3300.0, 200.0, true),
+    ("leak in 33000 s (default)", 33_000.0, 0.0, false),
+    ("leak in 3300 s", 3300.0, 0.0, false),
+    ("shore, 200 s", 33_000.0, 200.0, false),
+    ("shore, 2000 s", 33_000.0, 2000.0, false),
+    ("guard", 33_000.0, 0.0, true),
+    ("guard and shore, 200 s", 33_000.0, 200.0, true),
 ];
 
 type Errors = [f64; 3];

@@ -50,15 +50,18 @@ pub struct NetworksArgs {
     /// vessels 0.01, of relative changes: 10 %)
     #[arg(long, value_name = "P0")]
     pub weight_variance: Option<f64>,
-    /// Variance that each weight gains in a second: how fast the vessel may change (default: 3e-7; equations and vessels
+    /// Variance that each weight gains in a second: how fast the vessel may change (default: 6e-7; equations and vessels
     /// 1e-6)
     #[arg(long, value_name = "Q")]
     pub weight_noise: Option<f64>,
+    /// Variance and noise of the weights of gates are so many times that of the others (LSTM, GRU; default: 5)
+    #[arg(long, value_name = "X")]
+    pub gate_factor: Option<f64>,
     /// Variance that each number of the state gains in a second: of a network the hidden one, of equations the outputs,
     /// of a vessel these and the propeller force (default: 1e-4; equations 1e-3; vessels 1e-5)
     #[arg(long, value_name = "Q")]
     pub state_noise: Option<f64>,
-    /// Time constant [s] with which weights return to those of the model; inf not to (default: 3300; equations and
+    /// Time constant [s] with which weights return to those of the model; inf not to (default: 33000; equations and
     /// vessels inf)
     #[arg(long, value_name = "S")]
     pub leak: Option<f64>,

@@ -128,8 +128,10 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     );
     if model.recurrent().is_none() {
         ensure!(
-            args.networks.weights.is_none() && !args.networks.single_precision,
-            "--weights and --single-precision are for networks: this is a model of kind '{}'",
+            args.networks.weights.is_none()
+                && args.networks.gate_factor.is_none()
+                && !args.networks.single_precision,
+            "--weights, --gate-factor and --single-precision are for networks: this is a model of kind '{}'",
             model.kind()
         );
         options.method = Method::Kalman;
@@ -140,6 +142,7 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         (given.noise_factor, &mut settings.noise_factor),
         (given.weight_variance, &mut settings.weight_variance),
         (given.weight_noise, &mut settings.weight_noise_per_s),
+        (given.gate_factor, &mut settings.gate_factor),
         (given.state_noise, &mut settings.state_noise_per_s),
         (given.leak, &mut settings.leak_s),
         (given.huber, &mut settings.huber),

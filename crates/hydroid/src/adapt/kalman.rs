@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
-use hydroid_core::model::recurrent::{Base, Blocks, Packed, Recurrent, StateFilter};
+use hydroid_core::model::recurrent::{Base, Blocks, Layout, Packed, Recurrent, StateFilter};
 use serde::{Deserialize, Serialize};
 
 use super::AdaptError;
@@ -23,6 +23,8 @@ pub struct Kalman {
     pub weight_variance: f64,
     /// Variance that each weight gains in a second: how fast the vessel may change.
     pub weight_noise_per_s: f64,
+    /// Both are so many times that for the weights of the gates of an LSTM or a GRU, which decide how fast the network is.
+    pub gate_factor: f64,
     /// Variance of each number of the hidden state at the start of a run. That of equations is as uncertain as its
     /// measurement.
     pub state_variance: f64,
@@ -83,12 +85,13 @@ impl Default for Kalman {
     fn default() -> Self {
         Self {
             weight_variance: 0.02,
-            weight_noise_per_s: 3e-7,
+            weight_noise_per_s: 6e-7,
+            gate_factor: 5.0,
             state_variance: 1.0,
             state_noise_per_s: 1e-4,
             noise: None,
             noise_factor: 3.0,
-            leak_s: 3300.0,
+            leak_s: 33_000.0,
             forgetting_s: f64::INFINITY,
             huber: f64::INFINITY,
             adaptive_noise_s: f64::INFINITY,
@@ -105,6 +108,7 @@ impl Default for Kalman {
 pub struct UsedKalman {
     pub weight_variance: f64,
     pub weight_noise_per_s: f64,
+    pub gate_factor: f64,
     pub state_variance: f64,
     pub state_noise_per_s: f64,
     pub noise: Vec<f64>,
@@ -176,6 +180,7 @@ impl Kalman {
         UsedKalman {
             weight_variance: self.weight_variance,
             weight_noise_per_s: self.weight_noise_per_s,
+            gate_factor: self.gate_factor,
             state_variance: self.state_variance,
             state_noise_per_s: self.state_noise_per_s,
             noise,
@@ -194,6 +199,10 @@ impl Kalman {
     fn tuning(&self, network: &Recurrent, noise: &[f64], dt: f64) -> Tuning {
         let scale = &network.scaling.correction_scale;
         let mut tuning = self.uniform(network.weights.len(), noise, scale, dt);
+        for place in Layout::new(&network.network).gates(network.network.cell) {
+            tuning.initial_weights[place] *= self.gate_factor;
+            tuning.weight_noise[place] *= self.gate_factor;
+        }
         let blocks = Blocks::new(&Packed::new(network.network, &network.weights));
         let kept = match self.weights {
             Which::All => 0,
@@ -246,4 +255,38 @@ pub(super) fn learned(model: &Model, network: &Recurrent, weights: &[f64]) -> Re
     }
     let network = Recurrent { weights: weights.to_vec(), ..network.clone() };
     Ok(Model { body: Body::Recurrent(Arc::new(network)), ..model.clone() })
+}
+
+#[cfg(test)]
+mod tests {
+    use hydroid_core::model::recurrent::{Cell, Network, Scaling};
+
+    use super::*;
+
+    #[test]
+    fn the_gates_of_a_network_have_their_own_variance() {
+        let network = Network { cell: Cell::Gru { hidden: 2 }, inputs: 1, outputs: 1, read_out: true };
+        let scaling = Scaling {
+            output_mean: vec![0.0],
+            output_scale: vec![1.0],
+            input_mean: vec![0.0],
+            input_scale: vec![1.0],
+            correction_scale: vec![1.0],
+        };
+        let weights = vec![0.1; network.weights()];
+        let (base, wash_out) = (Base::Nothing, 0);
+        let model =
+            Recurrent { network, weights, scaling, base, feedback: false, wash_out, state_filter: None };
+        let options = Kalman { gate_factor: 4.0, ..Kalman::default() };
+        let tuning = options.tuning(&model, &[0.01], 0.1);
+        let gates = Layout::new(&network).gates(network.cell);
+        for (place, (variance, noise)) in tuning.initial_weights.iter().zip(&tuning.weight_noise).enumerate()
+        {
+            let factor = if gates.contains(&place) { 4.0 } else { 1.0 };
+            assert_eq!((*variance, *noise), (0.02 * factor, options.weight_noise_per_s * 0.1 * factor));
+        }
+        // Those that do not learn do not, gates or not.
+        let read_out = Kalman { weights: Which::ReadOut, ..options }.tuning(&model, &[0.01], 0.1);
+        assert!(gates.iter().all(|&place| read_out.initial_weights[place] == 0.0));
+    }
 }

@@ -85,11 +85,54 @@ impl Layout {
         let read_out = network.read_out.then(|| (next(network.outputs * shown), next(network.outputs)));
         Self { layers, projection, read_out }
     }
+
+    /// The weights of the gates: of the rows that pass through a sigmoid, which are `i`, `f` and `o` of an LSTM, `r` and `z` of
+    /// a GRU, and none of a vanilla network.
+    pub fn gates(&self, cell: Cell) -> Vec<usize> {
+        let (parts, sigmoid): (usize, &[usize]) = match cell {
+            Cell::Lstm { .. } => (4, &[0, 1, 3]),
+            Cell::Gru { .. } => (3, &[0, 1]),
+            Cell::Vanilla { .. } => (1, &[]),
+        };
+        let of_layer = |layer: &LayerLayout| {
+            let kept = (0..layer.rows).filter(|row| sigmoid.contains(&(row * parts / layer.rows)));
+            let rows = kept.map(|row| layer.row(row));
+            let places =
+                rows.flat_map(|row| row.weight_ih.chain(row.weight_hh).chain([row.bias_ih, row.bias_hh]));
+            places.collect::<Vec<_>>()
+        };
+        self.layers.iter().flat_map(of_layer).collect()
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn gates_are_the_rows_of_sigmoids() {
+        let lstm = Network {
+            cell: Cell::Lstm { hidden: 2, projection: Some(1) },
+            inputs: 1,
+            outputs: 1,
+            read_out: false,
+        };
+        // W_ih 8 x 1, W_hh 8 x 1, two biases of 8; g is the third pair of rows.
+        let g = |at: &usize| matches!(at % 8, 4 | 5);
+        let mut gates = Layout::new(&lstm).gates(lstm.cell);
+        gates.sort_unstable();
+        let expected: Vec<usize> = (0..32).filter(|at| !g(at)).collect();
+        assert_eq!(gates, expected);
+        let gru = Network { cell: Cell::Gru { hidden: 2 }, inputs: 1, outputs: 1, read_out: true };
+        // W_ih 6 x 1, W_hh 6 x 2, two biases of 6; n is the last third of each.
+        let mut gates = Layout::new(&gru).gates(gru.cell);
+        gates.sort_unstable();
+        let expected: Vec<usize> = (0..4).chain(6..14).chain(18..22).chain(24..28).collect();
+        assert_eq!(gates, expected);
+        let vanilla =
+            Network { cell: Cell::Vanilla { hidden: 2, layers: 2 }, inputs: 1, outputs: 1, read_out: true };
+        assert!(Layout::new(&vanilla).gates(vanilla.cell).is_empty());
+    }
 
     /// One order of weights, told twice: by name for files, by place for arithmetic.
     #[test]
