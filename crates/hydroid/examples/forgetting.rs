@@ -1,7 +1,7 @@
 //! What a network forgets at sea, and what helps.
 //!
 //! ```text
-//! cargo run --release -p hydroid --example forgetting -- MODEL[,MODEL ..] TRAIN SEA TEST [epochs=1]
+//! cargo run --release -p hydroid --example forgetting -- MODEL[,MODEL ..] TRAIN SEA TEST [epochs=1] [KEY=VALUE ..]
 //! ```
 //!
 //! Models are recurrent networks that see inputs alone; `TRAIN` is a log that they were trained on, `SEA` the one that they
@@ -11,7 +11,7 @@
 
 use std::path::Path;
 
-use hydroid::adapt::{self, Kalman, Options};
+use hydroid::adapt::{self, Kalman, Options, Rehearse};
 use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
 use hydroid::model::{self, Model};
 use hydroid_core::adapt::Adapter;
@@ -23,15 +23,43 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 const NOISE: [f64; 3] = [0.01, 0.01, 0.017_453_292_519_943_295];
 const STEPS: usize = 20;
 
-/// Name, time of the leak \[s\], time walked through what it was trained on \[s\], guard.
-const WAYS: [(&str, f64, f64, bool); 7] = [
-    ("nothing", f64::INFINITY, 0.0, false),
-    ("leak in 33000 s (default)", 33_000.0, 0.0, false),
-    ("leak in 3300 s", 3300.0, 0.0, false),
-    ("shore, 200 s", 33_000.0, 200.0, false),
-    ("shore, 2000 s", 33_000.0, 2000.0, false),
-    ("guard", 33_000.0, 0.0, true),
-    ("guard and shore, 200 s", 33_000.0, 200.0, true),
+/// What is done against forgetting.
+#[derive(Clone, Copy)]
+struct Way {
+    name: &'static str,
+    /// Time of the leak \[s\], and how much of it goes by weight.
+    leak_s: f64,
+    anchor: f64,
+    /// Time walked through what it was trained on \[s\].
+    shore_s: f64,
+    rehearsal: Option<Rehearse>,
+    guard: bool,
+}
+
+const DEFAULT: Way = Way {
+    name: "leak in 33000 s (default)",
+    leak_s: 33_000.0,
+    anchor: 0.0,
+    shore_s: 0.0,
+    rehearsal: None,
+    guard: false,
+};
+const REHEARSAL: Option<Rehearse> =
+    Some(Rehearse { windows: 32, window_s: 10.0, every: 2, state_variance: 0.1, noise_factor: 1.0 });
+
+const WAYS: [Way; 12] = [
+    Way { name: "nothing", leak_s: f64::INFINITY, ..DEFAULT },
+    DEFAULT,
+    Way { name: "leak in 3300 s", leak_s: 3300.0, ..DEFAULT },
+    Way { name: "shore, 200 s", shore_s: 200.0, ..DEFAULT },
+    Way { name: "shore, 2000 s", shore_s: 2000.0, ..DEFAULT },
+    Way { name: "Fisher leak, 200 s", anchor: 1.0, shore_s: 200.0, ..DEFAULT },
+    Way { name: "rehearsal", rehearsal: REHEARSAL, ..DEFAULT },
+    Way { name: "rehearsal and shore, 200 s", rehearsal: REHEARSAL, shore_s: 200.0, ..DEFAULT },
+    Way { name: "guard", guard: true, ..DEFAULT },
+    Way { name: "guard and shore, 200 s", shore_s: 200.0, guard: true, ..DEFAULT },
+    Way { name: "guard and rehearsal", rehearsal: REHEARSAL, guard: true, ..DEFAULT },
+    Way { name: "guard, rehearsal, shore", rehearsal: REHEARSAL, shore_s: 200.0, guard: true, ..DEFAULT },
 ];
 
 type Errors = [f64; 3];
@@ -39,18 +67,39 @@ type Errors = [f64; 3];
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [models, train, sea, test, rest @ ..] = arguments.as_slice() else {
-        return Err("give MODEL[,MODEL ..] TRAIN SEA TEST [epochs=N]".into());
+        return Err("give MODEL[,MODEL ..] TRAIN SEA TEST [epochs=N] [KEY=VALUE ..]".into());
     };
-    let epochs = match rest {
-        [] => 1,
-        [one] => one.strip_prefix("epochs=").ok_or("only epochs=N can follow")?.parse::<usize>()?,
-        _ => return Err("only epochs=N can follow".into()),
-    };
+    let (mut epochs, mut own, mut rehearse) = (1, None::<Way>, Rehearse::default());
+    for word in rest {
+        let (key, value) = word.split_once('=').ok_or("KEY=VALUE follows the logs")?;
+        if key == "epochs" {
+            epochs = value.parse::<usize>()?;
+            continue;
+        }
+        let way = own.get_or_insert(Way { name: "as given", ..DEFAULT });
+        match key {
+            "leak" => way.leak_s = value.parse()?,
+            "anchor" => way.anchor = value.parse()?,
+            "shore" => way.shore_s = value.parse()?,
+            "guard" => way.guard = value.parse()?,
+            "windows" => rehearse.windows = value.parse()?,
+            "window" => rehearse.window_s = value.parse()?,
+            "every" => rehearse.every = value.parse()?,
+            "variance" => rehearse.state_variance = value.parse()?,
+            "factor" => rehearse.noise_factor = value.parse()?,
+            _ => return Err(format!("there is no {key}").into()),
+        }
+        if matches!(key, "windows" | "window" | "every" | "variance" | "factor") {
+            way.rehearsal = Some(rehearse);
+        }
+    }
+    let ways = own.map_or(WAYS.to_vec(), |own| vec![own]);
     let models: Vec<Model> =
         models.split(',').map(|path| model::read(Path::new(path))).collect::<Result<_, _>>()?;
     let (train, sea, test) = (read(train)?, read(sea)?, read(test)?);
-    for (name, leak_s, shore_s, guard) in WAYS {
-        let kalman = Kalman { leak_s, noise: Some(NOISE.to_vec()), ..Kalman::default() };
+    for Way { name, leak_s, anchor, shore_s, rehearsal, guard } in ways {
+        let noise = Some(NOISE.to_vec());
+        let kalman = Kalman { leak_s, anchor, rehearsal, noise, ..Kalman::default() };
         let options = Options { kalman, ..Options::default() };
         let way = |model: &Model| -> Result<[Errors; 5], Failure> {
             let own = if guard { options.clone().guarded(model) } else { options.clone() };
@@ -59,6 +108,7 @@ fn main() -> Result<(), Failure> {
             // Casts saturate.
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             let samples = (shore_s / train.dt) as usize;
+            adapt::rehearse_shore(session.as_mut(), &[&train]);
             adapt::remember_shore(session.as_mut(), &[&train.slice(0, samples.min(train.len()))]);
             let along: Vec<Errors> = (0..epochs.max(1)).map(|_| errors(session.as_mut(), &sea)).collect();
             let after = held(model, session.weights(), &options, &test)?;
@@ -100,6 +150,8 @@ fn held(model: &Model, weights: &[f64], options: &Options, run: &Trajectory) -> 
         state_noise_per_s: 1e-3,
         noise_factor: 1.0,
         leak_s: f64::INFINITY,
+        anchor: 0.0,
+        rehearsal: None,
         ..options.kalman.clone()
     };
     let mut session = adapt::adapter(&learned, &Options { kalman: sure, ..Options::default() }, &[run])?.0;

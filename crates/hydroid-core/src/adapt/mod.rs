@@ -67,6 +67,21 @@ pub trait Adapter: Predictor {
     /// Forgets how sure it is of the weights: their covariance is as at the start. The weights stay.
     fn restart(&mut self);
 
+    /// From now on weights are drawn to those from shore as what has been learned up to now determines them, if the adapter
+    /// does such a thing.
+    fn anchor(&mut self) {}
+
+    /// How windows of known waters are rehearsed on the way; `None` if they are not.
+    fn rehearsal(&self) -> Option<&kalman::Rehearsal> {
+        None
+    }
+
+    /// Keeps a window for rehearsal, as long as there is room: measured `outputs` and `commands` of samples that follow each
+    /// other, row by row. The last [`samples`](kalman::Rehearsal::samples) are kept, those before wash in. Allocates.
+    fn keep(&mut self, outputs: &[f64], commands: &[f64]) {
+        let _ = (outputs, commands);
+    }
+
     /// Whether the covariance is one.
     fn health(&self) -> Health;
 

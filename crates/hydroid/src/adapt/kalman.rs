@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
-use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
+use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Rehearsal, Tuning};
 use hydroid_core::model::recurrent::{Base, Blocks, Layout, Packed, Recurrent, StateFilter};
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +38,13 @@ pub struct Kalman {
     pub noise_factor: f64,
     /// Time constant \[s\] with which weights return to those from shore; infinite not to.
     pub leak_s: f64,
+    /// How much of that return goes by what the shore determined of each weight, 0 to 1
+    /// ([`Filter::anchor`](hydroid_core::adapt::kalman::Filter::anchor)).
+    #[serde(default)]
+    pub anchor: f64,
+    /// Whether, and how, networks rehearse windows of the shore on the way.
+    #[serde(default)]
+    pub rehearsal: Option<Rehearse>,
     /// Time \[s\] after which a sample counts `1/e`; infinite to forget nothing.
     pub forgetting_s: f64,
     /// Innovations of more standard deviations than this weigh less (Huber); infinite to trust all of them.
@@ -51,6 +58,43 @@ pub struct Kalman {
     pub memory: Memory,
     /// Whether the filter works in single precision; that of equations does not.
     pub single_precision: bool,
+}
+
+/// How windows of logs from shore are rehearsed ([`rehearse_shore`](super::rehearse_shore)).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rehearse {
+    /// Windows that are kept, spread evenly.
+    pub windows: usize,
+    /// Length of each \[s\].
+    pub window_s: f64,
+    /// One sample is rehearsed after so many that are sailed.
+    pub every: usize,
+    /// Variance of each number of the hidden state at the start of a window.
+    pub state_variance: f64,
+    /// Variance of the noise of what is rehearsed, in that of what is measured.
+    pub noise_factor: f64,
+}
+
+impl Default for Rehearse {
+    fn default() -> Self {
+        Self { windows: 32, window_s: 10.0, every: 2, state_variance: 0.1, noise_factor: 1.0 }
+    }
+}
+
+impl Rehearse {
+    fn of(&self, dt: f64) -> Rehearsal {
+        // Casts saturate.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let samples = (self.window_s / dt).round() as usize;
+        Rehearsal {
+            windows: self.windows,
+            samples,
+            every: self.every,
+            initial_state: self.state_variance,
+            noise_factor: self.noise_factor,
+        }
+    }
 }
 
 /// Which weights are learned.
@@ -92,6 +136,8 @@ impl Default for Kalman {
             noise: None,
             noise_factor: 3.0,
             leak_s: 33_000.0,
+            anchor: 0.0,
+            rehearsal: None,
             forgetting_s: f64::INFINITY,
             huber: f64::INFINITY,
             adaptive_noise_s: f64::INFINITY,
@@ -114,6 +160,9 @@ pub struct UsedKalman {
     pub noise: Vec<f64>,
     pub noise_factor: f64,
     pub leak_s: f64,
+    pub anchor: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rehearsal: Option<Rehearse>,
     pub forgetting_s: f64,
     pub huber: f64,
     pub adaptive_noise_s: f64,
@@ -167,6 +216,7 @@ impl Kalman {
         let state = (self.state_variance, self.state_noise_per_s * dt);
         Tuning {
             leak: per_sample(self.leak_s),
+            anchor: self.anchor,
             forgetting: 1.0 - per_sample(self.forgetting_s),
             huber: self.huber,
             noise_rate: per_sample(self.adaptive_noise_s),
@@ -186,6 +236,8 @@ impl Kalman {
             noise,
             noise_factor: self.noise_factor,
             leak_s: self.leak_s,
+            anchor: self.anchor,
+            rehearsal: self.rehearsal,
             forgetting_s: self.forgetting_s,
             huber: self.huber,
             adaptive_noise_s: self.adaptive_noise_s,
@@ -227,10 +279,11 @@ pub(super) fn adapter(
     let noise = options.noise_of(model, runs)?;
     let tuning = options.tuning(network, &noise, model.description.dt);
     let plain = Arc::new(Recurrent { state_filter: None, ..(**network).clone() });
+    let rehearsal = options.rehearsal.map(|rehearse| rehearse.of(model.description.dt));
     let adapter: Box<dyn Adapter> = if options.single_precision {
-        Box::new(KalmanNetwork::<f32>::new(plain, tuning)?)
+        Box::new(KalmanNetwork::<f32>::rehearsed(plain, tuning, rehearsal)?)
     } else {
-        Box::new(KalmanNetwork::<f64>::new(plain, tuning)?)
+        Box::new(KalmanNetwork::<f64>::rehearsed(plain, tuning, rehearsal)?)
     };
     Ok((adapter, options.used(noise)))
 }

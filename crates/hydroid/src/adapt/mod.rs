@@ -15,7 +15,7 @@ pub mod stream;
 mod watch;
 
 use hydroid_core::adapt::guard::GuardError;
-use hydroid_core::adapt::kalman::KalmanError;
+use hydroid_core::adapt::kalman::{KalmanError, Rehearsal};
 use hydroid_core::adapt::{Adapter, ReadOutError, SettingsError};
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,7 @@ pub use events::Happened;
 pub use hydroid_core::adapt::Gate;
 pub use hydroid_core::adapt::guard::GuardSettings;
 pub use hydroid_core::adapt::kalman::Memory;
-pub use kalman::{Kalman, UsedKalman, Which};
+pub use kalman::{Kalman, Rehearse, UsedKalman, Which};
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
 pub use plant::LearnedParameter;
 pub use read_out::UsedReadOut;
@@ -285,6 +285,29 @@ pub fn remember_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
         }
     }
     adapter.reset();
+    if !shore.is_empty() {
+        adapter.anchor();
+    }
+}
+
+/// Gives an adapter that rehearses windows of runs that its model was trained on, spread evenly over them; each washes in
+/// for as long as it lasts. Nothing for those that do not.
+pub fn rehearse_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
+    let Some(&Rehearsal { windows, samples, .. }) = adapter.rehearsal() else { return };
+    let wash_in = samples.max(adapter.warm_up());
+    let starts = |run: &Trajectory| run.len().saturating_sub(wash_in + samples);
+    let all: usize = shore.iter().map(|run| starts(run)).sum();
+    for window in 0..windows.min(all) {
+        let mut start = (2 * window + 1) * all / (2 * windows);
+        for run in shore {
+            if start < starts(run) {
+                let rows = start..start + wash_in + samples + 1;
+                adapter.keep(run.outputs.rows(rows.start, rows.end), run.inputs.rows(rows.start, rows.end));
+                break;
+            }
+            start -= starts(run);
+        }
+    }
 }
 
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.

@@ -6,6 +6,7 @@ use super::Guard;
 use super::bound::{Allowed, Bounded, Guarded};
 use super::event::Expert;
 use super::sensor::Sensor;
+use crate::adapt::kalman::Rehearsal;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome};
 use crate::predict::{Predictor, Source, Workspace};
@@ -155,6 +156,18 @@ impl Adapter for Guard {
 
     fn restart(&mut self) {
         self.learner.restart();
+    }
+
+    fn anchor(&mut self) {
+        self.learner.anchor();
+    }
+
+    fn rehearsal(&self) -> Option<&Rehearsal> {
+        self.learner.rehearsal()
+    }
+
+    fn keep(&mut self, outputs: &[f64], commands: &[f64]) {
+        self.learner.keep(outputs, commands);
     }
 
     fn health(&self) -> Health {

@@ -38,11 +38,13 @@ pub enum Correction {
 #[derive(Clone, Debug)]
 pub struct Filter<T, M> {
     pub(super) model: M,
-    tuning: Tuning,
+    pub(super) tuning: Tuning,
     /// `h`, all weights, and those that were given.
     pub(super) state: Vec<T>,
     pub(super) weights: Vec<T>,
     given: Vec<T>,
+    /// Share of its distance from those that each loses over a sample.
+    pub(super) leaks: Vec<T>,
     /// `R`, which may move.
     pub(super) noise: Vec<T>,
     pub(super) joint: Joint<T>,
@@ -77,6 +79,7 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         let mut filter = Self {
             state: vec![T::zero(); n],
             given: weights.clone(),
+            leaks: vec![T::of(tuning.leak); weights.len()],
             weights,
             noise: vec![T::zero(); outputs],
             moved: false,
@@ -121,6 +124,20 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.by_state[..self.noise.len()].copy_from_slice(&self.noise);
         self.joint.reset(&self.by_state);
         self.moved = false;
+    }
+
+    /// The part of the state that moves is this from now on, each number as uncertain as `variance` says and independent of
+    /// all else.
+    pub(super) fn begin_part(&mut self, state: &[T], variance: T) {
+        let part = self.model.moving();
+        self.state[part.clone()].copy_from_slice(state);
+        self.joint.reset_part(part, variance);
+        self.moved = false;
+    }
+
+    /// [`inflate`](Self::inflate), and what it was.
+    pub(super) fn replace_inflation(&mut self, factor: T) -> T {
+        core::mem::replace(&mut self.inflation, factor)
     }
 
     /// `Q_h`.
@@ -168,6 +185,12 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.tuning.leak > 0.0
     }
 
+    /// Its tuning, with weights that are known.
+    pub(super) fn known(&self) -> Tuning {
+        let weights = vec![0.0; self.weights.len()];
+        Tuning { initial_weights: weights.clone(), weight_noise: weights, ..self.tuning.clone() }
+    }
+
     /// The model, with the weights of the moment.
     pub fn model(&self) -> &M {
         &self.model
@@ -213,11 +236,14 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     }
 
     /// Adds to `out` the variances of linear functions of state and weights, after the last measurement. `by_state` and
-    /// `by_weights` have their gradients as columns: `state x functions`, `weights x functions`.
+    /// `by_weights` have their gradients as columns: `state x functions`, `weights x functions`; what the state has beyond
+    /// its gradients' rows does not count.
     pub(super) fn add_variances(&mut self, by_state: &[f64], by_weights: &[f64], out: &mut [f64]) {
         let (count, v_h, v_t) = (out.len(), &mut self.by_state, &mut self.change);
         for (r, out) in out.iter_mut().enumerate() {
-            v_h.iter_mut().enumerate().for_each(|(i, v)| *v = T::of(by_state[i * count + r]));
+            v_h.fill(T::zero());
+            let rows = by_state.chunks_exact(count);
+            v_h.iter_mut().zip(rows).for_each(|(v, row)| *v = T::of(row[r]));
             for (v, &place) in v_t.iter_mut().zip(self.joint.places()) {
                 *v = place.map_or(T::zero(), |place| T::of(by_weights[place * count + r]));
             }
@@ -243,8 +269,8 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         let grows = keeps / T::of(forgetting).sqrt();
         self.joint.advance(&self.model, grows, T::of(self.tuning.state_noise));
         if leak > 0.0 {
-            for (weight, &given) in self.weights.iter_mut().zip(&self.given) {
-                *weight = given + keeps * (*weight - given);
+            for ((weight, &given), &leak) in self.weights.iter_mut().zip(&self.given).zip(&self.leaks) {
+                *weight = given + (T::one() - leak) * (*weight - given);
             }
             self.model.admit(&mut self.weights);
             self.model.set_weights(&self.weights);

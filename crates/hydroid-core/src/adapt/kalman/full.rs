@@ -6,6 +6,7 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
+use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -13,7 +14,7 @@ use super::dispatched::dispatched;
 use super::gain::Gain;
 use super::learnable::Learnable;
 use super::lines::Lines;
-use super::root::{take_column, transpose};
+use super::root::{set_part, take_column, transpose};
 use super::triangle::{Pass, Span, Triangle, least};
 use super::tuning::Tuning;
 use crate::math::Scalar;
@@ -115,6 +116,15 @@ impl<T: Scalar> Full<T> {
             self.hh[i * (n + 1)] = initial;
         }
         self.ht.fill(T::zero());
+    }
+
+    /// A part of the state becomes independent of all else.
+    pub(super) fn reset_part(&mut self, part: Range<usize>, initial: T) {
+        let n = self.hh.len().isqrt();
+        set_part(&mut self.hh, part.clone(), initial);
+        for span in self.tt.spans() {
+            self.ht[span.panel(n)][part.start * span.padded..part.end * span.padded].fill(T::zero());
+        }
     }
 
     /// The diagonals of `P_hh` and `P_tt` (`width`).
@@ -282,8 +292,8 @@ impl<T: Scalar> Full<T> {
                 self.hh[i * n + j] = p;
                 self.hh[j * n + i] = p;
             }
-            self.hh[i * (n + 1)] += noise;
         }
+        model.moving().for_each(|i| self.hh[i * (n + 1)] += noise);
     }
 
     /// `G' = H P` and `H P H'`, before any measurement.

@@ -2,6 +2,7 @@
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
+use core::ops::Range;
 
 use super::full::Full;
 use super::gain::Gain;
@@ -52,8 +53,13 @@ impl<T: Scalar> Joint<T> {
         each!(self, joint => joint.reset(initial));
     }
 
-    /// Time update of a step that was just made: the weights' part grows by `grows^2` and by its noise, the state's gains
-    /// `noise`.
+    /// Each number of a part of the state is as uncertain as this says, independent of all others and of the weights.
+    pub(super) fn reset_part(&mut self, part: Range<usize>, initial: T) {
+        each!(self, joint => joint.reset_part(part, initial));
+    }
+
+    /// Time update of a step that was just made: the weights' part grows by `grows^2` and by its noise, the part of the
+    /// state that moved gains `noise`.
     pub(super) fn advance<M: Learnable<T>>(&mut self, model: &M, grows: T, noise: T) {
         each!(self, joint => joint.advance(model, grows, noise));
     }

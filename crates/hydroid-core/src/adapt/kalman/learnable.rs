@@ -1,6 +1,7 @@
 //! What the filter asks of a model.
 
 use alloc::vec::Vec;
+use core::ops::Range;
 
 use crate::math::Scalar;
 
@@ -22,6 +23,11 @@ use crate::math::Scalar;
 pub trait Learnable<T: Scalar>: Clone + Send + Sync {
     /// Length of the state `h`.
     fn state_len(&self) -> usize;
+
+    /// Which part of the state a step moves; the rest stays as it is, without noise.
+    fn moving(&self) -> Range<usize> {
+        0..self.state_len()
+    }
 
     /// Length of the input `x`.
     fn inputs(&self) -> usize;

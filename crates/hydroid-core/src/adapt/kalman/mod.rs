@@ -31,6 +31,8 @@
 //! not grow with the square of the number of weights.
 
 mod ahead;
+mod anchor;
+mod courses;
 mod dispatched;
 mod equations;
 mod equations_session;
@@ -46,12 +48,14 @@ mod plant;
 mod plant_session;
 mod plant_weights;
 mod reduced;
+mod rehearsal;
 mod root;
 mod saved;
 mod session;
 mod triangle;
 mod tuning;
 
+pub use courses::Courses;
 pub use equations::LearnableEquations;
 pub use equations_session::KalmanEquations;
 pub use filter::{Correction, Filter};
@@ -59,5 +63,6 @@ pub use learnable::Learnable;
 pub use network::LearnableNetwork;
 pub use plant::LearnablePlant;
 pub use plant_session::KalmanPlant;
+pub use rehearsal::Rehearsal;
 pub use session::{KalmanError, KalmanNetwork};
 pub use tuning::{Memory, Tuning, TuningError};

@@ -6,6 +6,7 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
+use core::ops::Range;
 
 use crate::math::Scalar;
 use crate::math::rows::add_rows;
@@ -117,5 +118,15 @@ pub(super) fn transpose<T: Copy>(rows: usize, columns: usize, matrix: &[T], into
         for j in 0..columns {
             into[j * rows + i] = matrix[i * columns + j];
         }
+    }
+}
+
+/// A symmetric matrix's rows and columns of a part become zero, but for the diagonal.
+pub(super) fn set_part<T: Scalar>(matrix: &mut [T], part: Range<usize>, diagonal: T) {
+    let n = matrix.len().isqrt();
+    for i in part {
+        matrix[i * n..(i + 1) * n].fill(T::zero());
+        matrix.iter_mut().skip(i).step_by(n).for_each(|p| *p = T::zero());
+        matrix[i * (n + 1)] = diagonal;
     }
 }

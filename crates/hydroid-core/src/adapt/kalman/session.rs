@@ -6,8 +6,10 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::ahead::Ahead;
+use super::courses::Courses;
 use super::filter::{Correction, Filter};
 use super::network::LearnableNetwork;
+use super::rehearsal::{Rehearsal, Rehearser};
 use super::tuning::{Tuning, TuningError};
 use crate::adapt::memory::{Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome, Rejection};
@@ -49,7 +51,8 @@ impl core::error::Error for KalmanError {}
 #[derive(Clone, Debug)]
 pub struct KalmanNetwork<T: Scalar> {
     session: RecurrentSession,
-    filter: Filter<T, LearnableNetwork<T>>,
+    filter: Filter<T, Courses<LearnableNetwork<T>>>,
+    rehearser: Option<Rehearser<T>>,
     /// What the network's output is added to, at the present sample.
     base: Vec<f64>,
     /// Input and output of the network, in double precision and in the filter's.
@@ -71,11 +74,26 @@ impl<T: Scalar> KalmanNetwork<T> {
     /// # Errors
     /// If model or tuning make no sense, or do not fit together.
     pub fn new(model: Arc<Recurrent>, tuning: Tuning) -> Result<Self, KalmanError> {
+        Self::rehearsed(model, tuning, None)
+    }
+
+    /// The same, which rehearses the windows that it is given ([`Adapter::keep`]).
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn rehearsed(
+        model: Arc<Recurrent>,
+        tuning: Tuning,
+        rehearsal: Option<Rehearsal>,
+    ) -> Result<Self, KalmanError> {
+        let rehearsal = rehearsal.filter(|rehearsal| rehearsal.windows * rehearsal.samples > 0);
         let session = RecurrentSession::with_own_weights(model).map_err(KalmanError::Model)?;
         let model = session.model();
         let weights: Vec<T> = model.weights.iter().map(|&w| T::of(w)).collect();
         let network = LearnableNetwork::new(Packed::new(model.network, &weights));
-        let filter = Filter::new(network, tuning).map_err(KalmanError::Tuning)?;
+        let rehearser = rehearsal.map(|settings| Rehearser::new(&network, settings));
+        let courses = Courses::new(network, 1 + usize::from(rehearser.is_some()));
+        let filter = Filter::new(courses, tuning).map_err(KalmanError::Tuning)?;
         let outputs = model.outputs();
         Ok(Self {
             base: vec![f64::NAN; outputs],
@@ -90,6 +108,7 @@ impl<T: Scalar> KalmanNetwork<T> {
             ahead: Ahead::new(model),
             session,
             filter,
+            rehearser,
         })
     }
 
@@ -99,7 +118,7 @@ impl<T: Scalar> KalmanNetwork<T> {
     }
 
     /// The filter.
-    pub fn filter(&self) -> &Filter<T, LearnableNetwork<T>> {
+    pub fn filter(&self) -> &Filter<T, Courses<LearnableNetwork<T>>> {
         &self.filter
     }
 
@@ -165,6 +184,9 @@ impl<T: Scalar> Predictor for KalmanNetwork<T> {
     fn reset(&mut self) {
         self.session.reset();
         self.filter.reset();
+        if let Some(rehearser) = &mut self.rehearser {
+            rehearser.begin_again();
+        }
         self.base.fill(f64::NAN);
         self.note(Correction::None);
     }
@@ -215,13 +237,17 @@ impl<T: Scalar> Predictor for KalmanNetwork<T> {
             self.session.correction(&mut self.z);
             self.base.iter_mut().zip(&self.z).for_each(|(base, z)| *base -= z);
         }
+        let rehearsed = self.rehearser.as_mut().is_some_and(|rehearser| rehearser.walk(&mut self.filter));
         self.filter.advance(&self.x_filter);
         if self.filter.state().iter().all(|h| h.is_finite()) {
-            self.take_over(self.filter.leaks());
+            self.take_over(rehearsed || self.filter.leaks());
         } else {
             // Whatever is measured later, it would stay so.
             self.filter.restart();
             self.filter.reset();
+            if let Some(rehearser) = &mut self.rehearser {
+                rehearser.begin_again();
+            }
             self.session.hidden_mut().fill(0.0);
         }
     }
@@ -284,12 +310,49 @@ impl<T: Scalar> Adapter for KalmanNetwork<T> {
         self.filter.restart();
     }
 
+    fn anchor(&mut self) {
+        self.filter.anchor();
+    }
+
+    fn rehearsal(&self) -> Option<&Rehearsal> {
+        self.rehearser.as_ref().map(Rehearser::settings)
+    }
+
+    fn keep(&mut self, outputs: &[f64], commands: &[f64]) {
+        let (q, m) = (self.session.outputs(), self.session.inputs());
+        let Some(samples) = self.rehearser.as_ref().map(|rehearser| rehearser.settings().samples) else {
+            return;
+        };
+        let (known, count) = (Tuning { anchor: 0.0, ..self.filter.known() }, outputs.len() / q);
+        let Ok(mut walker) = Self::new(self.session.shared_model().clone(), known) else { return };
+        if count <= samples || commands.len() / m < count {
+            return;
+        }
+        let mut rows = outputs.chunks_exact(q).zip(commands.chunks_exact(m));
+        for (y, c) in rows.by_ref().take(count - samples - 1) {
+            walker.observe(y);
+            walker.advance(c);
+        }
+        let Some((state, into)) = self.rehearser.as_mut().and_then(Rehearser::room) else { return };
+        let Some((y, mut c)) = rows.next() else { return };
+        walker.observe(y);
+        state.copy_from_slice(walker.filter.state());
+        for ((x, z), (y, next)) in into.zip(rows) {
+            walker.advance(c);
+            walker.observe(y);
+            x.copy_from_slice(&walker.x_filter);
+            z.copy_from_slice(&walker.z_filter);
+            c = next;
+        }
+    }
+
     fn health(&self) -> Health {
         self.filter.health()
     }
 
     fn memory_len(&self) -> usize {
-        self.session.snapshot_len() + self.base.len() + self.filter.memory_len()
+        let rehearser = self.rehearser.as_ref().map_or(0, Rehearser::memory_len);
+        self.session.snapshot_len() + self.base.len() + self.filter.memory_len() + rehearser
     }
 
     fn save(&self, into: &mut [f64]) {
@@ -297,6 +360,9 @@ impl<T: Scalar> Adapter for KalmanNetwork<T> {
         self.session.snapshot(writer.part(self.session.snapshot_len()));
         writer.numbers(&self.base);
         self.filter.save(writer.part(self.filter.memory_len()));
+        if let Some(rehearser) = &self.rehearser {
+            rehearser.save(&mut writer);
+        }
     }
 
     fn load(&mut self, from: &[f64]) {
@@ -304,6 +370,9 @@ impl<T: Scalar> Adapter for KalmanNetwork<T> {
         self.session.restore(reader.part(self.session.snapshot_len()));
         reader.numbers(&mut self.base);
         self.filter.load(reader.part(self.filter.memory_len()));
+        if let Some(rehearser) = &mut self.rehearser {
+            rehearser.load(&mut reader);
+        }
         self.note(Correction::None);
     }
 

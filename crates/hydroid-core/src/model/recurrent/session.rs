@@ -113,7 +113,7 @@ impl RecurrentSession {
     }
 
     /// The same, as sessions share it.
-    pub(super) fn shared_model(&self) -> &Arc<Recurrent> {
+    pub(crate) fn shared_model(&self) -> &Arc<Recurrent> {
         &self.model
     }
 

@@ -50,6 +50,7 @@ mod structure;
 
 use alloc::vec;
 use alloc::vec::Vec;
+use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -58,7 +59,7 @@ use self::structure::Structure;
 use super::dispatched::dispatched;
 use super::gain::Gain;
 use super::learnable::Learnable;
-use super::root::{Root, gather, take_column, transpose};
+use super::root::{Root, gather, set_part, take_column, transpose};
 use super::triangle::least;
 use super::tuning::{Memory, Tuning};
 use crate::math::Scalar;
@@ -161,6 +162,15 @@ impl<T: Scalar> Reduced<T> {
         self.psi.fill(T::zero());
         self.pi.fill(T::zero());
         (0..n).for_each(|i| self.pi[i * (n + 1)] = initial[i]);
+    }
+
+    /// A part of the state becomes independent of all else.
+    pub(super) fn reset_part(&mut self, part: Range<usize>, initial: T) {
+        let n = self.pi.len().isqrt();
+        set_part(&mut self.pi, part.clone(), initial);
+        for panel in &self.panels {
+            self.psi[panel.of(n)][part.start * panel.width..part.end * panel.width].fill(T::zero());
+        }
     }
 
     /// `Pi <- Pi + Psi P_tt Psi'`, as many rows at a time as there are outputs.
@@ -282,8 +292,8 @@ impl<T: Scalar> Reduced<T> {
                 pi[i * n + j] = square[i * n + j];
                 pi[j * n + i] = square[i * n + j];
             }
-            pi[i * (n + 1)] += noise;
         }
+        model.moving().for_each(|i| pi[i * (n + 1)] += noise);
         structure.advance(panels, grows, weight_noise);
     }
 
