@@ -12,7 +12,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use hydroid_core::adapt::guard::{Guard, GuardSettings};
 use hydroid_core::adapt::kalman::{
-    KalmanEquations, KalmanNetwork, KalmanPlant, LearnableEquations, LearnablePlant, Memory, Tuning,
+    KalmanEquations, KalmanNetwork, KalmanPlant, LearnableEquations, LearnablePlant, Memory, Rehearsal,
+    Tuning,
 };
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, Outcome, ReadOutSettings,
@@ -197,7 +198,11 @@ fn learning_networks_allocate_nothing() {
         let tuning = Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, memory, ..uniform };
         let (base, state_filter) = (Base::Nothing, None);
         let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter };
-        learning_allocates_nothing(KalmanNetwork::<f64>::new(Arc::new(model), tuning).unwrap());
+        let (windows, samples, initial_state) = (2, 10, 0.1);
+        let rehearsal = Rehearsal { windows, samples, every: 2, initial_state, noise_factor: 1.0 };
+        let mut session = KalmanNetwork::<f64>::rehearsed(Arc::new(model), tuning, Some(rehearsal)).unwrap();
+        session.keep(&[0.1; 3 * 20], &[0.2; 2 * 20]);
+        learning_allocates_nothing(session);
     }
 }
 

@@ -67,10 +67,6 @@ pub trait Adapter: Predictor {
     /// Forgets how sure it is of the weights: their covariance is as at the start. The weights stay.
     fn restart(&mut self);
 
-    /// From now on weights are drawn to those from shore as what has been learned up to now determines them, if the adapter
-    /// does such a thing.
-    fn anchor(&mut self) {}
-
     /// How windows of known waters are rehearsed on the way; `None` if they are not.
     fn rehearsal(&self) -> Option<&kalman::Rehearsal> {
         None

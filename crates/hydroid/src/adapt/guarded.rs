@@ -51,7 +51,6 @@ fn sure(model: &Model, options: &Options) -> Kalman {
         weight_variance: 0.0,
         weight_noise_per_s: 0.0,
         leak_s: f64::INFINITY,
-        anchor: 0.0,
         rehearsal: None,
         forgetting_s: f64::INFINITY,
         memory: Memory::Full,

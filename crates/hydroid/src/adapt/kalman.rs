@@ -38,10 +38,6 @@ pub struct Kalman {
     pub noise_factor: f64,
     /// Time constant \[s\] with which weights return to those from shore; infinite not to.
     pub leak_s: f64,
-    /// How much of that return goes by what the shore determined of each weight, 0 to 1
-    /// ([`Filter::anchor`](hydroid_core::adapt::kalman::Filter::anchor)).
-    #[serde(default)]
-    pub anchor: f64,
     /// Whether, and how, networks rehearse windows of the shore on the way.
     #[serde(default)]
     pub rehearsal: Option<Rehearse>,
@@ -78,7 +74,7 @@ pub struct Rehearse {
 
 impl Default for Rehearse {
     fn default() -> Self {
-        Self { windows: 32, window_s: 10.0, every: 2, state_variance: 0.1, noise_factor: 1.0 }
+        Self { windows: 32, window_s: 10.0, every: 1, state_variance: 0.1, noise_factor: 1.0 }
     }
 }
 
@@ -136,7 +132,6 @@ impl Default for Kalman {
             noise: None,
             noise_factor: 3.0,
             leak_s: 33_000.0,
-            anchor: 0.0,
             rehearsal: None,
             forgetting_s: f64::INFINITY,
             huber: f64::INFINITY,
@@ -160,7 +155,6 @@ pub struct UsedKalman {
     pub noise: Vec<f64>,
     pub noise_factor: f64,
     pub leak_s: f64,
-    pub anchor: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rehearsal: Option<Rehearse>,
     pub forgetting_s: f64,
@@ -216,7 +210,6 @@ impl Kalman {
         let state = (self.state_variance, self.state_noise_per_s * dt);
         Tuning {
             leak: per_sample(self.leak_s),
-            anchor: self.anchor,
             forgetting: 1.0 - per_sample(self.forgetting_s),
             huber: self.huber,
             noise_rate: per_sample(self.adaptive_noise_s),
@@ -236,7 +229,6 @@ impl Kalman {
             noise,
             noise_factor: self.noise_factor,
             leak_s: self.leak_s,
-            anchor: self.anchor,
             rehearsal: self.rehearsal,
             forgetting_s: self.forgetting_s,
             huber: self.huber,

@@ -285,9 +285,6 @@ pub fn remember_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
         }
     }
     adapter.reset();
-    if !shore.is_empty() {
-        adapter.anchor();
-    }
 }
 
 /// Gives an adapter that rehearses windows of runs that its model was trained on, spread evenly over them; each washes in

@@ -158,10 +158,6 @@ impl Adapter for Guard {
         self.learner.restart();
     }
 
-    fn anchor(&mut self) {
-        self.learner.anchor();
-    }
-
     fn rehearsal(&self) -> Option<&Rehearsal> {
         self.learner.rehearsal()
     }

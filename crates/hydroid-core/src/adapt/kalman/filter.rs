@@ -38,13 +38,11 @@ pub enum Correction {
 #[derive(Clone, Debug)]
 pub struct Filter<T, M> {
     pub(super) model: M,
-    pub(super) tuning: Tuning,
+    tuning: Tuning,
     /// `h`, all weights, and those that were given.
     pub(super) state: Vec<T>,
     pub(super) weights: Vec<T>,
     given: Vec<T>,
-    /// Share of its distance from those that each loses over a sample.
-    pub(super) leaks: Vec<T>,
     /// `R`, which may move.
     pub(super) noise: Vec<T>,
     pub(super) joint: Joint<T>,
@@ -79,7 +77,6 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         let mut filter = Self {
             state: vec![T::zero(); n],
             given: weights.clone(),
-            leaks: vec![T::of(tuning.leak); weights.len()],
             weights,
             noise: vec![T::zero(); outputs],
             moved: false,
@@ -269,8 +266,8 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         let grows = keeps / T::of(forgetting).sqrt();
         self.joint.advance(&self.model, grows, T::of(self.tuning.state_noise));
         if leak > 0.0 {
-            for ((weight, &given), &leak) in self.weights.iter_mut().zip(&self.given).zip(&self.leaks) {
-                *weight = given + (T::one() - leak) * (*weight - given);
+            for (weight, &given) in self.weights.iter_mut().zip(&self.given) {
+                *weight = given + keeps * (*weight - given);
             }
             self.model.admit(&mut self.weights);
             self.model.set_weights(&self.weights);

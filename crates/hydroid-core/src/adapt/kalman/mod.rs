@@ -31,7 +31,6 @@
 //! not grow with the square of the number of weights.
 
 mod ahead;
-mod anchor;
 mod courses;
 mod dispatched;
 mod equations;

@@ -23,14 +23,8 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
     pub fn memory_len(&self) -> usize {
         3 + self.state.len()
             + self.weights.len()
-            + self.kept_leaks()
             + self.noise.len()
             + self.joint.parts().iter().map(|part| part.len()).sum::<usize>()
-    }
-
-    /// Leaks of weights, where they are not all the same.
-    fn kept_leaks(&self) -> usize {
-        if self.tuning.anchor > 0.0 { self.leaks.len() } else { 0 }
     }
 
     /// Copies all that it goes on from.
@@ -46,7 +40,6 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         for numbers in [&self.state, &self.weights, &self.noise] {
             write(&mut writer, numbers);
         }
-        write(&mut writer, &self.leaks[..self.kept_leaks()]);
         for numbers in self.joint.parts() {
             write(&mut writer, numbers);
         }
@@ -66,8 +59,6 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         for numbers in [&mut self.state, &mut self.weights, &mut self.noise] {
             read(&mut reader, numbers);
         }
-        let leaks = self.kept_leaks();
-        read(&mut reader, &mut self.leaks[..leaks]);
         for numbers in self.joint.parts_mut() {
             read(&mut reader, numbers);
         }

@@ -310,39 +310,34 @@ impl<T: Scalar> Adapter for KalmanNetwork<T> {
         self.filter.restart();
     }
 
-    fn anchor(&mut self) {
-        self.filter.anchor();
-    }
-
     fn rehearsal(&self) -> Option<&Rehearsal> {
         self.rehearser.as_ref().map(Rehearser::settings)
     }
 
     fn keep(&mut self, outputs: &[f64], commands: &[f64]) {
         let (q, m) = (self.session.outputs(), self.session.inputs());
-        let Some(samples) = self.rehearser.as_ref().map(|rehearser| rehearser.settings().samples) else {
+        let count = (outputs.len() / q).min(commands.len() / m);
+        let Some(wash_in) = self.rehearsal().and_then(|own| count.checked_sub(own.samples + 1)) else {
             return;
         };
-        let (known, count) = (Tuning { anchor: 0.0, ..self.filter.known() }, outputs.len() / q);
-        let Ok(mut walker) = Self::new(self.session.shared_model().clone(), known) else { return };
-        if count <= samples || commands.len() / m < count {
+        // The network from shore, with a filter on its state alone, finds what it is given and the state at the start.
+        let Ok(mut walker) = Self::new(self.session.shared_model().clone(), self.filter.known()) else {
             return;
-        }
-        let mut rows = outputs.chunks_exact(q).zip(commands.chunks_exact(m));
-        for (y, c) in rows.by_ref().take(count - samples - 1) {
+        };
+        let Some((state, samples)) = self.rehearser.as_mut().and_then(Rehearser::room) else { return };
+        let rows = outputs.chunks_exact(q).zip(commands.chunks_exact(m)).take(count);
+        for (y, c) in rows.clone().take(wash_in) {
             walker.observe(y);
             walker.advance(c);
         }
-        let Some((state, into)) = self.rehearser.as_mut().and_then(Rehearser::room) else { return };
-        let Some((y, mut c)) = rows.next() else { return };
-        walker.observe(y);
+        walker.observe(&outputs[wash_in * q..(wash_in + 1) * q]);
         state.copy_from_slice(walker.filter.state());
-        for ((x, z), (y, next)) in into.zip(rows) {
+        let commanded = commands.chunks_exact(m).skip(wash_in);
+        for (((x, z), (y, _)), c) in samples.zip(rows.skip(wash_in + 1)).zip(commanded) {
             walker.advance(c);
             walker.observe(y);
             x.copy_from_slice(&walker.x_filter);
             z.copy_from_slice(&walker.z_filter);
-            c = next;
         }
     }
 

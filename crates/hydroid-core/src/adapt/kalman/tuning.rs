@@ -81,8 +81,6 @@ pub struct Tuning {
     pub noise: Vec<f64>,
     /// Share of its distance from the weights given that a weight loses over a sample: a prior that moves along.
     pub leak: f64,
-    /// `w`, 0 to 1: how much of the leak goes by what [`Filter::anchor`](super::Filter::anchor) found of each weight.
-    pub anchor: f64,
     /// `lambda`: the covariance of the weights grows by its inverse over a sample, so that a sample counts
     /// `lambda^n` when it is `n` old; 1 to forget nothing.
     pub forgetting: f64,
@@ -132,7 +130,6 @@ impl Tuning {
             weight_noise: vec![noise; weights],
             noise: measurement.to_vec(),
             leak: 0.0,
-            anchor: 0.0,
             forgetting: 1.0,
             huber: f64::INFINITY,
             noise_rate: 0.0,
@@ -160,7 +157,6 @@ impl Tuning {
             ("the initial variance of the state", sound(self.initial_state)),
             ("the noise of the state", sound(self.state_noise)),
             ("the leak", share(self.leak)),
-            ("the anchor", (0.0..=1.0).contains(&self.anchor)),
             ("the forgetting factor", share(1.0 - self.forgetting)),
             ("Huber's limit", self.huber > 0.0),
             ("the rate of the measurement noise", share(self.noise_rate)),
