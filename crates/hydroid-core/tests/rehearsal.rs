@@ -83,7 +83,7 @@ fn sail(session: &mut KalmanNetwork<f64>, (y, c): &(Vec<f64>, Vec<f64>), from: u
 /// Mean error of a simulation of the old water with these weights.
 fn forgotten(weights: &[f64]) -> f64 {
     let (y, c) = sailed(shore(), 0, 300);
-    let mut held = KalmanNetwork::<f64>::new(
+    let held = KalmanNetwork::<f64>::new(
         model(weights.to_vec()),
         Tuning {
             initial_weights: vec![0.0; weights.len()],
