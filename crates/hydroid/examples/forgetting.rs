@@ -38,9 +38,13 @@ struct Way {
 const DEFAULT: Way =
     Way { name: "leak in 33000 s (default)", leak_s: 33_000.0, shore_s: 0.0, rehearsal: None, guard: false };
 const REHEARSAL: Option<Rehearse> =
+    Some(Rehearse { windows: 32, window_s: 10.0, every: 2, state_variance: 0.1, noise_factor: 1.0 });
+
+/// After every sample.
+const ALL_THE_TIME: Option<Rehearse> =
     Some(Rehearse { windows: 32, window_s: 10.0, every: 1, state_variance: 0.1, noise_factor: 1.0 });
 
-const WAYS: [Way; 11] = [
+const WAYS: [Way; 12] = [
     Way { name: "nothing", leak_s: f64::INFINITY, ..DEFAULT },
     DEFAULT,
     Way { name: "leak in 3300 s", leak_s: 3300.0, ..DEFAULT },
@@ -48,6 +52,7 @@ const WAYS: [Way; 11] = [
     Way { name: "shore, 2000 s", shore_s: 2000.0, ..DEFAULT },
     Way { name: "rehearsal", rehearsal: REHEARSAL, ..DEFAULT },
     Way { name: "rehearsal and shore, 200 s", rehearsal: REHEARSAL, shore_s: 200.0, ..DEFAULT },
+    Way { name: "after each, shore, 200 s", rehearsal: ALL_THE_TIME, shore_s: 200.0, ..DEFAULT },
     Way { name: "guard", guard: true, ..DEFAULT },
     Way { name: "guard and shore, 200 s", shore_s: 200.0, guard: true, ..DEFAULT },
     Way { name: "guard and rehearsal", rehearsal: REHEARSAL, guard: true, ..DEFAULT },

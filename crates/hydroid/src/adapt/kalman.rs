@@ -74,7 +74,7 @@ pub struct Rehearse {
 
 impl Default for Rehearse {
     fn default() -> Self {
-        Self { windows: 32, window_s: 10.0, every: 1, state_variance: 0.1, noise_factor: 1.0 }
+        Self { windows: 32, window_s: 10.0, every: 2, state_variance: 0.1, noise_factor: 1.0 }
     }
 }
 

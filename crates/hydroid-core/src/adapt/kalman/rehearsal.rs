@@ -24,6 +24,15 @@ pub struct Rehearsal {
     pub noise_factor: f64,
 }
 
+impl Rehearsal {
+    /// Whether its numbers can be.
+    pub(super) fn is_sound(&self) -> bool {
+        let Self { windows, samples, every, initial_state, noise_factor } = *self;
+        let finite = initial_state.is_finite() && noise_factor.is_finite();
+        windows.min(samples).min(every) > 0 && finite && initial_state >= 0.0 && noise_factor > 0.0
+    }
+}
+
 /// Windows, and where in them the second of two [`Courses`] is.
 #[derive(Clone, Debug)]
 pub(super) struct Rehearser<T> {

@@ -86,7 +86,9 @@ impl<T: Scalar> KalmanNetwork<T> {
         tuning: Tuning,
         rehearsal: Option<Rehearsal>,
     ) -> Result<Self, KalmanError> {
-        let rehearsal = rehearsal.filter(|rehearsal| rehearsal.windows * rehearsal.samples > 0);
+        if rehearsal.as_ref().is_some_and(|rehearsal| !rehearsal.is_sound()) {
+            return Err(KalmanError::Tuning(TuningError::Number("a number of the rehearsal")));
+        }
         let session = RecurrentSession::with_own_weights(model).map_err(KalmanError::Model)?;
         let model = session.model();
         let weights: Vec<T> = model.weights.iter().map(|&w| T::of(w)).collect();
