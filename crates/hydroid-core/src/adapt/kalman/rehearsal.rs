@@ -33,6 +33,9 @@ impl Rehearsal {
     }
 }
 
+/// `x` and `z`.
+type Sample<'a, T> = (&'a mut [T], &'a mut [T]);
+
 /// Windows, and where in them the second of two [`Courses`] is.
 #[derive(Clone, Debug)]
 pub(super) struct Rehearser<T> {
@@ -70,7 +73,7 @@ impl<T: Scalar> Rehearser<T> {
     }
 
     /// Room for one more window: its state at the start, and its samples, `x` and `z` of each.
-    pub(super) fn room(&mut self) -> Option<(&mut [T], impl Iterator<Item = (&mut [T], &mut [T])>)> {
+    pub(super) fn room(&mut self) -> Option<(&mut [T], impl Iterator<Item = Sample<'_, T>>)> {
         let Self { settings: Rehearsal { windows, samples, .. }, kept, inputs, row, .. } = *self;
         if kept == windows {
             return None;
@@ -99,7 +102,7 @@ impl<T: Scalar> Rehearser<T> {
         let Rehearsal { windows, samples, initial_state, noise_factor, .. } = self.settings;
         let n = self.states.len() / windows;
         filter.model.turn(1);
-        if self.at % samples == 0 {
+        if self.at.is_multiple_of(samples) {
             let window = self.at / samples;
             filter.begin_part(&self.states[window * n..(window + 1) * n], T::of(initial_state));
         }
@@ -126,7 +129,9 @@ impl<T: Scalar> Rehearser<T> {
             let into = writer.part(numbers.len());
             into.iter_mut().zip(numbers).for_each(|(into, x)| *into = x.wide());
         }
-        [self.kept, self.at, self.sailed].into_iter().for_each(|count| writer.count(count));
+        for count in [self.kept, self.at, self.sailed] {
+            writer.count(count);
+        }
     }
 
     pub(super) fn load(&mut self, reader: &mut Reader<'_>) {
