@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use hydroid::adapt::Shore;
 use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
 
@@ -80,29 +81,30 @@ pub fn prepare(files: &[PathBuf], reading: &Reading) -> Result<(Vec<RawLog>, Pre
     Ok((raw, prepared))
 }
 
-/// The first `seconds` of each log that a model was trained on.
-pub fn beginnings(
+/// Logs that a model was trained on, and the first `seconds` of each, to be walked through.
+pub fn shore(
     files: &[PathBuf],
     seconds: f64,
     (path, model): (&Path, &Model),
     reading: &Reading,
     global: Global,
-) -> anyhow::Result<Vec<Trajectory>> {
-    let mut beginnings = Vec::new();
+) -> anyhow::Result<Shore> {
+    let mut shore = Shore::default();
     for file in files {
         let (_, prepared) =
             prepare(std::slice::from_ref(file), reading).with_context(|| unusable(path, model))?;
         ui::tell(&prepared.notes, global);
         model.check(&prepared.runs)?;
         let mut left = seconds;
-        for run in &prepared.runs {
+        for run in prepared.runs {
             // Casts saturate.
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             let samples = (left / run.dt).round() as usize;
             let samples = samples.min(run.len());
-            beginnings.extend((samples > 0).then(|| run.slice(0, samples)));
+            shore.walked.extend((samples > 0).then(|| run.slice(0, samples)));
             left -= samples as f64 * run.dt;
+            shore.rehearsed.push(run);
         }
     }
-    Ok(beginnings)
+    Ok(shore)
 }

@@ -99,6 +99,26 @@ fn what_the_model_was_trained_on_is_walked_through_first() {
     assert!(shore["adapted"]["rmse"][19][0].as_f64() < shore["frozen"]["rmse"][19][0].as_f64());
 }
 
+/// On the water of the shore, the weights that were learned at sea: those that rehearsed it know it still.
+#[test]
+fn what_the_model_was_trained_on_is_rehearsed() {
+    let error = |option: &str, output: &str| {
+        let options = format!("--shore a.csv --shore-time 20s --no-guard {option}");
+        let adapted = report(&format!("adapt out/gru.safetensors lawn.csv --json -q {options} -o {output}"));
+        let judged = run(prepared(), &format!("evaluate {output} a.csv --json -q"));
+        let judged: Value = serde_json::from_slice(&judged.stdout).unwrap();
+        (adapted, judged["rmse"][19][0].as_f64().unwrap())
+    };
+    let (with, known) = error("--black-box rehearsed.box", "rehearsed.safetensors");
+    let (without, forgotten) = error("--no-rehearsal", "forgot.safetensors");
+    assert!(with["settings"]["rehearsal"]["windows"].as_u64().unwrap() > 0, "{}", with["settings"]);
+    assert!(without["settings"]["rehearsal"].is_null(), "{}", without["settings"]);
+    assert!(known < 0.6 * forgotten, "{known} beside {forgotten}");
+    // Its windows are in the memory: the log is not needed again.
+    let replayed = run(prepared(), "adapt out/gru.safetensors --replay rehearsed.box");
+    assert_eq!(replayed.status.code(), Some(0), "{}", text(&replayed.stderr));
+}
+
 #[test]
 fn every_way_to_learn_less_still_learns() {
     let frozen = report("adapt out/gru.safetensors lawn.csv --json -q");
@@ -133,6 +153,7 @@ fn what_makes_no_sense_is_refused() {
         ("--inject bias=w:1", "the outputs are u, v, r"),
         ("--stream --inject spikes=0.1", "not into a stream"),
         ("--shore nowhere.csv", "nowhere.csv"),
+        ("--no-rehearsal", "--shore"),
     ] {
         let output = run(prepared(), &format!("adapt {MODEL} lawn.csv {options}"));
         assert_eq!(output.status.code(), Some(2), "{options}");

@@ -121,12 +121,16 @@ pub struct TrustArgs {
     #[arg(long)]
     pub no_guard: bool,
     /// A log that the model was trained on: the filter walks through the beginning of it first, and knows then what it
-    /// determines of the weights. May be given again
+    /// determines of the weights; networks rehearse windows of all of it on the way. May be given again
     #[arg(long, value_name = "LOG")]
     pub shore: Vec<PathBuf>,
-    /// How much of each of these logs
+    /// How much of each of these logs it walks through
     #[arg(long, value_name = "TIME", default_value = "200s")]
     pub shore_time: Duration,
+    /// Do not rehearse windows of these logs on the way, as networks do: a sample then takes half the time, and what was known
+    /// is forgotten
+    #[arg(long, requires = "shore")]
+    pub no_rehearsal: bool,
     /// Put faults into the log first, and judge by what was measured before: spikes=0.01, dropout=u:10s, stuck=r:5s,
     /// bias=v:0.2, separated by commas; @TIME behind one says when [s]
     #[arg(long, value_name = "FAULTS", value_parser = str::parse::<Faults>)]

@@ -6,7 +6,7 @@ mod stream;
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use hydroid::adapt::{self, Gate, Method, Options, Report, Used};
+use hydroid::adapt::{self, Gate, Method, Options, Rehearse, Report, Used};
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
@@ -57,8 +57,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         options.evaluate.against = hydroid::evaluate::Against::Truth;
     }
     let trust = &args.trust;
-    let shore = logs::beginnings(&trust.shore, trust.shore_time.0, (&args.model, &model), &reading, global)?;
-    let shore: Vec<_> = shore.iter().collect();
+    let shore = logs::shore(&trust.shore, trust.shore_time.0, (&args.model, &model), &reading, global)?;
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("adapting", global);
     let black_box = blackbox::settings(args)?;
@@ -153,6 +152,8 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     settings.weights = given.weights.map_or(settings.weights, Into::into);
     settings.memory = given.memory.unwrap_or(settings.memory);
     settings.single_precision = given.single_precision;
+    let rehearses = model.recurrent().is_some() && !args.trust.shore.is_empty();
+    settings.rehearsal = (rehearses && !args.trust.no_rehearsal).then(Rehearse::default);
     settings.noise = noise(&given.noise, model)?;
     Ok(options)
 }

@@ -50,7 +50,8 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
         let reading = &model.description.reading;
         let of = (args.model.as_deref().unwrap_or(Path::new("")), model);
         let shore = &args.learn.shore;
-        steering.shore = crate::logs::beginnings(shore, args.learn.shore_time.0, of, reading, global)?.into();
+        let shore = crate::logs::shore(shore, args.learn.shore_time.0, of, reading, global)?;
+        steering.shore = shore.walked.into();
     }
     steering.model = model.map(Arc::new);
     // A law that cannot invert the model says so before anything is done.

@@ -307,6 +307,23 @@ pub fn rehearse_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
     }
 }
 
+/// Runs that a model was trained on, for one that is not to forget them.
+#[derive(Clone, Debug, Default)]
+pub struct Shore {
+    /// Walked through first ([`remember_shore`]).
+    pub walked: Vec<Trajectory>,
+    /// Rehearsed on the way ([`rehearse_shore`]), by models that do.
+    pub rehearsed: Vec<Trajectory>,
+}
+
+impl Shore {
+    /// Lets an adapter remember them; it then stands at the start of a run.
+    pub fn remember(&self, adapter: &mut dyn Adapter) {
+        rehearse_shore(adapter, &self.rehearsed.iter().collect::<Vec<_>>());
+        remember_shore(adapter, &self.walked.iter().collect::<Vec<_>>());
+    }
+}
+
 /// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
 ///
 /// # Errors
@@ -317,37 +334,23 @@ pub fn adapt(
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
-    adapt_from(model, &[], runs, options, progress)
+    adapt_recorded(model, &Shore::default(), runs, options, None, progress)
 }
 
-/// The same; before the first run the one that learns walks through `shore` ([`remember_shore`]).
-///
-/// # Errors
-/// As [`adapt`].
-pub fn adapt_from(
-    model: &Model,
-    shore: &[&Trajectory],
-    runs: &[&Trajectory],
-    options: &Options,
-    progress: Progress<'_>,
-) -> Result<Adapted, AdaptError> {
-    adapt_recorded(model, shore, runs, options, None, progress)
-}
-
-/// The same, with a black box of the model that learns.
+/// The same, of one that remembers the `shore`, and with a black box of the model that learns.
 ///
 /// # Errors
 /// As [`adapt`], and if the box cannot be written.
 pub fn adapt_recorded(
     model: &Model,
-    shore: &[&Trajectory],
+    shore: &Shore,
     runs: &[&Trajectory],
     options: &Options,
     black_box: Option<&blackbox::Settings>,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
     let (mut adapter, used) = adapter(model, options, runs)?;
-    remember_shore(adapter.as_mut(), shore);
+    shore.remember(adapter.as_mut());
     let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
     if let Used::LeastSquares(UsedLeastSquares { window_s, .. }) = used
         && window_s >= longest_s

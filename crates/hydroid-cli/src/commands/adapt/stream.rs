@@ -59,9 +59,8 @@ pub fn run(
     let (mut adapter, used) =
         adapt::adapter(model, &learning, &[]).context("the model cannot learn from a stream")?;
     let trust = &args.trust;
-    let shore =
-        crate::logs::beginnings(&trust.shore, trust.shore_time.0, (&args.model, model), &reading, global)?;
-    adapt::remember_shore(adapter.as_mut(), &shore.iter().collect::<Vec<_>>());
+    let shore = crate::logs::shore(&trust.shore, trust.shore_time.0, (&args.model, model), &reading, global)?;
+    shore.remember(adapter.as_mut());
     let recorder = super::blackbox::settings(args)?.map(|settings| {
         let described = json!({ "learning": used, "reading": reading });
         Recorder::new(&settings, model, adapter.as_ref(), &learning, &described, Source::Stream(&name))

@@ -28,9 +28,9 @@ const AGAIN: f64 = 1.1;
 /// does what it has never done, all records are bad, and the one that learns gets better first.
 const SPRINT: f64 = 0.7;
 
-/// How much is added to [`caution`](GuardSettings::caution) where all of the account has been used, and in how many windows that is
-/// forgotten.
-const ONCE_BURNT: f64 = 0.5;
+/// How much is added to [`caution`](GuardSettings::caution) where predictions that stood far off have cost all of the account, and
+/// in how many windows that is forgotten.
+const ONCE_BURNT: f64 = 2.0;
 const FORGIVEN: f64 = 10.0;
 
 /// The error of the model from shore is taken to be at most so many times the largest of the last horizon, or so many times what it
@@ -42,7 +42,7 @@ const STEEP: f64 = 10.0;
 const UNKNOWN: [f64; 3] = [f64::INFINITY, f64::INFINITY, 0.0];
 
 /// Share of what the guarantee leaves that is made use of: tests are one in a stride, and measure with noise.
-const MARGIN: f64 = 0.85;
+const MARGIN: f64 = 0.8;
 
 /// A learner whose record is worse than another's by this, beside twice the noise floor, is losing: so much a test as it is
 /// worse, at most `AT_ONCE`, until it has lost `LOST_AT`. One that has just come into water that it had forgotten
@@ -74,7 +74,7 @@ pub(super) struct Choice {
     tight: bool,
     /// How fast the model from shore has been going wrong, of late: its error over a stride, beyond the noise.
     steep: f64,
-    /// The largest share of the account that was used, of late.
+    /// What predictions that stood far off have cost beyond what was allowed, of late, as a share of the account.
     burnt: f64,
     /// What the learner has lost, of late.
     lost: f64,
@@ -154,7 +154,7 @@ impl Choice {
         self.under_way[self.next] = 0.0;
         let used = self.used();
         self.burnt *= 1.0 - 1.0 / (FORGIVEN * self.account.len() as f64);
-        self.burnt = self.burnt.max((used / self.allowance()).min(1.0));
+        self.burnt += tested.beyond / self.allowance();
         let room = self.allowance() - used - self.under_way.iter().sum::<f64>();
         let most = room.clamp(0.0, self.fair());
         self.tight = used > self.allowance() * if self.tight { FREE } else { TIGHT };
@@ -323,7 +323,7 @@ mod tests {
                 let (used, most) = answered[i];
                 let error = far[used.index()].min(shore + most);
                 excess.push(error - 1.2 * shore);
-                choice.take(&Tested { far, near: far, now: far[0], excess: error - 1.2 * shore, whole: false });
+                choice.take(&Tested { far, near: far, now: far[0], excess: error - 1.2 * shore, beyond: 0.0, whole: false });
                 answered.push((choice.active, choice.allowed.most));
             }
             for window in excess.windows(count) {
@@ -345,7 +345,7 @@ mod tests {
             let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
             for (learner, shore) in errors {
                 let far = [learner, learner, shore];
-                choice.take(&Tested { far, near: far, now: learner, excess: learner - 1.2 * shore, whole: true });
+                choice.take(&Tested { far, near: far, now: learner, excess: learner - 1.2 * shore, beyond: 0.0, whole: true });
                 let Allowed { most, free, .. } = choice.allowed;
                 if choice.active == Expert::Learner {
                     let worst = choice.lately.iter().map(|errors| errors[0]).fold(0.0, f64::max);
@@ -367,7 +367,7 @@ mod tests {
         let mut rescued_after = |learner: f64, tests: usize| {
             (0..tests).position(|_| {
                 let far = [learner, 0.05, 0.04];
-                choice.take(&Tested { far, near: far, now: learner, excess: 0.0, whole: true });
+                choice.take(&Tested { far, near: far, now: learner, excess: 0.0, beyond: 0.0, whole: true });
                 choice.rescue().is_some()
             })
         };

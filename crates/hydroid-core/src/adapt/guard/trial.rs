@@ -25,6 +25,9 @@ pub(super) struct Tested {
     /// What the answers of then cost: their error beyond `factor` times that of the frozen model. An output that was not
     /// measured counts with what the two were apart.
     pub(super) excess: f64,
+    /// What of that is beyond what they were allowed: those that stood far from the frozen model's on the strength of a record that
+    /// did not hold.
+    pub(super) beyond: f64,
     /// Whether all outputs were measured.
     pub(super) whole: bool,
 }
@@ -124,6 +127,7 @@ impl Trial {
             near: [f64::NAN; EXPERTS],
             now: f64::NAN,
             excess: 0.0,
+            beyond: 0.0,
             whole: true,
         };
         for e in 0..EXPERTS {
@@ -131,6 +135,7 @@ impl Trial {
             tested.far[e] = self.error(self.horizon, e);
         }
         tested.excess = self.excess(far);
+        tested.beyond = (tested.excess - self.allowed[far].most).max(0.0);
         tested.whole = !self.judged().iter().any(|y| y.is_nan());
         // The state of then, the weights of now.
         learner.snapshot(&mut self.mixed);
