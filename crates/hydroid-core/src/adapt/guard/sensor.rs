@@ -66,8 +66,10 @@ pub(super) struct Sensor {
     last: f64,
     repeats: usize,
     longest: usize,
-    /// How much it changed from one value to the next.
+    /// How much it changed from one value to the next, and how much before the values in series that were refused: the way back from
+    /// a spike is no jump of the vessel, beside which another spike would not be alone.
     step: f64,
+    calm: f64,
     /// Measurements in series that were refused, and how much the first of them had changed.
     streak: usize,
     jump: f64,
@@ -108,12 +110,13 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 10 + 5 * EXPERTS;
+    pub(super) const MEMORY_LEN: usize = 11 + 5 * EXPERTS;
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
         self.last = f64::NAN;
         self.step = f64::NAN;
+        self.calm = f64::NAN;
         self.repeats = 0;
         self.streak = 0;
         self.missing = 0;
@@ -193,10 +196,13 @@ impl Sensor {
         if goes_on && (off || same) {
             return self.go_on(deviations, settings);
         }
+        if goes_on {
+            self.step = self.calm;
+        }
         self.streak = 0;
         let alone = before * ALONE < self.step;
         if off && alone && deviations > settings.reject {
-            (self.streak, self.jump) = (1, self.step);
+            (self.streak, self.jump, self.calm) = (1, self.step, before);
             for track in &mut self.tracks {
                 let own = track.last - track.base;
                 // What came before must have been near what was expected, or this is the way back to it.
@@ -269,7 +275,7 @@ impl Sensor {
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&[self.usual, self.last, self.offset, self.step, self.jump]);
+        into.numbers(&[self.usual, self.last, self.offset, self.step, self.calm, self.jump]);
         for track in &self.tracks {
             into.numbers(&[track.last, track.drift, track.base, track.first, track.sum]);
         }
@@ -279,9 +285,9 @@ impl Sensor {
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        let mut numbers = [0.0; 5];
+        let mut numbers = [0.0; 6];
         from.numbers(&mut numbers);
-        [self.usual, self.last, self.offset, self.step, self.jump] = numbers;
+        [self.usual, self.last, self.offset, self.step, self.calm, self.jump] = numbers;
         for track in &mut self.tracks {
             let mut numbers = [0.0; 5];
             from.numbers(&mut numbers);
@@ -346,6 +352,24 @@ mod tests {
         for (k, verdict) in all.iter().enumerate() {
             match k {
                 250 | 251 => assert!(matches!(verdict, Verdict::Spike { .. }), "{k}: {verdict:?}"),
+                _ => assert_eq!(*verdict, Verdict::Sound, "{k}"),
+            }
+        }
+    }
+
+    /// The way back from the first was once taken for the vessel's own, the second for the vessel, and all that followed the third for
+    /// an offset.
+    #[test]
+    fn spikes_with_one_sound_value_between_are_spikes() {
+        let all = verdicts(wave, |k, x| match k {
+            250 => x + 1.2,
+            252 => x - 1.8,
+            253 => x + 3.0,
+            _ => x,
+        });
+        for (k, verdict) in all.iter().enumerate() {
+            match k {
+                250 | 252 | 253 => assert!(matches!(verdict, Verdict::Spike { .. }), "{k}: {verdict:?}"),
                 _ => assert_eq!(*verdict, Verdict::Sound, "{k}"),
             }
         }
