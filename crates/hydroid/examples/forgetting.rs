@@ -4,6 +4,9 @@
 //! cargo run --release -p hydroid --example forgetting -- MODEL[,MODEL ..] TRAIN SEA TEST [epochs=1] [KEY=VALUE ..]
 //! ```
 //!
+//! Each way against forgetting in turn, with settings a way of its own: `leak` and `shore` \[s\], `guard` (`true`), and of a rehearsal
+//! `every` (samples), `windows`, `window` \[s\], `variance`, `factor`.
+//!
 //! Models are recurrent networks that see inputs alone; `TRAIN` is a log that they were trained on, `SEA` the one that they
 //! sail through (`epochs` times), `TEST` one of the waters that they knew. Mean error 20 steps ahead against the truth, u v r,
 //! medians over the models: along `SEA` in its first and its last epoch, and then along `TEST`: with the weights that

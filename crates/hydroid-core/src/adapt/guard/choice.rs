@@ -345,7 +345,8 @@ mod tests {
             let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
             for (learner, shore) in errors {
                 let far = [learner, learner, shore];
-                choice.take(&Tested { far, near: far, now: learner, excess: learner - 1.2 * shore, beyond: 0.0, whole: true });
+                let excess = learner - 1.2 * shore;
+                choice.take(&Tested { far, near: far, now: learner, excess, beyond: excess.max(0.0), whole: true });
                 let Allowed { most, free, .. } = choice.allowed;
                 if choice.active == Expert::Learner {
                     let worst = choice.lately.iter().map(|errors| errors[0]).fold(0.0, f64::max);
