@@ -97,7 +97,8 @@ impl Bound {
         }
     }
 
-    fn apart(&self, p: &[f64], f: &[f64]) -> f64 {
+    /// Mean over the outputs of the distance between two predictions of one sample, in `w`.
+    pub(super) fn apart(&self, p: &[f64], f: &[f64]) -> f64 {
         let off = p.iter().zip(f).zip(&self.scale).map(|((p, f), scale)| (p - f).abs() / scale);
         off.sum::<f64>() / self.scale.len() as f64
     }

@@ -14,8 +14,8 @@ use crate::adapt::memory::{Reader, Writer};
 const FAILED: f64 = 1.4;
 
 /// Shares of the account at which only the model from shore predicts, and at which others may again.
-const TIGHT: f64 = 0.9;
-const FREE: f64 = 0.6;
+const TIGHT: f64 = 0.8;
+const FREE: f64 = 0.5;
 
 /// Mean of the absolute value of a normal number of deviation one.
 const MEAN_OF_NOISE: f64 = 0.8;
@@ -35,8 +35,12 @@ const FORGIVEN: f64 = 10.0;
 
 /// The error of the model from shore is taken to be at most so many times the largest of the last horizon, or so many times what it
 /// goes wrong by in a stride, where the vessel begins what that model has never seen.
-const GROWS: f64 = 2.0;
-const STEEP: f64 = 10.0;
+const GROWS: f64 = 4.0;
+const STEEP: f64 = 20.0;
+
+/// A model that has just said something else of the same time is taken to be wrong by so many times as much as it has changed its
+/// mind: long before it can be tested, that tells that it has met something that it does not know.
+const REVISED: f64 = 1.25;
 
 /// What a test tells of which not all was measured: the model that is used may be off by anything, the other one by nothing.
 const UNKNOWN: [f64; 3] = [f64::INFINITY, f64::INFINITY, 0.0];
@@ -71,6 +75,8 @@ pub(super) struct Choice {
     pub(super) allowed: Allowed,
     /// Errors of all models in the tests of the last horizon; [`UNKNOWN`] where not all was measured.
     lately: Vec<[f64; 3]>,
+    /// How far each has changed what it says, in the same tests.
+    revised: Vec<[f64; 3]>,
     tight: bool,
     /// How fast the model from shore has been going wrong, of late: its error over a stride, beyond the noise.
     steep: f64,
@@ -97,6 +103,7 @@ impl Choice {
             next: 0,
             allowed: Allowed::NONE,
             lately: vec![UNKNOWN; settings.horizon / settings.stride],
+            revised: vec![[0.0; 3]; settings.horizon / settings.stride],
             tight: false,
             steep: 0.0,
             burnt: 0.0,
@@ -110,6 +117,7 @@ impl Choice {
     pub(super) fn reset(&mut self) {
         self.account.fill(0.0);
         self.lately.fill(UNKNOWN);
+        self.revised.fill([0.0; 3]);
         let most = if self.active == Expert::Frozen { 0.0 } else { self.fair() };
         self.allowed = Allowed { most, ..Allowed::NONE };
         self.under_way.fill(most);
@@ -196,20 +204,28 @@ impl Choice {
                 self.steep = f64::max(decays * self.steep, tested.near[frozen] - self.floor);
             }
         }
+        self.revised.rotate_left(1);
+        if let Some(last) = self.revised.last_mut() {
+            *last = tested.revised;
+        }
         self.allowed = if next == Expert::Frozen {
             Allowed::NONE
         } else {
-            let caution = self.caution + ONCE_BURNT * self.burnt;
-            let worst = |expert: usize| self.lately.iter().map(|errors| errors[expert]).fold(0.0, f64::max);
             Allowed {
                 most,
-                free: (caution * worst(next.index()) * (1.0 + self.factor) - most) / self.factor,
-                far: most + f64::max(GROWS * worst(frozen), STEEP * self.steep),
+                free: (self.feared(next) * (1.0 + self.factor) - most) / self.factor,
+                far: most + f64::max(GROWS * worst(&self.lately, Expert::Frozen), STEEP * self.steep),
             }
         };
         self.under_way[self.next] = self.allowed.most;
         self.next = (self.next + 1) % self.under_way.len();
         changed.then_some(cause)
+    }
+
+    /// The largest error that a prediction of a model is taken to have.
+    fn feared(&self, expert: Expert) -> f64 {
+        let caution = self.caution + ONCE_BURNT * self.burnt;
+        f64::max(caution * worst(&self.lately, expert), REVISED * worst(&self.revised, expert))
     }
 
     /// Whether the record of a model is good enough beside that of the one from shore.
@@ -257,6 +273,7 @@ impl Choice {
             + self.account.len()
             + self.under_way.len()
             + self.lately.as_flattened().len()
+            + self.revised.as_flattened().len()
             + Allowed::LEN
             + 7
     }
@@ -266,6 +283,7 @@ impl Choice {
         into.numbers(&self.account);
         into.numbers(&self.under_way);
         into.numbers(self.lately.as_flattened());
+        into.numbers(self.revised.as_flattened());
         into.count(self.active.index());
         into.count(self.at);
         into.count(self.next);
@@ -279,6 +297,7 @@ impl Choice {
         from.numbers(&mut self.account);
         from.numbers(&mut self.under_way);
         from.numbers(self.lately.as_flattened_mut());
+        from.numbers(self.revised.as_flattened_mut());
         self.active = Expert::ALL[from.count(Expert::ALL.len() - 1)];
         self.at = from.count(self.account.len() - 1);
         self.next = from.count(self.under_way.len() - 1);
@@ -290,6 +309,11 @@ impl Choice {
         from.numbers(core::slice::from_mut(&mut self.lost));
         self.tight = from.flag();
     }
+}
+
+/// The largest of a model.
+fn worst(of: &[[f64; 3]], expert: Expert) -> f64 {
+    of.iter().map(|each| each[expert.index()]).fold(0.0, f64::max)
 }
 
 #[cfg(test)]
@@ -323,7 +347,7 @@ mod tests {
                 let (used, most) = answered[i];
                 let error = far[used.index()].min(shore + most);
                 excess.push(error - 1.2 * shore);
-                choice.take(&Tested { far, near: far, now: far[0], excess: error - 1.2 * shore, beyond: 0.0, whole: false });
+                choice.take(&Tested { far, near: far, now: far[0], revised: [0.0; 3], excess: error - 1.2 * shore, beyond: 0.0, whole: false });
                 answered.push((choice.active, choice.allowed.most));
             }
             for window in excess.windows(count) {
@@ -338,22 +362,24 @@ mod tests {
         /// be at most.
         #[test]
         fn what_stands_far_off_costs_no_more(
-            errors in prop::collection::vec((0.0..0.2_f64, 0.0..1.0_f64), 20..60),
+            errors in prop::collection::vec((0.0..0.2_f64, 0.0..1.0_f64, 0.0..0.2_f64), 20..60),
             share in 0.0..1.0_f64,
             more in 0.0..1.0_f64,
         ) {
             let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
-            for (learner, shore) in errors {
+            for (learner, shore, changed) in errors {
                 let far = [learner, learner, shore];
                 let excess = learner - 1.2 * shore;
-                choice.take(&Tested { far, near: far, now: learner, excess, beyond: excess.max(0.0), whole: true });
+                let revised = [changed; 3];
+                choice.take(&Tested { far, near: far, now: learner, revised, excess, beyond: excess.max(0.0), whole: true });
                 let Allowed { most, free, .. } = choice.allowed;
                 if choice.active == Expert::Learner {
-                    let worst = choice.lately.iter().map(|errors| errors[0]).fold(0.0, f64::max);
-                    if !worst.is_finite() {
+                    let feared = choice.feared(Expert::Learner);
+                    if !feared.is_finite() {
                         continue;
                     }
-                    let error = share * (choice.caution + ONCE_BURNT * choice.burnt) * worst;
+                    prop_assert!(feared >= REVISED * changed);
+                    let error = share * feared;
                     // The two are that far apart, and what was measured is as near to the frozen one as it can be then.
                     let shore = (free.max(0.0) + more - error).max(0.0);
                     prop_assert!(error - 1.2 * shore <= most + 1e-12);
@@ -368,7 +394,7 @@ mod tests {
         let mut rescued_after = |learner: f64, tests: usize| {
             (0..tests).position(|_| {
                 let far = [learner, 0.05, 0.04];
-                choice.take(&Tested { far, near: far, now: learner, excess: 0.0, beyond: 0.0, whole: true });
+                choice.take(&Tested { far, near: far, now: learner, revised: [0.0; 3], excess: 0.0, beyond: 0.0, whole: true });
                 choice.rescue().is_some()
             })
         };

@@ -322,7 +322,7 @@ impl Guard {
     }
 
     fn judge(&mut self) {
-        let Some(tested) = self.trial.test(self.learner.as_ref()) else { return };
+        let Some(tested) = self.trial.test([self.learner.as_ref(), self.kept.as_ref()]) else { return };
         let before = self.choice.active;
         if let Some(cause) = self.choice.take(&tested) {
             let errors = [tested.far[before.index()], tested.far[Expert::Frozen.index()]];

@@ -22,6 +22,9 @@ pub(super) struct Tested {
     pub(super) near: [f64; EXPERTS],
     /// As `far`, of the learner with the weights that it has now.
     pub(super) now: f64,
+    /// How far what each model says of the next horizon has moved within the last stride: the largest distance in it, as if the
+    /// last command were held. That of the frozen model is not asked.
+    pub(super) revised: [f64; EXPERTS],
     /// What the answers of then cost: their error beyond `factor` times that of the frozen model. An output that was not
     /// measured counts with what the two were apart.
     pub(super) excess: f64,
@@ -58,6 +61,9 @@ pub(super) struct Trial {
     /// What each model predicted.
     predicted: [Vec<f64>; EXPERTS],
     mixed: Vec<f64>,
+    /// The commands of the last stride, and the last one held over a horizon; what is said of it now.
+    onward: Vec<f64>,
+    said: Vec<f64>,
 }
 
 impl Trial {
@@ -83,8 +89,10 @@ impl Trial {
             allowed: vec![Allowed::NONE; slots],
             shadow: learner.fork(),
             work: Workspace::new(),
-            predicted: core::array::from_fn(|_| vec![0.0; horizon * outputs]),
+            predicted: core::array::from_fn(|_| vec![0.0; (horizon + stride) * outputs]),
             mixed: vec![0.0; len],
+            onward: vec![0.0; (horizon + stride) * inputs],
+            said: vec![0.0; horizon * outputs],
         }
     }
 
@@ -116,7 +124,7 @@ impl Trial {
     }
 
     /// Tests the models that stood at the origins a horizon and a stride ago; none where there are none yet.
-    pub(super) fn test(&mut self, learner: &dyn Adapter) -> Option<Tested> {
+    pub(super) fn test(&mut self, [learner, kept]: [&dyn Adapter; 2]) -> Option<Tested> {
         let now = self.origin();
         if now < self.horizon {
             return None;
@@ -126,6 +134,7 @@ impl Trial {
             far: [f64::NAN; EXPERTS],
             near: [f64::NAN; EXPERTS],
             now: f64::NAN,
+            revised: [0.0; EXPERTS],
             excess: 0.0,
             beyond: 0.0,
             whole: true,
@@ -139,17 +148,37 @@ impl Trial {
         tested.whole = !self.judged().iter().any(|y| y.is_nan());
         // The state of then, the weights of now.
         learner.snapshot(&mut self.mixed);
-        let kept = self.len - self.weights;
+        let state = self.len - self.weights;
         let own = Expert::Learner.index();
         let at = (far * EXPERTS + own) * self.len;
-        self.mixed[..kept].copy_from_slice(&self.snapshots[at..at + kept]);
+        self.mixed[..state].copy_from_slice(&self.snapshots[at..at + state]);
         self.shadow.restore(&self.mixed);
         tested.now = self.error(self.horizon, own);
         for e in [own, Expert::Frozen.index()] {
             self.take(near, e);
             tested.near[e] = self.error(self.stride, e);
         }
+        for (expert, model) in [(Expert::Learner, learner), (Expert::Kept, kept)] {
+            tested.revised[expert.index()] = self.revised(near, expert.index(), model);
+        }
         Some(tested)
+    }
+
+    /// See [`Tested::revised`]; `slot` is that of a stride ago.
+    fn revised(&mut self, slot: usize, expert: usize, model: &dyn Adapter) -> f64 {
+        let (begun, held) = self.onward.split_at_mut(self.stride * self.inputs);
+        begun.copy_from_slice(&self.commands[last(self.horizon, self.stride, self.held, self.inputs)]);
+        let command = &begun[(self.stride - 1) * self.inputs..];
+        held.chunks_exact_mut(self.inputs).for_each(|into| into.copy_from_slice(command));
+        model.rollout(held, &mut self.work, &mut self.said);
+        self.take(slot, expert);
+        let before = &mut self.predicted[expert];
+        self.shadow.rollout(&self.onward, &mut self.work, before);
+        let before = before[self.stride * self.outputs..].chunks_exact(self.outputs);
+        let each = self.said.chunks_exact(self.outputs).zip(before);
+        let apart = |(now, before): (&[f64], &[f64])| self.bound.apart(now, before);
+        // One that blew up may be anywhere.
+        each.map(apart).fold(0.0, |most, d| if d.is_nan() { f64::INFINITY } else { f64::max(most, d) })
     }
 
     /// Keeps the models as they are, to be tested later.
