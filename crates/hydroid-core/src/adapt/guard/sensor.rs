@@ -49,11 +49,11 @@ pub(super) enum Verdict {
 /// What is judged is how far an innovation *jumps* from one measurement to the next, against what is usual of that, `s`, the root
 /// mean square of the jumps: how large innovations are is the filter's affair (a sluggish one has large ones, and all
 /// smooth), while a jump is the sensor's noise and little else. Of the models the one with the least jump counts. A jump of
-/// more than [`reject`](GuardSettings::reject) `s` is a spike; so are the measurements that follow as long as some model finds
-/// them off by the same from one to the next, but for noise, and not by half as much more or less than the first; after [`patience`](GuardSettings::patience) of these it is an offset of the
-/// sensor. Measurements that follow and are off by something else are the vessel after all, and so is a jump beside others:
-/// a vessel has inertia, and does not stand still before it jumps and after. (One that takes off later than its
-/// model jumps, and is then off by the same; but its speed keeps changing meanwhile.)
+/// more than [`reject`](GuardSettings::reject) `s` is a spike, and so are the measurements that follow as long as they are so far off; after
+/// [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
+/// next, but for noise, and not by half as much more or less than the first, and otherwise the vessel after all. So is at once what is farther
+/// off each time, and a jump beside others: a vessel has inertia, and does not stand still before it jumps and after. (One that takes off
+/// later than its model jumps, and is then off by the same; but its speed keeps changing meanwhile.)
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
     /// Standard deviation of its noise, in its unit.
@@ -171,11 +171,12 @@ impl Sensor {
         settings: &GuardSettings,
     ) -> Verdict {
         let goes_on = self.streak > 0;
-        let (mut jump, mut same) = (f64::NAN, false);
+        let (mut jump, mut same, mut away) = (f64::NAN, false, false);
         for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
             if !goes_on {
                 track.base = track.last;
             }
+            away |= (innovation - track.last) * (track.last - track.base) > 0.0;
             track.drift = (innovation - track.last).abs();
             track.last = innovation;
             let own = innovation - track.base;
@@ -193,8 +194,9 @@ impl Sensor {
         let usual = num_traits::Float::sqrt(self.usual);
         let deviations = jump.abs() / usual;
         let off = warm && deviations > settings.inflate;
-        if goes_on && (off || same) {
-            return self.go_on(deviations, settings);
+        // (What is less than a spike after one is the vessel, which has gone on meanwhile.)
+        if goes_on && (same || (off && deviations > settings.reject)) {
+            return self.go_on(deviations, away, settings);
         }
         if goes_on {
             self.step = self.calm;
@@ -220,8 +222,8 @@ impl Sensor {
         }
     }
 
-    /// One more that is far off.
-    fn go_on(&mut self, deviations: f64, settings: &GuardSettings) -> Verdict {
+    /// One more that is far off; `away` if it is farther off than the one before.
+    fn go_on(&mut self, deviations: f64, away: bool, settings: &GuardSettings) -> Verdict {
         self.streak += 1;
         let mut another = true;
         for track in &mut self.tracks {
@@ -245,14 +247,17 @@ impl Sensor {
             self.jump = self.step;
             return Verdict::Spike { deviations };
         }
-        let moves = self.step * ALONE > self.jump;
-        let Some(track) = self.tracks.iter().find(|track| !track.first.is_nan() && !moves) else {
+        if away && self.step * ALONE > self.jump {
             self.streak = 0;
             return Verdict::Believed { deviations };
-        };
+        }
         if self.streak < settings.patience {
             return Verdict::Spike { deviations };
         }
+        let Some(track) = self.tracks.iter().find(|track| !track.first.is_nan()) else {
+            self.streak = 0;
+            return Verdict::Believed { deviations };
+        };
         let more = track.sum / self.streak.min(FIRST) as f64;
         self.streak = 0;
         self.offset += more;
@@ -373,6 +378,37 @@ mod tests {
                 _ => assert_eq!(*verdict, Verdict::Sound, "{k}"),
             }
         }
+    }
+
+    /// The second was once believed, as a vessel that moves.
+    #[test]
+    fn spikes_side_by_side_to_nearly_the_same_are_spikes() {
+        for second in [0.4, 0.3, 0.58] {
+            let all = verdicts(wave, |k, x| match k {
+                250 => x + 0.5,
+                251 => x + second,
+                _ => x,
+            });
+            for (k, verdict) in all.iter().enumerate() {
+                match k {
+                    250 | 251 => assert!(matches!(verdict, Verdict::Spike { .. }), "{k}: {verdict:?}"),
+                    _ => assert_eq!(*verdict, Verdict::Sound, "{k}"),
+                }
+            }
+        }
+    }
+
+    /// What followed a spike was once taken for another one, and that for an offset.
+    #[test]
+    fn a_vessel_that_turns_behind_a_spike_has_no_offset() {
+        // All models are off by some five usual deviations from there on.
+        let all = verdicts(wave, |k, x| match k {
+            250 => x + 0.5,
+            251.. => x + 0.07,
+            _ => x,
+        });
+        assert!(matches!(all[250], Verdict::Spike { .. }));
+        assert!(all[251..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
     }
 
     #[test]
