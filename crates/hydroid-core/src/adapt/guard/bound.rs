@@ -73,17 +73,27 @@ impl Bound {
         work.give_back(other);
     }
 
-    /// Draws a prediction towards another one, unless it may stand.
-    pub(super) fn draw(&self, predicted: &mut [f64], shore: &[f64], allowed: Allowed) {
+    /// The least and the largest distance of two predictions over the steps by which they are judged.
+    fn reach(&self, predicted: &[f64], shore: &[f64]) -> (f64, f64) {
         let n = self.scale.len();
         let steps = (predicted.len() / n).min(self.horizon);
         let judged = steps.saturating_sub(self.stride) * n..steps * n;
         let rows = predicted[judged.clone()].chunks_exact(n).zip(shore[judged].chunks_exact(n));
-        let (least, most) =
-            rows.map(|(p, f)| self.apart(p, f)).fold((f64::INFINITY, 0.0), |(least, most), d| {
-                let d = if d.is_nan() { f64::INFINITY } else { d };
-                (f64::min(least, d), f64::max(most, d))
-            });
+        rows.map(|(p, f)| self.apart(p, f)).fold((f64::INFINITY, 0.0), |(least, most), d| {
+            let d = if d.is_nan() { f64::INFINITY } else { d };
+            (f64::min(least, d), f64::max(most, d))
+        })
+    }
+
+    /// Whether a prediction is drawn for nothing but being farther off than is believed.
+    pub(super) fn is_too_far(&self, predicted: &[f64], shore: &[f64], allowed: Allowed) -> bool {
+        let (least, most) = self.reach(predicted, shore);
+        most.is_finite() && most > allowed.most && most > allowed.far && least >= allowed.free
+    }
+
+    /// Draws a prediction towards another one, unless it may stand.
+    pub(super) fn draw(&self, predicted: &mut [f64], shore: &[f64], allowed: Allowed) {
+        let (least, most) = self.reach(predicted, shore);
         let stands = most <= allowed.most || (least >= allowed.free && most <= allowed.far);
         let share = if stands { 1.0 } else { allowed.most / most };
         for (p, &f) in predicted.iter_mut().zip(shore) {

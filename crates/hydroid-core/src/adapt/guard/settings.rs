@@ -47,7 +47,7 @@ impl GuardSettings {
             stride,
             window: samples(30.0, 4 * horizon),
             factor: 1.2,
-            caution: 0.65,
+            caution: 0.5,
             record: samples(3.0, horizon),
             inflate: 5.0,
             reject: 7.0,

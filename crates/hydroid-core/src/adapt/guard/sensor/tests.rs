@@ -1,0 +1,158 @@
+//! Sensors that lie in known ways.
+
+use alloc::vec::Vec;
+
+use super::*;
+
+/// White noise of about one.
+fn noise(k: u64) -> f64 {
+    let mut x = k.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678;
+    let mut sum = 0.0;
+    for _ in 0..12 {
+        x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        sum += (x >> 33) as f64 / f64::from(1_u32 << 31);
+    }
+    sum - 6.0
+}
+
+/// Verdicts on a sensor that measures `truth` with noise of 0.01, of which models expect the truth and two others.
+fn verdicts(truth: impl Fn(u64) -> f64, fault: impl Fn(u64, f64) -> f64) -> Vec<Verdict> {
+    let settings = GuardSettings::new(0.1);
+    let mut sensor = Sensor::new(0.01);
+    let judge = |k: u64| {
+        let value = fault(k, truth(k) + 0.01 * noise(k));
+        sensor.judge(value, [truth(k), truth(k) + 0.05, f64::NAN], &settings)
+    };
+    (0..400).map(judge).collect()
+}
+
+fn wave(k: u64) -> f64 {
+    (0.02 * k as f64).sin()
+}
+
+#[test]
+fn noise_is_sound() {
+    assert!(verdicts(wave, |_, x| x).iter().all(|verdict| *verdict == Verdict::Sound));
+}
+
+#[test]
+fn spikes_are_refused_also_side_by_side() {
+    let all = verdicts(wave, |k, x| {
+        if k == 250 {
+            x + 0.5
+        } else if k == 251 {
+            x - 3.0
+        } else {
+            x
+        }
+    });
+    for (k, verdict) in all.iter().enumerate() {
+        match k {
+            250 | 251 => assert!(matches!(verdict, Verdict::Spike { .. }), "{k}: {verdict:?}"),
+            _ => assert_eq!(*verdict, Verdict::Sound, "{k}"),
+        }
+    }
+}
+
+/// The way back from the first was once taken for the vessel's own, the second for the vessel, and all that followed the third for
+/// an offset.
+#[test]
+fn spikes_with_one_sound_value_between_are_spikes() {
+    let all = verdicts(wave, |k, x| match k {
+        250 => x + 1.2,
+        252 => x - 1.8,
+        253 => x + 3.0,
+        _ => x,
+    });
+    for (k, verdict) in all.iter().enumerate() {
+        match k {
+            250 | 252 | 253 => assert!(matches!(verdict, Verdict::Spike { .. }), "{k}: {verdict:?}"),
+            _ => assert_eq!(*verdict, Verdict::Sound, "{k}"),
+        }
+    }
+}
+
+/// The second was once believed, as a vessel that moves.
+#[test]
+fn spikes_side_by_side_to_nearly_the_same_are_spikes() {
+    for second in [0.4, 0.3, 0.58] {
+        let all = verdicts(wave, |k, x| match k {
+            250 => x + 0.5,
+            251 => x + second,
+            _ => x,
+        });
+        for (k, verdict) in all.iter().enumerate() {
+            match k {
+                250 | 251 => assert!(matches!(verdict, Verdict::Spike { .. }), "{k}: {verdict:?}"),
+                _ => assert_eq!(*verdict, Verdict::Sound, "{k}"),
+            }
+        }
+    }
+}
+
+/// What followed a spike was once taken for another one, and that for an offset.
+#[test]
+fn a_vessel_that_turns_behind_a_spike_has_no_offset() {
+    // All models are off by some five usual deviations from there on.
+    let all = verdicts(wave, |k, x| match k {
+        250 => x + 0.5,
+        251.. => x + 0.07,
+        _ => x,
+    });
+    assert!(matches!(all[250], Verdict::Spike { .. }));
+    assert!(all[251..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
+}
+
+#[test]
+fn an_offset_is_found_and_taken_off() {
+    let all = verdicts(wave, |k, x| if k >= 200 { x + 0.2 } else { x });
+    let Some(Verdict::Offset { offset }) = all.iter().find(|v| matches!(v, Verdict::Offset { .. })) else {
+        panic!("{:?}", &all[195..230]);
+    };
+    assert!((offset - 0.2).abs() < 0.02, "{offset}");
+    assert!(all[230..].iter().all(|verdict| *verdict == Verdict::Sound));
+}
+
+#[test]
+fn a_model_that_is_lost_meanwhile_excuses_no_offset() {
+    let settings = GuardSettings::new(0.1);
+    let mut sensor = Sensor::new(0.01);
+    let judge = |k: u64| {
+        let offset = if k >= 200 { 0.3 } else { 0.0 };
+        // From the second sample on it expects what is said, by chance.
+        let chance = if k > 200 { 0.3 } else { 0.05 };
+        let value = wave(k) + offset + 0.01 * noise(k);
+        sensor.judge(value, [wave(k), wave(k) + chance, wave(k)], &settings)
+    };
+    let all: Vec<Verdict> = (0..230).map(judge).collect();
+    assert!(all.iter().any(|v| matches!(v, Verdict::Offset { .. })), "{:?}", &all[198..215]);
+}
+
+#[test]
+fn a_sensor_that_repeats_itself_is_stuck_and_comes_back() {
+    let held = core::cell::Cell::new(0.0);
+    let all = verdicts(wave, |k, x| {
+        if !(200..260).contains(&k) {
+            held.set(x);
+        }
+        held.get()
+    });
+    assert!(all[202..260].iter().all(|v| matches!(v, Verdict::Stuck { .. })), "{:?}", &all[198..206]);
+    assert!(all[260..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[258..270]);
+}
+
+#[test]
+fn a_coarse_sensor_is_not_stuck() {
+    let all = verdicts(wave, |_, x| (x / 0.05).round() * 0.05);
+    let stuck = all.iter().filter(|verdict| matches!(verdict, Verdict::Stuck { .. })).count();
+    assert_eq!(stuck, 0);
+}
+
+#[test]
+fn a_vessel_that_does_what_no_model_expects_is_believed() {
+    // Speed rises by 2 m/s within a second, of which the models know nothing.
+    let all = verdicts(wave, |k, x| x + 0.2 * (k.saturating_sub(200).min(10)) as f64);
+    let refused = all.iter().filter(|v| matches!(v, Verdict::Spike { .. })).count();
+    assert!(refused <= 3, "{refused} refused: {:?}", &all[198..215]);
+    assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })));
+}
