@@ -15,12 +15,16 @@
 //! `filtered`: a filter corrects the state alone (`P0_h` 1, `Q_h` 1e-4, true noise). Beside them, the numbers that are kept
 //! of the covariance, and the median time of a sample's measurement and step.
 
+#[path = "shared/hydrofoil.rs"]
+mod hydrofoil;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
+use hydrofoil::read;
+use hydroid::log::Trajectory;
 use hydroid::model::{self, Body, NamedTensor, weights_from_torch};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
@@ -220,15 +224,6 @@ fn median<'a>(all: &(impl Iterator<Item = &'a Errors> + Clone)) -> Errors {
         0.5 * (values[values.len() / 2] + values[(values.len() - 1) / 2])
     };
     (0..HORIZON).map(|n| std::array::from_fn(|c| middle(n, c))).collect()
-}
-
-fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
-    let path = path.as_ref();
-    let raw = log::read(Path::new(path))?;
-    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
-    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
-    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
-    Ok(prepared.runs.remove(0))
 }
 
 fn network(path: impl AsRef<str>) -> Result<Recurrent, Failure> {

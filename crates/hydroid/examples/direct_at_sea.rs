@@ -14,6 +14,8 @@
 //! Windows start at samples 100, 105, ..; errors are means of the absolute difference from the truth at 1, 5 and 20
 //! steps, and times the medians of what a sample takes.
 
+#[path = "shared/hydrofoil.rs"]
+mod hydrofoil;
 #[path = "direct_at_sea/replay.rs"]
 mod replay;
 
@@ -22,8 +24,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use hydrofoil::read;
 use hydroid::adapt::{LeastSquares, Options, adapter, remember_shore};
-use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
+use hydroid::log::Trajectory;
 use hydroid::model::{self, Model};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::model::direct::Direct;
@@ -195,13 +198,4 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let of = |at: usize| values.get(at).copied().unwrap_or(f64::NAN);
     0.5 * (of(values.len() / 2) + of(values.len().saturating_sub(1) / 2))
-}
-
-fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
-    let path = path.as_ref();
-    let raw = log::read(Path::new(path))?;
-    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
-    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
-    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
-    Ok(prepared.runs.remove(0))
 }

@@ -12,10 +12,14 @@
 //! medians over the models: along `SEA` in its first and its last epoch, and then along `TEST`: with the weights that
 //! came of it held, a filter on the state alone; and by the session itself, which goes on learning.
 
+#[path = "shared/hydrofoil.rs"]
+mod hydrofoil;
+
 use std::path::Path;
 
+use hydrofoil::read;
 use hydroid::adapt::{self, Kalman, Options, Rehearse};
-use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
+use hydroid::log::Trajectory;
 use hydroid::model::{self, Model};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::predict::Workspace;
@@ -176,12 +180,4 @@ fn errors(session: &mut dyn Adapter, run: &Trajectory) -> Errors {
         session.advance(run.inputs.row(k));
     }
     sums.map(|sum| sum / count)
-}
-
-fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
-    let raw = log::read(Path::new(path.as_ref()))?;
-    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
-    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
-    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
-    Ok(prepared.runs.remove(0))
 }

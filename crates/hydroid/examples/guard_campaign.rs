@@ -14,13 +14,17 @@
 //! difference from the truth, in half the design range. Over windows of 30 s: `exceeds` is the largest of
 //! `guarded - 1.2 frozen - floor`, in floors, where the floor is the noise of the sensors.
 
+#[path = "shared/hydrofoil.rs"]
+mod hydrofoil;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use hydrofoil::read;
 use hydroid::adapt::{self, Kalman, Options};
 use hydroid::faults::Faults;
-use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
+use hydroid::log::Trajectory;
 use hydroid::model::{self, Body, Model};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::guard::GuardSettings;
@@ -320,12 +324,4 @@ fn course(session: &mut dyn Adapter, run: &Trajectory, scale: &[f64], horizon: u
     times.sort_unstable_by(f64::total_cmp);
     let at = |share: usize| times[times.len() * share / 100];
     Course { errors, by_output, touched, events, median_us: at(50), p99_us: at(99) }
-}
-
-fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
-    let raw = log::read(Path::new(path.as_ref()))?;
-    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
-    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
-    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
-    Ok(prepared.runs.remove(0))
 }

@@ -16,9 +16,13 @@
 //! settings; all else is the default of `hydroid adapt` (without its leak). Errors as those of `adapt_lawns`: the mean from the truth 1, 5, 20, 50 and 100 steps
 //! ahead, u v r, medians over the models, which are networks that see inputs alone.
 
+#[path = "shared/hydrofoil.rs"]
+mod hydrofoil;
+
 use std::path::Path;
 
-use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
+use hydrofoil::read;
+use hydroid::log::Trajectory;
 use hydroid::model::{self, Body};
 use hydroid_core::model::recurrent::{Gradient, Layout, Linearization, Packed, Recurrent};
 
@@ -241,14 +245,6 @@ fn errors(model: &Recurrent, run: &Trajectory, ahead: usize, noise: f64) -> [[f6
         }
     }
     sums.map(|sums| sums.map(|sum| sum / windows))
-}
-
-fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
-    let raw = log::read(Path::new(path.as_ref()))?;
-    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
-    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
-    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
-    Ok(prepared.runs.remove(0))
 }
 
 fn network(path: impl AsRef<str>) -> Result<Recurrent, Failure> {

@@ -10,12 +10,15 @@
 //! truth after 100 steps in open loop from a zero state that 100 commands warmed up, with a start at every 20th sample;
 //! and the mean absolute error in open loop over the whole test log from a zero state.
 
+#[path = "shared/hydrofoil.rs"]
+mod hydrofoil;
+
 use std::f64::consts::FRAC_PI_6;
 use std::ops::ControlFlow;
-use std::path::Path;
 
+use hydrofoil::read;
 use hydroid::evaluate::DesignRange;
-use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
+use hydroid::log::Trajectory;
 use hydroid::train::{BaseKind, Job, Settings, Trained, train};
 use hydroid_core::model::recurrent::Rollout;
 
@@ -23,7 +26,9 @@ const WARM_UP: usize = 100;
 const HORIZON: usize = 100;
 const STRIDE: usize = 20;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [train_log, validation_log, test_logs, keys @ ..] = arguments.as_slice() else {
         return Err("give TRAIN VALIDATE TEST[,TEST ..] [KEY=VALUE ..]".into());
@@ -86,15 +91,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     Ok(())
-}
-
-fn read(path: impl AsRef<str>) -> Result<Trajectory, Box<dyn std::error::Error>> {
-    let path = path.as_ref();
-    let raw = log::read(Path::new(path))?;
-    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
-    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
-    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
-    Ok(prepared.runs.remove(0))
 }
 
 /// RMS error after a horizon, and mean absolute error over the whole log, of each output against truth.
