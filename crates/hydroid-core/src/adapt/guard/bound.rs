@@ -5,13 +5,14 @@
 //! ```text
 //! d = mean over outputs of |p - f| / w, the largest over the last stride of steps up to the horizon
 //! answer = p                      if free <= d <= far (the least d there, the largest here)
+//!        = f                      if d <= most and something is owed
 //!        = f + a (p - f)          otherwise, with a = min(1, most / d), the same for all steps
 //! ```
 //!
 //! Near the other model its error exceeds that of `f` by at most `most`, whatever will be measured (triangle inequality). And
 //! where the two are far apart, one of them is far off: if the error of `p` is at most `E`, that of `f` is at least `d - E`,
 //! and what `p` costs beyond `factor` times that is at most `most` where `d >= (E (1 + factor) - most) / factor`. (Of a model from shore that has
-//! been right of late nobody believes that: then `far` is small.)
+//! been right of late nobody believes that: then `far` is small.) While something is owed, what is near anyway is not worth owing more.
 
 use alloc::boxed::Box;
 
@@ -23,21 +24,24 @@ pub(super) struct Allowed {
     pub(super) most: f64,
     pub(super) free: f64,
     pub(super) far: f64,
+    /// Whether something is owed: nothing is owed in addition for predictions that are near anyway, and those of the model from shore
+    /// stand for them.
+    pub(super) owes: bool,
 }
 
 impl Allowed {
     /// The model from shore alone.
-    pub(super) const NONE: Self = Self { most: 0.0, free: f64::INFINITY, far: 0.0 };
+    pub(super) const NONE: Self = Self { most: 0.0, free: f64::INFINITY, far: 0.0, owes: false };
 
     /// Numbers that it is kept in.
-    pub(super) const LEN: usize = 3;
+    pub(super) const LEN: usize = 4;
 
     pub(super) fn numbers(self) -> [f64; Self::LEN] {
-        [self.most, self.free, self.far]
+        [self.most, self.free, self.far, f64::from(u8::from(self.owes))]
     }
 
-    pub(super) fn of([most, free, far]: [f64; Self::LEN]) -> Self {
-        Self { most, free, far }
+    pub(super) fn of([most, free, far, owes]: [f64; Self::LEN]) -> Self {
+        Self { most, free, far, owes: owes != 0.0 }
     }
 }
 
@@ -85,17 +89,16 @@ impl Bound {
         })
     }
 
-    /// Whether a prediction is drawn for nothing but being farther off than is believed.
-    pub(super) fn is_too_far(&self, predicted: &[f64], shore: &[f64], allowed: Allowed) -> bool {
-        let (least, most) = self.reach(predicted, shore);
-        most.is_finite() && most > allowed.most && most > allowed.far && least >= allowed.free
-    }
-
     /// Draws a prediction towards another one, unless it may stand.
     pub(super) fn draw(&self, predicted: &mut [f64], shore: &[f64], allowed: Allowed) {
         let (least, most) = self.reach(predicted, shore);
-        let stands = most <= allowed.most || (least >= allowed.free && most <= allowed.far);
-        let share = if stands { 1.0 } else { allowed.most / most };
+        let share = if most <= allowed.most {
+            if allowed.owes { 0.0 } else { 1.0 }
+        } else if least >= allowed.free && most <= allowed.far {
+            1.0
+        } else {
+            allowed.most / most
+        };
         for (p, &f) in predicted.iter_mut().zip(shore) {
             if share < 1.0 {
                 *p = f + share * (*p - f);
@@ -243,6 +246,7 @@ mod tests {
             shore in prop::collection::vec(-1.0..1.0_f64, 12),
             measured in prop::collection::vec(-2.0..2.0_f64, 12),
             most in 0.0..3.0_f64,
+            owes in any::<bool>(),
             bad in prop::option::of((0_usize..12, prop_oneof![Just(f64::NAN), Just(f64::INFINITY)])),
         ) {
             let bound = Bound { horizon: 5, stride: 2, scale: [3.0, 0.5].into() };
@@ -251,7 +255,7 @@ mod tests {
                 answer[at] = value;
             }
             let free = 1.7;
-            bound.draw(&mut answer, &shore, Allowed { most, free, far: 4.0 });
+            bound.draw(&mut answer, &shore, Allowed { most, free, far: 4.0, owes });
             prop_assert!(answer.iter().all(|y| y.is_finite()));
             for row in 3..5 {
                 let part = 2 * row..2 * row + 2;

@@ -13,9 +13,8 @@ use crate::adapt::memory::{Reader, Writer};
 /// noise floors.
 const FAILED: f64 = 1.4;
 
-/// Shares of the account at which only the model from shore predicts, and at which others may again.
-const TIGHT: f64 = 0.9;
-const FREE: f64 = 0.6;
+/// Share of the account from which on only the model from shore predicts.
+const TIGHT: f64 = 0.5;
 
 /// Mean of the absolute value of a normal number of deviation one.
 const MEAN_OF_NOISE: f64 = 0.8;
@@ -34,21 +33,19 @@ const ONCE_BURNT: f64 = 2.0;
 const FORGIVEN: f64 = 10.0;
 
 /// The error of the model from shore is taken to be at most so many times the largest of the last horizon, or so many times what it
-/// goes wrong by in a stride, where the vessel begins what that model has never seen. It may be more by this factor where the last
-/// prediction that was refused for that would have been right.
-const GROWS: f64 = 6.0;
-const STEEP: f64 = 40.0;
-const PROVEN: f64 = 3.0;
+/// goes wrong by in a stride, where the vessel begins what that model has never seen.
+const GROWS: f64 = 2.0;
+const STEEP: f64 = 10.0;
 
 /// A model that has just said something else of the same time is taken to be wrong by so many times as much as it has changed its
 /// mind: long before it can be tested, that tells that it has met something that it does not know.
-const REVISED: f64 = 1.25;
+const REVISED: f64 = 1.5;
 
 /// What a test tells of which not all was measured: the model that is used may be off by anything, the other one by nothing.
 const UNKNOWN: [f64; 3] = [f64::INFINITY, f64::INFINITY, 0.0];
 
 /// Share of what the guarantee leaves that is made use of: tests are one in a stride, and measure with noise.
-const MARGIN: f64 = 0.8;
+const MARGIN: f64 = 0.75;
 
 /// A learner whose record is worse than another's by this, beside twice the noise floor, is losing: so much a test as it is
 /// worse, at most `AT_ONCE`, until it has lost `LOST_AT`. One that has just come into water that it had forgotten
@@ -79,9 +76,6 @@ pub(super) struct Choice {
     lately: Vec<[f64; 3]>,
     /// How far each has changed what it says, in the same tests.
     revised: Vec<[f64; 3]>,
-    tight: bool,
-    /// Whether the last prediction that was refused for its distance would have been right.
-    proven: bool,
     /// How fast the model from shore has been going wrong, of late: its error over a stride, beyond the noise.
     steep: f64,
     /// What predictions that stood far off have cost beyond what was allowed, of late, as a share of the account.
@@ -108,8 +102,6 @@ impl Choice {
             allowed: Allowed::NONE,
             lately: vec![UNKNOWN; settings.horizon / settings.stride],
             revised: vec![[0.0; 3]; settings.horizon / settings.stride],
-            tight: false,
-            proven: false,
             steep: 0.0,
             burnt: 0.0,
             lost: 0.0,
@@ -170,7 +162,7 @@ impl Choice {
         self.burnt += tested.beyond / self.allowance();
         let room = self.allowance() - used - self.under_way.iter().sum::<f64>();
         let most = room.clamp(0.0, self.fair());
-        self.tight = used > self.allowance() * if self.tight { FREE } else { TIGHT };
+        let tight = used > TIGHT * self.allowance();
 
         let fails = |error: f64, than: f64| error > FAILED * than + 1.5 * self.floor;
         let (now, shore) = (tested.now, tested.far[frozen]);
@@ -183,7 +175,7 @@ impl Choice {
         let may = |expert: Expert| {
             !failed[expert.index()] && (self.keeps_up(expert) || (sprints && expert == Expert::Learner))
         };
-        let next = if self.tight {
+        let next = if tight {
             Expert::Frozen
         } else if shore.is_nan() {
             self.active
@@ -192,7 +184,7 @@ impl Choice {
         };
         let cause = if tested.far[self.active.index()].is_infinite() {
             Cause::NotFinite
-        } else if self.tight {
+        } else if tight {
             Cause::Guarantee
         } else if failed[self.active.index()] {
             Cause::Test
@@ -213,7 +205,6 @@ impl Choice {
         if let Some(last) = self.revised.last_mut() {
             *last = tested.revised;
         }
-        self.proven = tested.right.unwrap_or(self.proven);
         self.allowed = if next == Expert::Frozen {
             Allowed::NONE
         } else {
@@ -221,7 +212,8 @@ impl Choice {
             Allowed {
                 most,
                 free: (self.feared(next) * (1.0 + self.factor) - most) / self.factor,
-                far: most + off * if self.proven { PROVEN } else { 1.0 },
+                far: most + off,
+                owes: used > 0.0,
             }
         };
         self.under_way[self.next] = self.allowed.most;
@@ -282,7 +274,7 @@ impl Choice {
             + self.lately.as_flattened().len()
             + self.revised.as_flattened().len()
             + Allowed::LEN
-            + 8
+            + 6
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
@@ -296,8 +288,6 @@ impl Choice {
         into.count(self.next);
         into.numbers(&self.allowed.numbers());
         into.numbers(&[self.steep, self.burnt, self.lost]);
-        into.flag(self.tight);
-        into.flag(self.proven);
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
@@ -315,8 +305,6 @@ impl Choice {
         from.numbers(core::slice::from_mut(&mut self.steep));
         from.numbers(core::slice::from_mut(&mut self.burnt));
         from.numbers(core::slice::from_mut(&mut self.lost));
-        self.tight = from.flag();
-        self.proven = from.flag();
     }
 }
 

@@ -9,6 +9,9 @@ const EXPERTS: usize = Expert::ALL.len();
 /// Measurements of a channel before it is judged.
 const WARM_UP: usize = 100;
 
+/// Of these the first tell nothing of usual jumps: models have just begun to find their states.
+const SETTLING: usize = 20;
+
 /// Time constant of the usual size of jumps \[measurements\].
 const MEMORY: f64 = 200.0;
 
@@ -21,6 +24,13 @@ const FIRST: usize = 3;
 
 /// A jump is alone where the values before and after it change by less than a part of it: one in so many.
 const ALONE: f64 = 3.0;
+
+/// The vessel it is that is farther off by so much than at first.
+const AWAY: f64 = 1.3;
+
+/// A value that has jumped by more than this many usual deviations, and by no part of it since, has an offset, whatever the models
+/// that are not told anything meanwhile make of it: no vessel does that.
+const HUGE: f64 = 9.0;
 
 /// Jumps of more than this many deviations count as this in what is usual.
 const SOUND: f64 = 4.0;
@@ -49,11 +59,12 @@ pub(super) enum Verdict {
 /// What is judged is how far an innovation *jumps* from one measurement to the next, against what is usual of that, `s`, the root
 /// mean square of the jumps: how large innovations are is the filter's affair (a sluggish one has large ones, and all
 /// smooth), while a jump is the sensor's noise and little else. Of the models the one with the least jump counts. A jump of
-/// more than [`reject`](GuardSettings::reject) `s` is a spike, and so are the measurements that follow as long as they are so far off; after
-/// [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
-/// next, but for noise, and not by half as much more or less than the first, and otherwise the vessel after all. So is at once what is farther
-/// off each time, and a jump beside others: a vessel has inertia, and does not stand still before it jumps and after. (One that takes off
-/// later than its model jumps, and is then off by the same; but its speed keeps changing meanwhile.)
+/// more than [`reject`](GuardSettings::reject) `s` beside none in what was measured before is a spike (a vessel has inertia, and does not stand still before it
+/// jumps), and so are the measurements that follow as long as they are so far off, but for one that jumps back most of the way;
+/// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
+/// next, but for noise, and not by half as much more or less than the first; or if the first jump was huge, and none has followed: models that
+/// are told nothing drift, and may be anywhere. Otherwise it is the vessel after all. So is at once what is farther off by a part
+/// of the first jump.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
     /// Standard deviation of its noise, in its unit.
@@ -73,6 +84,8 @@ pub(super) struct Sensor {
     /// Measurements in series that were refused, and how much the first of them had changed.
     streak: usize,
     jump: f64,
+    /// By how many deviations the first of them was off.
+    first: f64,
     /// What each model makes of them.
     tracks: [Track; EXPERTS],
     /// Samples without a measurement that was used.
@@ -110,7 +123,7 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 11 + 5 * EXPERTS;
+    pub(super) const MEMORY_LEN: usize = 12 + 5 * EXPERTS;
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
@@ -171,12 +184,11 @@ impl Sensor {
         settings: &GuardSettings,
     ) -> Verdict {
         let goes_on = self.streak > 0;
-        let (mut jump, mut same, mut away) = (f64::NAN, false, false);
+        let (mut jump, mut same) = (f64::NAN, false);
         for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
             if !goes_on {
                 track.base = track.last;
             }
-            away |= (innovation - track.last) * (track.last - track.base) > 0.0;
             track.drift = (innovation - track.last).abs();
             track.last = innovation;
             let own = innovation - track.base;
@@ -195,8 +207,11 @@ impl Sensor {
         let deviations = jump.abs() / usual;
         let off = warm && deviations > settings.inflate;
         // (What is less than a spike after one is the vessel, which has gone on meanwhile.)
-        if goes_on && (same || (off && deviations > settings.reject)) {
-            return self.go_on(deviations, away, settings);
+        let jumps = self.jumps();
+        let back = jumps && deviations * ALONE < self.first;
+        let stays = self.first > HUGE && !jumps;
+        if goes_on && !back && (same || stays || deviations > settings.reject) {
+            return self.go_on(deviations, settings);
         }
         if goes_on {
             self.step = self.calm;
@@ -205,6 +220,7 @@ impl Sensor {
         let alone = before * ALONE < self.step;
         if off && alone && deviations > settings.reject {
             (self.streak, self.jump, self.calm) = (1, self.step, before);
+            self.first = deviations;
             for track in &mut self.tracks {
                 let own = track.last - track.base;
                 // What came before must have been near what was expected, or this is the way back to it.
@@ -222,14 +238,21 @@ impl Sensor {
         }
     }
 
-    /// One more that is far off; `away` if it is farther off than the one before.
-    fn go_on(&mut self, deviations: f64, away: bool, settings: &GuardSettings) -> Verdict {
+    /// Whether the last value has jumped as far as the first of a series, or not much less.
+    fn jumps(&self) -> bool {
+        self.step * ALONE > self.jump
+    }
+
+    /// One more that is far off.
+    fn go_on(&mut self, deviations: f64, settings: &GuardSettings) -> Verdict {
         self.streak += 1;
-        let mut another = true;
+        let jumps = self.jumps();
+        let mut another = jumps;
+        let spike = settings.reject * num_traits::Float::sqrt(self.usual);
         for track in &mut self.tracks {
             let own = track.last - track.base;
             let off = (own - track.first).abs();
-            another &= off.is_nan() || off > 0.5 * track.first.abs();
+            another &= off.is_nan() || off > f64::max(0.5 * track.first.abs(), spike);
             if !track.goes_on(own, self.noise) {
                 track.first = f64::NAN;
             }
@@ -244,17 +267,19 @@ impl Sensor {
                 track.first = track.last - track.base;
                 track.sum = track.first;
             }
-            self.jump = self.step;
+            (self.jump, self.first) = (self.step, deviations);
             return Verdict::Spike { deviations };
         }
-        if away && self.step * ALONE > self.jump {
+        if deviations > AWAY * self.first && (jumps || self.first <= HUGE) {
             self.streak = 0;
             return Verdict::Believed { deviations };
         }
         if self.streak < settings.patience {
             return Verdict::Spike { deviations };
         }
-        let Some(track) = self.tracks.iter().find(|track| !track.first.is_nan()) else {
+        let same = self.tracks.iter().find(|track| !track.first.is_nan());
+        let steadiest = || self.tracks.iter().min_by(|a, b| a.drift.total_cmp(&b.drift));
+        let Some(track) = same.or_else(|| steadiest().filter(|_| self.first > HUGE)) else {
             self.streak = 0;
             return Verdict::Believed { deviations };
         };
@@ -273,14 +298,17 @@ impl Sensor {
 
     /// Takes a jump into what is usual; one large one does not widen it by much.
     fn learn(&mut self, jump: f64, warm: bool) {
-        let share = (1.0 / MEMORY).max(1.0 / (self.seen + 1) as f64);
-        let most = if warm { SOUND * SOUND * self.usual } else { f64::INFINITY };
-        self.usual += share * ((jump * jump).min(most) - self.usual);
         self.seen = self.seen.saturating_add(1);
+        let share = (1.0 / MEMORY).max(1.0 / self.seen.saturating_sub(SETTLING) as f64);
+        let most = if warm { SOUND * SOUND * self.usual } else { f64::INFINITY };
+        if self.seen > SETTLING {
+            self.usual += share * ((jump * jump).min(most) - self.usual);
+        }
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&[self.usual, self.last, self.offset, self.step, self.calm, self.jump]);
+        into.numbers(&[self.usual, self.last, self.offset, self.step, self.calm]);
+        into.numbers(&[self.jump, self.first]);
         for track in &self.tracks {
             into.numbers(&[track.last, track.drift, track.base, track.first, track.sum]);
         }
@@ -290,9 +318,11 @@ impl Sensor {
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        let mut numbers = [0.0; 6];
+        let mut numbers = [0.0; 7];
         from.numbers(&mut numbers);
-        [self.usual, self.last, self.offset, self.step, self.calm, self.jump] = numbers;
+        let [usual, last, offset, step, calm, jump, first] = numbers;
+        (self.usual, self.last, self.offset) = (usual, last, offset);
+        (self.step, self.calm, self.jump, self.first) = (step, calm, jump, first);
         for track in &mut self.tracks {
             let mut numbers = [0.0; 5];
             from.numbers(&mut numbers);

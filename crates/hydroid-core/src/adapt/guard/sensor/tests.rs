@@ -156,3 +156,48 @@ fn a_vessel_that_does_what_no_model_expects_is_believed() {
     assert!(refused <= 3, "{refused} refused: {:?}", &all[198..215]);
     assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })));
 }
+
+/// Models that are told nothing drift; while they cross what is measured, an offset was once taken for the vessel.
+#[test]
+fn an_offset_that_models_drift_across_is_found() {
+    let settings = GuardSettings::new(0.1);
+    let mut sensor = Sensor::new(0.01);
+    let judge = |k: u64| {
+        let offset = if k >= 200 { -0.8 } else { 0.0 };
+        // All fall by 1.4 m/s^2 and more from then on, one of them slower.
+        let fall = 0.14 * k.saturating_sub(199).min(10) as f64;
+        let value = wave(k) + offset + 0.01 * noise(k);
+        sensor.judge(value, [wave(k) - 0.5 * fall, wave(k) - fall, wave(k) - 1.5 * fall], &settings)
+    };
+    let all: Vec<Verdict> = (0..230).map(judge).collect();
+    let found =
+        all.iter().find_map(|v| if let Verdict::Offset { offset } = v { Some(*offset) } else { None });
+    assert!(found.is_some_and(|offset| (-0.8..-0.5).contains(&offset)), "{:?}", &all[198..215]);
+}
+
+/// What came back from two spikes side by side was once taken for a third one, and that for an offset.
+#[test]
+fn a_vessel_that_moved_on_behind_two_spikes_has_no_offset() {
+    let all = verdicts(wave, |k, x| match k {
+        250 => x + 3.5,
+        251 => x + 1.9,
+        252.. => x + 0.12 + 0.02 * (k - 252).min(5) as f64,
+        _ => x,
+    });
+    assert!(all[250..252].iter().all(|v| matches!(v, Verdict::Spike { .. })), "{:?}", &all[248..254]);
+    assert!(all[252..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[250..262]);
+}
+
+#[test]
+fn models_that_find_their_states_at_first_make_no_sensor_blind() {
+    let settings = GuardSettings::new(0.1);
+    let mut sensor = Sensor::new(0.01);
+    let judge = |k: u64| {
+        let offset = if k >= 200 { 0.15 } else { 0.0 };
+        let value = wave(k) + offset + 0.01 * noise(k);
+        let off = if k < 5 { 2.0 - 0.4 * k as f64 } else { 0.0 };
+        sensor.judge(value, [wave(k) + off; EXPERTS], &settings)
+    };
+    let all: Vec<Verdict> = (0..230).map(judge).collect();
+    assert!(all.iter().any(|v| matches!(v, Verdict::Offset { .. })), "{:?}", &all[198..215]);
+}
