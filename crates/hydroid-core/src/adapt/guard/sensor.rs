@@ -9,7 +9,7 @@ const EXPERTS: usize = Expert::ALL.len();
 /// Measurements of a channel before it is judged.
 const WARM_UP: usize = 100;
 
-/// Of these the first tell nothing of usual jumps: models have just begun to find their states.
+/// The first measurements of a run are not judged and tell nothing of usual jumps: models have just begun to find their states.
 const SETTLING: usize = 20;
 
 /// Time constant of the usual size of jumps \[measurements\].
@@ -69,7 +69,8 @@ pub(super) enum Verdict {
 pub(super) struct Sensor {
     /// Standard deviation of its noise, in its unit.
     noise: f64,
-    /// Jumps that were found usual.
+    /// Measurements of this run, and jumps that were found usual.
+    begun: usize,
     seen: usize,
     /// `s^2`.
     usual: f64,
@@ -123,10 +124,11 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 12 + 5 * EXPERTS;
+    pub(super) const MEMORY_LEN: usize = 13 + 5 * EXPERTS;
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
+        self.begun = 0;
         self.last = f64::NAN;
         self.step = f64::NAN;
         self.calm = f64::NAN;
@@ -199,7 +201,8 @@ impl Sensor {
             same |= goes_on && track.goes_on(own, self.noise);
         }
         // Nobody can tell; or, after a time without measurements, models may be far off, and rightly so.
-        if jump.is_nan() || (self.missing > 0 && !goes_on) {
+        self.begun = self.begun.saturating_add(1);
+        if jump.is_nan() || self.begun <= SETTLING || (self.missing > 0 && !goes_on) {
             self.streak = 0;
             return Verdict::Sound;
         }
@@ -208,7 +211,7 @@ impl Sensor {
         let off = warm && deviations > settings.inflate;
         // (What is less than a spike after one is the vessel, which has gone on meanwhile.)
         let jumps = self.jumps();
-        let back = jumps && deviations * ALONE < self.first;
+        let back = jumps && deviations * ALONE < self.first && deviations < HUGE * self.streak as f64;
         let stays = self.first > HUGE && !jumps;
         if goes_on && !back && (same || stays || deviations > settings.reject) {
             return self.go_on(deviations, settings);
@@ -248,7 +251,8 @@ impl Sensor {
         self.streak += 1;
         let jumps = self.jumps();
         let mut another = jumps;
-        let spike = settings.reject * num_traits::Float::sqrt(self.usual);
+        let usual = num_traits::Float::sqrt(self.usual);
+        let spike = settings.reject * usual;
         for track in &mut self.tracks {
             let own = track.last - track.base;
             let off = (own - track.first).abs();
@@ -267,7 +271,7 @@ impl Sensor {
                 track.first = track.last - track.base;
                 track.sum = track.first;
             }
-            (self.jump, self.first) = (self.step, deviations);
+            (self.jump, self.first) = (self.step.min(deviations * usual), deviations);
             return Verdict::Spike { deviations };
         }
         if deviations > AWAY * self.first && (jumps || self.first <= HUGE) {
@@ -299,11 +303,9 @@ impl Sensor {
     /// Takes a jump into what is usual; one large one does not widen it by much.
     fn learn(&mut self, jump: f64, warm: bool) {
         self.seen = self.seen.saturating_add(1);
-        let share = (1.0 / MEMORY).max(1.0 / self.seen.saturating_sub(SETTLING) as f64);
+        let share = (1.0 / MEMORY).max(1.0 / self.seen as f64);
         let most = if warm { SOUND * SOUND * self.usual } else { f64::INFINITY };
-        if self.seen > SETTLING {
-            self.usual += share * ((jump * jump).min(most) - self.usual);
-        }
+        self.usual += share * ((jump * jump).min(most) - self.usual);
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
@@ -312,7 +314,7 @@ impl Sensor {
         for track in &self.tracks {
             into.numbers(&[track.last, track.drift, track.base, track.first, track.sum]);
         }
-        for count in [self.seen, self.repeats, self.longest, self.streak, self.missing] {
+        for count in [self.begun, self.seen, self.repeats, self.longest, self.streak, self.missing] {
             into.count(count);
         }
     }
@@ -328,9 +330,8 @@ impl Sensor {
             from.numbers(&mut numbers);
             [track.last, track.drift, track.base, track.first, track.sum] = numbers;
         }
-        for count in
-            [&mut self.seen, &mut self.repeats, &mut self.longest, &mut self.streak, &mut self.missing]
-        {
+        let counts = [&mut self.begun, &mut self.seen, &mut self.repeats, &mut self.longest];
+        for count in counts.into_iter().chain([&mut self.streak, &mut self.missing]) {
             *count = from.count(MOST_COUNTED);
         }
     }
