@@ -85,7 +85,7 @@ pub(super) struct Sensor {
     /// Measurements in series that were refused, and how much the first of them had changed.
     streak: usize,
     jump: f64,
-    /// By how many deviations the first of them was off.
+    /// By how many deviations the first of them was off; zero if what was before was not near what was expected.
     first: f64,
     /// What each model makes of them.
     tracks: [Track; EXPERTS],
@@ -211,7 +211,7 @@ impl Sensor {
         let off = warm && deviations > settings.inflate;
         // (What is less than a spike after one is the vessel, which has gone on meanwhile.)
         let jumps = self.jumps();
-        let back = jumps && deviations * ALONE < self.first && deviations < HUGE * self.streak as f64;
+        let back = jumps && 2.0 * deviations < self.first && deviations < HUGE * self.streak as f64;
         let stays = self.first > HUGE && !jumps;
         if goes_on && !back && (same || stays || deviations > settings.reject) {
             return self.go_on(deviations, settings);
@@ -223,12 +223,13 @@ impl Sensor {
         let alone = before * ALONE < self.step;
         if off && alone && deviations > settings.reject {
             (self.streak, self.jump, self.calm) = (1, self.step, before);
-            self.first = deviations;
+            self.first = 0.0;
             for track in &mut self.tracks {
                 let own = track.last - track.base;
                 // What came before must have been near what was expected, or this is the way back to it.
                 let jumps = own.abs() > settings.reject * usual && 2.0 * track.base.abs() < own.abs();
                 track.first = if jumps { own } else { f64::NAN };
+                self.first = if jumps { deviations } else { self.first };
                 track.sum = own;
             }
             return Verdict::Spike { deviations };
@@ -252,11 +253,10 @@ impl Sensor {
         let jumps = self.jumps();
         let mut another = jumps;
         let usual = num_traits::Float::sqrt(self.usual);
-        let spike = settings.reject * usual;
+        let other = f64::max(0.5 * self.first, settings.reject) * usual;
         for track in &mut self.tracks {
             let own = track.last - track.base;
-            let off = (own - track.first).abs();
-            another &= off.is_nan() || off > f64::max(0.5 * track.first.abs(), spike);
+            another &= track.drift.is_nan() || track.drift > other;
             if !track.goes_on(own, self.noise) {
                 track.first = f64::NAN;
             }
@@ -274,7 +274,9 @@ impl Sensor {
             (self.jump, self.first) = (self.step.min(deviations * usual), deviations);
             return Verdict::Spike { deviations };
         }
-        if deviations > AWAY * self.first && (jumps || self.first <= HUGE) {
+        // (Two spikes side by side may look like that as well; three hardly.)
+        let moves = self.first <= HUGE || (jumps && self.streak >= FIRST);
+        if deviations > AWAY * self.first && moves {
             self.streak = 0;
             return Verdict::Believed { deviations };
         }

@@ -153,7 +153,7 @@ fn a_vessel_that_does_what_no_model_expects_is_believed() {
     // Speed rises by 2 m/s within a second, of which the models know nothing.
     let all = verdicts(wave, |k, x| x + 0.2 * (k.saturating_sub(200).min(10)) as f64);
     let refused = all.iter().filter(|v| matches!(v, Verdict::Spike { .. })).count();
-    assert!(refused <= 3, "{refused} refused: {:?}", &all[198..215]);
+    assert!(refused <= 4, "{refused} refused: {:?}", &all[198..215]);
     assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })));
 }
 
@@ -212,7 +212,7 @@ fn models_that_find_their_states_excuse_nothing_and_accuse_nobody() {
 /// A small spike behind a large one, and then the vessel: that the last step is small beside the one before is no offset.
 #[test]
 fn two_spikes_of_two_sizes_leave_no_offset() {
-    for (first, second) in [(3.0, -0.5), (3.0, 0.5), (-0.3, 2.0), (1.0, 0.9), (-4.0, 1.0)] {
+    for (first, second) in [(3.0, -0.5), (3.0, 0.5), (-0.3, 2.0), (1.0, 0.9), (-4.0, 1.0), (1.0, 1.4)] {
         let all = verdicts(wave, |k, x| match k {
             250 => x + first,
             251 => x + second,
@@ -220,4 +220,32 @@ fn two_spikes_of_two_sizes_leave_no_offset() {
         });
         assert!(all[252..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
     }
+}
+
+/// The way back from a spike that was not judged is no jump of the sensor.
+#[test]
+fn a_spike_in_the_first_samples_leaves_no_offset() {
+    let settings = GuardSettings::new(0.1);
+    let mut sensor = Sensor::new(0.01);
+    for run in 0..2 {
+        sensor.reset();
+        let judge = |k: u64| {
+            let spike = if run == 1 && k == SETTLING as u64 - 1 { 0.8 } else { 0.0 };
+            sensor.judge(wave(k) + 0.01 * noise(k) + spike, [wave(k); EXPERTS], &settings)
+        };
+        let all: Vec<Verdict> = (0..230).map(judge).collect();
+        assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })), "{:?}", &all[15..35]);
+        assert!(all[30..].iter().all(|verdict| *verdict == Verdict::Sound));
+    }
+}
+
+/// A vessel that begins to turn behind a spike: models that were told nothing are off by half of the spike.
+#[test]
+fn a_small_spike_before_a_turn_leaves_no_offset() {
+    let all = verdicts(wave, |k, x| match k {
+        250 => x - 0.2,
+        251.. => x + 0.08,
+        _ => x,
+    });
+    assert!(all[251..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
 }
