@@ -220,7 +220,8 @@ impl Sensor {
             self.step = self.calm;
         }
         self.streak = 0;
-        let alone = before * ALONE < self.step;
+        // (Where only what is expected jumps, it is a model that does.)
+        let alone = before * ALONE < self.step && 2.0 * self.step > jump.abs();
         if off && alone && deviations > settings.reject {
             (self.streak, self.jump, self.calm) = (1, self.step, before);
             self.first = 0.0;

@@ -249,3 +249,14 @@ fn a_small_spike_before_a_turn_leaves_no_offset() {
     });
     assert!(all[251..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
 }
+
+#[test]
+fn models_that_jump_accuse_no_sensor() {
+    let settings = GuardSettings::new(0.1);
+    let mut sensor = Sensor::new(0.01);
+    let judge = |k: u64| {
+        let off = if k >= 200 { 1.0 } else { 0.0 };
+        sensor.judge(wave(k) + 0.01 * noise(k), [wave(k) - off; EXPERTS], &settings)
+    };
+    assert!((0..230).map(judge).all(|verdict| verdict == Verdict::Sound));
+}
