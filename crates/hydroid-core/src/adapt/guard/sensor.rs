@@ -22,10 +22,10 @@ const SAME: f64 = 6.0;
 /// An offset is what the first measurements with it are off by: so many of them.
 const FIRST: usize = 3;
 
-/// A jump is alone where the values before and after it change by less than a part of it: one in so many.
+/// A jump is alone where the value before it changed by less than a part of it: one in so many.
 const ALONE: f64 = 3.0;
 
-/// The vessel it is that is farther off by so much than at first.
+/// It is the vessel that is farther off than at first by this factor.
 const AWAY: f64 = 1.3;
 
 /// A value that has jumped by more than this many usual deviations, and by no part of it since, has an offset, whatever the models
@@ -200,8 +200,8 @@ impl Sensor {
             // A model that is told nothing meanwhile may be anywhere, and excuses nothing as long as another finds the same.
             same |= goes_on && track.goes_on(own, self.noise);
         }
-        // Nobody can tell; or, after a time without measurements, models may be far off, and rightly so.
         self.begun = self.begun.saturating_add(1);
+        // Nobody can tell; or, after a time without measurements, models may be far off, and rightly so.
         if jump.is_nan() || self.begun <= SETTLING || (self.missing > 0 && !goes_on) {
             self.streak = 0;
             return Verdict::Sound;
@@ -284,8 +284,9 @@ impl Sensor {
         if self.streak < settings.patience {
             return Verdict::Spike { deviations };
         }
-        let same = self.tracks.iter().find(|track| !track.first.is_nan());
-        let steadiest = || self.tracks.iter().min_by(|a, b| a.drift.total_cmp(&b.drift));
+        let known = || self.tracks.iter().filter(|track| track.sum.is_finite());
+        let same = known().find(|track| !track.first.is_nan());
+        let steadiest = || known().min_by(|a, b| a.drift.total_cmp(&b.drift));
         let Some(track) = same.or_else(|| steadiest().filter(|_| self.first > HUGE)) else {
             self.streak = 0;
             return Verdict::Believed { deviations };
