@@ -89,6 +89,12 @@ impl Bound {
         })
     }
 
+    /// Whether a prediction is drawn for nothing but being farther off than is believed.
+    pub(super) fn is_too_far(&self, predicted: &[f64], shore: &[f64], allowed: Allowed) -> bool {
+        let (least, most) = self.reach(predicted, shore);
+        most.is_finite() && most > allowed.most && most > allowed.far && least >= allowed.free
+    }
+
     /// Draws a prediction towards another one, unless it may stand.
     pub(super) fn draw(&self, predicted: &mut [f64], shore: &[f64], allowed: Allowed) {
         let (least, most) = self.reach(predicted, shore);

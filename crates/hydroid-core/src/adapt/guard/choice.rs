@@ -33,9 +33,11 @@ const ONCE_BURNT: f64 = 2.0;
 const FORGIVEN: f64 = 10.0;
 
 /// The error of the model from shore is taken to be at most so many times the largest of the last horizon, or so many times what it
-/// goes wrong by in a stride, where the vessel begins what that model has never seen.
-const GROWS: f64 = 2.0;
-const STEEP: f64 = 10.0;
+/// goes wrong by in a stride, where the vessel begins what that model has never seen. It may be more by this factor where the last
+/// prediction that was refused for that would have been right.
+const GROWS: f64 = 6.0;
+const STEEP: f64 = 40.0;
+const PROVEN: f64 = 3.0;
 
 /// A model that has just said something else of the same time is taken to be wrong by so many times as much as it has changed its
 /// mind: long before it can be tested, that tells that it has met something that it does not know.
@@ -76,6 +78,8 @@ pub(super) struct Choice {
     lately: Vec<[f64; 3]>,
     /// How far each has changed what it says, in the same tests.
     revised: Vec<[f64; 3]>,
+    /// Whether the last prediction that was refused for its distance would have been right.
+    proven: bool,
     /// How fast the model from shore has been going wrong, of late: its error over a stride, beyond the noise.
     steep: f64,
     /// What predictions that stood far off have cost beyond what was allowed, of late, as a share of the account.
@@ -102,6 +106,7 @@ impl Choice {
             allowed: Allowed::NONE,
             lately: vec![UNKNOWN; settings.horizon / settings.stride],
             revised: vec![[0.0; 3]; settings.horizon / settings.stride],
+            proven: false,
             steep: 0.0,
             burnt: 0.0,
             lost: 0.0,
@@ -205,6 +210,7 @@ impl Choice {
         if let Some(last) = self.revised.last_mut() {
             *last = tested.revised;
         }
+        self.proven = tested.right.unwrap_or(self.proven);
         self.allowed = if next == Expert::Frozen {
             Allowed::NONE
         } else {
@@ -212,7 +218,7 @@ impl Choice {
             Allowed {
                 most,
                 free: (self.feared(next) * (1.0 + self.factor) - most) / self.factor,
-                far: most + off,
+                far: most + off * if self.proven { PROVEN } else { 1.0 },
                 owes: used > 0.0,
             }
         };
@@ -274,7 +280,7 @@ impl Choice {
             + self.lately.as_flattened().len()
             + self.revised.as_flattened().len()
             + Allowed::LEN
-            + 6
+            + 7
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
@@ -288,6 +294,7 @@ impl Choice {
         into.count(self.next);
         into.numbers(&self.allowed.numbers());
         into.numbers(&[self.steep, self.burnt, self.lost]);
+        into.flag(self.proven);
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
@@ -305,6 +312,7 @@ impl Choice {
         from.numbers(core::slice::from_mut(&mut self.steep));
         from.numbers(core::slice::from_mut(&mut self.burnt));
         from.numbers(core::slice::from_mut(&mut self.lost));
+        self.proven = from.flag();
     }
 }
 

@@ -31,6 +31,8 @@ pub(super) struct Tested {
     /// What of that is beyond what they were allowed: those that stood far from the frozen model's on the strength of a record that
     /// did not hold.
     pub(super) beyond: f64,
+    /// Of an answer that was drawn for nothing but its distance: whether it would have cost no more than was allowed.
+    pub(super) right: Option<bool>,
     /// Whether all outputs were measured.
     pub(super) whole: bool,
 }
@@ -137,12 +139,14 @@ impl Trial {
             revised: [0.0; EXPERTS],
             excess: 0.0,
             beyond: 0.0,
+            right: None,
             whole: true,
         };
         for e in 0..EXPERTS {
             self.take(far, e);
             tested.far[e] = self.error(self.horizon, e);
         }
+        tested.right = self.right(far);
         tested.excess = self.excess(far);
         tested.beyond = (tested.excess - self.allowed[far].most).max(0.0);
         tested.whole = !self.judged().iter().any(|y| y.is_nan());
@@ -217,6 +221,15 @@ impl Trial {
             }
         }
         if count > 0 { sum / f64::from(count) } else { f64::NAN }
+    }
+
+    /// See [`Tested::right`]; models have been rolled out from the origin of this slot.
+    fn right(&self, slot: usize) -> Option<bool> {
+        let (used, allowed) = (self.used[slot], self.allowed[slot]);
+        let steps = self.horizon * self.outputs;
+        let [answer, shore] = [used, Expert::Frozen].map(|e| &self.predicted[e.index()][..steps]);
+        let refused = used != Expert::Frozen && self.bound.is_too_far(answer, shore, allowed);
+        refused.then(|| self.cost(used.index()) <= allowed.most)
     }
 
     /// See [`Tested::excess`]; models have been rolled out from the origin of this slot.

@@ -29,7 +29,7 @@ proptest! {
             let (used, most) = answered[i];
             let error = far[used.index()].min(shore + most);
             excess.push(error - 1.2 * shore);
-            choice.take(&Tested { far, near: far, now: far[0], revised: [0.0; 3], excess: error - 1.2 * shore, beyond: 0.0, whole: false });
+            choice.take(&Tested { far, near: far, now: far[0], revised: [0.0; 3], excess: error - 1.2 * shore, beyond: 0.0, right: None, whole: false });
             answered.push((choice.active, choice.allowed.most));
         }
         for window in excess.windows(count) {
@@ -53,7 +53,7 @@ proptest! {
             let far = [learner, learner, shore];
             let excess = learner - 1.2 * shore;
             let revised = [changed; 3];
-            choice.take(&Tested { far, near: far, now: learner, revised, excess, beyond: excess.max(0.0), whole: true });
+            choice.take(&Tested { far, near: far, now: learner, revised, excess, beyond: excess.max(0.0), right: None, whole: true });
             let Allowed { most, free, .. } = choice.allowed;
             if choice.active == Expert::Learner {
                 let feared = choice.feared(Expert::Learner);
@@ -76,7 +76,16 @@ fn who_has_changed_its_mind_is_not_believed_far_off_for_a_horizon() {
     let mut free_after = |changed: f64| {
         let far = [0.005, 0.005, 0.1];
         let revised = [changed, 0.0, 0.0];
-        choice.take(&Tested { far, near: far, now: 0.005, revised, excess: 0.0, beyond: 0.0, whole: true });
+        choice.take(&Tested {
+            far,
+            near: far,
+            now: 0.005,
+            revised,
+            excess: 0.0,
+            beyond: 0.0,
+            right: None,
+            whole: true,
+        });
         choice.allowed.free
     };
     let calm = (0..10).map(|_| free_after(0.0)).last().unwrap();
@@ -93,13 +102,37 @@ fn who_owes_is_near_for_nothing_until_it_is_paid() {
     let mut owes_after = |learner: f64, shore: f64| {
         let far = [learner, learner, shore];
         let (near, now, excess) = (far, learner, learner - 1.2 * shore);
-        choice.take(&Tested { far, near, now, revised: [0.0; 3], excess, beyond: 0.0, whole: true });
+        choice.take(&Tested {
+            far,
+            near,
+            now,
+            revised: [0.0; 3],
+            excess,
+            beyond: 0.0,
+            right: None,
+            whole: true,
+        });
         choice.allowed.owes
     };
     assert!(!(0..10).any(|_| owes_after(0.03, 0.04)));
     assert!(owes_after(0.07, 0.05));
     assert!(owes_after(0.03, 0.03));
     assert!((0..5).any(|_| !owes_after(0.03, 0.04)));
+}
+
+#[test]
+fn who_would_have_been_right_may_be_farther_off_until_it_would_not() {
+    let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut far_after = |right: Option<bool>| {
+        let (far, revised) = ([0.005, 0.005, 0.1], [0.0; 3]);
+        let (near, now, excess, beyond) = (far, 0.005, 0.0, 0.0);
+        choice.take(&Tested { far, near, now, revised, excess, beyond, right, whole: true });
+        choice.allowed.far - choice.allowed.most
+    };
+    let usual = (0..10).map(|_| far_after(None)).last().unwrap();
+    for (right, times) in [(Some(true), PROVEN), (None, PROVEN), (Some(false), 1.0), (None, 1.0)] {
+        assert!((far_after(right) - times * usual).abs() < 1e-9, "{right:?}");
+    }
 }
 
 #[test]
@@ -115,6 +148,7 @@ fn a_learner_that_is_lost_is_rescued_and_one_that_is_late_is_not() {
                 revised: [0.0; 3],
                 excess: 0.0,
                 beyond: 0.0,
+                right: None,
                 whole: true,
             });
             choice.rescue().is_some()
