@@ -6,7 +6,7 @@
 //!
 //! Models are recurrent networks that see inputs alone; the logs have truth (or are taken for it); `TRAIN` is a log that the models
 //! were trained on. Each run draws a model, a log, a tuning (each variance and the leak within a factor of 30 around
-//! its default, either way) and a fault (offsets of 10 to 50 deviations of the noise), and now and then spoils the weights from shore; learner, guarded learner and the
+//! its default, either way) and a fault (offsets of 5 to 125 deviations of the noise), and now and then spoils the weights from shore; learner, guarded learner and the
 //! model from shore with a filter on its state sail through the same faulty log. `clean=1` sails each model through each
 //! log as it is, with the defaults.
 //!
@@ -142,7 +142,7 @@ fn drawn(models: &[Model], runs: &[Trajectory], seed: u64, index: u64) -> Result
     let (mut model, mut run) = (models[pick(models.len())].clone(), runs[pick(runs.len())].clone());
     let kind = pick(8);
     let output = ["u", "v", "r"][pick(3)];
-    // Offsets of 10 to 50 deviations of the sensor's noise.
+    // Offsets of 10 to 50 deviations of the sensor's noise; those that come alone, half of that to 2.5 times.
     let noise = NOISE[["u", "v", "r"].iter().position(|o| *o == output).unwrap_or(0)];
     let sign = if rng.random() { 1.0 } else { -1.0 };
     let size = sign * noise * (10.0 + 40.0 * rng.random::<f64>());

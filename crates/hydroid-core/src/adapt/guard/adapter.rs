@@ -42,6 +42,7 @@ impl Predictor for Guard {
             self.screen(y)
         } else {
             self.measured.copy_from_slice(y);
+            self.told.copy_from_slice(y);
             1.0
         };
         self.watch_range();
@@ -51,10 +52,10 @@ impl Predictor for Guard {
             self.kept.inflate(factor);
             self.frozen.inflate(factor);
         }
-        let Self { learner, kept, frozen, measured, .. } = self;
+        let Self { learner, kept, frozen, measured, told, .. } = self;
         learner.observe(measured);
         kept.observe(measured);
-        frozen.observe(measured);
+        frozen.observe(told);
         self.outcome = self.learner.outcome();
         self.trial.see(&self.measured);
         if self.trial.is_due() {

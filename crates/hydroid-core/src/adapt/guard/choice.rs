@@ -39,9 +39,15 @@ const GROWS: f64 = 6.0;
 const STEEP: f64 = 40.0;
 const PROVEN: f64 = 3.0;
 
+/// But where what it goes wrong by in a stride has not grown by this factor within a horizon, the vessel begins nothing: then its error
+/// is taken to be at most so many times that of the last test, shrunk as that of a stride has. (Coming down from what it does not know, it is
+/// right again seconds before a test of the horizon can tell.)
+const RISING: f64 = 1.1;
+const FALLS: f64 = 1.5;
+
 /// A model that has just said something else of the same time is taken to be wrong by so many times as much as it has changed its
 /// mind: long before it can be tested, that tells that it has met something that it does not know.
-const REVISED: f64 = 1.5;
+const REVISED: f64 = 1.35;
 
 /// What a test tells of which not all was measured: the model that is used may be off by anything, the other one by nothing.
 const UNKNOWN: [f64; 3] = [f64::INFINITY, f64::INFINITY, 0.0];
@@ -80,7 +86,9 @@ pub(super) struct Choice {
     revised: Vec<[f64; 3]>,
     /// Whether the last prediction that was refused for its distance would have been right.
     proven: bool,
-    /// How fast the model from shore has been going wrong, of late: its error over a stride, beyond the noise.
+    /// Errors of the model from shore over a stride, in the same tests; and how fast it has been going wrong, of late: the largest of them
+    /// beyond the noise, forgotten over a horizon.
+    strides: Vec<f64>,
     steep: f64,
     /// What predictions that stood far off have cost beyond what was allowed, of late, as a share of the account.
     burnt: f64,
@@ -107,6 +115,7 @@ impl Choice {
             lately: vec![UNKNOWN; settings.horizon / settings.stride],
             revised: vec![[0.0; 3]; settings.horizon / settings.stride],
             proven: false,
+            strides: vec![0.0; settings.horizon / settings.stride],
             steep: 0.0,
             burnt: 0.0,
             lost: 0.0,
@@ -120,6 +129,7 @@ impl Choice {
         self.account.fill(0.0);
         self.lately.fill(UNKNOWN);
         self.revised.fill([0.0; 3]);
+        self.strides.fill(0.0);
         let most = if self.active == Expert::Frozen { 0.0 } else { self.fair() };
         self.allowed = Allowed { most, ..Allowed::NONE };
         self.under_way.fill(most);
@@ -211,14 +221,18 @@ impl Choice {
             *last = tested.revised;
         }
         self.proven = tested.right.unwrap_or(self.proven);
+        // (Where nothing was measured it is taken to be what it was.)
+        let end = self.strides.len() - 1;
+        let near = if tested.near[frozen].is_finite() { tested.near[frozen] } else { self.strides[end] };
+        self.strides.rotate_left(1);
+        self.strides[end] = near;
         self.allowed = if next == Expert::Frozen {
             Allowed::NONE
         } else {
-            let off = f64::max(GROWS * worst(&self.lately, Expert::Frozen), STEEP * self.steep);
             Allowed {
                 most,
                 free: (self.feared(next) * (1.0 + self.factor) - most) / self.factor,
-                far: most + off * if self.proven { PROVEN } else { 1.0 },
+                far: most + self.off(shore),
                 owes: used > 0.0,
             }
         };
@@ -231,6 +245,16 @@ impl Choice {
     fn feared(&self, expert: Expert) -> f64 {
         let caution = self.caution + ONCE_BURNT * self.burnt;
         f64::max(caution * worst(&self.lately, expert), REVISED * worst(&self.revised, expert))
+    }
+
+    /// The largest error that the model from shore is taken to have, of which the last test found `far`.
+    fn off(&self, far: f64) -> f64 {
+        let begins = f64::max(GROWS * worst(&self.lately, Expert::Frozen), STEEP * self.steep)
+            * if self.proven { PROVEN } else { 1.0 };
+        let (before, now) = (self.strides[0], self.strides[self.strides.len() - 1]);
+        let grown = if before > 0.0 { now / before } else { 1.0 };
+        // (What was not measured says nothing.)
+        if grown < RISING && far.is_finite() { begins.min(FALLS * grown * far) } else { begins }
     }
 
     /// Whether the record of a model is good enough beside that of the one from shore.
@@ -279,6 +303,7 @@ impl Choice {
             + self.under_way.len()
             + self.lately.as_flattened().len()
             + self.revised.as_flattened().len()
+            + self.strides.len()
             + Allowed::LEN
             + 7
     }
@@ -289,6 +314,7 @@ impl Choice {
         into.numbers(&self.under_way);
         into.numbers(self.lately.as_flattened());
         into.numbers(self.revised.as_flattened());
+        into.numbers(&self.strides);
         into.count(self.active.index());
         into.count(self.at);
         into.count(self.next);
@@ -303,6 +329,7 @@ impl Choice {
         from.numbers(&mut self.under_way);
         from.numbers(self.lately.as_flattened_mut());
         from.numbers(self.revised.as_flattened_mut());
+        from.numbers(&mut self.strides);
         self.active = Expert::ALL[from.count(Expert::ALL.len() - 1)];
         self.at = from.count(self.account.len() - 1);
         self.next = from.count(self.under_way.len() - 1);

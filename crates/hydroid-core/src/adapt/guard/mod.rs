@@ -103,7 +103,9 @@ pub struct Guard {
     /// Whether learning has stopped outside the design range, and whether who owns the guard stopped it.
     outside: bool,
     stopped: bool,
+    /// What was measured, as it is used, and as the model from shore is told.
     measured: Vec<f64>,
+    told: Vec<f64>,
     command: Vec<f64>,
     expected: [Vec<f64>; 3],
     snapshot: [Vec<f64>; 2],
@@ -115,6 +117,12 @@ impl core::fmt::Debug for Guard {
         let part = f.debug_struct("Guard").field("settings", settings).field("sample", sample).finish();
         part.and_then(|()| write!(f, " {:?}", choice.active))
     }
+}
+
+/// A value that a sensor is stuck at, where it is nearer to what the learner expects than what the model from shore expects by itself:
+/// in water that this model does not know it goes astray within seconds if it is told nothing.
+fn nearer(value: f64, [learner, _, frozen]: [f64; 3]) -> f64 {
+    if (value - learner).abs() < (frozen - learner).abs() { value } else { f64::NAN }
 }
 
 impl Guard {
@@ -169,6 +177,7 @@ impl Guard {
             outside: false,
             stopped: false,
             measured: vec![f64::NAN; n],
+            told: vec![f64::NAN; n],
             command: vec![f64::NAN; m],
             expected: [vec![f64::NAN; n], vec![f64::NAN; n], vec![f64::NAN; n]],
             snapshot: [vec![0.0; len], vec![0.0; len]],
@@ -255,6 +264,8 @@ impl Guard {
                 }
             };
             self.measured[i] = used;
+            self.told[i] =
+                if let Verdict::Stuck { .. } = verdict { nearer(corrected, expected) } else { used };
             if let Some(action) = action {
                 self.note(action);
             }

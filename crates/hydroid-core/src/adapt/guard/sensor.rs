@@ -6,6 +6,9 @@ use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 
 const EXPERTS: usize = Expert::ALL.len();
 
+/// Where the expectation stands that nothing changes.
+const HELD: usize = EXPERTS;
+
 /// Measurements of a channel before it is judged.
 const WARM_UP: usize = 100;
 
@@ -22,11 +25,11 @@ const SAME: f64 = 6.0;
 /// An offset is what the first measurements with it are off by: so many of them.
 const FIRST: usize = 3;
 
-/// A jump is alone where the value before it changed by less than a part of it: one in so many.
+/// A jump is alone where the value before it changed by less than a part of it, or its change did: one in so many.
 const ALONE: f64 = 3.0;
 
 /// It is the vessel that is farther off than at first by this factor.
-const AWAY: f64 = 1.3;
+const AWAY: f64 = 1.5;
 
 /// A value that has jumped by more than this many usual deviations, and by no part of it since, has an offset, whatever the models
 /// that are not told anything meanwhile make of it: no vessel does that.
@@ -58,12 +61,14 @@ pub(super) enum Verdict {
 ///
 /// What is judged is how far an innovation *jumps* from one measurement to the next, against what is usual of that, `s`, the root
 /// mean square of the jumps: how large innovations are is the filter's affair (a sluggish one has large ones, and all
-/// smooth), while a jump is the sensor's noise and little else. Of the models the one with the least jump counts. A jump of
+/// smooth), while a jump is the sensor's noise and little else. Of the models the one with the least jump counts, and one of them
+/// is that nothing changes: models that are told nothing may be anywhere at once, a vessel is not. A jump of
 /// more than [`reject`](GuardSettings::reject) `s` beside none in what was measured before is a spike (a vessel has inertia, and does not stand still before it
 /// jumps), and so are the measurements that follow as long as they are so far off, but for one that jumps back most of the way;
 /// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
 /// next, but for noise, and not by half as much more or less than the first; or if the first jump was huge, and none has followed: models that
-/// are told nothing drift, and may be anywhere. Otherwise it is the vessel after all. So is at once what is farther off by a part
+/// are told nothing drift, and may be anywhere. Otherwise it is the vessel after all, as it is where a jump that was not huge has gone to less
+/// than half for some model. So is at once what is farther off by half
 /// of the first jump.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
@@ -82,13 +87,17 @@ pub(super) struct Sensor {
     /// a spike is no jump of the vessel, beside which another spike would not be alone.
     step: f64,
     calm: f64,
+    /// How much that change changed: a vessel that gathers way jumps by little, and a spike on it is alone all the same.
+    swing: f64,
     /// Measurements in series that were refused, and how much the first of them had changed.
     streak: usize,
     jump: f64,
     /// By how many deviations the first of them was off; zero if what was before was not near what was expected.
     first: f64,
-    /// What each model makes of them.
-    tracks: [Track; EXPERTS],
+    /// The last value that was used, as it was used.
+    held: f64,
+    /// What each model makes of them, and who expects the last value that was used.
+    tracks: [Track; EXPERTS + 1],
     /// Samples without a measurement that was used.
     pub(super) missing: usize,
     /// What is taken from each measurement.
@@ -124,7 +133,7 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 13 + 5 * EXPERTS;
+    pub(super) const MEMORY_LEN: usize = 15 + 5 * (EXPERTS + 1);
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
@@ -132,10 +141,12 @@ impl Sensor {
         self.last = f64::NAN;
         self.step = f64::NAN;
         self.calm = f64::NAN;
+        self.swing = f64::NAN;
         self.repeats = 0;
         self.streak = 0;
         self.missing = 0;
-        self.tracks = [Track { last: f64::NAN, ..Track::default() }; EXPERTS];
+        self.held = f64::NAN;
+        self.tracks = [Track { last: f64::NAN, ..Track::default() }; EXPERTS + 1];
     }
 
     /// Judges a value of which the models expected so much, NaN where they expected nothing.
@@ -151,6 +162,9 @@ impl Sensor {
             Verdict::Sound | Verdict::Inflate { .. } | Verdict::Offset { .. } | Verdict::Believed { .. }
         );
         self.missing = if used { 0 } else { self.missing.saturating_add(1) };
+        if used {
+            (self.held, self.tracks[HELD].last) = (value - self.offset, 0.0);
+        }
         verdict
     }
 
@@ -168,20 +182,23 @@ impl Sensor {
             }
             self.repeats = 0;
         }
-        let before = self.step;
-        self.step = (value - self.last).abs();
+        let before = [self.step, self.swing];
+        self.step = value - self.last;
+        self.swing = self.step - before[0];
         self.last = value;
         if warm && self.repeats >= self.limit(settings) {
             self.streak = 0;
             return Verdict::Stuck { repeats: self.repeats };
         }
-        self.weigh(expected.map(|expected| value - self.offset - expected), before, warm, settings)
+        let [a, b, c] = expected;
+        let innovations = [a, b, c, self.held].map(|expected| value - self.offset - expected);
+        self.weigh(innovations, before, warm, settings)
     }
 
     fn weigh(
         &mut self,
-        innovations: [f64; EXPERTS],
-        before: f64,
+        innovations: [f64; EXPERTS + 1],
+        before: [f64; 2],
         warm: bool,
         settings: &GuardSettings,
     ) -> Verdict {
@@ -208,29 +225,34 @@ impl Sensor {
         }
         let usual = num_traits::Float::sqrt(self.usual);
         let deviations = jump.abs() / usual;
-        let off = warm && deviations > settings.inflate;
-        // (What is less than a spike after one is the vessel, which has gone on meanwhile.)
         let jumps = self.jumps();
         let back = jumps && 2.0 * deviations < self.first && deviations < HUGE * self.streak as f64;
         let stays = self.first > HUGE && !jumps;
+        // (What is neither, and less than a spike after one, is the vessel, which has gone on meanwhile.)
         if goes_on && !back && (same || stays || deviations > settings.reject) {
             return self.go_on(deviations, settings);
         }
         if goes_on {
-            self.step = self.calm;
+            (self.step, self.swing) = (self.calm, f64::NAN);
         }
         self.streak = 0;
         // (Where only what is expected jumps, it is a model that does.)
-        let alone = before * ALONE < self.step && 2.0 * self.step > jump.abs();
+        let alone = |before: f64, now: f64| before.abs() * ALONE < now.abs() && 2.0 * now.abs() > jump.abs();
+        let alone = alone(before[0], self.step) || alone(before[1], self.swing);
+        let off = warm && deviations > settings.inflate;
         if off && alone && deviations > settings.reject {
-            (self.streak, self.jump, self.calm) = (1, self.step, before);
+            (self.streak, self.jump, self.calm) = (1, self.step.abs(), before[0]);
             self.first = 0.0;
-            for track in &mut self.tracks {
+            for (at, track) in self.tracks.iter_mut().enumerate() {
                 let own = track.last - track.base;
-                // What came before must have been near what was expected, or this is the way back to it.
-                let jumps = own.abs() > settings.reject * usual && 2.0 * track.base.abs() < own.abs();
-                track.first = if jumps { own } else { f64::NAN };
-                self.first = if jumps { deviations } else { self.first };
+                // What came before must have been near what a model expected, or this is the way back to it.
+                let from_it = if at == HELD {
+                    self.first > 0.0
+                } else {
+                    own.abs() > settings.reject * usual && 2.0 * track.base.abs() < own.abs()
+                };
+                track.first = if from_it { own } else { f64::NAN };
+                self.first = if from_it { deviations } else { self.first };
                 track.sum = own;
             }
             return Verdict::Spike { deviations };
@@ -245,7 +267,7 @@ impl Sensor {
 
     /// Whether the last value has jumped as far as the first of a series, or not much less.
     fn jumps(&self) -> bool {
-        self.step * ALONE > self.jump
+        self.step.abs() * ALONE > self.jump
     }
 
     /// One more that is far off.
@@ -272,7 +294,7 @@ impl Sensor {
                 track.first = track.last - track.base;
                 track.sum = track.first;
             }
-            (self.jump, self.first) = (self.step.min(deviations * usual), deviations);
+            (self.jump, self.first) = (self.step.abs().min(deviations * usual), deviations);
             return Verdict::Spike { deviations };
         }
         // (Two spikes side by side may look like that as well; three hardly.)
@@ -283,6 +305,11 @@ impl Sensor {
         }
         if self.streak < settings.patience {
             return Verdict::Spike { deviations };
+        }
+        // A jump that was not huge, and that some model knows nothing of any more, was the vessel's.
+        if self.first <= HUGE && 2.0 * deviations < self.first {
+            self.streak = 0;
+            return Verdict::Believed { deviations };
         }
         let known = || self.tracks.iter().filter(|track| track.sum.is_finite());
         let same = known().find(|track| !track.first.is_nan());
@@ -314,7 +341,7 @@ impl Sensor {
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         into.numbers(&[self.usual, self.last, self.offset, self.step, self.calm]);
-        into.numbers(&[self.jump, self.first]);
+        into.numbers(&[self.jump, self.first, self.held, self.swing]);
         for track in &self.tracks {
             into.numbers(&[track.last, track.drift, track.base, track.first, track.sum]);
         }
@@ -324,11 +351,12 @@ impl Sensor {
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        let mut numbers = [0.0; 7];
+        let mut numbers = [0.0; 9];
         from.numbers(&mut numbers);
-        let [usual, last, offset, step, calm, jump, first] = numbers;
+        let [usual, last, offset, step, calm, jump, first, held, swing] = numbers;
         (self.usual, self.last, self.offset) = (usual, last, offset);
         (self.step, self.calm, self.jump, self.first) = (step, calm, jump, first);
+        (self.held, self.swing) = (held, swing);
         for track in &mut self.tracks {
             let mut numbers = [0.0; 5];
             from.numbers(&mut numbers);

@@ -123,9 +123,12 @@ fn who_owes_is_near_for_nothing_until_it_is_paid() {
 #[test]
 fn who_would_have_been_right_may_be_farther_off_until_it_would_not() {
     let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut stride = 0.001;
     let mut far_after = |right: Option<bool>| {
-        let (far, revised) = ([0.005, 0.005, 0.1], [0.0; 3]);
-        let (near, now, excess, beyond) = (far, 0.005, 0.0, 0.0);
+        // What it goes wrong by in a stride grows, as where it begins what the model has never seen.
+        stride *= 1.05;
+        let (far, near, revised) = ([0.005, 0.005, 0.1], [0.0, 0.0, stride], [0.0; 3]);
+        let (now, excess, beyond) = (0.005, 0.0, 0.0);
         choice.take(&Tested { far, near, now, revised, excess, beyond, right, whole: true });
         choice.allowed.far - choice.allowed.most
     };
@@ -133,6 +136,23 @@ fn who_would_have_been_right_may_be_farther_off_until_it_would_not() {
     for (right, times) in [(Some(true), PROVEN), (None, PROVEN), (Some(false), 1.0), (None, 1.0)] {
         assert!((far_after(right) - times * usual).abs() < 1e-9, "{right:?}");
     }
+}
+
+/// A vessel that comes down from what the model from shore does not know: a test of the horizon finds that model wrong for as long as one
+/// of a stride has found it right.
+#[test]
+fn a_model_from_shore_that_is_right_again_is_not_taken_to_be_far_off() {
+    let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut far_after = |stride: f64| {
+        let (far, near, revised) = ([0.005, 0.005, 0.2], [0.0, 0.0, stride], [0.0; 3]);
+        let (now, excess, beyond) = (0.005, 0.0, 0.0);
+        choice.take(&Tested { far, near, now, revised, excess, beyond, right: None, whole: true });
+        choice.allowed.far - choice.allowed.most
+    };
+    let steady = (0..10).map(|_| far_after(0.1)).last().unwrap();
+    assert!((steady - FALLS * 0.2).abs() < 1e-9, "{steady}");
+    assert!((far_after(0.05) - 0.5 * steady).abs() < 1e-9);
+    assert!(far_after(0.13) > 2.0 * steady);
 }
 
 #[test]
