@@ -22,6 +22,9 @@ const MEMORY: f64 = 200.0;
 /// noise: a model that is not told anything meanwhile drifts away, but does not jump.
 const SAME: f64 = 6.0;
 
+/// Share of the last innovation in where innovations have been of late: one alone has the noise of a whole measurement.
+const SMOOTH: f64 = 0.3;
+
 /// An offset is what the first measurements with it are off by: so many of them.
 const FIRST: usize = 3;
 
@@ -110,8 +113,9 @@ struct Track {
     /// The last one, and how far it was from the one before.
     last: f64,
     drift: f64,
-    /// The one before a series of measurements that are refused.
+    /// The one before, or where they were of late before a series of measurements that are refused; where they are of late.
     base: f64,
+    mean: f64,
     /// The first jump of the series; NaN where those that followed were others. And the sum of the first ones.
     first: f64,
     sum: f64,
@@ -133,7 +137,7 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 15 + 5 * (EXPERTS + 1);
+    pub(super) const MEMORY_LEN: usize = 15 + 6 * (EXPERTS + 1);
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
@@ -207,6 +211,8 @@ impl Sensor {
         for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
             if !goes_on {
                 track.base = track.last;
+                let more = SMOOTH * (track.last - track.mean);
+                track.mean = if more.is_finite() { track.mean + more } else { track.last };
             }
             track.drift = (innovation - track.last).abs();
             track.last = innovation;
@@ -242,19 +248,7 @@ impl Sensor {
         let off = warm && deviations > settings.inflate;
         if off && alone && deviations > settings.reject {
             (self.streak, self.jump, self.calm) = (1, self.step.abs(), before[0]);
-            self.first = 0.0;
-            for (at, track) in self.tracks.iter_mut().enumerate() {
-                let own = track.last - track.base;
-                // What came before must have been near what a model expected, or this is the way back to it.
-                let from_it = if at == HELD {
-                    self.first > 0.0
-                } else {
-                    own.abs() > settings.reject * usual && 2.0 * track.base.abs() < own.abs()
-                };
-                track.first = if from_it { own } else { f64::NAN };
-                self.first = if from_it { deviations } else { self.first };
-                track.sum = own;
-            }
+            self.begin(usual, settings);
             return Verdict::Spike { deviations };
         }
         self.learn(jump, warm);
@@ -263,6 +257,24 @@ impl Sensor {
         } else {
             Verdict::Sound
         }
+    }
+
+    /// The first of a series. Those that follow are judged by where the models were off before, and not by the last one before, which may have
+    /// been a small spike.
+    fn begin(&mut self, usual: f64, settings: &GuardSettings) {
+        let mut least = f64::INFINITY;
+        let mut from_it = false;
+        for (at, track) in self.tracks.iter_mut().enumerate() {
+            let own = track.last - track.base;
+            // What came before must have been near what a model expected, or this is the way back to it.
+            let jumps = own.abs() > settings.reject * usual && 2.0 * track.base.abs() < own.abs();
+            from_it |= jumps && at != HELD;
+            track.base = track.mean;
+            track.sum = track.last - track.base;
+            track.first = if jumps && (at != HELD || from_it) { track.sum } else { f64::NAN };
+            least = least.min(track.sum.abs());
+        }
+        self.first = if from_it { least / usual } else { 0.0 };
     }
 
     /// Whether the last value has jumped as far as the first of a series, or not much less.
@@ -343,7 +355,7 @@ impl Sensor {
         into.numbers(&[self.usual, self.last, self.offset, self.step, self.calm]);
         into.numbers(&[self.jump, self.first, self.held, self.swing]);
         for track in &self.tracks {
-            into.numbers(&[track.last, track.drift, track.base, track.first, track.sum]);
+            into.numbers(&[track.last, track.drift, track.base, track.mean, track.first, track.sum]);
         }
         for count in [self.begun, self.seen, self.repeats, self.longest, self.streak, self.missing] {
             into.count(count);
@@ -358,9 +370,9 @@ impl Sensor {
         (self.step, self.calm, self.jump, self.first) = (step, calm, jump, first);
         (self.held, self.swing) = (held, swing);
         for track in &mut self.tracks {
-            let mut numbers = [0.0; 5];
+            let mut numbers = [0.0; 6];
             from.numbers(&mut numbers);
-            [track.last, track.drift, track.base, track.first, track.sum] = numbers;
+            [track.last, track.drift, track.base, track.mean, track.first, track.sum] = numbers;
         }
         let counts = [&mut self.begun, &mut self.seen, &mut self.repeats, &mut self.longest];
         for count in counts.into_iter().chain([&mut self.streak, &mut self.missing]) {

@@ -244,6 +244,19 @@ fn a_turn_that_one_model_sees_late_leaves_no_offset() {
     assert!(all[258..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
 }
 
+/// An offset is known better than one measurement is: what was expected before is the mean of some.
+#[test]
+fn an_offset_is_known_to_less_than_the_noise() {
+    let mut square = 0.0;
+    for at in 200..250 {
+        let all = verdicts(wave, |k, x| if k >= at { x + 0.2 } else { x });
+        let found =
+            all.iter().find_map(|v| if let Verdict::Offset { offset } = v { Some(*offset) } else { None });
+        square += (found.expect("an offset") - 0.2).powi(2) / 50.0;
+    }
+    assert!(square.sqrt() < 0.009, "{}", square.sqrt());
+}
+
 /// At the start of a run models are off by metres a second, and jump to where the vessel is or do not: nothing is judged by that.
 #[test]
 fn models_that_find_their_states_excuse_nothing_and_accuse_nobody() {
