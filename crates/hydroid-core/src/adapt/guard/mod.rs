@@ -20,7 +20,8 @@
 //! ```
 //!
 //! By two means. An answer is not farther from the frozen model's than a bound (`bound`), so that it cannot cost more,
-//! whatever will be measured; only where tests of late say that the frozen model must be the one that is off may it be farther.
+//! whatever will be measured; only where tests of late say that the frozen model must be the one that is off may it be farther. What
+//! is within the bound is the frozen model's as long as anything is owed.
 //! And an account over all windows that are not over yet says what bounds there may be: what has been used, with the bounds of
 //! all predictions that are under way, never exceeds what the guarantee leaves, so that from any moment on the
 //! frozen model, which adds nothing to it, ends all windows within the guarantee.
