@@ -122,6 +122,20 @@ fn on_a_bad_day_the_guarantee_holds() {
     assert!(mean(&own) < mean(&alone), "{} beside {}", mean(&own), mean(&alone));
 }
 
+/// A speed that is stuck in the air, where the model from shore goes astray within seconds if it is told nothing: the stuck value is
+/// nearly right, and a model from shore that is told it as well.
+#[test]
+fn a_speed_that_is_stuck_in_the_air_leaves_the_guarantee_as_it_is() {
+    let mut log = lawn();
+    let stuck = log[1850].measured[0];
+    log[1851..2050].iter_mut().for_each(|row| row.measured[0] = stuck);
+    let (frozen, _) = errors(network(0.0, 1.0).as_mut(), &log);
+    let (own, events) = errors(&mut guarded(0.02, 3.0), &log);
+    assert!(events.contains(&"stuck"));
+    let excess = worst(&own, &frozen, |own, frozen| own - 1.2 * frozen) / floor();
+    assert!(excess <= 1.0, "the guarantee is exceeded: {excess:.2} floors");
+}
+
 #[test]
 fn where_nothing_is_wrong_it_costs_little() {
     let log = lawn();

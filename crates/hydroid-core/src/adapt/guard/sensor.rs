@@ -34,6 +34,9 @@ const ALONE: f64 = 3.0;
 /// It is the vessel that is farther off than at first by this factor.
 const AWAY: f64 = 1.5;
 
+/// What jumps by less than so many usual deviations and does not go back at once is the vessel.
+const SMALL: f64 = 6.5;
+
 /// A value that has jumped by more than this many usual deviations, and by no part of it since, has an offset, whatever the models
 /// that are not told anything meanwhile make of it: no vessel does that.
 const HUGE: f64 = 9.0;
@@ -71,7 +74,7 @@ pub(super) enum Verdict {
 /// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
 /// next, but for noise, and not by half as much more or less than the first; or if the first jump was huge, and none has followed: models that
 /// are told nothing drift, and may be anywhere. Otherwise it is the vessel after all, as it is where a jump that was not huge has gone to less
-/// than half for some model. So is at once what is farther off by half
+/// than half for some model. So is at once what stays off and is not off by much, and what is farther off by half
 /// of the first jump.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
@@ -311,7 +314,8 @@ impl Sensor {
         }
         // (Two spikes side by side may look like that as well; three hardly.)
         let moves = self.first <= HUGE || (jumps && self.streak >= FIRST);
-        if deviations > AWAY * self.first && moves {
+        // And a vessel that begins to turn beside a filter that does not expect it jumps by as much as a small spike does, and does not go back.
+        if (deviations > AWAY * self.first && moves) || self.first < SMALL {
             self.streak = 0;
             return Verdict::Believed { deviations };
         }

@@ -244,6 +244,15 @@ fn a_turn_that_one_model_sees_late_leaves_no_offset() {
     assert!(all[258..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
 }
 
+/// What no model expects and is no larger than a small spike is refused once; it was refused for as long as an offset takes, and then was one.
+#[test]
+fn a_vessel_that_begins_to_turn_is_believed_at_once() {
+    let all = verdicts(wave, |k, x| if k >= 250 { x + 0.07 } else { x });
+    assert!(matches!(all[250], Verdict::Spike { .. }), "{:?}", &all[248..262]);
+    assert!(matches!(all[251], Verdict::Believed { .. }), "{:?}", &all[248..262]);
+    assert!(all[252..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
+}
+
 /// An offset is known better than one measurement is: what was expected before is the mean of some.
 #[test]
 fn an_offset_is_known_to_less_than_the_noise() {
