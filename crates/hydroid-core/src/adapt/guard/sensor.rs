@@ -100,6 +100,8 @@ pub(super) struct Sensor {
     jump: f64,
     /// By how many deviations the first of them was off; zero if what was before was not near what was expected.
     first: f64,
+    /// The same of the first that was refused since one was used: where spikes stand side by side the series begins again.
+    begun_by: f64,
     /// The last value that was used, as it was used.
     held: f64,
     /// What each model makes of them, and who expects the last value that was used.
@@ -140,7 +142,7 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 15 + 6 * (EXPERTS + 1);
+    pub(super) const MEMORY_LEN: usize = 16 + 6 * (EXPERTS + 1);
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
@@ -278,6 +280,7 @@ impl Sensor {
             least = least.min(track.sum.abs());
         }
         self.first = if from_it { least / usual } else { 0.0 };
+        self.begun_by = self.first;
     }
 
     /// Whether the last value has jumped as far as the first of a series, or not much less.
@@ -288,8 +291,13 @@ impl Sensor {
     /// One more that is far off.
     fn go_on(&mut self, deviations: f64, settings: &GuardSettings) -> Verdict {
         self.streak += 1;
-        let jumps = self.jumps();
-        let mut another = jumps;
+        // Three that go farther one after the other are no spikes.
+        let farther = self.step * self.tracks[HELD].last > 0.0 && deviations > AWAY * self.begun_by;
+        if farther && self.missing + 1 >= FIRST {
+            self.streak = 0;
+            return Verdict::Believed { deviations };
+        }
+        let mut another = self.jumps();
         let usual = num_traits::Float::sqrt(self.usual);
         let other = f64::max(0.5 * self.first, settings.reject) * usual;
         for track in &mut self.tracks {
@@ -312,10 +320,8 @@ impl Sensor {
             (self.jump, self.first) = (self.step.abs().min(deviations * usual), deviations);
             return Verdict::Spike { deviations };
         }
-        // (Two spikes side by side may look like that as well; three hardly.)
-        let moves = self.first <= HUGE || (jumps && self.streak >= FIRST);
         // And a vessel that begins to turn beside a filter that does not expect it jumps by as much as a small spike does, and does not go back.
-        if (deviations > AWAY * self.first && moves) || self.first < SMALL {
+        if self.first < SMALL || (self.first <= HUGE && deviations > AWAY * self.first) {
             self.streak = 0;
             return Verdict::Believed { deviations };
         }
@@ -357,7 +363,7 @@ impl Sensor {
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         into.numbers(&[self.usual, self.last, self.offset, self.step, self.calm]);
-        into.numbers(&[self.jump, self.first, self.held, self.swing]);
+        into.numbers(&[self.jump, self.first, self.held, self.swing, self.begun_by]);
         for track in &self.tracks {
             into.numbers(&[track.last, track.drift, track.base, track.mean, track.first, track.sum]);
         }
@@ -367,12 +373,12 @@ impl Sensor {
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        let mut numbers = [0.0; 9];
+        let mut numbers = [0.0; 10];
         from.numbers(&mut numbers);
-        let [usual, last, offset, step, calm, jump, first, held, swing] = numbers;
+        let [usual, last, offset, step, calm, jump, first, held, swing, begun_by] = numbers;
         (self.usual, self.last, self.offset) = (usual, last, offset);
         (self.step, self.calm, self.jump, self.first) = (step, calm, jump, first);
-        (self.held, self.swing) = (held, swing);
+        (self.held, self.swing, self.begun_by) = (held, swing, begun_by);
         for track in &mut self.tracks {
             let mut numbers = [0.0; 6];
             from.numbers(&mut numbers);

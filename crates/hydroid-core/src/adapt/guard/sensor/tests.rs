@@ -253,6 +253,16 @@ fn a_vessel_that_begins_to_turn_is_believed_at_once() {
     assert!(all[252..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
 }
 
+/// It takes off, which the models do not expect, and then goes steadily: that was once an offset, for it had begun with a large jump.
+#[test]
+fn a_vessel_that_takes_off_has_no_offset() {
+    let faster = |k: u64| [0.0, 0.15, 0.27, 0.47, 0.49, 0.5][k.saturating_sub(249).min(5) as usize];
+    let all = verdicts(wave, |k, x| x + faster(k));
+    assert!(matches!(all[250], Verdict::Spike { .. }), "{:?}", &all[248..262]);
+    assert!(matches!(all[252], Verdict::Believed { .. }), "{:?}", &all[248..262]);
+    assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })), "{:?}", &all[248..262]);
+}
+
 /// An offset is known better than one measurement is: what was expected before is the mean of some.
 #[test]
 fn an_offset_is_known_to_less_than_the_noise() {
