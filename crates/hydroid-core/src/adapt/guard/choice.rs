@@ -45,6 +45,12 @@ const PROVEN: f64 = 3.0;
 const RISING: f64 = 1.1;
 const FALLS: f64 = 1.5;
 
+/// That holds where it has been wrong by so many noise floors within the horizon. Where it has been right, it may be about to be wrong all the
+/// same: who said so before, and would have been right in this share of the cases (each counts for so much), is believed.
+const WRONG: f64 = 10.0;
+const TRUSTED: f64 = 0.6;
+const COUNTS: f64 = 0.1;
+
 /// A model that has just said something else of the same time is taken to be wrong by so many times as much as it has changed its
 /// mind: long before it can be tested, that tells that it has met something that it does not know.
 const REVISED: f64 = 1.35;
@@ -84,8 +90,9 @@ pub(super) struct Choice {
     lately: Vec<[f64; 3]>,
     /// How far each has changed what it says, in the same tests.
     revised: Vec<[f64; 3]>,
-    /// Whether the last prediction that was refused for its distance would have been right.
+    /// Whether the last prediction that was refused for its distance would have been right, and the share of those of late that would.
     proven: bool,
+    trust: f64,
     /// Errors of the model from shore over a stride, in the same tests; and how fast it has been going wrong, of late: the largest of them
     /// beyond the noise, forgotten over a horizon.
     strides: Vec<f64>,
@@ -115,6 +122,7 @@ impl Choice {
             lately: vec![UNKNOWN; settings.horizon / settings.stride],
             revised: vec![[0.0; 3]; settings.horizon / settings.stride],
             proven: false,
+            trust: 0.5,
             strides: vec![0.0; settings.horizon / settings.stride],
             steep: 0.0,
             burnt: 0.0,
@@ -220,7 +228,10 @@ impl Choice {
         if let Some(last) = self.revised.last_mut() {
             *last = tested.revised;
         }
-        self.proven = tested.right.unwrap_or(self.proven);
+        if let Some(right) = tested.right {
+            self.proven = right;
+            self.trust += COUNTS * (f64::from(u8::from(right)) - self.trust);
+        }
         // (Where nothing was measured it is taken to be what it was.)
         let end = self.strides.len() - 1;
         let near = if tested.near[frozen].is_finite() { tested.near[frozen] } else { self.strides[end] };
@@ -249,12 +260,13 @@ impl Choice {
 
     /// The largest error that the model from shore is taken to have, of which the last test found `far`.
     fn off(&self, far: f64) -> f64 {
-        let begins = f64::max(GROWS * worst(&self.lately, Expert::Frozen), STEEP * self.steep)
-            * if self.proven { PROVEN } else { 1.0 };
+        let lately = worst(&self.lately, Expert::Frozen);
+        let begins = f64::max(GROWS * lately, STEEP * self.steep) * if self.proven { PROVEN } else { 1.0 };
         let (before, now) = (self.strides[0], self.strides[self.strides.len() - 1]);
         let grown = if before > 0.0 { now / before } else { 1.0 };
+        let begins_nothing = grown < RISING && (lately >= WRONG * self.floor || self.trust <= TRUSTED);
         // (What was not measured says nothing.)
-        if grown < RISING && far.is_finite() { begins.min(FALLS * grown * far) } else { begins }
+        if begins_nothing && far.is_finite() { begins.min(FALLS * grown * far) } else { begins }
     }
 
     /// Whether the record of a model is good enough beside that of the one from shore.
@@ -305,7 +317,7 @@ impl Choice {
             + self.revised.as_flattened().len()
             + self.strides.len()
             + Allowed::LEN
-            + 7
+            + 8
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
@@ -319,7 +331,7 @@ impl Choice {
         into.count(self.at);
         into.count(self.next);
         into.numbers(&self.allowed.numbers());
-        into.numbers(&[self.steep, self.burnt, self.lost]);
+        into.numbers(&[self.steep, self.burnt, self.lost, self.trust]);
         into.flag(self.proven);
     }
 
@@ -336,9 +348,9 @@ impl Choice {
         let mut allowed = [0.0; Allowed::LEN];
         from.numbers(&mut allowed);
         self.allowed = Allowed::of(allowed);
-        from.numbers(core::slice::from_mut(&mut self.steep));
-        from.numbers(core::slice::from_mut(&mut self.burnt));
-        from.numbers(core::slice::from_mut(&mut self.lost));
+        let mut numbers = [0.0; 4];
+        from.numbers(&mut numbers);
+        [self.steep, self.burnt, self.lost, self.trust] = numbers;
         self.proven = from.flag();
     }
 }

@@ -156,6 +156,22 @@ fn a_model_from_shore_that_is_right_again_is_not_taken_to_be_far_off() {
 }
 
 #[test]
+fn who_says_that_a_model_that_is_right_will_be_wrong_has_to_earn_it() {
+    let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut far_after = |right: Option<bool>| {
+        let (far, near, revised) = ([0.005, 0.005, 0.05], [0.0, 0.0, 0.02], [0.0; 3]);
+        let (now, excess, beyond) = (0.005, 0.0, 0.0);
+        choice.take(&Tested { far, near, now, revised, excess, beyond, right, whole: true });
+        choice.allowed.far - choice.allowed.most
+    };
+    let little = (0..10).map(|_| far_after(None)).last().unwrap();
+    assert!((little - FALLS * 0.05).abs() < 1e-9, "{little}");
+    let earned = (1..20).find(|_| far_after(Some(true)) > little);
+    assert_eq!(earned, Some(3));
+    assert!((1..20).any(|_| far_after(Some(false)) <= little));
+}
+
+#[test]
 fn a_learner_that_is_lost_is_rescued_and_one_that_is_late_is_not() {
     let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
     let mut rescued_after = |learner: f64, tests: usize| {
