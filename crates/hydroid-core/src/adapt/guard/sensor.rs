@@ -32,7 +32,7 @@ const FIRST: usize = 3;
 const ALONE: f64 = 3.0;
 
 /// It is the vessel that is farther off than at first by this factor.
-const AWAY: f64 = 1.5;
+const AWAY: f64 = 1.4;
 
 /// What jumps by less than so many usual deviations and does not go back at once is the vessel.
 const SMALL: f64 = 6.5;
@@ -74,8 +74,8 @@ pub(super) enum Verdict {
 /// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
 /// next, but for noise, and not by half as much more or less than the first; or if the first jump was huge, and none has followed: models that
 /// are told nothing drift, and may be anywhere. Otherwise it is the vessel after all, as it is where a jump that was not huge has gone to less
-/// than half for some model. So is at once what stays off and is not off by much, and what is farther off by half
-/// of the first jump.
+/// than half for some model. So is at once what stays off and is not off by much, and what is farther off by two
+/// fifths of the first jump.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
     /// Standard deviation of its noise, in its unit.
@@ -100,7 +100,7 @@ pub(super) struct Sensor {
     jump: f64,
     /// By how many deviations the first of them was off; zero if what was before was not near what was expected.
     first: f64,
-    /// The same of the first that was refused since one was used: where spikes stand side by side the series begins again.
+    /// The least of these since one was used: where spikes stand side by side the series begins again.
     begun_by: f64,
     /// The last value that was used, as it was used.
     held: f64,
@@ -318,6 +318,7 @@ impl Sensor {
                 track.sum = track.first;
             }
             (self.jump, self.first) = (self.step.abs().min(deviations * usual), deviations);
+            self.begun_by = self.begun_by.min(deviations);
             return Verdict::Spike { deviations };
         }
         // And a vessel that begins to turn beside a filter that does not expect it jumps by as much as a small spike does, and does not go back.

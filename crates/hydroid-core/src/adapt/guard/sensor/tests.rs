@@ -263,6 +263,16 @@ fn a_vessel_that_takes_off_has_no_offset() {
     assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })), "{:?}", &all[248..262]);
 }
 
+/// The same behind a spike: that it begins by less than the spike was is no return.
+#[test]
+fn a_vessel_that_takes_off_behind_a_spike_has_no_offset() {
+    let faster = |k: u64| 0.15 * k.saturating_sub(249).min(10) as f64;
+    let all = verdicts(wave, |k, x| x + faster(k) + if k == 250 { 2.0 } else { 0.0 });
+    assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })), "{:?}", &all[248..262]);
+    let refused = all[250..].iter().filter(|v| matches!(v, Verdict::Spike { .. })).count();
+    assert!(refused <= 4, "{refused} refused: {:?}", &all[248..262]);
+}
+
 /// An offset is known better than one measurement is: what was expected before is the mean of some.
 #[test]
 fn an_offset_is_known_to_less_than_the_noise() {
