@@ -241,7 +241,7 @@ impl Sensor {
         let stays = self.first > HUGE && !jumps;
         // (What is neither, and less than a spike after one, is the vessel, which has gone on meanwhile.)
         if goes_on && !back && (same || stays || deviations > settings.reject) {
-            return self.go_on(deviations, settings);
+            return self.go_on(deviations, before[0], settings);
         }
         if goes_on {
             (self.step, self.swing) = (self.calm, f64::NAN);
@@ -289,10 +289,12 @@ impl Sensor {
     }
 
     /// One more that is far off.
-    fn go_on(&mut self, deviations: f64, settings: &GuardSettings) -> Verdict {
+    fn go_on(&mut self, deviations: f64, before: f64, settings: &GuardSettings) -> Verdict {
         self.streak += 1;
-        // Three that go farther one after the other are no spikes.
-        let farther = self.step * self.tracks[HELD].last > 0.0 && deviations > AWAY * self.begun_by;
+        // Three that go farther one after the other, by steps that are alike, are no spikes.
+        let alike = before * self.step > 0.0 && self.step.abs() <= ALONE * before.abs();
+        let away = self.step * self.tracks[HELD].last > 0.0 && deviations > AWAY * self.begun_by;
+        let farther = alike && away;
         if farther && self.missing + 1 >= FIRST {
             self.streak = 0;
             return Verdict::Believed { deviations };

@@ -273,6 +273,25 @@ fn a_vessel_that_takes_off_behind_a_spike_has_no_offset() {
     assert!(refused <= 4, "{refused} refused: {:?}", &all[248..262]);
 }
 
+/// The third was once believed, because it was farther off than the second, and what came back was an offset of five metres a second.
+#[test]
+fn three_spikes_side_by_side_are_spikes() {
+    for [first, second, third] in [[5.0, -0.3, 5.2], [5.0, 0.3, 5.2], [0.3, 2.0, -4.0], [-3.0, 0.4, -2.0]] {
+        let all = verdicts(wave, |k, x| match k {
+            250 => x + first,
+            251 => x + second,
+            252 => x + third,
+            _ => x,
+        });
+        for (k, verdict) in all.iter().enumerate() {
+            match k {
+                250..=252 => assert!(matches!(verdict, Verdict::Spike { .. }), "{k}: {verdict:?}"),
+                _ => assert_eq!(*verdict, Verdict::Sound, "{k}: {:?}", &all[248..258]),
+            }
+        }
+    }
+}
+
 /// An offset is known better than one measurement is: what was expected before is the mean of some.
 #[test]
 fn an_offset_is_known_to_less_than_the_noise() {
