@@ -122,8 +122,8 @@ fn on_a_bad_day_the_guarantee_holds() {
     assert!(mean(&own) < mean(&alone), "{} beside {}", mean(&own), mean(&alone));
 }
 
-/// A speed that is stuck in the air, where the model from shore goes astray within seconds if it is told nothing: the stuck value is
-/// nearly right, and a model from shore that is told it as well.
+/// A speed that is stuck in the air, where the model from shore goes astray within seconds if it is told nothing. The stuck value is
+/// nearly right, and so is a model from shore that is told it.
 #[test]
 fn a_speed_that_is_stuck_in_the_air_leaves_the_guarantee_as_it_is() {
     let mut log = lawn();

@@ -1,8 +1,11 @@
 //! Whether an output was measured or only said to be.
 
+mod track;
+
 use super::event::Expert;
 use super::settings::GuardSettings;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
+use track::{SAME, Track};
 
 const EXPERTS: usize = Expert::ALL.len();
 
@@ -18,13 +21,6 @@ const SETTLING: usize = 20;
 /// Time constant of the usual size of jumps \[measurements\].
 const MEMORY: f64 = 200.0;
 
-/// Two measurements in series of a sensor with an offset differ from what is expected by the same, up to so many deviations of its
-/// noise: a model that is not told anything meanwhile drifts away, but does not jump.
-const SAME: f64 = 6.0;
-
-/// Share of the last innovation in where innovations have been of late: one alone has the noise of a whole measurement.
-const SMOOTH: f64 = 0.3;
-
 /// An offset is what the first measurements with it are off by: so many of them.
 const FIRST: usize = 3;
 
@@ -37,8 +33,8 @@ const AWAY: f64 = 1.4;
 /// What jumps by less than so many usual deviations and does not go back at once is the vessel.
 const SMALL: f64 = 6.5;
 
-/// A value that has jumped by more than this many usual deviations, and by no part of it since, has an offset, whatever the models
-/// that are not told anything meanwhile make of it: no vessel does that.
+/// No vessel comes back by itself from a jump of more than so many usual deviations. From one of twice as many, most of which stays, none
+/// is far off, whatever the models that are not told anything meanwhile make of it.
 const HUGE: f64 = 9.0;
 
 /// Jumps of more than this many deviations count as this in what is usual.
@@ -72,9 +68,10 @@ pub(super) enum Verdict {
 /// more than [`reject`](GuardSettings::reject) `s` beside none in what was measured before is a spike (a vessel has inertia, and does not stand still before it
 /// jumps), and so are the measurements that follow as long as they are so far off, but for one that jumps back most of the way;
 /// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
-/// next, but for noise, and not by half as much more or less than the first; or if the first jump was huge, and none has followed: models that
-/// are told nothing drift, and may be anywhere. Otherwise it is the vessel after all, as it is where a jump that was not huge has gone to less
-/// than half for some model. So is at once what stays off and is not off by much, and what is farther off by two
+/// next, but for noise, and not by half as much more or less than the first. Where the first jump was such as vessels make when they take off
+/// (below twice [`HUGE`]), all of them must be the same; where it was not huge, nobody may find less than half of it left. Above, it is enough
+/// that most is left: models that are told nothing drift, and may be anywhere.
+/// Otherwise it is the vessel after all. So is at once what stays off and is not off by much, and what is farther off by two
 /// fifths of the first jump.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
@@ -112,27 +109,6 @@ pub(super) struct Sensor {
     pub(super) offset: f64,
 }
 
-/// The innovations of one model.
-#[derive(Clone, Copy, Debug, Default)]
-struct Track {
-    /// The last one, and how far it was from the one before.
-    last: f64,
-    drift: f64,
-    /// The one before, or where they were of late before a series of measurements that are refused; where they are of late.
-    base: f64,
-    mean: f64,
-    /// The first jump of the series; NaN where those that followed were others. And the sum of the first ones.
-    first: f64,
-    sum: f64,
-}
-
-impl Track {
-    /// Whether a measurement of a series may have the same offset as the first.
-    fn goes_on(&self, own: f64, noise: f64) -> bool {
-        self.drift <= SAME * noise && (own - self.first).abs() <= 0.5 * self.first.abs()
-    }
-}
-
 impl Sensor {
     /// A sensor that was not heard yet.
     pub(super) fn new(noise: f64) -> Self {
@@ -142,7 +118,7 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 16 + 6 * (EXPERTS + 1);
+    pub(super) const MEMORY_LEN: usize = 16 + Track::MEMORY_LEN * (EXPERTS + 1);
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
@@ -155,7 +131,7 @@ impl Sensor {
         self.streak = 0;
         self.missing = 0;
         self.held = f64::NAN;
-        self.tracks = [Track { last: f64::NAN, ..Track::default() }; EXPERTS + 1];
+        self.tracks = [Track::new(); EXPERTS + 1];
     }
 
     /// Judges a value of which the models expected so much, NaN where they expected nothing.
@@ -214,19 +190,13 @@ impl Sensor {
         let goes_on = self.streak > 0;
         let (mut jump, mut same) = (f64::NAN, false);
         for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
-            if !goes_on {
-                track.base = track.last;
-                let more = SMOOTH * (track.last - track.mean);
-                track.mean = if more.is_finite() { track.mean + more } else { track.last };
-            }
-            track.drift = (innovation - track.last).abs();
-            track.last = innovation;
-            let own = innovation - track.base;
+            track.hear(innovation, goes_on);
+            let own = track.jump();
             if jump.is_nan() || own.abs() < jump.abs() {
                 jump = own;
             }
             // A model that is told nothing meanwhile may be anywhere, and excuses nothing as long as another finds the same.
-            same |= goes_on && track.goes_on(own, self.noise);
+            same |= goes_on && track.is_same(self.noise);
         }
         self.begun = self.begun.saturating_add(1);
         // Nobody can tell; or, after a time without measurements, models may be far off, and rightly so.
@@ -270,14 +240,16 @@ impl Sensor {
         let mut least = f64::INFINITY;
         let mut from_it = false;
         for (at, track) in self.tracks.iter_mut().enumerate() {
-            let own = track.last - track.base;
+            let own = track.jump();
             // What came before must have been near what a model expected, or this is the way back to it.
             let jumps = own.abs() > settings.reject * usual && 2.0 * track.base.abs() < own.abs();
             from_it |= jumps && at != HELD;
             track.base = track.mean;
-            track.sum = track.last - track.base;
-            track.first = if jumps && (at != HELD || from_it) { track.sum } else { f64::NAN };
+            track.begin();
             least = least.min(track.sum.abs());
+            if !jumps || (at == HELD && !from_it) {
+                track.first = f64::NAN;
+            }
         }
         self.first = if from_it { least / usual } else { 0.0 };
         self.begun_by = self.first;
@@ -303,22 +275,13 @@ impl Sensor {
         let usual = num_traits::Float::sqrt(self.usual);
         let other = f64::max(0.5 * self.first, settings.reject) * usual;
         for track in &mut self.tracks {
-            let own = track.last - track.base;
             another &= track.drift.is_nan() || track.drift > other;
-            if !track.goes_on(own, self.noise) {
-                track.first = f64::NAN;
-            }
-            if self.streak <= FIRST {
-                track.sum += own;
-            }
+            track.go_on(self.noise, self.streak <= FIRST);
         }
         if another {
             // Spikes side by side: what follows is judged by what was before the first of them.
             self.streak = 1;
-            for track in &mut self.tracks {
-                track.first = track.last - track.base;
-                track.sum = track.first;
-            }
+            self.tracks.iter_mut().for_each(Track::begin);
             (self.jump, self.first) = (self.step.abs().min(deviations * usual), deviations);
             self.begun_by = self.begun_by.min(deviations);
             return Verdict::Spike { deviations };
@@ -331,15 +294,14 @@ impl Sensor {
         if self.streak < settings.patience {
             return Verdict::Spike { deviations };
         }
-        // A jump that was not huge, and that some model knows nothing of any more, was the vessel's.
-        if self.first <= HUGE && 2.0 * deviations < self.first {
-            self.streak = 0;
-            return Verdict::Believed { deviations };
-        }
+        // Jumps are the vessel's where nobody finds all of them the same, and small ones where some model knows nothing of them any more.
+        let (most_stays, sure) = (2.0 * deviations >= self.first, self.first > 2.0 * HUGE);
+        let steady =
+            |track: &&Track| track.spread() <= SAME * self.noise && (most_stays || self.first > HUGE);
         let known = || self.tracks.iter().filter(|track| track.sum.is_finite());
-        let same = known().find(|track| !track.first.is_nan());
-        let steadiest = || known().min_by(|a, b| a.drift.total_cmp(&b.drift));
-        let Some(track) = same.or_else(|| steadiest().filter(|_| self.first > HUGE)) else {
+        let same = known().find(|track| !track.first.is_nan() && (sure || steady(track)));
+        let steadiest = || known().min_by(|a, b| a.spread().total_cmp(&b.spread()));
+        let Some(track) = same.or_else(|| steadiest().filter(|_| sure && most_stays)) else {
             self.streak = 0;
             return Verdict::Believed { deviations };
         };
@@ -367,9 +329,7 @@ impl Sensor {
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         into.numbers(&[self.usual, self.last, self.offset, self.step, self.calm]);
         into.numbers(&[self.jump, self.first, self.held, self.swing, self.begun_by]);
-        for track in &self.tracks {
-            into.numbers(&[track.last, track.drift, track.base, track.mean, track.first, track.sum]);
-        }
+        self.tracks.iter().for_each(|track| track.save(into));
         for count in [self.begun, self.seen, self.repeats, self.longest, self.streak, self.missing] {
             into.count(count);
         }
@@ -382,11 +342,7 @@ impl Sensor {
         (self.usual, self.last, self.offset) = (usual, last, offset);
         (self.step, self.calm, self.jump, self.first) = (step, calm, jump, first);
         (self.held, self.swing, self.begun_by) = (held, swing, begun_by);
-        for track in &mut self.tracks {
-            let mut numbers = [0.0; 6];
-            from.numbers(&mut numbers);
-            [track.last, track.drift, track.base, track.mean, track.first, track.sum] = numbers;
-        }
+        self.tracks.iter_mut().for_each(|track| track.load(from));
         let counts = [&mut self.begun, &mut self.seen, &mut self.repeats, &mut self.longest];
         for count in counts.into_iter().chain([&mut self.streak, &mut self.missing]) {
             *count = from.count(MOST_COUNTED);
