@@ -10,6 +10,7 @@
 
 pub(crate) mod aligned;
 pub(crate) mod functions;
+pub(crate) mod kernels;
 pub(crate) mod product;
 pub(crate) mod rows;
 pub(crate) mod slices;
@@ -18,6 +19,7 @@ pub(crate) mod vectors;
 use num_traits::Float;
 use pulp::{Arch, Simd, WithSimd};
 
+use self::kernels::Kernels;
 use self::slices::{Write, vectors};
 use self::vectors::Vectors;
 
@@ -25,6 +27,7 @@ use self::vectors::Vectors;
 pub trait Scalar:
     Float
     + Vectors
+    + Kernels
     + core::ops::AddAssign
     + core::ops::SubAssign
     + core::ops::MulAssign
@@ -66,18 +69,18 @@ impl Scalar for f64 {
 /// `x <- e^x`, within 1.5e-7 (`f32`) or 3e-16 (`f64`) of the result; where that is below the normal numbers, of the
 /// smallest of these.
 pub fn exp<T: Scalar>(x: &mut [T]) {
-    Arch::new().dispatch(Each { x, function: Function::Exp });
+    T::each(Arch::new(), Each { x, function: Function::Exp });
 }
 
 /// `x <- tanh x`, within 2.5e-7 (`f32`) or 7e-16 (`f64`) of the result, at most 1 in size, and exactly odd.
 pub fn tanh<T: Scalar>(x: &mut [T]) {
-    Arch::new().dispatch(Each { x, function: Function::Tanh });
+    T::each(Arch::new(), Each { x, function: Function::Tanh });
 }
 
 /// `x <- 1 / (1 + e^-x)`, within 2.5e-7 (`f32`) or 5e-16 (`f64`) of the result; where that is below 1e-30 (`f32`) or
 /// 1e-290 (`f64`), of these.
 pub fn sigmoid<T: Scalar>(x: &mut [T]) {
-    Arch::new().dispatch(Each { x, function: Function::Sigmoid });
+    T::each(Arch::new(), Each { x, function: Function::Sigmoid });
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -88,7 +91,7 @@ enum Function {
 }
 
 /// A function of each number of a slice.
-struct Each<'a, T> {
+pub struct Each<'a, T> {
     x: &'a mut [T],
     function: Function,
 }

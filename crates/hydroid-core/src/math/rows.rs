@@ -4,6 +4,8 @@
     reason = "they must become a part of the function that was compiled for the processor"
 )]
 
+use pulp::{Arch, Simd, WithSimd};
+
 use crate::math::Scalar;
 
 /// `sum += x_0 row_0 + x_1 row_1 + ..`, where `rows` holds as many rows of the length of `sum` as `x` numbers, one
@@ -23,6 +25,30 @@ pub(crate) fn add_parts<T: Scalar>(sum: &mut [T], rows: &[T], stride: usize, x: 
     let done = blocks::<8, T>(sum, rows, stride, x, done);
     let done = blocks::<4, T>(sum, rows, stride, x, done);
     blocks::<1, T>(sum, rows, stride, x, done);
+}
+
+/// `out += A X`, matrices row by row, those on the right of so many columns.
+pub(crate) fn add_product(out: &mut [f64], a: &[f64], x: &[f64], columns: usize) {
+    Arch::new().dispatch(AddProduct { out, a, x, columns });
+}
+
+struct AddProduct<'a> {
+    out: &'a mut [f64],
+    a: &'a [f64],
+    x: &'a [f64],
+    columns: usize,
+}
+
+impl WithSimd for AddProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { out, a, x, columns } = self;
+        for (out, a) in out.chunks_exact_mut(columns).zip(a.chunks_exact(x.len() / columns)) {
+            add_rows(out, x, a);
+        }
+    }
 }
 
 /// From column `from` on, as many whole blocks as there are; gives the first column that is left.

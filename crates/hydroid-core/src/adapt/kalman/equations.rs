@@ -8,7 +8,7 @@ use num_traits::Float;
 use super::learnable::Learnable;
 use crate::adapt::scale::rms_over_range;
 use crate::adapt::settings::SettingsError;
-use crate::math::rows::add_rows;
+use crate::math::rows::add_product;
 use crate::model::sparse::{Equations, Sensitivity};
 
 /// Sparse equations `dy/dt = Xi theta(y, c, s)` with the partials of their last step: the outputs are the state, the
@@ -203,11 +203,8 @@ impl Learnable<f64> for LearnableEquations {
     }
 
     fn chain(&self, state: &[f64], local: &[f64], columns: usize, out: &mut [f64], _: &mut [f64]) {
-        let n = self.equations.outputs();
         out.copy_from_slice(local);
-        for (out, by_state) in out.chunks_exact_mut(columns).zip(self.by_state.chunks_exact(n)) {
-            add_rows(out, state, by_state);
-        }
+        add_product(out, &self.by_state, state, columns);
     }
 
     fn output_chain(&self, state: &[f64], _: &[f64], _: usize, out: &mut [f64]) {

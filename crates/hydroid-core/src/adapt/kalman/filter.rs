@@ -293,8 +293,8 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         self.gain.inflate(inflation);
         let limit = T::of(self.tuning.huber);
         let weight = if deviations > limit { self.gain.soften(limit) } else { T::one() };
-        let Self { model, state, joint, gain, change, .. } = self;
-        if !gain.factor() || !joint.correct(model, gain, state, change, self.learns) {
+        let Self { state, joint, gain, change, .. } = self;
+        if !gain.factor() || !joint.correct(gain, state, change, self.learns) {
             self.restart();
             self.reset();
             return Correction::Lost;

@@ -10,7 +10,6 @@ use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::dispatched::dispatched;
 use super::gain::Gain;
 use super::learnable::Learnable;
 use super::lines::Lines;
@@ -204,25 +203,13 @@ impl<T: Scalar> Full<T> {
             all_rows,
         });
         self.pending = false;
-        Arch::new().dispatch(Spread { own: self, model, grows, noise });
-    }
-
-    /// What is expected of the outputs, into `gain`.
-    pub(super) fn expect<M: Learnable<T>>(&mut self, model: &M, gain: &mut Gain<T>) {
-        Arch::new().dispatch(Expect { own: self, model, gain });
+        self.spread(model, grows, noise);
     }
 
     /// Takes what a measurement tells from `P`, adds it to the state, and gives what it adds to the weights (`width`), which
     /// are corrected where `learns`.
-    pub(super) fn correct<M: Learnable<T>>(
-        &mut self,
-        model: &M,
-        gain: &Gain<T>,
-        state: &mut [T],
-        change: &mut [T],
-        learns: bool,
-    ) {
-        Arch::new().dispatch(Correct { own: self, model, gain, state, change });
+    pub(super) fn correct(&mut self, gain: &Gain<T>, state: &mut [T], change: &mut [T], learns: bool) {
+        T::full_correct(Arch::new(), Correct { own: self, gain, state, change });
         self.pending = learns;
     }
 
@@ -238,21 +225,15 @@ impl<T: Scalar> Full<T> {
     }
 
     /// `P_hh` and `P_ht` of the time update, from `L P_tt`; with `G = [A B]`, `[P_hh P_ht]+ = G P G', G P`.
-    #[inline(always)]
-    fn spread<S: Simd, M: Learnable<T>>(&mut self, simd: S, model: &M, grows: T, noise: T) {
-        let (n, rows, scale) = (model.state_len(), model.rows(), grows * grows);
+    fn spread<M: Learnable<T>>(&mut self, model: &M, grows: T, noise: T) {
+        let (n, rows, arch) = (model.state_len(), model.rows(), Arch::new());
         let all_rows = model.blocks().len() * rows;
-        let mut lines = Lines::new();
+        let lines = &mut Lines::new();
         let Scratch { by_state, square, turned, wide, chain, .. } = &mut self.scratch;
         // G P, columns of the state: A P_hh + B P_th, B P_th = C (L P_th).
         for span in self.tt.spans() {
-            local_products(
-                (simd, &mut lines),
-                span,
-                &self.local[span.panel(rows)],
-                &self.ht[span.panel(n)],
-                by_state,
-            );
+            let (local, matrix) = (&self.local[span.panel(rows)], &self.ht[span.panel(n)]);
+            T::full_products(arch, Products { lines, span, local, matrix, out: by_state });
         }
         model.chain(&self.hh, by_state, n, &mut square[..n * n], chain);
         transpose(n, n, &square[..n * n], &mut turned[..n * n]);
@@ -261,28 +242,12 @@ impl<T: Scalar> Full<T> {
             let (ht, wide) = (&mut self.ht[span.panel(n)], &mut wide[..n * span.padded]);
             let products = &mut self.products[span.panel(all_rows)];
             model.chain(ht, products, span.padded, wide, chain);
-            let local = &self.local[span.panel(rows)];
-            local_products((simd, &mut lines), span, local, wide, by_state);
-            for (ht, &wide) in ht.iter_mut().zip(&*wide) {
-                *ht = wide * grows;
-            }
-            // Of L P_tt the outputs want the rows of their own blocks, of the covariance after the time update.
-            let first = model.shown() * rows;
-            if scale != T::one() {
-                for p in &mut products[first * span.padded..] {
-                    *p *= scale;
-                }
-            }
-            if span.row < first {
-                continue;
-            }
-            let own = &mut products[span.row * span.padded..(span.row + rows) * span.padded];
-            for (own, local) in own.chunks_exact_mut(span.padded).zip(local.chunks_exact(span.padded)) {
-                let noise = &self.weight_noise[span.weights()];
-                for ((p, &l), &noise) in own.iter_mut().zip(local).zip(noise) {
-                    *p += noise * l;
-                }
-            }
+            let (local, noise) = (&self.local[span.panel(rows)], &self.weight_noise[span.weights()]);
+            let shown = model.shown() * rows;
+            T::full_spread(
+                arch,
+                Spread { lines, span, local, wide, by_state, grows, ht, noise, shown, products },
+            );
         }
         model.chain(&turned[..n * n], by_state, n, &mut square[..n * n], chain);
         for i in 0..n {
@@ -296,81 +261,131 @@ impl<T: Scalar> Full<T> {
         model.moving().for_each(|i| self.hh[i * (n + 1)] += noise);
     }
 
-    /// `G' = H P` and `H P H'`, before any measurement.
-    #[inline(always)]
-    fn expected<S: Simd, M: Learnable<T>>(&mut self, simd: S, model: &M, gain: &mut Gain<T>) {
-        let (n, q, rows) = (model.state_len(), model.outputs(), model.rows());
+    /// What is expected of the outputs before any measurement, `G' = H P` and `H P H'`, the latter into `gain`.
+    pub(super) fn expect<M: Learnable<T>>(&mut self, model: &M, gain: &mut Gain<T>) {
+        let (n, q, rows, arch) = (model.state_len(), model.outputs(), model.rows(), Arch::new());
         let (all_rows, rank) = (model.blocks().len() * rows, self.scratch.taken.len());
-        let mut lines = Lines::new();
+        let lines = &mut Lines::new();
         let Scratch { by_state, by_output, turned, narrow, .. } = &mut self.scratch;
         for span in self.tt.spans() {
             let (local, ht) = (&self.local[span.panel(rows)], &self.ht[span.panel(n)]);
             let shown = span.row >= model.shown() * rows;
             if shown {
-                local_products((simd, &mut lines), span, local, ht, by_state);
+                T::full_products(arch, Products { lines, span, local, matrix: ht, out: by_state });
             }
             let product = &mut self.downdate[span.panel(rank)][..q * span.padded];
             model.output_chain(ht, &self.products[span.panel(all_rows)], span.padded, product);
             if shown {
-                local_products((simd, &mut lines), span, local, product, by_output);
+                T::full_products(arch, Products { lines, span, local, matrix: product, out: by_output });
             }
         }
         model.output_chain(&self.hh, by_state, n, narrow);
         transpose(q, n, narrow, &mut turned[..n * q]);
         model.output_chain(&turned[..n * q], by_output, q, &mut gain.spread);
     }
+}
 
-    /// `W`, and what it takes from `P_hh` and `P_ht` and adds to state and weights.
+/// A block's rows of `L M'`, from its panels of both: `M` has as many rows as there are columns of what comes out.
+pub struct Products<'a, T> {
+    lines: &'a mut Lines<T>,
+    span: &'a Span,
+    local: &'a [T],
+    matrix: &'a [T],
+    /// Of all blocks.
+    out: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Products<'_, T> {
+    type Output = ();
+
     #[inline(always)]
-    fn corrected<S: Simd, M: Learnable<T>>(
-        &mut self,
-        _: S,
-        _: &M,
-        gain: &Gain<T>,
-        state: &mut [T],
-        all: &mut [T],
-    ) {
-        let (n, rank, count) = (state.len(), self.scratch.taken.len(), gain.measured.len());
-        let (w_h, e) = (&mut self.scratch.narrow, &gain.whitened[..count]);
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { lines, span, local, matrix, out } = self;
+        let count = matrix.len() / span.padded;
+        let rows = span.rows(local.len() / span.padded);
+        let out = out[span.row * count..(span.row + rows) * count].chunks_exact_mut(count);
+        for (partials, out) in local.chunks_exact(span.padded).zip(out) {
+            lines.product(simd, partials, matrix, out);
+        }
+    }
+}
+
+/// What a panel of `G P` gives in the time update, with its part of `L P_tt` and of the noise.
+pub struct Spread<'a, T> {
+    lines: &'a mut Lines<T>,
+    span: &'a Span,
+    local: &'a [T],
+    wide: &'a [T],
+    by_state: &'a mut [T],
+    grows: T,
+    ht: &'a mut [T],
+    noise: &'a [T],
+    /// The first row of `products` that the outputs want.
+    shown: usize,
+    products: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Spread<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { lines, span, local, wide, by_state, grows, ht, noise, shown, products } = self;
+        Products { lines, span, local, matrix: wide, out: by_state }.with_simd(simd);
+        for (ht, &wide) in ht.iter_mut().zip(wide) {
+            *ht = wide * grows;
+        }
+        // Of L P_tt the outputs want the rows of their own blocks, of the covariance after the time update.
+        let scale = grows * grows;
+        if scale != T::one() {
+            for p in &mut products[shown * span.padded..] {
+                *p *= scale;
+            }
+        }
+        if span.row < shown {
+            return;
+        }
+        let own = &mut products[span.row * span.padded..];
+        for (own, local) in own.chunks_exact_mut(span.padded).zip(local.chunks_exact(span.padded)) {
+            for ((p, &l), &noise) in own.iter_mut().zip(local).zip(noise) {
+                *p += noise * l;
+            }
+        }
+    }
+}
+
+/// `W`, and what it takes from `P_hh` and `P_ht` and adds to state and weights.
+pub struct Correct<'a, T> {
+    own: &'a mut Full<T>,
+    gain: &'a Gain<T>,
+    state: &'a mut [T],
+    change: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Correct<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { own: Full { hh, ht, tt, downdate, scratch, .. }, gain, state, change } = self;
+        let (n, rank, count) = (state.len(), scratch.taken.len(), gain.measured.len());
+        let (w_h, e) = (&mut scratch.narrow, &gain.whitened[..count]);
         gain.whiten(w_h, n);
         add_rows(state, &w_h[..count * n], e);
-        for span in self.tt.spans() {
-            let w_t = &mut self.downdate[span.panel(rank)];
+        for span in tt.spans() {
+            let w_t = &mut downdate[span.panel(rank)];
             gain.whiten(w_t, span.padded);
             let (w_t, rest) = w_t.split_at_mut(count * span.padded);
             rest.fill(T::zero());
-            let change = &mut all[span.panel(1)];
+            let change = &mut change[span.panel(1)];
             change.fill(T::zero());
             add_rows(change, w_t, e);
-            for (i, ht) in self.ht[span.panel(n)].chunks_exact_mut(span.padded).enumerate() {
+            for (i, ht) in ht[span.panel(n)].chunks_exact_mut(span.padded).enumerate() {
                 take_column(ht, w_t, w_h, i, n);
             }
         }
-        for (i, hh) in self.hh.chunks_exact_mut(n).enumerate() {
+        for (i, hh) in hh.chunks_exact_mut(n).enumerate() {
             take_column(hh, &w_h[..count * n], w_h, i, n);
         }
     }
 }
-
-/// A block's rows of `L M'`, from its panels of both: `M` has as many rows as there are columns of what comes out.
-#[inline(always)]
-fn local_products<S: Simd, T: Scalar>(
-    (simd, lines): (S, &mut Lines<T>),
-    span: &Span,
-    local: &[T],
-    matrix: &[T],
-    out: &mut [T],
-) {
-    let count = matrix.len() / span.padded;
-    let rows = span.rows(local.len() / span.padded);
-    let out = out[span.row * count..(span.row + rows) * count].chunks_exact_mut(count);
-    for (partials, out) in local.chunks_exact(span.padded).zip(out) {
-        lines.product(simd, partials, matrix, out);
-    }
-}
-
-dispatched!(Full<'a>:
-    Spread = spread(model: &'a M, grows: T, noise: T) -> ();
-    Expect = expected(model: &'a M, gain: &'a mut Gain<T>) -> ();
-    Correct = corrected(model: &'a M, gain: &'a Gain<T>, state: &'a mut [T], change: &'a mut [T]) -> ();
-);

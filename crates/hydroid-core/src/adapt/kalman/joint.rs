@@ -71,9 +71,8 @@ impl<T: Scalar> Joint<T> {
 
     /// Measurement update of what is expected; corrects the state, and says how the weights change (`width`), unless they
     /// do not learn. False where numbers have left all bounds.
-    pub(super) fn correct<M: Learnable<T>>(
+    pub(super) fn correct(
         &mut self,
-        model: &M,
         gain: &Gain<T>,
         state: &mut [T],
         change: &mut [T],
@@ -81,10 +80,10 @@ impl<T: Scalar> Joint<T> {
     ) -> bool {
         match self {
             Self::Full(full) => {
-                full.correct(model, gain, state, change, learns);
+                full.correct(gain, state, change, learns);
                 true
             }
-            Self::Reduced(reduced) => reduced.correct(model, gain, state, change, learns),
+            Self::Reduced(reduced) => reduced.correct(gain, state, change, learns),
         }
     }
 

@@ -32,11 +32,10 @@
 
 mod ahead;
 mod courses;
-mod dispatched;
 mod equations;
 mod equations_session;
 mod filter;
-mod full;
+pub(crate) mod full;
 mod gain;
 mod joint;
 mod learnable;
@@ -46,12 +45,12 @@ mod network;
 mod plant;
 mod plant_session;
 mod plant_weights;
-mod reduced;
+pub(crate) mod reduced;
 mod rehearsal;
 mod root;
 mod saved;
 mod session;
-mod triangle;
+pub(crate) mod triangle;
 mod tuning;
 
 pub use courses::Courses;

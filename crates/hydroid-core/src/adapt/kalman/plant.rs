@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use super::learnable::Learnable;
 use super::plant_weights::PlantWeights;
-use crate::math::rows::add_rows;
+use crate::math::rows::add_product;
 use crate::model::PlantModel;
 use crate::vessel::{Command, Dual, Numbers, Plant};
 
@@ -201,9 +201,7 @@ impl Learnable<f64> for LearnablePlant {
 
     fn chain(&self, state: &[f64], local: &[f64], columns: usize, out: &mut [f64], _: &mut [f64]) {
         out.copy_from_slice(local);
-        for (out, by_state) in out.chunks_exact_mut(columns).zip(self.by_state.chunks_exact(STATE)) {
-            add_rows(out, state, by_state);
-        }
+        add_product(out, &self.by_state, state, columns);
     }
 
     fn output_chain(&self, state: &[f64], _: &[f64], columns: usize, out: &mut [f64]) {

@@ -183,7 +183,7 @@ impl<T: Scalar> Triangle<T> {
 
     /// `v' P v` of a vector (`width`).
     pub(super) fn quadratic(&self, v: &[T]) -> T {
-        Arch::new().dispatch(Quadratic { triangle: self, v })
+        T::triangle_quadratic(Arch::new(), Quadratic { triangle: self, v })
     }
 
     /// One pass.
@@ -193,13 +193,13 @@ impl<T: Scalar> Triangle<T> {
         let first = if rank <= 3 { 0 } else { rank - MOST_RANK };
         for vectors in (0..first).step_by(MOST_RANK) {
             let (vectors, rows) = (vectors..vectors + MOST_RANK, 0..pass.rows.min(MOST_ROWS));
-            Arch::new().dispatch(Dispatch { triangle: self, pass, vectors, scale: T::one(), rows });
+            T::triangle_pass(Arch::new(), Part { triangle: self, pass, vectors, scale: T::one(), rows });
         }
         for row in (0..pass.rows).step_by(MOST_ROWS) {
             let vectors = if row == 0 { first..rank } else { 0..0 };
             let rows = row..(row + MOST_ROWS).min(pass.rows);
             let scale = if rows.end == pass.rows { pass.scale } else { T::one() };
-            Arch::new().dispatch(Dispatch { triangle: self, pass, vectors, scale, rows });
+            T::triangle_pass(Arch::new(), Part { triangle: self, pass, vectors, scale, rows });
         }
         let noise = pass.noise;
         self.each_diagonal(|at, p| *p += noise[at]);
@@ -207,7 +207,7 @@ impl<T: Scalar> Triangle<T> {
 }
 
 /// A pass with some of the vectors and of the local rows, as what [`Arch`] compiles for the processor.
-struct Dispatch<'a, 'b, T> {
+pub struct Part<'a, 'b, T> {
     triangle: &'a mut Triangle<T>,
     pass: &'a mut Pass<'b, T>,
     vectors: Range<usize>,
@@ -215,7 +215,7 @@ struct Dispatch<'a, 'b, T> {
     rows: Range<usize>,
 }
 
-impl<T: Scalar> WithSimd for Dispatch<'_, '_, T> {
+impl<T: Scalar> WithSimd for Part<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -231,7 +231,7 @@ impl<T: Scalar> WithSimd for Dispatch<'_, '_, T> {
     }
 }
 
-impl<T: Scalar> Dispatch<'_, '_, T> {
+impl<T: Scalar> Part<'_, '_, T> {
     #[inline(always)]
     fn tiles<S: Simd, const RANK: usize, const ROWS: usize>(self, simd: S) {
         let Self { triangle, pass, vectors, scale, rows } = self;
@@ -283,7 +283,7 @@ impl<T: Scalar> Dispatch<'_, '_, T> {
 }
 
 /// A quadratic form as what [`Arch`] compiles for the processor.
-struct Quadratic<'a, T> {
+pub struct Quadratic<'a, T> {
     triangle: &'a Triangle<T>,
     v: &'a [T],
 }

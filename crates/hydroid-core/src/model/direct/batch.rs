@@ -157,7 +157,7 @@ impl<T: Scalar> Batch<T> {
     pub fn forward(&mut self, weights: &[T]) {
         // What stands in lanes without a window may be no number, and nothing may come of it on the way back.
         clear(&mut self.hidden[0], self.lanes, self.windows);
-        self.arch.dispatch(Forwards { batch: self, weights });
+        T::direct_forward(self.arch, Forwards { batch: self, weights });
     }
 
     /// From the output's adjoint, after [`forward`](Self::forward), to the gradient of the flat weights, which takes the
@@ -180,7 +180,7 @@ impl<T: Scalar> Batch<T> {
 
     fn back(&mut self, weights: &[T], gradient: &mut [T], input_adjoint: &mut [T]) {
         clear(&mut self.output_adjoint, self.lanes, self.windows);
-        self.arch.dispatch(Backs { batch: self, weights, gradient, input_adjoint });
+        T::direct_back(self.arch, Backs { batch: self, weights, gradient, input_adjoint });
     }
 }
 
@@ -193,7 +193,8 @@ fn clear<T: Scalar>(rows: &mut [T], lanes: usize, windows: usize) {
     }
 }
 
-struct Forwards<'a, T> {
+/// What is compiled for the processor of [`Batch::forward`].
+pub struct Forwards<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
 }
@@ -230,7 +231,8 @@ impl<T: Scalar> WithSimd for Forwards<'_, T> {
     }
 }
 
-struct Backs<'a, T> {
+/// The same of [`Batch::backward`].
+pub struct Backs<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
     gradient: &'a mut [T],

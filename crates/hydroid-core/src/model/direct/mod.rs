@@ -1,7 +1,7 @@
 //! The direct predictor: a feed-forward network from the past of a run and the commands to come to all outputs of a
 //! horizon at once; one window at a time in a [`DirectSession`], many side by side in a [`Batch`].
 
-mod batch;
+pub(crate) mod batch;
 mod below;
 mod check;
 mod forward;
@@ -9,7 +9,7 @@ mod model;
 mod perceptron;
 mod session;
 mod side_by_side;
-mod through;
+pub(crate) mod through;
 mod window;
 
 pub use batch::Batch;

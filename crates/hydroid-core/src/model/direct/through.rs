@@ -51,7 +51,7 @@ impl Through {
         hidden: &mut [T],
         g: &mut [T],
     ) {
-        self.arch.dispatch(Step { through: self, weights, read_out, x, hidden, g });
+        T::direct_step(self.arch, Step { through: self, weights, read_out, x, hidden, g });
     }
 
     /// What the last layer reads, given `x`.
@@ -66,12 +66,12 @@ impl Through {
     /// The last layer of what [`look`](Self::look) gives, its first numbers.
     pub(super) fn give<T: Scalar>(&self, read_out: &[T], features: &[T], g: &mut [T]) {
         let Some(layer) = self.layers.last() else { return };
-        self.arch.dispatch(ReadOut { layer, weights: read_out, x: features, g });
+        T::direct_read_out(self.arch, ReadOut { layer, weights: read_out, x: features, g });
     }
 }
 
 /// What is compiled for the processor.
-struct Step<'a, T> {
+pub struct Step<'a, T> {
     through: &'a Through,
     weights: &'a [T],
     read_out: &'a [T],
@@ -106,7 +106,7 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
 }
 
 /// The last layer by itself.
-struct ReadOut<'a, T> {
+pub struct ReadOut<'a, T> {
     layer: &'a Layer,
     weights: &'a [T],
     x: &'a [T],

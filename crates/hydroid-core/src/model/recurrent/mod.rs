@@ -1,7 +1,7 @@
 //! Recurrent networks: vanilla, GRU and LSTM cells with a linear read-out; walked in batches by [`Tape`] (forward and back
 //! through time) and [`Rollout`] (forward only).
 
-mod batch;
+pub(crate) mod batch;
 mod check;
 mod gru;
 mod layout;
@@ -10,7 +10,7 @@ mod model;
 mod network;
 mod session;
 mod side_by_side;
-mod single;
+pub(crate) mod single;
 mod state_filter;
 mod vanilla;
 

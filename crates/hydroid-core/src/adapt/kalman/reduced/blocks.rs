@@ -8,7 +8,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::array::from_fn;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Simd;
 
 use super::panels::Panel;
 use crate::math::Scalar;
@@ -55,8 +55,27 @@ impl<T: Scalar> Blocks<T> {
     }
 
     /// `out = rows P`; of each, `count` rows.
-    pub(super) fn times(&self, panels: &[Panel], count: usize, rows: &[T], out: &mut [T]) {
-        Arch::new().dispatch(Times { numbers: &self.numbers, panels, count, rows, out });
+    #[inline(always)]
+    pub(super) fn times<S: Simd>(&self, simd: S, panels: &[Panel], count: usize, rows: &[T], out: &mut [T]) {
+        let mut begin = 0;
+        for panel in panels {
+            let (rows, out) = (&rows[panel.of(count)], &mut out[panel.of(count)]);
+            out.fill(T::zero());
+            for i in 0..panel.width {
+                let p = &self.numbers[begin..=begin + i];
+                begin += i + 1;
+                let some = SIDE_BY_SIDE * panel.width;
+                for (x, out) in rows.chunks(some).zip(out.chunks_mut(some)) {
+                    if x.len() == some {
+                        row_times::<S, T, SIDE_BY_SIDE>(simd, p, x, out, panel.width);
+                    } else {
+                        for (x, out) in x.chunks_exact(panel.width).zip(out.chunks_exact_mut(panel.width)) {
+                            row_times::<S, T, 1>(simd, p, x, out, panel.width);
+                        }
+                    }
+                }
+            }
+        }
     }
 
     /// `P <- P - sum_k w_k w_k'`, of its blocks; `w` are the first `count` of `rows` rows.
@@ -80,43 +99,6 @@ impl<T: Scalar> Blocks<T> {
 
 /// Rows that share the loads of the covariance: as many as vessels have outputs.
 const SIDE_BY_SIDE: usize = 3;
-
-/// A product as what [`Arch`] compiles for the processor.
-struct Times<'a, T> {
-    numbers: &'a [T],
-    panels: &'a [Panel],
-    count: usize,
-    rows: &'a [T],
-    out: &'a mut [T],
-}
-
-impl<T: Scalar> WithSimd for Times<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { numbers, panels, count, rows, out } = self;
-        let mut begin = 0;
-        for panel in panels {
-            let (rows, out) = (&rows[panel.of(count)], &mut out[panel.of(count)]);
-            out.fill(T::zero());
-            for i in 0..panel.width {
-                let p = &numbers[begin..=begin + i];
-                begin += i + 1;
-                let some = SIDE_BY_SIDE * panel.width;
-                for (x, out) in rows.chunks(some).zip(out.chunks_mut(some)) {
-                    if x.len() == some {
-                        row_times::<S, T, SIDE_BY_SIDE>(simd, p, x, out, panel.width);
-                    } else {
-                        for (x, out) in x.chunks_exact(panel.width).zip(out.chunks_exact_mut(panel.width)) {
-                            row_times::<S, T, 1>(simd, p, x, out, panel.width);
-                        }
-                    }
-                }
-            }
-        }
-    }
-}
 
 /// What a row of the triangle, up to its diagonal, is in `N` products: `out_i += p x` and, mirrored, `out += p x_i`.
 #[inline(always)]

@@ -46,7 +46,7 @@ mod diagonal;
 mod jacobi;
 mod low_rank;
 mod panels;
-mod structure;
+pub(crate) mod structure;
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -56,7 +56,6 @@ use pulp::{Arch, Simd, WithSimd};
 
 use self::panels::Panel;
 use self::structure::Structure;
-use super::dispatched::dispatched;
 use super::gain::Gain;
 use super::learnable::Learnable;
 use super::root::{Root, gather, set_part, take_column, transpose};
@@ -245,31 +244,6 @@ impl<T: Scalar> Reduced<T> {
 
     /// Time update of a step that was just made.
     pub(super) fn advance<M: Learnable<T>>(&mut self, model: &M, grows: T, noise: T) {
-        for panel in &self.panels {
-            panel.linearize(model, &mut self.local[panel.of(model.rows())]);
-        }
-        Arch::new().dispatch(Advance { own: self, model, grows, noise });
-    }
-
-    /// What is expected of the outputs, into `gain`.
-    pub(super) fn expect<M: Learnable<T>>(&mut self, model: &M, gain: &mut Gain<T>) {
-        Arch::new().dispatch(Expect { own: self, model, gain });
-    }
-
-    /// Measurement update; false where `R~` is not positive.
-    pub(super) fn correct<M: Learnable<T>>(
-        &mut self,
-        model: &M,
-        gain: &Gain<T>,
-        state: &mut [T],
-        change: &mut [T],
-        learns: bool,
-    ) -> bool {
-        Arch::new().dispatch(Correct { own: self, model, gain, state, change, learns })
-    }
-
-    #[inline(always)]
-    fn advanced<S: Simd, M: Learnable<T>>(&mut self, _: S, model: &M, grows: T, noise: T) {
         let Self { panels, psi, pi, local, structure, weight_noise, scratch, .. } = self;
         let Scratch { expanded, zeros, wide, square, turned, chain, .. } = scratch;
         let (n, rows) = (model.state_len(), model.rows());
@@ -277,10 +251,11 @@ impl<T: Scalar> Reduced<T> {
         let by = T::one() / grows;
         for panel in &*panels {
             let (expanded, wide) = (&mut expanded[..all_rows * panel.width], &mut wide[..n * panel.width]);
+            panel.linearize(model, &mut local[panel.of(rows)]);
             panel.expand(&local[panel.of(rows)], expanded);
             let psi = &mut psi[panel.of(n)];
             model.chain(psi, expanded, panel.width, wide, chain);
-            psi.iter_mut().zip(&*wide).for_each(|(psi, &x)| *psi = x * by);
+            T::reduced_scale(Arch::new(), Scale { x: wide, by, into: psi });
         }
         let (zeros, square, turned) = (&zeros[..all_rows * n], &mut square[..n * n], &mut turned[..n * n]);
         model.chain(pi, zeros, n, square, chain);
@@ -297,9 +272,8 @@ impl<T: Scalar> Reduced<T> {
         structure.advance(panels, grows, weight_noise);
     }
 
-    /// `H~`, `H~ P_tt`, `H_h Pi`, and what they tell of the outputs, before any measurement.
-    #[inline(always)]
-    fn expected<S: Simd, M: Learnable<T>>(&mut self, _: S, model: &M, gain: &mut Gain<T>) {
+    /// `H~`, `H~ P_tt`, `H_h Pi`, and what they tell of the outputs, before any measurement, into `gain`.
+    pub(super) fn expect<M: Learnable<T>>(&mut self, model: &M, gain: &mut Gain<T>) {
         let Self { panels, psi, pi, local, structure, scratch, .. } = self;
         let Scratch { expanded, zeros, seen, product, narrow, own, turned, .. } = scratch;
         let (n, q, rows) = (model.state_len(), model.outputs(), model.rows());
@@ -314,27 +288,79 @@ impl<T: Scalar> Reduced<T> {
         transpose(q, n, narrow, &mut turned[..n * q]);
         model.output_chain(&turned[..n * q], &zeros[..all_rows * q], q, own);
         gain.spread.copy_from_slice(own);
-        for panel in &*panels {
-            for (i, seen) in seen[panel.of(q)].chunks_exact(panel.width).enumerate() {
-                let product = product[panel.of(q)].chunks_exact(panel.width);
-                for (j, product) in product.take(i + 1).enumerate() {
-                    gain.spread[i * q + j] += dot(seen, product);
-                }
-            }
-        }
+        T::reduced_expect(Arch::new(), Expect { panels, seen, product, spread: &mut gain.spread });
     }
 
-    #[inline(always)]
-    fn corrected<S: Simd, M: Learnable<T>>(
+    /// Measurement update; false where `R~` is not positive.
+    pub(super) fn correct(
         &mut self,
-        _: S,
-        _: &M,
         gain: &Gain<T>,
         state: &mut [T],
         change: &mut [T],
         learns: bool,
     ) -> bool {
-        let Self { panels, psi, pi, structure, root, scratch, .. } = self;
+        T::reduced_correct(Arch::new(), Correct { own: self, gain, state, change, learns })
+    }
+}
+
+/// `into = by x`.
+pub struct Scale<'a, T> {
+    x: &'a [T],
+    by: T,
+    into: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Scale<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.into.iter_mut().zip(self.x).for_each(|(into, &x)| *into = x * self.by);
+    }
+}
+
+/// Adds `H~ P_tt H~'` to what is expected of the outputs.
+pub struct Expect<'a, T> {
+    panels: &'a [Panel],
+    seen: &'a [T],
+    product: &'a [T],
+    spread: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Expect<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { panels, seen, product, spread } = self;
+        let q = spread.len().isqrt();
+        for panel in panels {
+            for (i, seen) in seen[panel.of(q)].chunks_exact(panel.width).enumerate() {
+                let product = product[panel.of(q)].chunks_exact(panel.width);
+                for (j, product) in product.take(i + 1).enumerate() {
+                    spread[i * q + j] += dot(seen, product);
+                }
+            }
+        }
+    }
+}
+
+/// [`Reduced::correct`] for whatever vectors there are.
+pub struct Correct<'a, T> {
+    own: &'a mut Reduced<T>,
+    gain: &'a Gain<T>,
+    state: &'a mut [T],
+    change: &'a mut [T],
+    learns: bool,
+}
+
+impl<T: Scalar> WithSimd for Correct<'_, T> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> bool {
+        let Self { own, gain, state, change, learns } = self;
+        let Reduced { panels, psi, pi, structure, root, scratch, .. } = own;
         let Scratch { seen, product, narrow, whitened: u, left, own, roots, .. } = scratch;
         let (n, q, measured) = (state.len(), gain.noise.len(), &gain.measured);
         let (count, e) = (measured.len(), &gain.whitened[..measured.len()]);
@@ -401,11 +427,3 @@ impl<T: Scalar> Reduced<T> {
         true
     }
 }
-
-dispatched!(Reduced<'a>:
-    Advance = advanced(model: &'a M, grows: T, noise: T) -> ();
-    Expect = expected(model: &'a M, gain: &'a mut Gain<T>) -> ();
-    Correct = corrected(
-        model: &'a M, gain: &'a Gain<T>, state: &'a mut [T], change: &'a mut [T], learns: bool
-    ) -> bool;
-);

@@ -8,6 +8,8 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use pulp::{Arch, Simd, WithSimd};
+
 use super::super::tuning::Memory;
 use super::blocks::Blocks;
 use super::diagonal::Diagonal;
@@ -59,23 +61,13 @@ impl<T: Scalar> Structure<T> {
     }
 
     /// `P <- grows^2 P + diag(noise)`.
-    #[inline(always)]
     pub(super) fn advance(&mut self, panels: &[Panel], grows: T, noise: &[T]) {
-        match self {
-            Self::Blocks(blocks) => blocks.advance(panels, grows, noise),
-            Self::Diagonal(diagonal) => diagonal.advance(grows, noise),
-            Self::LowRank(low_rank) => low_rank.advance(panels, grows, noise),
-        }
+        T::reduced_advance(Arch::new(), Advance { structure: self, panels, grows, noise });
     }
 
     /// `out = rows P`; of each, `count` rows, no more than there are outputs.
-    #[inline(always)]
     pub(super) fn times(&mut self, panels: &[Panel], count: usize, rows: &[T], out: &mut [T]) {
-        match self {
-            Self::Blocks(blocks) => blocks.times(panels, count, rows, out),
-            Self::Diagonal(diagonal) => diagonal.times(panels, count, rows, out),
-            Self::LowRank(low_rank) => low_rank.times(panels, count, rows, out),
-        }
+        T::reduced_times(Arch::new(), Times { structure: self, panels, count, rows, out });
     }
 
     /// What a measurement takes: `P <- P - w w'`, or `P^-1 <- P^-1 + h h'`, which is the same before the structure is
@@ -104,6 +96,51 @@ impl<T: Scalar> Structure<T> {
             Self::Blocks(blocks) => [&mut blocks.numbers, &mut []],
             Self::Diagonal(diagonal) => [&mut diagonal.p, &mut []],
             Self::LowRank(low_rank) => [&mut low_rank.v, &mut low_rank.directions],
+        }
+    }
+}
+
+/// [`Structure::advance`] for whatever vectors there are.
+pub struct Advance<'a, T> {
+    structure: &'a mut Structure<T>,
+    panels: &'a [Panel],
+    grows: T,
+    noise: &'a [T],
+}
+
+impl<T: Scalar> WithSimd for Advance<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { structure, panels, grows, noise } = self;
+        match structure {
+            Structure::Blocks(blocks) => blocks.advance(panels, grows, noise),
+            Structure::Diagonal(diagonal) => diagonal.advance(grows, noise),
+            Structure::LowRank(low_rank) => low_rank.advance(panels, grows, noise),
+        }
+    }
+}
+
+/// [`Structure::times`] for whatever vectors there are.
+pub struct Times<'a, T> {
+    structure: &'a mut Structure<T>,
+    panels: &'a [Panel],
+    count: usize,
+    rows: &'a [T],
+    out: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Times<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { structure, panels, count, rows, out } = self;
+        match structure {
+            Structure::Blocks(blocks) => blocks.times(simd, panels, count, rows, out),
+            Structure::Diagonal(diagonal) => diagonal.times(panels, count, rows, out),
+            Structure::LowRank(low_rank) => low_rank.times(panels, count, rows, out),
         }
     }
 }

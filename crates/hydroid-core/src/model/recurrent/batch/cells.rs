@@ -174,12 +174,12 @@ impl<T: Scalar> Cells<T> {
 
     /// One step of all lanes.
     pub(super) fn forward(&self, step: Forward<'_, T>) {
-        self.arch.dispatch(Forwards(self, step));
+        T::cells_forward(self.arch, Forwards(self, step));
     }
 
     /// One step back of all lanes.
     pub(super) fn back(&mut self, step: Back<'_, T>) {
-        self.arch.dispatch(Backs(self, step));
+        T::cells_back(self.arch, Backs(self, step));
     }
 
     #[inline(always)]
@@ -296,7 +296,7 @@ impl<T: Scalar> Cells<T> {
 }
 
 /// [`Cells::forward`] for whatever vectors there are.
-struct Forwards<'a, T>(&'a Cells<T>, Forward<'a, T>);
+pub struct Forwards<'a, T>(&'a Cells<T>, Forward<'a, T>);
 
 impl<T: Scalar> WithSimd for Forwards<'_, T> {
     type Output = ();
@@ -308,7 +308,7 @@ impl<T: Scalar> WithSimd for Forwards<'_, T> {
 }
 
 /// [`Cells::back`] for whatever vectors there are.
-struct Backs<'a, T>(&'a mut Cells<T>, Back<'a, T>);
+pub struct Backs<'a, T>(&'a mut Cells<T>, Back<'a, T>);
 
 impl<T: Scalar> WithSimd for Backs<'_, T> {
     type Output = ();

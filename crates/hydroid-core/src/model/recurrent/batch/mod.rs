@@ -6,7 +6,7 @@
 //! the lanes beyond the sequences has no effect on anything.
 
 mod affine;
-mod cells;
+pub(crate) mod cells;
 mod kernel;
 mod rollout;
 mod tape;

@@ -209,7 +209,7 @@ impl<T: Scalar> LayerPartials<T> {
 }
 
 /// A step as what [`Arch`] compiles for the processor.
-struct Step<'a, T> {
+pub struct Step<'a, T> {
     linear: &'a mut Linearization<T>,
     packed: &'a Packed<T>,
     state: &'a mut [T],
@@ -260,7 +260,7 @@ impl<T: Scalar> Linearization<T> {
     /// # Panics
     /// If `state` or `x` is shorter than [`Packed::step`] wants, or the network has another size.
     pub fn step(&mut self, packed: &Packed<T>, state: &mut [T], x: &[T]) {
-        Arch::new().dispatch(Step { linear: self, packed, state, x });
+        T::linear_step(Arch::new(), Step { linear: self, packed, state, x });
     }
 
     /// The same with the vectors that the processor has.

@@ -3,9 +3,9 @@
 mod blocks;
 mod dense;
 mod gates;
-mod linearization;
-mod packed;
-mod products;
+pub(crate) mod linearization;
+pub(crate) mod packed;
+pub(crate) mod products;
 mod sums;
 mod transposed;
 

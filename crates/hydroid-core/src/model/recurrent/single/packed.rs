@@ -34,7 +34,7 @@ pub struct Packed<T> {
 }
 
 /// A step as what [`Arch`] compiles for the processor.
-struct Step<'a, T> {
+pub struct Step<'a, T> {
     packed: &'a Packed<T>,
     state: &'a mut [T],
     x: &'a [T],
@@ -112,7 +112,7 @@ impl<T: Scalar> Packed<T> {
     /// If a slice is shorter than documented: `state` [`Network::state_len`], `x` [`Network::inputs`], `scratch`
     /// [`scratch`](Self::scratch).
     pub fn step(&self, state: &mut [T], x: &[T], scratch: &mut [T]) {
-        Arch::new().dispatch(Step { packed: self, state, x, scratch });
+        T::step(Arch::new(), Step { packed: self, state, x, scratch });
     }
 
     /// The same with the vectors that the processor has.

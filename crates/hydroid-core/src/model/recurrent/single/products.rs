@@ -32,7 +32,7 @@ impl<T> Default for Change<'_, T> {
 }
 
 /// A product as what [`Arch`] compiles for the processor.
-struct Times<'a, T> {
+pub struct Times<'a, T> {
     linear: &'a Linearization<T>,
     packed: &'a Packed<T>,
     change: Change<'a, T>,
@@ -51,7 +51,7 @@ impl<T: Scalar> WithSimd for Times<'_, T> {
 }
 
 /// The same of the outputs.
-struct OutputTimes<'a, T> {
+pub struct OutputTimes<'a, T> {
     linear: &'a Linearization<T>,
     packed: &'a Packed<T>,
     change: Change<'a, T>,
@@ -90,7 +90,7 @@ impl<T: Scalar> Linearization<T> {
         out: &mut [T],
         scratch: &mut [T],
     ) {
-        Arch::new().dispatch(Times { linear: self, packed, change, columns, out, scratch });
+        T::times(Arch::new(), Times { linear: self, packed, change, columns, out, scratch });
     }
 
     #[inline(always)]
@@ -195,7 +195,7 @@ impl<T: Scalar> Linearization<T> {
     /// # Panics
     /// If a matrix has not its rows times `columns`.
     pub fn output_times(&self, packed: &Packed<T>, change: Change<'_, T>, columns: usize, out: &mut [T]) {
-        Arch::new().dispatch(OutputTimes { linear: self, packed, change, columns, out });
+        T::output_times(Arch::new(), OutputTimes { linear: self, packed, change, columns, out });
     }
 
     #[inline(always)]

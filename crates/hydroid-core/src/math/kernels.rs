@@ -1,0 +1,64 @@
+//! What is compiled for each processor, compiled here and nowhere else.
+//!
+//! What is generic is compiled again in every crate and every test that uses it, and kernels, three times each for as many
+//! kinds of vectors, are most of what there is to compile. So none is called through a function that is generic: there is one
+//! for each kernel and precision ([`Kernels`]), to which other crates are linked. What calls a kernel may be generic; it should
+//! be little.
+
+use pulp::Arch;
+
+use super::vectors::Vectors;
+use crate::adapt::kalman::reduced::structure;
+use crate::adapt::kalman::{full, reduced, triangle};
+use crate::math;
+use crate::model::direct::{batch, through};
+use crate::model::recurrent::batch::cells;
+use crate::model::recurrent::single::{linearization, packed, products};
+
+/// `name: kernel => output`: a function of that name which runs the kernel on vectors that the processor has.
+macro_rules! kernels {
+    ($($name:ident: $kernel:ty => $output:ty;)*) => {
+        /// The kernels of a precision; `f32` and `f64` have them.
+        pub trait Kernels: Vectors {
+            $(fn $name(arch: Arch, kernel: $kernel) -> $output;)*
+        }
+
+        kernels!(in f32: $($name: $kernel => $output;)*);
+        kernels!(in f64: $($name: $kernel => $output;)*);
+    };
+    (in $scalar:ident: $($name:ident: $kernel:ty => $output:ty;)*) => {
+        impl Kernels for $scalar {
+            $(
+                // Inlined, it would be compiled where it is called.
+                #[inline(never)]
+                fn $name(arch: Arch, kernel: $kernel) -> $output {
+                    arch.dispatch(kernel)
+                }
+            )*
+        }
+    };
+}
+
+kernels! {
+    each: math::Each<'_, Self> => ();
+    direct_forward: batch::Forwards<'_, Self> => ();
+    direct_back: batch::Backs<'_, Self> => ();
+    direct_step: through::Step<'_, Self> => ();
+    direct_read_out: through::ReadOut<'_, Self> => ();
+    cells_forward: cells::Forwards<'_, Self> => ();
+    cells_back: cells::Backs<'_, Self> => ();
+    step: packed::Step<'_, Self> => ();
+    linear_step: linearization::Step<'_, Self> => ();
+    times: products::Times<'_, Self> => ();
+    output_times: products::OutputTimes<'_, Self> => ();
+    triangle_pass: triangle::Part<'_, '_, Self> => ();
+    triangle_quadratic: triangle::Quadratic<'_, Self> => Self;
+    full_products: full::Products<'_, Self> => ();
+    full_spread: full::Spread<'_, Self> => ();
+    full_correct: full::Correct<'_, Self> => ();
+    reduced_advance: structure::Advance<'_, Self> => ();
+    reduced_times: structure::Times<'_, Self> => ();
+    reduced_scale: reduced::Scale<'_, Self> => ();
+    reduced_expect: reduced::Expect<'_, Self> => ();
+    reduced_correct: reduced::Correct<'_, Self> => bool;
+}
