@@ -33,8 +33,8 @@ const AWAY: f64 = 1.4;
 /// What jumps by less than so many usual deviations and does not go back at once is the vessel.
 const SMALL: f64 = 6.5;
 
-/// No vessel comes back by itself from a jump of more than so many usual deviations. From one of twice as many, most of which stays, none
-/// is far off, whatever the models that are not told anything meanwhile make of it.
+/// No vessel comes back by itself from a jump of more than so many usual deviations. None jumps by twice as many and stays there, whatever the
+/// models that are not told anything meanwhile make of it.
 const HUGE: f64 = 9.0;
 
 /// Jumps of more than this many deviations count as this in what is usual.
@@ -70,7 +70,7 @@ pub(super) enum Verdict {
 /// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
 /// next, but for noise, and not by half as much more or less than the first. Where the first jump was such as vessels make when they take off
 /// (below twice [`HUGE`]), all of them must be the same; where it was not huge, nobody may find less than half of it left. Above, it is enough
-/// that most is left: models that are told nothing drift, and may be anywhere.
+/// that the second measurement was off as well: models that are told nothing drift, and may be anywhere.
 /// Otherwise it is the vessel after all. So is at once what stays off and is not off by much, and what is farther off by two
 /// fifths of the first jump.
 #[derive(Clone, Debug, Default)]
@@ -99,6 +99,8 @@ pub(super) struct Sensor {
     first: f64,
     /// The least of these since one was used: where spikes stand side by side the series begins again.
     begun_by: f64,
+    /// Whether the second was off by half as much at least: what was a spike is not.
+    lasts: bool,
     /// The last value that was used, as it was used.
     held: f64,
     /// What each model makes of them, and who expects the last value that was used.
@@ -118,7 +120,7 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 16 + Track::MEMORY_LEN * (EXPERTS + 1);
+    pub(super) const MEMORY_LEN: usize = 17 + Track::MEMORY_LEN * (EXPERTS + 1);
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
@@ -271,6 +273,7 @@ impl Sensor {
             self.streak = 0;
             return Verdict::Believed { deviations };
         }
+        self.lasts = if self.streak == 2 { 2.0 * deviations >= self.first } else { self.lasts };
         let mut another = self.jumps();
         let usual = num_traits::Float::sqrt(self.usual);
         let other = f64::max(0.5 * self.first, settings.reject) * usual;
@@ -295,13 +298,13 @@ impl Sensor {
             return Verdict::Spike { deviations };
         }
         // Jumps are the vessel's where nobody finds all of them the same, and small ones where some model knows nothing of them any more.
-        let (most_stays, sure) = (2.0 * deviations >= self.first, self.first > 2.0 * HUGE);
-        let steady =
-            |track: &&Track| track.spread() <= SAME * self.noise && (most_stays || self.first > HUGE);
+        let sure = self.first > 2.0 * HUGE;
+        let stays = self.first > HUGE || 2.0 * deviations >= self.first;
+        let steady = |track: &&Track| stays && track.spread() <= SAME * self.noise;
         let known = || self.tracks.iter().filter(|track| track.sum.is_finite());
         let same = known().find(|track| !track.first.is_nan() && (sure || steady(track)));
         let steadiest = || known().min_by(|a, b| a.spread().total_cmp(&b.spread()));
-        let Some(track) = same.or_else(|| steadiest().filter(|_| sure && most_stays)) else {
+        let Some(track) = same.or_else(|| steadiest().filter(|_| sure && self.lasts)) else {
             self.streak = 0;
             return Verdict::Believed { deviations };
         };
@@ -329,6 +332,7 @@ impl Sensor {
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         into.numbers(&[self.usual, self.last, self.offset, self.step, self.calm]);
         into.numbers(&[self.jump, self.first, self.held, self.swing, self.begun_by]);
+        into.flag(self.lasts);
         self.tracks.iter().for_each(|track| track.save(into));
         for count in [self.begun, self.seen, self.repeats, self.longest, self.streak, self.missing] {
             into.count(count);
@@ -342,6 +346,7 @@ impl Sensor {
         (self.usual, self.last, self.offset) = (usual, last, offset);
         (self.step, self.calm, self.jump, self.first) = (step, calm, jump, first);
         (self.held, self.swing, self.begun_by) = (held, swing, begun_by);
+        self.lasts = from.flag();
         self.tracks.iter_mut().for_each(|track| track.load(from));
         let counts = [&mut self.begun, &mut self.seen, &mut self.repeats, &mut self.longest];
         for count in counts.into_iter().chain([&mut self.streak, &mut self.missing]) {

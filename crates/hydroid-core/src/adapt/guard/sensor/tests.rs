@@ -215,6 +215,18 @@ fn a_spike_on_a_vessel_that_takes_off_is_no_offset() {
     assert!(matches!(all[250], Verdict::Spike { .. }), "or nothing was tried: {:?}", all[250]);
 }
 
+/// The same where the vessel slows down as well, so that nobody finds it off by the same from one sample to the next.
+#[test]
+fn an_offset_of_a_vessel_that_slows_down_is_found() {
+    let fall = |k: u64, rate: f64| rate * k.saturating_sub(200).min(12) as f64;
+    let all = verdicts_of(&mut Sensor::new(0.01), 230, |k| {
+        let offset = if k >= 200 { -0.8 } else { 0.0 };
+        let expected = [0.18, 0.25, 0.3].map(|rate| -fall(k, rate));
+        (offset - fall(k, 0.1) + 0.01 * noise(k), expected)
+    });
+    assert!(found(&all).is_some_and(|offset| (offset + 0.8).abs() < 0.25), "{:?}", &all[198..215]);
+}
+
 /// What came back from two spikes side by side was once taken for a third one, and that for an offset.
 #[test]
 fn a_vessel_that_moved_on_behind_two_spikes_has_no_offset() {
