@@ -189,14 +189,8 @@ fn an_offset_that_models_drift_across_is_found() {
 #[test]
 fn what_swells_and_ebbs_is_no_offset() {
     let off = [0.1, 0.118, 0.118, 0.105, 0.09, 0.075, 0.068, 0.068, 0.068];
-    let all = verdicts(
-        |_| 0.5,
-        |k, x| match k {
-            250..259 => x + off[k as usize - 250],
-            259.. => x + 0.068,
-            _ => x,
-        },
-    );
+    let fault = |k, x| if k < 250 { x } else { x + off[(250..258).position(|at| at == k).unwrap_or(8)] };
+    let all = verdicts(|_| 0.5, fault);
     assert_eq!(found(&all), None, "{:?}", &all[248..262]);
     assert!(matches!(all[255], Verdict::Spike { .. }), "or nothing was tried: {:?}", &all[248..262]);
 }
