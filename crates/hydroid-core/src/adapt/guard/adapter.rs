@@ -3,7 +3,7 @@
 use alloc::boxed::Box;
 
 use super::Guard;
-use super::bound::{Allowed, Bounded, Guarded};
+use super::bound::{Allowed, Bounded, Guarded, go_on};
 use super::event::Expert;
 use super::sensor::Sensor;
 use crate::adapt::kalman::Rehearsal;
@@ -32,6 +32,7 @@ impl Predictor for Guard {
         self.trial.reset();
         self.choice.reset();
         self.command.fill(f64::NAN);
+        self.motion.fill([f64::NAN; 2]);
         self.events.clear();
         self.outcome = Outcome::Waiting;
     }
@@ -58,11 +59,12 @@ impl Predictor for Guard {
         frozen.observe(told);
         self.outcome = self.learner.outcome();
         self.trial.see(&self.measured);
+        self.trial.moves(&mut self.motion);
         if self.trial.is_due() {
             self.check_health();
             self.judge();
             let experts = [self.learner.as_ref(), self.kept.as_ref(), self.frozen.as_ref()];
-            self.trial.mark(experts, self.choice.active, self.choice.allowed);
+            self.trial.mark(experts, self.choice.active, self.choice.allowed, &self.motion);
         }
         self.sample += 1;
     }
@@ -70,6 +72,7 @@ impl Predictor for Guard {
     fn advance(&mut self, c: &[f64]) {
         self.command.copy_from_slice(c);
         self.trial.hold(c);
+        go_on(&mut self.motion);
         self.learner.advance(c);
         self.kept.advance(c);
         self.frozen.advance(c);
@@ -81,19 +84,21 @@ impl Predictor for Guard {
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         let models: [&dyn Predictor; 2] = [self.expert(self.choice.active), self.frozen.as_ref()];
-        self.bound.rollout(models, self.choice.allowed, commands, work, y);
+        self.bound.rollout(models, self.choice.allowed, &self.motion, commands, work, y);
     }
 
     fn snapshot_len(&self) -> usize {
-        self.learner.snapshot_len() + self.frozen.snapshot_len() + Allowed::LEN
+        self.learner.snapshot_len() + self.frozen.snapshot_len() + Allowed::LEN + 2 * self.motion.len()
     }
 
-    /// Of the model that predicts, of the one from shore, and how far they may be apart.
+    /// Of the model that predicts, of the one from shore, how far they may be apart, and how the vessel moves.
     fn snapshot(&self, into: &mut [f64]) {
         let len = self.learner.snapshot_len();
         self.expert(self.choice.active).snapshot(&mut into[..len]);
         self.frozen.snapshot(&mut into[len..2 * len]);
-        into[2 * len..].copy_from_slice(&self.choice.allowed.numbers());
+        let (allowed, motion) = into[2 * len..].split_at_mut(Allowed::LEN);
+        allowed.copy_from_slice(&self.choice.allowed.numbers());
+        motion.copy_from_slice(self.motion.as_flattened());
     }
 
     /// The learner goes on from state and weights of the model that predicted, and predicts unless it was the frozen one; the
@@ -106,6 +111,7 @@ impl Predictor for Guard {
         frozen.restore(&from[len..2 * len]);
         self.trial.reset();
         let allowed = Allowed::of(core::array::from_fn(|i| from[2 * len + i]));
+        self.motion.as_flattened_mut().copy_from_slice(&from[2 * len + Allowed::LEN..]);
         self.choice.active = if allowed == Allowed::NONE { Expert::Frozen } else { Expert::Learner };
         self.choice.reset();
         self.choice.allowed = allowed;
@@ -115,6 +121,7 @@ impl Predictor for Guard {
         Source::Guarded(Guarded {
             bound: &self.bound,
             allowed: self.choice.allowed,
+            motion: &self.motion,
             models: [self.expert(self.choice.active), self.frozen.as_ref()],
         })
     }
@@ -123,6 +130,7 @@ impl Predictor for Guard {
         Box::new(Bounded {
             bound: self.bound.clone(),
             allowed: self.choice.allowed,
+            motion: self.motion.clone().into(),
             model: self.expert(self.choice.active).fork(),
             shore: self.frozen.fork(),
         })
@@ -178,7 +186,13 @@ impl Adapter for Guard {
     fn memory_len(&self) -> usize {
         let experts = self.learner.memory_len() + self.kept.memory_len() + self.frozen.memory_len();
         let sensors = self.sensors.len() * Sensor::MEMORY_LEN;
-        experts + sensors + self.trial.memory_len() + self.choice.memory_len() + self.command.len() + 6
+        experts
+            + sensors
+            + self.trial.memory_len()
+            + self.choice.memory_len()
+            + self.command.len()
+            + 2 * self.motion.len()
+            + 6
     }
 
     fn save(&self, into: &mut [f64]) {
@@ -191,6 +205,7 @@ impl Adapter for Guard {
         self.trial.save(&mut into);
         self.choice.save(&mut into);
         into.numbers(&self.command);
+        into.numbers(self.motion.as_flattened());
         // Exact up to 2^53.
         into.numbers(&[self.sample as f64]);
         for count in [self.rest, self.keep, self.next_rest] {
@@ -210,6 +225,7 @@ impl Adapter for Guard {
         self.trial.load(&mut from);
         self.choice.load(&mut from);
         from.numbers(&mut self.command);
+        from.numbers(self.motion.as_flattened_mut());
         self.sample = from.count(MOST_COUNTED) as u64;
         for count in [&mut self.rest, &mut self.keep, &mut self.next_rest] {
             *count = from.count(MOST_COUNTED);

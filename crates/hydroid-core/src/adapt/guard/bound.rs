@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! d = mean over outputs of |p - f| / w, the largest over the last stride of steps up to the horizon
-//! answer = p                      if free <= d <= far (the least d there, the largest here)
+//! answer = p                      if free <= d <= far (the least d there, the largest here), and the vessel does not move otherwise
 //!        = f                      if d <= most and something is owed
 //!        = f + a (p - f)          otherwise, with a = min(1, most / d), the same for all steps
 //! ```
@@ -13,10 +13,20 @@
 //! where the two are far apart, one of them is far off: if the error of `p` is at most `E`, that of `f` is at least `d - E`,
 //! and what `p` costs beyond `factor` times that is at most `most` where `d >= (E (1 + factor) - most) / factor`. (Of a model from shore that has
 //! been right of late nobody believes that: then `far` is small.) While something is owed, what is near anyway is not worth owing more.
+//!
+//! And there is a third opinion: that the vessel goes on as it moves, `m = y + k dy` after `k` samples, with `y` and `dy` as they were
+//! measured. It is a poor prediction, but it knows no water: a model that says that the vessel flies on, while it comes down, is farther from
+//! `m` than the one from shore is. Where that shall be heeded, what is farther from `m` by `AGAINST` times does not stand.
 
 use alloc::boxed::Box;
 
 use crate::predict::{Predictor, Source, Workspace};
+
+/// A prediction is against how the vessel moves where it is farther from that, by this factor, than that of the model from shore.
+const AGAINST: f64 = 1.5;
+
+/// How the vessel moves: of each output its value, and how much it changes in a sample; NaN where that was not measured.
+pub(super) type Motion = [[f64; 2]];
 
 /// How far predictions may be from those of the model from shore: up to `most`, or from `free` up to `far`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,21 +37,25 @@ pub(super) struct Allowed {
     /// Whether something is owed: nothing is owed in addition for predictions that are near anyway, and those of the model from shore
     /// stand for them.
     pub(super) owes: bool,
+    /// Whether a prediction that is far off may not be against how the vessel moves.
+    pub(super) heeds: bool,
 }
 
 impl Allowed {
     /// The model from shore alone.
-    pub(super) const NONE: Self = Self { most: 0.0, free: f64::INFINITY, far: 0.0, owes: false };
+    pub(super) const NONE: Self =
+        Self { most: 0.0, free: f64::INFINITY, far: 0.0, owes: false, heeds: false };
 
     /// Numbers that it is kept in.
-    pub(super) const LEN: usize = 4;
+    pub(super) const LEN: usize = 5;
 
     pub(super) fn numbers(self) -> [f64; Self::LEN] {
-        [self.most, self.free, self.far, f64::from(u8::from(self.owes))]
+        let [owes, heeds] = [self.owes, self.heeds].map(|flag| f64::from(u8::from(flag)));
+        [self.most, self.free, self.far, owes, heeds]
     }
 
-    pub(super) fn of([most, free, far, owes]: [f64; Self::LEN]) -> Self {
-        Self { most, free, far, owes: owes != 0.0 }
+    pub(super) fn of([most, free, far, owes, heeds]: [f64; Self::LEN]) -> Self {
+        Self { most, free, far, owes: owes != 0.0, heeds: heeds != 0.0 }
     }
 }
 
@@ -62,6 +76,7 @@ impl Bound {
         &self,
         [model, shore]: [&dyn Predictor; 2],
         allowed: Allowed,
+        motion: &Motion,
         commands: &[f64],
         work: &mut Workspace,
         y: &mut [f64],
@@ -73,7 +88,7 @@ impl Bound {
         other.resize(y.len(), 0.0);
         shore.rollout(commands, work, &mut other);
         model.rollout(commands, work, y);
-        self.draw(y, &other, allowed);
+        self.draw(y, &other, allowed, motion);
         work.give_back(other);
     }
 
@@ -89,18 +104,41 @@ impl Bound {
         })
     }
 
-    /// Whether a prediction is drawn for nothing but being farther off than is believed.
-    pub(super) fn is_too_far(&self, predicted: &[f64], shore: &[f64], allowed: Allowed) -> bool {
+    /// Whether a prediction is drawn for nothing but being farther off than is believed, or against how the vessel moves.
+    pub(super) fn is_refused(
+        &self,
+        predicted: &[f64],
+        shore: &[f64],
+        allowed: Allowed,
+        motion: &Motion,
+    ) -> bool {
         let (least, most) = self.reach(predicted, shore);
-        most.is_finite() && most > allowed.most && most > allowed.far && least >= allowed.free
+        let believed =
+            || most <= allowed.far && !(allowed.heeds && self.is_against(motion, predicted, shore));
+        most.is_finite() && most > allowed.most && least >= allowed.free && !believed()
+    }
+
+    /// Whether a prediction is against how the vessel moves, at the last step by which it is judged. (Nothing is against what nobody knows.)
+    fn is_against(&self, motion: &Motion, predicted: &[f64], shore: &[f64]) -> bool {
+        let n = self.scale.len();
+        let steps = (predicted.len() / n).min(self.horizon);
+        let last = steps.saturating_sub(1) * n..steps * n;
+        let off = |from: &[f64]| {
+            let each = motion.iter().zip(&from[last.clone()]).zip(&self.scale);
+            each.map(|(([y, dy], p), scale)| (y + steps as f64 * dy - p).abs() / scale).sum::<f64>()
+        };
+        off(predicted) > AGAINST * off(shore)
     }
 
     /// Draws a prediction towards another one, unless it may stand.
-    pub(super) fn draw(&self, predicted: &mut [f64], shore: &[f64], allowed: Allowed) {
+    pub(super) fn draw(&self, predicted: &mut [f64], shore: &[f64], allowed: Allowed, motion: &Motion) {
         let (least, most) = self.reach(predicted, shore);
         let share = if most <= allowed.most {
             if allowed.owes { 0.0 } else { 1.0 }
-        } else if least >= allowed.free && most <= allowed.far {
+        } else if least >= allowed.free
+            && most <= allowed.far
+            && !(allowed.heeds && self.is_against(motion, predicted, shore))
+        {
             1.0
         } else {
             allowed.most / most
@@ -123,11 +161,34 @@ impl Bound {
     }
 }
 
+/// How the vessel moves, by two series of measurements of equal length: their means tell value and change. What was not measured in all of
+/// them goes on as it did.
+pub(super) fn measure(rows: &[f64], motion: &mut Motion) {
+    let n = motion.len();
+    let (before, late) = rows.split_at(rows.len() / 2);
+    let count = (late.len() / n) as f64;
+    for (i, into) in motion.iter_mut().enumerate() {
+        let mean = |rows: &[f64]| rows.iter().skip(i).step_by(n).sum::<f64>() / count;
+        let dy = (mean(late) - mean(before)) / count;
+        if !dy.is_nan() {
+            *into = [mean(late) + 0.5 * (count - 1.0) * dy, dy];
+        }
+    }
+}
+
+/// A sample later, as far as anybody knows.
+pub(super) fn go_on(motion: &mut Motion) {
+    for [y, dy] in motion {
+        *y += *dy;
+    }
+}
+
 /// What the rollouts of a guard are made of.
 #[derive(Clone, Copy)]
 pub struct Guarded<'a> {
     pub(super) bound: &'a Bound,
     pub(super) allowed: Allowed,
+    pub(super) motion: &'a Motion,
     pub(super) models: [&'a dyn Predictor; 2],
 }
 
@@ -145,7 +206,7 @@ impl<'a> Guarded<'a> {
     /// Draws a rollout of the model that learned towards that of the one from shore under the same commands, unless it may
     /// stand.
     pub fn draw(&self, predicted: &mut [f64], shore: &[f64]) {
-        self.bound.draw(predicted, shore, self.allowed);
+        self.bound.draw(predicted, shore, self.allowed, self.motion);
     }
 }
 
@@ -159,6 +220,7 @@ impl core::fmt::Debug for Guarded<'_> {
 pub(super) struct Bounded {
     pub(super) bound: Bound,
     pub(super) allowed: Allowed,
+    pub(super) motion: Box<Motion>,
     pub(super) model: Box<dyn Predictor>,
     pub(super) shore: Box<dyn Predictor>,
 }
@@ -179,6 +241,7 @@ impl Predictor for Bounded {
     fn reset(&mut self) {
         self.model.reset();
         self.shore.reset();
+        self.motion.fill([f64::NAN; 2]);
     }
 
     fn observe(&mut self, y: &[f64]) {
@@ -189,6 +252,7 @@ impl Predictor for Bounded {
     fn advance(&mut self, c: &[f64]) {
         self.model.advance(c);
         self.shore.advance(c);
+        go_on(&mut self.motion);
     }
 
     fn output(&self, y: &mut [f64]) {
@@ -197,33 +261,38 @@ impl Predictor for Bounded {
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         let models = [self.model.as_ref(), self.shore.as_ref()];
-        self.bound.rollout(models, self.allowed, commands, work, y);
+        self.bound.rollout(models, self.allowed, &self.motion, commands, work, y);
     }
 
     fn snapshot_len(&self) -> usize {
-        self.model.snapshot_len() + self.shore.snapshot_len() + Allowed::LEN
+        self.model.snapshot_len() + self.shore.snapshot_len() + Allowed::LEN + 2 * self.motion.len()
     }
 
     fn snapshot(&self, into: &mut [f64]) {
         let (model, rest) = into.split_at_mut(self.model.snapshot_len());
-        let (shore, allowed) = rest.split_at_mut(self.shore.snapshot_len());
+        let (shore, rest) = rest.split_at_mut(self.shore.snapshot_len());
+        let (allowed, motion) = rest.split_at_mut(Allowed::LEN);
         self.model.snapshot(model);
         self.shore.snapshot(shore);
         allowed.copy_from_slice(&self.allowed.numbers());
+        motion.copy_from_slice(self.motion.as_flattened());
     }
 
     fn restore(&mut self, from: &[f64]) {
         let (model, rest) = from.split_at(self.model.snapshot_len());
-        let (shore, allowed) = rest.split_at(self.shore.snapshot_len());
+        let (shore, rest) = rest.split_at(self.shore.snapshot_len());
+        let (allowed, motion) = rest.split_at(Allowed::LEN);
         self.model.restore(model);
         self.shore.restore(shore);
         self.allowed = Allowed::of(core::array::from_fn(|i| allowed[i]));
+        self.motion.as_flattened_mut().copy_from_slice(motion);
     }
 
     fn source(&self) -> Source<'_> {
         Source::Guarded(Guarded {
             bound: &self.bound,
             allowed: self.allowed,
+            motion: &self.motion,
             models: [self.model.as_ref(), self.shore.as_ref()],
         })
     }
@@ -232,6 +301,7 @@ impl Predictor for Bounded {
         Box::new(Self {
             bound: self.bound.clone(),
             allowed: self.allowed,
+            motion: self.motion.clone(),
             model: self.model.fork(),
             shore: self.shore.fork(),
         })
@@ -240,9 +310,44 @@ impl Predictor for Bounded {
 
 #[cfg(test)]
 mod tests {
+    use alloc::vec::Vec;
+
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn what_is_measured_tells_how_the_vessel_moves() {
+        let mut motion = [[f64::NAN; 2], [7.0, 1.0]];
+        let rows = (0..8).flat_map(|k| [2.0 + 0.1 * f64::from(k), if k == 5 { f64::NAN } else { 0.0 }]);
+        measure(&rows.collect::<Vec<_>>(), &mut motion);
+        go_on(&mut motion);
+        let [[y, dy], other] = motion;
+        assert!((y - 2.8).abs() < 1e-12 && (dy - 0.1).abs() < 1e-12, "{motion:?}");
+        assert_eq!(other, [8.0, 1.0]);
+    }
+
+    /// A vessel that flies, by the one, or is back in the water in five samples, by the other.
+    #[test]
+    fn what_is_against_how_the_vessel_moves_does_not_stand() {
+        let bound = Bound { horizon: 5, stride: 2, scale: [3.0, 0.5].into() };
+        let (flies, falls) = ([5.0, 0.0].repeat(5), [1.0, 0.0].repeat(5));
+        let allowed = Allowed { most: 0.1, free: 0.2, far: 10.0, owes: false, heeds: true };
+        let stands = |motion: [[f64; 2]; 2], allowed: Allowed| {
+            let mut answer = flies.clone();
+            bound.draw(&mut answer, &falls, allowed, &motion);
+            let stands = answer == flies;
+            assert_eq!(stands, !bound.is_refused(&flies, &falls, allowed, &motion));
+            stands
+        };
+        let (steady, slower) = ([[5.0, 0.0], [0.0; 2]], [[4.5, -0.5], [0.0; 2]]);
+        assert!(stands(steady, allowed));
+        assert!(!stands(slower, allowed));
+        assert!(stands(slower, Allowed { heeds: false, ..allowed }));
+        // Slower by little, or where one output was never measured.
+        assert!(stands([[4.5, -0.2], [0.0; 2]], allowed));
+        assert!(stands([slower[0], [f64::NAN; 2]], allowed));
+    }
 
     proptest! {
         /// Whatever is predicted and measured, the error at the horizon exceeds that of the other by at most what is allowed.
@@ -253,6 +358,8 @@ mod tests {
             measured in prop::collection::vec(-2.0..2.0_f64, 12),
             most in 0.0..3.0_f64,
             owes in any::<bool>(),
+            heeds in any::<bool>(),
+            motion in prop::array::uniform2([-2.0..2.0_f64, -0.5..0.5_f64]),
             bad in prop::option::of((0_usize..12, prop_oneof![Just(f64::NAN), Just(f64::INFINITY)])),
         ) {
             let bound = Bound { horizon: 5, stride: 2, scale: [3.0, 0.5].into() };
@@ -261,7 +368,7 @@ mod tests {
                 answer[at] = value;
             }
             let free = 1.7;
-            bound.draw(&mut answer, &shore, Allowed { most, free, far: 4.0, owes });
+            bound.draw(&mut answer, &shore, Allowed { most, free, far: 4.0, owes, heeds }, &motion);
             prop_assert!(answer.iter().all(|y| y.is_finite()));
             for row in 3..5 {
                 let part = 2 * row..2 * row + 2;

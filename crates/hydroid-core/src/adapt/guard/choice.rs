@@ -43,12 +43,13 @@ const PROVEN: f64 = 3.0;
 /// is taken to be at most so many times that of the last test, shrunk as that of a stride has. (Coming down from what it does not know, it is
 /// right again seconds before a test of the horizon can tell.)
 const RISING: f64 = 1.1;
-const FALLS: f64 = 1.5;
+const FALLS: f64 = 2.0;
 
-/// That holds where it has been wrong by so many noise floors within the horizon. Where it has been right, it may be about to be wrong all the
-/// same: who said so before, and would have been right in this share of the cases (each counts for so much), is believed.
+/// That holds where it has been wrong by so many noise floors within the horizon, and so does what the motion of the vessel tells. Where it has
+/// been right, it may be about to be wrong all the same: who said so before, and would have been right in this share of the cases (each counts
+/// for so much), is believed.
 const WRONG: f64 = 10.0;
-const TRUSTED: f64 = 0.6;
+const TRUSTED: f64 = 0.75;
 const COUNTS: f64 = 0.1;
 
 /// A model that has just said something else of the same time is taken to be wrong by so many times as much as it has changed its
@@ -90,7 +91,7 @@ pub(super) struct Choice {
     lately: Vec<[f64; 3]>,
     /// How far each has changed what it says, in the same tests.
     revised: Vec<[f64; 3]>,
-    /// Whether the last prediction that was refused for its distance would have been right, and the share of those of late that would.
+    /// Whether the last prediction that was refused, far off as it was, would have been right, and the share of those of late that would.
     proven: bool,
     trust: f64,
     /// Errors of the model from shore over a stride, in the same tests; and how fast it has been going wrong, of late: the largest of them
@@ -245,6 +246,7 @@ impl Choice {
                 free: (self.feared(next) * (1.0 + self.factor) - most) / self.factor,
                 far: most + self.off(shore),
                 owes: used > 0.0,
+                heeds: self.may_be_right_again(),
             }
         };
         self.under_way[self.next] = self.allowed.most;
@@ -264,9 +266,14 @@ impl Choice {
         let begins = f64::max(GROWS * lately, STEEP * self.steep) * if self.proven { PROVEN } else { 1.0 };
         let (before, now) = (self.strides[0], self.strides[self.strides.len() - 1]);
         let grown = if before > 0.0 { now / before } else { 1.0 };
-        let begins_nothing = grown < RISING && (lately >= WRONG * self.floor || self.trust <= TRUSTED);
+        let begins_nothing = grown < RISING && self.may_be_right_again();
         // (What was not measured says nothing.)
         if begins_nothing && far.is_finite() { begins.min(FALLS * grown * far) } else { begins }
+    }
+
+    /// Whether the model from shore, if it has been wrong, may be right again at any time; and if it has been right, remain so.
+    fn may_be_right_again(&self) -> bool {
+        worst(&self.lately, Expert::Frozen) >= WRONG * self.floor || self.trust <= TRUSTED
     }
 
     /// Whether the record of a model is good enough beside that of the one from shore.

@@ -108,6 +108,8 @@ pub struct Guard {
     measured: Vec<f64>,
     told: Vec<f64>,
     command: Vec<f64>,
+    /// How the vessel moves, by that: see [`Bound`].
+    motion: Vec<[f64; 2]>,
     expected: [Vec<f64>; 3],
     snapshot: [Vec<f64>; 2],
 }
@@ -122,7 +124,7 @@ impl core::fmt::Debug for Guard {
 
 /// A value that a sensor is stuck at, where it is nearer to what the learner expects than what the model from shore expects by itself:
 /// in water that this model does not know it goes astray within seconds if it is told nothing.
-fn nearer(value: f64, [learner, _, frozen]: [f64; 3]) -> f64 {
+fn nearer(value: f64, learner: f64, frozen: f64) -> f64 {
     if (value - learner).abs() < (frozen - learner).abs() { value } else { f64::NAN }
 }
 
@@ -180,6 +182,7 @@ impl Guard {
             measured: vec![f64::NAN; n],
             told: vec![f64::NAN; n],
             command: vec![f64::NAN; m],
+            motion: vec![[f64::NAN; 2]; n],
             expected: [vec![f64::NAN; n], vec![f64::NAN; n], vec![f64::NAN; n]],
             snapshot: [vec![0.0; len], vec![0.0; len]],
             learner,
@@ -239,7 +242,8 @@ impl Guard {
         for (i, &value) in y.iter().enumerate() {
             let sensor = &mut self.sensors[i];
             let missing = sensor.missing;
-            let expected = core::array::from_fn(|expert| self.expected[expert][i]);
+            let [learner, kept, frozen] = [0, 1, 2].map(|expert: usize| self.expected[expert][i]);
+            let expected = [learner, kept, frozen, self.motion[i][0]];
             let verdict = sensor.judge(value, expected, &self.settings);
             let corrected = value - sensor.offset;
             let output = i;
@@ -266,7 +270,7 @@ impl Guard {
             };
             self.measured[i] = used;
             self.told[i] =
-                if let Verdict::Stuck { .. } = verdict { nearer(corrected, expected) } else { used };
+                if let Verdict::Stuck { .. } = verdict { nearer(corrected, learner, frozen) } else { used };
             if let Some(action) = action {
                 self.note(action);
             }

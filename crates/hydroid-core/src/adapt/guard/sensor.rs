@@ -7,10 +7,11 @@ use super::settings::GuardSettings;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use track::{SAME, Track};
 
-const EXPERTS: usize = Expert::ALL.len();
+/// Who expects a value: the models, and behind them who expects that the vessel goes on as it moved.
+pub(super) const EXPECTED: usize = Expert::ALL.len() + 1;
 
 /// Where the expectation stands that nothing changes.
-const HELD: usize = EXPERTS;
+const HELD: usize = EXPECTED;
 
 /// Measurements of a channel before it is judged.
 const WARM_UP: usize = 100;
@@ -30,12 +31,12 @@ const ALONE: f64 = 3.0;
 /// It is the vessel that is farther off than at first by this factor.
 const AWAY: f64 = 1.4;
 
-/// What jumps by less than so many usual deviations and does not go back at once is the vessel.
-const SMALL: f64 = 6.5;
-
 /// No vessel comes back by itself from a jump of more than so many usual deviations. None jumps by twice as many and stays there, whatever the
 /// models that are not told anything meanwhile make of it.
 const HUGE: f64 = 9.0;
+
+/// Of those who expect something, so many are most.
+const MOST: usize = 3;
 
 /// Jumps of more than this many deviations count as this in what is usual.
 const SOUND: f64 = 4.0;
@@ -63,16 +64,16 @@ pub(super) enum Verdict {
 ///
 /// What is judged is how far an innovation *jumps* from one measurement to the next, against what is usual of that, `s`, the root
 /// mean square of the jumps: how large innovations are is the filter's affair (a sluggish one has large ones, and all
-/// smooth), while a jump is the sensor's noise and little else. Of the models the one with the least jump counts, and one of them
-/// is that nothing changes: models that are told nothing may be anywhere at once, a vessel is not. A jump of
+/// smooth), while a jump is the sensor's noise and little else. Of those who expect something the one with the least jump counts:
+/// beside the models that is who expects that the vessel goes on as it moved, and who expects that nothing changes (models that are told nothing
+/// may be anywhere at once, a vessel is not). A jump of
 /// more than [`reject`](GuardSettings::reject) `s` beside none in what was measured before is a spike (a vessel has inertia, and does not stand still before it
 /// jumps), and so are the measurements that follow as long as they are so far off, but for one that jumps back most of the way;
 /// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
 /// next, but for noise, and not by half as much more or less than the first. Where the first jump was such as vessels make when they take off
-/// (below twice [`HUGE`]), all of them must be the same; where it was not huge, nobody may find less than half of it left. Above, it is enough
-/// that the second measurement was off as well: models that are told nothing drift, and may be anywhere.
-/// Otherwise it is the vessel after all. So is at once what stays off and is not off by much, and what is farther off by two
-/// fifths of the first jump.
+/// (below twice [`HUGE`]), all of them must be the same; where it was not huge, most must find that, and nobody may find less than half of it left.
+/// Above, it is enough that the second measurement was off as well: models that are told nothing drift, and may be anywhere.
+/// Otherwise it is the vessel after all. So is at once what was not huge and is farther off by two fifths.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
     /// Standard deviation of its noise, in its unit.
@@ -104,7 +105,7 @@ pub(super) struct Sensor {
     /// The last value that was used, as it was used.
     held: f64,
     /// What each model makes of them, and who expects the last value that was used.
-    tracks: [Track; EXPERTS + 1],
+    tracks: [Track; EXPECTED + 1],
     /// Samples without a measurement that was used.
     pub(super) missing: usize,
     /// What is taken from each measurement.
@@ -120,7 +121,7 @@ impl Sensor {
     }
 
     /// Numbers of [`save`](Self::save).
-    pub(super) const MEMORY_LEN: usize = 17 + Track::MEMORY_LEN * (EXPERTS + 1);
+    pub(super) const MEMORY_LEN: usize = 17 + Track::MEMORY_LEN * (EXPECTED + 1);
 
     /// The start of a run: what was measured last says nothing.
     pub(super) fn reset(&mut self) {
@@ -133,14 +134,14 @@ impl Sensor {
         self.streak = 0;
         self.missing = 0;
         self.held = f64::NAN;
-        self.tracks = [Track::new(); EXPERTS + 1];
+        self.tracks = [Track::new(); EXPECTED + 1];
     }
 
     /// Judges a value of which the models expected so much, NaN where they expected nothing.
     pub(super) fn judge(
         &mut self,
         value: f64,
-        expected: [f64; EXPERTS],
+        expected: [f64; EXPECTED],
         settings: &GuardSettings,
     ) -> Verdict {
         let verdict = self.judged(value, expected, settings);
@@ -155,7 +156,7 @@ impl Sensor {
         verdict
     }
 
-    fn judged(&mut self, value: f64, expected: [f64; EXPERTS], settings: &GuardSettings) -> Verdict {
+    fn judged(&mut self, value: f64, expected: [f64; EXPECTED], settings: &GuardSettings) -> Verdict {
         if !value.is_finite() {
             self.streak = 0;
             return Verdict::Missing;
@@ -177,14 +178,14 @@ impl Sensor {
             self.streak = 0;
             return Verdict::Stuck { repeats: self.repeats };
         }
-        let [a, b, c] = expected;
-        let innovations = [a, b, c, self.held].map(|expected| value - self.offset - expected);
+        let [a, b, c, d] = expected;
+        let innovations = [a, b, c, d, self.held].map(|expected| value - self.offset - expected);
         self.weigh(innovations, before, warm, settings)
     }
 
     fn weigh(
         &mut self,
-        innovations: [f64; EXPERTS + 1],
+        innovations: [f64; EXPECTED + 1],
         before: [f64; 2],
         warm: bool,
         settings: &GuardSettings,
@@ -224,7 +225,8 @@ impl Sensor {
         let alone = alone(before[0], self.step) || alone(before[1], self.swing);
         let off = warm && deviations > settings.inflate;
         if off && alone && deviations > settings.reject {
-            (self.streak, self.jump, self.calm) = (1, self.step.abs(), before[0]);
+            (self.streak, self.calm) = (1, before[0]);
+            self.jump = self.leap();
             self.begin(usual, settings);
             return Verdict::Spike { deviations };
         }
@@ -257,9 +259,14 @@ impl Sensor {
         self.begun_by = self.first;
     }
 
+    /// How far the last value jumped beside what it had changed by before the series: a vessel that slows down goes on doing so.
+    fn leap(&self) -> f64 {
+        self.step.abs().min((self.step - self.calm).abs())
+    }
+
     /// Whether the last value has jumped as far as the first of a series, or not much less.
     fn jumps(&self) -> bool {
-        self.step.abs() * ALONE > self.jump
+        self.leap() * ALONE > self.jump
     }
 
     /// One more that is far off.
@@ -273,7 +280,9 @@ impl Sensor {
             self.streak = 0;
             return Verdict::Believed { deviations };
         }
-        self.lasts = if self.streak == 2 { 2.0 * deviations >= self.first } else { self.lasts };
+        if self.streak == 2 {
+            self.lasts = 2.0 * deviations >= self.first;
+        }
         let mut another = self.jumps();
         let usual = num_traits::Float::sqrt(self.usual);
         let other = f64::max(0.5 * self.first, settings.reject) * usual;
@@ -285,26 +294,28 @@ impl Sensor {
             // Spikes side by side: what follows is judged by what was before the first of them.
             self.streak = 1;
             self.tracks.iter_mut().for_each(Track::begin);
-            (self.jump, self.first) = (self.step.abs().min(deviations * usual), deviations);
+            (self.jump, self.first) = (self.leap().min(deviations * usual), deviations);
             self.begun_by = self.begun_by.min(deviations);
             return Verdict::Spike { deviations };
         }
-        // And a vessel that begins to turn beside a filter that does not expect it jumps by as much as a small spike does, and does not go back.
-        if self.first < SMALL || (self.first <= HUGE && deviations > AWAY * self.first) {
+        // And a vessel that begins to turn beside a filter that does not expect it jumps by as much as a small spike does, and goes farther.
+        if self.first <= HUGE && deviations > AWAY * self.first {
             self.streak = 0;
             return Verdict::Believed { deviations };
         }
         if self.streak < settings.patience {
             return Verdict::Spike { deviations };
         }
-        // Jumps are the vessel's where nobody finds all of them the same, and small ones where some model knows nothing of them any more.
+        // Jumps are the vessel's where nobody finds all of them the same; and small ones where most do not, or some model knows nothing of
+        // them any more.
         let sure = self.first > 2.0 * HUGE;
-        let stays = self.first > HUGE || 2.0 * deviations >= self.first;
-        let steady = |track: &&Track| stays && track.spread() <= SAME * self.noise;
         let known = || self.tracks.iter().filter(|track| track.sum.is_finite());
-        let same = known().find(|track| !track.first.is_nan() && (sure || steady(track)));
+        let same = |track: &&Track| !track.first.is_nan() && (sure || track.spread() <= SAME * self.noise);
+        let stays =
+            self.first > HUGE || (2.0 * deviations >= self.first && known().filter(same).count() >= MOST);
         let steadiest = || known().min_by(|a, b| a.spread().total_cmp(&b.spread()));
-        let Some(track) = same.or_else(|| steadiest().filter(|_| sure && self.lasts)) else {
+        let found = known().find(same).filter(|_| stays);
+        let Some(track) = found.or_else(|| steadiest().filter(|_| sure && self.lasts)) else {
             self.streak = 0;
             return Verdict::Believed { deviations };
         };

@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::bound::{Allowed, Bound};
+use super::bound::{Allowed, Bound, Motion, measure};
 use super::event::Expert;
 use crate::adapt::Adapter;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
@@ -31,7 +31,7 @@ pub(super) struct Tested {
     /// What of that is beyond what they were allowed: those that stood far from the frozen model's on the strength of a record that
     /// did not hold.
     pub(super) beyond: f64,
-    /// Of an answer that was drawn for nothing but its distance: whether it would have cost no more than was allowed.
+    /// Of an answer that was drawn for nothing but its distance, or how the vessel moved: whether it would have cost no more than was allowed.
     pub(super) right: Option<bool>,
     /// Whether all outputs were measured.
     pub(super) whole: bool,
@@ -54,10 +54,12 @@ pub(super) struct Trial {
     /// Samples of this run, and commands.
     seen: usize,
     held: usize,
-    /// Of the origins that are still tested: snapshots of each model, the one that was used, and how far from the frozen one.
+    /// Of the origins that are still tested: snapshots of each model, the one that was used, how far from the frozen one, and how the vessel
+    /// moved.
     snapshots: Vec<f64>,
     used: Vec<Expert>,
     allowed: Vec<Allowed>,
+    motions: Vec<[f64; 2]>,
     shadow: Box<dyn Predictor>,
     work: Workspace,
     /// What each model predicted.
@@ -89,6 +91,7 @@ impl Trial {
             snapshots: vec![0.0; slots * EXPERTS * len],
             used: vec![Expert::default(); slots],
             allowed: vec![Allowed::NONE; slots],
+            motions: vec![[f64::NAN; 2]; slots * outputs],
             shadow: learner.fork(),
             work: Workspace::new(),
             predicted: core::array::from_fn(|_| vec![0.0; (horizon + stride) * outputs]),
@@ -113,6 +116,16 @@ impl Trial {
     pub(super) fn see(&mut self, y: &[f64]) {
         keep(&mut self.measured, self.seen % self.horizon, y);
         self.seen += 1;
+    }
+
+    /// How the vessel moves, by the last two strides of samples; without room for two in the horizon nobody knows.
+    pub(super) fn moves(&self, motion: &mut Motion) {
+        let stride = self.stride;
+        if self.seen < 2 * stride || self.horizon < 2 * stride {
+            return;
+        }
+        let rows = &self.measured[last(self.horizon, 2 * stride, self.seen, self.outputs)];
+        measure(rows, motion);
     }
 
     /// Whether the sample that was just seen is one at which models are tested, and tested from later.
@@ -186,7 +199,13 @@ impl Trial {
     }
 
     /// Keeps the models as they are, to be tested later.
-    pub(super) fn mark(&mut self, experts: [&dyn Adapter; EXPERTS], used: Expert, allowed: Allowed) {
+    pub(super) fn mark(
+        &mut self,
+        experts: [&dyn Adapter; EXPERTS],
+        used: Expert,
+        allowed: Allowed,
+        motion: &Motion,
+    ) {
         let slot = self.slot(self.origin());
         let part = &mut self.snapshots[slot * EXPERTS * self.len..][..EXPERTS * self.len];
         for (expert, into) in experts.iter().zip(part.chunks_exact_mut(self.len)) {
@@ -194,6 +213,7 @@ impl Trial {
         }
         self.used[slot] = used;
         self.allowed[slot] = allowed;
+        self.motions[slot * self.outputs..][..self.outputs].copy_from_slice(motion);
     }
 
     fn slot(&self, origin: usize) -> usize {
@@ -228,7 +248,13 @@ impl Trial {
         let (used, allowed) = (self.used[slot], self.allowed[slot]);
         let steps = self.horizon * self.outputs;
         let [answer, shore] = [used, Expert::Frozen].map(|e| &self.predicted[e.index()][..steps]);
-        let refused = used != Expert::Frozen && self.bound.is_too_far(answer, shore, allowed);
+        let refused = used != Expert::Frozen
+            && self.bound.is_refused(
+                answer,
+                shore,
+                allowed,
+                &self.motions[slot * self.outputs..][..self.outputs],
+            );
         refused.then(|| self.cost(used.index()) <= allowed.most)
     }
 
@@ -238,10 +264,11 @@ impl Trial {
         if self.used[slot] == Expert::Frozen {
             return self.cost(frozen);
         }
+        let motion = &self.motions[slot * self.outputs..][..self.outputs];
         let [learner, kept, shore] = &mut self.predicted;
         let answer = if self.used[slot] == Expert::Kept { kept } else { learner };
         let steps = self.horizon * self.outputs;
-        self.bound.draw(&mut answer[..steps], &shore[..steps], self.allowed[slot]);
+        self.bound.draw(&mut answer[..steps], &shore[..steps], self.allowed[slot], motion);
         let used = self.used[slot].index();
         self.cost(used)
     }
@@ -271,6 +298,7 @@ impl Trial {
             + self.snapshots.len()
             + self.used.len()
             + Allowed::LEN * self.allowed.len()
+            + self.motions.as_flattened().len()
             + 2
     }
 
@@ -284,6 +312,7 @@ impl Trial {
         for allowed in &self.allowed {
             into.numbers(&allowed.numbers());
         }
+        into.numbers(self.motions.as_flattened());
         into.count(self.seen);
         into.count(self.held);
     }
@@ -300,6 +329,7 @@ impl Trial {
             from.numbers(&mut numbers);
             *allowed = Allowed::of(numbers);
         }
+        from.numbers(self.motions.as_flattened_mut());
         self.seen = from.count(MOST_COUNTED);
         self.held = from.count(MOST_COUNTED);
     }
