@@ -108,7 +108,7 @@ pub struct Guard {
     measured: Vec<f64>,
     told: Vec<f64>,
     command: Vec<f64>,
-    /// How the vessel moves, by that: see [`Bound`].
+    /// How the vessel moves, by what was measured of it: see [`bound`].
     motion: Vec<[f64; 2]>,
     expected: [Vec<f64>; 3],
     snapshot: [Vec<f64>; 2],
