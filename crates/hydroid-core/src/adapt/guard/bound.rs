@@ -59,6 +59,17 @@ impl Allowed {
     }
 }
 
+/// Where a prediction stands beside that of the model from shore, and how far off where it is drawn towards it.
+enum Standing {
+    Near,
+    /// Far off, and tests say that it is the other one that is wrong.
+    Proven,
+    /// Not far enough for tests to say that.
+    Unproven(f64),
+    /// Farther than is believed, or against how the vessel moves.
+    Refused(f64),
+}
+
 /// How predictions are compared with those of the model from shore.
 #[derive(Clone, Debug)]
 pub(super) struct Bound {
@@ -112,10 +123,21 @@ impl Bound {
         allowed: Allowed,
         motion: &Motion,
     ) -> bool {
+        let standing = self.standing(predicted, shore, allowed, motion);
+        matches!(standing, Standing::Refused(distance) if distance.is_finite())
+    }
+
+    fn standing(&self, predicted: &[f64], shore: &[f64], allowed: Allowed, motion: &Motion) -> Standing {
         let (least, most) = self.reach(predicted, shore);
-        let believed =
-            || most <= allowed.far && !(allowed.heeds && self.is_against(motion, predicted, shore));
-        most.is_finite() && most > allowed.most && least >= allowed.free && !believed()
+        if most <= allowed.most {
+            Standing::Near
+        } else if least < allowed.free {
+            Standing::Unproven(most)
+        } else if most <= allowed.far && !(allowed.heeds && self.is_against(motion, predicted, shore)) {
+            Standing::Proven
+        } else {
+            Standing::Refused(most)
+        }
     }
 
     /// Whether a prediction is against how the vessel moves, at the last step by which it is judged. (Nothing is against what nobody knows.)
@@ -132,16 +154,10 @@ impl Bound {
 
     /// Draws a prediction towards another one, unless it may stand.
     pub(super) fn draw(&self, predicted: &mut [f64], shore: &[f64], allowed: Allowed, motion: &Motion) {
-        let (least, most) = self.reach(predicted, shore);
-        let share = if most <= allowed.most {
-            if allowed.owes { 0.0 } else { 1.0 }
-        } else if least >= allowed.free
-            && most <= allowed.far
-            && !(allowed.heeds && self.is_against(motion, predicted, shore))
-        {
-            1.0
-        } else {
-            allowed.most / most
+        let share = match self.standing(predicted, shore, allowed, motion) {
+            Standing::Near => f64::from(u8::from(!allowed.owes)),
+            Standing::Proven => 1.0,
+            Standing::Unproven(distance) | Standing::Refused(distance) => allowed.most / distance,
         };
         for (p, &f) in predicted.iter_mut().zip(shore) {
             if share < 1.0 {

@@ -5,7 +5,7 @@ mod track;
 use super::event::Expert;
 use super::settings::GuardSettings;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
-use track::{SAME, Track};
+use track::{APART, SAME, Track};
 
 /// Who expects a value: the models, and behind them who expects that the vessel goes on as it moved.
 pub(super) const EXPECTED: usize = Expert::ALL.len() + 1;
@@ -28,12 +28,13 @@ const FIRST: usize = 3;
 /// A jump is alone where the value before it changed by less than a part of it, or its change did: one in so many.
 const ALONE: f64 = 3.0;
 
-/// It is the vessel that is farther off than at first by this factor.
+/// It is the vessel that is farther off than at first by this factor (and, if it was not far off, by more than noise).
 const AWAY: f64 = 1.4;
 
-/// No vessel comes back by itself from a jump of more than so many usual deviations. None jumps by twice as many and stays there, whatever the
-/// models that are not told anything meanwhile make of it.
-const HUGE: f64 = 9.0;
+/// No vessel comes back by itself from a jump of more than so many usual deviations. None jumps by more than so many and stays there, whatever
+/// the models that are not told anything meanwhile make of it.
+const HUGE: f64 = 13.0;
+const SURE: f64 = 20.0;
 
 /// Of those who expect something, so many are most.
 const MOST: usize = 3;
@@ -62,7 +63,7 @@ pub(super) enum Verdict {
 
 /// One output's sensor.
 ///
-/// What is judged is how far an innovation *jumps* from one measurement to the next, against what is usual of that, `s`, the root
+/// What is judged is how far an innovation *jumps* from where they were of late, against what is usual of that, `s`, the root
 /// mean square of the jumps: how large innovations are is the filter's affair (a sluggish one has large ones, and all
 /// smooth), while a jump is the sensor's noise and little else. Of those who expect something the one with the least jump counts:
 /// beside the models that is who expects that the vessel goes on as it moved, and who expects that nothing changes (models that are told nothing
@@ -71,7 +72,8 @@ pub(super) enum Verdict {
 /// jumps), and so are the measurements that follow as long as they are so far off, but for one that jumps back most of the way;
 /// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
 /// next, but for noise, and not by half as much more or less than the first. Where the first jump was such as vessels make when they take off
-/// (below twice [`HUGE`]), all of them must be the same; where it was not huge, most must find that, and nobody may find less than half of it left.
+/// (below [`SURE`]), all of them must be the same; where it was not huge, most must find that, and nobody less than half of it left,
+/// and in the mean they must be off by more than two that are the same may be apart.
 /// Above, it is enough that the second measurement was off as well: models that are told nothing drift, and may be anywhere.
 /// Otherwise it is the vessel after all. So is at once what was not huge and is farther off by two fifths.
 #[derive(Clone, Debug, Default)]
@@ -211,13 +213,16 @@ impl Sensor {
         let deviations = jump.abs() / usual;
         let jumps = self.jumps();
         let back = jumps && 2.0 * deviations < self.first && deviations < HUGE * self.streak as f64;
-        let stays = self.first > HUGE && !jumps;
+        let remains = self.first > HUGE && !jumps;
         // (What is neither, and less than a spike after one, is the vessel, which has gone on meanwhile.)
-        if goes_on && !back && (same || stays || deviations > settings.reject) {
+        if goes_on && !back && (same || remains || deviations > settings.reject) {
             return self.go_on(deviations, before[0], settings);
         }
         if goes_on {
             (self.step, self.swing) = (self.calm, f64::NAN);
+        }
+        if goes_on && deviations > settings.inflate {
+            self.tracks.iter_mut().for_each(Track::settle);
         }
         self.streak = 0;
         // (Where only what is expected jumps, it is a model that does.)
@@ -246,9 +251,8 @@ impl Sensor {
         for (at, track) in self.tracks.iter_mut().enumerate() {
             let own = track.jump();
             // What came before must have been near what a model expected, or this is the way back to it.
-            let jumps = own.abs() > settings.reject * usual && 2.0 * track.base.abs() < own.abs();
+            let jumps = own.abs() > settings.reject * usual && 2.0 * track.before.abs() < own.abs();
             from_it |= jumps && at != HELD;
-            track.base = track.mean;
             track.begin();
             least = least.min(track.sum.abs());
             if !jumps || (at == HELD && !from_it) {
@@ -299,22 +303,23 @@ impl Sensor {
             return Verdict::Spike { deviations };
         }
         // And a vessel that begins to turn beside a filter that does not expect it jumps by as much as a small spike does, and goes farther.
-        if self.first <= HUGE && deviations > AWAY * self.first {
+        let small = self.first <= HUGE;
+        if small && deviations > f64::max(AWAY * self.first, self.first + APART) {
             self.streak = 0;
             return Verdict::Believed { deviations };
         }
         if self.streak < settings.patience {
             return Verdict::Spike { deviations };
         }
-        // Jumps are the vessel's where nobody finds all of them the same; and small ones where most do not, or some model knows nothing of
-        // them any more.
-        let sure = self.first > 2.0 * HUGE;
+        // Jumps are the vessel's where nobody finds all of them the same; and small ones where most do not, some model knows nothing of them
+        // any more, or they are no more than what those of one offset may differ by.
+        let sure = self.first > SURE;
         let known = || self.tracks.iter().filter(|track| track.sum.is_finite());
         let same = |track: &&Track| !track.first.is_nan() && (sure || track.spread() <= SAME * self.noise);
-        let stays =
-            self.first > HUGE || (2.0 * deviations >= self.first && known().filter(same).count() >= MOST);
+        let agreed = || 2.0 * deviations >= self.first && known().filter(same).count() >= MOST;
+        let far = |track: &Track| track.off(self.streak, FIRST) >= SAME * self.noise;
         let steadiest = || known().min_by(|a, b| a.spread().total_cmp(&b.spread()));
-        let found = known().find(same).filter(|_| stays);
+        let found = known().find(same).filter(|track| !small || (agreed() && far(track)));
         let Some(track) = found.or_else(|| steadiest().filter(|_| sure && self.lasts)) else {
             self.streak = 0;
             return Verdict::Believed { deviations };

@@ -33,7 +33,7 @@ pub(super) struct Tested {
     pub(super) beyond: f64,
     /// Of an answer that was drawn for nothing but its distance, or how the vessel moved: whether it would have cost no more than was allowed.
     pub(super) right: Option<bool>,
-    /// Whether all outputs were measured.
+    /// Whether all outputs were measured, each in half of the samples at least: a spike here and there hides nothing.
     pub(super) whole: bool,
 }
 
@@ -162,7 +162,7 @@ impl Trial {
         tested.right = self.right(far);
         tested.excess = self.excess(far);
         tested.beyond = (tested.excess - self.allowed[far].most).max(0.0);
-        tested.whole = !self.judged().iter().any(|y| y.is_nan());
+        tested.whole = is_whole(self.judged(), self.outputs);
         // The state of then, the weights of now.
         learner.snapshot(&mut self.mixed);
         let state = self.len - self.weights;
@@ -213,11 +213,17 @@ impl Trial {
         }
         self.used[slot] = used;
         self.allowed[slot] = allowed;
-        self.motions[slot * self.outputs..][..self.outputs].copy_from_slice(motion);
+        let moved = self.moved(slot);
+        self.motions[moved].copy_from_slice(motion);
     }
 
     fn slot(&self, origin: usize) -> usize {
         origin / self.stride % self.used.len()
+    }
+
+    /// Where the motion of a slot stands.
+    fn moved(&self, slot: usize) -> core::ops::Range<usize> {
+        slot * self.outputs..(slot + 1) * self.outputs
     }
 
     fn take(&mut self, slot: usize, expert: usize) {
@@ -249,12 +255,7 @@ impl Trial {
         let steps = self.horizon * self.outputs;
         let [answer, shore] = [used, Expert::Frozen].map(|e| &self.predicted[e.index()][..steps]);
         let refused = used != Expert::Frozen
-            && self.bound.is_refused(
-                answer,
-                shore,
-                allowed,
-                &self.motions[slot * self.outputs..][..self.outputs],
-            );
+            && self.bound.is_refused(answer, shore, allowed, &self.motions[self.moved(slot)]);
         refused.then(|| self.cost(used.index()) <= allowed.most)
     }
 
@@ -264,7 +265,7 @@ impl Trial {
         if self.used[slot] == Expert::Frozen {
             return self.cost(frozen);
         }
-        let motion = &self.motions[slot * self.outputs..][..self.outputs];
+        let motion = &self.motions[self.moved(slot)];
         let [learner, kept, shore] = &mut self.predicted;
         let answer = if self.used[slot] == Expert::Kept { kept } else { learner };
         let steps = self.horizon * self.outputs;
@@ -347,4 +348,24 @@ fn keep(ring: &mut [f64], at: usize, row: &[f64]) {
     let place = at * row.len();
     ring[place..place + row.len()].copy_from_slice(row);
     ring[half + place..half + place + row.len()].copy_from_slice(row);
+}
+
+/// See [`Tested::whole`]: of rows of so many outputs.
+fn is_whole(rows: &[f64], outputs: usize) -> bool {
+    let count = rows.len() / outputs;
+    let measured = |output: usize| rows.iter().skip(output).step_by(outputs).filter(|y| !y.is_nan()).count();
+    (0..outputs).all(|output| 2 * measured(output) >= count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_measured_in_half_of_the_samples_is_whole() {
+        let n = f64::NAN;
+        assert!(is_whole(&[0.0, 1.0, n, 1.0, 0.0, n, n, n], 2));
+        assert!(!is_whole(&[0.0, 1.0, n, 1.0, n, n, n, n], 2));
+        assert!(!is_whole(&[0.0, n], 2));
+    }
 }
