@@ -73,9 +73,9 @@ pub(super) enum Verdict {
 /// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
 /// next, but for noise, and not by half as much more or less than the first. Where the first jump was such as vessels make when they take off
 /// (below [`SURE`]), all of them must be the same; where it was not huge, most must find that, and nobody less than half of it left,
-/// and in the mean they must be off by more than two that are the same may be apart.
-/// Above, it is enough that the second measurement was off as well: models that are told nothing drift, and may be anywhere.
-/// Otherwise it is the vessel after all. So is at once what was not huge and is farther off by two fifths.
+/// and in the mean they must be off by [`SAME`] deviations of the noise.
+/// Above [`SURE`], it is enough that the second measurement was off as well: models that are told nothing drift, and may be anywhere.
+/// Otherwise it is the vessel after all. So is at once what was not huge and is farther off by two fifths and by more than noise.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
     /// Standard deviation of its noise, in its unit.
