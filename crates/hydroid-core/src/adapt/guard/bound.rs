@@ -177,17 +177,24 @@ impl Bound {
     }
 }
 
-/// How the vessel moves, by two series of measurements of equal length: their means tell value and change. What was not measured in all of
-/// them goes on as it did.
+/// How the vessel moves, by two series of measurements of equal length: means of values and of times tell value and change. What was not
+/// measured in half of each goes on as it did; a spike here and there hides nothing.
 pub(super) fn measure(rows: &[f64], motion: &mut Motion) {
     let n = motion.len();
-    let (before, late) = rows.split_at(rows.len() / 2);
-    let count = (late.len() / n) as f64;
+    let count = rows.len() / n / 2;
+    let (before, late) = rows.split_at(count * n);
     for (i, into) in motion.iter_mut().enumerate() {
-        let mean = |rows: &[f64]| rows.iter().skip(i).step_by(n).sum::<f64>() / count;
-        let dy = (mean(late) - mean(before)) / count;
-        if !dy.is_nan() {
-            *into = [mean(late) + 0.5 * (count - 1.0) * dy, dy];
+        // Mean value and mean time, in samples since the first.
+        let mean = |rows: &[f64]| {
+            let (mut value, mut time, mut measured) = (0.0, 0.0, 0_usize);
+            for (k, y) in rows.iter().skip(i).step_by(n).enumerate().filter(|(_, y)| !y.is_nan()) {
+                (value, time, measured) = (value + y, time + k as f64, measured + 1);
+            }
+            (2 * measured >= count).then(|| (value / measured as f64, time / measured as f64))
+        };
+        if let (Some((y0, t0)), Some((y1, t1))) = (mean(before), mean(late)) {
+            let dy = (y1 - y0) / (count as f64 + t1 - t0);
+            *into = [y1 + ((count - 1) as f64 - t1) * dy, dy];
         }
     }
 }
@@ -334,12 +341,19 @@ mod tests {
 
     #[test]
     fn what_is_measured_tells_how_the_vessel_moves() {
-        let mut motion = [[f64::NAN; 2], [7.0, 1.0]];
-        let rows = (0..8).flat_map(|k| [2.0 + 0.1 * f64::from(k), if k == 5 { f64::NAN } else { 0.0 }]);
-        measure(&rows.collect::<Vec<_>>(), &mut motion);
+        let mut motion = [[f64::NAN; 2], [f64::NAN; 2], [7.0, 1.0]];
+        // The second is measured in half of each half, the third in less of the last.
+        let row = |k: u32| {
+            let line = 2.0 + 0.1 * f64::from(k);
+            let with = |measured: bool| if measured { line } else { f64::NAN };
+            [line, with([1, 2, 4, 7].contains(&k)), with([0, 1, 2, 3, 6].contains(&k))]
+        };
+        measure(&(0..8).flat_map(row).collect::<Vec<_>>(), &mut motion);
         go_on(&mut motion);
-        let [[y, dy], other] = motion;
-        assert!((y - 2.8).abs() < 1e-12 && (dy - 0.1).abs() < 1e-12, "{motion:?}");
+        let [all, some, other] = motion;
+        for [y, dy] in [all, some] {
+            assert!((y - 2.8).abs() < 1e-12 && (dy - 0.1).abs() < 1e-12, "{motion:?}");
+        }
         assert_eq!(other, [8.0, 1.0]);
     }
 
