@@ -178,7 +178,8 @@ impl Bound {
 }
 
 /// How the vessel moves, by two series of measurements of equal length: means of values and of times tell value and change. What was not
-/// measured in half of each goes on as it did; a spike here and there hides nothing.
+/// measured at the end, or in half of each, goes on as it did: a spike hides nothing, and nothing is told by the less the longer a series of
+/// refused values gets.
 pub(super) fn measure(rows: &[f64], motion: &mut Motion) {
     let n = motion.len();
     let count = rows.len() / n / 2;
@@ -192,7 +193,8 @@ pub(super) fn measure(rows: &[f64], motion: &mut Motion) {
             }
             (2 * measured >= count).then(|| (value / measured as f64, time / measured as f64))
         };
-        if let (Some((y0, t0)), Some((y1, t1))) = (mean(before), mean(late)) {
+        let is_last_measured = !rows[rows.len() - n + i].is_nan();
+        if let (true, Some((y0, t0)), Some((y1, t1))) = (is_last_measured, mean(before), mean(late)) {
             let dy = (y1 - y0) / (count as f64 + t1 - t0);
             *into = [y1 + ((count - 1) as f64 - t1) * dy, dy];
         }
@@ -341,20 +343,20 @@ mod tests {
 
     #[test]
     fn what_is_measured_tells_how_the_vessel_moves() {
-        let mut motion = [[f64::NAN; 2], [f64::NAN; 2], [7.0, 1.0]];
-        // The second is measured in half of each half, the third in less of the last.
+        let mut motion = [[f64::NAN; 2], [f64::NAN; 2], [7.0, 1.0], [7.0, 1.0]];
+        // The second is measured in half of each half, the third in less of the last, the fourth not at the end.
         let row = |k: u32| {
             let line = 2.0 + 0.1 * f64::from(k);
             let with = |measured: bool| if measured { line } else { f64::NAN };
-            [line, with([1, 2, 4, 7].contains(&k)), with([0, 1, 2, 3, 6].contains(&k))]
+            [line, with([1, 2, 4, 7].contains(&k)), with([0, 1, 2, 3, 7].contains(&k)), with(k < 7)]
         };
         measure(&(0..8).flat_map(row).collect::<Vec<_>>(), &mut motion);
         go_on(&mut motion);
-        let [all, some, other] = motion;
+        let [all, some, less, ended] = motion;
         for [y, dy] in [all, some] {
             assert!((y - 2.8).abs() < 1e-12 && (dy - 0.1).abs() < 1e-12, "{motion:?}");
         }
-        assert_eq!(other, [8.0, 1.0]);
+        assert_eq!([less, ended], [[8.0, 1.0]; 2]);
     }
 
     /// A vessel that flies, by the one, or is back in the water in five samples, by the other.
