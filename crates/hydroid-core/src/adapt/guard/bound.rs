@@ -196,7 +196,9 @@ pub(super) fn measure(rows: &[f64], motion: &mut Motion) {
         let is_last_measured = !rows[rows.len() - n + i].is_nan();
         if let (true, Some((y0, t0)), Some((y1, t1))) = (is_last_measured, mean(before), mean(late)) {
             let dy = (y1 - y0) / (count as f64 + t1 - t0);
-            *into = [y1 + ((count - 1) as f64 - t1) * dy, dy];
+            if dy.is_finite() {
+                *into = [y1 + ((count - 1) as f64 - t1) * dy, dy];
+            }
         }
     }
 }

@@ -160,7 +160,7 @@ impl Sensor {
 
     fn judged(&mut self, value: f64, expected: [f64; EXPECTED], settings: &GuardSettings) -> Verdict {
         if !value.is_finite() {
-            self.streak = 0;
+            self.cut();
             return Verdict::Missing;
         }
         let warm = self.seen >= WARM_UP;
@@ -177,12 +177,20 @@ impl Sensor {
         self.swing = self.step - before[0];
         self.last = value;
         if warm && self.repeats >= self.limit(settings) {
-            self.streak = 0;
+            self.cut();
             return Verdict::Stuck { repeats: self.repeats };
         }
         let [a, b, c, d] = expected;
         let innovations = [a, b, c, d, self.held].map(|expected| value - self.offset - expected);
         self.weigh(innovations, before, warm, settings)
+    }
+
+    /// Nothing is heard any more: a series of refused values ends, and what they were tells nothing of those to come.
+    fn cut(&mut self) {
+        if self.streak > 0 {
+            self.tracks.iter_mut().for_each(Track::forget);
+        }
+        self.streak = 0;
     }
 
     fn weigh(

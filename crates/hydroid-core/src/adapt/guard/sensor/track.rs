@@ -60,6 +60,11 @@ impl Track {
         self.mean = self.last;
     }
 
+    /// What was refused is not used: innovations are where they were before it.
+    pub(super) fn forget(&mut self) {
+        self.last = self.mean;
+    }
+
     /// The last one is the first of a series.
     pub(super) fn begin(&mut self) {
         let jump = self.jump();

@@ -126,3 +126,21 @@ fn a_spike_in_the_first_samples_leaves_no_offset() {
         assert!(all[30..].iter().all(|verdict| *verdict == Verdict::Sound));
     }
 }
+
+/// A spike that nothing follows for a while: what it was once stayed in where innovations were of late, and another one hid behind it.
+#[test]
+fn a_spike_before_an_outage_hides_no_other() {
+    let all = verdicts(wave, |k, x| match k {
+        250 => x + 5.0,
+        251..256 => f64::NAN,
+        258 => x + 0.2,
+        _ => x,
+    });
+    for (k, verdict) in all.iter().enumerate() {
+        match k {
+            250 | 258 => assert!(matches!(verdict, Verdict::Spike { .. }), "{k}: {verdict:?}"),
+            251..256 => assert_eq!(*verdict, Verdict::Missing, "{k}"),
+            _ => assert_eq!(*verdict, Verdict::Sound, "{k}"),
+        }
+    }
+}
