@@ -178,8 +178,8 @@ impl Bound {
 }
 
 /// How the vessel moves, by two series of measurements of equal length: means of values and of times tell value and change. What was not
-/// measured at the end, or in half of each, goes on as it did: a spike hides nothing, and nothing is told by the less the longer a series of
-/// refused values gets.
+/// measured at the end, or in half of each, goes on as it did: one refused value hides nothing, and while values are being refused what
+/// is left of those before tells ever less.
 pub(super) fn measure(rows: &[f64], motion: &mut Motion) {
     let n = motion.len();
     let count = rows.len() / n / 2;
