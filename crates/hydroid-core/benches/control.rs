@@ -1,6 +1,6 @@
 //! Speed of a control step: the whole of it, from estimate to command.
 
-#[path = "../tests/steer/written.rs"]
+#[path = "../tests/it/controllers/written.rs"]
 mod written;
 
 use std::sync::Arc;

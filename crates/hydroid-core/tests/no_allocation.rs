@@ -3,7 +3,7 @@
 //! One test only: the counter is the process's.
 #![allow(unsafe_code)] // an allocator can be written in no other way
 
-#[path = "steer/written.rs"]
+#[path = "it/controllers/written.rs"]
 mod written;
 
 use std::alloc::{GlobalAlloc, Layout, System};

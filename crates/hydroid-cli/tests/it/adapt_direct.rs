@@ -1,0 +1,121 @@
+//! `hydroid adapt` on a direct predictor: a hydrofoil that was logged at low speed alone, and then flies.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::Stdio;
+use std::sync::OnceLock;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::low_speed::{hydroid, run, text};
+
+/// A small network of low speed, and a log that leaves it; made once.
+fn prepared() -> &'static Path {
+    static FOLDER: OnceLock<TempDir> = OnceLock::new();
+    let settings = "[direct]\nhidden = 24\nlayers = 2\nhistory_s = 0.4\nepochs = 12\nrestarts = 1\nensemble = false\nbase = \"nothing\"\n";
+    let identify = "identify a.csv --validate b.csv --test c.csv --outputs u,v,r --methods direct -c net.toml --horizon 20 --range u=0:6,v=-1.5:1.5,r=-1:1,PP_cmd=-130:350 -o out -q";
+    FOLDER.get_or_init(|| crate::low_speed::folder(settings, identify)).path()
+}
+
+const MODEL: &str = "out/direct.safetensors";
+
+fn report(args: &str) -> Value {
+    let output = run(prepared(), args);
+    assert_eq!(output.status.code(), Some(0), "{args}: {}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn a_direct_predictor_learns_to_fly_and_is_written_with_its_history() {
+    let args = format!("adapt {MODEL} lawn.csv --against truth --horizon 20 --json");
+    let alone = report(&format!("{args} --no-guard -o adapted.safetensors"));
+    let guarded = report(&args);
+    for report in [&alone, &guarded] {
+        let mae = |part: &str, step: usize| report[part]["mae"][step - 1][0].as_f64().unwrap();
+        for step in [1, 5, 20] {
+            assert!(mae("adapted", step) < 0.6 * mae("frozen", step), "{step}: {report}");
+        }
+        assert_eq!(report["adapted"]["diverged"], 0);
+        assert_eq!(report["settings"]["method"], "read_out");
+        let coverage = report["coverage"]["95"].as_f64().unwrap();
+        assert!((0.75..=1.0).contains(&coverage), "{coverage}");
+    }
+    assert!(guarded["guard"]["predicted_by"][0].as_u64().unwrap() > 500, "{}", guarded["guard"]);
+    let inspected = run(prepared(), "inspect adapted.safetensors --json");
+    let inspected: Value = serde_json::from_slice(&inspected.stdout).unwrap();
+    let adapted = &inspected["description"]["provenance"]["settings"]["adapted"][0];
+    assert_eq!(adapted["runs"][0], "lawn.csv");
+    assert_eq!(adapted["settings"], alone["settings"]);
+    // What was written predicts on the log as the network from shore never did.
+    let error = |model: &str| {
+        let judged =
+            run(prepared(), &format!("evaluate {model} lawn.csv --against truth --horizon 20 --json -q"));
+        let judged: Value = serde_json::from_slice(&judged.stdout).unwrap();
+        judged["mae"][19][0].as_f64().unwrap()
+    };
+    assert!(error("adapted.safetensors") < 0.6 * error(MODEL));
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    for (options, words) in [
+        ("--learner kalman", "by least squares"),
+        ("--weight-variance 0.1", "recurrent networks"),
+        ("--window 1", "are for equations"),
+        ("--all-terms", "are for equations"),
+        ("--prior 0", "worth"),
+        ("--forgetting 0", "forgetting"),
+        ("--forgetting=-1", "forgetting"),
+    ] {
+        let output = run(prepared(), &format!("adapt {MODEL} lawn.csv {options}"));
+        assert_eq!(output.status.code(), Some(2), "{options}");
+        let told = text(&output.stderr);
+        assert!(told.contains(words) && !told.contains("panicked"), "{options}: {told}");
+    }
+}
+
+/// A kill costs nothing: answers and model are those of a service that was left alone.
+#[test]
+fn a_service_that_was_killed_goes_on_to_the_same_model() {
+    let at = prepared();
+    let options = "--stream --horizons 1,20 -q";
+    let whole =
+        run(at, &format!("adapt {MODEL} lawn.csv {options} -o whole.safetensors --black-box direct.box"));
+    assert_eq!(whole.status.code(), Some(0), "{}", text(&whole.stderr));
+    let whole = text(&whole.stdout);
+    let log = fs::read_to_string(at.join("lawn.csv")).unwrap();
+
+    let mut child = hydroid(at, &format!("adapt {MODEL} - --horizons 1,20 -q --state kept.state"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let mut answers = BufReader::new(child.stdout.take().unwrap()).lines();
+    for (k, line) in log.lines().take(1208).enumerate() {
+        writeln!(stdin, "{line}").unwrap();
+        if k > 0 {
+            let answer: Value = serde_json::from_str(&answers.next().unwrap().unwrap()).unwrap();
+            // Windows of 4 samples and 20 to come; then 30 of them until bands are known.
+            assert!(answer["status"] == "accepted" || answer["status"] == "waiting", "{answer}");
+            assert!(k < 60 || answer["band_95"]["u"][1].as_f64().unwrap() > 0.0, "{answer}");
+        }
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let rest =
+        run(at, &format!("adapt {MODEL} lawn.csv {options} --state kept.state -o resumed.safetensors"));
+    assert_eq!(rest.status.code(), Some(0), "{}", text(&rest.stderr));
+    let rest = text(&rest.stdout);
+    let (rest, whole): (Vec<&str>, Vec<&str>) = (rest.lines().collect(), whole.lines().collect());
+    assert!(rest.len() > whole.len() - 1208, "{} of {}", rest.len(), whole.len());
+    assert_eq!(rest, whole[whole.len() - rest.len()..]);
+    let model = |name: &str| fs::read(at.join(name)).unwrap();
+    assert_eq!(model("whole.safetensors"), model("resumed.safetensors"));
+    // And the black box has noted what it takes to make it again.
+    let replayed = run(at, &format!("adapt {MODEL} --replay direct.box"));
+    assert_eq!(replayed.status.code(), Some(0), "{}{}", text(&replayed.stdout), text(&replayed.stderr));
+}

@@ -1,0 +1,16 @@
+//! Integration tests of the command.
+
+mod adapt;
+mod adapt_direct;
+mod adapt_networks;
+mod adapt_stream;
+mod adapt_vessels;
+mod bad_input;
+mod black_box;
+mod commands;
+mod control;
+mod documents;
+mod equations_input;
+mod low_speed;
+mod networks;
+mod thesis;

@@ -1,0 +1,252 @@
+//! Candidates side by side do what they do alone: every kind of model, sessions that have learned, and a guard.
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::guard::{Guard, GuardSettings};
+use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
+use hydroid_core::adapt::{Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, ReadOutSettings};
+use hydroid_core::control::cem::{Abreast, Each, Rollouts, Room};
+use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
+use hydroid_core::model::recurrent::{
+    Base, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
+};
+use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
+use hydroid_core::model::{PlantModel, PlantSession};
+use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::vessel::VesselParams;
+
+use crate::controllers::helm::DT;
+use crate::controllers::written::{Force, equations};
+
+fn wild(k: usize) -> f64 {
+    (12.9898 * k as f64).sin()
+}
+
+/// Walks over some samples, one of them with an output missing.
+fn walk(session: &mut dyn Predictor, samples: usize) {
+    for k in 0..samples {
+        let missing = if k == 5 { f64::NAN } else { 0.1 * wild(k + 9) };
+        session.observe(&[2.3 + 0.1 * wild(k), missing, -0.1 + 0.05 * wild(k + 3)]);
+        session.advance(&[120.0 + 20.0 * wild(k), 0.2]);
+    }
+}
+
+/// What 1 to 71 candidates over `steps` samples do, in a room for 20, and alone.
+fn agree(session: &dyn Predictor, room: &mut Room, steps: usize) {
+    for count in [1, 3, 16, 20, 71] {
+        let commands: Vec<f64> = (0..count * steps * 2)
+            .map(|k| if k % 2 == 0 { 100.0 + 200.0 * wild(k) } else { 0.4 * wild(k) })
+            .collect();
+        let (mut one, mut two) = (vec![0.0; count * steps * 3], vec![0.0; count * steps * 3]);
+        Each::new(session, &mut Workspace::new()).rollouts(count, &commands, &mut one);
+        Abreast::new(session, room).rollouts(count, &commands, &mut two);
+        for (k, (a, b)) in one.iter().zip(&two).enumerate() {
+            let same = (a - b).abs() < 1e-11 * (1.0 + a.abs()) || (a.is_nan() && b.is_nan());
+            assert!(same, "{k} of {count}: {a} and {b}");
+        }
+    }
+}
+
+fn side_by_side(session: &dyn Predictor, steps: usize) -> Room {
+    let mut room = Room::new(session, 20);
+    assert!(room.is_side_by_side());
+    agree(session, &mut room, steps);
+    room
+}
+
+fn scaling() -> Scaling {
+    Scaling {
+        output_mean: vec![2.0, 0.0, 0.1],
+        output_scale: vec![1.5, 0.3, 0.2],
+        input_mean: vec![100.0, 0.0],
+        input_scale: vec![90.0, 0.3],
+        correction_scale: vec![1.0, 0.2, 0.1],
+    }
+}
+
+fn network(cell: Cell, base: Base, feedback: bool, state_filter: Option<StateFilter>) -> Arc<Recurrent> {
+    let read_out = !matches!(cell, Cell::Lstm { .. });
+    let network = Network { cell, inputs: if feedback { 5 } else { 2 }, outputs: 3, read_out };
+    let weights = (0..network.weights()).map(|k| 0.4 * wild(k)).collect();
+    Arc::new(Recurrent { network, weights, scaling: scaling(), base, feedback, wash_out: 1, state_filter })
+}
+
+/// From a session that has moved, and on equations with gates, a lag and ten integration steps in a sample.
+#[test]
+fn of_equations() {
+    for vessel in [VesselParams::simple(), VesselParams::hydrofoil()] {
+        let mut session = EquationsSession::new(Arc::new(equations(&vessel, Force::Hidden)));
+        walk(&mut session, 3);
+        side_by_side(&session, 15);
+    }
+    // A lag that is not known yet begins at its first command, as alone.
+    let lag = |seconds| vec![Signal::Lag { input: 3, time_constant_s: Real(seconds) }];
+    let lagging = |seconds| {
+        let (terms, coefficients) = (vec![Term::monomial(&[5])], vec![0.1, 0.0, 0.0]);
+        let made = Equations::with_signals(terms, coefficients, 3, 2, lag(seconds), DT, 2).unwrap();
+        let mut session = EquationsSession::new(Arc::new(made));
+        session.observe(&[0.0; 3]);
+        session
+    };
+    let mut room = side_by_side(&lagging(0.5), 4);
+    // One of another lag does not come out as the one that the room was made for.
+    agree(&lagging(2.0), &mut room, 4);
+}
+
+/// Every cell over every base, also before all outputs were measured.
+#[test]
+fn of_recurrent_networks() {
+    let below = Arc::new(equations(&VesselParams::simple(), Force::Hidden));
+    let filter = StateFilter { process: 1e-4, initial: 1.0, noise: vec![0.1; 3] };
+    for cell in [
+        Cell::Lstm { hidden: 6, projection: Some(3) },
+        Cell::Gru { hidden: 6 },
+        Cell::Vanilla { hidden: 6, layers: 2 },
+    ] {
+        for (base, feedback, state_filter) in [
+            (Base::Nothing, false, None),
+            (Base::Nothing, false, Some(filter.clone())),
+            (Base::Nothing, true, None),
+            (Base::Hold, false, None),
+            (Base::Hold, true, None),
+            (Base::Equations(Arc::clone(&below)), false, None),
+            (Base::Equations(Arc::clone(&below)), true, None),
+        ] {
+            let mut session = RecurrentSession::new(network(cell, base, feedback, state_filter)).unwrap();
+            let mut room = side_by_side(&session, 9);
+            walk(&mut session, 12);
+            agree(&session, &mut room, 15);
+        }
+    }
+}
+
+/// Over a horizon, over less of it, over more than two.
+#[test]
+fn of_direct_predictors() {
+    let below = Base::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
+    for base in [Base::Nothing, Base::Hold, below] {
+        let (inputs, outputs) = Direct::lengths(3, 7, 3, 2);
+        let network = Perceptron { inputs, hidden: vec![20, 9], outputs };
+        let weights = (0..network.weights()).map(|k| 0.3 * wild(k)).collect();
+        let model = Direct { network, weights, scaling: scaling(), history: 3, horizon: 7, base };
+        let mut session = DirectSession::new(Arc::new(model)).unwrap();
+        let mut room = side_by_side(&session, 7);
+        walk(&mut session, 12);
+        for steps in [1, 7, 17] {
+            agree(&session, &mut room, steps);
+        }
+    }
+}
+
+/// With the last layer of the moment, and through a guard.
+#[test]
+fn of_direct_predictors_that_learn() {
+    let below = Base::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
+    for base in [Base::Hold, below] {
+        direct_predictors_that_learn(base);
+    }
+}
+
+fn direct_predictors_that_learn(base: Base) {
+    let (inputs, outputs) = Direct::lengths(3, 7, 3, 2);
+    let network = Perceptron { inputs, hidden: vec![20, 9], outputs };
+    let weights: Vec<f64> = (0..network.weights()).map(|k| 0.3 * wild(k)).collect();
+    let model = Arc::new(Direct { network, weights, scaling: scaling(), history: 3, horizon: 7, base });
+    let settings = ReadOutSettings { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
+    let learner = || DirectReadOut::new(Arc::clone(&model), &settings).unwrap();
+    let mut learned = learner();
+    let mut room = side_by_side(&learned, 7);
+    let before = learned.weights().to_vec();
+    walk(&mut learned, 60);
+    assert_ne!(learned.weights(), before);
+    for steps in [1, 7, 17] {
+        agree(&learned, &mut room, steps);
+    }
+    agree(learned.fork().as_ref(), &mut room, 7);
+
+    let companion =
+        || -> Box<dyn Adapter> { Box::new(DirectReadOut::companion(Arc::clone(&model), &settings).unwrap()) };
+    let guarded = GuardSettings { horizon: 4, stride: 1, keep: 2, ..GuardSettings::new(0.1) };
+    let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
+    let companions = [companion(), companion()];
+    let mut guard = Guard::new(Box::new(learner()), companions, &ranges, &[0.01; 3], guarded).unwrap();
+    let mut room = side_by_side(&guard, 7);
+    for _ in 0..6 {
+        walk(&mut guard, 10);
+        agree(&guard, &mut room, 7);
+    }
+}
+
+/// With the weights of the moment: those that a filter, or recursive least squares, has come to; also through a guard, which
+/// draws towards the model from shore.
+#[test]
+fn of_sessions_that_learn() {
+    let model = network(Cell::Gru { hidden: 5 }, Base::Nothing, false, None);
+    let learner = |learns: bool| -> Box<dyn Adapter> {
+        let deviation = if learns { 0.1 } else { 0.0 };
+        let tuning = Tuning::uniform(model.weights.len(), deviation, 0.0, (1.0, 1e-4), &[0.01; 3]);
+        Box::new(KalmanNetwork::<f64>::new(Arc::clone(&model), tuning).unwrap())
+    };
+    let mut learned = learner(true);
+    let mut room = Room::new(learned.as_ref(), 20);
+    walk(learned.as_mut(), 40);
+    assert_ne!(learned.weights(), model.weights);
+    assert!(room.is_side_by_side());
+    agree(learned.as_ref(), &mut room, 15);
+    agree(learned.fork().as_ref(), &mut room, 15);
+
+    let settings = GuardSettings { horizon: 4, stride: 1, keep: 2, ..GuardSettings::new(0.1) };
+    let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
+    let companions = [learner(false), learner(false)];
+    let mut guard = Guard::new(learner(true), companions, &ranges, &[0.01; 3], settings).unwrap();
+    let mut room = side_by_side(&guard, 15);
+    for _ in 0..6 {
+        walk(&mut guard, 10);
+        agree(&guard, &mut room, 15);
+    }
+    agree(guard.fork().as_ref(), &mut room, 15);
+
+    let blend = BlendSettings {
+        priors_s: vec![100.0, 5.0],
+        forgetting_s: 60.0,
+        window: 4,
+        horizon: 40,
+        gate: Gate::OPEN,
+    };
+    let below = equations(&VesselParams::simple(), Force::Hidden);
+    let mut session = BlendedEquations::new(&below, &ranges, &blend, None).unwrap();
+    let mut room = side_by_side(&session, 15);
+    walk(&mut session, 60);
+    assert_ne!(session.weights(), BlendedEquations::new(&below, &ranges, &blend, None).unwrap().weights());
+    agree(&session, &mut room, 15);
+}
+
+/// What cannot be rolled out side by side comes one by one, and so does a session of another model than the room's.
+#[test]
+fn of_others_one_by_one() {
+    let past = vec![Signal::Past { variable: 0, samples: 2 }];
+    let terms = vec![Term::monomial(&[5])];
+    let below = Arc::new(Equations::with_signals(terms, vec![0.1, 0.0, 0.0], 3, 2, past, DT, 1).unwrap());
+    let on_past = network(Cell::Gru { hidden: 3 }, Base::Equations(Arc::clone(&below)), true, None);
+    let plain = network(Cell::Gru { hidden: 3 }, Base::Nothing, false, None);
+    let (inputs, outputs) = Direct::lengths(3, 4, 3, 2);
+    let perceptron = Perceptron { inputs, hidden: vec![6], outputs };
+    let weights = (0..perceptron.weights()).map(|k| 0.3 * wild(k)).collect();
+    let base = Base::Equations(Arc::clone(&below));
+    let direct = Direct { network: perceptron, weights, scaling: scaling(), history: 3, horizon: 4, base };
+    let sessions: [Box<dyn Predictor>; 5] = [
+        Box::new(EquationsSession::new(below)),
+        Box::new(DirectSession::new(Arc::new(direct)).unwrap()),
+        Box::new(RecurrentSession::new(on_past).unwrap()),
+        Box::new(PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap())),
+        Box::new(RecurrentSession::new(plain).unwrap()),
+    ];
+    let mut others = Room::new(sessions[4].as_ref(), 4);
+    for (k, mut session) in sessions.into_iter().enumerate() {
+        let mut room = Room::new(session.as_ref(), 4);
+        assert_eq!(room.is_side_by_side(), k == 4);
+        walk(session.as_mut(), 6);
+        agree(session.as_ref(), &mut room, 8);
+        agree(session.as_ref(), &mut others, 8);
+    }
+}

@@ -1,0 +1,163 @@
+//! A correction that is learned under way: it has to be better than its base where the model is wrong, and no worse elsewhere.
+
+use hydroid_core::control::{
+    AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
+    LearnedCorrection, LearnedCorrectionSettings, Status,
+};
+use hydroid_core::guidance::{Follower, Path, Side, SpeedLimits, SpeedProfile, Walker};
+use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+
+use crate::controllers::helm::{DT, Noise, under_way};
+
+const AHEAD: f64 = 1.5;
+
+/// Root mean square of the cross-track error of the point from `from_s` on, and the share of samples that were lost or worse;
+/// on a lawn-mower in water that moves.
+fn mow(
+    vessel: &VesselParams,
+    current: [f64; 2],
+    controller: &mut dyn Controller,
+    seed: u64,
+    (from_s, until_s): (f64, f64),
+) -> (f64, f64) {
+    let plant = Plant::new(vessel).unwrap();
+    let path = Path::lawn_mower([0.0, 0.0], 0.3, 60.0, 30.0, 6, 15.0, Side::Starboard).unwrap();
+    let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
+    let (mut walker, mut foot) = (Walker::new(&profile), Follower::new(0.0, 5.0));
+    let mut noise = Noise(seed);
+    let mut state = under_way(vessel, &path, &profile, AHEAD, 0.2);
+    let (mut squares, mut count, mut lost, mut t) = (0.0, 0.0, 0.0, 0.0);
+    controller.reset();
+    while t < until_s {
+        let (sin, cos) = state.psi.sin_cos();
+        // Velocities over ground.
+        let nu = [
+            state.u + current[0] * cos + current[1] * sin + vessel.noise.u * noise.normal(),
+            state.v + current[1] * cos - current[0] * sin + vessel.noise.v * noise.normal(),
+            state.r + vessel.noise.r * noise.normal(),
+        ];
+        let estimate = Estimate { eta: [state.x, state.y, state.psi], nu, actuators: &[] };
+        let mut command = [0.0; 2];
+        let status = controller.command(&estimate, &walker.reference(&path, &profile), &mut command);
+        if t >= from_s {
+            let point = [state.x + AHEAD * cos, state.y + AHEAD * sin];
+            squares += foot.foot(&path, point).cross_track.powi(2);
+            count += 1.0;
+            lost += if status >= Status::Lost { 1.0 } else { 0.0 };
+        } else {
+            let point = [state.x + AHEAD * cos, state.y + AHEAD * sin];
+            foot.foot(&path, point);
+        }
+        let actuation = plant.actuation(&Command { pp: command[0], rd: command[1] });
+        for _ in 0..10 {
+            state = plant.advance_under(&state, &actuation, 0.01);
+            state = State { x: state.x + 0.01 * current[0], y: state.y + 0.01 * current[1], ..state };
+        }
+        walker.advance(&profile, DT);
+        t += DT;
+    }
+    (f64::sqrt(squares / count), lost / count)
+}
+
+fn base(vessel: &VesselParams) -> FeedbackLinearization<AffinePlant> {
+    let model = AffinePlant::new(vessel).unwrap();
+    let settings = FeedbackLinearizationSettings::new(AHEAD);
+    FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings).unwrap()
+}
+
+fn learned(vessel: &VesselParams, seed: u64) -> LearnedCorrection<AffinePlant> {
+    LearnedCorrection::new(base(vessel), LearnedCorrectionSettings::default(), seed).unwrap()
+}
+
+fn heavier(vessel: &VesselParams) -> VesselParams {
+    let mut heavy = vessel.clone();
+    heavy.rigid_body.mass *= 1.2;
+    heavy.rigid_body.i_z *= 1.2;
+    heavy
+}
+
+/// 20 % more mass and a current of 0.3 m/s, from the first second on and from any side: at least 20 % less cross-track error than
+/// the base in the median over seeds, and never more than 1.2 times as much.
+#[test]
+fn with_more_mass_and_a_current_it_is_better_than_its_base() {
+    for (name, vessel) in [("simple", VesselParams::simple()), ("hydrofoil", VesselParams::hydrofoil())] {
+        let heavy = heavier(&vessel);
+        let mut ratios: Vec<f64> = (100..120)
+            .map(|seed| {
+                let (sin, cos) = (1.7 * seed as f64).sin_cos();
+                let current = [0.3 * cos, 0.3 * sin];
+                let span = (0.0, 240.0);
+                let (plain, lost) = mow(&heavy, current, &mut base(&vessel), seed, span);
+                let (corrected, lost_too) = mow(&heavy, current, &mut learned(&vessel, seed), seed, span);
+                assert!(lost == 0.0 && lost_too == 0.0, "{name} {seed}: {lost} {lost_too}");
+                println!("{name} {seed}: {plain:.4} m, corrected {corrected:.4} m");
+                corrected / plain
+            })
+            .collect();
+        ratios.sort_by(f64::total_cmp);
+        println!(
+            "{name}: ratios {:.3} to {:.3}, median {:.3}",
+            ratios[0],
+            ratios[19],
+            0.5 * (ratios[9] + ratios[10])
+        );
+        assert!(0.5 * (ratios[9] + ratios[10]) <= 0.8 && ratios[19] <= 1.2);
+    }
+}
+
+/// Where the model is right there is nothing to learn, and little is lost.
+#[test]
+fn with_the_right_model_it_costs_little() {
+    let vessel = VesselParams::simple();
+    let mut ratios: Vec<f64> = (200..209)
+        .map(|seed| {
+            let span = (20.0, 200.0);
+            let (plain, _) = mow(&vessel, [0.0; 2], &mut base(&vessel), seed, span);
+            let (corrected, _) = mow(&vessel, [0.0; 2], &mut learned(&vessel, seed), seed, span);
+            corrected / plain
+        })
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    println!("right model: ratios {:.3} to {:.3}, median {:.3}", ratios[0], ratios[8], ratios[4]);
+    assert!(ratios[4] < 1.05 && ratios[8] < 1.5, "{ratios:?}");
+}
+
+/// Before it has learned anything it is its base; gaps in what is measured are none to learn from; and a reset forgets.
+#[test]
+fn it_begins_as_its_base_and_can_begin_again() {
+    let vessel = VesselParams::simple();
+    let heavy = heavier(&vessel);
+    let mut law = learned(&vessel, 3);
+    let early = (0.0, 0.9);
+    assert_eq!(
+        mow(&heavy, [0.2, 0.0], &mut law, 1, early),
+        mow(&heavy, [0.2, 0.0], &mut base(&vessel), 1, early)
+    );
+    assert!(!law.is_used());
+    let whole = (0.0, 60.0);
+    let once = mow(&heavy, [0.2, 0.0], &mut law, 1, whole);
+    assert!(law.is_used() && law.correction() != [0.0; 2]);
+    assert_eq!(once, mow(&heavy, [0.2, 0.0], &mut law, 1, whole), "a reset forgets all");
+    let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
+    let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
+    let reference = Walker::new(&profile).reference(&path, &profile);
+    let blind = Estimate { eta: [f64::NAN; 3], nu: [1.0; 3], actuators: &[] };
+    assert_eq!(law.command(&blind, &reference, &mut [0.0; 2]), Status::Blind);
+    assert!(law.correction().iter().all(|b| b.is_finite()));
+}
+
+#[test]
+fn settings_that_cannot_be_are_told() {
+    let vessel = VesselParams::simple();
+    let told =
+        |settings| LearnedCorrection::new(base(&vessel), settings, 0).map(|_| ()).unwrap_err().to_string();
+    let good = LearnedCorrectionSettings::default();
+    assert_eq!(
+        told(LearnedCorrectionSettings { hidden: 0, ..good }),
+        "the number of hidden units is 0: 1 to 64 are needed"
+    );
+    assert_eq!(
+        told(LearnedCorrectionSettings { noise: f64::NAN, ..good }),
+        "the noise of a window is NaN: a finite number greater than 0 is needed"
+    );
+}

@@ -1,0 +1,401 @@
+//! The filter over state and weights against a naive one on full matrices, and what must hold whatever happens.
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::kalman::{
+    Correction, Filter, KalmanNetwork, Learnable, LearnableNetwork, Tuning, TuningError,
+};
+use hydroid_core::adapt::{Adapter, Outcome, Rejection};
+use hydroid_core::model::recurrent::{Base, Linearization, Network, Packed, Recurrent, Scaling};
+use hydroid_core::predict::{Predictor, Workspace};
+use proptest::prelude::*;
+
+use crate::dense::{Matrix, cells, inverse, product, sample, transposed, tuning, weights};
+
+fn close(ours: &[f64], theirs: &[f64], what: &str) {
+    assert_eq!(ours.len(), theirs.len());
+    for (a, b) in ours.iter().zip(theirs) {
+        assert!((a - b).abs() < 1e-10 * (1.0 + b.abs()), "{what}: {a} {b}");
+    }
+}
+
+/// The filter as a textbook has it: `P <- F P F' + Q`, `K = P H' S^-1`, `P <- (I - K H) P`, all dense.
+struct Naive {
+    packed: Packed<f64>,
+    linear: Linearization<f64>,
+    given: Vec<f64>,
+    state: Vec<f64>,
+    p: Matrix,
+    tuning: Tuning,
+}
+
+impl Naive {
+    fn new(network: Network, weights: &[f64], tuning: &Tuning) -> Self {
+        let packed = Packed::new(network, weights);
+        let n = network.state_len();
+        let variance = |i: usize| if i < n { tuning.initial_state } else { tuning.initial_weights[i - n] };
+        let size = n + weights.len();
+        let diagonal = |i: usize| (0..size).map(|j| if i == j { variance(i) } else { 0.0 }).collect();
+        Self {
+            linear: Linearization::new(&packed),
+            packed,
+            given: weights.to_vec(),
+            state: vec![0.0; n],
+            p: (0..size).map(diagonal).collect(),
+            tuning: tuning.clone(),
+        }
+    }
+
+    fn advance(&mut self, x: &[f64]) {
+        let (n, m) = (self.state.len(), self.given.len());
+        self.linear.step(&self.packed, &mut self.state, x);
+        let (a, b) = (self.linear.dense_state(&self.packed), self.linear.dense_weights(&self.packed));
+        let keeps = 1.0 - self.tuning.leak;
+        let grows = keeps / self.tuning.forgetting.sqrt();
+        let mut f = vec![vec![0.0; n + m]; n + m];
+        for i in 0..n {
+            f[i][..n].copy_from_slice(&a[i * n..(i + 1) * n]);
+            f[i][n..].copy_from_slice(&b[i * m..(i + 1) * m]);
+        }
+        (n..n + m).for_each(|i| f[i][i] = grows);
+        self.p = product(&product(&f, &self.p), &transposed(&f));
+        for i in 0..n + m {
+            self.p[i][i] += if i < n { self.tuning.state_noise } else { self.tuning.weight_noise[i - n] };
+        }
+        let moved: Vec<f64> =
+            self.packed.weights().iter().zip(&self.given).map(|(w, g)| g + keeps * (w - g)).collect();
+        self.packed.set_weights(&moved);
+    }
+
+    fn observe(&mut self, z: &[f64]) {
+        let (n, m) = (self.state.len(), self.given.len());
+        let mut y = vec![0.0; z.len()];
+        self.packed.output(&self.state, &mut y);
+        let (c, d) =
+            (self.linear.dense_output_state(&self.packed), self.linear.dense_output_weights(&self.packed));
+        let measured: Vec<usize> = (0..z.len()).filter(|&i| !z[i].is_nan()).collect();
+        let row = |&i: &usize| [&c[i * n..(i + 1) * n], &d[i * m..(i + 1) * m]].concat();
+        let h: Matrix = measured.iter().map(row).collect();
+        let gain = product(&self.p, &transposed(&h));
+        let mut s = product(&h, &gain);
+        for (k, &i) in measured.iter().enumerate() {
+            s[k][k] += self.tuning.noise[i];
+        }
+        let k = product(&gain, &inverse(&s));
+        let taken = product(&k, &transposed(&gain));
+        self.p.iter_mut().zip(&taken).for_each(|(p, t)| p.iter_mut().zip(t).for_each(|(p, t)| *p -= t));
+        let change = |i: usize| -> f64 { measured.iter().zip(&k[i]).map(|(&o, k)| k * (z[o] - y[o])).sum() };
+        (0..n).for_each(|i| self.state[i] += change(i));
+        let weights: Vec<f64> =
+            self.packed.weights().iter().enumerate().map(|(i, w)| w + change(n + i)).collect();
+        self.packed.set_weights(&weights);
+    }
+}
+
+#[test]
+fn the_fused_filter_equals_the_naive_one() {
+    for network in cells() {
+        let (weights, tuning) = (weights(network, 0.6), tuning(network));
+        let model = LearnableNetwork::new(Packed::new(network, &weights));
+        let mut ours = Filter::new(model, tuning.clone()).unwrap();
+        let mut naive = Naive::new(network, &weights, &tuning);
+        for k in 0..60 {
+            let (x, z) = sample(k, network.outputs);
+            ours.advance(&x);
+            naive.advance(&x);
+            // Samples that are predicted only, too.
+            if k % 4 != 1 {
+                ours.observe(&z);
+                naive.observe(&z);
+            }
+            close(ours.state(), &naive.state, "state");
+            close(ours.weights(), naive.packed.weights(), "weights");
+            let (hh, tt) = ours.variances();
+            let diagonal: Vec<f64> = (0..naive.p.len()).map(|i| naive.p[i][i]).collect();
+            close(&[hh, tt].concat(), &diagonal, "variances");
+        }
+    }
+}
+
+/// Weights without variance and noise are left out of everything.
+#[test]
+fn weights_that_are_sure_stay() {
+    let network = cells()[2];
+    let given = weights(network, 0.6);
+    let mut tuning = tuning(network);
+    let model = LearnableNetwork::new(Packed::new(network, &given));
+    let read_out: Vec<usize> =
+        model.blocks()[model.structure().transition()..].iter().flatten().copied().collect();
+    for i in (0..given.len()).filter(|i| !read_out.contains(i)) {
+        (tuning.initial_weights[i], tuning.weight_noise[i]) = (0.0, 0.0);
+    }
+    let mut naive = Naive::new(network, &given, &tuning);
+    let mut ours = Filter::new(model, tuning).unwrap();
+    for k in 0..40 {
+        let (x, z) = sample(k, network.outputs);
+        ours.advance(&x);
+        naive.advance(&x);
+        ours.observe(&z);
+        naive.observe(&z);
+    }
+    close(ours.weights(), naive.packed.weights(), "weights");
+    close(ours.state(), &naive.state, "state");
+    for (i, (ours, given)) in ours.weights().iter().zip(&given).enumerate() {
+        assert_eq!(ours.to_bits() != given.to_bits(), read_out.contains(&i), "{i}");
+    }
+}
+
+fn session(network: Network, base: Base, feedback: bool) -> KalmanNetwork<f64> {
+    let (n, m) = (network.outputs, 2);
+    let network = Network { inputs: if feedback { m + n } else { m }, ..network };
+    let scaling = Scaling {
+        output_mean: vec![0.3; n],
+        output_scale: vec![2.0; n],
+        input_mean: vec![0.1; m],
+        input_scale: vec![1.5; m],
+        correction_scale: vec![if matches!(base, Base::Hold) { 0.2 } else { 2.0 }; n],
+    };
+    let weights = weights(network, 0.6);
+    let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter: None };
+    KalmanNetwork::new(Arc::new(model), tuning(network)).unwrap()
+}
+
+fn formulations() -> [KalmanNetwork<f64>; 3] {
+    [
+        session(cells()[2], Base::Nothing, false),
+        session(cells()[0], Base::Nothing, true),
+        session(cells()[3], Base::Hold, true),
+    ]
+}
+
+/// What is learned must be worth something: a vessel that the model does not know is predicted better and better.
+#[test]
+fn errors_fall_while_it_learns() {
+    for mut session in formulations() {
+        let n = session.outputs();
+        let truth = |k: usize, y: &[f64]| -> Vec<f64> {
+            let (x, _) = sample(k, 1);
+            (0..n).map(|i| 0.8 * y[i] + 0.3 * x[i % 2] + 0.05).collect()
+        };
+        let (mut y, mut predicted) = (vec![0.0; n], vec![0.0; n]);
+        let mut errors = Vec::new();
+        for k in 0..1500 {
+            session.observe(&y);
+            session.advance(&sample(k, 1).0);
+            session.output(&mut predicted);
+            y = truth(k, &y);
+            errors.push(predicted.iter().zip(&y).map(|(a, b)| (a - b).abs()).sum::<f64>());
+        }
+        let mean =
+            |range: std::ops::Range<usize>| errors[range.clone()].iter().sum::<f64>() / range.len() as f64;
+        assert!(mean(1300..1500) < 0.25 * mean(0..100), "{} {}", mean(0..100), mean(1300..1500));
+    }
+}
+
+#[test]
+fn memory_goes_on_to_the_last_bit_and_forks_predict_alike() {
+    for mut session in formulations() {
+        let n = session.outputs();
+        for k in 0..30 {
+            session.observe(&sample(k, n).1);
+            session.advance(&sample(k, n).0);
+        }
+        let mut other = session.clone();
+        other.reset();
+        for k in 0..10 {
+            other.advance(&sample(k, n).0);
+            other.observe(&sample(k + 3, n).1);
+        }
+        let mut memory = vec![0.0; session.memory_len()];
+        session.save(&mut memory);
+        other.load(&memory);
+        let mut snapshot = vec![0.0; session.snapshot_len()];
+        session.snapshot(&mut snapshot);
+        let mut fork = other.fork();
+        fork.restore(&snapshot);
+        let (mut work, mut a, mut b) = (Workspace::new(), vec![0.0; 8 * n], vec![0.0; 8 * n]);
+        let commands: Vec<f64> = (0..8).flat_map(|k| sample(k, n).0).collect();
+        session.rollout(&commands, &mut work, &mut a);
+        fork.rollout(&commands, &mut work, &mut b);
+        assert_eq!(a, b);
+        for k in 30..60 {
+            for session in [&mut session, &mut other] {
+                session.observe(&sample(k, n).1);
+                session.advance(&sample(k, n).0);
+            }
+            let bits = |session: &KalmanNetwork<f64>| -> Vec<u64> {
+                session.weights().iter().map(|w| w.to_bits()).collect()
+            };
+            assert_eq!(bits(&session), bits(&other), "{k}");
+        }
+    }
+}
+
+#[test]
+fn frozen_it_filters_the_state_and_keeps_its_weights() {
+    let mut session = session(cells()[2], Base::Nothing, false);
+    session.freeze(true);
+    let given = session.weights().to_vec();
+    let mut open = session.clone();
+    let mut differs = false;
+    for k in 0..40 {
+        session.observe(&sample(k, 3).1);
+        open.observe(&[f64::NAN; 3]);
+        session.advance(&sample(k, 3).0);
+        open.advance(&sample(k, 3).0);
+        let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
+        session.output(&mut a);
+        open.output(&mut b);
+        differs |= a != b;
+    }
+    assert!(differs);
+    close(session.weights(), &given, "weights");
+    // What was learned before stays as well: no leak moves it.
+    session.freeze(false);
+    for k in 0..20 {
+        session.observe(&sample(k, 3).1);
+        session.advance(&sample(k, 3).0);
+    }
+    session.freeze(true);
+    let learned = session.weights().to_vec();
+    assert_ne!(learned, given);
+    for k in 0..20 {
+        session.advance(&sample(k, 3).0);
+        session.observe(&sample(k, 3).1);
+    }
+    assert_eq!(session.weights(), learned);
+}
+
+#[test]
+fn nonsense_is_refused_or_survived() {
+    let network = cells()[2];
+    let model = || LearnableNetwork::new(Packed::new(network, &weights(network, 0.6)));
+    let with = |change: &dyn Fn(&mut Tuning)| {
+        let mut tuning = tuning(network);
+        change(&mut tuning);
+        Filter::new(model(), tuning).err()
+    };
+    assert_eq!(with(&|t| t.noise[1] = 0.0), Some(TuningError::Noise));
+    assert!(matches!(with(&|t| t.leak = 1.5), Some(TuningError::Number(_))));
+    assert!(matches!(with(&|t| t.forgetting = 0.0), Some(TuningError::Number(_))));
+    assert!(matches!(with(&|t| t.huber = f64::NAN), Some(TuningError::Number(_))));
+    assert!(matches!(with(&|t| t.initial_weights[3] = -1.0), Some(TuningError::Number(_))));
+    assert!(matches!(
+        with(&|t| {
+            t.weight_noise.pop();
+        }),
+        Some(TuningError::Length(_))
+    ));
+    for mut session in formulations() {
+        let n = session.outputs();
+        for k in 0..20 {
+            session.observe(&sample(k, n).1);
+            session.advance(&sample(k, n).0);
+        }
+        let before = session.weights().to_vec();
+        session.observe(&vec![f64::INFINITY; n]);
+        assert_eq!(session.outcome(), Outcome::Rejected(Rejection::NotFinite));
+        assert_eq!(before, session.weights());
+        session.advance(&[f64::NAN, 1e300]);
+        session.observe(&vec![1e300; n]);
+        for k in 0..30 {
+            session.advance(&sample(k, n).0);
+            session.observe(&sample(k, n).1);
+        }
+        assert!(session.weights().iter().all(|w| w.is_finite()));
+        let mut y = vec![0.0; n];
+        session.output(&mut y);
+        assert!(y.iter().all(|y| y.is_finite()), "{y:?}");
+    }
+}
+
+/// An outlier pulls no harder than a measurement at the limit does.
+#[test]
+fn outliers_are_softened() {
+    let pull = |huber: f64, by: f64| {
+        let network = cells()[2];
+        let given = weights(network, 0.6);
+        let model = LearnableNetwork::new(Packed::new(network, &given));
+        let mut filter = Filter::new(model, Tuning { huber, ..tuning(network) }).unwrap();
+        filter.advance(&[0.3, 0.1]);
+        let mut y = [0.0; 3];
+        filter.model().output(filter.state(), &mut y);
+        let z = [y[0] + by, f64::NAN, f64::NAN];
+        let Correction::Made { weight, deviations, .. } = filter.observe(&z) else { panic!() };
+        let moved: f64 = filter.state().iter().map(|h| h.powi(2)).sum::<f64>();
+        let _ = moved;
+        let pull: f64 = filter.weights().iter().zip(&given).map(|(a, b)| (a - b).powi(2)).sum();
+        (pull.sqrt(), weight, deviations)
+    };
+    let (_, _, at_100) = pull(f64::INFINITY, 100.0);
+    let limit = 100.0 / at_100 * 3.0;
+    let (at_limit, ..) = pull(f64::INFINITY, limit);
+    let (softened, weight, deviations) = pull(3.0, 100.0);
+    assert!((softened / at_limit - 1.0).abs() < 0.05, "{softened} {at_limit}");
+    assert!((weight - 3.0 / deviations).abs() < 1e-9);
+}
+
+/// `R` finds the noise that there is.
+#[test]
+fn the_noise_is_followed() {
+    let network = cells()[2];
+    let given = weights(network, 0.6);
+    let model = LearnableNetwork::new(Packed::new(network, &given));
+    let noise = [1e-4; 3];
+    let tuning = Tuning { noise_rate: 0.002, ..Tuning::uniform(given.len(), 0.0, 0.0, (1e-4, 1e-8), &noise) };
+    let mut filter = Filter::new(model, tuning).unwrap();
+    let truth = Packed::new(network, &given);
+    let (mut h, mut scratch, mut y) = (vec![0.0; network.state_len()], vec![0.0; truth.scratch()], [0.0; 3]);
+    let mut draw = 12345_u64;
+    let mut uniform = || {
+        draw = draw.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (draw >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    for k in 0..6000 {
+        let (x, _) = sample(k, 3);
+        truth.step(&mut h, &x, &mut scratch);
+        truth.output(&h, &mut y);
+        filter.advance(&x);
+        // Variance 0.04 / 12.
+        filter.observe(&y.map(|y| y + 0.2 * uniform()));
+    }
+    for r in filter.noise() {
+        assert!((r / (0.04 / 12.0) - 1.0).abs() < 0.2, "{r}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// Whatever is measured, the variances stay positive, and what is expected of a measurement is never surer than its
+    /// noise.
+    #[test]
+    fn variances_stay_positive(
+        which in 0_usize..5,
+        seed in 0.0_f64..10.0,
+        size in 0.1_f64..3.0,
+        initial in -4.0_f64..2.0,
+        noise in -5.0_f64..0.0,
+    ) {
+        let network = cells()[which];
+        let model = LearnableNetwork::new(Packed::new(network, &weights(network, size)));
+        let r = vec![10_f64.powf(noise); network.outputs];
+        let tuning = Tuning {
+            leak: 1e-4,
+            ..Tuning::uniform(network.weights(), 10_f64.powf(initial), 1e-6, (1.0, 1e-5), &r)
+        };
+        let mut filter = Filter::new(model, tuning).unwrap();
+        for k in 0..300 {
+            let t = seed + f64::from(k);
+            let x: Vec<f64> = (0..2).map(|i| (0.37 * t + f64::from(i)).sin() * 2.0).collect();
+            let z: Vec<f64> = (0..network.outputs).map(|i| (0.9 * t * (1 + i) as f64).sin()).collect();
+            filter.advance(&x);
+            let made = matches!(filter.observe(&z), Correction::Made { .. });
+            prop_assert!(made);
+            let (hh, tt) = filter.variances();
+            prop_assert!(hh.iter().chain(&tt).all(|&p| p > 0.0 && p.is_finite()));
+            let (_, s) = filter.innovation();
+            prop_assert!(s.iter().zip(&r).all(|(s, r)| s >= r));
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! The filter over state and weights on a voyage without end: a hydrofoil under random commands through both modes.
+//!
+//! The test of ten million samples takes most of an hour:
+//!
+//! ```text
+//! cargo test --release -p hydroid-core --test kalman_long -- --ignored --nocapture
+//! ```
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
+use hydroid_core::adapt::{Adapter, Outcome};
+use hydroid_core::math::Scalar;
+use hydroid_core::predict::Predictor;
+use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+
+use crate::networks::pretrained;
+
+/// Uniform numbers from a linear congruential generator (Knuth), whose high bits are good enough to shake a vessel.
+struct Draws(u64);
+
+impl Draws {
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * ((self.0 >> 11) as f64 / (1_u64 << 53) as f64)
+    }
+
+    /// Of variance 1, from twelve uniform ones.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.between(0.0, 1.0)).sum::<f64>() - 6.0
+    }
+}
+
+/// A hydrofoil that draws a command every 2 to 12 s, and its noisy sensors.
+struct Voyage {
+    plant: Plant,
+    state: State,
+    command: Command,
+    /// Samples that it is held for yet.
+    left: f64,
+    draws: Draws,
+}
+
+impl Voyage {
+    fn begin() -> Self {
+        let plant = Plant::new(&VesselParams::hydrofoil()).unwrap();
+        Self { plant, state: State::REST, command: Command { pp: 0.0, rd: 0.0 }, left: 0.0, draws: Draws(7) }
+    }
+
+    fn measured(&mut self) -> [f64; 3] {
+        let State { u, v, r, .. } = self.state;
+        let std = [0.01, 0.01, 1.0_f64.to_radians()];
+        std::array::from_fn(|i| [u, v, r][i] + std[i] * self.draws.normal())
+    }
+
+    fn sail(&mut self) -> [f64; 2] {
+        if self.left < 1.0 {
+            self.left = self.draws.between(20.0, 120.0);
+            self.command =
+                Command { pp: self.draws.between(-60.0, 350.0), rd: self.draws.between(-0.5, 0.5) };
+        }
+        self.left -= 1.0;
+        let actuation = self.plant.actuation(&self.command);
+        for _ in 0..10 {
+            self.state = self.plant.advance_under(&self.state, &actuation, 0.01);
+        }
+        [self.command.pp, self.command.rd]
+    }
+}
+
+/// The thesis's LSTM, trained on low speed alone, with the reference's tuning.
+fn learner<T: Scalar>() -> (KalmanNetwork<T>, Vec<f64>) {
+    let (model, noise) = pretrained("lstm");
+    let noise: Vec<f64> = noise.iter().map(|variance| 5.0 * variance).collect();
+    let tuning =
+        Tuning { leak: 3e-5, ..Tuning::uniform(model.weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &noise) };
+    (KalmanNetwork::new(Arc::new(model), tuning).unwrap(), noise)
+}
+
+/// Smallest eigenvalue of a symmetric 3 x 3 matrix (row by row), by the trigonometric solution of its cubic.
+fn smallest_eigenvalue(m: &[f64]) -> f64 {
+    let mean = (m[0] + m[4] + m[8]) / 3.0;
+    let off = m[1] * m[1] + m[2] * m[2] + m[5] * m[5];
+    let square = (m[0] - mean).powi(2) + (m[4] - mean).powi(2) + (m[8] - mean).powi(2) + 2.0 * off;
+    let p = (square / 6.0).sqrt();
+    if p == 0.0 {
+        return mean;
+    }
+    let b = |i: usize| (m[i] - if i.is_multiple_of(4) { mean } else { 0.0 }) / p;
+    let det = b(0) * (b(4) * b(8) - b(5) * b(7)) - b(1) * (b(3) * b(8) - b(5) * b(6))
+        + b(2) * (b(3) * b(7) - b(4) * b(6));
+    let angle = (0.5 * det).clamp(-1.0, 1.0).acos() / 3.0;
+    mean + 2.0 * p * (angle + 2.0 * std::f64::consts::PI / 3.0).cos()
+}
+
+fn voyage<T: Scalar>(samples: usize) {
+    let (mut session, noise) = learner::<T>();
+    let mut voyage = Voyage::begin();
+    let mut errors = Vec::new();
+    let (mut square, mut least) = (0.0, f64::INFINITY);
+    let every = samples / 20;
+    for k in 1..=samples {
+        let c = voyage.sail();
+        session.advance(&c);
+        session.observe(&voyage.measured());
+        assert_eq!(session.outcome(), Outcome::Accepted, "sample {k}");
+        square += session.innovations()[0].value.powi(2);
+        if k % 100 == 0 {
+            // What is expected of a measurement without its noise has no negative direction, but for rounding.
+            let spread: Vec<f64> = session.filter().spread_before().iter().map(|s| s.wide()).collect();
+            let smallest = smallest_eigenvalue(&spread);
+            least = least.min(smallest / noise[0]);
+            assert!(smallest > -1e-3 * noise[0], "sample {k}: S is below R by {smallest}");
+        }
+        if k % every == 0 {
+            let (hh, tt) = session.filter().variances();
+            assert!(hh.iter().chain(&tt).all(|p| *p > T::zero() && p.is_finite()), "sample {k}");
+            errors.push((square / every as f64).sqrt());
+            square = 0.0;
+        }
+    }
+    println!("innovation of u [m/s], twentieth by twentieth: {errors:.4?}; least eigenvalue {least:.1e} R");
+    let later = errors[1..].iter().copied().fold(0.0, f64::max);
+    assert!(later < 2.0 * errors[0], "{errors:?}");
+}
+
+#[test]
+fn a_hundred_thousand_samples() {
+    voyage::<f64>(100_000);
+}
+
+#[test]
+fn a_hundred_thousand_samples_in_single_precision() {
+    voyage::<f32>(100_000);
+}
+
+#[test]
+#[ignore = "most of an hour"]
+fn ten_million_samples() {
+    voyage::<f64>(10_000_000);
+}
+
+#[test]
+#[ignore = "most of an hour"]
+fn ten_million_samples_in_single_precision() {
+    voyage::<f32>(10_000_000);
+}

@@ -1,0 +1,453 @@
+//! A vessel that learns its parameters by a filter: derivatives against differences, the filter against a naive one, and
+//! what must hold whatever happens.
+
+use hydroid_core::adapt::kalman::{Correction, Filter, KalmanPlant, Learnable, LearnablePlant, Tuning};
+use hydroid_core::adapt::{Adapter, Outcome, Rejection};
+use hydroid_core::model::{PlantModel, PlantModelError, PlantSession};
+use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::vessel::{Command, Coriolis, PARAMETER, Plant, State, VesselParams, is_solvable};
+
+use crate::dense::{Matrix, inverse, product, transposed};
+
+/// Turning near its take-off, with the Munk moment: no parameter is without effect.
+fn vessels() -> [VesselParams; 4] {
+    let full = VesselParams { coriolis: Coriolis::Full, ..VesselParams::hydrofoil() };
+    let mut coupled = full.clone();
+    coupled.added_mass.y_rdot = -3.0;
+    coupled.drag.linear[0][1] = 4.0;
+    coupled.drag.quadratic[2][0] = -2.0;
+    [VesselParams::simple(), VesselParams::hydrofoil(), full, coupled]
+}
+
+fn model(params: &VesselParams) -> PlantModel {
+    PlantModel::new(params, 0.1).unwrap()
+}
+
+/// Commands that take a vessel through its modes.
+fn command(params: &VesselParams, k: usize) -> [f64; 2] {
+    let t = k as f64;
+    let (low, high) = (params.commands.propeller.limits[0], params.commands.propeller.limits[1]);
+    let rudder = params.commands.rudder.limits[1];
+    [0.5 * (low + high) + 0.5 * (high - low) * (0.02 * t).sin(), 0.8 * rudder * (0.083 * t).sin()]
+}
+
+/// Measurements of a vessel from rest, with deterministic noise of the given size.
+fn measured(params: &VesselParams, count: usize, noise: f64) -> Vec<[f64; 3]> {
+    let plant = Plant::new(params).unwrap();
+    let mut state = State::REST;
+    (0..count)
+        .map(|k| {
+            let e = |a: f64| noise * (a * (k * k % 1009) as f64 + a).sin();
+            let y = [state.u + e(1.3), state.v + e(2.9), state.r + e(4.1)];
+            let [pp, rd] = command(params, k);
+            for _ in 0..10 {
+                state = plant.advance(&state, &Command { pp, rd }, 0.01);
+            }
+            y
+        })
+        .collect()
+}
+
+/// Standard deviations of 1 cm/s and 1 deg/s.
+fn tuning(plant: &LearnablePlant) -> Tuning {
+    let noise: Vec<f64> = plant
+        .scale()
+        .iter()
+        .zip([0.01, 0.01, 0.017])
+        .map(|(scale, std): (_, f64)| (std / scale).powi(2))
+        .collect();
+    Tuning::uniform(plant.places().len(), 0.01, 1e-7, (1.0, 1e-6), &noise)
+}
+
+fn session(params: &VesselParams) -> KalmanPlant {
+    let model = model(params);
+    KalmanPlant::new(&model, tuning(&LearnablePlant::new(&model))).unwrap()
+}
+
+fn step(plant: &LearnablePlant, h: &[f64], weights: &[f64], x: &[f64]) -> Vec<f64> {
+    let (mut plant, mut h) = (plant.clone(), h.to_vec());
+    plant.set_weights(weights);
+    plant.step(&mut h, x);
+    h
+}
+
+/// `[A B]` of the last step, row by row.
+fn partials(plant: &LearnablePlant) -> Matrix {
+    let count = plant.places().len();
+    let size = 4 + count;
+    let (mut state, mut local) = (vec![0.0; 4 * size], vec![0.0; 4 * size]);
+    for i in 0..4 {
+        state[i * size + i] = 1.0;
+        plant.local(0, i, &mut local[i * size + 4..(i + 1) * size]);
+    }
+    let mut out = vec![0.0; 4 * size];
+    plant.chain(&state, &local, size, &mut out, &mut []);
+    out.chunks(size).map(<[f64]>::to_vec).collect()
+}
+
+fn close(a: &[f64], b: &[f64], tolerance: f64, what: &str) {
+    assert_eq!(a.len(), b.len());
+    let size = b.iter().fold(1e-12, |size: f64, b| size.max(b.abs()));
+    for (i, (a, b)) in a.iter().zip(b).enumerate() {
+        assert!((a - b).abs() <= tolerance * size, "{what} {i}: {a} {b}");
+    }
+}
+
+#[test]
+fn partials_are_those_of_central_differences() {
+    for params in vessels() {
+        let mut plant = LearnablePlant::new(&model(&params));
+        let count = plant.places().len();
+        let weights: Vec<f64> = (0..count).map(|k| 0.05 * (k as f64 * 1.7).sin()).collect();
+        plant.set_weights(&weights);
+        // On either side of the change of mode, and where no number is zero.
+        for [u, v, r, p_f] in [[2.4, -0.2, 0.15, 120.0], [0.7, 0.1, -0.3, -20.0], [3.6, 0.3, 0.2, 200.0]] {
+            let motion = [u, v, r, p_f];
+            let h: Vec<f64> = (0..4).map(|i| plant.scaled(i, motion[i])).collect();
+            let x = [150.0, 0.3];
+            let mut moved = h.clone();
+            plant.step(&mut moved, &x);
+            assert_eq!(moved, step(&plant, &h, &weights, &x));
+            let ours = partials(&plant);
+            let mut differences = vec![vec![0.0; 4 + count]; 4];
+            for j in 0..4 + count {
+                let by = 1e-5;
+                let at = |by: f64| {
+                    let (mut h, mut weights) = (h.clone(), weights.clone());
+                    if j < 4 {
+                        h[j] += by;
+                    } else {
+                        weights[j - 4] += by;
+                    }
+                    step(&plant, &h, &weights, &x)
+                };
+                let (up, down) = (at(by), at(-by));
+                (0..4).for_each(|i| differences[i][j] = (up[i] - down[i]) / (2.0 * by));
+            }
+            for i in 0..4 {
+                close(&ours[i], &differences[i], 1e-6, &format!("{} {u}: row {i}", params.name));
+            }
+        }
+    }
+}
+
+/// A step of the session, of the learner and of the plant that is simulated: one motion.
+#[test]
+fn a_model_moves_as_the_plant_is_simulated() {
+    for params in vessels() {
+        let (model, plant) = (model(&params), Plant::new(&params).unwrap());
+        let mut session = PlantSession::new(&model);
+        let mut state = State { u: 1.9, v: 0.1, r: -0.1, p_f: plant.holding_force(1.9), ..State::REST };
+        session.observe(&[state.u, state.v, f64::NAN]);
+        session.advance(&command(&params, 0));
+        assert!(session.is_waiting());
+        session.observe(&[f64::NAN, f64::INFINITY, state.r]);
+        let commands: Vec<f64> = (0..40).flat_map(|k| command(&params, k)).collect();
+        let mut ahead = vec![0.0; 3 * 40];
+        session.rollout(&commands, &mut Workspace::new(), &mut ahead);
+        for k in 0..40 {
+            let [pp, rd] = command(&params, k);
+            for _ in 0..10 {
+                state = plant.advance(&state, &Command { pp, rd }, 0.01);
+            }
+            session.advance(&[pp, rd]);
+            assert_eq!(session.motion(), &[state.u, state.v, state.r, state.p_f]);
+            assert_eq!(ahead[3 * k..3 * k + 3], [state.u, state.v, state.r]);
+        }
+        session.advance(&[f64::NAN, 0.0]);
+        assert!(session.is_waiting());
+    }
+    for dt in [0.0, -1.0, f64::NAN, 1e9] {
+        assert!(
+            matches!(PlantModel::new(&VesselParams::simple(), dt), Err(PlantModelError::Step(_))),
+            "{dt}"
+        );
+    }
+    assert_eq!(PlantModel::new(&VesselParams::simple(), 0.025).unwrap().steps(), 3);
+}
+
+/// The filter as a textbook has it, dense, its Jacobians by central differences.
+struct Naive {
+    model: LearnablePlant,
+    state: Vec<f64>,
+    p: Matrix,
+    tuning: Tuning,
+}
+
+impl Naive {
+    fn advance(&mut self, x: &[f64]) {
+        let (size, keeps) = (self.state.len(), 1.0 - self.tuning.leak);
+        let mut f = vec![vec![0.0; size]; size];
+        for j in 0..size {
+            let at = |by: f64| {
+                let mut at = self.state.clone();
+                at[j] += by;
+                step(&self.model, &at[..4], &at[4..], x)
+            };
+            let (up, down) = (at(1e-5), at(-1e-5));
+            (0..4).for_each(|i| f[i][j] = (up[i] - down[i]) / 2e-5);
+        }
+        (4..size).for_each(|i| f[i][i] = keeps / self.tuning.forgetting.sqrt());
+        let next = step(&self.model, &self.state[..4], &self.state[4..], x);
+        self.p = product(&product(&f, &self.p), &transposed(&f));
+        for i in 0..size {
+            self.p[i][i] += if i < 4 { self.tuning.state_noise } else { self.tuning.weight_noise[i - 4] };
+        }
+        self.state[..4].copy_from_slice(&next);
+        self.state[4..].iter_mut().for_each(|w| *w *= keeps);
+    }
+
+    fn observe(&mut self, z: &[f64]) {
+        let measured: Vec<usize> = (0..3).filter(|&i| !z[i].is_nan()).collect();
+        let gain: Matrix = self.p.iter().map(|row| measured.iter().map(|&i| row[i]).collect()).collect();
+        let mut s: Matrix = measured.iter().map(|&i| gain[i].clone()).collect();
+        for (k, &i) in measured.iter().enumerate() {
+            s[k][k] += self.tuning.noise[i];
+        }
+        let k = product(&gain, &inverse(&s));
+        let taken = product(&k, &transposed(&gain));
+        self.p.iter_mut().zip(&taken).for_each(|(p, t)| p.iter_mut().zip(t).for_each(|(p, t)| *p -= t));
+        let before = self.state.clone();
+        for (state, k) in self.state.iter_mut().zip(&k) {
+            *state += measured.iter().zip(k).map(|(&o, k)| k * (z[o] - before[o])).sum::<f64>();
+        }
+    }
+}
+
+#[test]
+fn the_filter_equals_a_naive_one_with_finite_differences() {
+    for params in [VesselParams::hydrofoil(), VesselParams::simple()] {
+        let plant = LearnablePlant::new(&model(&params));
+        let mut tuning = Tuning { leak: 1e-3, forgetting: 0.999, ..tuning(&plant) };
+        for (i, q) in tuning.weight_noise.iter_mut().enumerate() {
+            *q *= 1.0 + (i % 5) as f64;
+        }
+        let size = 4 + plant.places().len();
+        let variance = |i: usize| if i < 4 { tuning.initial_state } else { tuning.initial_weights[i - 4] };
+        let row = |i: usize| (0..size).map(|j| if i == j { variance(i) } else { 0.0 }).collect();
+        let mut naive = Naive {
+            state: vec![0.0; size],
+            p: (0..size).map(row).collect(),
+            model: plant.clone(),
+            tuning: tuning.clone(),
+        };
+        let mut ours = Filter::new(plant, tuning).unwrap();
+        let mut changed = params.clone();
+        changed.drag.linear[0][0] *= 1.2;
+        changed.rudder.gain *= 0.9;
+        let y = measured(&changed, 61, 0.005);
+        for k in 0..60 {
+            let x = command(&params, k);
+            ours.advance(&x);
+            naive.advance(&x);
+            if k % 4 != 1 {
+                let mut z = [0, 1, 2].map(|i| ours.model().scaled(i, y[k + 1][i]));
+                if k % 7 == 3 {
+                    z[0] = f64::NAN;
+                }
+                assert!(matches!(ours.observe(&z), Correction::Made { .. }));
+                naive.observe(&z);
+            }
+            close(ours.state(), &naive.state[..4], 1e-6, "state");
+            close(ours.weights(), &naive.state[4..], 1e-6, "weights");
+            let (hh, tt) = ours.variances();
+            let diagonal: Vec<f64> = (0..size).map(|i| naive.p[i][i]).collect();
+            close(&[hh, tt].concat(), &diagonal, 1e-6, "variances");
+        }
+    }
+}
+
+#[test]
+fn changed_parameters_are_found() {
+    let given = VesselParams::hydrofoil();
+    let mut changed = given.clone();
+    changed.drag.linear[0][0] *= 1.3;
+    changed.drag.quadratic[0][0] *= 1.3;
+    changed.rudder.gain *= 0.8;
+    let y = measured(&changed, 6001, 0.01);
+    let mut session = session(&given);
+    for k in 0..6000 {
+        session.observe(&y[k]);
+        session.advance(&command(&given, k));
+    }
+    let model = model(&given);
+    let (places, truth) = (LearnablePlant::new(&model).places().to_vec(), changed.numbers());
+    let learned = |path: &str| {
+        let at = places.iter().position(|&place| PARAMETER[place].path == path).unwrap();
+        session.weights()[at] / truth[places[at]]
+    };
+    for path in ["drag.quadratic[0][0]", "rudder.gain", "flying.transition_speed", "propeller.lag"] {
+        assert!((learned(path) - 1.0).abs() < 0.05, "{path}: {} of the truth", learned(path));
+    }
+    // The hidden force is known.
+    let mut snapshot = vec![0.0; session.snapshot_len()];
+    session.snapshot(&mut snapshot);
+    let mut truth = PlantSession::new(&PlantModel::new(&changed, 0.1).unwrap());
+    truth.observe(&[0.0; 3]);
+    (0..6000).for_each(|k| truth.advance(&command(&given, k)));
+    assert!((snapshot[3] - truth.motion()[3]).abs() < 3.0, "{} {}", snapshot[3], truth.motion()[3]);
+}
+
+/// Whatever is measured, the parameters stay those of a vessel.
+#[test]
+fn parameters_stay_those_of_a_vessel() {
+    for params in vessels() {
+        let plant = LearnablePlant::new(&model(&params));
+        let uniform = tuning(&plant);
+        // So sure of the sensors, and so unsure of the vessel, that it believes nonsense.
+        let tuning = Tuning { initial_weights: vec![4.0; plant.places().len()], ..uniform };
+        let mut session = KalmanPlant::new(&model(&params), tuning).unwrap();
+        let mut least = f64::INFINITY;
+        for k in 0..600 {
+            let t = k as f64;
+            session.observe(&[3.0 * (0.9 * t).sin(), 2.0 * (1.3 * t).cos(), 1.5 * (2.1 * t).sin()]);
+            session.advance(&command(&params, k));
+            let numbers = session.filter().model().numbers();
+            assert!(is_solvable(params.form(), &numbers), "{} {k}", params.name);
+            let mut learned = params.clone();
+            learned.set_numbers(&numbers);
+            assert_eq!(learned.validate(), Ok(()));
+            let (_, variances) = session.filter().variances();
+            assert!(variances.iter().all(|p| *p > -1e-9), "{variances:?}");
+            least = session.filter().weights().iter().fold(least, |least, w| least.min(-w.abs()));
+        }
+        assert!(least < -0.5, "it did believe nonsense: {least}");
+    }
+    // A step that the mass matrix forbids is made as far as it allows.
+    let mut plant = LearnablePlant::new(&model(&vessels()[3]));
+    let place = |path: &str| plant.places().iter().position(|&place| PARAMETER[place].path == path).unwrap();
+    let (inertia, added, coupling) =
+        (place("rigid_body.i_z"), place("added_mass.n_rdot"), place("rigid_body.x_g"));
+    let mut weights = plant.weights().to_vec();
+    (weights[inertia], weights[added], weights[coupling]) = (-2.2, -2.2, 2.2);
+    plant.admit(&mut weights);
+    assert!(weights[inertia] > -2.2 && weights[inertia] < 0.0, "{}", weights[inertia]);
+    plant.set_weights(&weights);
+    assert!(is_solvable(vessels()[3].form(), &plant.numbers()));
+    let mut nonsense = vec![f64::NAN; weights.len()];
+    nonsense[0] = f64::INFINITY;
+    plant.admit(&mut nonsense);
+    assert!(nonsense.iter().all(|w| w.is_finite()));
+}
+
+#[test]
+fn bands_hold_what_they_promise() {
+    let params = VesselParams::hydrofoil();
+    // Sines of large arguments: their deviation is the root of a half of their size.
+    let y = measured(&params, 2100, 0.014);
+    let model = model(&params);
+    let plant = LearnablePlant::new(&model);
+    let noise: Vec<f64> = plant.scale()[..3].iter().map(|scale| (0.0099 / scale).powi(2)).collect();
+    let tuning = Tuning::uniform(plant.places().len(), 1e-4, 0.0, (1.0, 0.0), &noise);
+    let mut session = KalmanPlant::new(&model, tuning).unwrap();
+    let (mut work, mut ahead, mut band) = (Workspace::new(), vec![0.0; 3 * 40], [0.0; 9]);
+    session.deviations(&[7.0; 80], &[1, 10, 40], &mut work, &mut band);
+    assert!(band.iter().all(|band| band.is_nan()));
+    let (mut inside, mut all) = ([0; 3], 0);
+    for k in 0..2000 {
+        session.observe(&y[k]);
+        let commands: Vec<f64> = (k..k + 40).flat_map(|k| command(&params, k)).collect();
+        if k > 100 && k % 5 == 0 {
+            session.rollout(&commands, &mut work, &mut ahead);
+            session.deviations(&commands, &[1, 10, 40], &mut work, &mut band);
+            for (at, horizon) in [1, 10, 40].into_iter().enumerate() {
+                for i in 0..3 {
+                    let error = ahead[3 * (horizon - 1) + i] - y[k + horizon][i];
+                    // Of a sine at random 82 % are within 1.36 deviations, and all within 1.42.
+                    inside[at] += usize::from(error.abs() < 1.36 * band[3 * at + i]);
+                }
+            }
+            all += 3;
+        }
+        session.advance(&command(&params, k));
+    }
+    for inside in inside {
+        let share = f64::from(u32::try_from(inside).unwrap()) / f64::from(all);
+        assert!((0.70..0.94).contains(&share), "{share}");
+    }
+}
+
+#[test]
+fn memory_goes_on_to_the_last_bit_and_forks_predict_alike() {
+    let params = VesselParams::hydrofoil();
+    let mut changed = params.clone();
+    changed.rudder.gain *= 0.8;
+    let y = measured(&changed, 120, 0.01);
+    for at in [0, 1, 2, 40] {
+        let mut session = session(&params);
+        for k in 0..at {
+            session.observe(&y[k]);
+            session.advance(&command(&params, k));
+        }
+        let mut other = session.clone();
+        other.reset();
+        for k in 0..10 {
+            other.observe(&y[k + 50]);
+            other.advance(&command(&params, k));
+        }
+        let mut memory = vec![0.0; session.memory_len()];
+        session.save(&mut memory);
+        other.load(&memory);
+        let mut snapshot = vec![0.0; session.snapshot_len()];
+        session.snapshot(&mut snapshot);
+        let mut fork = other.fork();
+        fork.restore(&snapshot);
+        let commands: Vec<f64> = (at..at + 8).flat_map(|k| command(&params, k)).collect();
+        let (mut work, mut a, mut b) = (Workspace::new(), [0.0; 24], [0.0; 24]);
+        session.rollout(&commands, &mut work, &mut a);
+        fork.rollout(&commands, &mut work, &mut b);
+        assert_eq!(a.map(f64::to_bits), b.map(f64::to_bits));
+        for k in at..at + 40 {
+            for session in [&mut session, &mut other] {
+                session.observe(&if k % 9 == 4 { [f64::NAN, y[k][1], y[k][2]] } else { y[k] });
+                session.advance(&command(&params, k));
+            }
+            let bits = |session: &KalmanPlant| -> Vec<u64> {
+                let mut snapshot = vec![0.0; session.snapshot_len()];
+                session.snapshot(&mut snapshot);
+                snapshot.iter().chain(session.weights()).map(|w| w.to_bits()).collect()
+            };
+            assert_eq!(bits(&session), bits(&other), "{at} {k}");
+        }
+        session.restore(&snapshot);
+        let mut again = vec![0.0; snapshot.len()];
+        session.snapshot(&mut again);
+        assert!(snapshot.iter().zip(&again).all(|(a, b)| a.to_bits() == b.to_bits()));
+    }
+}
+
+#[test]
+fn nonsense_is_survived() {
+    let params = VesselParams::hydrofoil();
+    let y = measured(&params, 200, 0.01);
+    for nonsense in [f64::INFINITY, f64::NAN, 1e200, -1e300] {
+        let mut session = session(&params);
+        for k in 0..20 {
+            session.observe(&y[k]);
+            session.advance(&command(&params, k));
+        }
+        let before = session.weights().to_vec();
+        session.observe(&[f64::INFINITY; 3]);
+        assert_eq!(session.outcome(), Outcome::Rejected(Rejection::NotFinite));
+        assert_eq!(before, session.weights());
+        session.advance(&[nonsense; 2]);
+        session.observe(&[nonsense; 3]);
+        session.advance(&[nonsense; 2]);
+        let mut deviation = [0.0; 3];
+        session.deviations(&[7.0; 10], &[5], &mut Workspace::new(), &mut deviation);
+        session.reset();
+        let (mut now, mut frozen) = ([0.0; 3], session.clone());
+        let kept = frozen.weights().to_vec();
+        frozen.freeze(true);
+        for k in 20..150 {
+            session.observe(&y[k]);
+            session.advance(&command(&params, k));
+            frozen.observe(&y[k]);
+            frozen.advance(&command(&params, k));
+        }
+        assert!(session.weights().iter().all(|w| w.is_finite()), "{nonsense}");
+        session.output(&mut now);
+        assert!((0..3).all(|i| (now[i] - y[150][i]).abs() < 1.0), "{nonsense}: {now:?} {:?}", y[150]);
+        assert_eq!(frozen.weights(), kept);
+    }
+}

@@ -1,0 +1,36 @@
+//! Integration tests of the on-board crate.
+
+mod adapter_memory;
+mod control_actuators;
+mod control_affine;
+mod controllers;
+mod damped;
+mod dense;
+mod direct;
+mod guard;
+mod guidance;
+mod kalman;
+mod kalman_equations;
+mod kalman_equations_naive;
+mod kalman_golden;
+mod kalman_long;
+mod kalman_plant;
+mod kalman_reduced;
+mod least_squares;
+mod math;
+mod networks;
+mod plant_golden;
+mod plant_params;
+mod plant_physics;
+mod read_out;
+mod recurrent_backpropagation;
+mod recurrent_batch;
+mod recurrent_derivatives;
+mod recurrent_session;
+mod recurrent_single;
+mod recurrent_state_filter;
+mod recursive_equations;
+mod rehearsal;
+mod sparse;
+mod sparse_sensitivity;
+mod sparse_signals;

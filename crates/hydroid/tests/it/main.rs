@@ -1,0 +1,44 @@
+//! Integration tests of the library.
+
+mod adapt;
+mod blackbox;
+mod boat;
+mod direct_equations;
+mod equations;
+mod estimate;
+mod evaluate;
+mod evaluate_sessions;
+mod hydrofoil;
+mod identify_networks;
+mod invariance;
+mod judged;
+mod lorenz;
+mod methods;
+mod model_file;
+mod network_file;
+mod peer_pysindy;
+mod peer_torch;
+mod real_ships;
+mod refine;
+mod simulate_input;
+mod simulate_records;
+mod sindy;
+mod sindy_golden;
+mod steer;
+mod steer_loop;
+mod stream;
+mod train;
+mod train_direct;
+mod train_evaluate;
+mod train_refit;
+mod triangle;
+mod vessel;
+
+#[path = "../../../hydroid-core/tests/it/networks.rs"]
+#[allow(dead_code)] // the tests of this crate use a part of it
+mod networks;
+#[path = "../../examples/ridge_baseline.rs"]
+mod ridge_baseline;
+#[path = "../../examples/steer_circles.rs"]
+#[allow(dead_code)] // the tests use a part of the example
+mod steer_circles;

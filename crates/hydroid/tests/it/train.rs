@@ -1,0 +1,261 @@
+//! Trainings from end to end.
+
+use std::cell::Cell;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use crate::vessel::{INPUTS, OUTPUTS, measured, sail};
+use hydroid::log::Trajectory;
+use hydroid::train::{BaseKind, CellKind, Ending, Job, Settings, Status, TrainError, Trained, train};
+
+/// Under steps of the command, with some noise.
+fn run(name: &str, samples: usize, seed: u64) -> Trajectory {
+    let state = Cell::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+    let random = || {
+        let mut x = state.get();
+        x ^= x << 13;
+        x ^= x >> 7;
+        x ^= x << 17;
+        state.set(x);
+        (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    let mut held = 0.0;
+    let command = |k: usize| {
+        if k.is_multiple_of(15) {
+            held = random();
+        }
+        held
+    };
+    sail(name, samples, command, |_, [u, v]| [u + 0.005 * random(), v + 0.005 * random()])
+}
+
+fn settings(cell: CellKind) -> Settings {
+    Settings {
+        hidden: 6,
+        epochs: 6,
+        batch: 8,
+        wash_out_s: Some(2.0),
+        window_s: Some(4.0),
+        learning_rate: 0.02,
+        ..Settings::of(cell)
+    }
+}
+
+type Watched<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
+
+fn with(settings: &Settings, checkpoint: Option<&Path>, watch: Watched<'_>) -> Result<Trained, TrainError> {
+    let (a, b, c) = (run("a", 900, 1), run("b", 500, 2), run("c", 400, 3));
+    let job = Job {
+        runs: &[&a, &b],
+        validation: &[&c],
+        outputs: &OUTPUTS,
+        inputs: &INPUTS,
+        horizon: 20,
+        equations: None,
+    };
+    train(&job, settings, checkpoint, watch)
+}
+
+fn go(settings: &Settings) -> Trained {
+    with(settings, None, &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+/// All but the time that it took.
+fn same(a: &Trained, b: &Trained) {
+    assert_eq!(Trained { seconds: 0.0, ..a.clone() }, Trained { seconds: 0.0, ..b.clone() });
+}
+
+#[test]
+fn every_cell_and_base_learns_the_vessel() {
+    for (cell, base, feedback) in [
+        (CellKind::Lstm, BaseKind::Nothing, false),
+        (CellKind::Gru, BaseKind::Hold, true),
+        (CellKind::Rnn, BaseKind::Nothing, true),
+    ] {
+        let trained = go(&Settings { feedback, base, epochs: 40, ..settings(cell) });
+        let first = trained.history[0].validation;
+        assert!(trained.validation < 0.35, "{cell:?}: {} after {first}", trained.validation);
+        assert_eq!(trained.history.len(), 40);
+        assert_eq!(trained.ending, Ending::Done);
+        let least = trained.history.iter().map(|epoch| epoch.validation).fold(f64::INFINITY, f64::min);
+        assert_eq!((least, trained.history[trained.best_epoch - 1].validation), (trained.validation, least));
+    }
+}
+
+#[test]
+fn the_bytes_do_not_depend_on_threads() {
+    let settings = Settings { restarts: 3, batch: 40, epochs: 3, refit: true, ..settings(CellKind::Lstm) };
+    let [one, two, three] = [1, 2, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| go(&settings))
+    });
+    same(&one, &two);
+    same(&one, &three);
+    assert_ne!(one.model.weights(), go(&Settings { seed: 1, ..settings.clone() }).model.weights());
+    // The first of several restarts is the only one of a training without.
+    let alone = go(&Settings { restarts: 1, ..settings });
+    assert_eq!(alone.validation, one.restarts[0]);
+}
+
+#[test]
+fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
+    let folder = tempfile::tempdir().unwrap();
+    for (index, cell) in [CellKind::Lstm, CellKind::Gru].into_iter().enumerate() {
+        // Long enough to be heard of several times, on a fast machine too.
+        let settings = Settings { restarts: 2, epochs: 400, refit: index == 1, ..settings(cell) };
+        let whole = go(&settings);
+        let path = folder.path().join(format!("{index}.checkpoint"));
+        let (mut interruptions, mut latest) = (0, 0.0);
+        let parts = loop {
+            let mut begun = None;
+            let result = with(&settings, Some(&path), &mut |status| {
+                latest = status.fraction;
+                let begun = *begun.get_or_insert(status.fraction);
+                if status.fraction >= begun + 0.02 {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            });
+            match result {
+                Ok(trained) => break trained,
+                Err(TrainError::Cancelled(_)) => interruptions += 1,
+                Err(error) => panic!("{error}"),
+            }
+            assert!(interruptions < 200);
+        };
+        same(&whole, &parts);
+        assert!(interruptions > 0, "the training was over before it could be interrupted");
+        assert!(latest > 0.5 && latest <= 1.0, "{latest}");
+        // What is done stays done.
+        same(&whole, &with(&settings, Some(&path), &mut |_| ControlFlow::Break(())).unwrap());
+        let other = Settings { learning_rate: 0.01, ..settings };
+        let error = with(&other, Some(&path), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
+        assert!(error.contains("other settings") && error.contains("checkpoint"), "{error}");
+        std::fs::write(&path, b"not a checkpoint").unwrap();
+        let error = with(&other, Some(&path), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
+        assert!(error.contains("remove it to start anew"), "{error}");
+    }
+}
+
+#[test]
+fn a_budget_is_kept_and_its_epochs_can_be_repeated() {
+    let settings = Settings { epochs: 1_000_000, budget_s: Some(1.0), ..settings(CellKind::Gru) };
+    let begun = Instant::now();
+    let trained = go(&settings);
+    // Machines that run tests are busy with other things: twice the time is still kept as time goes.
+    assert!(begun.elapsed().as_secs_f64() < 2.0, "{:?}", begun.elapsed());
+    assert!(trained.epochs < 1_000_000);
+    let again = go(&Settings { epochs: trained.epochs, budget_s: None, ..settings.clone() });
+    // A machine that got slower on the way ends before the last epoch.
+    assert_eq!(again.history[..trained.history.len()], trained.history);
+    if trained.ending == Ending::Done {
+        assert_eq!(again.model, trained.model);
+    }
+    let little = Settings { budget_s: Some(1e-6), ..settings.clone() };
+    let error = with(&little, None, &mut |_| ControlFlow::Continue(())).unwrap_err();
+    assert!(matches!(error, TrainError::NoTime { epoch_s, .. } if epoch_s > 1e-6), "{error}");
+    // Steps that are tried can be interrupted.
+    let stopped = with(&settings, None, &mut |status| {
+        assert_eq!(status.fraction, 0.0);
+        ControlFlow::Break(())
+    });
+    assert!(matches!(stopped, Err(TrainError::Cancelled(_))));
+}
+
+/// A budget that is too small for an epoch is not spent first.
+#[test]
+fn a_budget_without_an_epoch_is_refused_at_once() {
+    let settings =
+        Settings { hidden: 300, budget_s: Some(10.0), window_s: Some(30.0), ..settings(CellKind::Lstm) };
+    let begun = Instant::now();
+    let long = run("long", 800_000, 1);
+    let job = Job {
+        runs: &[&long],
+        validation: &[&run("c", 400, 3)],
+        outputs: &OUTPUTS,
+        inputs: &INPUTS,
+        horizon: 20,
+        equations: None,
+    };
+    let error = train(&job, &settings, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
+    assert!(error.contains("which takes about"), "{error}");
+    assert!(begun.elapsed().as_secs_f64() < 9.0, "{:?}", begun.elapsed());
+}
+
+#[test]
+fn patience_ends_a_training_that_gets_no_better() {
+    let settings = Settings { patience: Some(3), learning_rate: 1e-12, ..settings(CellKind::Rnn) };
+    let trained = go(&Settings { epochs: 500, ..settings });
+    assert_eq!(trained.ending, Ending::Patience);
+    assert_eq!(trained.history.len(), trained.best_epoch + 3);
+}
+
+#[test]
+fn what_cannot_be_is_said() {
+    let told = |settings: Settings| {
+        with(&settings, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
+    };
+    let base = settings(CellKind::Lstm);
+    let of = |change: fn(&mut Settings)| {
+        let mut settings = base.clone();
+        change(&mut settings);
+        told(settings)
+    };
+    assert!(of(|s| s.window_s = Some(1e4)).contains("needs 100021 samples"));
+    assert!(of(|s| s.window_s = Some(1e4)).contains("or a shorter wash_out_s or window_s"));
+    assert!(
+        of(|s| s.patience = Some(0)).contains("patience = 0 cannot be: give at least 1, or leave it out")
+    );
+    assert!(of(|s| s.batch = 0).contains("batch = 0"));
+    assert!(of(|s| s.hidden = 0).contains("at least 1"));
+    assert!(of(|s| s.layers = Some(2)).contains("only rnn has layers"));
+    assert!(of(|s| s.read_out = false).contains("add the read-out"));
+    assert!(of(|s| s.learning_rate = f64::NAN).contains("learning_rate = NaN"));
+    assert!(of(|s| s.channel_weights = vec![1.0]).contains("one number for each output"));
+    assert!(of(|s| s.base = BaseKind::Equations).contains("none are given"));
+    let still = Trajectory {
+        // The mean of so many tenths is no tenth.
+        outputs: measured(vec![0.1; 1800]),
+        ..run("still", 900, 1)
+    };
+    let horizon = |horizon: usize, validation: &Trajectory| {
+        let runs = &[&run("moving", 900, 1)];
+        let job = Job {
+            runs,
+            validation: &[validation],
+            outputs: &OUTPUTS,
+            inputs: &INPUTS,
+            horizon,
+            equations: None,
+        };
+        train(&job, &base, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
+    };
+    for told in [horizon(usize::MAX, &run("b", 500, 2)), horizon(20, &run("short", 30, 1))] {
+        assert!(told.contains("shorter wash_out_s or horizon (--horizon)"), "{told}");
+    }
+    for (origins, validation) in [("1 origins", &run("one", 41, 2)), ("origins", &still)] {
+        let told = horizon(20, validation);
+        assert!(told.contains(origins) && told.contains("a shorter horizon (--horizon)"), "{told}");
+    }
+    let one = |runs: &[&Trajectory], validation: &[&Trajectory]| {
+        let job = Job { runs, validation, outputs: &OUTPUTS, inputs: &INPUTS, horizon: 20, equations: None };
+        train(&job, &base, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
+    };
+    let moving = run("moving", 900, 1);
+    assert!(one(&[&still], &[&moving]).contains("'u' does not move"));
+    assert!(one(&[], &[&moving]).contains("no training runs"));
+    assert!(one(&[&moving], &[&run("short", 30, 1)]).contains("no validation run is long enough"));
+    let slow = Trajectory { dt: 0.2, ..run("slow", 900, 1) };
+    assert!(one(&[&moving], &[&slow]).contains("sample time of 0.2 s"));
+}
+
+#[test]
+fn settings_are_read_from_toml_and_mistakes_are_told() {
+    let read: Settings = toml::from_str("cell = \"gru\"\nhidden = 9\nschedule = \"cosine\"").unwrap();
+    assert_eq!((read.cell, read.hidden, read.epochs), (CellKind::Gru, 9, Settings::default().epochs));
+    assert!(toml::from_str::<Settings>("hiden = 9").is_err());
+    let text = toml::to_string(&read).unwrap();
+    assert_eq!(toml::from_str::<Settings>(&text).unwrap(), read);
+}

@@ -1,0 +1,264 @@
+//! Direct predictors: their training, their model file, and their place among the methods.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use crate::vessel::{INPUTS, OUTPUTS, with_gaps};
+use hydroid::evaluate::{Options, band_coverage, evaluate};
+use hydroid::identify::{
+    GivenRanges, Job as Identification, Method, NetworkSettings, Networks, SindySettings,
+};
+use hydroid::identify::{IdentifyError, identify};
+use hydroid::log::{Split, Table, Trajectory};
+use hydroid::model::{Body, Model, Reading, decode, encode};
+use hydroid::progress::silent;
+use hydroid::train::{
+    BaseKind, CellKind, Job, Learned, Outcome, Settings, Status, TrainError, Trained, train,
+};
+use hydroid_core::model::direct::{Direct, DirectSession};
+use hydroid_core::predict::{Predictor, Workspace};
+
+fn settings() -> Settings {
+    Settings {
+        hidden: 16,
+        layers: Some(2),
+        history_s: Some(0.5),
+        window_s: Some(0.8),
+        epochs: 8,
+        batch: 150,
+        learning_rate: 0.01,
+        ..Settings::of(CellKind::Direct)
+    }
+}
+
+type Watched<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
+
+fn with(settings: &Settings, checkpoint: Option<&Path>, watch: Watched<'_>) -> Result<Trained, TrainError> {
+    let (a, b, c) = (with_gaps("a", 900, 0.0), with_gaps("b", 500, 40.0), with_gaps("c", 330, 100.0));
+    let job = Job {
+        runs: &[&a, &b],
+        validation: &[&c],
+        outputs: &OUTPUTS,
+        inputs: &INPUTS,
+        horizon: 20,
+        equations: None,
+    };
+    train(&job, settings, checkpoint, watch)
+}
+
+fn go(settings: &Settings) -> Trained {
+    with(settings, None, &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+fn without_time(trained: &Trained) -> Trained {
+    Trained { seconds: 0.0, ..trained.clone() }
+}
+
+/// Chained over two horizons and a half, and judged with gaps as the session judges them.
+#[test]
+fn it_learns_the_vessel_and_its_validation_error_is_that_of_the_evaluation() {
+    for base in [BaseKind::Nothing, BaseKind::Hold] {
+        let trained = go(&Settings { base, epochs: 30, ..settings() });
+        assert!(trained.validation < 0.1, "{base:?}: {}", trained.validation);
+        assert_eq!((trained.wash_out, trained.window), (4, 8));
+        let Learned::Direct(model) = &trained.model else { panic!("no direct predictor") };
+        let mut session = DirectSession::new(model.clone().into()).unwrap();
+        let mut whole = with_gaps("c", 330, 100.0);
+        // What is missing in a history is held there, and predicted by a session: on a whole run they agree.
+        let options = Options { horizon: 20, ..Options::default() };
+        let score = |session: &mut DirectSession, run: &Trajectory| {
+            evaluate("direct", session, &OUTPUTS, &[run], &options, &mut silent()).unwrap().score()
+        };
+        let gaps = score(&mut session, &whole);
+        assert!((gaps / trained.validation - 1.0).abs() < 0.1, "{gaps} {}", trained.validation);
+        // So short that every origin is judged.
+        whole = whole.slice(0, 130);
+        let filled = (0..130).flat_map(|k| [0, 1].map(|c| whole.outputs.row(k)[c])).collect::<Vec<_>>();
+        let filled = filled.iter().enumerate().map(|(i, y)| if y.is_nan() { filled[i - 2] } else { *y });
+        whole.outputs = Table::new(whole.outputs.channels().to_vec(), filled.collect());
+        let (a, b) = (with_gaps("a", 900, 0.0), with_gaps("b", 500, 40.0));
+        let job = Job {
+            runs: &[&a, &b],
+            validation: &[&whole],
+            outputs: &OUTPUTS,
+            inputs: &INPUTS,
+            horizon: 20,
+            equations: None,
+        };
+        let settings = Settings { base, epochs: 3, ..settings() };
+        let trained = train(&job, &settings, None, &mut |_| ControlFlow::Continue(())).unwrap();
+        let Learned::Direct(model) = trained.model else { panic!("no direct predictor") };
+        let told = score(&mut DirectSession::new(model.into()).unwrap(), &whole);
+        assert!((told / trained.validation - 1.0).abs() < 1e-4, "{told} {}", trained.validation);
+    }
+}
+
+#[test]
+fn the_bytes_do_not_depend_on_threads() {
+    let settings = Settings { restarts: 2, batch: 300, epochs: 2, ensemble: true, refit: true, ..settings() };
+    let [one, two, three] = [1, 2, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        without_time(&pool.install(|| go(&settings)))
+    });
+    assert_eq!(one, two);
+    assert_eq!(one, three);
+    assert_eq!(one.members.len(), 2);
+    assert_eq!(&one.members[one.restart], one.unseeing().weights());
+    assert_ne!(one.members[0], one.members[1]);
+}
+
+#[test]
+fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("direct.checkpoint");
+    // Long enough to be heard of, on a fast machine too.
+    let settings = Settings { epochs: 60, hidden: 48, ..settings() };
+    let whole = go(&settings);
+    let stopped = with(&settings, Some(&path), &mut |status| {
+        if status.fraction > 0.3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(matches!(stopped, Err(TrainError::Cancelled(_))));
+    let mut first = None;
+    let again = with(&settings, Some(&path), &mut |status| {
+        first.get_or_insert(status.fraction);
+        ControlFlow::Continue(())
+    });
+    assert!(first.is_none_or(|fraction| fraction > 0.2), "{first:?}");
+    assert_eq!(without_time(&again.unwrap()), without_time(&whole));
+}
+
+#[test]
+fn settings_that_are_not_for_it_are_refused() {
+    let told = |settings: Settings| {
+        let error = with(&settings, None, &mut |_| panic!("it began"));
+        error.unwrap_err().to_string()
+    };
+    assert!(told(Settings { base: BaseKind::Equations, ..settings() }).contains("none are given"));
+    assert!(told(Settings { feedback: false, ..settings() }).contains("feedback = false"));
+    assert!(told(Settings { wash_out_s: Some(3.0), ..settings() }).contains("history_s"));
+    assert!(told(Settings { history_s: Some(1e9), ..settings() }).contains("history of 10000000000 samples"));
+    assert!(told(Settings { hidden: 5000, ..settings() }).contains("5000 units"));
+    assert!(told(Settings { window_s: Some(95.0), ..settings() }).contains("long enough"));
+    let recurrent = Settings { history_s: Some(1.0), ..Settings::of(CellKind::Gru) };
+    assert!(told(recurrent).contains("history_s = given cannot be"));
+}
+
+fn job(change: impl FnOnce(&mut NetworkSettings)) -> Identification {
+    let mut direct = NetworkSettings {
+        hidden: Some(16),
+        layers: Some(2),
+        history_s: Some(0.5),
+        window_s: Some(0.8),
+        epochs: Some(10),
+        learning_rate: Some(0.01),
+        base: Some(BaseKind::Nothing),
+        ..NetworkSettings::default()
+    };
+    change(&mut direct);
+    // What is said of recurrent networks is not said of it.
+    let all = NetworkSettings { hidden: Some(3), feedback: Some(false), ..NetworkSettings::default() };
+    Identification {
+        methods: vec![Method::Direct],
+        split: Split {
+            train: vec![with_gaps("a", 900, 0.0)],
+            validation: vec![with_gaps("b", 300, 40.0)],
+            test: vec![with_gaps("c", 300, 100.0)],
+            notes: Vec::new(),
+        },
+        reading: Reading::default(),
+        horizon: 20,
+        origin_stride: 1,
+        seed: 0,
+        ranges: GivenRanges::new(),
+        sindy: SindySettings::default(),
+        networks: Networks { all, direct, ..Networks::default() },
+    }
+}
+
+/// An ensemble of three, whose rollouts are a band; the file gives back what was written, and no damage makes it panic.
+#[test]
+fn a_method_like_the_others_with_a_file_and_an_ensemble() {
+    let identified =
+        identify(&job(|s| (s.restarts, s.ensemble) = (Some(3), Some(true))), &mut silent()).unwrap();
+    let candidate = &identified.candidates[0];
+    let model = &candidate.model;
+    assert_eq!((model.kind(), model.description.name.as_str()), ("direct", "direct"));
+    assert!(candidate.test.score() < 0.3, "{}", candidate.test.score());
+    let text = model.network_text().join("\n");
+    assert!(text.contains("22-16-16-16"), "{text}");
+    let bytes = encode(model).unwrap();
+    let again = decode(&bytes, Path::new("m")).unwrap();
+    assert_eq!(&again, model);
+    let members = again.member_sessions();
+    assert_eq!(members.len(), 3);
+    let test = with_gaps("c", 300, 100.0);
+    let coverage = band_coverage(&members, &[&test], &Options::default(), &[1, 20]).unwrap();
+    assert_eq!(coverage.members, 3);
+    let Body::Direct(direct) = &model.body else { panic!("no direct predictor") };
+    let refused = |change: fn(&mut Direct)| {
+        let mut direct = Direct::clone(direct);
+        change(&mut direct);
+        let changed = Model { body: Body::Direct(direct.into()), ..model.clone() };
+        encode(&changed)
+            .map_or_else(|e| e.to_string(), |b| decode(&b, Path::new("m")).unwrap_err().to_string())
+    };
+    assert!(refused(|d| d.history = 6).contains("reads"));
+    assert!(refused(|d| d.horizon = 0).contains("horizon of 0"));
+    assert!(refused(|d| d.scaling.output_scale[0] = -1.0).contains("outputs' scales"));
+    assert!(refused(|d| d.weights.truncate(9)).contains("weights"));
+    for at in (0..bytes.len().min(3000)).step_by(7) {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x15;
+        let _ = decode(&damaged, Path::new("m"));
+        let _ = decode(&bytes[..at], Path::new("m"));
+    }
+}
+
+/// Where nothing is said, a short training decides whether it gives outputs or differences.
+#[test]
+fn its_formulation_is_chosen_where_none_is_given() {
+    let identified = identify(&job(|s| s.base = None), &mut silent()).unwrap();
+    let notes: Vec<&str> = identified.warnings.iter().map(|note| note.message.as_str()).collect();
+    let told = notes.iter().find(|note| note.starts_with("direct: ")).unwrap();
+    assert!(told.contains("increments") && !told.contains("inputs alone"), "{told}");
+}
+
+#[test]
+fn a_history_that_leaves_nothing_to_judge_is_refused_before_anything_is_trained() {
+    let error = identify(&job(|s| s.history_s = Some(28.5)), &mut silent()).unwrap_err();
+    assert!(matches!(error, IdentifyError::Unjudged { warm_up: 285, .. }), "{error}");
+    let session = |model: &Model| model.session().warm_up();
+    let identified = identify(&job(|_| ()), &mut silent()).unwrap();
+    assert_eq!(session(&identified.candidates[0].model), 5);
+}
+
+/// A second training has other increments to scale by; what members predict stays what it was.
+#[test]
+fn members_predict_the_same_after_a_refit() {
+    let settings = Settings { base: BaseKind::Hold, ensemble: true, restarts: 2, epochs: 30, ..settings() };
+    let (before, after) = (go(&settings), go(&Settings { refit: true, ..settings }));
+    assert_eq!(after.refit.as_ref().unwrap().outcome, Outcome::Taken);
+    let run = with_gaps("d", 200, 7.0);
+    let predict = |trained: &Trained, member: usize| {
+        let Learned::Direct(model) = &trained.model else { panic!("no direct predictor") };
+        let model = Direct { weights: trained.members[member].clone(), ..model.clone() };
+        let mut session = DirectSession::new(model.into()).unwrap();
+        for k in 0..50 {
+            session.observe(run.outputs.row(k));
+            session.advance(run.inputs.row(k));
+        }
+        let mut y = [0.0; 40];
+        session.rollout(run.inputs.rows(50, 70), &mut Workspace::new(), &mut y);
+        y
+    };
+    let scale = |trained: &Trained| match &trained.model {
+        Learned::Direct(model) => model.scaling.correction_scale.clone(),
+        Learned::Recurrent(_) | Learned::Affine(_) => panic!("no direct predictor"),
+    };
+    assert_ne!(scale(&before), scale(&after), "there is nothing to see");
+    for member in 0..2 {
+        for (a, b) in predict(&before, member).iter().zip(predict(&after, member)) {
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+    }
+}
