@@ -10,7 +10,7 @@ use core::panic::PanicInfo;
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanPlant, LearnablePlant, Tuning};
-use hydroid_core::control::cem::{Cost, Each, Planner, PlannerSettings};
+use hydroid_core::control::cem::{Cost, Planner, PlannerSettings};
 use hydroid_core::control::{
     AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
 };
@@ -84,9 +84,8 @@ fn plan(u: f64) -> f64 {
     let references = [Walker::new(&profile).reference(&path, &profile); 20];
     let mut session = PlantSession::new(&model);
     session.observe(&[u, 0.0, 0.0]);
-    let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
-    let mut each = Each::new(&session, &mut work);
-    planner.command(&mut each, [20.0, 0.0, 1.5], &references, &mut || true, &mut command).cost
+    let mut command = [0.0; 2];
+    planner.command(&session, [20.0, 0.0, 1.5], &references, &mut || true, &mut command).cost
 }
 
 /// A vessel that learns its parameters.

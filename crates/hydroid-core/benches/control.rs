@@ -6,7 +6,7 @@ mod written;
 use std::sync::Arc;
 
 use divan::{Bencher, black_box};
-use hydroid_core::control::cem::{Abreast, Cost, Each, Planner, PlannerSettings, Rollouts, Room};
+use hydroid_core::control::cem::{Cost, Planner, PlannerSettings};
 use hydroid_core::control::{
     AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
     Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains,
@@ -16,7 +16,7 @@ use hydroid_core::guidance::{LineOfSightSettings, Path, Reference, Side};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, RecurrentSession, Scaling};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::Predictor;
 use hydroid_core::vessel::VesselParams;
 use written::{Force, equations};
 
@@ -152,22 +152,12 @@ fn one_step(name: &str) -> Equations {
 const PLANNED: [&str; 6] =
     ["simple, equations", "hydrofoil, gated equations", "LSTM", "GRU", "GRU on equations", "direct"];
 
-/// A whole plan: 350 candidates, 20 samples ahead, 5 iterations; one candidate after the other.
+/// A whole plan: 350 candidates side by side, 20 samples ahead, 5 iterations.
 #[divan::bench(args = PLANNED, sample_count = 20)]
 fn cem(bencher: Bencher, name: &str) {
     let mut session = session(name);
     begin(session.as_mut());
-    let mut work = Workspace::new();
-    plans(bencher, &mut Each::new(session.as_ref(), &mut work));
-}
-
-/// The same with candidates side by side.
-#[divan::bench(args = PLANNED, sample_count = 20)]
-fn cem_abreast(bencher: Bencher, name: &str) {
-    let mut session = session(name);
-    begin(session.as_mut());
-    let mut room = Room::new(session.as_ref(), Room::AT_A_TIME);
-    plans(bencher, &mut Abreast::new(session.as_ref(), &mut room));
+    plans(bencher, session.as_ref());
 }
 
 fn begin(session: &mut dyn Predictor) {
@@ -178,7 +168,7 @@ fn begin(session: &mut dyn Predictor) {
     session.observe(&[2.4, -0.05, 0.12]);
 }
 
-fn plans(bencher: Bencher, model: &mut dyn Rollouts) {
+fn plans(bencher: Bencher, session: &dyn Predictor) {
     let limits = AffinePlant::limits(&VesselParams::hydrofoil());
     // What is drawn alone: steps downhill are 49 candidates each.
     let settings = PlannerSettings { descents: 0, ..PlannerSettings::new(1) };
@@ -187,5 +177,6 @@ fn plans(bencher: Bencher, model: &mut dyn Rollouts) {
     let at = |k: u32| Reference::new(0.24 * f64::from(k), &path.at(0.24 * f64::from(k)), 2.4, 0.0);
     let references: Vec<Reference> = (1..=20).map(at).collect();
     let (mut command, pose) = ([0.0; 2], [20.1, 0.0, 1.57]);
-    bencher.bench_local(|| planner.command(model, pose, black_box(&references), &mut || false, &mut command));
+    bencher
+        .bench_local(|| planner.command(session, pose, black_box(&references), &mut || false, &mut command));
 }

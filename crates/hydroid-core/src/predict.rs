@@ -1,6 +1,6 @@
-//! The prediction session: what every model offers to evaluation, filters and controllers.
+//! The prediction session, which every model offers to evaluation, filters and controllers.
 //!
-//! A session walks along a run, sample by sample, and can be asked at any moment what comes next:
+//! A session follows a run sample by sample. At every sample it can predict the outputs under commands to come:
 //!
 //! ```text
 //! reset   observe(y_0)   advance(c_0)   observe(y_1)   advance(c_1)   observe(y_2) ...
@@ -8,50 +8,66 @@
 //!                  rollout(c_0, c_1, ..)          rollout(c_1, c_2, ..)
 //! ```
 //!
-//! All that a model remembers lives in the session: the last outputs, hidden and lag states, a state
-//! filter, and the weights of the moment where they are adapted on board. What a prediction depends on can
-//! be copied out as a flat slice and put back ([`Predictor::snapshot`], [`Predictor::restore`]), so that
-//! evaluation walks a run once and rolls out from many origins in parallel, and a controller tries a
-//! thousand command sequences from one state.
+//! The session holds all memory of a model: the last outputs, hidden and lag states, a state filter, and the present
+//! weights where they are adapted. [`Predictor::snapshot`] copies the part on which predictions depend into a flat slice, and
+//! [`Predictor::restore`] puts it back, so that evaluation can follow a run once and roll out from many origins in parallel.
+//! [`Predictor::rollout_batch`] predicts many command sequences from one state, as a planner needs.
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
+use core::any::Any;
 
-use crate::adapt::guard::Guarded;
-use crate::model::direct::DirectSession;
-use crate::model::recurrent::RecurrentSession;
-use crate::model::sparse::EquationsSession;
-
-/// Scratch memory for rollouts. It grows when a model first asks for more and is kept: later calls of
-/// the same size do not allocate.
-#[derive(Clone, Debug, Default)]
+/// Scratch memory for rollouts. It grows on the first call of a size and is kept: later calls of the same size and model do
+/// not allocate. A clone is empty.
+#[derive(Debug, Default)]
 pub struct Workspace {
     buffer: Vec<f64>,
-    lent: Vec<f64>,
+    /// Memory of [`Predictor::rollout_batch`], of a type of the model's own.
+    batch: Option<Box<dyn Any + Send + Sync>>,
+    /// Workspaces of the two models of a predictor that combines two.
+    pair: Option<Box<[Workspace; 2]>>,
+}
+
+impl Clone for Workspace {
+    fn clone(&self) -> Self {
+        Self::new()
+    }
 }
 
 impl Workspace {
     /// An empty workspace.
     pub const fn new() -> Self {
-        Self { buffer: Vec::new(), lent: Vec::new() }
+        Self { buffer: Vec::new(), batch: None, pair: None }
     }
 
-    /// Memory that outlives a rollout in this workspace; to be given back, so that it is there the next time.
-    pub(crate) fn lend(&mut self) -> Vec<f64> {
-        core::mem::take(&mut self.lent)
-    }
-
-    /// See [`lend`](Self::lend).
-    pub(crate) fn give_back(&mut self, lent: Vec<f64>) {
-        self.lent = lent;
-    }
-
-    /// `len` numbers of scratch; their content is what the last user left.
+    /// `len` numbers of scratch, with arbitrary content.
     pub fn take(&mut self, len: usize) -> &mut [f64] {
         if self.buffer.len() < len {
             self.buffer.resize(len, 0.0);
         }
         &mut self.buffer[..len]
+    }
+
+    /// `len` numbers of scratch and two workspaces of their own, for a predictor that combines two models.
+    pub(crate) fn take_pair(&mut self, len: usize) -> (&mut [f64], &mut [Self; 2]) {
+        if self.buffer.len() < len {
+            self.buffer.resize(len, 0.0);
+        }
+        (&mut self.buffer[..len], self.pair.get_or_insert_default())
+    }
+
+    /// Memory of a batch rollout that is kept between calls: made anew by `make` where there is none for which `fits` holds.
+    /// `None` where `make` gives none; it must not allocate then.
+    pub(crate) fn batch<M: Any + Send + Sync>(
+        &mut self,
+        fits: impl FnOnce(&M) -> bool,
+        make: impl FnOnce() -> Option<M>,
+    ) -> Option<&mut M> {
+        let kept = self.batch.as_deref().and_then(<dyn Any + Send + Sync>::downcast_ref);
+        if !kept.is_some_and(fits) {
+            self.batch = Some(Box::new(make()?));
+        }
+        self.batch.as_deref_mut().and_then(<dyn Any + Send + Sync>::downcast_mut)
     }
 }
 
@@ -60,7 +76,7 @@ impl Workspace {
 /// Shapes: `y` has [`outputs`](Self::outputs) numbers, `c` has [`inputs`](Self::inputs) numbers, in the
 /// units of the model's channels. Sequences are flat, row by row.
 ///
-/// None of the methods but [`fork`](Self::fork) allocates once the workspace has grown.
+/// No method but [`fork`](Self::fork) allocates once the workspace has grown.
 pub trait Predictor: Send + Sync {
     /// Number of outputs.
     fn outputs(&self) -> usize;
@@ -68,73 +84,82 @@ pub trait Predictor: Send + Sync {
     /// Number of inputs.
     fn inputs(&self) -> usize;
 
-    /// Samples that the session must have observed before its predictions count.
+    /// Number of samples that the session must have observed before its predictions are valid.
     fn warm_up(&self) -> usize {
         1
     }
 
-    /// Back to the start of a run: outputs, hidden and lag states are forgotten. Whether a session that
-    /// learns also drops what it learned is its own setting; evaluation resets before every run.
+    /// Returns to the start of a run and clears outputs, hidden and lag states. Whether an adapted session also resets its
+    /// weights is an option of the session. Evaluation resets before every run.
     fn reset(&mut self);
 
-    /// Takes the measurement `y_k`. A NaN is a missing value: the session keeps what it predicted for
-    /// that channel.
+    /// Takes the measurement `y_k`. A NaN is a missing value, for which the session keeps its own prediction.
     fn observe(&mut self, y: &[f64]);
 
-    /// Passes from `t_k` to `t_{k+1}` under the command `c_k` held in between.
+    /// Steps from `t_k` to `t_{k+1}` under the command `c_k`, which is held over the interval.
     fn advance(&mut self, c: &[f64]);
 
-    /// The session's estimate of the present outputs; NaN where it has none yet.
+    /// The estimate of the present outputs; NaN where there is none yet.
     fn output(&self, y: &mut [f64]);
 
-    /// Predicts `y_{k+1} .. y_{k+H}` under the commands `c_k .. c_{k+H-1}` without moving the session;
-    /// `H` is `y.len() / outputs()`. A rollout that blows up gives non-finite numbers, never a panic.
+    /// Predicts `y_{k+1} .. y_{k+H}` under the commands `c_k .. c_{k+H-1}` without changing the session;
+    /// `H` is `y.len() / outputs()`. A rollout that diverges gives non-finite numbers, never a panic.
     ///
     /// # Panics
     /// If `commands` and `y` do not hold the same whole number of rows.
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]);
 
-    /// How many numbers a snapshot has; constant over the life of a session.
+    /// Rolls out `count` command sequences from the present state: `commands` are `count x H x inputs`, `y` are
+    /// `count x H x outputs`, sequence by sequence.
+    ///
+    /// This default runs [`rollout`](Self::rollout) for each sequence. Equations, recurrent networks and direct predictors
+    /// compute all sequences side by side: sums are then added in another order, and results differ in the last digits. Their
+    /// memory in `work` grows with `count`; [`BATCH`] sequences fill the vector units.
+    ///
+    /// # Panics
+    /// If `commands` and `y` do not hold `count` sequences of the same whole number of rows.
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        rollout_each(self, count, commands, work, y);
+    }
+
+    /// Length of a snapshot; constant over the life of a session.
     fn snapshot_len(&self) -> usize;
 
-    /// Copies all that the predictions from here depend on into `into`: outputs, lag and hidden states,
-    /// adapted weights. What only further learning needs, a filter's covariance above all, is not in it.
+    /// Copies all numbers on which predictions depend into `into`: outputs, lag and hidden states, adapted weights. Memory
+    /// that serves further learning alone, such as the covariance of a filter, is not part of a snapshot.
     ///
     /// # Panics
     /// If `into` has not [`snapshot_len`](Self::snapshot_len) numbers.
     fn snapshot(&self, into: &mut [f64]);
 
-    /// Puts a snapshot of a session of the same model back.
+    /// Restores a snapshot of a session of the same model.
     ///
     /// # Panics
     /// If `from` has not [`snapshot_len`](Self::snapshot_len) numbers.
     fn restore(&mut self, from: &[f64]);
 
-    /// The session that rollouts are made by, for those who can roll it out under many command sequences at once
-    /// ([`Abreast`](crate::control::cem::Abreast)): it has the state and the weights of this moment.
-    fn source(&self) -> Source<'_> {
-        Source::Own
-    }
-
-    /// A session of its own that predicts from here as this one does; weights that do not change are
-    /// shared. The fork of a session that learns need not learn.
+    /// A new session with the same predictions; constant weights are shared. The fork of a session that learns need not
+    /// learn.
     fn fork(&self) -> Box<dyn Predictor>;
 }
 
-/// What makes the rollouts of a session.
-#[derive(Clone, Copy, Debug)]
-#[non_exhaustive]
-pub enum Source<'a> {
-    /// The session, in a way of its own.
-    Own,
-    /// Equations.
-    Equations(&'a EquationsSession),
-    /// A recurrent network, on its own or on a base.
-    Recurrent(&'a RecurrentSession),
-    /// A direct predictor.
-    Direct(&'a DirectSession),
-    /// A model that learned, as far from the one from shore as a guard allows.
-    Guarded(Guarded<'a>),
+/// Number of command sequences that callers of [`Predictor::rollout_batch`] should pass at a time.
+pub const BATCH: usize = 64;
+
+/// [`Predictor::rollout_batch`] by one rollout after the other.
+pub(crate) fn rollout_each<P: Predictor + ?Sized>(
+    session: &P,
+    count: usize,
+    commands: &[f64],
+    work: &mut Workspace,
+    y: &mut [f64],
+) {
+    let (inputs, outputs) = (commands.len() / count.max(1), y.len() / count.max(1));
+    assert!(commands.len() == count * inputs && y.len() == count * outputs, "whole sequences");
+    for k in 0..count {
+        let y = &mut y[k * outputs..(k + 1) * outputs];
+        session.rollout(&commands[k * inputs..(k + 1) * inputs], work, y);
+    }
 }
 
 /// Checks the shapes of a rollout and gives its number of steps.

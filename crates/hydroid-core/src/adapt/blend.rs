@@ -11,7 +11,7 @@ use super::settings::{MOST_PACES, MOST_SAMPLES, Settings, SettingsError};
 use super::weighted::WeightedSession;
 use super::{Adapter, Health, Innovation, Outcome};
 use crate::model::sparse::Equations;
-use crate::predict::{Predictor, Source, Workspace};
+use crate::predict::{Predictor, Workspace};
 
 /// How fast the equations of a blend learn, and how they are compared.
 #[derive(Clone, Debug, PartialEq)]
@@ -295,8 +295,8 @@ impl Predictor for BlendedEquations {
         self.past.seen = 0;
     }
 
-    fn source(&self) -> Source<'_> {
-        self.blended.source()
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.blended.rollout_batch(count, commands, work, y);
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -15,7 +15,7 @@ use super::spread::Spread;
 use super::weighted::WeightedSession;
 use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
-use crate::predict::{Predictor, Source, Workspace};
+use crate::predict::{Predictor, Workspace};
 
 /// Equations with the same terms in them share one regressor and one covariance.
 #[derive(Clone, Debug)]
@@ -436,8 +436,8 @@ impl Predictor for RecursiveEquations {
         self.adopt();
     }
 
-    fn source(&self) -> Source<'_> {
-        self.session.source()
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.session.rollout_batch(count, commands, work, y);
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -5,7 +5,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 use crate::model::sparse::{Equations, EquationsSession};
-use crate::predict::{Predictor, Source, Workspace};
+use crate::predict::{Predictor, Workspace};
 
 /// A session of equations that are its own, with their coefficients in its snapshots.
 ///
@@ -122,8 +122,8 @@ impl Predictor for WeightedSession {
         self.set_weights(weights);
     }
 
-    fn source(&self) -> Source<'_> {
-        self.session.source()
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.session.rollout_batch(count, commands, work, y);
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -1,7 +1,6 @@
 //! The model under way: a session that walks along, and may learn.
 
 use hydroid_core::adapt::Adapter;
-use hydroid_core::control::cem::{Abreast, Rollouts, Room};
 use hydroid_core::predict::Predictor;
 
 use super::error::SteerError;
@@ -12,9 +11,9 @@ use crate::model::Model;
 /// A model's session in a loop.
 pub(super) enum Mind {
     /// One that stays as it is.
-    Session(Box<dyn Predictor>, Room),
+    Session(Box<dyn Predictor>),
     /// One that learns; plans are made with what it has learned so far, and its guard trusts.
-    Learner(Box<dyn Adapter>, Room),
+    Learner(Box<dyn Adapter>),
 }
 
 impl Mind {
@@ -22,8 +21,7 @@ impl Mind {
     pub(super) fn frozen(model: &Model) -> Self {
         let filtered = adapt::state_filtered(model);
         let session = filtered.as_ref().unwrap_or(model).session();
-        let room = Room::new(session.as_ref(), Room::AT_A_TIME);
-        Self::Session(session, room)
+        Self::Session(session)
     }
 
     /// A model that learns; before the start it walks through `shore` ([`adapt::remember_shore`]).
@@ -35,14 +33,13 @@ impl Mind {
         let (mut adapter, _) = adapt::adapter(model, options, &[])?;
         let shore: Vec<&Trajectory> = shore.iter().collect();
         adapt::remember_shore(adapter.as_mut(), &shore);
-        let room = Room::new(adapter.as_ref(), Room::AT_A_TIME);
-        Ok(Self::Learner(adapter, room))
+        Ok(Self::Learner(adapter))
     }
 
     fn session(&mut self) -> &mut dyn Predictor {
         match self {
-            Self::Session(session, _) => session.as_mut(),
-            Self::Learner(adapter, _) => adapter.as_mut(),
+            Self::Session(session) => session.as_mut(),
+            Self::Learner(adapter) => adapter.as_mut(),
         }
     }
 
@@ -58,18 +55,18 @@ impl Mind {
         self.session().advance(c);
     }
 
-    /// Predictions from this moment, with the state and the weights that the session has now.
-    pub(super) fn rollouts<T>(&mut self, plan: impl FnOnce(&mut dyn Rollouts) -> T) -> T {
+    /// The session, with its present state and weights.
+    pub(super) fn predictor(&self) -> &dyn Predictor {
         match self {
-            Self::Session(session, room) => plan(&mut Abreast::new(session.as_ref(), room)),
-            Self::Learner(adapter, room) => plan(&mut Abreast::new(adapter.as_ref(), room)),
+            Self::Session(session) => session.as_ref(),
+            Self::Learner(adapter) => adapter.as_ref(),
         }
     }
 
     /// The weights of the model that predicts at this moment: the learner's, or what its guard falls back to.
     pub(super) fn weights(&self) -> Option<&[f64]> {
         match self {
-            Self::Learner(adapter, _) => {
+            Self::Learner(adapter) => {
                 Some(adapter.guard().map_or_else(|| adapter.weights(), |guard| guard.active_weights()))
             }
             Self::Session(..) => None,

@@ -48,7 +48,7 @@ impl Helm for Planned {
         channels.fill(sight, y);
         mind.observe(y);
         let mut stop = || budget.is_some_and(|budget| begun.elapsed() >= budget);
-        let plan = mind.rollouts(|model| planner.command(model, sight.eta, sight.ahead, &mut stop, command));
+        let plan = planner.command(mind.predictor(), sight.eta, sight.ahead, &mut stop, command);
         mind.advance(command);
         let [x, y, psi] = sight.eta;
         let north = x + self.lead * psi.cos() - sight.reference.position[0];

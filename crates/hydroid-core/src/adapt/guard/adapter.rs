@@ -3,13 +3,25 @@
 use alloc::boxed::Box;
 
 use super::Guard;
-use super::bound::{Allowed, Bounded, Guarded, go_on};
+use super::bound::{Allowed, Bounded, BoundedRollout, go_on};
 use super::event::Expert;
 use super::sensor::Sensor;
 use crate::adapt::kalman::Rehearsal;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome};
-use crate::predict::{Predictor, Source, Workspace};
+use crate::predict::{Predictor, Workspace};
+
+impl Guard {
+    fn bounded(&self) -> BoundedRollout<'_> {
+        BoundedRollout {
+            bound: &self.bound,
+            allowed: self.choice.allowed,
+            motion: &self.motion,
+            model: self.expert(self.choice.active),
+            reference: self.frozen.as_ref(),
+        }
+    }
+}
 
 impl Predictor for Guard {
     fn outputs(&self) -> usize {
@@ -83,8 +95,11 @@ impl Predictor for Guard {
     }
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        let models: [&dyn Predictor; 2] = [self.expert(self.choice.active), self.frozen.as_ref()];
-        self.bound.rollout(models, self.choice.allowed, &self.motion, commands, work, y);
+        self.bounded().rollout(commands, work, y);
+    }
+
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.bounded().rollout_batch(count, commands, work, y);
     }
 
     fn snapshot_len(&self) -> usize {
@@ -115,15 +130,6 @@ impl Predictor for Guard {
         self.choice.active = if allowed == Allowed::NONE { Expert::Frozen } else { Expert::Learner };
         self.choice.reset();
         self.choice.allowed = allowed;
-    }
-
-    fn source(&self) -> Source<'_> {
-        Source::Guarded(Guarded {
-            bound: &self.bound,
-            allowed: self.choice.allowed,
-            motion: &self.motion,
-            models: [self.expert(self.choice.active), self.frozen.as_ref()],
-        })
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -20,7 +20,7 @@
 
 use alloc::boxed::Box;
 
-use crate::predict::{Predictor, Source, Workspace};
+use crate::predict::{Predictor, Workspace};
 
 /// A prediction is against how the vessel moves where it is farther from that, by this factor, than that of the model from shore.
 const AGAINST: f64 = 1.5;
@@ -82,27 +82,6 @@ pub(super) struct Bound {
 }
 
 impl Bound {
-    /// Predicts by a model, as far from the one from shore as is allowed.
-    pub(super) fn rollout(
-        &self,
-        [model, shore]: [&dyn Predictor; 2],
-        allowed: Allowed,
-        motion: &Motion,
-        commands: &[f64],
-        work: &mut Workspace,
-        y: &mut [f64],
-    ) {
-        if allowed == Allowed::NONE {
-            return shore.rollout(commands, work, y);
-        }
-        let mut other = work.lend();
-        other.resize(y.len(), 0.0);
-        shore.rollout(commands, work, &mut other);
-        model.rollout(commands, work, y);
-        self.draw(y, &other, allowed, motion);
-        work.give_back(other);
-    }
-
     /// The least and the largest distance of two predictions over the steps by which they are judged.
     fn reach(&self, predicted: &[f64], shore: &[f64]) -> (f64, f64) {
         let n = self.scale.len();
@@ -210,36 +189,39 @@ pub(super) fn go_on(motion: &mut Motion) {
     }
 }
 
-/// What the rollouts of a guard are made of.
-#[derive(Clone, Copy)]
-pub struct Guarded<'a> {
+/// The predictions of a guard: those of a model, bounded by the reference model.
+pub(super) struct BoundedRollout<'a> {
     pub(super) bound: &'a Bound,
     pub(super) allowed: Allowed,
     pub(super) motion: &'a Motion,
-    pub(super) models: [&'a dyn Predictor; 2],
+    pub(super) model: &'a dyn Predictor,
+    pub(super) reference: &'a dyn Predictor,
 }
 
-impl<'a> Guarded<'a> {
-    /// The model that learned, and the one from shore.
-    pub fn models(&self) -> [&'a dyn Predictor; 2] {
-        self.models
+impl BoundedRollout<'_> {
+    /// [`Predictor::rollout`].
+    pub(super) fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        let (beside, [of_model, of_reference]) = work.take_pair(y.len());
+        if self.allowed == Allowed::NONE {
+            return self.reference.rollout(commands, of_reference, y);
+        }
+        self.reference.rollout(commands, of_reference, beside);
+        self.model.rollout(commands, of_model, y);
+        self.bound.draw(y, beside, self.allowed, self.motion);
     }
 
-    /// Whether the one from shore answers alone.
-    pub fn is_shore(&self) -> bool {
-        self.allowed == Allowed::NONE
-    }
-
-    /// Draws a rollout of the model that learned towards that of the one from shore under the same commands, unless it may
-    /// stand.
-    pub fn draw(&self, predicted: &mut [f64], shore: &[f64]) {
-        self.bound.draw(predicted, shore, self.allowed, self.motion);
-    }
-}
-
-impl core::fmt::Debug for Guarded<'_> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("Guarded").field("allowed", &self.allowed).finish_non_exhaustive()
+    /// [`Predictor::rollout_batch`].
+    pub(super) fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        let (beside, [of_model, of_reference]) = work.take_pair(y.len());
+        if self.allowed == Allowed::NONE {
+            return self.reference.rollout_batch(count, commands, of_reference, y);
+        }
+        self.reference.rollout_batch(count, commands, of_reference, beside);
+        self.model.rollout_batch(count, commands, of_model, y);
+        let len = y.len() / count;
+        for (y, beside) in y.chunks_exact_mut(len).zip(beside.chunks_exact(len)) {
+            self.bound.draw(y, beside, self.allowed, self.motion);
+        }
     }
 }
 
@@ -250,6 +232,13 @@ pub(super) struct Bounded {
     pub(super) motion: Box<Motion>,
     pub(super) model: Box<dyn Predictor>,
     pub(super) shore: Box<dyn Predictor>,
+}
+
+impl Bounded {
+    fn bounded(&self) -> BoundedRollout<'_> {
+        let Self { bound, allowed, motion, model, shore } = self;
+        BoundedRollout { bound, allowed: *allowed, motion, model: model.as_ref(), reference: shore.as_ref() }
+    }
 }
 
 impl Predictor for Bounded {
@@ -287,8 +276,11 @@ impl Predictor for Bounded {
     }
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        let models = [self.model.as_ref(), self.shore.as_ref()];
-        self.bound.rollout(models, self.allowed, &self.motion, commands, work, y);
+        self.bounded().rollout(commands, work, y);
+    }
+
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.bounded().rollout_batch(count, commands, work, y);
     }
 
     fn snapshot_len(&self) -> usize {
@@ -313,15 +305,6 @@ impl Predictor for Bounded {
         self.shore.restore(shore);
         self.allowed = Allowed::of(core::array::from_fn(|i| allowed[i]));
         self.motion.as_flattened_mut().copy_from_slice(motion);
-    }
-
-    fn source(&self) -> Source<'_> {
-        Source::Guarded(Guarded {
-            bound: &self.bound,
-            allowed: self.allowed,
-            motion: &self.motion,
-            models: [self.model.as_ref(), self.shore.as_ref()],
-        })
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -44,7 +44,6 @@ use choice::Choice;
 use sensor::{Sensor, Verdict};
 use trial::Trial;
 
-pub use bound::Guarded;
 pub use event::{Action, Cause, Event, Expert};
 pub use settings::GuardSettings;
 

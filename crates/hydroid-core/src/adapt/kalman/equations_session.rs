@@ -13,7 +13,7 @@ use super::tuning::{Tuning, TuningError};
 use crate::adapt::memory::{Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome, Rejection, WeightedSession};
 use crate::model::sparse::Equations;
-use crate::predict::{Predictor, Source, Workspace};
+use crate::predict::{Predictor, Workspace};
 
 /// A session of sparse equations whose outputs and coefficients are estimated by a [`Filter`], in the units of
 /// [`LearnableEquations`]: the tuning is in those.
@@ -240,8 +240,8 @@ impl Predictor for KalmanEquations {
         self.filter.set(self.z.iter().copied(), self.scaled.iter().copied());
     }
 
-    fn source(&self) -> Source<'_> {
-        self.session.source()
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.session.rollout_batch(count, commands, work, y);
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

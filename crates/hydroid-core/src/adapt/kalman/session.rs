@@ -15,7 +15,7 @@ use crate::adapt::memory::{Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome, Rejection};
 use crate::math::Scalar;
 use crate::model::recurrent::{Base, Packed, Recurrent, RecurrentError, RecurrentSession};
-use crate::predict::{Predictor, Source, Workspace};
+use crate::predict::{Predictor, Workspace};
 
 /// Why a model cannot learn so.
 #[derive(Clone, Debug, PartialEq)]
@@ -278,8 +278,8 @@ impl<T: Scalar> Predictor for KalmanNetwork<T> {
         self.base.fill(f64::NAN);
     }
 
-    fn source(&self) -> Source<'_> {
-        self.session.source()
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.session.rollout_batch(count, commands, work, y);
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

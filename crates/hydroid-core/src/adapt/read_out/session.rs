@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 
 use super::DirectReadOut;
 use crate::adapt::{Outcome, Rejection};
-use crate::predict::{Predictor, Source, Workspace};
+use crate::predict::{Predictor, Workspace};
 
 impl Predictor for DirectReadOut {
     fn outputs(&self) -> usize {
@@ -55,8 +55,8 @@ impl Predictor for DirectReadOut {
         self.session.rollout(commands, work, y);
     }
 
-    fn source(&self) -> Source<'_> {
-        self.session.source()
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.session.rollout_batch(count, commands, work, y);
     }
 
     fn snapshot_len(&self) -> usize {

@@ -7,11 +7,7 @@ use num_traits::Float;
 
 use super::cost::{Cost, Moment};
 use super::planner::feasible;
-use super::rollouts::Rollouts;
-use super::room::Room;
-
-/// Candidates that are rolled out at a time.
-const CHUNK: usize = Room::AT_A_TIME;
+use crate::predict::{BATCH, Predictor, Workspace};
 
 /// How far each command is moved for a derivative, in shares of half of its range.
 const SHARE: f64 = 0.01;
@@ -69,7 +65,7 @@ impl Descent {
             gradient: vec![0.0; len],
             step: vec![0.0; len],
             free: vec![false; len],
-            candidates: vec![0.0; CHUNK * len],
+            candidates: vec![0.0; BATCH * len],
         }
     }
 
@@ -77,14 +73,14 @@ impl Descent {
     /// outputs of 64 candidates.
     pub(super) fn step(
         &mut self,
-        model: &mut dyn Rollouts,
+        (session, work): (&dyn Predictor, &mut Workspace),
         cost: &Cost,
         moment: &Moment<'_>,
         (plan, mut best): (&mut [f64], f64),
         y: &mut [f64],
     ) -> (usize, f64) {
         let rows = moment.references.len() * moment.outputs;
-        if !self.differentiate(model, cost, moment, plan, y) {
+        if !self.differentiate((session, &mut *work), cost, moment, plan, y) {
             return (self.len + 1, best);
         }
         self.square();
@@ -107,7 +103,7 @@ impl Descent {
         }
         let candidates = &self.candidates[..count * self.len];
         let y = &mut y[..count * rows];
-        model.rollouts(count, candidates, y);
+        session.rollout_batch(count, candidates, work, y);
         for (candidate, y) in candidates.chunks_exact(self.len).zip(y.chunks_exact(rows)) {
             let new = cost.of(moment, y, candidate);
             if new < best {
@@ -121,7 +117,7 @@ impl Descent {
     /// `r` and `J` by forward differences; whether all of it is finite.
     fn differentiate(
         &mut self,
-        model: &mut dyn Rollouts,
+        (session, work): (&dyn Predictor, &mut Workspace),
         cost: &Cost,
         moment: &Moment<'_>,
         plan: &[f64],
@@ -130,8 +126,8 @@ impl Descent {
         let (len, inputs) = (self.len, moment.limits.len());
         let rows = moment.references.len() * moment.outputs;
         self.residuals.fill(0.0);
-        for first in (0..=len).step_by(CHUNK) {
-            let count = CHUNK.min(len + 1 - first);
+        for first in (0..=len).step_by(BATCH) {
+            let count = BATCH.min(len + 1 - first);
             for (k, candidate) in self.candidates.chunks_exact_mut(len).take(count).enumerate() {
                 candidate.copy_from_slice(plan);
                 if let Some(at) = (first + k).checked_sub(1) {
@@ -140,7 +136,7 @@ impl Descent {
             }
             let candidates = &self.candidates[..count * len];
             let y = &mut y[..count * rows];
-            model.rollouts(count, candidates, y);
+            session.rollout_batch(count, candidates, work, y);
             for k in 0..count {
                 let mut into = self.residuals[(first + k) * self.rows..][..self.rows].iter_mut();
                 let (of, y) = (&candidates[k * len..(k + 1) * len], &y[k * rows..(k + 1) * rows]);

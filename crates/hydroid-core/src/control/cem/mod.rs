@@ -1,7 +1,7 @@
 //! Model predictive control by the cross-entropy method, on any predictor.
 //!
 //! A plan is a sequence of commands over the horizon. [`Planner`] draws candidates around the plan of the sample before,
-//! lets a session predict what each of them does ([`Rollouts`]), and moves to the best of them, some times over. It needs
+//! lets a session predict their outputs ([`Predictor::rollout_batch`](crate::predict::Predictor::rollout_batch)), and moves to the best of them, some times over. It needs
 //! nothing of a model but its predictions: identified equations, networks with hidden states, vessels, with what they have
 //! learned until this sample.
 
@@ -9,13 +9,9 @@ mod cost;
 mod descent;
 mod noise;
 mod planner;
-mod rollouts;
-mod room;
 mod settings;
 
 pub use cost::{Cost, SoftLimit};
 pub(super) use noise::Noise;
 pub use planner::{Plan, Planner};
-pub use rollouts::{Abreast, Each, Rollouts};
-pub use room::Room;
 pub use settings::PlannerSettings;

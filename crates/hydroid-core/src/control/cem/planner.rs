@@ -8,16 +8,12 @@ use num_traits::Float;
 use super::cost::{Cost, Moment};
 use super::descent::Descent;
 use super::noise::Noise;
-use super::rollouts::Rollouts;
-use super::room::Room;
 use super::settings::PlannerSettings;
 use crate::control::channel::Limits;
 use crate::control::error::{ControlError, positive};
 use crate::control::status::Status;
 use crate::guidance::Reference;
-
-/// Candidates between two questions whether there is time left.
-const CHUNK: usize = Room::AT_A_TIME;
+use crate::predict::{BATCH, Predictor, Workspace};
 
 /// Plans from sample to sample by the cross-entropy method.
 ///
@@ -76,6 +72,7 @@ pub struct Planner {
     order: Vec<usize>,
     y: Vec<f64>,
     now: Vec<f64>,
+    work: Workspace,
 }
 
 /// How long the last plan is gone on with while it is not known where the vessel is \[s\].
@@ -148,8 +145,9 @@ impl Planner {
             candidates: vec![0.0; settings.candidates * len],
             costs: vec![f64::INFINITY; settings.candidates],
             order: (0..settings.candidates).collect(),
-            y: vec![0.0; CHUNK * settings.horizon * outputs],
+            y: vec![0.0; BATCH * settings.horizon * outputs],
             now: vec![0.0; outputs],
+            work: Workspace::new(),
         };
         planner.reset();
         Ok(planner)
@@ -177,15 +175,15 @@ impl Planner {
         self.settings.horizon
     }
 
-    /// Plans from `pose` (`[x, y, psi]`) and the moment that `model` is at; `references` are where to be after 1, 2, ..
+    /// Plans from `pose` (`[x, y, psi]`) and the present state of `session`; `references` are where to be after 1, 2, ..
     /// `horizon` samples. `stop` says that time is up.
     ///
     /// # Panics
-    /// If `model` has other numbers of outputs and inputs, there are fewer references than the horizon, or `command` has
+    /// If `session` has other numbers of outputs and inputs, there are fewer references than the horizon, or `command` has
     /// not one number for each input.
     pub fn command(
         &mut self,
-        model: &mut dyn Rollouts,
+        session: &dyn Predictor,
         pose: [f64; 3],
         references: &[Reference],
         stop: &mut dyn FnMut() -> bool,
@@ -193,17 +191,17 @@ impl Planner {
     ) -> Plan {
         let inputs = self.limits.len();
         assert!(
-            model.outputs() == self.outputs && model.inputs() == inputs,
+            session.outputs() == self.outputs && session.inputs() == inputs,
             "the model that it was made for"
         );
         let references = &references[..self.settings.horizon];
         self.shift();
-        model.now(&mut self.now);
+        session.output(&mut self.now);
         let seen = pose.iter().chain(&self.now).all(|x| x.is_finite())
             && references.iter().all(Reference::is_finite);
         let mut plan = Plan { cost: f64::INFINITY, iterations: 0, tried: 0, status: Status::Blind };
         if seen {
-            self.search(model, pose, references, stop, &mut plan);
+            self.search(session, pose, references, stop, &mut plan);
         }
         self.blind = if plan.cost.is_finite() { 0 } else { self.blind.saturating_add(1) };
         if self.blind as f64 * self.dt > BLIND_S {
@@ -230,7 +228,7 @@ impl Planner {
 
     fn search(
         &mut self,
-        model: &mut dyn Rollouts,
+        session: &dyn Predictor,
         pose: [f64; 3],
         references: &[Reference],
         stop: &mut dyn FnMut() -> bool,
@@ -258,11 +256,11 @@ impl Planner {
             draw(&mut self.noise, self.correlation, around, known, &moment, &mut self.candidates);
             let (mut first, mut stopped) = (0, false);
             while first < candidates && !stopped {
-                let count = CHUNK.min(candidates - first);
+                let count = BATCH.min(candidates - first);
                 let commands = &self.candidates[first * len..(first + count) * len];
                 let rows = self.settings.horizon * self.outputs;
                 let y = &mut self.y[..count * rows];
-                model.rollouts(count, commands, y);
+                session.rollout_batch(count, commands, &mut self.work, y);
                 for k in 0..count {
                     let of = &commands[k * len..(k + 1) * len];
                     let cost = self.cost.of(&moment, &y[k * rows..(k + 1) * rows], of);
@@ -296,8 +294,13 @@ impl Planner {
             if !plan.cost.is_finite() {
                 return;
             }
-            let (tried, cost) =
-                self.descent.step(model, &self.cost, &moment, (&mut self.plan, plan.cost), &mut self.y);
+            let (tried, cost) = self.descent.step(
+                (session, &mut self.work),
+                &self.cost,
+                &moment,
+                (&mut self.plan, plan.cost),
+                &mut self.y,
+            );
             plan.tried += tried;
             let better = cost < plan.cost;
             plan.cost = cost;

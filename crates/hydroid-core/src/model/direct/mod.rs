@@ -2,13 +2,13 @@
 //! horizon at once; one window at a time in a [`DirectSession`], many side by side in a [`Batch`].
 
 pub(crate) mod batch;
+mod batch_rollout;
 mod below;
 mod check;
 mod forward;
 mod model;
 mod perceptron;
 mod session;
-mod side_by_side;
 pub(crate) mod through;
 mod window;
 
@@ -17,6 +17,5 @@ pub use check::DirectError;
 pub use model::Direct;
 pub use perceptron::Perceptron;
 pub use session::DirectSession;
-pub use side_by_side::SideBySide;
 pub(crate) use through::Through;
 pub(crate) use window::{Window, push};

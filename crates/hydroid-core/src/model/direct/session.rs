@@ -5,12 +5,13 @@ use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::batch_rollout::BatchRollout;
 use super::below::Below;
 use super::check::DirectError;
 use super::model::Direct;
 use super::through::Through;
 use super::window::{Window, push};
-use crate::predict::{Predictor, Source, Workspace, rollout_steps};
+use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
 /// A run of a [`Direct`] model. A measurement replaces the present output; what is not measured is predicted.
 ///
@@ -209,6 +210,14 @@ impl Predictor for DirectSession {
         self.through.roll((&self.model, self.read_out()), (&self.past, self.memory()), commands, scratch, y);
     }
 
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        let fits = |memory: &BatchRollout| memory.fits(self, count);
+        match work.batch(fits, || BatchRollout::new(self, count)) {
+            Some(memory) => memory.rollout(self, count, commands, y),
+            None => rollout_each(self, count, commands, work, y),
+        }
+    }
+
     fn snapshot_len(&self) -> usize {
         self.past.len() + self.memory().len() + self.own.len()
     }
@@ -229,10 +238,6 @@ impl Predictor for DirectSession {
             into.copy_from_slice(memory);
         }
         self.own.copy_from_slice(own);
-    }
-
-    fn source(&self) -> Source<'_> {
-        Source::Direct(self)
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

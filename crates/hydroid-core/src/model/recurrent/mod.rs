@@ -2,6 +2,7 @@
 //! through time) and [`Rollout`] (forward only).
 
 pub(crate) mod batch;
+mod batch_rollout;
 mod check;
 mod gru;
 mod layout;
@@ -9,7 +10,6 @@ mod lstm;
 mod model;
 mod network;
 mod session;
-mod side_by_side;
 pub(crate) mod single;
 mod state_filter;
 mod vanilla;
@@ -20,5 +20,4 @@ pub use layout::{GateRow, LayerLayout, Layout};
 pub use model::{Base, Recurrent, Scaling, StateFilter};
 pub use network::{Cell, Network, NetworkError, Tensor};
 pub use session::RecurrentSession;
-pub use side_by_side::SideBySide;
 pub use single::{Blocks, Change, Gradient, LayerPartials, Linearization, Packed};

@@ -5,12 +5,13 @@ use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::batch_rollout::BatchRollout;
 use super::check::RecurrentError;
 use super::model::{Base, Recurrent, Scaling};
 use super::single::Packed;
 use super::state_filter::Covariance;
 use crate::model::persistence::take_measured;
-use crate::predict::{Predictor, Source, Workspace, rollout_steps};
+use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
 /// A run of a [`Recurrent`] model. Every measurement replaces the output; what is not measured is predicted.
 ///
@@ -282,6 +283,14 @@ impl Predictor for RecurrentSession {
         }
     }
 
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        let fits = |memory: &BatchRollout| memory.fits(self, count);
+        match work.batch(fits, || BatchRollout::new(self, count)) {
+            Some(memory) => memory.rollout(self, count, commands, y),
+            None => rollout_each(self, count, commands, work, y),
+        }
+    }
+
     fn snapshot_len(&self) -> usize {
         self.state.len() + if self.own_weights { self.weights().len() } else { 0 }
     }
@@ -300,10 +309,6 @@ impl Predictor for RecurrentSession {
         if self.own_weights {
             self.set_weights(weights);
         }
-    }
-
-    fn source(&self) -> Source<'_> {
-        Source::Recurrent(self)
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

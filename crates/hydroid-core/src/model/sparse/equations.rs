@@ -1,6 +1,6 @@
 //! Sparse equations of motion and their integration over one sample.
 
-mod side_by_side;
+mod batch_rollout;
 
 use alloc::vec::Vec;
 
@@ -9,7 +9,7 @@ use super::program::{Program, ProgramError, is_held};
 use super::signal::Signal;
 use super::term::Term;
 
-pub use side_by_side::SideBySide;
+pub(crate) use batch_rollout::BatchRollout;
 
 /// Integration steps in one sample at the most: more is a mistake, and would look like a hang.
 const MOST_SUBSTEPS: usize = 10_000;

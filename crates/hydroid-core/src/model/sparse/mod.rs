@@ -10,7 +10,8 @@ mod shape;
 mod signal;
 mod term;
 
-pub use equations::{Equations, EquationsError, SideBySide};
+pub(crate) use equations::BatchRollout;
+pub use equations::{Equations, EquationsError};
 pub use jacobian::Jacobian;
 pub use program::{Program, ProgramError};
 pub use sensitivity::Sensitivity;

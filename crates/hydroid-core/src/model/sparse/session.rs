@@ -5,9 +5,9 @@ use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::equations::Equations;
+use super::equations::{BatchRollout, Equations};
 use crate::model::persistence::take_measured;
-use crate::predict::{Predictor, Source, Workspace, rollout_steps};
+use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
 /// A run of [`Equations`]: every measurement replaces the state, what is not measured is predicted.
 ///
@@ -97,6 +97,15 @@ impl Predictor for EquationsSession {
         }
     }
 
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        let equations = &*self.equations;
+        let fits = |memory: &BatchRollout| memory.fits(equations, count);
+        match work.batch(fits, || BatchRollout::new(equations, count)) {
+            Some(memory) => memory.rollout(equations, &self.state, count, commands, y),
+            None => rollout_each(self, count, commands, work, y),
+        }
+    }
+
     fn snapshot_len(&self) -> usize {
         self.state.len()
     }
@@ -107,10 +116,6 @@ impl Predictor for EquationsSession {
 
     fn restore(&mut self, from: &[f64]) {
         self.state.copy_from_slice(from);
-    }
-
-    fn source(&self) -> Source<'_> {
-        Source::Equations(self)
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

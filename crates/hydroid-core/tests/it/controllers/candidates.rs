@@ -5,7 +5,6 @@ use std::sync::Arc;
 use hydroid_core::adapt::guard::{Guard, GuardSettings};
 use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
 use hydroid_core::adapt::{Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, ReadOutSettings};
-use hydroid_core::control::cem::{Abreast, Each, Rollouts, Room};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
     Base, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
@@ -31,15 +30,19 @@ fn walk(session: &mut dyn Predictor, samples: usize) {
     }
 }
 
-/// What 1 to 71 candidates over `steps` samples do, in a room for 20, and alone.
-fn agree(session: &dyn Predictor, room: &mut Room, steps: usize) {
+/// `rollout_batch` of 1 to 71 sequences over `steps` samples against `rollout` of each.
+fn agree(session: &dyn Predictor, work: &mut Workspace, steps: usize) {
     for count in [1, 3, 16, 20, 71] {
         let commands: Vec<f64> = (0..count * steps * 2)
             .map(|k| if k % 2 == 0 { 100.0 + 200.0 * wild(k) } else { 0.4 * wild(k) })
             .collect();
         let (mut one, mut two) = (vec![0.0; count * steps * 3], vec![0.0; count * steps * 3]);
-        Each::new(session, &mut Workspace::new()).rollouts(count, &commands, &mut one);
-        Abreast::new(session, room).rollouts(count, &commands, &mut two);
+        let mut alone = Workspace::new();
+        for k in 0..count {
+            let commands = &commands[2 * k * steps..2 * (k + 1) * steps];
+            session.rollout(commands, &mut alone, &mut one[3 * k * steps..3 * (k + 1) * steps]);
+        }
+        session.rollout_batch(count, &commands, work, &mut two);
         for (k, (a, b)) in one.iter().zip(&two).enumerate() {
             let same = (a - b).abs() < 1e-11 * (1.0 + a.abs()) || (a.is_nan() && b.is_nan());
             assert!(same, "{k} of {count}: {a} and {b}");
@@ -47,11 +50,10 @@ fn agree(session: &dyn Predictor, room: &mut Room, steps: usize) {
     }
 }
 
-fn side_by_side(session: &dyn Predictor, steps: usize) -> Room {
-    let mut room = Room::new(session, 20);
-    assert!(room.is_side_by_side());
-    agree(session, &mut room, steps);
-    room
+fn side_by_side(session: &dyn Predictor, steps: usize) -> Workspace {
+    let mut work = Workspace::new();
+    agree(session, &mut work, steps);
+    work
 }
 
 fn scaling() -> Scaling {
@@ -88,9 +90,9 @@ fn of_equations() {
         session.observe(&[0.0; 3]);
         session
     };
-    let mut room = side_by_side(&lagging(0.5), 4);
-    // One of another lag does not come out as the one that the room was made for.
-    agree(&lagging(2.0), &mut room, 4);
+    let mut work = side_by_side(&lagging(0.5), 4);
+    // One of another lag does not come out as the one that the work was made for.
+    agree(&lagging(2.0), &mut work, 4);
 }
 
 /// Every cell over every base, also before all outputs were measured.
@@ -113,9 +115,9 @@ fn of_recurrent_networks() {
             (Base::Equations(Arc::clone(&below)), true, None),
         ] {
             let mut session = RecurrentSession::new(network(cell, base, feedback, state_filter)).unwrap();
-            let mut room = side_by_side(&session, 9);
+            let mut work = side_by_side(&session, 9);
             walk(&mut session, 12);
-            agree(&session, &mut room, 15);
+            agree(&session, &mut work, 15);
         }
     }
 }
@@ -130,10 +132,10 @@ fn of_direct_predictors() {
         let weights = (0..network.weights()).map(|k| 0.3 * wild(k)).collect();
         let model = Direct { network, weights, scaling: scaling(), history: 3, horizon: 7, base };
         let mut session = DirectSession::new(Arc::new(model)).unwrap();
-        let mut room = side_by_side(&session, 7);
+        let mut work = side_by_side(&session, 7);
         walk(&mut session, 12);
         for steps in [1, 7, 17] {
-            agree(&session, &mut room, steps);
+            agree(&session, &mut work, steps);
         }
     }
 }
@@ -155,14 +157,14 @@ fn direct_predictors_that_learn(base: Base) {
     let settings = ReadOutSettings { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
     let learner = || DirectReadOut::new(Arc::clone(&model), &settings).unwrap();
     let mut learned = learner();
-    let mut room = side_by_side(&learned, 7);
+    let mut work = side_by_side(&learned, 7);
     let before = learned.weights().to_vec();
     walk(&mut learned, 60);
     assert_ne!(learned.weights(), before);
     for steps in [1, 7, 17] {
-        agree(&learned, &mut room, steps);
+        agree(&learned, &mut work, steps);
     }
-    agree(learned.fork().as_ref(), &mut room, 7);
+    agree(learned.fork().as_ref(), &mut work, 7);
 
     let companion =
         || -> Box<dyn Adapter> { Box::new(DirectReadOut::companion(Arc::clone(&model), &settings).unwrap()) };
@@ -170,10 +172,10 @@ fn direct_predictors_that_learn(base: Base) {
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
     let companions = [companion(), companion()];
     let mut guard = Guard::new(Box::new(learner()), companions, &ranges, &[0.01; 3], guarded).unwrap();
-    let mut room = side_by_side(&guard, 7);
+    let mut work = side_by_side(&guard, 7);
     for _ in 0..6 {
         walk(&mut guard, 10);
-        agree(&guard, &mut room, 7);
+        agree(&guard, &mut work, 7);
     }
 }
 
@@ -188,23 +190,22 @@ fn of_sessions_that_learn() {
         Box::new(KalmanNetwork::<f64>::new(Arc::clone(&model), tuning).unwrap())
     };
     let mut learned = learner(true);
-    let mut room = Room::new(learned.as_ref(), 20);
+    let mut work = Workspace::new();
     walk(learned.as_mut(), 40);
     assert_ne!(learned.weights(), model.weights);
-    assert!(room.is_side_by_side());
-    agree(learned.as_ref(), &mut room, 15);
-    agree(learned.fork().as_ref(), &mut room, 15);
+    agree(learned.as_ref(), &mut work, 15);
+    agree(learned.fork().as_ref(), &mut work, 15);
 
     let settings = GuardSettings { horizon: 4, stride: 1, keep: 2, ..GuardSettings::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
     let companions = [learner(false), learner(false)];
     let mut guard = Guard::new(learner(true), companions, &ranges, &[0.01; 3], settings).unwrap();
-    let mut room = side_by_side(&guard, 15);
+    let mut work = side_by_side(&guard, 15);
     for _ in 0..6 {
         walk(&mut guard, 10);
-        agree(&guard, &mut room, 15);
+        agree(&guard, &mut work, 15);
     }
-    agree(guard.fork().as_ref(), &mut room, 15);
+    agree(guard.fork().as_ref(), &mut work, 15);
 
     let blend = BlendSettings {
         priors_s: vec![100.0, 5.0],
@@ -215,13 +216,13 @@ fn of_sessions_that_learn() {
     };
     let below = equations(&VesselParams::simple(), Force::Hidden);
     let mut session = BlendedEquations::new(&below, &ranges, &blend, None).unwrap();
-    let mut room = side_by_side(&session, 15);
+    let mut work = side_by_side(&session, 15);
     walk(&mut session, 60);
     assert_ne!(session.weights(), BlendedEquations::new(&below, &ranges, &blend, None).unwrap().weights());
-    agree(&session, &mut room, 15);
+    agree(&session, &mut work, 15);
 }
 
-/// What cannot be rolled out side by side comes one by one, and so does a session of another model than the room's.
+/// What cannot be rolled out side by side comes one by one, and so does a session of another model than the work's.
 #[test]
 fn of_others_one_by_one() {
     let past = vec![Signal::Past { variable: 0, samples: 2 }];
@@ -241,12 +242,11 @@ fn of_others_one_by_one() {
         Box::new(PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap())),
         Box::new(RecurrentSession::new(plain).unwrap()),
     ];
-    let mut others = Room::new(sessions[4].as_ref(), 4);
-    for (k, mut session) in sessions.into_iter().enumerate() {
-        let mut room = Room::new(session.as_ref(), 4);
-        assert_eq!(room.is_side_by_side(), k == 4);
+    let mut others = Workspace::new();
+    for mut session in sessions {
+        let mut work = Workspace::new();
         walk(session.as_mut(), 6);
-        agree(session.as_ref(), &mut room, 8);
+        agree(session.as_ref(), &mut work, 8);
         agree(session.as_ref(), &mut others, 8);
     }
 }

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use hydroid_core::control::cem::{Cost, Each, Planner, PlannerSettings, Room, SoftLimit};
+use hydroid_core::control::cem::{Cost, Planner, PlannerSettings, SoftLimit};
 use hydroid_core::control::{AffinePlant, Limits, Status};
 use hydroid_core::guidance::{Path, Reference, Side, SpeedLimits, SpeedProfile, Walker};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::model::{PlantModel, PlantSession};
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::{BATCH, Predictor, Workspace};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 use proptest::prelude::*;
 
@@ -105,9 +105,8 @@ fn the_plan_is_the_optimum_of_a_linear_vessel() {
     let cost = |iterations: usize, descents: usize, seed: u64| {
         let settings = PlannerSettings { iterations, descents, ..PlannerSettings::new(seed) };
         let mut planner = planner(settings, quadratic(), &WIDE);
-        let (session, mut work, mut command) = (linear(), Workspace::new(), [0.0; 2]);
-        let mut model = Each::new(&session, &mut work);
-        planner.command(&mut model, [0.0; 3], &[at_speed(1.0); 20], &mut || false, &mut command).cost
+        let (session, mut command) = (linear(), [0.0; 2]);
+        planner.command(&session, [0.0; 3], &[at_speed(1.0); 20], &mut || false, &mut command).cost
     };
     for seed in 0..3 {
         let (few, many) = (cost(5, 0, seed), cost(40, 0, seed));
@@ -128,18 +127,12 @@ fn a_seed_says_all_and_time_ends_a_search_with_the_best_so_far() {
     let session = linear();
     let run = |seed: u64, chunks: usize| {
         let mut planner = planner(PlannerSettings::new(seed), quadratic(), &WIDE);
-        let (mut work, mut command, mut asked) = (Workspace::new(), [0.0; 2], 0);
+        let (mut command, mut asked) = ([0.0; 2], 0);
         let mut stop = || {
             asked += 1;
             asked >= chunks
         };
-        let plan = planner.command(
-            &mut Each::new(&session, &mut work),
-            [0.0; 3],
-            &[at_speed(1.0); 20],
-            &mut stop,
-            &mut command,
-        );
+        let plan = planner.command(&session, [0.0; 3], &[at_speed(1.0); 20], &mut stop, &mut command);
         (plan, planner.plan().to_vec())
     };
     assert_eq!(run(3, 99), run(3, 99));
@@ -149,7 +142,7 @@ fn a_seed_says_all_and_time_ends_a_search_with_the_best_so_far() {
         let (plan, _) = run(3, chunks);
         // Five whole chunks and 30 candidates are an iteration.
         let (whole, rest) = (chunks / 6, chunks % 6);
-        assert_eq!((plan.tried, plan.iterations), (350 * whole + Room::AT_A_TIME * rest, whole));
+        assert_eq!((plan.tried, plan.iterations), (350 * whole + BATCH * rest, whole));
         assert!(plan.cost <= before, "more time is never worse");
         before = plan.cost;
     }
@@ -167,19 +160,17 @@ fn the_shifted_plan_is_where_the_next_search_starts() {
     // Faster from sample to sample, so that the commands of the plan differ from row to row.
     let ramp =
         |from: i32| -> Vec<Reference> { (from..from + 20).map(|k| at_speed(0.05 * f64::from(k))).collect() };
-    planner.command(&mut Each::new(&session, &mut work), [0.0; 3], &ramp(1), &mut || false, &mut command);
+    planner.command(&session, [0.0; 3], &ramp(1), &mut || false, &mut command);
     let old = planner.plan().to_vec();
     assert!((old[2] - old[0]).abs() > 0.05, "rows that can be told apart: {old:?}");
     session.advance(&command);
     let mut alone = planner.clone();
-    let plan =
-        planner.command(&mut Each::new(&session, &mut work), [0.0; 3], &ramp(2), &mut || true, &mut command);
-    assert_eq!(plan.tried, Room::AT_A_TIME);
+    let plan = planner.command(&session, [0.0; 3], &ramp(2), &mut || true, &mut command);
+    assert_eq!(plan.tried, BATCH);
     // The same moment without a model that is known: the shifted plan itself.
     let mut shifted = [0.0; 2];
     let nowhere = [f64::NAN, 0.0, 0.0];
-    let blind =
-        alone.command(&mut Each::new(&session, &mut work), nowhere, &ramp(2), &mut || true, &mut shifted);
+    let blind = alone.command(&session, nowhere, &ramp(2), &mut || true, &mut shifted);
     assert_eq!(blind.status, Status::Blind);
     assert_eq!(alone.plan()[..38], old[2..]);
     assert_eq!(alone.plan()[38..], old[38..]);
@@ -208,13 +199,7 @@ fn soft_limits_are_kept_where_they_are_dear() {
         let settings = PlannerSettings { iterations: 20, ..PlannerSettings::new(2) };
         let mut planner = planner(settings, cost, &WIDE);
         let (mut work, mut command, mut y) = (Workspace::new(), [0.0; 2], [0.0; 60]);
-        planner.command(
-            &mut Each::new(&session, &mut work),
-            [0.0; 3],
-            &[at_speed(1.0); 20],
-            &mut || false,
-            &mut command,
-        );
+        planner.command(&session, [0.0; 3], &[at_speed(1.0); 20], &mut || false, &mut command);
         session.rollout(planner.plan(), &mut work, &mut y);
         y.chunks_exact(3).map(|row| row[0]).fold(0.0, f64::max)
     };
@@ -230,14 +215,8 @@ fn a_step_downhill_keeps_to_limits_and_is_never_worse() {
     let run = |descents: usize| {
         let settings = PlannerSettings { iterations: 2, descents, ..PlannerSettings::new(5) };
         let mut planner = planner(settings, quadratic(), &narrow);
-        let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
-        let plan = planner.command(
-            &mut Each::new(&session, &mut work),
-            [0.0; 3],
-            &[at_speed(1.0); 20],
-            &mut || false,
-            &mut command,
-        );
+        let mut command = [0.0; 2];
+        let plan = planner.command(&session, [0.0; 3], &[at_speed(1.0); 20], &mut || false, &mut command);
         (plan.cost, planner.plan().iter().step_by(2).copied().collect::<Vec<f64>>())
     };
     let mut before = f64::INFINITY;
@@ -268,10 +247,9 @@ fn it_is_the_course_over_ground_that_is_priced() {
         session.observe(&[(1.0 - v * v).sqrt(), v, 0.0]);
         let cost = Cost { position: 0.0, ..Cost::tracking(2) };
         let mut planner = planner(PlannerSettings::new(3), cost, &WIDE);
-        let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
+        let mut command = [0.0; 2];
         let pose = [0.0, 0.0, heading];
-        let mut model = Each::new(&session, &mut work);
-        (planner.command(&mut model, pose, &[at_speed(1.0); 20], &mut || false, &mut command).cost, command)
+        (planner.command(&session, pose, &[at_speed(1.0); 20], &mut || false, &mut command).cost, command)
     };
     let (along, command) = plan(0.3, -0.3_f64.asin());
     assert!(along < 1e-9 && command[1].abs() < 1e-3, "{along} {command:?}");
@@ -306,7 +284,7 @@ fn circled(speed: f64, radius: f64, descents: usize) -> f64 {
     let mut session = PlantSession::new(&model);
     let mut state = under_way(&vessel, &path, &profile, 0.0, 0.5);
     let plant = Plant::new(&vessel).unwrap();
-    let (mut walker, mut work, mut command) = (Walker::new(&profile), Workspace::new(), [0.0; 2]);
+    let (mut walker, mut command) = (Walker::new(&profile), [0.0; 2]);
     let (mut squares, mut count) = (0.0, 0.0);
     for k in 0..160 {
         session.observe(&state.nu());
@@ -318,13 +296,7 @@ fn circled(speed: f64, radius: f64, descents: usize) -> f64 {
             })
             .collect();
         let pose = [state.x, state.y, state.psi];
-        let plan = planner.command(
-            &mut Each::new(&session, &mut work),
-            pose,
-            &references,
-            &mut || false,
-            &mut command,
-        );
+        let plan = planner.command(&session, pose, &references, &mut || false, &mut command);
         assert!(plan.status < Status::Lost, "{k}: {plan:?}");
         if k >= 80 {
             let here = walker.reference(&path, &profile);
@@ -354,12 +326,12 @@ proptest! {
         let mut planner = planner(settings, Cost::tracking(2), &limits);
         let mut session = PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap());
         session.observe(&[1.0, 0.0, 0.0]);
-        let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
+        let mut command = [0.0; 2];
         let mut last = [0.0f64.clamp(low, low + wide), 0.0];
         for seen in seen.chunks_exact(4) {
             session.observe(&seen[..3]);
             let pose = [seen[3], 0.1, 0.2];
-            let plan = planner.command(&mut Each::new(&session, &mut work), pose, &[at_speed(1.0); 6], &mut || false, &mut command);
+            let plan = planner.command(&session, pose, &[at_speed(1.0); 6], &mut || false, &mut command);
             for i in 0..2 {
                 prop_assert!((limits[i].low..=limits[i].high).contains(&command[i]));
                 prop_assert!((command[i] - last[i]).abs() <= rate * DT * (1.0 + 1e-9));
@@ -400,16 +372,10 @@ fn settings_that_cannot_be_are_told() {
     assert!(Planner::new(good, quadratic(), &upside_down, 3, DT, 1.0).is_err());
     // A vessel at rest, before it was measured.
     let session = PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap());
-    let (mut work, mut command) = (Workspace::new(), [9.0; 2]);
+    let mut command = [9.0; 2];
     let mut planner = planner(good, quadratic(), &WIDE);
     let start = State::REST;
     let pose = [start.x, start.y, start.psi];
-    let plan = planner.command(
-        &mut Each::new(&session, &mut work),
-        pose,
-        &[at_speed(1.0); 20],
-        &mut || false,
-        &mut command,
-    );
+    let plan = planner.command(&session, pose, &[at_speed(1.0); 20], &mut || false, &mut command);
     assert_eq!((plan.status, plan.tried, command), (Status::Blind, 0, [0.0; 2]));
 }

@@ -15,14 +15,15 @@ use crate::model::sparse;
 ///
 /// Results are those of the session's own rollouts but for the order in which sums are added.
 #[derive(Clone, Debug)]
-pub struct SideBySide {
+pub(super) struct BatchRollout {
+    sequences: usize,
     model: Arc<Direct>,
     /// Its weights, with the read-out of the session.
     weights: Vec<f64>,
     window: Window,
     batch: Batch<f64>,
     /// Of the equations that it adds to.
-    equations: Option<sparse::SideBySide>,
+    equations: Option<sparse::BatchRollout>,
     /// Their state: the present outputs, then what they remember.
     below: Vec<f64>,
     /// What has passed, scaled: the first part of what the network reads.
@@ -33,17 +34,18 @@ pub struct SideBySide {
     predicted: Vec<f64>,
 }
 
-impl SideBySide {
-    /// Room for so many sequences of sessions of this model; none over equations with past values, which roll out one by
-    /// one.
-    pub fn new(session: &DirectSession, sequences: usize) -> Option<Self> {
+impl BatchRollout {
+    /// Memory for `sequences` sequences of sessions of this model; `None`, without allocating, over equations with past values,
+    /// which roll out one by one.
+    pub(super) fn new(session: &DirectSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
         let equations = match model.equations() {
-            Some(equations) => Some(sparse::SideBySide::new(equations, sequences)?),
+            Some(equations) => Some(sparse::BatchRollout::new(equations, sequences)?),
             None => None,
         };
         let window = Window::of(&model);
-        let mut room = Self {
+        Some(Self {
+            sequences,
             window,
             batch: Batch::new(&model.network, sequences),
             equations,
@@ -53,18 +55,17 @@ impl SideBySide {
             predicted: vec![0.0; model.network.outputs],
             weights: model.weights.clone(),
             model,
-        };
-        room.begin(session);
-        Some(room)
+        })
     }
 
-    /// Takes past and read-out of a session as the moment that rollouts begin from, without allocating; false for a session of another
-    /// model, whose rollouts would be those of the one before.
-    pub fn begin(&mut self, session: &DirectSession) -> bool {
+    /// Whether the memory is for the session's model and holds `count` sequences.
+    pub(super) fn fits(&self, session: &DirectSession, count: usize) -> bool {
         let model = session.shared_model();
-        if !Arc::ptr_eq(model, &self.model) && **model != *self.model {
-            return false;
-        }
+        count <= self.sequences && (Arc::ptr_eq(model, &self.model) || **model == *self.model)
+    }
+
+    /// Takes the past and the last layer of a session.
+    fn load(&mut self, session: &DirectSession) {
         let Window { n, p, .. } = self.window;
         self.window.scale_past(&self.model, session.whole_past(), &mut self.past);
         if !self.below.is_empty() {
@@ -74,15 +75,16 @@ impl SideBySide {
         let read_out = session.read_out();
         let from = self.weights.len() - read_out.len();
         self.weights[from..].copy_from_slice(read_out);
-        true
     }
 
-    /// Rolls `count` sequences out: `commands` are `count x steps x inputs`, `y` are `count x steps x outputs`.
+    /// Rolls `count` sequences out from the state of a session: `commands` are `count x steps x inputs`, `y` are
+    /// `count x steps x outputs`.
     ///
     /// # Panics
-    /// If there are more than room for, or the slices have not whole sequences of the same number of steps.
-    pub fn rollout(&mut self, count: usize, commands: &[f64], y: &mut [f64]) {
-        let Self { model, weights, window: w, batch, equations, below, past, windows, predicted } = self;
+    /// If the slices have not whole sequences of the same number of steps.
+    pub(super) fn rollout(&mut self, session: &DirectSession, count: usize, commands: &[f64], y: &mut [f64]) {
+        self.load(session);
+        let Self { model, weights, window: w, batch, equations, below, past, windows, predicted, .. } = self;
         let (n, m, reads) = (w.n, w.m, model.network.inputs);
         batch.set_windows(count);
         let lanes = batch.lanes();

@@ -15,59 +15,53 @@ use crate::model::sparse;
 /// Network and base equations work on all sequences at the same time. Results are those of the session's own rollouts but
 /// for the order in which sums are added.
 #[derive(Clone, Debug)]
-pub struct SideBySide {
+pub(super) struct BatchRollout {
+    sequences: usize,
     model: Arc<Recurrent>,
     network: Rollout<f64>,
     /// Of the base's equations.
-    equations: Option<sparse::SideBySide>,
-    /// As the session has its state.
-    state: Vec<f64>,
+    equations: Option<sparse::BatchRollout>,
     /// Present outputs of each sequence, a row for each output, where no equations have them.
     outputs: Vec<f64>,
 }
 
-impl SideBySide {
-    /// Room for so many sequences of sessions of this model; none over equations with past values, which roll out one by
-    /// one.
-    pub fn new(session: &RecurrentSession, sequences: usize) -> Option<Self> {
+impl BatchRollout {
+    /// Memory for `sequences` sequences of sessions of this model; `None`, without allocating, over equations with past values,
+    /// which roll out one by one.
+    pub(super) fn new(session: &RecurrentSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
         let equations = match &model.base {
-            Base::Equations(equations) => Some(sparse::SideBySide::new(equations, sequences)?),
+            Base::Equations(equations) => Some(sparse::BatchRollout::new(equations, sequences)?),
             Base::Nothing | Base::Hold => None,
         };
         let outputs = vec![0.0; if equations.is_some() { 0 } else { model.outputs() * sequences }];
-        let mut room = Self {
-            network: Rollout::new(&model.network, sequences),
-            equations,
-            state: session.state().to_vec(),
-            outputs,
-            model,
-        };
-        room.begin(session);
-        Some(room)
+        Some(Self { sequences, network: Rollout::new(&model.network, sequences), equations, outputs, model })
     }
 
-    /// Takes state and weights of a session as the moment that rollouts begin from, without allocating; false for a session
-    /// of a model that differs in more than weights, whose rollouts these would not be.
-    pub fn begin(&mut self, session: &RecurrentSession) -> bool {
+    /// Whether the memory is for the session's model, with any weights, and holds `count` sequences.
+    pub(super) fn fits(&self, session: &RecurrentSession, count: usize) -> bool {
         let (theirs, ours) = (session.shared_model(), &self.model);
         let same = |a: &Recurrent, b: &Recurrent| {
             a.network == b.network && a.feedback == b.feedback && a.scaling == b.scaling && a.base == b.base
         };
-        if !Arc::ptr_eq(theirs, ours) && !same(theirs, ours) {
-            return false;
-        }
-        self.state.copy_from_slice(session.state());
-        self.network.load(session.weights());
-        true
+        count <= self.sequences && (Arc::ptr_eq(theirs, ours) || same(theirs, ours))
     }
 
-    /// Rolls `count` sequences out: `commands` are `count x steps x inputs`, `y` are `count x steps x outputs`.
+    /// Rolls `count` sequences out from the state and with the weights of a session: `commands` are `count x steps x inputs`, `y`
+    /// are `count x steps x outputs`.
     ///
     /// # Panics
-    /// If there are more than room for, or the slices have not whole sequences of the same number of steps.
-    pub fn rollout(&mut self, count: usize, commands: &[f64], y: &mut [f64]) {
-        let Self { model, network, equations, state, outputs } = self;
+    /// If the slices have not whole sequences of the same number of steps.
+    pub(super) fn rollout(
+        &mut self,
+        session: &RecurrentSession,
+        count: usize,
+        commands: &[f64],
+        y: &mut [f64],
+    ) {
+        let Self { model, network, equations, outputs, .. } = self;
+        let state = session.state();
+        network.load(session.weights());
         let (n, m, scaling) = (model.outputs(), model.inputs(), &model.scaling);
         network.set_sequences(count);
         let lanes = network.lanes();

@@ -17,7 +17,7 @@ use crate::model::sparse::signal::{Signal, lagged};
 /// each place of it, so that every operation works on as many sequences as a vector holds. The results are those of
 /// [`Equations::step`] but for the order in which sums are added and the last digits of the logistic function of a gate.
 #[derive(Clone, Debug)]
-pub struct SideBySide {
+pub(crate) struct BatchRollout {
     arch: Arch,
     /// Of the equations that it was made for: outputs, inputs and slots; then what its decays follow from.
     shape: (usize, usize, usize),
@@ -42,9 +42,12 @@ struct Lag {
     decays: [f64; 3],
 }
 
-impl SideBySide {
-    /// Room for so many sequences; none for equations with past values, which roll out one by one.
-    pub fn new(equations: &Equations, sequences: usize) -> Option<Self> {
+impl BatchRollout {
+    /// Memory for `sequences` sequences; `None`, without allocating, for equations with past values, which roll out one by one.
+    pub(crate) fn new(equations: &Equations, sequences: usize) -> Option<Self> {
+        if equations.signals.iter().any(|signal| !matches!(signal, Signal::Lag { .. })) {
+            return None;
+        }
         let (n, m) = (equations.outputs, equations.inputs);
         let h = equations.dt / equations.substeps as f64;
         let mut lags = Vec::new();
@@ -71,18 +74,13 @@ impl SideBySide {
         })
     }
 
-    /// Sequences that there is room for.
-    pub const fn sequences(&self) -> usize {
-        self.sequences
-    }
-
     /// Rolls `count` sequences out from `state` (as [`Equations::step`] moves it): `commands` are `count x steps x
     /// inputs`, `y` are `count x steps x outputs`.
     ///
     /// # Panics
     /// If there are more than room for, the slices have not whole sequences of the same number of steps, or the equations
     /// are not those that the room was made for.
-    pub fn rollout(
+    pub(crate) fn rollout(
         &mut self,
         equations: &Equations,
         state: &[f64],
@@ -104,10 +102,11 @@ impl SideBySide {
         }
     }
 
-    /// Whether it was made for these equations, whatever their coefficients.
-    pub(crate) fn fits(&self, equations: &Equations) -> bool {
+    /// Whether the memory is for equations of this structure, with any coefficients, and holds `count` sequences.
+    pub(crate) fn fits(&self, equations: &Equations, count: usize) -> bool {
         let shape = (equations.outputs, equations.inputs, equations.program.slots());
-        shape == self.shape
+        count <= self.sequences
+            && shape == self.shape
             && equations.signals == self.signals
             && equations.dt == self.dt
             && equations.substeps == self.substeps
