@@ -25,6 +25,7 @@
 
 use std::sync::Arc;
 
+use hydroid::closed_loop::{self, Conditions, ControlLaw, Metrics, Scenario, SpeedOptions, Timing, Track};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GivenRanges, Job, Method, Networks, SindySettings, identify};
 use hydroid::log::{Split, Trajectory};
@@ -32,7 +33,6 @@ use hydroid::model::{Body, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
 use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
-use hydroid::steer::{self, Conditions, Course, Law, Metrics, Pace, Scene, Timing, sail};
 use hydroid_core::control::{
     AffineEquations, AffineNetwork, AffinePlant, Backstepping, BacksteppingSettings, Controller,
     FeedbackLinearization, FeedbackLinearizationSettings, Status,
@@ -83,15 +83,17 @@ pub fn circle(
     measured: bool,
     (noise, seed): (f64, u64),
 ) -> Outcome {
-    let circle = steer::Task::Circle { radius: task.radius };
-    let course = Course::new(&circle, &Pace::cruise(task.speed)).expect("a circle");
-    let scene = Scene { duration_s: DURATION_S, start: [0.0, -0.5], ..Scene::new(vessel.clone(), course) };
+    let circle = closed_loop::Task::Circle { radius: task.radius };
+    let course = Track::new(&circle, &SpeedOptions::cruise(task.speed)).expect("a circle");
+    let scene =
+        Scenario { duration_s: DURATION_S, start: [0.0, -0.5], ..Scenario::new(vessel.clone(), course) };
     let conditions = Conditions { noise, ..Conditions::calm(seed) };
-    let mut helm = Law { controller, lead: task.ahead, timing: Timing::Clock, force: measured };
-    let voyage = sail(&scene, &conditions, &mut helm, &mut silent()).expect("built-in vessels sail");
-    let metrics = Metrics::of(&voyage, SETTLED_S);
+    let mut controller = ControlLaw { controller, lead: task.ahead, timing: Timing::Clock, force: measured };
+    let run =
+        closed_loop::run(&scene, &conditions, &mut controller, &mut silent()).expect("built-in vessels sail");
+    let metrics = Metrics::of(&run, SETTLED_S);
     let count = |status: Status| metrics.status.get(status.name()).copied().unwrap_or(0);
-    let samples = voyage.moments.len() as f64;
+    let samples = run.samples.len() as f64;
     Outcome { rms: metrics.rms_position, shares: Status::ALL.map(|status| count(status) as f64 / samples) }
 }
 

@@ -7,6 +7,7 @@
 
 pub mod adapt;
 pub mod atomic;
+pub mod closed_loop;
 pub mod evaluate;
 pub mod excitation;
 pub mod faults;
@@ -18,7 +19,6 @@ pub mod progress;
 pub mod report;
 pub mod simulate;
 pub mod sindy;
-pub mod steer;
 pub mod study;
 pub mod toml_file;
 pub mod train;

@@ -7,11 +7,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, bail, ensure};
 use hydroid::atomic;
+use hydroid::closed_loop::{
+    self, Conditions, ControlMethod, ControllerOptions, Metrics, MonteCarlo, Run, Scenario, Summary,
+    TunedAutopilot, monte_carlo, tune_autopilot,
+};
 use hydroid::model::{self, Model};
 use hydroid::report::{self, Steered};
-use hydroid::steer::{
-    Conditions, Fleet, Kind, Metrics, Scene, Steering, Summary, Tuned, Voyage, fleet, sail, tune,
-};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -26,7 +27,7 @@ struct Told<'a, T> {
     #[serde(flatten)]
     result: &'a T,
     controller: &'a Value,
-    tuning: Option<&'a Tuned>,
+    tuning: Option<&'a TunedAutopilot>,
     plant: &'a str,
     task: &'a Value,
     conditions: &'a Conditions,
@@ -51,29 +52,29 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
         let of = (args.model.as_deref().unwrap_or(Path::new("")), model);
         let shore = &args.learn.shore;
         let shore = crate::logs::shore(shore, args.learn.shore_time.0, of, reading, global)?;
-        steering.shore = shore.walked.into();
+        steering.rehearsal = shore.walked.into();
     }
     steering.model = model.map(Arc::new);
     // A law that cannot invert the model says so before anything is done.
     let mut tuned = None;
-    if kind == Kind::Autopilot {
+    if kind == ControlMethod::Autopilot {
         let bar = ui::Bar::new("tuning the autopilot", global);
-        let found = tune(&scene, pace.cruise, from_s, &mut bar.callback())?;
+        let found = tune_autopilot(&scene, pace.cruise, from_s, &mut bar.callback())?;
         steering.autopilot = Some(found.settings);
         tuned = Some(found);
     }
-    let mut helm = steering.helm(conditions.seed).context("this vessel cannot be steered so")?;
+    let mut controller = steering.controller(conditions.seed).context("this vessel cannot be steered so")?;
     if let Some(folder) = &args.output {
         atomic::probe(folder)?;
     }
     let many = (args.fleet.runs != 1).then(|| many(args, &steering, &scene, &conditions, from_s, global));
     let many = many.transpose()?;
     // Of many the first is shown sample by sample.
-    let shown = many.as_ref().and_then(|many| many.outings.first()).map_or(conditions, |o| o.conditions);
+    let shown = many.as_ref().and_then(|many| many.trials.first()).map_or(conditions, |o| o.conditions);
     let bar = ui::Bar::new("steering", global);
-    let voyage = sail(&scene, &shown, helm.as_mut(), &mut bar.callback())?;
+    let run = closed_loop::run(&scene, &shown, controller.as_mut(), &mut bar.callback())?;
     drop(bar);
-    let metrics = Metrics::of(&voyage, from_s);
+    let metrics = Metrics::of(&run, from_s);
     let controller = setup::told(args, &steering);
     let task = json!({ "path": task, "pace": pace, "duration_s": scene.duration_s, "dt_s": scene.dt_s, "tolerance_m": scene.tolerance });
     let result = match &many {
@@ -89,7 +90,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
         conditions: &conditions,
     };
     if let Some(folder) = &args.output {
-        let made = Made { args, steering: &steering, scene: &scene, voyage: &voyage, metrics: &metrics };
+        let made = Made { args, steering: &steering, scene: &scene, run: &run, metrics: &metrics };
         made.write(folder, many.as_ref(), tuned.as_ref(), &told)?;
     }
     if global.json {
@@ -114,10 +115,10 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
 }
 
 /// The model, which every controller but one needs.
-fn model(args: &Control, kind: Kind) -> anyhow::Result<Option<Model>> {
+fn model(args: &Control, kind: ControlMethod) -> anyhow::Result<Option<Model>> {
     match (&args.model, kind) {
-        (None, Kind::Autopilot) => Ok(None),
-        (Some(path), Kind::Autopilot) => bail!(
+        (None, ControlMethod::Autopilot) => Ok(None),
+        (Some(path), ControlMethod::Autopilot) => bail!(
             "{}: pid steers without a model: leave it out, or use --controller cem, fl or backstepping",
             path.display()
         ),
@@ -131,24 +132,24 @@ fn model(args: &Control, kind: Kind) -> anyhow::Result<Option<Model>> {
 
 fn many(
     args: &Control,
-    steering: &Steering,
-    scene: &Scene,
+    steering: &ControllerOptions,
+    scene: &Scenario,
     conditions: &Conditions,
     from_s: f64,
     global: Global,
-) -> anyhow::Result<Fleet> {
+) -> anyhow::Result<MonteCarlo> {
     ensure!(args.fleet.runs <= 1_000_000, "--runs {}: a million at the most", args.fleet.runs);
     let bar = ui::Bar::new("voyages", global);
     let spread = setup::spread(&args.fleet);
-    Ok(fleet(steering, scene, conditions, &spread, args.fleet.runs, from_s, &mut bar.callback())?)
+    Ok(monte_carlo(steering, scene, conditions, &spread, args.fleet.runs, from_s, &mut bar.callback())?)
 }
 
 /// What goes into the folder.
 struct Made<'a> {
     args: &'a Control,
-    steering: &'a Steering,
-    scene: &'a Scene,
-    voyage: &'a Voyage,
+    steering: &'a ControllerOptions,
+    scene: &'a Scenario,
+    run: &'a Run,
     metrics: &'a Metrics,
 }
 
@@ -156,23 +157,23 @@ impl Made<'_> {
     fn write<T: Serialize>(
         &self,
         folder: &Path,
-        fleet: Option<&Fleet>,
-        tuned: Option<&Tuned>,
+        fleet: Option<&MonteCarlo>,
+        tuned: Option<&TunedAutopilot>,
         told: &Told<'_, T>,
     ) -> anyhow::Result<()> {
-        let Self { args, steering, scene, voyage, metrics } = self;
-        atomic::write(&folder.join("track.csv"), |out| voyage.write_csv(&scene.vessel, out))?;
+        let Self { args, steering, scene, run, metrics } = self;
+        atomic::write(&folder.join("track.csv"), |out| run.write_csv(&scene.vessel, out))?;
         let mut text = serde_json::to_string_pretty(told)?;
         text.push('\n');
         atomic::write(&folder.join("control.json"), |out| out.write_all(text.as_bytes()))?;
-        let title = format!("Steering {}: {}", scene.vessel.name, steering.kind.name());
+        let title = format!("ControllerOptions {}: {}", scene.vessel.name, steering.method.name());
         let page = report::steering(&Steered {
             title: &title,
             command: &ui::command_line(),
             facts: &setup::facts(args, steering, scene),
             vessel: &scene.vessel,
-            path: &scene.course.path,
-            voyage,
+            path: &scene.track.path,
+            run,
             metrics,
             fleet,
             tuned,
@@ -210,12 +211,12 @@ fn show(m: &Metrics) {
     }
 }
 
-fn show_many(f: &Fleet) {
+fn show_many(f: &MonteCarlo) {
     outln!("{} voyages: {} held their course, {} diverged", f.runs, f.held, f.diverged);
     outln!(
         "commands outside of their limits: {}; samples lost without a status that says so: {}",
         f.violations,
-        f.unsaid
+        f.undetected_losses
     );
     outln!("{:<24} {:>10} {:>10} {:>10}", "", "median", "95 %", "max");
     let line = |name: &str, s: &Summary| {
@@ -227,7 +228,7 @@ fn show_many(f: &Fleet) {
     line("speed [m/s], RMS", &f.rms_speed);
 }
 
-fn show_tuning(tuned: &Tuned) {
+fn show_tuning(tuned: &TunedAutopilot) {
     let best = &tuned.best;
     outln!(
         "tuned on {} seeds of its own, best of {}: omega {:.2} rad/s, look-ahead {:.2} m, integral {:.2} m/s, speed gain {:.1} N s/m, exponent {}; cross-track and speed error together {:.4}",

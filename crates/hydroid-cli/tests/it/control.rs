@@ -26,9 +26,9 @@ fn told(folder: &Path, args: &str, status: i32) -> Value {
 /// All that no clock decides.
 fn timeless(mut told: Value) -> Value {
     told.as_object_mut().unwrap().remove("us_per_command");
-    if let Some(outings) = told.get_mut("outings").and_then(Value::as_array_mut) {
-        for outing in outings {
-            outing["metrics"].as_object_mut().unwrap().remove("us_per_command");
+    if let Some(trials) = told.get_mut("trials").and_then(Value::as_array_mut) {
+        for trial in trials {
+            trial["metrics"].as_object_mut().unwrap().remove("us_per_command");
         }
     }
     told
@@ -167,7 +167,11 @@ fn networks_are_identified_and_steered_by() {
         let output = hydroid(at, &args);
         assert!(output.status.code() < Some(2), "{args}: {}", text(&output.stderr));
         let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!((&report["violations"], &report["unsaid"]), (&Value::from(0), &Value::from(0)), "{args}");
+        assert_eq!(
+            (&report["violations"], &report["undetected_losses"]),
+            (&Value::from(0), &Value::from(0)),
+            "{args}"
+        );
         report
     };
     for law in ["fl", "backstepping"] {
@@ -237,16 +241,16 @@ fn many_voyages_are_summed_up_and_one_that_fails_shows_in_the_exit_status() {
     let args = "control hydrofoil --controller fl --duration 30 --runs 6 --json -o many";
     let report = told(at, args, 0);
     assert_eq!((report["runs"].as_u64(), report["held"].as_u64()), (Some(6), Some(6)));
-    assert_eq!((report["violations"].as_u64(), report["unsaid"].as_u64()), (Some(0), Some(0)));
+    assert_eq!((report["violations"].as_u64(), report["undetected_losses"].as_u64()), (Some(0), Some(0)));
     assert!(
         report["rms_position"]["median"].as_f64().unwrap() <= report["rms_position"]["max"].as_f64().unwrap()
     );
-    assert_eq!(report["outings"].as_array().unwrap().len(), 6);
+    assert_eq!(report["trials"].as_array().unwrap().len(), 6);
     assert!(fs::read_to_string(at.join("many/report.html")).unwrap().contains("Monte Carlo"));
     assert_eq!(timeless(told(at, &args.replace("-o many", "--threads 1"), 0)), timeless(report));
     // A current that is faster than the vessel.
     let report = told(at, "control hydrofoil --controller fl --current 5,0 --duration 30 --json", 1);
-    assert!(report["settled_after"].is_null() && report["unsaid"] == 0);
+    assert!(report["settled_after"].is_null() && report["undetected_losses"] == 0);
     assert_eq!(report["held"], false);
 }
 

@@ -4,8 +4,11 @@ use std::time::Duration;
 
 use anyhow::{bail, ensure};
 use hydroid::adapt::{self, Method};
+use hydroid::closed_loop::{
+    Conditions, ControlMethod, ControllerOptions, Dispersion, Scenario, SpeedOptions, Task, Timing, Track,
+    Wind,
+};
 use hydroid::model::Model;
-use hydroid::steer::{Conditions, Course, Kind, Pace, Scene, Spread, Steering, Task, Timing, Wind};
 use hydroid_core::control::LearnedCorrectionSettings;
 use hydroid_core::control::cem::PlannerSettings;
 use hydroid_core::vessel::VesselParams;
@@ -15,12 +18,12 @@ use crate::args::{
     Control, ControllerKind, FleetArgs, HelmArgs, LearnArgs, Learner, SeaArgs, TaskArgs, TaskKind, TimingKind,
 };
 
-pub(super) const fn kind(controller: ControllerKind) -> Kind {
+pub(super) const fn kind(controller: ControllerKind) -> ControlMethod {
     match controller {
-        ControllerKind::Fl => Kind::FeedbackLinearization,
-        ControllerKind::Backstepping => Kind::Backstepping,
-        ControllerKind::Cem => Kind::CrossEntropy,
-        ControllerKind::Pid => Kind::Autopilot,
+        ControllerKind::Fl => ControlMethod::FeedbackLinearization,
+        ControllerKind::Backstepping => ControlMethod::Backstepping,
+        ControllerKind::Cem => ControlMethod::CrossEntropy,
+        ControllerKind::Pid => ControlMethod::Autopilot,
     }
 }
 
@@ -39,7 +42,7 @@ pub(super) fn sample_time(args: &Control, model: Option<&Model>) -> anyhow::Resu
     Ok(own)
 }
 
-pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, Pace)> {
+pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, SpeedOptions)> {
     let lawn = args.leg.is_some() || args.spacing.is_some() || args.legs.is_some();
     let by_points = matches!(args.task, TaskKind::Waypoints | TaskKind::Legs);
     ensure!(
@@ -72,17 +75,17 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, Pace)> {
     if let (Some(turn), TaskKind::Circle) = (args.turn_speed, args.task) {
         bail!("a circle is all turn: say --speed {turn} and leave --turn-speed out");
     }
-    Ok((task, Pace { cruise: args.speed, turn: args.turn_speed, acceleration: args.acceleration }))
+    Ok((task, SpeedOptions { cruise: args.speed, turn: args.turn_speed, acceleration: args.acceleration }))
 }
 
 pub(super) fn scene(
     args: &Control,
     vessel: &VesselParams,
     task: &Task,
-    pace: &Pace,
+    pace: &SpeedOptions,
     dt_s: f64,
-) -> anyhow::Result<Scene> {
-    let mut scene = Scene::new(vessel.clone(), Course::new(task, pace)?);
+) -> anyhow::Result<Scenario> {
+    let mut scene = Scenario::new(vessel.clone(), Track::new(task, pace)?);
     for (limits, (rate, what)) in
         scene.limits.iter_mut().zip(args.helm.rate_limits.0.into_iter().zip(["propeller", "rudder"]))
     {
@@ -95,8 +98,8 @@ pub(super) fn scene(
 }
 
 /// From when on errors count \[s\].
-pub(super) fn from_s(args: &Control, scene: &Scene) -> anyhow::Result<f64> {
-    let from_s = args.helm.from.map_or_else(|| scene.usual_from_s(), |from| from.0);
+pub(super) fn from_s(args: &Control, scene: &Scenario) -> anyhow::Result<f64> {
+    let from_s = args.helm.from.map_or_else(|| scene.default_from_s(), |from| from.0);
     scene.check_from(from_s)?;
     Ok(from_s)
 }
@@ -113,9 +116,9 @@ pub(super) const fn conditions(args: &SeaArgs) -> Conditions {
     }
 }
 
-pub(super) fn spread(args: &FleetArgs) -> Spread {
-    let usual = Spread::default();
-    Spread {
+pub(super) fn spread(args: &FleetArgs) -> Dispersion {
+    let usual = Dispersion::default();
+    Dispersion {
         mass: args.mass_spread.unwrap_or(usual.mass),
         current: args.current_spread.unwrap_or(usual.current),
         wind: args.wind_spread.unwrap_or(usual.wind),
@@ -152,7 +155,7 @@ pub(super) fn check_meant(args: &Control) -> anyhow::Result<()> {
     ] {
         ensure!(
             !said || fleet.runs != 1,
-            "{option} is of many voyages: give --runs, or leave it out and say what the one voyage meets (--mass, --current, --wind)"
+            "{option} is of many voyages: give --runs, or leave it out and say what the one run meets (--mass, --current, --wind)"
         );
     }
     Ok(())
@@ -161,21 +164,25 @@ pub(super) fn check_meant(args: &Control) -> anyhow::Result<()> {
 /// Numbers of all candidates of an iteration, of one command, at the most: 80 MB.
 const MOST_DRAWN: usize = 10_000_000;
 
-pub(super) fn steering(args: &Control, kind: Kind, scene: &Scene) -> anyhow::Result<Steering> {
+pub(super) fn steering(
+    args: &Control,
+    kind: ControlMethod,
+    scene: &Scenario,
+) -> anyhow::Result<ControllerOptions> {
     let given = &args.helm;
-    let mut steering = Steering::new(kind, &scene.vessel, scene.dt_s);
+    let mut steering = ControllerOptions::new(kind, &scene.vessel, scene.dt_s);
     (steering.limits, steering.tolerance) = (scene.limits, scene.tolerance);
     steering.lead = given.lead.unwrap_or(steering.lead);
     ensure!(
-        kind != Kind::Autopilot || given.lead.is_none_or(|lead| lead == 0.0),
+        kind != ControlMethod::Autopilot || given.lead.is_none_or(|lead| lead == 0.0),
         "--lead: pid brings the vessel's origin on the path; leave --lead out"
     );
     steering.bandwidth = Some(given.bandwidth.map_or([1.5, 0.7], |bandwidth| bandwidth.0));
     steering.integral = given.integral.unwrap_or(0.0);
     steering.learned = given.learned.then(LearnedCorrectionSettings::default);
     steering.rate = Some(given.rate.unwrap_or(1.0));
-    if let (Kind::CrossEntropy, Some(TimingKind::Foot)) = (kind, given.reference) {
-        steering.timing = Timing::Foot;
+    if let (ControlMethod::CrossEntropy, Some(TimingKind::Foot)) = (kind, given.reference) {
+        steering.timing = Timing::Path;
     }
     let usual = steering.planner;
     let (candidates, horizon) =
@@ -233,22 +240,22 @@ pub(super) fn learning(args: &LearnArgs, model: &Model) -> anyhow::Result<adapt:
 }
 
 /// The controller as `control.json` has it.
-pub(super) fn told(args: &Control, steering: &Steering) -> Value {
+pub(super) fn told(args: &Control, steering: &ControllerOptions) -> Value {
     let mut told = json!({
-        "kind": steering.kind,
+        "kind": steering.method,
         "model": args.model,
         "lead_m": steering.lead,
         "reference": steering.timing,
         "adapt": steering.adapt.is_some(),
     });
-    match steering.kind {
-        Kind::FeedbackLinearization => {
+    match steering.method {
+        ControlMethod::FeedbackLinearization => {
             told["bandwidth"] = json!(steering.bandwidth);
             told["integral"] = json!(steering.integral);
             told["learned"] = json!(steering.learned.is_some());
         }
-        Kind::Backstepping => told["rate_per_s"] = json!(steering.rate),
-        Kind::CrossEntropy => {
+        ControlMethod::Backstepping => told["rate_per_s"] = json!(steering.rate),
+        ControlMethod::CrossEntropy => {
             let p = &steering.planner;
             told["horizon"] = json!(p.horizon);
             told["candidates"] = json!(p.candidates);
@@ -256,21 +263,21 @@ pub(super) fn told(args: &Control, steering: &Steering) -> Value {
             told["descents"] = json!(p.descents);
             told["prices"] = json!(prices(&args.helm));
         }
-        Kind::Autopilot => {}
+        ControlMethod::Autopilot => {}
     }
     told
 }
 
 /// What the page says of controller, task and conditions.
-pub(super) fn facts(args: &Control, steering: &Steering, scene: &Scene) -> Vec<(String, String)> {
-    let words = match steering.kind {
-        Kind::FeedbackLinearization if steering.learned.is_some() => {
+pub(super) fn facts(args: &Control, steering: &ControllerOptions, scene: &Scenario) -> Vec<(String, String)> {
+    let words = match steering.method {
+        ControlMethod::FeedbackLinearization if steering.learned.is_some() => {
             "feedback linearization of a point ahead of the vessel, with a correction that is learned under way"
         }
-        Kind::FeedbackLinearization => "feedback linearization of a point ahead of the vessel",
-        Kind::Backstepping => "backstepping of a point ahead of the vessel",
-        Kind::CrossEntropy => "model predictive control by the cross-entropy method",
-        Kind::Autopilot => "line of sight, PID on the heading, PI on the speed",
+        ControlMethod::FeedbackLinearization => "feedback linearization of a point ahead of the vessel",
+        ControlMethod::Backstepping => "backstepping of a point ahead of the vessel",
+        ControlMethod::CrossEntropy => "model predictive control by the cross-entropy method",
+        ControlMethod::Autopilot => "line of sight, PID on the heading, PI on the speed",
     };
     let mut facts: Vec<(String, String)> = Vec::new();
     let mut tell = |name: &str, value: String| facts.push((name.to_owned(), value));

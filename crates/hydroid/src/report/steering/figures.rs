@@ -4,9 +4,9 @@ use hydroid_core::control::Status;
 use plotters::style::RGBColor;
 
 use super::Steered;
+use crate::closed_loop::Sample;
 use crate::report::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke, envelope, steps};
 use crate::report::style;
-use crate::steer::Moment;
 
 /// Points of a line at the most.
 const POINTS: usize = 1_500;
@@ -30,7 +30,7 @@ const KINDS: [(RGBColor, &str); 3] =
 
 /// From above: east to the right, north up, one scale.
 pub(super) fn track(subject: &Steered<'_>) -> Figure {
-    let moments = &subject.voyage.moments;
+    let moments = &subject.run.samples;
     let path = &subject.path;
     let places = 600;
     let points: Vec<(f64, f64)> = (0..=places)
@@ -41,8 +41,8 @@ pub(super) fn track(subject: &Steered<'_>) -> Figure {
         .collect();
     let thin = moments.len().div_ceil(POINTS).max(1);
     let mut lines: Vec<(usize, Vec<(f64, f64)>)> = Vec::new();
-    for moment in moments.iter().step_by(thin) {
-        let (of, at) = (kind(moment.status), (moment.state.y, moment.state.x));
+    for sample in moments.iter().step_by(thin) {
+        let (of, at) = (kind(sample.status), (sample.state.y, sample.state.x));
         match lines.last_mut() {
             Some((last, line)) if *last == of => line.push(at),
             Some((_, before)) => {
@@ -91,15 +91,15 @@ pub(super) fn track(subject: &Steered<'_>) -> Figure {
     figure.panel(panel)
 }
 
-fn over_time(subject: &Steered<'_>, of: impl Fn(&Moment) -> f64) -> Vec<(f64, f64)> {
-    let points: Vec<(f64, f64)> = subject.voyage.moments.iter().map(|m| (m.t, of(m))).collect();
+fn over_time(subject: &Steered<'_>, of: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
+    let points: Vec<(f64, f64)> = subject.run.samples.iter().map(|m| (m.t, of(m))).collect();
     envelope(points.into_iter(), POINTS / 2)
 }
 
 /// The line of the vessel.
 const VESSEL: Stroke = Stroke { width: 1.4, ..style::MODEL_LINE };
 
-fn line(subject: &Steered<'_>, of: fn(&Moment) -> f64, stroke: Stroke) -> Mark {
+fn line(subject: &Steered<'_>, of: fn(&Sample) -> f64, stroke: Stroke) -> Mark {
     Mark::Line(Line::new(over_time(subject, of), stroke))
 }
 
@@ -133,16 +133,16 @@ pub(super) fn speeds(subject: &Steered<'_>) -> Figure {
 
 /// Commands and their limits.
 pub(super) fn commands(subject: &Steered<'_>) -> Figure {
-    let voyage = subject.voyage;
+    let run = subject.run;
     let channels = [&subject.vessel.commands.propeller, &subject.vessel.commands.rudder];
     let limit = Stroke { colour: style::ALARM, width: 1.0, dash: Dash::Dashed };
     let mut figure = Figure::new("Commands over time", "time [s]");
     for (i, channel) in channels.into_iter().enumerate() {
-        let limits = voyage.limits[i];
+        let limits = run.limits[i];
         let margin = 0.05 * (limits.high - limits.low);
-        let values = voyage.moments.iter().map(|m| m.command[i]);
-        let stairs = if voyage.moments.len() <= POINTS {
-            steps(values, 0.0, voyage.dt_s)
+        let values = run.samples.iter().map(|m| m.command[i]);
+        let stairs = if run.samples.len() <= POINTS {
+            steps(values, 0.0, run.dt_s)
         } else {
             over_time(subject, |m| m.command[i])
         };
@@ -184,7 +184,7 @@ pub(super) fn histogram(values: &[f64], bins: usize) -> Vec<(f64, f64, f64)> {
 
 /// Times of the commands.
 pub(super) fn times(subject: &Steered<'_>) -> Figure {
-    let times: Vec<f64> = subject.voyage.moments.iter().map(|m| m.time_us).collect();
+    let times: Vec<f64> = subject.run.samples.iter().map(|m| m.time_us).collect();
     let (times, unit) = if subject.metrics.us_per_command.median >= 1000.0 {
         (times.iter().map(|t| 1e-3 * t).collect(), "ms")
     } else {

@@ -3,17 +3,17 @@
 use maud::{Markup, html};
 
 use super::figures::histogram;
+use crate::closed_loop::{Metrics, MonteCarlo, Summary, Trial};
 use crate::report::ReportError;
 use crate::report::figure::{Figure, Mark, Panel};
 use crate::report::number::{self, text};
 use crate::report::page::{Section, cell, columns, figure, table};
 use crate::report::style;
-use crate::steer::{Fleet, Metrics, Outing, Summary};
 
 /// Voyages that are listed.
 const SHOWN: usize = 12;
 
-pub(super) fn section(fleet: &Fleet) -> Result<Section, ReportError> {
+pub(super) fn section(fleet: &MonteCarlo) -> Result<Section, ReportError> {
     let row = |name: &str, summary: &Summary, unit: &str| {
         let figures = [summary.median, summary.p95, summary.max].map(|x| cell(text(x, 3)));
         std::iter::once(cell(name)).chain(figures).chain([cell(unit)]).collect::<Vec<Markup>>()
@@ -25,14 +25,14 @@ pub(super) fn section(fleet: &Fleet) -> Result<Section, ReportError> {
         row("speed error, RMS", &fleet.rms_speed, "m/s"),
     ];
     let heads = ["figure", "median", "95 of 100 below", "largest", ""].map(cell);
-    let spread = &fleet.spread;
+    let dispersion = &fleet.dispersion;
     let body = html! {
         p {
-            (number::count(fleet.runs)) " voyages, each with its own seed; mass by up to ±" (text(100.0 * spread.mass, 2))
-            " %, current up to " (text(spread.current, 2)) " m/s and wind up to " (text(spread.wind, 3))
+            (number::count(fleet.runs)) " voyages, each with its own seed; mass by up to ±" (text(100.0 * dispersion.mass, 2))
+            " %, current up to " (text(dispersion.current, 2)) " m/s and wind up to " (text(dispersion.wind, 3))
             " N from any direction. " (number::count(fleet.held)) " held their course, " (number::count(fleet.diverged))
             " diverged; " (number::count(fleet.violations)) " commands were outside of their limits, "
-            (number::count(fleet.unsaid)) " samples were lost without a status that says so."
+            (number::count(fleet.undetected_losses)) " samples were lost without a status that says so."
         }
         (table(&heads, &rows, 1))
         (columns(&[
@@ -45,14 +45,14 @@ pub(super) fn section(fleet: &Fleet) -> Result<Section, ReportError> {
     Ok(Section::new("monte-carlo", "Monte Carlo", body))
 }
 
-fn bars(fleet: &Fleet, label: &str, of: fn(&Metrics) -> f64) -> Figure {
-    let values: Vec<f64> = fleet.outings.iter().map(|outing| of(&outing.metrics)).collect();
+fn bars(fleet: &MonteCarlo, label: &str, of: fn(&Metrics) -> f64) -> Figure {
+    let values: Vec<f64> = fleet.trials.iter().map(|trial| of(&trial.metrics)).collect();
     let bars = Mark::Bars { bars: histogram(&values, 25), colour: style::BAND };
     Figure::new(label, label).panel(Panel::new("voyages").height(130.0).mark(bars))
 }
 
-fn worst(fleet: &Fleet) -> Markup {
-    let mut order: Vec<&Outing> = fleet.outings.iter().collect();
+fn worst(fleet: &MonteCarlo) -> Markup {
+    let mut order: Vec<&Trial> = fleet.trials.iter().collect();
     // The figures of a voyage that came to nothing are infinite, never NaN.
     order.sort_by(|a, b| {
         let (a, b) = (&a.metrics, &b.metrics);
@@ -64,8 +64,8 @@ fn worst(fleet: &Fleet) -> Markup {
     let rows: Vec<Vec<Markup>> = order
         .iter()
         .take(SHOWN)
-        .map(|outing| {
-            let (c, m) = (&outing.conditions, &outing.metrics);
+        .map(|trial| {
+            let (c, m) = (&trial.conditions, &trial.metrics);
             let size = |[x, y]: [f64; 2]| x.hypot(y);
             vec![
                 cell(c.seed.to_string()),

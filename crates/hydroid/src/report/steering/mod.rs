@@ -8,7 +8,7 @@ use maud::{Markup, html};
 use super::ReportError;
 use super::number::{self, text};
 use super::page::{Section, cell, columns, figure, page, table};
-use crate::steer::{Fleet, Metrics, Tuned, Voyage};
+use crate::closed_loop::{Metrics, MonteCarlo, Run, TunedAutopilot};
 use hydroid_core::guidance::Path;
 use hydroid_core::vessel::VesselParams;
 
@@ -26,13 +26,13 @@ pub struct Steered<'a> {
     /// The path.
     pub path: &'a Path,
     /// A voyage, sample by sample; of many the first.
-    pub voyage: &'a Voyage,
+    pub run: &'a Run,
     /// Its figures.
     pub metrics: &'a Metrics,
     /// All voyages, where there are many.
-    pub fleet: Option<&'a Fleet>,
+    pub fleet: Option<&'a MonteCarlo>,
     /// How the autopilot was tuned, where it steers.
-    pub tuned: Option<&'a Tuned>,
+    pub tuned: Option<&'a TunedAutopilot>,
 }
 
 /// The page.
@@ -128,7 +128,7 @@ fn track(subject: &Steered<'_>) -> Result<Section, ReportError> {
         .status
         .iter()
         .map(|(name, count)| {
-            let share = 100.0 * *count as f64 / subject.voyage.moments.len().max(1) as f64;
+            let share = 100.0 * *count as f64 / subject.run.samples.len().max(1) as f64;
             vec![cell(name.replace('_', " ")), cell(number::count(*count)), cell(format!("{share:.1} %"))]
         })
         .collect();

@@ -12,14 +12,15 @@ use super::super::lab::Lab;
 use super::super::look;
 use super::super::outcome::{Cell, Outcome, Sheet};
 use super::median;
+use crate::closed_loop::{
+    self, ClosedLoopError, Conditions, ControlMethod, ControllerOptions, Metrics, Run, Sample, Scenario,
+    SpeedOptions, Task, Track,
+};
 use crate::model::Model;
 use crate::progress::silent;
 use crate::report::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke};
 use crate::report::style;
 use crate::simulate;
-use crate::steer::{
-    Conditions, Course, Kind, Metrics, Moment, Pace, Scene, SteerError, Steering, Task, Voyage, sail,
-};
 
 /// How long a circle is sailed, and from when on errors count \[s\].
 const DURATION_S: f64 = 120.0;
@@ -110,7 +111,7 @@ impl Circles {
                 let settings = (circle, &self.seeds, name);
                 let on: Vec<_> = key.iter().copied().collect();
                 lab.store.get("circle", lab.store.key("circle", &settings, &on), || {
-                    Ok(self.sail(circle, &vessel, model))
+                    Ok(self.simulate_circle(circle, &vessel, model))
                 })
             })?;
             let mut drawn = Vec::new();
@@ -161,48 +162,54 @@ impl Circles {
     }
 
     /// What came of a circle, or why nothing did.
-    fn sail(&self, circle: &Circle, vessel: &VesselParams, model: &Model) -> Result<Sailed, String> {
-        let words = |error: SteerError| error.to_string();
+    fn simulate_circle(
+        &self,
+        circle: &Circle,
+        vessel: &VesselParams,
+        model: &Model,
+    ) -> Result<Sailed, String> {
+        let words = |error: ClosedLoopError| error.to_string();
         let task = Task::Circle { radius: circle.radius_m };
         let course =
-            Course::new(&task, &Pace::cruise(circle.speed_m_s)).map_err(|error| error.to_string())?;
+            Track::new(&task, &SpeedOptions::cruise(circle.speed_m_s)).map_err(|error| error.to_string())?;
         let scene =
-            Scene { duration_s: DURATION_S, start: [0.0, -0.5], ..Scene::new(vessel.clone(), course) };
-        let mut steering = Steering::new(Kind::FeedbackLinearization, vessel, scene.dt_s);
+            Scenario { duration_s: DURATION_S, start: [0.0, -0.5], ..Scenario::new(vessel.clone(), course) };
+        let mut steering = ControllerOptions::new(ControlMethod::FeedbackLinearization, vessel, scene.dt_s);
         steering.model = Some(Arc::new(model.clone()));
         steering.lead = circle.lead_m;
-        let voyage = |steering: &Steering, noise: f64, seed: u64| -> Result<Voyage, String> {
+        let run = |steering: &ControllerOptions, noise: f64, seed: u64| -> Result<Run, String> {
             let conditions = Conditions { noise, ..Conditions::calm(seed) };
-            let mut helm = steering.helm(seed).map_err(words)?;
-            let voyage = sail(&scene, &conditions, helm.as_mut(), &mut silent()).map_err(words)?;
-            let end_s = voyage.moments.last().map_or(0.0, |moment| moment.t);
-            if voyage.diverged {
+            let mut controller = steering.controller(seed).map_err(words)?;
+            let run =
+                closed_loop::run(&scene, &conditions, controller.as_mut(), &mut silent()).map_err(words)?;
+            let end_s = run.samples.last().map_or(0.0, |sample| sample.t);
+            if run.diverged {
                 Err(format!("the vessel's state was no number after {end_s} s"))
             } else {
-                Ok(voyage)
+                Ok(run)
             }
         };
-        let rms = |voyage: &Voyage| Metrics::of(voyage, SETTLED_S).rms_position;
-        let clean = rms(&voyage(&steering, 0.0, 0)?);
-        let each = |steering: &Steering| {
-            self.seeds.iter().map(|&seed| voyage(steering, 1.0, seed)).collect::<Result<Vec<_>, _>>()
+        let rms = |run: &Run| Metrics::of(run, SETTLED_S).rms_position;
+        let clean = rms(&run(&steering, 0.0, 0)?);
+        let each = |steering: &ControllerOptions| {
+            self.seeds.iter().map(|&seed| run(steering, 1.0, seed)).collect::<Result<Vec<_>, _>>()
         };
         let noisy = each(&steering)?;
         steering.integral = INTEGRAL;
         let integral = median(each(&steering)?.iter().map(rms).collect());
-        let not_tracking = |voyage: &Voyage| {
-            let not = voyage.moments.iter().filter(|moment| moment.status != Status::Tracking);
-            not.count() as f64 / voyage.moments.len() as f64
+        let not_tracking = |run: &Run| {
+            let not = run.samples.iter().filter(|sample| sample.status != Status::Tracking);
+            not.count() as f64 / run.samples.len() as f64
         };
-        let points = noisy.first().map_or_else(Vec::new, |voyage| {
-            let point = |moment: &Moment| {
-                let (sin, cos) = moment.state.psi.sin_cos();
-                let north = moment.state.x + circle.lead_m * cos;
-                [moment.t, north, moment.state.y + circle.lead_m * sin, moment.distance]
+        let points = noisy.first().map_or_else(Vec::new, |run| {
+            let point = |sample: &Sample| {
+                let (sin, cos) = sample.state.psi.sin_cos();
+                let north = sample.state.x + circle.lead_m * cos;
+                [sample.t, north, sample.state.y + circle.lead_m * sin, sample.distance]
             };
-            voyage.moments.iter().step_by(5).map(point).collect()
+            run.samples.iter().step_by(5).map(point).collect()
         });
-        let middle = |of: &dyn Fn(&Voyage) -> f64| median(noisy.iter().map(of).collect());
+        let middle = |of: &dyn Fn(&Run) -> f64| median(noisy.iter().map(of).collect());
         Ok(Sailed { clean, noisy: middle(&rms), integral, not_tracking: middle(&not_tracking), points })
     }
 }

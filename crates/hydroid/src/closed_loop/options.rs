@@ -1,4 +1,4 @@
-//! A helm for a model.
+//! Construction of controllers.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,20 +11,20 @@ use hydroid_core::control::{
 use hydroid_core::vessel::VesselParams;
 use serde::Serialize;
 
-use super::channels::Channels;
-use super::error::SteerError;
-use super::guide::Timing;
-use super::helm::{Helm, Law};
-use super::inverted::{Inverted, Invertible, Inverting};
-use super::mind::Mind;
-use super::planned::Planned;
+use super::channel_map::ChannelMap;
+use super::controller::{ClosedLoopController, ControlLaw};
+use super::error::ClosedLoopError;
+use super::inversion::{InvertibleModel, InvertingController, InvertingLaw};
+use super::predictive::PredictiveController;
+use super::reference::Timing;
+use super::session_model::SessionModel;
 use crate::adapt;
 use crate::log::Trajectory;
 use crate::model::Model;
 
-/// Which controller.
+/// Control method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub enum Kind {
+pub enum ControlMethod {
     /// [`FeedbackLinearization`].
     #[serde(rename = "fl")]
     FeedbackLinearization,
@@ -39,8 +39,8 @@ pub enum Kind {
     Autopilot,
 }
 
-impl Kind {
-    /// Its name on the command line.
+impl ControlMethod {
+    /// Name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::FeedbackLinearization => "fl",
@@ -51,59 +51,59 @@ impl Kind {
     }
 }
 
-/// All that makes a helm: a new one can be made for each voyage, on any thread.
+/// Options of a controller. [`controller`](Self::controller) builds one for each run, on any thread.
 #[derive(Clone, Debug)]
-pub struct Steering {
-    /// Which controller.
-    pub kind: Kind,
-    /// What it steers by; none for the autopilot.
+pub struct ControllerOptions {
+    /// Control method.
+    pub method: ControlMethod,
+    /// Model; `None` for the autopilot.
     pub model: Option<Arc<Model>>,
-    /// How the model learns on the way; none if it stays as it is.
+    /// Adaptation of the model; `None` for a frozen model.
     pub adapt: Option<adapt::Options>,
-    /// Beginnings of logs that the learner walks through before each voyage.
-    pub shore: Arc<[Trajectory]>,
-    /// Distance of the point that is to be on the path ahead of the origin \[m\]. The autopilot brings the origin there.
+    /// Runs that fill the adapter's rehearsal store before each run.
+    pub rehearsal: Arc<[Trajectory]>,
+    /// Distance of the controlled point ahead of the origin \[m\]. The autopilot controls the origin.
     pub lead: f64,
-    /// What moves the reference of a plan. Laws are given the clock's, the autopilot that of its foot.
+    /// Parameter that moves the reference of the planner. Control laws track time; the autopilot follows the path.
     pub timing: Timing,
-    /// Gains of the feedback linearization: natural frequency \[rad/s\] and damping; none for its own.
+    /// Feedback linearization: natural frequency \[rad/s\] and damping ratio; `None` for the defaults.
     pub bandwidth: Option<[f64; 2]>,
     /// Integral gain of the feedback linearization \[1/s^3\]; 0 for none.
     pub integral: f64,
-    /// Around the feedback linearization a network that learns under way what its model misses, its first weights drawn from
-    /// the seed of the voyage; none for the law as it is.
+    /// Adaptive network that corrects the model error of the feedback linearization, initialized from the run's seed; `None`
+    /// for no correction.
     pub learned: Option<LearnedCorrectionSettings>,
-    /// Rate of the backstepping \[1/s\]; none for its own.
+    /// Rate of the backstepping \[1/s\]; `None` for the default.
     pub rate: Option<f64>,
-    /// How plans are looked for; the seed is that of the voyage.
+    /// Cross-entropy planner; its seed is the run's seed.
     pub planner: PlannerSettings,
-    /// What plans cost.
+    /// Cost of the planner.
     pub cost: Cost,
-    /// Time for a plan; none to finish each.
+    /// Computing time of a plan; `None` for no limit.
     pub budget: Option<Duration>,
-    /// Gains of the autopilot ([`tune`](super::tune())).
+    /// Gains of the autopilot ([`tune_autopilot`](super::tune_autopilot)).
     pub autopilot: Option<AutopilotSettings>,
-    /// The vessel as its builder has it: names and limits of the commands, what is measured.
+    /// Nominal vessel: names and limits of the commands, measured channels.
     pub vessel: VesselParams,
-    /// Limits of the commands.
+    /// Command limits.
     pub limits: [Limits; 2],
     /// Sample time \[s\].
     pub dt_s: f64,
-    /// Farther than this from its reference a vessel is lost \[m\].
+    /// Distance from the reference beyond which the vessel is lost \[m\].
     pub tolerance: f64,
 }
 
-impl Steering {
-    /// A controller with its own gains, without a model yet.
-    pub fn new(kind: Kind, vessel: &VesselParams, dt_s: f64) -> Self {
-        let by_law = matches!(kind, Kind::FeedbackLinearization | Kind::Backstepping);
+impl ControllerOptions {
+    /// Default gains, no model.
+    pub fn new(method: ControlMethod, vessel: &VesselParams, dt_s: f64) -> Self {
+        let by_law = matches!(method, ControlMethod::FeedbackLinearization | ControlMethod::Backstepping);
         Self {
-            kind,
+            method,
             model: None,
             adapt: None,
-            shore: Arc::new([]),
+            rehearsal: Arc::new([]),
             lead: if by_law { 1.5 } else { 0.0 },
-            timing: if kind == Kind::Autopilot { Timing::Foot } else { Timing::Clock },
+            timing: if method == ControlMethod::Autopilot { Timing::Path } else { Timing::Clock },
             bandwidth: None,
             integral: 0.0,
             learned: None,
@@ -119,23 +119,23 @@ impl Steering {
         }
     }
 
-    /// A helm; what a plan draws comes from the seed.
+    /// Builds a controller; `seed` is the run's seed.
     ///
     /// # Errors
-    /// If the law has no model, or cannot steer by the one that it has.
-    pub fn helm(&self, seed: u64) -> Result<Box<dyn Helm>, SteerError> {
-        let law = self.kind.name();
-        if self.kind == Kind::Autopilot {
+    /// If the model is missing, does not fit the vessel, or cannot be inverted by the control law.
+    pub fn controller(&self, seed: u64) -> Result<Box<dyn ClosedLoopController>, ClosedLoopError> {
+        let law = self.method.name();
+        if self.method == ControlMethod::Autopilot {
             return self.autopilot();
         }
-        let model = self.model.as_deref().ok_or(SteerError::NoModel { law })?;
-        let channels = Channels::of(&model.description, &self.vessel)?;
-        let mind = || match &self.adapt {
-            Some(options) => Mind::learning(model, options, &self.shore).map(Some),
+        let model = self.model.as_deref().ok_or(ClosedLoopError::NoModel { law })?;
+        let channels = ChannelMap::of(&model.description, &self.vessel)?;
+        let session = || match &self.adapt {
+            Some(options) => SessionModel::learning(model, options, &self.rehearsal).map(Some),
             None => Ok(None),
         };
-        match self.kind {
-            Kind::FeedbackLinearization => {
+        match self.method {
+            ControlMethod::FeedbackLinearization => {
                 let settings = FeedbackLinearizationSettings {
                     tolerance: self.tolerance,
                     ..FeedbackLinearizationSettings::new(self.lead)
@@ -143,38 +143,38 @@ impl Steering {
                 let settings =
                     self.bandwidth.map_or(settings, |[omega, zeta]| settings.with_bandwidth(omega, zeta));
                 let settings = FeedbackLinearizationSettings { integral: self.integral, ..settings };
-                let inverse = Invertible::of(model, channels.motion, law)?;
+                let inverse = InvertibleModel::of(model, channels.motion, law)?;
                 let law = FeedbackLinearization::new(inverse, &self.limits, self.dt_s, settings)?;
                 match self.learned {
                     Some(learned) => {
                         let law = LearnedCorrection::new(law, learned, seed)?;
-                        self.inverted(law, channels, model, mind()?)
+                        self.inverted(law, channels, model, session()?)
                     }
-                    None => self.inverted(law, channels, model, mind()?),
+                    None => self.inverted(law, channels, model, session()?),
                 }
             }
-            Kind::Backstepping => {
+            ControlMethod::Backstepping => {
                 let settings = BacksteppingSettings {
                     tolerance: self.tolerance,
                     ..BacksteppingSettings::new(self.lead)
                 };
                 let settings = self.rate.map_or(settings, |rate| settings.with_rate(rate));
-                let inverse = Invertible::of(model, channels.motion, law)?;
+                let inverse = InvertibleModel::of(model, channels.motion, law)?;
                 let law = Backstepping::new(inverse, &self.limits, self.dt_s, settings)?;
-                self.inverted(law, channels, model, mind()?)
+                self.inverted(law, channels, model, session()?)
             }
-            Kind::CrossEntropy | Kind::Autopilot => {
+            ControlMethod::CrossEntropy | ControlMethod::Autopilot => {
                 if channels.motion != [0, 1, 2] {
-                    let why = "its outputs begin with other ones than u, v, r: identify with --outputs u,v,r";
-                    return Err(SteerError::Channels(String::from(why)));
+                    let why = "its outputs do not begin with u, v, r; identify with --outputs u,v,r";
+                    return Err(ClosedLoopError::Channels(String::from(why)));
                 }
                 let settings = PlannerSettings { seed, ..self.planner };
                 let cost = Cost { ahead: self.lead, ..self.cost.clone() };
                 let outputs = channels.len();
                 let planner = Planner::new(settings, cost, &self.limits, outputs, self.dt_s, self.tolerance)?;
-                Ok(Box::new(Planned {
+                Ok(Box::new(PredictiveController {
                     planner,
-                    mind: mind()?.unwrap_or_else(|| Mind::frozen(model)),
+                    session: session()?.unwrap_or_else(|| SessionModel::frozen(model)),
                     y: vec![f64::NAN; outputs],
                     channels,
                     lead: self.lead,
@@ -186,23 +186,23 @@ impl Steering {
         }
     }
 
-    fn inverted<L: Inverting + 'static>(
+    fn inverted<L: InvertingLaw + 'static>(
         &self,
         law: L,
-        channels: Channels,
+        channels: ChannelMap,
         model: &Model,
-        mind: Option<Mind>,
-    ) -> Result<Box<dyn Helm>, SteerError> {
-        Ok(Box::new(Inverted::new(law, self.lead, channels, model, mind)?))
+        session: Option<SessionModel>,
+    ) -> Result<Box<dyn ClosedLoopController>, ClosedLoopError> {
+        Ok(Box::new(InvertingController::new(law, self.lead, channels, model, session)?))
     }
 
-    fn autopilot(&self) -> Result<Box<dyn Helm>, SteerError> {
+    fn autopilot(&self) -> Result<Box<dyn ClosedLoopController>, ClosedLoopError> {
         if self.model.is_some() || self.adapt.is_some() {
-            return Err(SteerError::NeedlessModel);
+            return Err(ClosedLoopError::UnexpectedModel);
         }
-        let gains = self.autopilot.ok_or(SteerError::Untunable)?;
+        let gains = self.autopilot.ok_or(ClosedLoopError::Untunable)?;
         let gains = AutopilotSettings { tolerance: self.tolerance, ..gains };
         let controller = Autopilot::new(&self.limits, self.dt_s, gains)?;
-        Ok(Box::new(Law { controller, lead: 0.0, timing: Timing::Foot, force: false }))
+        Ok(Box::new(ControlLaw { controller, lead: 0.0, timing: Timing::Path, force: false }))
     }
 }

@@ -1,31 +1,31 @@
-//! What a model calls what is measured.
+//! Assignment of measurements and commands to a model's channels.
 
 use hydroid_core::vessel::VesselParams;
 
-use super::error::SteerError;
-use super::helm::Sight;
+use super::controller::Observation;
+use super::error::ClosedLoopError;
 use crate::model::Description;
 
-/// What stands in a column of a model's outputs.
+/// Measurement in one output of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Column {
     /// One of `u`, `v`, `r`.
     Motion(usize),
-    /// The force of the propeller.
+    /// Propeller force.
     Force,
 }
 
-/// A model's outputs on a plant.
+/// Measurements in the order of a model's outputs.
 #[derive(Clone, Debug)]
-pub(super) struct Channels {
+pub(super) struct ChannelMap {
     columns: Vec<Column>,
-    /// Where `u`, `v` and `r` are.
+    /// Indices of `u`, `v` and `r` in the outputs.
     pub(super) motion: [usize; 3],
 }
 
-impl Channels {
-    /// Of a model that is to steer a vessel.
-    pub(super) fn of(model: &Description, vessel: &VesselParams) -> Result<Self, SteerError> {
+impl ChannelMap {
+    /// Checks that a model's channels and units fit a vessel.
+    pub(super) fn of(model: &Description, vessel: &VesselParams) -> Result<Self, ClosedLoopError> {
         let known = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s"), ("P_f", "N")];
         let mut columns = Vec::new();
         let mut motion = [None; 3];
@@ -33,8 +33,8 @@ impl Channels {
             let (name, unit) = (port.channel.name.as_str(), port.channel.unit.as_str());
             let place = known.iter().position(|(own, _)| *own == name);
             let Some(place) = place.filter(|&place| place < 3 || vessel.propeller.force_measured) else {
-                return Err(SteerError::Channels(format!(
-                    "its output '{name}' is not measured on '{}', which has u, v, r{}: identify with --outputs u,v,r",
+                return Err(ClosedLoopError::Channels(format!(
+                    "its output '{name}' is not measured on '{}', which measures u, v, r{}; identify with --outputs u,v,r",
                     vessel.name,
                     if vessel.propeller.force_measured { ", P_f" } else { "" }
                 )));
@@ -48,15 +48,15 @@ impl Channels {
             }
         }
         let [Some(u), Some(v), Some(r)] = motion else {
-            return Err(SteerError::Channels(format!(
-                "it has the outputs {}, and steering needs u, v and r: identify with --outputs u,v,r",
+            return Err(ClosedLoopError::Channels(format!(
+                "it has the outputs {}, and control needs u, v and r: identify with --outputs u,v,r",
                 list(model.outputs.iter().map(|port| port.channel.name.as_str()))
             )));
         };
         let commands = [&vessel.commands.propeller, &vessel.commands.rudder];
         if !model.inputs.iter().map(|port| &port.channel.name).eq(commands.iter().map(|c| &c.name)) {
-            return Err(SteerError::Channels(format!(
-                "its inputs are {}, and the commands of '{}' are {}: identify with --inputs {},{}",
+            return Err(ClosedLoopError::Channels(format!(
+                "its inputs are {}, and the commands of '{}' are {}; identify with --inputs {},{}",
                 list(model.inputs.iter().map(|port| port.channel.name.as_str())),
                 vessel.name,
                 list(commands.iter().map(|c| c.name.as_str())),
@@ -74,22 +74,22 @@ impl Channels {
         self.columns.len()
     }
 
-    /// What was measured, as the model has its outputs.
-    pub(super) fn fill(&self, sight: &Sight<'_>, y: &mut [f64]) {
+    /// Fills `y` with the measurements, in the order of the outputs.
+    pub(super) fn fill(&self, observation: &Observation<'_>, y: &mut [f64]) {
         for (y, column) in y.iter_mut().zip(&self.columns) {
             *y = match *column {
-                Column::Motion(i) => sight.nu[i],
-                Column::Force => sight.force,
+                Column::Motion(i) => observation.nu[i],
+                Column::Force => observation.force,
             };
         }
     }
 }
 
-fn same_unit(name: &str, model: &str, plant: &str) -> Result<(), SteerError> {
+fn same_unit(name: &str, model: &str, plant: &str) -> Result<(), ClosedLoopError> {
     if model.is_empty() || plant.is_empty() || model == plant {
         return Ok(());
     }
-    Err(SteerError::Channels(format!("it has '{name}' in {model}, the plant in {plant}")))
+    Err(ClosedLoopError::Channels(format!("'{name}' is in {model} in the model and in {plant} on the plant")))
 }
 
 fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {

@@ -1,20 +1,20 @@
-//! The true vessel in water that moves, under wind.
+//! The true plant under current, wind, mass error and command delay.
 
 use std::collections::VecDeque;
 
 use hydroid_core::vessel::{Command, Plant, State, VesselParams, rk4};
 
-use super::error::SteerError;
-use super::sea::{Conditions, Gusts};
+use super::disturbance::{Conditions, Gusts};
+use super::error::ClosedLoopError;
 
-/// Integration step \[s\]: the plants are simulated with it.
+/// Integration step \[s\].
 pub(super) const STEP_S: f64 = 0.01;
 
-/// A vessel with its conditions.
+/// A vessel under the conditions of a run.
 ///
-/// The equations of motion are those of the water: `nu` is relative to it, and a steady irrotational current enters the pose
-/// alone, `deta/dt = R(psi) nu + [V_n, V_e, 0]` (Fossen 2021, property 10.1). Wind is a force on the hull.
-pub(super) struct Moving {
+/// The equations of motion use velocities `nu` relative to the water. A steady irrotational current enters the kinematics
+/// only, `deta/dt = R(psi) nu + [V_n, V_e, 0]` (Fossen 2021, property 10.1). Wind is a force on the hull.
+pub(super) struct PerturbedPlant {
     plant: Plant,
     /// Velocities through the water.
     state: State,
@@ -22,40 +22,40 @@ pub(super) struct Moving {
     gusts: Gusts,
     steps: u32,
     h: f64,
-    /// Commands that do not act yet.
-    under_way: VecDeque<Command>,
+    /// Delay line of the commands.
+    delayed: VecDeque<Command>,
 }
 
-impl Moving {
-    /// At rest, all commands before the first being `idle`.
+impl PerturbedPlant {
+    /// Plant at rest; the delay line is filled with `idle`.
     pub(super) fn new(
         vessel: &VesselParams,
         conditions: &Conditions,
         dt_s: f64,
         idle: Command,
-    ) -> Result<Self, SteerError> {
+    ) -> Result<Self, ClosedLoopError> {
         let mut vessel = vessel.clone();
         vessel.rigid_body.mass *= conditions.mass;
         vessel.rigid_body.i_z *= conditions.mass;
         let plant = Plant::new(&vessel)?;
         let steps = (dt_s / STEP_S).round();
         if !((1.0..1e5).contains(&steps) && (steps * STEP_S - dt_s).abs() <= 1e-9 * dt_s) {
-            return Err(SteerError::Substeps { dt_s, step_s: STEP_S });
+            return Err(ClosedLoopError::Substeps { dt_s, step_s: STEP_S });
         }
-        let late = (conditions.delay_s / dt_s).round();
-        if late > 1e4 {
-            return Err(SteerError::Option {
+        let delay = (conditions.delay_s / dt_s).round();
+        if delay > 1e4 {
+            return Err(ClosedLoopError::Option {
                 what: "the delay",
                 value: conditions.delay_s,
                 needed: "fewer than 10,000 samples are needed",
             });
         }
-        if (late * dt_s - conditions.delay_s).abs() > 1e-6 * dt_s {
-            return Err(SteerError::Delay { delay_s: conditions.delay_s, dt_s });
+        if (delay * dt_s - conditions.delay_s).abs() > 1e-6 * dt_s {
+            return Err(ClosedLoopError::Delay { delay_s: conditions.delay_s, dt_s });
         }
         // Both are small and positive.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let (steps, late) = (steps as u32, late as usize);
+        let (steps, delay) = (steps as u32, delay as usize);
         Ok(Self {
             plant,
             state: State::REST,
@@ -63,7 +63,7 @@ impl Moving {
             gusts: Gusts::new(conditions.wind, conditions.seed, dt_s),
             steps,
             h: dt_s / f64::from(steps),
-            under_way: std::iter::repeat_n(idle, late).collect(),
+            delayed: std::iter::repeat_n(idle, delay).collect(),
         })
     }
 
@@ -71,7 +71,7 @@ impl Moving {
         &self.plant
     }
 
-    /// Puts the vessel somewhere; velocities through the water.
+    /// Sets the state, with velocities through the water.
     pub(super) fn place(&mut self, state: State) {
         self.state = state;
     }
@@ -87,11 +87,11 @@ impl Moving {
         }
     }
 
-    /// Moves on for a sample with a new command.
+    /// Integrates over one sample; the command acts after the delay.
     pub(super) fn advance(&mut self, command: Command) {
-        self.under_way.push_back(command);
-        let acts = self.under_way.pop_front().unwrap_or(command);
-        let actuation = self.plant.actuation(&acts);
+        self.delayed.push_back(command);
+        let applied = self.delayed.pop_front().unwrap_or(command);
+        let actuation = self.plant.actuation(&applied);
         let ([north, east], [to_north, to_east]) = (self.current, self.gusts.next());
         let rate = |x: &[f64; State::LEN]| {
             let state = State::from(*x);

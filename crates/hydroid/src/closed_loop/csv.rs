@@ -1,19 +1,18 @@
-//! A voyage as a log.
+//! CSV file of a run.
 
 use std::io::{self, BufWriter, Write};
 
 use hydroid_core::vessel::VesselParams;
 
-use super::sail::Voyage;
+use super::run::Run;
 use crate::simulate::Shortest;
 
-impl Voyage {
-    /// Writes the voyage as CSV, in the columns of a simulated log and so fit to be identified from: time, commands as they
-    /// were given, pose, velocities over ground as measured and as they were, the force of the propeller. Behind them where to
-    /// be, how far off, and the status.
+impl Run {
+    /// Writes the run as CSV with the columns of a simulated log, so that a model can be identified from it: time, commands,
+    /// pose, measured and true velocities over ground, propeller force; then reference, errors and status.
     ///
     /// # Errors
-    /// What the writer says.
+    /// If the writer fails.
     pub fn write_csv(&self, vessel: &VesselParams, writer: impl Write) -> io::Result<()> {
         let mut out = BufWriter::with_capacity(1 << 16, writer);
         let [propeller, rudder] = [&vessel.commands.propeller, &vessel.commands.rudder];
@@ -29,20 +28,20 @@ impl Voyage {
             out,
             ",x_ref [m],y_ref [m],course_ref [rad],speed_ref [m/s],distance [m],cross_track [m],speed_error [m/s],status"
         )?;
-        for moment in &self.moments {
-            let ([pp, rd], state, [u, v, r, p_f]) = (moment.command, &moment.state, moment.measured);
-            write!(out, "{}", Shortest(moment.t))?;
+        for sample in &self.samples {
+            let ([pp, rd], state, [u, v, r, p_f]) = (sample.command, &sample.state, sample.measured);
+            write!(out, "{}", Shortest(sample.t))?;
             let mut row =
                 |values: &[f64]| values.iter().try_for_each(|value| write!(out, ",{}", Shortest(*value)));
             row(&[pp, rd, state.x, state.y, state.psi, u, v, r, state.u, state.v, state.r, state.p_f])?;
             if force {
                 row(&[p_f])?;
             }
-            let reference = &moment.reference;
+            let reference = &sample.reference;
             let [x, y] = reference.position;
             row(&[x, y, reference.course, reference.speed])?;
-            row(&[moment.distance, moment.cross_track, moment.speed_error])?;
-            writeln!(out, ",{}", moment.status)?;
+            row(&[sample.distance, sample.cross_track, sample.speed_error])?;
+            writeln!(out, ",{}", sample.status)?;
         }
         out.flush()
     }

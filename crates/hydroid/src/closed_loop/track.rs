@@ -1,33 +1,33 @@
-//! Where a vessel is sent, and how fast.
+//! Reference tracks: a path and the speed along it.
 
 use hydroid_core::guidance::{Path, PathError, Side, SpeedLimits, SpeedProfile};
 use serde::Serialize;
 
-/// A task.
+/// Geometry of a reference path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "task", rename_all = "kebab-case")]
 pub enum Task {
-    /// Round and round, to starboard, about the origin.
+    /// Circle to starboard about the origin.
     Circle {
         /// Radius \[m\].
         radius: f64,
     },
-    /// Parallel legs to the north and back, the first turn to starboard.
+    /// Parallel legs north and south, first turn to starboard.
     LawnMower {
         /// Length of a leg \[m\].
         leg: f64,
         /// Distance of the legs \[m\].
         spacing: f64,
-        /// How many.
+        /// Number of legs.
         legs: usize,
         /// Turning radius \[m\].
         radius: f64,
     },
-    /// From point to point.
+    /// Polyline through points.
     Waypoints {
         /// North and east of each \[m\].
         points: Vec<[f64; 2]>,
-        /// Turning radius that cuts the corners \[m\]; none for straight legs with corners.
+        /// Turning radius at the corners \[m\]; `None` for sharp corners.
         radius: Option<f64>,
     },
 }
@@ -44,7 +44,7 @@ impl Task {
         }
     }
 
-    /// Turning radius \[m\], where there is one.
+    /// Turning radius \[m\], if any.
     const fn radius(&self) -> Option<f64> {
         match self {
             Self::Circle { radius } | Self::LawnMower { radius, .. } => Some(*radius),
@@ -53,19 +53,19 @@ impl Task {
     }
 }
 
-/// How fast.
+/// Desired speed along a path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Pace {
+pub struct SpeedOptions {
     /// Speed on straights \[m/s\].
     pub cruise: f64,
-    /// Speed in turns and over corners \[m/s\]; none for the same everywhere.
+    /// Speed in turns and at corners \[m/s\]; `None` for the cruise speed.
     pub turn: Option<f64>,
-    /// Largest rate of the speed, up and down \[m/s^2\].
+    /// Largest acceleration and deceleration \[m/s^2\].
     pub acceleration: f64,
 }
 
-impl Pace {
-    /// One speed everywhere.
+impl SpeedOptions {
+    /// Constant speed.
     pub const fn cruise(speed: f64) -> Self {
         Self { cruise: speed, turn: None, acceleration: 0.2 }
     }
@@ -73,29 +73,29 @@ impl Pace {
 
 /// A path and the speed along it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Course {
-    /// Where.
+pub struct Track {
+    /// Path.
     pub path: Path,
-    /// How fast.
+    /// Speed profile.
     pub profile: SpeedProfile,
 }
 
-impl Course {
-    /// The course of a task.
+impl Track {
+    /// Track of a task.
     ///
     /// # Errors
-    /// If there is no such path or speed.
-    pub fn new(task: &Task, pace: &Pace) -> Result<Self, PathError> {
+    /// If the path or the speed is invalid.
+    pub fn new(task: &Task, speed: &SpeedOptions) -> Result<Self, PathError> {
         let path = task.path()?;
         let mut limits = SpeedLimits {
-            acceleration: pace.acceleration,
-            deceleration: pace.acceleration,
-            ..SpeedLimits::cruise(pace.cruise)
+            acceleration: speed.acceleration,
+            deceleration: speed.acceleration,
+            ..SpeedLimits::cruise(speed.cruise)
         };
-        if let Some(turn) = pace.turn {
+        if let Some(turn) = speed.turn {
             limits.corner = turn;
             if let Some(radius) = task.radius() {
-                // The speed at which a turn of this radius is as tight as allowed.
+                // The profile limits the lateral acceleration: v^2 / R.
                 limits.lateral_acceleration = turn * turn / radius;
             }
         }
@@ -103,7 +103,7 @@ impl Course {
         Ok(Self { path, profile })
     }
 
-    /// How long it takes at the speeds asked for \[s\]; none for one without an end.
+    /// Duration at the profile's speed \[s\]; `None` for a closed path.
     pub fn duration_s(&self) -> Option<f64> {
         (!self.path.is_closed()).then(|| self.profile.duration())
     }

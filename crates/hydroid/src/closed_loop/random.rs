@@ -1,16 +1,16 @@
-//! Random numbers of a voyage: one seed, a stream for each purpose.
+//! Random streams of a run: one seed, one stream for each purpose.
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-/// What random numbers are drawn for.
+/// Purpose of a random stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
     /// Measurement noise.
     Noise = 0,
     /// Gusts.
     Gusts = 1,
-    /// What differs from voyage to voyage.
+    /// Conditions of a Monte Carlo trial.
     Conditions = 2,
 }
 

@@ -11,22 +11,22 @@ use hydroid_core::model::PlantModel;
 use hydroid_core::model::sparse::Equations;
 use hydroid_core::vessel::{Numbers, VesselParams};
 
-use super::channels::Channels;
-use super::error::SteerError;
-use super::guide::Timing;
-use super::helm::{Helm, Sight};
-use super::mind::Mind;
+use super::channel_map::ChannelMap;
+use super::controller::{ClosedLoopController, Observation};
+use super::error::ClosedLoopError;
+use super::reference::Timing;
+use super::session_model::SessionModel;
 use crate::model::{Body, Model};
 
 /// A model that a law can invert.
 #[derive(Debug)]
-pub(super) enum Invertible {
+pub(super) enum InvertibleModel {
     Equations(Box<AffineEquations>),
     Plant(Box<AffinePlant>),
     Network(Box<AffineNetwork>),
 }
 
-impl Clone for Invertible {
+impl Clone for InvertibleModel {
     fn clone(&self) -> Self {
         match self {
             Self::Equations(equations) => Self::Equations(equations.clone()),
@@ -47,9 +47,9 @@ impl Clone for Invertible {
     }
 }
 
-impl Invertible {
+impl InvertibleModel {
     /// Of a model whose `u`, `v`, `r` are these outputs.
-    pub(super) fn of(model: &Model, motion: [usize; 3], law: &'static str) -> Result<Self, SteerError> {
+    pub(super) fn of(model: &Model, motion: [usize; 3], law: &'static str) -> Result<Self, ClosedLoopError> {
         match &model.body {
             Body::Equations(equations) => {
                 let description = &model.description;
@@ -60,7 +60,7 @@ impl Invertible {
                 names.extend(signals);
                 match AffineEquations::new(equations, motion) {
                     Ok(affine) => Ok(Self::Equations(Box::new(affine))),
-                    Err(why) => Err(SteerError::NotAffine {
+                    Err(why) => Err(ClosedLoopError::NotAffine {
                         law,
                         why: why.with_names(&names),
                         remedy: ", or identify with terms that have one function of each command (--for-control, or --term for each)",
@@ -69,7 +69,7 @@ impl Invertible {
             }
             Body::Plant(vessel) => Ok(Self::Plant(Box::new(AffinePlant::new(vessel.params())?))),
             Body::Affine(network) => Ok(Self::Network(Box::new(AffineNetwork::new(Arc::clone(network))?))),
-            Body::Recurrent(_) | Body::Direct(_) => Err(SteerError::NotAffine {
+            Body::Recurrent(_) | Body::Direct(_) => Err(ClosedLoopError::NotAffine {
                 law,
                 why: format!("a model of kind '{}' says nothing of how a command enters", model.kind()),
                 remedy: "",
@@ -86,7 +86,7 @@ impl Invertible {
     }
 }
 
-impl Affine for Invertible {
+impl Affine for InvertibleModel {
     fn channels(&self) -> &[Channel] {
         match self {
             Self::Equations(equations) => equations.channels(),
@@ -105,49 +105,49 @@ impl Affine for Invertible {
 }
 
 /// A law whose model can change.
-pub(super) trait Inverting: Controller {
-    fn model(&self) -> &Invertible;
+pub(super) trait InvertingLaw: Controller {
+    fn model(&self) -> &InvertibleModel;
 
-    fn change(&mut self, change: &mut dyn FnMut(&mut Invertible)) -> Result<(), ControlError>;
+    fn change(&mut self, change: &mut dyn FnMut(&mut InvertibleModel)) -> Result<(), ControlError>;
 }
 
-impl Inverting for FeedbackLinearization<Invertible> {
-    fn model(&self) -> &Invertible {
+impl InvertingLaw for FeedbackLinearization<InvertibleModel> {
+    fn model(&self) -> &InvertibleModel {
         self.model()
     }
 
-    fn change(&mut self, change: &mut dyn FnMut(&mut Invertible)) -> Result<(), ControlError> {
+    fn change(&mut self, change: &mut dyn FnMut(&mut InvertibleModel)) -> Result<(), ControlError> {
         self.update(change)
     }
 }
 
-impl Inverting for LearnedCorrection<Invertible> {
-    fn model(&self) -> &Invertible {
+impl InvertingLaw for LearnedCorrection<InvertibleModel> {
+    fn model(&self) -> &InvertibleModel {
         self.base().model()
     }
 
-    fn change(&mut self, change: &mut dyn FnMut(&mut Invertible)) -> Result<(), ControlError> {
+    fn change(&mut self, change: &mut dyn FnMut(&mut InvertibleModel)) -> Result<(), ControlError> {
         self.update(change)
     }
 }
 
-impl Inverting for Backstepping<Invertible> {
-    fn model(&self) -> &Invertible {
+impl InvertingLaw for Backstepping<InvertibleModel> {
+    fn model(&self) -> &InvertibleModel {
         self.model()
     }
 
-    fn change(&mut self, change: &mut dyn FnMut(&mut Invertible)) -> Result<(), ControlError> {
+    fn change(&mut self, change: &mut dyn FnMut(&mut InvertibleModel)) -> Result<(), ControlError> {
         self.update(change)
     }
 }
 
 /// Where learned weights belong.
-enum Places {
+enum WeightMap {
     Equations { coefficients: Vec<f64>, places: Vec<usize> },
     Plant { params: Box<VesselParams>, numbers: Box<Numbers>, places: Vec<usize> },
 }
 
-impl Places {
+impl WeightMap {
     fn of(model: &Model) -> Option<Self> {
         match &model.body {
             Body::Equations(equations) => Some(Self::equations(equations)),
@@ -175,15 +175,15 @@ impl Places {
     }
 
     /// Puts weights into a model, one for each place; those that make no vessel leave it as it is.
-    fn put(&mut self, weights: &[f64], into: &mut Invertible) {
+    fn put(&mut self, weights: &[f64], into: &mut InvertibleModel) {
         match (self, into) {
-            (Self::Equations { coefficients, places }, Invertible::Equations(affine)) => {
+            (Self::Equations { coefficients, places }, InvertibleModel::Equations(affine)) => {
                 for (&place, weight) in places.iter().zip(weights) {
                     coefficients[place] = *weight;
                 }
                 affine.set_coefficients(coefficients);
             }
-            (Self::Plant { params, numbers, places }, Invertible::Plant(affine)) => {
+            (Self::Plant { params, numbers, places }, InvertibleModel::Plant(affine)) => {
                 for (&place, weight) in places.iter().zip(weights) {
                     numbers[place] = *weight;
                 }
@@ -199,21 +199,21 @@ impl Places {
 
 /// What learns beside a law, and what the law has taken over from it.
 struct Learning {
-    mind: Mind,
-    places: Places,
+    session: SessionModel,
+    places: WeightMap,
     taken: Vec<f64>,
 }
 
 /// A law that inverts a model.
-pub(super) struct Inverted<L> {
+pub(super) struct InvertingController<L> {
     law: L,
     lead: f64,
-    channels: Channels,
+    channels: ChannelMap,
     learning: Option<Learning>,
     y: Vec<f64>,
 }
 
-impl<L: Inverting> Inverted<L> {
+impl<L: InvertingLaw> InvertingController<L> {
     /// A law of `model`; with a mind, what that learns is taken over from sample to sample.
     ///
     /// # Errors
@@ -221,26 +221,29 @@ impl<L: Inverting> Inverted<L> {
     pub(super) fn new(
         law: L,
         lead: f64,
-        channels: Channels,
+        channels: ChannelMap,
         model: &Model,
-        mind: Option<Mind>,
-    ) -> Result<Self, SteerError> {
-        let learning =
-            mind.zip(Places::of(model)).map(|(mind, places)| Learning { mind, places, taken: Vec::new() });
-        if let Some(Learning { mind, places, .. }) = &learning
-            && let Some(weights) = mind.weights()
+        session: Option<SessionModel>,
+    ) -> Result<Self, ClosedLoopError> {
+        let learning = session.zip(WeightMap::of(model)).map(|(session, places)| Learning {
+            session,
+            places,
+            taken: Vec::new(),
+        });
+        if let Some(Learning { session, places, .. }) = &learning
+            && let Some(weights) = session.weights()
             && weights.len() != places.len()
         {
-            return Err(SteerError::Places { weights: weights.len(), places: places.len() });
+            return Err(ClosedLoopError::WeightCount { weights: weights.len(), coefficients: places.len() });
         }
         let y = vec![f64::NAN; channels.len()];
         Ok(Self { law, lead, channels, learning, y })
     }
 
     fn learn(&mut self) {
-        let Some(Learning { mind, places, taken }) = &mut self.learning else { return };
-        mind.observe(&self.y);
-        if let Some(weights) = mind.weights()
+        let Some(Learning { session, places, taken }) = &mut self.learning else { return };
+        session.observe(&self.y);
+        if let Some(weights) = session.weights()
             && weights != taken.as_slice()
             && weights.iter().all(|w| w.is_finite())
         {
@@ -252,7 +255,7 @@ impl<L: Inverting> Inverted<L> {
     }
 }
 
-impl<L: Inverting> Helm for Inverted<L> {
+impl<L: InvertingLaw> ClosedLoopController for InvertingController<L> {
     fn lead(&self) -> f64 {
         self.lead
     }
@@ -264,19 +267,19 @@ impl<L: Inverting> Helm for Inverted<L> {
     fn reset(&mut self) {
         self.law.reset();
         if let Some(learning) = &mut self.learning {
-            learning.mind.reset();
+            learning.session.reset();
         }
     }
 
-    fn command(&mut self, sight: &Sight<'_>, command: &mut [f64; 2]) -> Status {
-        self.channels.fill(sight, &mut self.y);
+    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64; 2]) -> Status {
+        self.channels.fill(observation, &mut self.y);
         self.learn();
         let mut actuators = [f64::NAN; 2];
         self.law.model().actuators_of(&self.y, &mut actuators);
-        let estimate = Estimate { eta: sight.eta, nu: sight.nu, actuators: &actuators };
-        let status = self.law.command(&estimate, sight.reference, command);
+        let estimate = Estimate { eta: observation.eta, nu: observation.nu, actuators: &actuators };
+        let status = self.law.command(&estimate, observation.reference, command);
         if let Some(learning) = &mut self.learning {
-            learning.mind.advance(command);
+            learning.session.advance(command);
         }
         status
     }

@@ -1,4 +1,4 @@
-//! Gains of the autopilot, by a grid on voyages of its own.
+//! Tuning of the autopilot by grid search on separate runs.
 
 use hydroid_core::control::{AutopilotSettings, HeadingGains, SpeedGains};
 use hydroid_core::guidance::LineOfSightSettings;
@@ -6,74 +6,81 @@ use hydroid_core::vessel::{Command, Plant};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::error::SteerError;
+use super::disturbance::Conditions;
+use super::error::ClosedLoopError;
 use super::metrics::Metrics;
-use super::sail::{Scene, sail};
-use super::sea::Conditions;
-use super::steering::{Kind, Steering};
+use super::options::{ControlMethod, ControllerOptions};
+use super::run::{Scenario, run};
 use crate::progress::{Progress, silent};
 
-/// Seeds that nothing else is sailed with.
+/// Seeds used for tuning only.
 const SEEDS: [u64; 3] = [0x7e57_0001, 0x7e57_0002, 0x7e57_0003];
 
 /// Natural frequency of the heading \[rad/s\].
 const OMEGA: [f64; 6] = [0.4, 0.7, 1.0, 1.5, 2.2, 3.2];
 /// Look-ahead \[s\] at the cruising speed.
 const LOOKAHEAD_S: [f64; 6] = [0.4, 0.7, 1.0, 1.5, 2.5, 4.0];
-/// Integral of the line of sight, in shares of the cruising speed.
+/// Integral gain of the line of sight, relative to the cruising speed.
 const SIGMA: [f64; 4] = [0.0, 0.1, 0.2, 0.4];
-/// Gain of the speed, in masses over lags.
+/// Proportional gain of the speed, relative to mass over propeller lag.
 const PROPORTIONAL: [f64; 5] = [0.8, 1.5, 3.0, 6.0, 12.0];
-/// How the moment of the rudder grows with the speed.
+/// Exponent of the speed in the yaw moment of the rudder.
 const EXPONENT: [f64; 2] = [1.0, 2.0];
-/// Damping of the heading.
+/// Damping ratio of the heading.
 const ZETA: f64 = 1.0;
 
-/// A point of the grid.
+/// Point of the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Tuning {
+pub struct GridPoint {
     /// Natural frequency of the heading \[rad/s\].
     pub omega: f64,
     /// Look-ahead \[m\].
     pub lookahead: f64,
-    /// Integral of the line of sight \[m/s\].
+    /// Integral gain of the line of sight \[m/s\].
     pub sigma: f64,
-    /// Gain of the speed \[N per m/s\].
+    /// Proportional gain of the speed \[N per m/s\].
     pub proportional: f64,
     /// Exponent of the speed in the gains of the heading.
     pub exponent: f64,
 }
 
-/// The best point, and what it was worth.
+/// Result of the grid search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Tuned {
-    /// The best of the grid.
-    pub best: Tuning,
-    /// Its score: the mean over the seeds of cross-track error \[m\] and speed error \[m/s\] together.
+pub struct TunedAutopilot {
+    /// Best point of the grid.
+    pub best: GridPoint,
+    /// Score of the best point: RMS cross-track error \[m\] plus RMS speed error \[m/s\], mean over the seeds.
     pub score: f64,
-    /// Points that were tried.
+    /// Number of points.
     pub tried: usize,
-    /// Seeds that they were tried on, and nothing else is.
+    /// Seeds used for tuning only.
     pub seeds: Vec<u64>,
-    /// Gain \[rad/s per unit of the rudder\] and time constant \[s\] of the vessel at the cruising speed, from a turning test.
+    /// Nomoto gain \[rad/s per unit of the rudder\] and time constant \[s\] at the cruising speed, from a turning test.
     pub nomoto: [f64; 2],
-    /// The settings.
+    /// Gains of the best point.
     #[serde(skip)]
     pub settings: AutopilotSettings,
 }
 
-/// Tunes the autopilot for a scene at a cruising speed, as a yard would: speed trials and a turning test for the drag and the
-/// Nomoto model, then a grid of gains on the vessel as built, in still water with its own noise; the least sum of cross-track
-/// and speed error (1 m counts as 1 m/s) wins.
+/// Tunes the autopilot for a scenario at a cruising speed.
+///
+/// Speed trials give the drag and a turning test gives the Nomoto model. A grid of gains is then simulated on the nominal
+/// vessel in calm water with measurement noise. The gains with the smallest sum of RMS cross-track error \[m\] and RMS speed
+/// error \[m/s\] are chosen.
 ///
 /// # Errors
-/// If the scene is not possible, no point of the grid holds its course, or `progress` breaks off.
-pub fn tune(scene: &Scene, cruise: f64, from_s: f64, progress: Progress<'_>) -> Result<Tuned, SteerError> {
-    scene.check_from(from_s)?;
-    let plant = Plant::new(&scene.vessel)?;
-    let lag = scene.vessel.propeller.lag;
+/// If the scenario is invalid, no point of the grid holds the track, or `progress` cancels.
+pub fn tune_autopilot(
+    scenario: &Scenario,
+    cruise: f64,
+    from_s: f64,
+    progress: Progress<'_>,
+) -> Result<TunedAutopilot, ClosedLoopError> {
+    scenario.check_from(from_s)?;
+    let plant = Plant::new(&scenario.vessel)?;
+    let lag = scenario.vessel.propeller.lag;
     let [mass, ..] = plant.mass_matrix();
-    let nomoto = turning_test(scene, &plant, cruise);
+    let nomoto = turning_test(scenario, &plant, cruise);
     let drag = speed_trials(&plant, cruise);
     let mut grid = Vec::new();
     for omega in OMEGA {
@@ -81,7 +88,7 @@ pub fn tune(scene: &Scene, cruise: f64, from_s: f64, progress: Progress<'_>) -> 
             for sigma in SIGMA {
                 for gain in PROPORTIONAL {
                     for exponent in EXPONENT {
-                        grid.push(Tuning {
+                        grid.push(GridPoint {
                             omega,
                             lookahead: seconds * cruise,
                             sigma: sigma * cruise,
@@ -93,12 +100,12 @@ pub fn tune(scene: &Scene, cruise: f64, from_s: f64, progress: Progress<'_>) -> 
             }
         }
     }
-    let settings = |tuning: &Tuning| {
+    let settings = |tuning: &GridPoint| {
         let [gain, time] = nomoto;
         let heading = HeadingGains::nomoto(gain, time, tuning.omega, ZETA, cruise);
         AutopilotSettings {
             line_of_sight: LineOfSightSettings { lookahead: tuning.lookahead, integral: tuning.sigma },
-            // A slow frequency asks for less damping than the vessel has by itself.
+            // At low frequencies the vessel's own damping exceeds the required one.
             heading: HeadingGains {
                 exponent: tuning.exponent,
                 derivative: heading.derivative.max(0.0),
@@ -110,36 +117,36 @@ pub fn tune(scene: &Scene, cruise: f64, from_s: f64, progress: Progress<'_>) -> 
                 drag,
             },
             steerage: 0.1 * cruise,
-            tolerance: scene.tolerance,
+            tolerance: scenario.tolerance,
         }
     };
-    let score = |tuning: &Tuning| -> Result<f64, SteerError> {
-        let mut steering = Steering::new(Kind::Autopilot, &scene.vessel, scene.dt_s);
-        steering.limits = scene.limits;
-        steering.tolerance = scene.tolerance;
-        steering.autopilot = Some(settings(tuning));
+    let score = |tuning: &GridPoint| -> Result<f64, ClosedLoopError> {
+        let mut control = ControllerOptions::new(ControlMethod::Autopilot, &scenario.vessel, scenario.dt_s);
+        control.limits = scenario.limits;
+        control.tolerance = scenario.tolerance;
+        control.autopilot = Some(settings(tuning));
         let mut sum = 0.0;
         for seed in SEEDS {
-            let mut helm = steering.helm(seed)?;
-            let voyage = sail(scene, &Conditions::calm(seed), helm.as_mut(), &mut silent())?;
-            let metrics = Metrics::of(&voyage, from_s);
+            let mut controller = control.controller(seed)?;
+            let run = run(scenario, &Conditions::calm(seed), controller.as_mut(), &mut silent())?;
+            let metrics = Metrics::of(&run, from_s);
             sum += if metrics.held { metrics.rms_cross_track + metrics.rms_speed } else { f64::INFINITY };
         }
         Ok(sum / SEEDS.len() as f64)
     };
     let mut scores = Vec::with_capacity(grid.len());
     for part in grid.chunks(4 * rayon::current_num_threads().max(1)) {
-        scores.extend(part.par_iter().map(score).collect::<Result<Vec<f64>, SteerError>>()?);
+        scores.extend(part.par_iter().map(score).collect::<Result<Vec<f64>, ClosedLoopError>>()?);
         if progress(scores.len() as f64 / grid.len() as f64).is_break() {
-            return Err(SteerError::Cancelled);
+            return Err(ClosedLoopError::Cancelled);
         }
     }
-    // The first of equals.
+    // The first one in case of a tie.
     let best = (0..grid.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0);
     if !scores[best].is_finite() {
-        return Err(SteerError::Untunable);
+        return Err(ClosedLoopError::Untunable);
     }
-    Ok(Tuned {
+    Ok(TunedAutopilot {
         settings: settings(&grid[best]),
         best: grid[best],
         score: scores[best],
@@ -149,8 +156,8 @@ pub fn tune(scene: &Scene, cruise: f64, from_s: f64, progress: Progress<'_>) -> 
     })
 }
 
-/// `drag_1 U + drag_2 U^2` through the forces that hold half of the cruising speed and all of it; what would be negative is
-/// left out.
+/// Coefficients of the drag `d_1 U + d_2 U^2` from the holding forces at half and full cruising speed; negative coefficients
+/// are set to zero.
 fn speed_trials(plant: &Plant, cruise: f64) -> [f64; 2] {
     let force = |share: f64| plant.holding_force(share * cruise) / (share * cruise);
     let (half, full) = (force(0.5), force(1.0));
@@ -158,17 +165,17 @@ fn speed_trials(plant: &Plant, cruise: f64) -> [f64; 2] {
     [(full - quadratic * cruise).max(0.0), quadratic]
 }
 
-/// Yaw rate per rudder in the long run, and the time to 63 % of it, with a quarter of the rudder at the cruising speed.
-fn turning_test(scene: &Scene, plant: &Plant, cruise: f64) -> [f64; 2] {
+/// Steady yaw rate per rudder and time to 63.2 % of it, with a quarter of the rudder limit at the cruising speed.
+fn turning_test(scenario: &Scenario, plant: &Plant, cruise: f64) -> [f64; 2] {
     const STEP_S: f64 = 0.01;
     const STEPS: u32 = 3_000;
-    let rudder = 0.25 * scene.vessel.commands.rudder.limits[1];
+    let rudder = 0.25 * scenario.vessel.commands.rudder.limits[1];
     let actuation = plant.actuation(&Command { pp: plant.holding_force(cruise), rd: rudder });
     let mut motion = [cruise, 0.0, 0.0, plant.holding_force(cruise)];
     let mut rates = Vec::new();
     for _ in 0..STEPS {
         motion = plant.advance_motion(&motion, &actuation, STEP_S);
-        // The engine holds the speed.
+        // The speed is held.
         (motion[0], motion[3]) = (cruise, plant.holding_force(cruise));
         rates.push(motion[2]);
     }

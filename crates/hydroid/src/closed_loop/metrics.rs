@@ -1,0 +1,187 @@
+//! Metrics of a run.
+
+use std::collections::BTreeMap;
+
+use hydroid_core::control::Status;
+use serde::Serialize;
+
+use super::run::{Run, Sample};
+
+/// Computing time of a command \[us\].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Times {
+    /// Median.
+    pub median: f64,
+    /// Maximum.
+    pub max: f64,
+}
+
+/// Metrics of a run. Errors are those of the controlled point over the samples from `from_s`. They are infinite if there are
+/// no such samples or the state became non-finite, so that a failed run ranks last in each metric.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Metrics {
+    /// RMS distance from the reference \[m\].
+    pub rms_position: f64,
+    /// RMS cross-track error \[m\].
+    pub rms_cross_track: f64,
+    /// RMS difference of speed over ground and reference speed \[m/s\].
+    pub rms_speed: f64,
+    /// Largest cross-track error \[m\].
+    pub max_cross_track: f64,
+    /// Time after which the distance from the reference stays within the tolerance \[s\]; `None` if it exceeds it at the end.
+    pub settled_after: Option<f64>,
+    /// Share of the samples with a command at its limit.
+    pub saturated: f64,
+    /// Computing time of a command, adaptation included.
+    pub us_per_command: Times,
+    /// Number of samples with each status that occurred.
+    pub status: BTreeMap<&'static str, usize>,
+    /// Start of the evaluation \[s\].
+    pub from_s: f64,
+    /// Duration of the run \[s\].
+    pub duration_s: f64,
+    /// Whether the end of the path was reached; `None` for a closed path.
+    pub arrived: Option<bool>,
+    /// Whether the true state became non-finite.
+    pub diverged: bool,
+    /// Commands that were not finite or violated a limit or rate limit. Zero for a correct controller.
+    pub violations: usize,
+    /// Samples beyond the tolerance without status `lost` or worse. Zero for a correct controller.
+    pub undetected_losses: usize,
+    /// Whether the run settled before `from_s`, has samples after it, and reached the end of an open path.
+    pub held: bool,
+}
+
+impl Metrics {
+    /// Metrics of the samples from `from_s` on.
+    pub fn of(run: &Run, from_s: f64) -> Self {
+        let all = &run.samples;
+        let counted = || all.iter().filter(|m| m.t >= from_s - 1e-9);
+        let rms = |of: fn(&Sample) -> f64| {
+            let (sum, n) = counted().fold((0.0, 0.0), |(sum, n), m| (sum + of(m).powi(2), n + 1.0));
+            or_worst(run, (sum / n).sqrt())
+        };
+        let most = counted().map(|m| or_worst(run, m.cross_track.abs())).reduce(f64::max);
+        // NaN counts as beyond the tolerance.
+        let beyond = |m: &Sample| m.distance.is_nan() || m.distance > run.tolerance;
+        let settled_after = match all.iter().rposition(beyond) {
+            None => all.first().map(|m| m.t),
+            Some(last) => all.get(last + 1).map(|m| m.t),
+        }
+        .filter(|_| !run.diverged);
+        let mut status = BTreeMap::new();
+        for sample in all {
+            *status.entry(sample.status.name()).or_insert(0) += 1;
+        }
+        let at_limit = |m: &&Sample| {
+            (0..2).any(|i| !(run.limits[i].low < m.command[i] && m.command[i] < run.limits[i].high))
+        };
+        let held = settled_after.is_some_and(|settled| settled <= from_s + 1e-9)
+            && counted().next().is_some()
+            && run.arrived != Some(false);
+        let last = all.last().map_or(0.0, |m| m.t + run.dt_s);
+        Self {
+            rms_position: rms(|m| m.distance),
+            rms_cross_track: rms(|m| m.cross_track),
+            rms_speed: rms(|m| m.speed_error),
+            max_cross_track: most.unwrap_or(f64::INFINITY),
+            settled_after,
+            saturated: all.iter().filter(at_limit).count() as f64 / (all.len() as f64).max(1.0),
+            us_per_command: times(all),
+            status,
+            from_s,
+            duration_s: last,
+            arrived: run.arrived,
+            diverged: run.diverged,
+            violations: violations(run),
+            undetected_losses: all.iter().filter(|m| beyond(m) && m.status < Status::Lost).count(),
+            held,
+        }
+    }
+}
+
+/// Replaces NaN and the metrics of a diverged run by infinity. The sign of a NaN, and with it its rank, depends on the machine.
+const fn or_worst(run: &Run, figure: f64) -> f64 {
+    if run.diverged || figure.is_nan() { f64::INFINITY } else { figure }
+}
+
+fn times(all: &[Sample]) -> Times {
+    let mut times: Vec<f64> = all.iter().map(|m| m.time_us).collect();
+    times.sort_unstable_by(f64::total_cmp);
+    let at = |index: usize| times.get(index).copied().unwrap_or(0.0);
+    Times { median: at(times.len() / 2), max: at(times.len().saturating_sub(1)) }
+}
+
+/// Commands outside of limits or rate limits; the command before the first sample is zero.
+fn violations(run: &Run) -> usize {
+    let mut last = run.limits.map(|limits| 0.0_f64.clamp(limits.low, limits.high));
+    let mut count = 0;
+    for sample in &run.samples {
+        for ((command, last), limits) in sample.command.iter().zip(&mut last).zip(&run.limits) {
+            let inside = (limits.low..=limits.high).contains(command);
+            // Tolerance for rounding.
+            let allowed = limits.rate * run.dt_s * (1.0 + 1e-9);
+            if !(inside && (*command - *last).abs() <= allowed) {
+                count += 1;
+            }
+            *last = *command;
+        }
+    }
+    count
+}
+
+#[cfg(test)]
+mod tests {
+    use hydroid_core::control::Limits;
+    use hydroid_core::guidance::{Pose, Reference};
+    use hydroid_core::vessel::State;
+
+    use super::*;
+
+    /// A run with a constant error of 0.5 m.
+    fn run(samples: usize) -> Run {
+        let pose = Pose { position: [0.0; 2], course: 0.0, curvature: 0.0 };
+        let reference = Reference::new(0.0, &pose, 1.0, 0.0);
+        let sample = |k: usize| Sample {
+            t: 0.1 * k as f64,
+            state: State::REST,
+            measured: [0.0; 4],
+            reference,
+            distance: 0.5,
+            cross_track: -0.5,
+            speed_error: 0.1,
+            command: [0.0; 2],
+            status: Status::Tracking,
+            time_us: 1.0,
+        };
+        Run {
+            samples: (0..samples).map(sample).collect(),
+            dt_s: 0.1,
+            limits: [Limits::between([-1.0, 1.0]); 2],
+            tolerance: 2.0,
+            arrived: None,
+            diverged: false,
+        }
+    }
+
+    fn figures(m: &Metrics) -> [f64; 4] {
+        [m.rms_position, m.rms_cross_track, m.rms_speed, m.max_cross_track]
+    }
+
+    #[test]
+    fn failed_runs_have_infinite_errors() {
+        let sound = Metrics::of(&run(100), 5.0);
+        assert!(sound.held && (sound.rms_position - 0.5).abs() < 1e-12 && sound.max_cross_track == 0.5);
+        // The run ends before the evaluation starts.
+        let early = Metrics::of(&run(20), 5.0);
+        assert!(!early.held && figures(&early) == [f64::INFINITY; 4], "{early:?}");
+        let told = serde_json::to_value(&early).unwrap();
+        assert!(told["rms_position"].is_null() && told["max_cross_track"].is_null());
+        let lost = Metrics::of(&Run { diverged: true, ..run(100) }, 5.0);
+        assert!(!lost.held && figures(&lost) == [f64::INFINITY; 4], "{lost:?}");
+        let mut broken = run(100);
+        broken.samples[80].cross_track = f64::NAN;
+        let broken = Metrics::of(&broken, 5.0);
+        assert_eq!((broken.rms_cross_track, broken.max_cross_track), (f64::INFINITY, f64::INFINITY));
+    }
+}

@@ -1,0 +1,60 @@
+//! Model predictive control.
+
+use std::time::{Duration, Instant};
+
+use hydroid_core::control::Status;
+use hydroid_core::control::cem::Planner;
+
+use super::channel_map::ChannelMap;
+use super::controller::{ClosedLoopController, Observation};
+use super::reference::Timing;
+use super::session_model::SessionModel;
+
+/// Model predictive control by the cross-entropy method ([`Planner`]), on any model.
+pub(super) struct PredictiveController {
+    pub(super) planner: Planner,
+    pub(super) session: SessionModel,
+    pub(super) channels: ChannelMap,
+    pub(super) lead: f64,
+    pub(super) timing: Timing,
+    /// Distance from the reference beyond which the vessel is lost \[m\].
+    pub(super) tolerance: f64,
+    /// Computing time of a plan; `None` for all iterations, which makes results independent of the machine.
+    pub(super) budget: Option<Duration>,
+    pub(super) y: Vec<f64>,
+}
+
+impl ClosedLoopController for PredictiveController {
+    fn lead(&self) -> f64 {
+        self.lead
+    }
+
+    fn timing(&self) -> Timing {
+        self.timing
+    }
+
+    fn horizon(&self) -> usize {
+        self.planner.horizon()
+    }
+
+    fn reset(&mut self) {
+        self.planner.reset();
+        self.session.reset();
+    }
+
+    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64; 2]) -> Status {
+        let begun = Instant::now();
+        let Self { planner, session, channels, budget, y, .. } = self;
+        channels.fill(observation, y);
+        session.observe(y);
+        let mut stop = || budget.is_some_and(|budget| begun.elapsed() >= budget);
+        let plan =
+            planner.command(session.predictor(), observation.eta, observation.preview, &mut stop, command);
+        session.advance(command);
+        let [x, y, psi] = observation.eta;
+        let north = x + self.lead * psi.cos() - observation.reference.position[0];
+        let east = y + self.lead * psi.sin() - observation.reference.position[1];
+        // The planner sets its status from the preview; the reference of this sample is checked here.
+        if north.hypot(east) > self.tolerance { plan.status.and(Status::Lost) } else { plan.status }
+    }
+}

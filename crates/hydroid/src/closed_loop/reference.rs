@@ -1,0 +1,88 @@
+//! Generation of the reference and of its preview.
+
+use hydroid_core::guidance::{Follower, Reference, Walker};
+use serde::Serialize;
+
+use super::track::Track;
+
+/// Parameter that moves the reference along its path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Timing {
+    /// Time: trajectory tracking.
+    Clock,
+    /// Projection of the vessel on the path: path following at the speed of the profile.
+    Path,
+}
+
+/// Search range for the projection on the path, from its last arc length \[m\]: more than the motion of one sample, less than
+/// the distance of two legs.
+const SEARCH_RANGE_M: f64 = 6.0;
+
+/// Generates the reference of each sample.
+pub(super) struct ReferenceGenerator<'a> {
+    track: &'a Track,
+    timing: Timing,
+    walker: Walker,
+    follower: Follower,
+    /// Arc length of the vessel's projection on the path \[m\].
+    s: f64,
+}
+
+impl<'a> ReferenceGenerator<'a> {
+    pub(super) fn new(track: &'a Track, timing: Timing) -> Self {
+        let (walker, follower) = (Walker::new(&track.profile), Follower::new(0.0, SEARCH_RANGE_M));
+        Self { track, timing, walker, follower, s: 0.0 }
+    }
+
+    /// Reference for a controlled point at `point`, and the cross-track error \[m\], positive to starboard.
+    pub(super) fn update(&mut self, point: [f64; 2]) -> (Reference, f64) {
+        let Track { path, profile } = self.track;
+        let foot = self.follower.foot(path, point);
+        self.s = foot.s;
+        let reference = match self.timing {
+            Timing::Clock => self.walker.reference(path, profile),
+            Timing::Path => {
+                let (speed, rate) = profile.at(foot.s);
+                Reference::new(foot.s, &foot.pose, speed, rate)
+            }
+        };
+        (reference, foot.cross_track)
+    }
+
+    /// References 1, 2, .. samples after the last update.
+    pub(super) fn preview(&self, dt_s: f64, into: &mut [Reference]) {
+        let Track { path, profile } = self.track;
+        match self.timing {
+            Timing::Clock => {
+                let mut walker = self.walker;
+                for reference in into {
+                    walker.advance(profile, dt_s);
+                    *reference = walker.reference(path, profile);
+                }
+            }
+            Timing::Path => {
+                let mut s = self.s;
+                for reference in into {
+                    let (speed, rate) = profile.at(s);
+                    s += dt_s * (speed + 0.5 * dt_s * rate);
+                    let (speed, rate) = profile.at(s);
+                    *reference = Reference::new(s, &path.at(s), speed, rate);
+                }
+            }
+        }
+    }
+
+    pub(super) fn advance(&mut self, dt_s: f64) {
+        self.walker.advance(&self.track.profile, dt_s);
+    }
+
+    /// Whether the end of an open path has been reached.
+    pub(super) fn is_done(&self) -> bool {
+        let open = !self.track.path.is_closed();
+        open && match self.timing {
+            Timing::Clock => self.walker.is_done(&self.track.profile),
+            Timing::Path => self.s >= self.track.path.length(),
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The model that a controller predicts with: a frozen session or an adapter.
+
+use hydroid_core::adapt::Adapter;
+use hydroid_core::predict::Predictor;
+
+use super::error::ClosedLoopError;
+use crate::adapt;
+use crate::log::Trajectory;
+use crate::model::Model;
+
+/// Session of the controller's model.
+pub(super) enum SessionModel {
+    /// Frozen model.
+    Frozen(Box<dyn Predictor>),
+    /// Adapter. It predicts with the weights that its guard has selected.
+    Adaptive(Box<dyn Adapter>),
+}
+
+impl SessionModel {
+    /// Session with constant weights. An inputs-only network gets a state filter, as in adaptation.
+    pub(super) fn frozen(model: &Model) -> Self {
+        let filtered = adapt::state_filtered(model);
+        let session = filtered.as_ref().unwrap_or(model).session();
+        Self::Frozen(session)
+    }
+
+    /// Session that adapts; `rehearsal` fills its rehearsal store first ([`adapt::remember_shore`]).
+    pub(super) fn learning(
+        model: &Model,
+        options: &adapt::Options,
+        rehearsal: &[Trajectory],
+    ) -> Result<Self, ClosedLoopError> {
+        let (mut adapter, _) = adapt::adapter(model, options, &[])?;
+        let rehearsal: Vec<&Trajectory> = rehearsal.iter().collect();
+        adapt::remember_shore(adapter.as_mut(), &rehearsal);
+        Ok(Self::Adaptive(adapter))
+    }
+
+    fn session(&mut self) -> &mut dyn Predictor {
+        match self {
+            Self::Frozen(session) => session.as_mut(),
+            Self::Adaptive(adapter) => adapter.as_mut(),
+        }
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.session().reset();
+    }
+
+    pub(super) fn observe(&mut self, y: &[f64]) {
+        self.session().observe(y);
+    }
+
+    pub(super) fn advance(&mut self, c: &[f64]) {
+        self.session().advance(c);
+    }
+
+    /// The session, with its present state and weights.
+    pub(super) fn predictor(&self) -> &dyn Predictor {
+        match self {
+            Self::Frozen(session) => session.as_ref(),
+            Self::Adaptive(adapter) => adapter.as_ref(),
+        }
+    }
+
+    /// Weights of the model that predicts now: of the adapter, or of its guard's selection. `None` for a frozen model.
+    pub(super) fn weights(&self) -> Option<&[f64]> {
+        match self {
+            Self::Adaptive(adapter) => {
+                Some(adapter.guard().map_or_else(|| adapter.weights(), |guard| guard.active_weights()))
+            }
+            Self::Frozen(..) => None,
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! Closed loops on the true plants: closed-form results, independence of the number of threads, limits and statuses.
+
+use std::sync::Arc;
+
+use hydroid::adapt;
+use hydroid::closed_loop::{
+    self, ClosedLoopController, ClosedLoopError, Conditions, ControlMethod, ControllerOptions, Dispersion,
+    Metrics, Observation, Run, Scenario, SpeedOptions, Task, Timing, Track, Wind, monte_carlo,
+    tune_autopilot,
+};
+use hydroid::model::Model;
+use hydroid::progress::silent;
+use hydroid_core::control::cem::PlannerSettings;
+use hydroid_core::control::{Limits, Status};
+use hydroid_core::vessel::VesselParams;
+use proptest::prelude::*;
+
+fn circle(vessel: &VesselParams, radius: f64, speed: f64) -> Scenario {
+    let track = Track::new(&Task::Circle { radius }, &SpeedOptions::cruise(speed)).unwrap();
+    Scenario { start: [0.0, -0.5], ..Scenario::new(vessel.clone(), track) }
+}
+
+fn by(kind: ControlMethod, vessel: &VesselParams, model: &VesselParams) -> ControllerOptions {
+    let mut control = ControllerOptions::new(kind, vessel, 0.1);
+    control.model = Some(Arc::new(Model::of_vessel(model, 0.1).unwrap()));
+    control
+}
+
+fn simulated(control: &ControllerOptions, scenario: &Scenario, conditions: &Conditions) -> Run {
+    let mut controller = control.controller(conditions.seed).unwrap();
+    closed_loop::run(scenario, conditions, controller.as_mut(), &mut silent()).unwrap()
+}
+
+/// Figures of docs/control.md for the true parameters.
+#[test]
+fn true_parameters_give_the_documented_errors_on_circles() {
+    let vessel = VesselParams::hydrofoil();
+    let control = by(ControlMethod::FeedbackLinearization, &vessel, &vessel);
+    for (radius, speed, noisy) in [(15.0, 1.5, 0.0036), (25.0, 2.5, 0.0056), (30.0, 4.0, 0.0035)] {
+        let scenario = circle(&vessel, radius, speed);
+        let clean = Conditions { noise: 0.0, ..Conditions::calm(0) };
+        let metrics = Metrics::of(&simulated(&control, &scenario, &clean), 40.0);
+        assert!(metrics.rms_position < 1e-5 && metrics.held, "{}", metrics.rms_position);
+        let mut all: Vec<f64> = (1..=5)
+            .map(|seed| {
+                Metrics::of(&simulated(&control, &scenario, &Conditions::calm(seed)), 40.0).rms_position
+            })
+            .collect();
+        all.sort_by(f64::total_cmp);
+        println!("{speed} m/s: {:.5} m", all[2]);
+        assert!((all[2] - noisy).abs() < 1e-4, "{speed} m/s: {}", all[2]);
+    }
+}
+
+/// Commands zero.
+struct ZeroCommand;
+
+impl ClosedLoopController for ZeroCommand {
+    fn lead(&self) -> f64 {
+        0.0
+    }
+
+    fn timing(&self) -> Timing {
+        Timing::Clock
+    }
+
+    fn reset(&mut self) {}
+
+    fn command(&mut self, _: &Observation<'_>, command: &mut [f64; 2]) -> Status {
+        command.fill(0.0);
+        Status::Tracking
+    }
+}
+
+#[test]
+fn a_current_adds_to_the_pose_rate_only() {
+    let vessel = VesselParams::simple();
+    let scenario = Scenario { duration_s: 300.0, start: [0.0; 2], ..circle(&vessel, 50.0, 0.01) };
+    let run = |current| {
+        let conditions = Conditions { noise: 0.0, current, ..Conditions::calm(0) };
+        closed_loop::run(&scenario, &conditions, &mut ZeroCommand, &mut silent()).unwrap()
+    };
+    let (still, moved) = (run([0.0; 2]), run([0.3, -0.1]));
+    for (a, b) in still.samples.iter().zip(&moved.samples) {
+        // Motion in still water plus the drift.
+        assert!((b.state.x - a.state.x - 0.3 * a.t).abs() < 1e-9);
+        assert!((b.state.y - a.state.y + 0.1 * a.t).abs() < 1e-9);
+    }
+    let last = moved.samples.last().unwrap();
+    let (sin, cos) = last.state.psi.sin_cos();
+    let north = last.measured[0] * cos - last.measured[1] * sin;
+    assert!((north - 0.3).abs() < 1e-3, "velocities are over ground: {north}");
+}
+
+/// With linear drag a force `F` ahead drives the simple vessel at `F / 77.55` m/s.
+#[test]
+fn wind_drives_a_vessel_to_the_speed_at_which_drag_balances_it() {
+    let vessel = VesselParams::simple();
+    let path = Task::Waypoints { points: vec![[0.0, 0.0], [100.0, 0.0]], radius: None };
+    let track = Track::new(&path, &SpeedOptions::cruise(0.01)).unwrap();
+    let scenario = Scenario { duration_s: 60.0, ..Scenario::new(vessel, track) };
+    let wind = Wind { force: [40.0, 0.0], ..Wind::CALM };
+    let conditions = Conditions { noise: 0.0, wind, ..Conditions::calm(0) };
+    let run = closed_loop::run(&scenario, &conditions, &mut ZeroCommand, &mut silent()).unwrap();
+    let u = run.samples.last().unwrap().state.u;
+    assert!((u - 40.0 / 77.55).abs() < 1e-6, "{u}");
+}
+
+#[test]
+fn a_delay_shifts_the_response() {
+    struct Step(u32);
+    impl ClosedLoopController for Step {
+        fn lead(&self) -> f64 {
+            0.0
+        }
+        fn timing(&self) -> Timing {
+            Timing::Clock
+        }
+        fn reset(&mut self) {
+            self.0 = 0;
+        }
+        fn command(&mut self, _: &Observation<'_>, command: &mut [f64; 2]) -> Status {
+            self.0 += 1;
+            *command = [if self.0 > 50 { 100.0 } else { 0.0 }, 0.0];
+            Status::Tracking
+        }
+    }
+    let vessel = VesselParams::simple();
+    let scenario = Scenario { duration_s: 20.0, start: [0.0; 2], ..circle(&vessel, 50.0, 1e-9) };
+    let run = |delay_s| {
+        let conditions = Conditions { noise: 0.0, delay_s, ..Conditions::calm(0) };
+        closed_loop::run(&scenario, &conditions, &mut Step(0), &mut silent()).unwrap()
+    };
+    let between = Conditions { delay_s: 0.25, ..Conditions::calm(0) };
+    let refused = closed_loop::run(&scenario, &between, &mut Step(0), &mut silent()).unwrap_err();
+    assert!(refused.to_string().contains("give 0.2 or 0.3"), "{refused}");
+    let (prompt, late) = (run(0.0), run(0.4));
+    for (a, b) in prompt.samples.iter().zip(&late.samples[4..]) {
+        assert!((a.state.u - b.state.u).abs() < 1e-9, "{} s", a.t);
+    }
+}
+
+#[test]
+fn monte_carlo_does_not_depend_on_the_number_of_threads() {
+    let vessel = VesselParams::hydrofoil();
+    let scenario = Scenario { duration_s: 30.0, ..circle(&vessel, 15.0, 1.5) };
+    let control = by(ControlMethod::Backstepping, &vessel, &vessel);
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let about = Conditions::calm(3);
+        let mut all = pool
+            .install(|| {
+                monte_carlo(&control, &scenario, &about, &Dispersion::default(), 12, 10.0, &mut silent())
+            })
+            .unwrap();
+        for trial in &mut all.trials {
+            trial.metrics.us_per_command = closed_loop::Times { median: 0.0, max: 0.0 };
+        }
+        all
+    };
+    let one = run(1);
+    assert_eq!(one, run(3));
+    assert_eq!((one.runs, one.violations, one.undetected_losses), (12, 0, 0));
+    let masses: Vec<f64> = one.trials.iter().map(|o| o.conditions.mass).collect();
+    assert!(masses.iter().all(|m| (0.8..=1.2).contains(m)) && masses[0] != masses[1]);
+}
+
+/// A model with too little drag: the control law and the planner use the adapted model, which removes most of the error.
+#[test]
+fn controllers_use_the_adapted_model() {
+    let vessel = VesselParams::hydrofoil();
+    let mut wrong = vessel.clone();
+    // Drag too small by 40 %.
+    wrong.drag.quadratic[0][0] *= 0.6;
+    wrong.drag.linear[0][0] *= 0.6;
+    let scenario = circle(&vessel, 15.0, 1.5);
+    for kind in [ControlMethod::FeedbackLinearization, ControlMethod::CrossEntropy] {
+        let mut control = by(kind, &vessel, &wrong);
+        control.planner = PlannerSettings { candidates: 40, elites: 6, iterations: 2, ..control.planner };
+        let frozen = Metrics::of(&simulated(&control, &scenario, &Conditions::calm(1)), 40.0);
+        let model = control.model.clone().unwrap();
+        let options = adapt::Options {
+            method: adapt::Method::Kalman,
+            kalman: adapt::Kalman::of_plants(),
+            ..adapt::Options::default()
+        };
+        control.adapt = Some(options.guarded(&model));
+        let adapted = Metrics::of(&simulated(&control, &scenario, &Conditions::calm(1)), 40.0);
+        println!("{kind:?}: {:.4} m frozen, {:.4} m adapted", frozen.rms_position, adapted.rms_position);
+        assert!(adapted.held && adapted.rms_position < 0.6 * frozen.rms_position);
+    }
+}
+
+#[test]
+fn the_tuned_autopilot_holds_a_lawn_mower() {
+    let vessel = VesselParams::simple();
+    let task = Task::LawnMower { leg: 30.0, spacing: 24.0, legs: 2, radius: 12.0 };
+    let track = Track::new(&task, &SpeedOptions::cruise(1.5)).unwrap();
+    let scenario = Scenario::new(vessel.clone(), track);
+    let tuned = tune_autopilot(&scenario, 1.5, 10.0, &mut silent()).unwrap();
+    assert!(tuned.seeds.iter().all(|seed| *seed > 1_000_000));
+    let [gain, time] = tuned.nomoto;
+    // Sway and yaw at 1.5 m/s are linear; the coefficients are from an independent implementation, the rudder in 10 N s.
+    let rates = |[v, r]: [f64; 2]| {
+        let u = 1.5;
+        [
+            -1.045_321 * v + (0.239_673 - 0.517_485 * u) * r - 0.016_632 * u * 0.1,
+            0.669_519 * v - (2.063_346 + 0.128_064 * u) * r + 0.245_695 * u * 0.1,
+        ]
+    };
+    let (mut motion, mut rates_seen) = ([0.0; 2], Vec::new());
+    for _ in 0..100_000 {
+        let [dv, dr] = rates(motion);
+        motion = [motion[0] + 1e-4 * dv, motion[1] + 1e-4 * dr];
+        rates_seen.push(motion[1]);
+    }
+    let risen = rates_seen.iter().position(|r| *r >= 0.632 * motion[1]).unwrap() as f64 * 1e-4;
+    assert!(
+        (gain / motion[1] - 1.0).abs() < 0.01 && (time - risen).abs() < 0.02,
+        "{gain} {time} {motion:?} {risen}"
+    );
+    let mut control = ControllerOptions::new(ControlMethod::Autopilot, &vessel, 0.1);
+    control.autopilot = Some(tuned.settings);
+    let run = simulated(&control, &scenario, &Conditions::calm(1));
+    let metrics = Metrics::of(&run, 10.0);
+    println!("cross-track {:.3} m, speed {:.4} m/s", metrics.rms_cross_track, metrics.rms_speed);
+    assert!(metrics.held && metrics.arrived == Some(true) && metrics.rms_cross_track < 0.15);
+    assert_eq!(tuned, tune_autopilot(&scenario, 1.5, 10.0, &mut silent()).unwrap());
+}
+
+#[test]
+fn the_default_evaluation_start_leaves_samples_on_a_short_track() {
+    let vessel = VesselParams::simple();
+    let task = Task::Waypoints { points: vec![[0.0, 0.0], [9.0, 0.0]], radius: None };
+    let track = Track::new(&task, &SpeedOptions::cruise(1.5)).unwrap();
+    let scenario = Scenario { duration_s: 120.0, ..Scenario::new(vessel.clone(), track) };
+    assert!((scenario.default_from_s() - 3.0).abs() < 0.1, "{}", scenario.default_from_s());
+    let control = by(ControlMethod::FeedbackLinearization, &vessel, &vessel);
+    let run = simulated(&control, &scenario, &Conditions::calm(0));
+    let metrics = Metrics::of(&run, scenario.default_from_s());
+    assert!(metrics.held && metrics.rms_position.is_finite(), "{metrics:?}");
+    assert!(!Metrics::of(&run, 60.0).held);
+    let late = monte_carlo(
+        &control,
+        &scenario,
+        &Conditions::calm(0),
+        &Dispersion::default(),
+        2,
+        120.0,
+        &mut silent(),
+    );
+    assert!(matches!(late, Err(ClosedLoopError::EvaluationStart { .. })));
+    assert!((circle(&vessel, 15.0, 1.5).default_from_s() - 40.0).abs() < 1e-9);
+}
+
+#[test]
+fn unsuitable_models_and_scenarios_are_refused() {
+    let vessel = VesselParams::hydrofoil();
+    let learns = adapt::Options::of(&Model::of_vessel(&vessel, 0.1).unwrap());
+    assert_eq!((learns.method, learns.kalman), (adapt::Method::Kalman, adapt::Kalman::of_plants()));
+    let refused =
+        |control: &ControllerOptions| control.controller(0).err().map(|error| error.to_string()).unwrap();
+    let bare = ControllerOptions::new(ControlMethod::FeedbackLinearization, &vessel, 0.1);
+    assert!(matches!(bare.controller(0).err(), Some(ClosedLoopError::NoModel { .. })));
+    let other = by(ControlMethod::CrossEntropy, &vessel, &VesselParams::simple());
+    assert!(refused(&other).contains("identify with --inputs PP_cmd,RD_ang"), "{}", refused(&other));
+    let mut needless = by(ControlMethod::Autopilot, &vessel, &vessel);
+    needless.autopilot = None;
+    assert!(refused(&needless).contains("uses no model"));
+    let scenario = Scenario { dt_s: 0.015, ..circle(&vessel, 15.0, 1.5) };
+    let mut controller = by(ControlMethod::FeedbackLinearization, &vessel, &vessel).controller(0).unwrap();
+    let wrong = |conditions: &Conditions, controller: &mut dyn ClosedLoopController| {
+        closed_loop::run(&scenario, conditions, controller, &mut silent())
+            .err()
+            .map(|error| error.to_string())
+            .unwrap()
+    };
+    assert!(wrong(&Conditions::calm(0), controller.as_mut()).contains("whole number of integration steps"));
+    let heavy = Conditions { mass: -1.0, ..Conditions::calm(0) };
+    assert!(wrong(&heavy, controller.as_mut()).contains("mass"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// For any disturbance, limits and start: commands stay within their limits, and a lost vessel has status `lost`.
+    #[test]
+    fn commands_keep_their_limits_and_failures_have_a_status(
+        kind in 0usize..4, seed in 0u64..1000, tight in 0.1..1.0f64, rate in 0.05..5.0f64,
+        current in (-1.0..1.0f64, -1.0..1.0f64), wind in (-60.0..60.0f64, -60.0..60.0f64),
+        mass in 0.6..1.6f64, delay in 0usize..6, start in (-5.0..5.0f64, -5.0..5.0f64), speed in 0.3..5.0f64,
+    ) {
+        let vessel = VesselParams::hydrofoil();
+        let kind = [ControlMethod::FeedbackLinearization, ControlMethod::Backstepping, ControlMethod::CrossEntropy, ControlMethod::Autopilot][kind];
+        let mut scenario = circle(&vessel, 12.0, speed);
+        scenario.duration_s = 20.0;
+        scenario.start = start.into();
+        scenario.limits = [
+            Limits::between([-130.0 * tight, 350.0 * tight]).with_rate(200.0 * rate),
+            Limits::between([-0.5 * tight, 0.4 * tight]).with_rate(rate),
+        ];
+        let mut control = ControllerOptions::new(kind, &vessel, 0.1);
+        if kind == ControlMethod::Autopilot {
+            let easy = circle(&vessel, 12.0, 1.5);
+            control.autopilot = Some(gains(&easy));
+        } else {
+            control = by(kind, &vessel, &vessel);
+        }
+        control.limits = scenario.limits;
+        control.planner = PlannerSettings { candidates: 20, elites: 4, iterations: 2, horizon: 10, ..control.planner };
+        let conditions = Conditions {
+            seed, noise: 1.0, current: current.into(), mass, delay_s: 0.1 * delay as f64,
+            wind: Wind { force: wind.into(), gust: 20.0, gust_s: 3.0 },
+        };
+        let metrics = Metrics::of(&simulated(&control, &scenario, &conditions), 10.0);
+        prop_assert_eq!((metrics.violations, metrics.undetected_losses), (0, 0));
+        prop_assert!(!metrics.diverged);
+    }
+}
+
+/// Untuned gains.
+fn gains(scenario: &Scenario) -> hydroid_core::control::AutopilotSettings {
+    use hydroid_core::control::{AutopilotSettings, HeadingGains, SpeedGains};
+    use hydroid_core::guidance::LineOfSightSettings;
+    AutopilotSettings {
+        line_of_sight: LineOfSightSettings { lookahead: 4.0, integral: 0.1 },
+        heading: HeadingGains::nomoto(1.0, 0.5, 1.0, 1.0, 1.5),
+        speed: SpeedGains { proportional: 60.0, integral: 8.0, drag: [20.0, 18.0] },
+        steerage: 0.2,
+        tolerance: scenario.tolerance,
+    }
+}
