@@ -1,7 +1,7 @@
 //! A black box on arbitrary bytes: `cargo +nightly fuzz run blackbox`. Whatever is read can be shown.
 #![no_main]
 
-use hydroid::adapt::blackbox::BlackBox;
+use hydroid_live::black_box::BlackBox;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let Ok(black_box) = BlackBox::decode(bytes) else { return };

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use hydroid::adapt::stream::{Lines, Options, Stream};
+use hydroid_live::stream::{Lines, Options, Stream};
 use hydroid::adapt::{self, adapter};
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{Channel, ChannelSpec};

@@ -2,7 +2,7 @@
 //! be written.
 #![no_main]
 
-use hydroid::adapt::stream::State;
+use hydroid_live::stream::State;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let Ok(state) = State::decode(bytes) else { return };

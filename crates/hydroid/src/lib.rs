@@ -2,8 +2,7 @@
 //!
 //! The modules in the order of dependence: [`log`] knows nothing of the others; [`excitation`] makes
 //! commands and [`simulate`] turns them into logs; [`evaluate`] judges any model; [`sindy`] finds equations;
-//! [`model`] is what was found, and its file; [`identify`] is the whole way from runs to a judged model, and
-//! [`report`] the page that shows it; [`study`] repeats a whole study.
+//! [`model`] is what was found, and its file; [`identify`] is the whole way from runs to a judged model.
 
 pub mod adapt;
 pub mod atomic;
@@ -11,15 +10,13 @@ pub mod closed_loop;
 pub mod evaluate;
 pub mod excitation;
 pub mod faults;
-mod fnv;
+pub mod fnv;
 pub mod identify;
 pub mod log;
 pub mod model;
 pub mod progress;
-pub mod report;
 pub mod simulate;
 pub mod sindy;
-pub mod study;
 pub mod toml_file;
 pub mod train;
 

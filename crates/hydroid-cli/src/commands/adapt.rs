@@ -11,6 +11,7 @@ use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
 use hydroid::model::{self, Model};
+use hydroid_live::black_box::adapt_recorded;
 
 use super::{Outcome, evaluate, table};
 use crate::args::{Adapt, EquationsArgs, Global, Learner, NamedNumber, NetworksArgs};
@@ -62,7 +63,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let bar = ui::Bar::new("adapting", global);
     let black_box = blackbox::settings(args)?;
     let black_box = black_box.as_ref();
-    let adapted = adapt::adapt_recorded(&model, &shore, &runs, &options, black_box, &mut bar.callback())
+    let adapted = adapt_recorded(&model, &shore, &runs, &options, black_box, &mut bar.callback())
         .context("the log cannot be used to adapt the model")?;
     drop(bar);
     if let Some(path) = &args.output {

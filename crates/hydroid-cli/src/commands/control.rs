@@ -12,7 +12,7 @@ use hydroid::closed_loop::{
     TunedAutopilot, monte_carlo, tune_autopilot,
 };
 use hydroid::model::{self, Model};
-use hydroid::report::{self, Steered};
+use hydroid_report::Steered;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -167,7 +167,7 @@ impl Made<'_> {
         text.push('\n');
         atomic::write(&folder.join("control.json"), |out| out.write_all(text.as_bytes()))?;
         let title = format!("ControllerOptions {}: {}", scene.vessel.name, steering.method.name());
-        let page = report::steering(&Steered {
+        let page = hydroid_report::steering(&Steered {
             title: &title,
             command: &ui::command_line(),
             facts: &setup::facts(args, steering, scene),

@@ -7,10 +7,10 @@ use hydroid::excitation::Excitation;
 use hydroid::identify::{self, Identified, Job, Members, Networks, Refine, SindySettings};
 use hydroid::log::{InputDelay, Note, Split, split_named};
 use hydroid::model::{self, Reading};
-use hydroid::report::{self, Context};
 use hydroid::simulate::Options;
 use hydroid::{atomic, log};
 use hydroid_core::vessel::VesselParams;
+use hydroid_report::Context;
 use serde_json::json;
 
 use super::leftovers::{kept, model_file, resumable, stale};
@@ -261,7 +261,7 @@ fn page(files: &Files, job: &Job, identified: &Identified, notes: &[Note]) -> an
         seed: job.seed,
         ..Context::default()
     };
-    Ok(report::identification(identified, &job.split, &context)?)
+    Ok(hydroid_report::identification(identified, &job.split, &context)?)
 }
 
 /// A heading from the folder of the logs: the vessel's name more often than not.

@@ -7,11 +7,11 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::bail;
-use hydroid::adapt::blackbox::{self, BlackBox};
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection};
 use hydroid::model::{self, Description, Model, Motion, Reading};
 use hydroid_core::model::recurrent::{Base, Scaling, Tensor};
+use hydroid_live::black_box::{BlackBox, is_black_box};
 use serde_json::json;
 
 use super::Outcome;
@@ -25,7 +25,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     let reading = logs::reading(Reading::default(), &args.log)?;
     let mut documents = Vec::new();
     for file in &args.files {
-        if blackbox::is_black_box(file) {
+        if is_black_box(file) {
             if args.latex {
                 bail!("{} is a black box: --latex prints the equations of models", file.display());
             }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use hydroid::study::{self, Holds, Plan, Summary, Told};
+use hydroid_study::{Holds, Plan, Summary, Told};
 
 use super::Outcome;
 use crate::args::{Global, Thesis};
@@ -25,7 +25,7 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
         list(&plan, global)?;
         return Ok(Outcome::Done);
     }
-    let program = if args.any_program { 0 } else { study::program() };
+    let program = if args.any_program { 0 } else { hydroid_study::program() };
     let clock = Instant::now();
     let bar = ui::Bar::new("study", global);
     // Words are told from several threads; a bar is drawn by one at a time.
@@ -42,7 +42,7 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
         bar.at(fraction);
         if ui::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let summary = study::run(&plan, &args.only, &args.output, program, &alone(args), &watch)?;
+    let summary = hydroid_study::run(&plan, &args.only, &args.output, program, &alone(args), &watch)?;
     drop(bar);
     if global.json {
         super::print_json(&summary)?;

@@ -21,10 +21,12 @@ pub struct Happened {
     pub text: String,
 }
 
-/// An event in words; `names` are those of outputs, then inputs.
-pub(super) struct Worded<'a> {
-    pub(super) action: &'a Action,
-    pub(super) names: &'a [String],
+/// The description of an event.
+pub struct Worded<'a> {
+    /// The action of the guard.
+    pub action: &'a Action,
+    /// Names of the outputs, then of the inputs.
+    pub names: &'a [String],
 }
 
 impl fmt::Display for Worded<'_> {
@@ -87,7 +89,7 @@ impl fmt::Display for Worded<'_> {
 }
 
 /// Names of a model's outputs, then inputs.
-pub(super) fn names(model: &Model) -> Vec<String> {
+pub fn names(model: &Model) -> Vec<String> {
     let ports = model.description.outputs.iter().chain(&model.description.inputs);
     ports.map(|port| port.channel.name.clone()).collect()
 }

@@ -175,7 +175,7 @@ const STATE_FILTER_PROCESS: f64 = 1e-4;
 
 impl Kalman {
     /// Standard deviation of the noise of each output.
-    pub(super) fn noise_of(&self, model: &Model, runs: &[&Trajectory]) -> Result<Vec<f64>, AdaptError> {
+    pub fn noise_of(&self, model: &Model, runs: &[&Trajectory]) -> Result<Vec<f64>, AdaptError> {
         let outputs = &model.description.outputs;
         let noise: Vec<f64> = if let Some(noise) = &self.noise {
             noise.clone()

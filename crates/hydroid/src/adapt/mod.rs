@@ -3,15 +3,13 @@
 //! Both walk the same runs through [`evaluate`](fn@evaluate); at each origin the adapted model predicts with the weights
 //! of that moment, learned from the samples up to it and none after.
 
-pub mod blackbox;
 mod equations;
-mod events;
+pub mod events;
 mod guarded;
 mod kalman;
 pub mod least_squares;
 mod plant;
 mod read_out;
-pub mod stream;
 mod watch;
 
 use hydroid_core::adapt::guard::GuardError;
@@ -23,7 +21,6 @@ use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
 use crate::progress::Progress;
-use blackbox::{BlackBoxError, Recorded, Recorder};
 use watch::Watched;
 
 pub use events::Happened;
@@ -34,7 +31,7 @@ pub use kalman::{Kalman, Rehearse, UsedKalman, Which};
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
 pub use plant::LearnedParameter;
 pub use read_out::UsedReadOut;
-pub use watch::{Counts, Coverage, Times};
+pub use watch::{BAND_80, BAND_95, Counts, Coverage, Times};
 
 /// How equations learn. Recurrent networks and vessels learn by the filter, and direct predictors by least squares, whatever is
 /// chosen.
@@ -169,9 +166,6 @@ pub enum AdaptError {
     /// Weights that are not those of the model.
     #[error("what was learned are no weights of this model")]
     Weights,
-    /// The black box cannot be written.
-    #[error(transparent)]
-    BlackBox(#[from] BlackBoxError),
     /// The window does not fit the log.
     #[error(
         "a window of {window_s} s does not fit: it must be at least one sample ({dt} s), and shorter than the longest run ({longest_s} s)"
@@ -324,82 +318,104 @@ impl Shore {
     }
 }
 
-/// Runs a model frozen and adapted over runs, in their order; what is learned on one is kept for the next.
+/// Evaluates a model frozen and adapted over runs, in their order; the weights learned on one run are kept for the next.
 ///
 /// # Errors
-/// If the options do not fit the model, or the runs cannot be judged (see [`evaluate`](fn@evaluate)).
+/// If the options do not fit the model, or the runs cannot be evaluated (see [`evaluate`](fn@evaluate)).
 pub fn adapt(
     model: &Model,
     runs: &[&Trajectory],
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
-    adapt_recorded(model, &Shore::default(), runs, options, None, progress)
+    let (mut adapter, used) = adapter(model, options, runs)?;
+    let frozen = Frozen::evaluate(model, &used, runs, options, progress)?;
+    adapt_by(model, adapter.as_mut(), used, frozen, runs, options, progress)
 }
 
-/// The same, of one that remembers the `shore`, and with a black box of the model that learns.
+/// The evaluations of a model that does not learn.
+#[derive(Clone, Debug)]
+pub struct Frozen {
+    /// The model, restarted from each measurement.
+    pub restarted: Evaluation,
+    /// The model with a filter on its state alone; see [`Report::frozen_filtered`].
+    pub filtered: Option<Evaluation>,
+}
+
+impl Frozen {
+    /// Evaluates a model over runs; `used` are the settings of the adapter that it is compared with.
+    ///
+    /// # Errors
+    /// If a window of the settings is longer than all runs, or the runs cannot be evaluated.
+    pub fn evaluate(
+        model: &Model,
+        used: &Used,
+        runs: &[&Trajectory],
+        options: &Options,
+        progress: Progress<'_>,
+    ) -> Result<Self, AdaptError> {
+        let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
+        if let Used::LeastSquares(UsedLeastSquares { window_s, .. }) = *used
+            && window_s >= longest_s
+        {
+            return Err(AdaptError::Window { window_s, dt: model.description.dt, longest_s });
+        }
+        let ranges = model.output_ranges();
+        let name = &model.description.name;
+        // A model that learns by itself is no yardstick: its equations are, as they stand.
+        let mut session = Model { learning: None, ..model.clone() }.session();
+        let restarted = evaluate(name, session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
+            progress(0.5 * done)
+        })?;
+        let filtered = match (used, model.equations(), model.plant()) {
+            (Used::LeastSquares(_) | Used::ReadOut(_), ..) => None,
+            (Used::Kalman(_), Some(motion), _) => {
+                Some(equations::filtered(model, &motion, &options.kalman, runs)?)
+            }
+            (Used::Kalman(_), _, Some(vessel)) => {
+                Some(plant::filtered(model, vessel, &options.kalman, runs)?)
+            }
+            (Used::Kalman(used), None, None) => {
+                kalman::filtered(model, &used.noise).map(|model| model.session())
+            }
+        };
+        let filtered = match filtered {
+            Some(mut session) => {
+                let name = format!("{name}, state filtered");
+                Some(evaluate(&name, session.as_mut(), &ranges, runs, &options.evaluate, &mut |_| {
+                    progress(0.5)
+                })?)
+            }
+            None => None,
+        };
+        Ok(Self { restarted, filtered })
+    }
+}
+
+/// The same with an adapter of [`adapter`], or one around it, and the evaluation of the frozen model.
 ///
 /// # Errors
-/// As [`adapt`], and if the box cannot be written.
-pub fn adapt_recorded(
+/// As [`adapt`].
+pub fn adapt_by(
     model: &Model,
-    shore: &Shore,
+    adapter: &mut dyn Adapter,
+    used: Used,
+    frozen: Frozen,
     runs: &[&Trajectory],
     options: &Options,
-    black_box: Option<&blackbox::Settings>,
     progress: Progress<'_>,
 ) -> Result<Adapted, AdaptError> {
-    let (mut adapter, used) = adapter(model, options, runs)?;
-    shore.remember(adapter.as_mut());
-    let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
-    if let Used::LeastSquares(UsedLeastSquares { window_s, .. }) = used
-        && window_s >= longest_s
-    {
-        return Err(AdaptError::Window { window_s, dt: model.description.dt, longest_s });
-    }
     let ranges = model.output_ranges();
-    let name = &model.description.name;
-    // A model that learns by itself is no yardstick: its equations are, as they stand.
-    let mut frozen_session = Model { learning: None, ..model.clone() }.session();
-    let frozen = evaluate(name, frozen_session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
-        progress(0.5 * done)
+    let name = format!("{}, adapted", model.description.name);
+    let mut watched = Watched::new(adapter);
+    let adapted = evaluate(&name, &mut watched, &ranges, runs, &options.evaluate, &mut |done| {
+        progress(0.5 + 0.5 * done)
     })?;
-    let filtered = match (&used, model.equations(), model.plant()) {
-        (Used::LeastSquares(_) | Used::ReadOut(_), ..) => None,
-        (Used::Kalman(_), Some(motion), _) => {
-            Some(equations::filtered(model, &motion, &options.kalman, runs)?)
-        }
-        (Used::Kalman(_), _, Some(vessel)) => Some(plant::filtered(model, vessel, &options.kalman, runs)?),
-        (Used::Kalman(used), None, None) => kalman::filtered(model, &used.noise).map(|model| model.session()),
-    };
-    let frozen_filtered = match filtered {
-        Some(mut filtered) => {
-            let name = format!("{name}, state filtered");
-            Some(evaluate(&name, filtered.as_mut(), &ranges, runs, &options.evaluate, &mut |_| {
-                progress(0.5)
-            })?)
-        }
-        None => None,
-    };
-    let recorder = match black_box {
-        Some(settings) => {
-            let described = serde_json::json!({ "learning": used });
-            let source = blackbox::Source::Runs(runs);
-            Some(Recorder::new(settings, model, adapter.as_ref(), options, &described, source)?)
-        }
-        None => None,
-    };
-    let mut adapter = Recorded::new(adapter, recorder);
-    let mut watched = Watched::new(&mut adapter);
-    let adapted =
-        evaluate(&format!("{name}, adapted"), &mut watched, &ranges, runs, &options.evaluate, &mut |done| {
-            progress(0.5 + 0.5 * done)
-        })?;
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let after = learned(model, watched.weights(), &names, &used)?;
     let report = Report {
-        frozen,
-        frozen_filtered,
+        frozen: frozen.restarted,
+        frozen_filtered: frozen.filtered,
         adapted,
         guard: watched.counts(),
         events: events::happened(watched.events(), runs, &events::names(model)),
@@ -408,7 +424,6 @@ pub fn adapt_recorded(
         parameters: plant::parameters(model, &after),
         settings: used,
     };
-    adapter.finish()?;
     Ok(Adapted { model: after, report })
 }
 

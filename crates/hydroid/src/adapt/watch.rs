@@ -48,9 +48,10 @@ pub struct Coverage {
     pub of_95: f64,
 }
 
-/// Half-widths of the bands of a normal distribution \[standard deviations\].
-pub(super) const BAND_80: f64 = 1.281_55;
-pub(super) const BAND_95: f64 = 1.959_96;
+/// Half-width of the 80 % band of a normal distribution \[standard deviations\].
+pub const BAND_80: f64 = 1.281_55;
+/// Half-width of the 95 % band of a normal distribution \[standard deviations\].
+pub const BAND_95: f64 = 1.959_96;
 
 /// Passes everything on to the adapter, and watches.
 pub(super) struct Watched<'a> {

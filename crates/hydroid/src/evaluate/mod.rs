@@ -203,7 +203,7 @@ fn null_is_nan<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<
 }
 
 /// Mean of the numbers that are finite.
-pub(crate) fn mean_finite(values: impl Iterator<Item = f64>) -> Option<f64> {
+pub fn mean_finite(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) =
         values.filter(|v| v.is_finite()).fold((0.0, 0usize), |(sum, count), v| (sum + v, count + 1));
     (count > 0).then(|| sum / count as f64)

@@ -83,7 +83,7 @@ impl From<InputDelay> for String {
 
 impl InputDelay {
     /// Refuses delays that are no numbers or beyond any log.
-    pub(crate) fn check(self) -> Result<(), LogError> {
+    pub fn check(self) -> Result<(), LogError> {
         let sane = match self {
             Self::Samples(n) => n.unsigned_abs() < 1_000_000_000,
             Self::Seconds(s) => s.abs() < 1e9,
@@ -109,7 +109,7 @@ impl InputDelay {
 
     /// The delay in whole samples on a clock with this step.
     #[allow(clippy::cast_possible_truncation, reason = "delays are checked to be short, and casts saturate")]
-    pub(crate) fn samples(self, step: f64) -> i64 {
+    pub fn samples(self, step: f64) -> i64 {
         match self {
             Self::Samples(n) => n,
             Self::Seconds(s) => (s / step).round() as i64,

@@ -261,7 +261,7 @@ impl RawColumn {
 }
 
 /// What stands in a cell.
-pub(crate) enum Cell {
+pub enum Cell {
     /// A finite number.
     Number(f64),
     /// A time stamp.
@@ -276,7 +276,7 @@ pub(crate) enum Cell {
 }
 
 /// Reads a cell without the spaces around it.
-pub(crate) fn number(cell: &str, decimal_comma: bool) -> Cell {
+pub fn number(cell: &str, decimal_comma: bool) -> Cell {
     if cell.is_empty() {
         return Cell::Missing;
     }
@@ -308,7 +308,7 @@ fn text(cell: &[u8]) -> &str {
 }
 
 /// The separator that stands most often in the first line, outside quotes.
-pub(crate) fn delimiter(bytes: &[u8]) -> u8 {
+pub fn delimiter(bytes: &[u8]) -> u8 {
     let mut counts = [(b',', 0_usize), (b';', 0), (b'\t', 0)];
     let mut quoted = false;
     for &b in bytes.trim_ascii_start().iter().take_while(|&&b| b != b'\n' && b != b'\r') {
@@ -337,7 +337,7 @@ fn has_decimal_comma(bytes: &[u8], delimiter: u8) -> bool {
 }
 
 /// The columns that a header names, without values.
-pub(crate) fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogError> {
+pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogError> {
     if header.iter().all(|h| h.is_empty() || h.parse::<f64>().is_ok() || stamp::parse(h).is_some()) {
         let first_row =
             header.iter().take(4).map(|h| h.chars().take(20).collect()).collect::<Vec<String>>().join(", ");
@@ -372,7 +372,7 @@ pub(crate) fn header_columns(header: &[String], path: &str) -> Result<Vec<RawCol
 }
 
 /// Gives columns without a name one by their place.
-pub(crate) fn name_the_nameless(columns: &mut [RawColumn]) {
+pub fn name_the_nameless(columns: &mut [RawColumn]) {
     for i in 0..columns.len() {
         if columns[i].name.is_empty() {
             let mut name = format!("column {}", i + 1);

@@ -9,7 +9,7 @@
 mod align;
 mod clock;
 mod columns;
-pub(crate) mod csv;
+mod csv;
 mod error;
 mod gaps;
 mod grid;
@@ -17,8 +17,8 @@ pub mod inspect;
 mod note;
 mod prepare;
 mod resample;
-pub(crate) mod resolve;
-pub(crate) mod sanity;
+mod resolve;
+mod sanity;
 mod selection;
 mod split;
 mod stamp;
@@ -36,6 +36,16 @@ pub use note::{Note, Severity};
 pub use prepare::{PrepareOptions, Prepared, prepare};
 pub use selection::{ChannelSpec, Selection, Wind};
 pub use split::{Split, split_named, split_runs};
+
+/// Parts of reading that a stream, which is read line by line, shares with a file.
+#[doc(hidden)]
+pub mod line {
+    pub use super::csv::{Cell, delimiter, header_columns, name_the_nameless, number};
+    pub use super::resolve::{Resolved, Source, Time, find, unknown};
+    pub use super::sanity::check_value;
+    pub use super::stamp::Stamp;
+}
+
 pub use trajectory::{Channel, Table, Trajectory};
 
 #[cfg(test)]

@@ -9,15 +9,15 @@ use super::units::{self, Quantity, Unit, UnitError};
 
 /// A column of a log as a channel.
 #[derive(Clone, Debug)]
-pub(crate) struct Source {
+pub struct Source {
     /// Position of the column.
-    pub(crate) column: usize,
+    pub column: usize,
     /// SI value = value in the log times this.
-    pub(crate) factor: f64,
+    pub factor: f64,
     /// The part of the factor that the user gave.
     scale: f64,
     /// Name and SI unit.
-    pub(crate) channel: Channel,
+    pub channel: Channel,
 }
 
 /// What a column is taken as.
@@ -30,29 +30,37 @@ enum Role {
 
 /// Where the times of a log come from.
 #[derive(Clone, Debug)]
-pub(crate) enum Time {
+pub enum Time {
     /// A column, and whether it or the user says its unit.
-    Column { source: Source, stated: bool },
+    Column {
+        /// The column.
+        source: Source,
+        /// Whether its unit is stated.
+        stated: bool,
+    },
     /// No column: rows a step \[s\] apart.
     Even(f64),
 }
 
 /// A selection applied to one log.
 #[derive(Clone, Debug)]
-pub(crate) struct Resolved {
-    pub(crate) time: Time,
-    pub(crate) outputs: Vec<Source>,
-    pub(crate) inputs: Vec<Source>,
+pub struct Resolved {
+    /// Origin of the times.
+    pub time: Time,
+    /// The outputs.
+    pub outputs: Vec<Source>,
+    /// The inputs without the wind.
+    pub inputs: Vec<Source>,
     /// Speed and direction.
-    pub(crate) wind: Option<[Source; 2]>,
+    pub wind: Option<[Source; 2]>,
     /// For every output its column `<source>_true`, where all of them exist.
-    pub(crate) truth: Option<Vec<Source>>,
+    pub truth: Option<Vec<Source>>,
 }
 
 impl Resolved {
     /// Applies a selection to a log; what was guessed or converted goes to `notes`. `dt` is the step of a log
     /// without time.
-    pub(crate) fn new(
+    pub fn new(
         log: &RawLog,
         selection: &Selection,
         dt: Option<f64>,
@@ -79,12 +87,12 @@ impl Resolved {
     }
 
     /// The outputs.
-    pub(crate) fn output_channels(&self) -> Vec<Channel> {
+    pub fn output_channels(&self) -> Vec<Channel> {
         self.outputs.iter().map(|s| s.channel.clone()).collect()
     }
 
     /// The inputs, wind last.
-    pub(crate) fn input_channels(&self) -> Vec<Channel> {
+    pub fn input_channels(&self) -> Vec<Channel> {
         let wind = ["wind_x", "wind_y"].map(|n| Channel::new(n, "m^2/s^2"));
         let wind = if self.wind.is_some() { &wind[..] } else { &[] };
         self.inputs.iter().map(|s| s.channel.clone()).chain(wind.iter().cloned()).collect()
@@ -330,7 +338,7 @@ fn note_unit(log: &RawLog, column: &str, unit: &Unit, role: Role, notes: &mut Ve
 
 /// The column that a name means: exactly, or apart from case, or apart from a unit at its end (`u` for
 /// `u_mps`), where only one column fits.
-pub(crate) fn find(log: &RawLog, name: &str) -> Option<usize> {
+pub fn find(log: &RawLog, name: &str) -> Option<usize> {
     let only = |fits: &dyn Fn(&str) -> bool| {
         let mut found = log.columns.iter().enumerate().filter(|(_, c)| fits(&c.name)).map(|(i, _)| i);
         match (found.next(), found.next()) {
@@ -344,7 +352,8 @@ pub(crate) fn find(log: &RawLog, name: &str) -> Option<usize> {
         .or_else(|| only(&|c| units::from_name(c, true).is_some_and(|(stem, _)| stem == name)))
 }
 
-pub(crate) fn unknown(log: &RawLog, name: &str) -> LogError {
+/// The error for a name that no column has, with the nearest names.
+pub fn unknown(log: &RawLog, name: &str) -> LogError {
     let mut ranked: Vec<(f64, &str)> = log
         .columns
         .iter()

@@ -49,7 +49,7 @@ fn fastest(channel: &Channel) -> Option<(f64, &'static str)> {
 }
 
 /// Refuses a value of an output that no vessel has.
-pub(crate) fn check_value(channel: &Channel, value: f64, path: &str, line: u64) -> Result<(), LogError> {
+pub fn check_value(channel: &Channel, value: f64, path: &str, line: u64) -> Result<(), LogError> {
     match fastest(channel) {
         Some((limit, unit)) if value.abs() > limit => Err(LogError::Absurd {
             path: path.to_owned(),

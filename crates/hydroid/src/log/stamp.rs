@@ -4,11 +4,11 @@
 
 /// A moment, as read from a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Stamp {
+pub struct Stamp {
     /// Seconds since 1970-01-01T00:00:00Z.
-    pub(crate) seconds: f64,
+    pub seconds: f64,
     /// Whether it says its zone; without one it is taken as UTC.
-    pub(crate) zoned: bool,
+    pub zoned: bool,
 }
 
 /// Whether a cell begins like a stamp: `2020-`. Cheap, for every cell that is no number.

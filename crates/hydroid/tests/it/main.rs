@@ -1,15 +1,12 @@
 //! Integration tests of the library.
 
 mod adapt;
-mod blackbox;
-mod boat;
 mod closed_loop;
 mod direct_equations;
 mod equations;
 mod estimate;
 mod evaluate;
 mod evaluate_sessions;
-mod hydrofoil;
 mod identified_control;
 mod identify_networks;
 mod invariance;
@@ -26,7 +23,6 @@ mod simulate_input;
 mod simulate_records;
 mod sindy;
 mod sindy_golden;
-mod stream;
 mod train;
 mod train_direct;
 mod train_evaluate;

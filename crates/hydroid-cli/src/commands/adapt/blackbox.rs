@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::Context;
-use hydroid::adapt::blackbox::{self, BlackBox, MINUTES, ModelFile, Settings};
-use hydroid::adapt::stream::fingerprint;
 use hydroid::model::Model;
+use hydroid_live::black_box::{BlackBox, MINUTES, ModelFile, Settings};
+use hydroid_live::stream::fingerprint;
 
 use super::super::Outcome;
 use crate::args::{Adapt, Global};
@@ -36,7 +36,7 @@ fn of_file(path: &Path) -> anyhow::Result<String> {
 pub fn replay(args: &Adapt, global: Global, model: Model, path: &Path) -> anyhow::Result<Outcome> {
     let black_box = BlackBox::read(path)?;
     let model = model.at_step(black_box.head.dt)?;
-    let replayed = blackbox::replay(&model, &of_file(&args.model)?, &black_box, |step| {
+    let replayed = hydroid_live::black_box::replay(&model, &of_file(&args.model)?, &black_box, |step| {
         if global.json && step.is_sample() {
             outln!("{}", step.json());
         }

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, ensure};
-use hydroid::adapt::blackbox::{Recorder, Source};
-use hydroid::adapt::stream::{Lines, Options, Stream, StreamError, fingerprint};
 use hydroid::adapt::{self, Used};
 use hydroid::atomic;
 use hydroid::log::{LogError, Note};
 use hydroid::model::{self, Model, Reading};
+use hydroid_live::black_box::{Recorder, Source};
+use hydroid_live::stream::{Lines, Options, Stream, StreamError, fingerprint};
 
 use serde_json::json;
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use hydroid::adapt::blackbox::Summary;
 use hydroid::log::Note;
+use hydroid_live::black_box::Summary;
 
 use crate::args::Global;
 use crate::ui;

@@ -1,0 +1,181 @@
+//! An adapter whose walk is noted.
+
+use hydroid_core::adapt::guard::Guard;
+use hydroid_core::adapt::{Adapter, Health, Innovation, Outcome};
+use hydroid_core::predict::{Predictor, Workspace};
+
+use super::{BlackBoxError, Recorder};
+use hydroid::log::Note;
+
+/// Passes everything on to the adapter, and tells a recorder of it if there is one.
+pub struct Recorded<'a> {
+    adapter: Box<dyn Adapter + 'a>,
+    recorder: Option<Recorder>,
+}
+
+impl<'a> Recorded<'a> {
+    /// An adapter, and what notes its walk.
+    pub fn new(adapter: Box<dyn Adapter + 'a>, recorder: Option<Recorder>) -> Self {
+        Self { adapter, recorder }
+    }
+
+    /// Notes its walk from here on.
+    pub(crate) fn record(&mut self, recorder: Recorder) {
+        self.recorder = Some(recorder);
+    }
+
+    /// So many steps on from here a sample is observed at this time.
+    pub(crate) fn to(&mut self, t: f64, steps: usize, dt: f64) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.at(t - steps as f64 * dt);
+        }
+    }
+
+    /// There is time to write: the command that acts from here on is known, and nobody waits.
+    pub(crate) fn settle(&mut self, held: &[f64]) -> Option<Note> {
+        let recorder = self.recorder.as_mut()?;
+        recorder.settle(self.adapter.as_ref(), held);
+        recorder.write_if_due(self.adapter.as_ref());
+        recorder.take_trouble()
+    }
+
+    /// Writes all that is left.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn finish(&mut self) -> Result<(), BlackBoxError> {
+        match &mut self.recorder {
+            Some(recorder) => recorder.finish(self.adapter.as_ref()),
+            None => Ok(()),
+        }
+    }
+
+    fn changed(&mut self) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.changed(self.adapter.as_ref());
+        }
+    }
+}
+
+impl Predictor for Recorded<'_> {
+    fn outputs(&self) -> usize {
+        self.adapter.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.adapter.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        self.adapter.warm_up()
+    }
+
+    fn reset(&mut self) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.reset(self.adapter.as_ref());
+        }
+        self.adapter.reset();
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.observe(self.adapter.as_ref(), y);
+        }
+        self.adapter.observe(y);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.observed(self.adapter.as_ref());
+        }
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.advance(self.adapter.as_ref(), c);
+        }
+        self.adapter.advance(c);
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        self.adapter.output(y);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.adapter.rollout(commands, work, y);
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.adapter.snapshot_len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        self.adapter.snapshot(into);
+    }
+
+    fn restore(&mut self, from: &[f64]) {
+        self.changed();
+        self.adapter.restore(from);
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        self.adapter.fork()
+    }
+}
+
+impl Adapter for Recorded<'_> {
+    fn outcome(&self) -> Outcome {
+        self.adapter.outcome()
+    }
+
+    fn innovations(&self) -> &[Innovation] {
+        self.adapter.innovations()
+    }
+
+    fn weights(&self) -> &[f64] {
+        self.adapter.weights()
+    }
+
+    fn freeze(&mut self, frozen: bool) {
+        self.changed();
+        self.adapter.freeze(frozen);
+    }
+
+    fn inflate(&mut self, factor: f64) {
+        self.changed();
+        self.adapter.inflate(factor);
+    }
+
+    fn restart(&mut self) {
+        self.changed();
+        self.adapter.restart();
+    }
+
+    fn health(&self) -> Health {
+        self.adapter.health()
+    }
+
+    fn guard(&self) -> Option<&Guard> {
+        self.adapter.guard()
+    }
+
+    fn memory_len(&self) -> usize {
+        self.adapter.memory_len()
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        self.adapter.save(into);
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        self.changed();
+        self.adapter.load(from);
+    }
+
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        work: &mut Workspace,
+        deviations: &mut [f64],
+    ) {
+        self.adapter.deviations(commands, horizons, work, deviations);
+    }
+}

@@ -1,0 +1,171 @@
+//! The ring of segments in the file: begun, filled, and begun anew in turn.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Seek as _, SeekFrom, Write as _};
+use std::path::{Path, PathBuf};
+
+use super::BlackBoxError;
+use super::head::{Head, START};
+use super::read::BlackBox;
+use hydroid::atomic::{self, WriteError};
+use hydroid::fnv::Fnv;
+
+pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"SEGMENT\n");
+
+/// Numbers that are written at a time.
+const CHUNK: usize = 8192;
+
+/// The file, and the place in it.
+#[derive(Debug)]
+pub(super) struct Ring {
+    file: File,
+    path: PathBuf,
+    /// Bytes before the ring, of a segment, and of a segment before its steps.
+    start: usize,
+    segment_len: usize,
+    before_steps: usize,
+    segments: u64,
+    /// Of the segment that is being written.
+    sequence: u64,
+    /// Bytes of steps in it.
+    written: usize,
+    /// Whether what is written is to be on the disk, and not in the system's hands alone.
+    durable: bool,
+    chunk: Vec<u8>,
+}
+
+impl Ring {
+    /// A file of its own; what stands there is replaced if it is a box.
+    pub(super) fn create(path: &Path, head: &Head, durable: bool) -> Result<Self, BlackBoxError> {
+        if exists(path)? && !super::is_black_box(path) {
+            return Err(BlackBoxError::unusable(
+                path,
+                "it is there and no black box, and is not overwritten: name another file",
+            ));
+        }
+        let failed = |source| WriteError { path: path.to_owned(), source };
+        let bytes = head.encode().map_err(|e| failed(e.into()))?;
+        atomic::write(path, |out| out.write_all(&bytes))?;
+        Ok(Self::open(path, head, bytes.len(), durable).map_err(failed)?)
+    }
+
+    /// The same, or one that an earlier session has left: the next segment is the oldest of it.
+    pub(super) fn go_on(path: &Path, head: &Head, durable: bool) -> Result<Self, BlackBoxError> {
+        if !exists(path)? {
+            return Self::create(path, head, durable);
+        }
+        let earlier = BlackBox::read(path)?;
+        let wrong = |reason: String| BlackBoxError::unusable(path, reason);
+        earlier.head.fits(head).map_err(wrong)?;
+        let failed = |source| WriteError { path: path.to_owned(), source };
+        let mut ring = Self::open(path, head, earlier.start, durable).map_err(failed)?;
+        ring.sequence = earlier.last_sequence().unwrap_or(0);
+        Ok(ring)
+    }
+
+    fn open(path: &Path, head: &Head, start: usize, durable: bool) -> io::Result<Self> {
+        Ok(Self {
+            file: OpenOptions::new().write(true).open(path)?,
+            path: path.to_owned(),
+            start,
+            segment_len: head.segment_len(),
+            before_steps: 8 * (START + head.memory),
+            segments: head.segments as u64,
+            sequence: 0,
+            written: 0,
+            durable,
+            chunk: Vec::with_capacity(8 * CHUNK),
+        })
+    }
+
+    /// Of the segment that is being written.
+    pub(super) fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// Begins a segment in the place of the oldest; `steps` went before it. An attempt that fails leaves the ring as it was.
+    pub(super) fn begin(
+        &mut self,
+        sequence: u64,
+        steps: u64,
+        goes_on: bool,
+        memory: &[f64],
+    ) -> Result<(), WriteError> {
+        let mut fnv = Fnv::new();
+        fnv.numbers(memory);
+        let mut words = [MAGIC, sequence, steps, u64::from(goes_on), fnv.value(), 0];
+        words[START - 1] = start_sum(&words);
+        let place = self.place(sequence);
+        let mut attempt = || -> io::Result<()> {
+            self.file.seek(SeekFrom::Start(place + 8 * START as u64))?;
+            for part in memory.chunks(CHUNK) {
+                self.chunk.clear();
+                for x in part {
+                    self.chunk.extend_from_slice(&x.to_le_bytes());
+                }
+                self.file.write_all(&self.chunk)?;
+            }
+            self.chunk.clear();
+            for word in words {
+                self.chunk.extend_from_slice(&word.to_le_bytes());
+            }
+            self.file.seek(SeekFrom::Start(place))?;
+            self.file.write_all(&self.chunk)
+        };
+        attempt().map_err(|source| WriteError { path: self.path.clone(), source })?;
+        (self.sequence, self.written) = (sequence, 0);
+        Ok(())
+    }
+
+    /// Adds steps to the segment.
+    pub(super) fn add(&mut self, bytes: &[u8]) -> Result<(), WriteError> {
+        let place = self.place(self.sequence) + (self.before_steps + self.written) as u64;
+        let mut attempt = || -> io::Result<()> {
+            self.file.seek(SeekFrom::Start(place))?;
+            self.file.write_all(bytes)?;
+            if self.durable { self.file.sync_data() } else { Ok(()) }
+        };
+        attempt().map_err(|source| WriteError { path: self.path.clone(), source })?;
+        self.written += bytes.len();
+        Ok(())
+    }
+
+    fn place(&self, sequence: u64) -> u64 {
+        self.start as u64 + place_of(sequence, self.segments) * self.segment_len as u64
+    }
+}
+
+/// Where in the ring a segment stands: sequences count from 1.
+pub(super) fn place_of(sequence: u64, segments: u64) -> u64 {
+    sequence.wrapping_sub(1) % segments
+}
+
+/// The sum of a segment's start.
+pub(super) fn start_sum(words: &[u64; START]) -> u64 {
+    let mut fnv = Fnv::new();
+    for &word in &words[..START - 1] {
+        fnv.word(word);
+    }
+    fnv.value()
+}
+
+/// The sum of a step at a place of a segment.
+pub(super) fn step_sum(sequence: u64, place: u64, row: &[f64]) -> u64 {
+    let mut fnv = Fnv::new();
+    fnv.word(sequence);
+    fnv.word(place);
+    fnv.numbers(row);
+    fnv.value()
+}
+
+/// Whether there is a file; what is none cannot be one.
+fn exists(path: &Path) -> Result<bool, BlackBoxError> {
+    match std::fs::metadata(path) {
+        Ok(metadata) if metadata.is_file() => Ok(true),
+        Ok(_) => Err(BlackBoxError::unusable(path, "it is a folder or a device: name a file")),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => {
+            Err(BlackBoxError::unusable(path, format!("it cannot be read ({error}); name another file")))
+        }
+    }
+}

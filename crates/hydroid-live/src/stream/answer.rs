@@ -1,0 +1,152 @@
+//! An answer as one line of JSON.
+
+use std::io::Write as _;
+
+use hydroid_core::adapt::Outcome;
+
+use super::session::Session;
+use hydroid::adapt::{BAND_80, BAND_95};
+
+/// What became of a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Status {
+    /// Used: what the adapter made of it.
+    Used(Outcome),
+    /// Used, and a new run began with it.
+    Reset,
+    /// Not after the last one.
+    Late,
+    /// Between the places of the model.
+    Between,
+    /// Not read.
+    Error,
+}
+
+impl Status {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Used(Outcome::Waiting) => "waiting",
+            Self::Used(Outcome::Accepted) => "accepted",
+            Self::Used(Outcome::Inflated { .. }) => "inflated",
+            Self::Used(Outcome::Rejected(_)) => "rejected",
+            Self::Used(Outcome::RolledBack) => "rolled_back",
+            Self::Reset => "reset",
+            Self::Late => "late",
+            Self::Between => "between",
+            Self::Error => "error",
+        }
+    }
+}
+
+/// Writes answers into one buffer.
+#[derive(Clone, Debug)]
+pub(super) struct Writer {
+    line: Vec<u8>,
+    /// Names of the outputs as JSON, with colon.
+    keys: Vec<Vec<u8>>,
+}
+
+impl Writer {
+    pub(super) fn new<'a>(outputs: impl Iterator<Item = &'a str>) -> Self {
+        let key = |name: &str| {
+            let mut key = Vec::new();
+            text(&mut key, name);
+            key.push(b':');
+            key
+        };
+        Self { line: Vec::new(), keys: outputs.map(key).collect() }
+    }
+
+    /// Begins an answer.
+    pub(super) fn begin(&mut self, line: u64, t: Option<f64>, status: Status, note: &str) {
+        self.line.clear();
+        // Memory takes all that is written into it.
+        let _ = write!(self.line, "{{\"line\":{line},\"t\":");
+        number(&mut self.line, t.unwrap_or(f64::NAN));
+        let _ = write!(self.line, ",\"status\":\"{}\"", status.name());
+        if !note.is_empty() {
+            self.line.extend_from_slice(if status == Status::Error {
+                b",\"message\":"
+            } else {
+                b",\"note\":"
+            });
+            text(&mut self.line, note);
+        }
+    }
+
+    /// What was learned, and what is expected.
+    pub(super) fn session(&mut self, session: &Session) {
+        let line = &mut self.line;
+        let innovations = session.adapter().innovations();
+        if !innovations.is_empty() {
+            line.extend_from_slice(b",\"innovation\":");
+            list(line, innovations.iter().map(|i| i.value));
+            let nis: f64 = innovations.iter().map(|i| (i.value / i.deviation).powi(2)).sum();
+            if nis.is_finite() {
+                line.extend_from_slice(b",\"nis\":");
+                number(line, nis);
+            }
+        }
+        if let Some(guard) = session.adapter().guard() {
+            let _ = write!(line, ",\"predicted_by\":\"{}\"", guard.active().name());
+        }
+        line.extend_from_slice(b",\"estimate\":{");
+        for (i, (key, value)) in self.keys.iter().zip(session.estimate()).enumerate() {
+            entry(line, key, i == 0);
+            number(line, *value);
+        }
+        line.extend_from_slice(b"},\"prediction\":{\"horizons\":[");
+        for (i, horizon) in session.horizons().iter().enumerate() {
+            let _ = write!(line, "{}{horizon}", if i == 0 { "" } else { "," });
+        }
+        line.push(b']');
+        for (output, key) in self.keys.iter().enumerate() {
+            entry(line, key, false);
+            list(line, session.prediction(output));
+        }
+        for (name, width) in [("band_80", BAND_80), ("band_95", BAND_95)] {
+            let _ = write!(line, "}},\"{name}\":{{");
+            for (output, key) in self.keys.iter().enumerate() {
+                entry(line, key, output == 0);
+                list(line, session.deviations(output).map(|deviation| width * deviation));
+            }
+        }
+        line.push(b'}');
+    }
+
+    /// Ends an answer.
+    pub(super) fn end(&mut self, us: Option<f64>) -> &[u8] {
+        if let Some(us) = us {
+            let _ = write!(self.line, ",\"us\":{us:.1}");
+        }
+        self.line.extend_from_slice(b"}\n");
+        &self.line
+    }
+}
+
+fn entry(line: &mut Vec<u8>, key: &[u8], first: bool) {
+    if !first {
+        line.push(b',');
+    }
+    line.extend_from_slice(key);
+}
+
+/// Not finite is `null`; all others come back to the last bit.
+fn number(line: &mut Vec<u8>, x: f64) {
+    let _ = serde_json::to_writer(line, &x);
+}
+
+fn text(line: &mut Vec<u8>, text: &str) {
+    let _ = serde_json::to_writer(line, text);
+}
+
+fn list(line: &mut Vec<u8>, numbers: impl Iterator<Item = f64>) {
+    line.push(b'[');
+    for (i, x) in numbers.enumerate() {
+        if i > 0 {
+            line.push(b',');
+        }
+        number(line, x);
+    }
+    line.push(b']');
+}

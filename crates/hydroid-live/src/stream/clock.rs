@@ -1,0 +1,173 @@
+//! The places of samples on the grid of a model.
+
+use hydroid::log::LogError;
+
+/// Most places that are walked without a sample.
+const MOST_SKIPPED: f64 = 1e6;
+/// Share of a deviation from the grid by which the grid follows the samples, and of an interval in the mean.
+const FOLLOW: f64 = 1.0 / 16.0;
+/// Intervals below this share of the step are those of a stream that is faster than the model.
+const FASTER: f64 = 0.75;
+
+/// Where a sample belongs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Arrival {
+    /// The first of a session.
+    First,
+    /// So many steps after the one before.
+    Next(usize),
+    /// After a gap \[s\] longer than the limit: a new session begins with it.
+    Gap(f64),
+    /// Not after the present place, but so many seconds before it.
+    Late(f64),
+    /// Between two places, or a second one at the present place.
+    Between,
+}
+
+/// Places `dt` apart. The first sample is at one; from there on a sample within half a step of a place is
+/// taken as it, and the grid follows the samples slowly, so that it does not drift away from a clock that runs
+/// a little faster or slower.
+///
+/// Of a stream with several samples in a step, the one nearest to a place is to be taken, and not the first one
+/// that comes within half a step of it: there half of the mean interval of the stream is the limit before a place.
+#[derive(Clone, Debug)]
+pub(super) struct Clock {
+    dt: f64,
+    max_gap: f64,
+    /// Time of the present place, of the sample that was taken as it, and of the last line after that \[s\].
+    place: f64,
+    taken: f64,
+    seen: f64,
+    /// Mean interval of the lines, none longer than a step \[s\].
+    interval: f64,
+}
+
+impl Clock {
+    pub(super) fn new(dt: f64, max_gap: f64) -> Result<Self, LogError> {
+        let bad =
+            |reason: String| LogError::BadOption { what: "a gap limit", value: max_gap.to_string(), reason };
+        if !(max_gap > 0.0 && max_gap.is_finite()) {
+            return Err(bad("it must be a positive number of seconds".to_owned()));
+        }
+        if max_gap / dt > MOST_SKIPPED {
+            return Err(bad(format!("the model steps {dt} s: give a million steps at the most")));
+        }
+        Ok(Self { dt, max_gap, place: f64::NAN, taken: f64::NAN, seen: f64::NAN, interval: dt })
+    }
+
+    /// Whether there was no sample yet.
+    pub(super) fn is_new(&self) -> bool {
+        self.taken.is_nan()
+    }
+
+    /// Time of the sample that was taken last \[s\].
+    pub(super) fn taken(&self) -> f64 {
+        self.taken
+    }
+
+    /// Says where a sample belongs, and passes there if it is to be used.
+    pub(super) fn arrive(&mut self, t: f64) -> Arrival {
+        if self.is_new() {
+            self.begin(t);
+            return Arrival::First;
+        }
+        if t <= self.seen {
+            // Behind a line that was not used itself it is not late.
+            return if t > self.taken { Arrival::Between } else { Arrival::Late(self.taken - t) };
+        }
+        self.interval += FOLLOW * 2.0 * ((t - self.seen).min(self.dt) - self.interval);
+        self.seen = t;
+        let gap = t - self.taken;
+        if gap > self.max_gap * (1.0 + 1e-9) {
+            self.begin(t);
+            return Arrival::Gap(gap);
+        }
+        let steps = ((t - self.place) / self.dt).round();
+        let late = t - self.place - steps * self.dt;
+        let fast = self.interval < FASTER * self.dt;
+        // More steps than a gap has come from a state that is none.
+        if !(1.0..=MOST_SKIPPED + 1.0).contains(&steps) || fast && late < -0.5 * self.interval {
+            return Arrival::Between;
+        }
+        self.place += steps * self.dt;
+        self.place += FOLLOW * late;
+        self.taken = t;
+        // Below the limit above.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        Arrival::Next(steps as usize)
+    }
+
+    fn begin(&mut self, t: f64) {
+        (self.place, self.taken, self.seen) = (t, t, t);
+    }
+
+    /// What is kept of it in a state file.
+    pub(super) fn memory(&self) -> [f64; 4] {
+        [self.place, self.taken, self.seen, self.interval]
+    }
+
+    /// The other way. Nonsense gives a clock that takes nothing, or too much, and does not panic.
+    pub(super) fn recall(&mut self, memory: [f64; 4]) {
+        [self.place, self.taken, self.seen, self.interval] = memory;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clock() -> Clock {
+        Clock::new(0.1, 1.0).unwrap()
+    }
+
+    /// The arrivals of samples at these times.
+    fn arrivals(times: impl IntoIterator<Item = f64>) -> Vec<Arrival> {
+        let mut clock = clock();
+        times.into_iter().map(|t| clock.arrive(t)).collect()
+    }
+
+    #[test]
+    fn samples_near_a_place_are_at_it_and_places_may_be_left_out() {
+        use Arrival::{Between, First, Next};
+        let found = arrivals([5.0, 5.1, 5.24, 5.26, 5.5, 5.53]);
+        assert_eq!(found, [First, Next(1), Next(1), Next(1), Next(2), Between]);
+    }
+
+    #[test]
+    fn what_comes_too_late_is_late_and_a_long_gap_begins_anew() {
+        let found = arrivals([5.0, 5.1, 5.1, 5.05, 6.2]);
+        assert_eq!(found[..3], [Arrival::First, Arrival::Next(1), Arrival::Late(0.0)]);
+        assert!(matches!(found[3], Arrival::Late(by) if (by - 0.05).abs() < 1e-9), "{found:?}");
+        assert!(matches!(found[4], Arrival::Gap(by) if (by - 1.1).abs() < 1e-9), "{found:?}");
+        assert_eq!(arrivals([5.0, 6.0])[1], Arrival::Next(10), "as long as the limit");
+    }
+
+    #[test]
+    fn of_a_faster_stream_the_sample_nearest_to_the_place_is_taken() {
+        let mut clock = clock();
+        for k in 0..1000 {
+            let t = f64::from(k) * 0.01;
+            let taken = matches!(clock.arrive(t), Arrival::Next(_));
+            // Once the clock has found out how fast it is.
+            assert!(k < 30 || taken == (k % 10 == 0), "{k}");
+        }
+    }
+
+    #[test]
+    fn a_clock_that_runs_fast_or_slow_and_jitters_is_followed_sample_by_sample() {
+        for step in [0.099, 0.1, 0.101] {
+            let times = (0..5000).map(|k| {
+                let x = f64::from(k);
+                x * step + 0.02 * (x * 12.9898).sin()
+            });
+            assert!(arrivals(times).iter().skip(1).all(|a| *a == Arrival::Next(1)), "{step}");
+        }
+    }
+
+    #[test]
+    fn gap_limits_that_make_no_sense_are_refused() {
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
+            assert!(Clock::new(0.1, bad).is_err(), "{bad}");
+        }
+    }
+}

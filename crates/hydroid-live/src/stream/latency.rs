@@ -1,0 +1,67 @@
+//! How long answers took, over a session of any length in a fixed amount of memory.
+
+use hydroid::adapt::Times;
+
+/// Ratio of the bounds of a bin, and bins: from 0.1 us to 20 minutes.
+const RATIO: f64 = 1.02;
+const BINS: usize = 1200;
+const SHORTEST_US: f64 = 0.1;
+
+/// A histogram with bins of 2 %.
+#[derive(Clone, Debug)]
+pub(super) struct Latency {
+    bins: Vec<u64>,
+    longest_us: f64,
+}
+
+impl Latency {
+    pub(super) fn new() -> Self {
+        Self { bins: vec![0; BINS], longest_us: 0.0 }
+    }
+
+    pub(super) fn add(&mut self, us: f64) {
+        let bin = ((us / SHORTEST_US).ln() / RATIO.ln()).clamp(0.0, (BINS - 1) as f64);
+        // Between zero and the number of bins.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let bin = bin as usize;
+        self.bins[bin] += 1;
+        self.longest_us = self.longest_us.max(us);
+    }
+
+    /// To 2 %; the longest is exact. NaN without any.
+    pub(super) fn times(&self) -> Times {
+        let all: u64 = self.bins.iter().sum();
+        let at = |share: f64| {
+            let mut below = 0;
+            let bin = self.bins.iter().position(|count| {
+                below += count;
+                below as f64 >= share * all as f64
+            });
+            let bound = bin.map_or(f64::NAN, |bin| SHORTEST_US * RATIO.powf(bin as f64 + 1.0));
+            if all == 0 { f64::NAN } else { bound.min(self.longest_us) }
+        };
+        let max = if all == 0 { f64::NAN } else { self.longest_us };
+        Times { median: at(0.5), p99: at(0.99), max }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_right_to_two_percent() {
+        let mut latency = Latency::new();
+        assert!(latency.times().median.is_nan() && latency.times().max.is_nan());
+        for k in 1..=1000 {
+            latency.add(f64::from(k));
+        }
+        let times = latency.times();
+        assert!((times.median / 500.0 - 1.0).abs() < 0.021, "{times:?}");
+        assert!((times.p99 / 990.0 - 1.0).abs() < 0.021, "{times:?}");
+        assert_eq!(times.max, 1000.0);
+        latency.add(0.0);
+        latency.add(1e300);
+        assert_eq!(latency.times().max, 1e300);
+    }
+}

@@ -1,0 +1,134 @@
+//! Which columns of a stream are what: from its header, or from the keys of its first object.
+
+use hydroid::log::line::{Resolved, Source, Time, find, unknown};
+use hydroid::log::line::{delimiter, header_columns, name_the_nameless};
+use hydroid::log::{ChannelSpec, LogError, Note, RawColumn, RawLog, Table, Trajectory};
+use hydroid::model::{Model, Reading};
+
+use super::StreamError;
+
+/// How a line is written.
+#[derive(Clone, Debug)]
+pub(super) enum Format {
+    /// Cells between separators.
+    Csv {
+        /// The separator.
+        delimiter: u8,
+        /// Cells that a line must have: up to the last column with a name.
+        needed: usize,
+        /// Cells that it may have.
+        most: usize,
+    },
+    /// An object with the keys of these columns.
+    Json {
+        /// Keys as they are written, unit included.
+        keys: Vec<String>,
+    },
+}
+
+/// Where everything stands in a line.
+#[derive(Clone, Debug)]
+pub(super) struct Layout {
+    /// Where the stream comes from, for messages.
+    pub(super) name: String,
+    pub(super) format: Format,
+    /// Names of the columns, for messages.
+    pub(super) names: Vec<String>,
+    pub(super) columns: Resolved,
+}
+
+impl Layout {
+    /// From the first line of the stream that is not blank.
+    pub(super) fn new(
+        line: &str,
+        name: &str,
+        model: &Model,
+        reading: &Reading,
+        notes: &mut Vec<Note>,
+    ) -> Result<Self, StreamError> {
+        let line = line.strip_prefix('\u{feff}').unwrap_or(line);
+        let (format, log) = if line.trim_start().starts_with('{') {
+            object(line, name, reading, notes)?
+        } else {
+            csv(line, name)?
+        };
+        let selection = &reading.selection;
+        let columns = Resolved::new(&log, selection, reading.options.dt, notes)?;
+        let (outputs, inputs) = (columns.output_channels(), columns.input_channels());
+        // An empty run has the channels that the stream has, and the model says whether they are its own.
+        model.check(&[Trajectory {
+            name: name.to_owned(),
+            t0: 0.0,
+            // Of a stream with a clock it is the model that decides; another step that is said is a mistake.
+            dt: reading.options.dt.unwrap_or(model.description.dt),
+            outputs: Table::new(outputs, Vec::new()),
+            inputs: Table::new(inputs, Vec::new()),
+            truth: None,
+        }])?;
+        let names = log.columns.into_iter().map(|column| column.name).collect();
+        Ok(Self { name: name.to_owned(), format, names, columns })
+    }
+
+    /// Whether nobody says in which unit the time counts.
+    pub(super) fn time_is_unstated(&self) -> bool {
+        matches!(&self.columns.time, Time::Column { stated: false, .. })
+    }
+
+    /// The inputs as they stand in a line: those with a column of their own, then speed and direction of the
+    /// wind.
+    pub(super) fn commands(&self) -> &[Source] {
+        &self.columns.inputs
+    }
+}
+
+fn csv(line: &str, name: &str) -> Result<(Format, RawLog), LogError> {
+    let delimiter = delimiter(line.as_bytes());
+    let cells: Vec<String> =
+        super::line::cells(line, delimiter).iter().map(|cell| cell.trim().to_owned()).collect();
+    let mut columns = header_columns(&cells, name)?;
+    name_the_nameless(&mut columns);
+    let needed = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |p| p + 1);
+    let format = Format::Csv { delimiter, needed, most: cells.len() };
+    Ok((format, RawLog { path: name.to_owned(), columns, lines: Vec::new() }))
+}
+
+/// The keys of the first object are the columns. An output that it leaves out may come later; that it has none of
+/// them, or not all commands, is a mistake: nothing could be predicted.
+fn object(
+    line: &str,
+    name: &str,
+    reading: &Reading,
+    notes: &mut Vec<Note>,
+) -> Result<(Format, RawLog), LogError> {
+    let mut keys = super::line::keys(line, name)?;
+    let mut columns = header_columns(&keys, name)?;
+    name_the_nameless(&mut columns);
+    let mut log = RawLog { path: name.to_owned(), columns, lines: Vec::new() };
+    let selection = &reading.selection;
+    let wind = selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]);
+    let outputs: Vec<&ChannelSpec> = selection.outputs.iter().collect();
+    let commands: Vec<&ChannelSpec> = selection.inputs.iter().chain(wind).collect();
+    for (specs, least) in [(outputs, 1), (commands.clone(), commands.len())] {
+        let absent: Vec<&ChannelSpec> =
+            specs.iter().copied().filter(|spec| find(&log, &spec.column).is_none()).collect();
+        if let Some(first) = absent.first().filter(|_| specs.len() < absent.len() + least) {
+            return Err(unknown(&log, &first.column));
+        }
+        for spec in absent {
+            notes.push(Note::warning(format!(
+                "{name}: the first line has no `{}`: it is missing until a line has it",
+                spec.column
+            )));
+            keys.push(spec.column.clone());
+            log.columns.push(RawColumn {
+                name: spec.column.clone(),
+                unit: None,
+                values: Vec::new(),
+                bad: None,
+                bad_cells: 0,
+                stamps: None,
+            });
+        }
+    }
+    Ok((Format::Json { keys }, log))
+}

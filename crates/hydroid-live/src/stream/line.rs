@@ -1,0 +1,257 @@
+//! A line of a stream as numbers in SI units. Lines come from outside: whatever they hold, reading them gives
+//! numbers or says what is wrong, and never panics.
+
+use std::borrow::Cow;
+
+use serde_json::{Map, Value};
+
+use super::layout::{Format, Layout};
+use hydroid::log::LogError;
+use hydroid::log::line::check_value;
+use hydroid::log::line::{Cell, number};
+use hydroid::log::line::{Source, Time};
+
+/// Largest plausible time \[s\]: seconds since 1970 are 1.7e9, milliseconds are 1.7e12.
+const LONGEST_TIME_S: f64 = 1e12;
+
+/// The key of planned commands.
+const PLAN: &str = "commands";
+
+/// What a line says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Sample {
+    /// Time \[s\].
+    pub(super) t: f64,
+    /// Outputs; NaN is missing.
+    pub(super) outputs: Vec<f64>,
+    /// Inputs, wind last; NaN is missing.
+    pub(super) inputs: Vec<f64>,
+    /// Planned commands, row by row like `inputs`; NaN where the last command holds.
+    pub(super) plan: Vec<f64>,
+}
+
+/// What stands at one place of a line.
+enum Item<'a> {
+    Text(Cow<'a, str>),
+    Number(f64),
+    Missing,
+}
+
+/// Where a value stands, for messages.
+struct Place<'a> {
+    layout: &'a Layout,
+    line: u64,
+}
+
+impl Layout {
+    /// Reads line number `line`, which is row number `row` of the samples.
+    pub(super) fn read(&self, text: &str, line: u64, row: u64, sample: &mut Sample) -> Result<(), LogError> {
+        let place = Place { layout: self, line };
+        sample.plan.clear();
+        match &self.format {
+            Format::Csv { delimiter, needed, most } => {
+                let cells = cells(text, *delimiter);
+                let extra = cells.iter().skip(*most).any(|cell| !cell.trim().is_empty());
+                if cells.len() < *needed || extra {
+                    let (path, found) = (self.name.clone(), cells.len());
+                    return Err(LogError::Ragged { path, line, found, expected: *needed });
+                }
+                let comma = *delimiter != b',';
+                let item = |column: usize| match cells.get(column) {
+                    Some(cell) => Ok(Item::Text(Cow::Borrowed(cell.trim()))),
+                    None => Ok(Item::Missing),
+                };
+                place.fill(item, comma, row, sample)
+            }
+            Format::Json { keys } => {
+                let object = place.object(text)?;
+                let item = |column: usize| place.item(object.get(&keys[column]), &self.names[column]);
+                place.fill(item, false, row, sample)?;
+                // A column of that name is a column.
+                match object.get(PLAN).filter(|_| !keys.iter().any(|key| key == PLAN)) {
+                    Some(plan) => place.plan(plan, &mut sample.plan),
+                    None => Ok(()),
+                }
+            }
+        }
+    }
+}
+
+impl Place<'_> {
+    fn bad(&self, reason: String) -> LogError {
+        LogError::BadLine { path: self.layout.name.clone(), line: self.line, reason }
+    }
+
+    fn object(&self, text: &str) -> Result<Map<String, Value>, LogError> {
+        serde_json::from_str(text).map_err(|error| {
+            self.bad(format!("no JSON object ({error}); write one object in each line, as in the first one"))
+        })
+    }
+
+    fn item<'a>(&self, value: Option<&'a Value>, column: &str) -> Result<Item<'a>, LogError> {
+        match value {
+            None | Some(Value::Null) => Ok(Item::Missing),
+            // Numbers that no double can hold come out infinite, or not at all.
+            Some(Value::Number(x)) => Ok(Item::Number(x.as_f64().unwrap_or(f64::INFINITY))),
+            Some(Value::String(text)) => Ok(Item::Text(Cow::Borrowed(text.trim()))),
+            Some(Value::Bool(_) | Value::Array(_) | Value::Object(_)) => Err(self.bad(format!(
+                "column `{column}`: neither a number nor null; write null if nothing was measured"
+            ))),
+        }
+    }
+
+    fn fill<'a>(
+        &self,
+        item: impl Fn(usize) -> Result<Item<'a>, LogError>,
+        comma: bool,
+        row: u64,
+        sample: &mut Sample,
+    ) -> Result<(), LogError> {
+        let columns = &self.layout.columns;
+        sample.t = match &columns.time {
+            Time::Even(dt) => row as f64 * dt,
+            Time::Column { source, .. } => self.time(&item(source.column)?, source, comma)?,
+        };
+        sample.outputs.clear();
+        for source in &columns.outputs {
+            let value = self.value(&item(source.column)?, source, comma)?;
+            check_value(&source.channel, value, &self.layout.name, self.line)?;
+            sample.outputs.push(value);
+        }
+        sample.inputs.clear();
+        for source in &columns.inputs {
+            sample.inputs.push(self.value(&item(source.column)?, source, comma)?);
+        }
+        if let Some([speed, direction]) = &columns.wind {
+            let square = self.value(&item(speed.column)?, speed, comma)?.powi(2);
+            let angle = self.value(&item(direction.column)?, direction, comma)?;
+            if direction.channel.unit.is_empty() && angle.abs() > std::f64::consts::TAU + 0.01 {
+                let name = &self.layout.names[direction.column];
+                return Err(self.bad(format!(
+                    "column `{name}`: a wind direction of {angle} without a unit is more than a turn in radians: if it counts degrees, write `{name} [deg]` in the header or in --wind"
+                )));
+            }
+            sample.inputs.extend([square * angle.cos(), square * angle.sin()]);
+        }
+        Ok(())
+    }
+
+    fn time(&self, item: &Item<'_>, source: &Source, comma: bool) -> Result<f64, LogError> {
+        let column = &self.layout.names[source.column];
+        let t = match item {
+            Item::Number(t) => t * source.factor,
+            Item::Missing => f64::NAN,
+            Item::Text(text) => match number(text, comma) {
+                // Seconds since 1970 resolve a quarter of a microsecond.
+                Cell::Stamp(stamp) => (stamp.seconds * 1e6).round() / 1e6,
+                Cell::Number(t) => t * source.factor,
+                Cell::Missing => f64::NAN,
+                Cell::Bad { infinite } => return Err(self.not_a_number(column, text, infinite)),
+            },
+        };
+        if t.is_nan() {
+            return Err(self.bad(format!(
+                "column `{column}`: the time is missing; every line needs the time at which it was measured"
+            )));
+        }
+        if t.abs() > LONGEST_TIME_S {
+            return Err(LogError::AbsurdTime { path: self.layout.name.clone(), line: self.line, time: t });
+        }
+        Ok(t)
+    }
+
+    fn value(&self, item: &Item<'_>, source: &Source, comma: bool) -> Result<f64, LogError> {
+        let column = &self.layout.names[source.column];
+        let value = match item {
+            Item::Missing => return Ok(f64::NAN),
+            Item::Number(x) => *x,
+            Item::Text(text) => match number(text, comma) {
+                Cell::Number(x) => x,
+                Cell::Missing => return Ok(f64::NAN),
+                Cell::Bad { infinite } => return Err(self.not_a_number(column, text, infinite)),
+                Cell::Stamp(_) => return Err(self.not_a_number(column, text, false)),
+            },
+        };
+        let value = value * source.factor;
+        if value.is_finite() { Ok(value) } else { Err(self.not_a_number(column, "a number too large", true)) }
+    }
+
+    fn not_a_number(&self, column: &str, text: &str, infinite: bool) -> LogError {
+        let (path, line, column) = (self.layout.name.clone(), self.line, column.to_owned());
+        let text: String = text.chars().take(40).collect();
+        if infinite {
+            return LogError::Infinite { path, line, column, text };
+        }
+        let remedy = "correct it, or leave the cell blank (null in JSON) if nothing was measured";
+        LogError::TextInNumbers { path, line, column, text, remedy }
+    }
+
+    /// Rows of the commands that have columns; the wind is not planned.
+    fn plan(&self, plan: &Value, into: &mut Vec<f64>) -> Result<(), LogError> {
+        let sources = self.layout.commands();
+        let width = sources.len();
+        let wrong = || {
+            let names: Vec<&str> = sources.iter().map(|source| source.channel.name.as_str()).collect();
+            self.bad(format!(
+                "column `{PLAN}`: planned commands are rows of {width} finite numbers ({}), as in [[{}]]",
+                names.join(", "),
+                vec!["0"; width].join(",")
+            ))
+        };
+        if plan.is_null() {
+            return Ok(());
+        }
+        for row in plan.as_array().ok_or_else(wrong)? {
+            let row = row.as_array().filter(|row| row.len() == width).ok_or_else(wrong)?;
+            for (value, source) in row.iter().zip(sources) {
+                let value = match value {
+                    Value::Null => f64::NAN,
+                    value => value
+                        .as_f64()
+                        .map(|x| x * source.factor)
+                        .filter(|x| x.is_finite())
+                        .ok_or_else(wrong)?,
+                };
+                into.push(value);
+            }
+            if self.layout.columns.wind.is_some() {
+                into.extend([f64::NAN; 2]);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The cells of a line. Each line stands for itself: a quoted cell ends with it.
+pub(super) fn cells(line: &str, delimiter: u8) -> Vec<Cow<'_, str>> {
+    if !line.contains('"') {
+        return line.split(char::from(delimiter)).map(Cow::Borrowed).collect();
+    }
+    let mut reader = csv::ReaderBuilder::new()
+        .delimiter(delimiter)
+        .has_headers(false)
+        .flexible(true)
+        .from_reader(line.as_bytes());
+    let mut record = csv::StringRecord::new();
+    // Text in memory is readable, and UTF-8.
+    match reader.read_record(&mut record) {
+        Ok(true) => record.iter().map(|cell| Cow::Owned(cell.to_owned())).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// The keys of the first object, without that of planned commands.
+pub(super) fn keys(line: &str, name: &str) -> Result<Vec<String>, LogError> {
+    let object: Map<String, Value> = serde_json::from_str(line).map_err(|error| LogError::BadLine {
+        path: name.to_owned(),
+        line: 1,
+        reason: format!(
+            "it begins like a JSON object and is none ({error}); write one object in each line, or a CSV header first"
+        ),
+    })?;
+    Ok(object
+        .into_iter()
+        .filter(|(key, value)| key != PLAN || !value.is_array())
+        .map(|(key, _)| key)
+        .collect())
+}

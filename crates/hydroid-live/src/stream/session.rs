@@ -1,0 +1,171 @@
+//! An adapter on its walk along a stream: what was expected of a sample, what came, and what is expected next.
+
+use hydroid_core::adapt::Adapter;
+use hydroid_core::predict::{Predictor as _, Workspace};
+
+use super::commands::Commands;
+use super::line::Sample;
+use crate::black_box::{BlackBoxError, Recorded, Recorder};
+use hydroid::adapt::{BAND_80, BAND_95};
+use hydroid::log::Note;
+
+/// The walk. After the first sample nothing in it allocates.
+pub(super) struct Session {
+    adapter: Recorded<'static>,
+    dt: f64,
+    horizons: Vec<usize>,
+    missing: Vec<f64>,
+    /// Of the sample that comes next: value and standard deviation.
+    expected: Vec<f64>,
+    expected_deviations: Vec<f64>,
+    estimate: Vec<f64>,
+    commands: Vec<f64>,
+    /// The command that acts from here on.
+    held: Vec<f64>,
+    rollout: Vec<f64>,
+    deviations: Vec<f64>,
+    work: Workspace,
+    /// Measurements with a band of one step, and those inside the band of 80 % and of 95 %.
+    banded: [usize; 3],
+}
+
+/// What happened on the way to a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Walked {
+    /// A command was missing and the one before was held.
+    pub(super) held: bool,
+    /// The command of an interval was not known: the session began anew behind it.
+    pub(super) lost: bool,
+}
+
+impl Session {
+    /// Horizons ascend, and none is 0.
+    pub(super) fn new(adapter: Box<dyn Adapter>, horizons: Vec<usize>, dt: f64) -> Self {
+        let (n, m) = (adapter.outputs(), adapter.inputs());
+        let last = horizons.last().copied().unwrap_or(0);
+        Self {
+            missing: vec![f64::NAN; n],
+            expected: vec![f64::NAN; n],
+            expected_deviations: vec![f64::NAN; n],
+            estimate: vec![f64::NAN; n],
+            commands: vec![f64::NAN; last * m],
+            held: vec![f64::NAN; m],
+            rollout: vec![f64::NAN; last * n],
+            deviations: vec![f64::NAN; horizons.len() * n],
+            work: Workspace::new(),
+            banded: [0; 3],
+            adapter: Recorded::new(adapter, None),
+            dt,
+            horizons,
+        }
+    }
+
+    /// Notes the walk from here on.
+    pub(super) fn record(&mut self, recorder: Recorder) {
+        self.adapter.record(recorder);
+    }
+
+    /// The answer was sent: what is noted may be written. Says what cannot be.
+    pub(super) fn settle(&mut self, commands: &Commands) -> Option<Note> {
+        commands.ahead(&[], &mut self.held);
+        self.adapter.settle(&self.held)
+    }
+
+    /// Writes what is noted, at the end.
+    pub(super) fn finish(&mut self) -> Result<(), BlackBoxError> {
+        self.adapter.finish()
+    }
+
+    pub(super) fn adapter(&self) -> &dyn Adapter {
+        &self.adapter
+    }
+
+    pub(super) fn adapter_mut(&mut self) -> &mut dyn Adapter {
+        &mut self.adapter
+    }
+
+    pub(super) fn horizons(&self) -> &[usize] {
+        &self.horizons
+    }
+
+    /// Begins a run with a sample.
+    pub(super) fn begin(&mut self, commands: &mut Commands, sample: &Sample) -> Walked {
+        self.adapter.to(sample.t, 0, self.dt);
+        self.adapter.reset();
+        commands.restart();
+        let held = commands.begin(&sample.inputs);
+        self.adapter.observe(&sample.outputs);
+        self.predict(commands, sample);
+        Walked { held, lost: false }
+    }
+
+    /// Walks on to a sample, over places that have none.
+    pub(super) fn walk(&mut self, steps: usize, commands: &mut Commands, sample: &Sample) -> Walked {
+        self.adapter.to(sample.t, steps.saturating_sub(1), self.dt);
+        let Self { adapter, missing, expected, expected_deviations, work, .. } = self;
+        let mut lost = false;
+        let held = commands.walk(steps, &sample.inputs, |step, command| {
+            if command.iter().any(|c| c.is_nan()) {
+                adapter.reset();
+                expected.fill(f64::NAN);
+                lost = true;
+                return;
+            }
+            let last = step + 1 == steps;
+            if last {
+                adapter.deviations(command, &[1], work, expected_deviations);
+            }
+            adapter.advance(command);
+            if last {
+                adapter.output(expected);
+            } else {
+                adapter.observe(missing);
+            }
+        });
+        self.adapter.to(sample.t, 0, self.dt);
+        self.adapter.observe(&sample.outputs);
+        self.compare(sample);
+        self.predict(commands, sample);
+        Walked { held, lost }
+    }
+
+    fn compare(&mut self, sample: &Sample) {
+        let expected = self.expected.iter().zip(&self.expected_deviations);
+        for (y, (expected, deviation)) in sample.outputs.iter().zip(expected) {
+            let miss = ((y - expected) / deviation).abs();
+            if miss.is_finite() {
+                self.banded[0] += 1;
+                self.banded[1] += usize::from(miss <= BAND_80);
+                self.banded[2] += usize::from(miss <= BAND_95);
+            }
+        }
+    }
+
+    fn predict(&mut self, commands: &Commands, sample: &Sample) {
+        self.adapter.output(&mut self.estimate);
+        commands.ahead(&sample.plan, &mut self.commands);
+        self.adapter.rollout(&self.commands, &mut self.work, &mut self.rollout);
+        self.adapter.deviations(&self.commands, &self.horizons, &mut self.work, &mut self.deviations);
+    }
+
+    /// The outputs as they are estimated now.
+    pub(super) fn estimate(&self) -> &[f64] {
+        &self.estimate
+    }
+
+    /// An output at all horizons.
+    pub(super) fn prediction(&self, output: usize) -> impl Iterator<Item = f64> {
+        let n = self.missing.len();
+        self.horizons.iter().map(move |h| self.rollout[(h - 1) * n + output])
+    }
+
+    /// Its standard deviations at all horizons.
+    pub(super) fn deviations(&self, output: usize) -> impl Iterator<Item = f64> {
+        self.deviations.chunks_exact(self.missing.len()).map(move |row| row[output])
+    }
+
+    /// Measurements that had a band of one step, and how many were inside that of 80 % and of 95 %.
+    pub(super) fn banded(&self) -> [usize; 3] {
+        self.banded
+    }
+}

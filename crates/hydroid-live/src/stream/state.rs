@@ -1,0 +1,249 @@
+//! The state of a stream as a file, so that a service that is killed goes on as if it had not been.
+//!
+//! One safetensors file, written whole or not at all, with three tensors in double precision: `memory` (of the
+//! adapter), `clock`, and `commands`; in its metadata under `hydroid_stream` a JSON [`Head`].
+
+use std::collections::HashMap;
+use std::io;
+use std::path::Path;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::StreamError;
+use hydroid::atomic;
+use hydroid::fnv::Fnv;
+
+const KEY: &str = "hydroid_stream";
+const VERSION: u32 = 1;
+const HYDROID: &str = env!("CARGO_PKG_VERSION");
+/// Larger files are none of these.
+const LARGEST: u64 = 1 << 32;
+/// Numbers of a clock.
+const CLOCK: usize = 4;
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Head {
+    version: u32,
+    /// Version of hydroid: another one may learn otherwise.
+    hydroid: String,
+    /// Fingerprint of the model's file.
+    model: String,
+    settings: Value,
+    /// Fingerprint of the numbers.
+    sum: String,
+}
+
+/// All that a stream goes on from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Fingerprint of the model's file.
+    pub(super) model: String,
+    /// How to learn, and how to read.
+    pub(super) settings: Value,
+    pub(super) clock: [f64; CLOCK],
+    pub(super) commands: Vec<f64>,
+    pub(super) memory: Vec<f64>,
+}
+
+fn sum(clock: &[f64], commands: &[f64], memory: &[f64]) -> String {
+    let mut fnv = Fnv::new();
+    for part in [clock, commands, memory] {
+        fnv.word(part.len() as u64);
+        for &x in part {
+            fnv.number(x);
+        }
+    }
+    fnv.hex()
+}
+
+impl State {
+    /// As the bytes of a file.
+    ///
+    /// # Errors
+    /// If there is more than a file can hold.
+    pub fn encode(&self) -> io::Result<Vec<u8>> {
+        let head = Head {
+            version: VERSION,
+            hydroid: HYDROID.to_owned(),
+            model: self.model.clone(),
+            settings: self.settings.clone(),
+            sum: sum(&self.clock, &self.commands, &self.memory),
+        };
+        let bytes = |numbers: &[f64]| numbers.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
+        let tensors = [
+            ("clock", bytes(&self.clock)),
+            ("commands", bytes(&self.commands)),
+            ("memory", bytes(&self.memory)),
+        ];
+        let views = tensors
+            .iter()
+            .map(|(name, bytes)| Ok((*name, TensorView::new(Dtype::F64, vec![bytes.len() / 8], bytes)?)))
+            .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
+            .map_err(io::Error::other)?;
+        let metadata = HashMap::from([(KEY.to_owned(), serde_json::to_string(&head)?)]);
+        safetensors::serialize(views, Some(metadata)).map_err(io::Error::other)
+    }
+
+    /// From the bytes of a file; says what is wrong with them.
+    ///
+    /// # Errors
+    /// If they are no state, or were cut short or changed.
+    pub fn decode(bytes: &[u8]) -> Result<Self, String> {
+        let damaged = |reason: String| {
+            format!("it is damaged, or no state of a stream ({reason}); remove it to start anew")
+        };
+        let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| damaged(e.to_string()))?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(|e| damaged(e.to_string()))?;
+        let json = metadata.metadata().as_ref().and_then(|metadata| metadata.get(KEY));
+        let json = json.ok_or_else(|| damaged(format!("no `{KEY}` in it")))?;
+        // The version first: another one has other fields.
+        let value: Value = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
+        let version = value["version"].as_u64();
+        if let Some(version) = version.filter(|version| *version != u64::from(VERSION)) {
+            return Err(format!(
+                "it is a state of format {version}, and this program reads format {VERSION}; remove it to start anew"
+            ));
+        }
+        let head: Head = serde_json::from_value(value).map_err(|e| damaged(e.to_string()))?;
+        let numbers = |name: &str| -> Result<Vec<f64>, String> {
+            let tensor = tensors.tensor(name).map_err(|e| damaged(e.to_string()))?;
+            if tensor.dtype() != Dtype::F64 || tensor.shape().len() != 1 {
+                return Err(damaged(format!("`{name}` is no row of numbers")));
+            }
+            let (numbers, _) = tensor.data().as_chunks::<8>();
+            Ok(numbers.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
+        };
+        let (clock, commands, memory) = (numbers("clock")?, numbers("commands")?, numbers("memory")?);
+        if sum(&clock, &commands, &memory) != head.sum {
+            return Err(damaged("its numbers are not those that were written".to_owned()));
+        }
+        let clock = clock.try_into().map_err(|_| damaged("a clock of another kind".to_owned()))?;
+        if head.hydroid != HYDROID {
+            return Err(format!(
+                "hydroid {} wrote it, and this is {HYDROID}, which may learn otherwise; remove it to start anew",
+                head.hydroid
+            ));
+        }
+        Ok(Self { model: head.model, settings: head.settings, clock, commands, memory })
+    }
+
+    /// Whether a stream of this model with these settings can go on from it.
+    pub(super) fn fits(&self, model: &str, settings: &Value) -> Result<(), String> {
+        if self.model != model {
+            return Err(
+                "it is of another model; give the model that it was written with, or name another file"
+                    .to_owned(),
+            );
+        }
+        let mut others = Vec::new();
+        differences("", &self.settings, settings, &mut others);
+        if others.is_empty() {
+            return Ok(());
+        }
+        Err(format!("it is of other settings ({}); give those, or name another file", others.join("; ")))
+    }
+
+    /// Reads a file; nothing where there is none.
+    pub(super) fn read(path: &Path) -> Result<Option<Self>, StreamError> {
+        let wrong = |reason: String| StreamError::State { path: path.to_owned(), reason };
+        match std::fs::metadata(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(wrong(format!("it cannot be read ({error}); name another file"))),
+            Ok(metadata) if !metadata.is_file() => {
+                return Err(wrong("it is a folder or a device: name a file".to_owned()));
+            }
+            Ok(metadata) if metadata.len() > LARGEST => {
+                return Err(wrong("it is too large for a state: name another file".to_owned()));
+            }
+            Ok(_) => {}
+        }
+        let bytes =
+            std::fs::read(path).map_err(|e| wrong(format!("it cannot be read ({e}); name another file")))?;
+        Self::decode(&bytes).map(Some).map_err(wrong)
+    }
+
+    /// Writes it.
+    pub(super) fn write(&self, path: &Path) -> Result<(), StreamError> {
+        let bytes = self.encode().map_err(|source| atomic::WriteError { path: path.to_owned(), source })?;
+        Ok(atomic::write(path, |out| out.write_all(&bytes))?)
+    }
+}
+
+/// Names what differs, leaf by leaf.
+pub(crate) fn differences(name: &str, saved: &Value, asked: &Value, into: &mut Vec<String>) {
+    match (saved, asked) {
+        (Value::Object(a), Value::Object(b)) => {
+            let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+            for key in keys {
+                let name = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
+                differences(&name, &saved[key], &asked[key], into);
+            }
+        }
+        _ if saved != asked => into.push(format!("{name}: {saved} there, {asked} here")),
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn state() -> State {
+        State {
+            model: "m".to_owned(),
+            settings: serde_json::json!({ "learning": { "prior_s": 10.0 }, "gap": null }),
+            clock: [1.0, 2.0, f64::INFINITY, 4.0],
+            commands: vec![-0.0, 1e-300],
+            memory: (0..50).map(|k| f64::from(k).sqrt()).collect(),
+        }
+    }
+
+    #[test]
+    fn a_state_comes_back_and_says_what_differs() {
+        let state = state();
+        let back = State::decode(&state.encode().unwrap()).unwrap();
+        assert_eq!(back, state);
+        assert_eq!(back.encode().unwrap(), state.encode().unwrap());
+        assert!(back.fits("m", &state.settings).is_ok());
+        assert!(back.fits("n", &state.settings).unwrap_err().contains("another model"));
+        let other = serde_json::json!({ "learning": { "prior_s": 5.0 }, "gap": null });
+        let reason = back.fits("m", &other).unwrap_err();
+        assert!(reason.contains("learning.prior_s: 10.0 there, 5.0 here"), "{reason}");
+    }
+
+    #[test]
+    fn another_format_is_named() {
+        let bytes = state().encode().unwrap();
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        let at = text.find("version\\\":1").unwrap() + "version\\\":".len();
+        let mut changed = bytes.clone();
+        changed[at] = b'7';
+        assert!(State::decode(&changed).unwrap_err().contains("format 7"));
+    }
+
+    proptest! {
+        #[test]
+        fn a_file_that_was_cut_or_changed_is_refused(cut in 0_usize..2000, at in 0_usize..2000, to in any::<u8>()) {
+            let bytes = state().encode().unwrap();
+            prop_assert!(State::decode(&bytes[..cut.min(bytes.len() - 1)]).is_err());
+            let mut changed = bytes.clone();
+            let at = at % changed.len();
+            changed[at] = to;
+            // Either it is refused, or what was changed said nothing.
+            if let Ok(back) = State::decode(&changed) {
+                prop_assert_eq!(back.memory, state().memory);
+                prop_assert_eq!(back.clock, state().clock);
+            }
+        }
+
+        #[test]
+        fn bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            prop_assert!(State::decode(&bytes).is_err());
+        }
+    }
+}

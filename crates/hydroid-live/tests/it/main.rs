@@ -1,0 +1,5 @@
+//! Integration tests of the live stream and the black box.
+
+mod black_box;
+mod boat;
+mod stream;

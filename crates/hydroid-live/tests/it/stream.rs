@@ -1,0 +1,320 @@
+//! A live stream: whatever is sent, each line is answered by one line of JSON, and nothing is lost by it.
+
+use crate::boat::model;
+use hydroid::adapt::{self, adapter};
+use hydroid::log::{ChannelSpec, CommandTiming, Wind};
+use hydroid::model::Reading;
+use hydroid_live::stream::{Line, Options, State, Stream, StreamError};
+use proptest::prelude::*;
+use serde_json::Value;
+
+fn stream_reading(reading: Reading) -> Result<Stream, StreamError> {
+    let model = model();
+    let (adapter, _) = adapter(&model, &adapt::Options::default(), &[]).unwrap();
+    let options = Options { name: "test".to_owned(), reading, horizons: vec![1, 5], timing: false };
+    Stream::new(&model, adapter, options)
+}
+
+fn stream() -> Stream {
+    stream_reading(model().description.reading).unwrap()
+}
+
+/// The answer to a line, if there is one.
+fn ask(stream: &mut Stream, line: &str) -> Option<Value> {
+    let mut out = Vec::new();
+    stream.serve(Line::Whole(line.as_bytes()), &mut out).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert!(text.matches('\n').count() <= 1, "{text}");
+    (!text.is_empty()).then(|| serde_json::from_str(&text).unwrap())
+}
+
+/// Status and note, or message.
+fn told(answer: Option<&Value>) -> (&str, &str) {
+    let answer = answer.unwrap();
+    let note = answer["note"].as_str().or(answer["message"].as_str());
+    (answer["status"].as_str().unwrap(), note.unwrap_or(""))
+}
+
+#[test]
+fn every_kind_of_line_has_its_answer() {
+    let mut stream = stream();
+    assert!(ask(&mut stream, "\u{feff}t [s],u [m/s],r [deg/s],n,delta [deg]").is_none());
+    assert!(ask(&mut stream, "  ").is_none());
+    let first = ask(&mut stream, "0,1.0,5.0,1.0,10").unwrap();
+    assert_eq!(first["status"], "waiting");
+    assert_eq!(first["line"], 3);
+    assert!((first["estimate"]["r"].as_f64().unwrap() - 5.0_f64.to_radians()).abs() < 1e-15);
+    assert_eq!(first["prediction"]["horizons"], serde_json::json!([1, 5]));
+    assert!(first["band_80"]["u"][0].is_null() && first["band_95"]["r"][1].is_null());
+    for (line, status, words) in [
+        ("0.1,1.1,5,1,10", "waiting", ""),
+        ("0.12,1.1,5,1,10", "between", ""),
+        ("0.1,1.1,5,1,10", "late", "0.000 s before the last sample"),
+        ("0.2,,5,,10", "waiting", "a missing command holds the last one"),
+        ("0.3,1.1,five,1,10", "error", "test, line 8, column `r`: `five` is not a number"),
+        ("0.3,1.1,5,1", "error", "4 cells where the header names 5 columns"),
+        (",1.1,5,1,10", "error", "column `t`: the time is missing"),
+        ("0.3,1e300,5,1,10", "error", "more than any vessel does"),
+        ("0.3,inf,5,1,10", "error", "is infinite"),
+        ("0.5,1.1,5,1,10", "waiting", "2 places without a sample were predicted"),
+        ("1.6,1.1,5,1,10", "reset", "no sample for 1.100 s"),
+        ("1.7,\"1.1\",5,1,10", "waiting", ""),
+    ] {
+        let answer = ask(&mut stream, line);
+        let (found, note) = told(answer.as_ref());
+        assert!(found == status && note.contains(words), "{line}: {answer:?}");
+    }
+    let mut out = Vec::new();
+    stream.serve(Line::TooLong, &mut out).unwrap();
+    stream.serve(Line::Whole(b"1.8,\xff"), &mut out).unwrap();
+    let out = String::from_utf8(out).unwrap();
+    assert!(out.contains("is an end of line missing?") && out.contains("UTF-8"), "{out}");
+    let lines = stream.summary().lines;
+    assert_eq!((lines.waiting, lines.error, lines.late, lines.between, lines.reset), (5, 7, 1, 1, 1));
+}
+
+#[test]
+fn objects_and_cells_are_answered_alike() {
+    let mut cells = stream();
+    let mut objects = stream();
+    assert!(ask(&mut cells, "t,u,r,n,delta").is_none());
+    let mut learned = 0;
+    for k in 0..600 {
+        let x = f64::from(k);
+        let (t, u, r) = (0.1 * x, 1.0 + 0.3 * (0.2 * x).sin(), 0.2 * (0.13 * x).cos());
+        let (n, delta) = (1.0 + (0.05 * x).sin(), 0.3 * (0.11 * x).sin());
+        let missing = k % 50 == 49;
+        let cell = if missing { String::new() } else { u.to_string() };
+        let mut a = ask(&mut cells, &format!("{t},{cell},{r},{n},{delta}")).unwrap();
+        let object = if missing && k % 100 == 99 {
+            serde_json::json!({ "t": t, "delta": delta, "r": r, "n": n })
+        } else {
+            serde_json::json!({ "delta": delta, "n": n, "r": r, "u": if missing { Value::Null } else { u.into() }, "t": t })
+        };
+        let b = ask(&mut objects, &object.to_string()).unwrap();
+        a["line"] = (a["line"].as_u64().unwrap() - 1).into();
+        assert_eq!(a, b);
+        if b["status"] == "accepted" {
+            learned += 1;
+            assert_eq!(b["innovation"].as_array().unwrap().len(), 2);
+        }
+        if k == 599 {
+            assert!(b["band_80"]["u"][1].as_f64().unwrap() > 0.0);
+            let ratio = b["band_95"]["r"][0].as_f64().unwrap() / b["band_80"]["r"][0].as_f64().unwrap();
+            assert!((ratio - 1.96 / 1.2816).abs() < 1e-3);
+        }
+    }
+    assert!(learned > 100, "{learned}");
+    assert!(cells.weights() == objects.weights());
+}
+
+#[test]
+fn planned_commands_change_the_prediction_and_nothing_else() {
+    let answer = |plan: &str| {
+        let mut stream = stream();
+        ask(&mut stream, &format!(r#"{{"t":0,"u":1,"r":0,"n":1,"delta":0{plan}}}"#)).unwrap()
+    };
+    let held = answer("");
+    assert_eq!(answer(r#","commands":[[1,0]]"#), held);
+    assert_eq!(answer(r#","commands":[[null,0],[1,null]]"#), held);
+    assert_eq!(answer(r#","commands":null"#), held);
+    let planned = answer(r#","commands":[[1,0],[2,0.5]]"#);
+    assert_eq!(planned["estimate"], held["estimate"]);
+    assert_eq!(planned["prediction"]["u"][0], held["prediction"]["u"][0]);
+    assert!(planned["prediction"]["u"][1].as_f64() > held["prediction"]["u"][1].as_f64());
+    for bad in [r#","commands":[[1]]"#, r#","commands":[1,0]"#, r#","commands":[["a",0]]"#] {
+        let answer = answer(bad);
+        assert_eq!(answer["status"], "error");
+        assert!(answer["message"].as_str().unwrap().contains("rows of 2 finite numbers (n, delta)"));
+    }
+}
+
+#[test]
+fn the_first_line_decides_and_nonsense_there_is_an_error() {
+    let fails = |line: &str, words: &str| {
+        let mut stream = stream();
+        let error = stream.serve(Line::Whole(line.as_bytes()), &mut Vec::new()).unwrap_err().to_string();
+        assert!(error.contains(words), "{line}: {error}");
+    };
+    fails("0,1,2,3,4", "not column names");
+    fails("hello", "no column");
+    fails("t,u,n,delta", "no column `r`");
+    fails("t,u,u,r,n,delta", "both called `u`");
+    fails("t,u [kg],r,n,delta", "in kg");
+    fails("{", "none");
+    fails("{\"t\":0}", "no column `u`");
+    fails("{\"t\":0,\"u\":0,\"r\":0,\"n\":0}", "no column `delta`");
+    fails("\u{0}\u{1}", "no column");
+    // An output that comes later is told.
+    let mut stream = stream();
+    assert!(ask(&mut stream, r#"{"t":0,"u":0,"n":0,"delta":0}"#).is_some());
+    assert!(stream.take_notes().iter().any(|note| note.message.contains("no `r`")));
+}
+
+#[test]
+fn times_may_be_stamps_and_wind_an_input() {
+    let mut stream = stream();
+    ask(&mut stream, "t;u;r;n;delta");
+    for (k, status) in ["waiting", "waiting", "late"].iter().enumerate() {
+        let stamp =
+            ["2020-08-03T11:04:37.125Z", "2020-08-03T11:04:37.225Z", "2020-08-03T13:04:37.125+02:00"][k];
+        let answer = ask(&mut stream, &format!("{stamp};0,5;0;0;0"));
+        assert_eq!(told(answer.as_ref()).0, *status, "{answer:?}");
+        assert!(*status == "late" || answer.unwrap()["estimate"]["u"] == 0.5);
+    }
+    let mut reading = model().description.reading;
+    reading.selection.inputs = Vec::new();
+    reading.selection.wind =
+        Some(Wind { speed: ChannelSpec::named("w"), direction: ChannelSpec::named("a") });
+    let mut stream = stream_reading(reading).unwrap();
+    let error = stream.serve(Line::Whole(b"t,u,r,w,a"), &mut Vec::new()).unwrap_err().to_string();
+    assert!(error.contains("wind_x, wind_y"), "the model has other inputs: {error}");
+}
+
+#[test]
+fn commands_that_are_not_known_in_time_are_refused() {
+    let mut reading = model().description.reading;
+    reading.options.input_delay = "-3".parse().unwrap();
+    assert!(stream_reading(reading.clone()).is_err());
+    reading.options.command_timing = CommandTiming::After;
+    reading.options.input_delay = "0".parse().unwrap();
+    assert!(stream_reading(reading.clone()).is_ok());
+    reading.options.max_gap_s = Some(-1.0);
+    assert!(stream_reading(reading).is_err());
+}
+
+/// A run with all that can happen, as lines.
+fn lines(count: usize) -> Vec<String> {
+    let mut lines = vec!["t,u,r,n,delta".to_owned()];
+    for k in 0..count {
+        let x = k as f64;
+        let t = 0.1 * x + if k > count / 2 { 7.0 } else { 0.0 };
+        let (u, r) = (1.0 + 0.3 * (0.2 * x).sin(), 0.2 * (0.13 * x).cos());
+        let (n, delta) = (1.0 + (0.05 * x).sin(), 0.3 * (0.11 * x).sin());
+        match k % 37 {
+            5 => lines.push(format!("{t},,{r},{n},{delta}")),
+            11 => lines.push(format!("{t},{u},{r},,{delta}")),
+            17 => lines.push(format!("{t},{u},{r},{n},x")),
+            23 => lines.push(format!("{},{u},{r},{n},{delta}", t - 0.35)),
+            _ => lines.push(format!("{t},{u},{r},{n},{delta}")),
+        }
+    }
+    lines
+}
+
+#[test]
+fn a_stream_goes_on_from_its_state_wherever_it_was_killed() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = lines(400);
+    let serve = |stream: &mut Stream, lines: &[String]| {
+        lines
+            .iter()
+            .map(|line| {
+                let mut out = Vec::new();
+                stream.serve(Line::Whole(line.as_bytes()), &mut out).unwrap();
+                String::from_utf8(out).unwrap()
+            })
+            .collect::<Vec<_>>()
+    };
+    let mut whole = stream();
+    let expected = serve(&mut whole, &lines);
+    for killed in [1, 2, 3, 30, 31, 77, 200, 201, 202, 203, 204, 399] {
+        let path = folder.path().join(format!("{killed}.state"));
+        let mut first = stream();
+        assert_eq!(first.keep_in(&path, "m".to_owned(), &1).unwrap(), None);
+        serve(&mut first, &lines[..killed]);
+        drop(first);
+        let mut second = stream();
+        let from = second.keep_in(&path, "m".to_owned(), &1).unwrap();
+        let answers = serve(&mut second, &lines);
+        let time = |answer: &str| serde_json::from_str::<Value>(answer).ok().and_then(|a| a["t"].as_f64());
+        let last = expected[..killed].iter().filter_map(|answer| time(answer)).fold(f64::NAN, f64::max);
+        assert!(killed < 2 || last - from.unwrap() <= 1.0 + 1e-9, "{killed}: {last} {from:?}");
+        for (answer, expected) in answers.iter().zip(&expected) {
+            let skipped = from.is_some_and(|from| time(expected).is_some_and(|t| t <= from));
+            // What was late beyond the saved time is late again, or skipped if its time is before that.
+            assert!(
+                if skipped && answer.is_empty() { true } else { answer == expected },
+                "{killed}: {answer}"
+            );
+        }
+        assert!(second.weights() == whole.weights(), "{killed}");
+    }
+}
+
+#[test]
+fn another_state_is_refused_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.state");
+    let mut first = stream();
+    first.keep_in(&path, "m".to_owned(), &1).unwrap();
+    for line in lines(30) {
+        first.serve(Line::Whole(line.as_bytes()), &mut Vec::new()).unwrap();
+    }
+    first.finish().unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    assert!(State::decode(&bytes).is_ok());
+    let refused = |reading: Reading, model: &str, settings: i32, words: &str| {
+        let mut second = stream_reading(reading).unwrap();
+        let error = second.keep_in(&path, model.to_owned(), &settings).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    };
+    let reading = model().description.reading;
+    refused(reading.clone(), "n", 1, "another model");
+    refused(reading.clone(), "m", 2, "learning: 1 there, 2 here");
+    let mut other = reading.clone();
+    other.options.max_gap_s = Some(2.0);
+    refused(other, "m", 1, "reading.options.max_gap_s");
+    assert_eq!(std::fs::read(&path).unwrap(), bytes);
+    for cut in [0, 7, bytes.len() / 2, bytes.len() - 1] {
+        std::fs::write(&path, &bytes[..cut]).unwrap();
+        refused(reading.clone(), "m", 1, "damaged");
+        assert_eq!(std::fs::read(&path).unwrap().len(), cut);
+    }
+}
+
+/// Lines that nearly make sense.
+fn nearly() -> impl Strategy<Value = Vec<u8>> {
+    let cell = prop_oneof![
+        "-?[0-9]{1,3}(\\.[0-9]{1,3})?(e[0-9]{1,3})?",
+        Just(String::new()),
+        "[ -~]{0,6}",
+        Just("2020-08-03T11:04:37Z".to_owned()),
+        Just("\"".to_owned()),
+    ];
+    let csv = prop::collection::vec(cell.clone(), 0..7).prop_map(|cells| cells.join(",").into_bytes());
+    let json = prop::collection::vec(("(t|u|r|n|delta|commands|x)", cell), 0..7).prop_map(|pairs| {
+        let pairs: Vec<String> = pairs.iter().map(|(key, value)| format!("\"{key}\":{value}")).collect();
+        format!("{{{}}}", pairs.join(",")).into_bytes()
+    });
+    prop_oneof![csv, json, prop::collection::vec(any::<u8>(), 0..40)]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn anything_is_answered_and_never_panics(
+        object in any::<bool>(),
+        lines in prop::collection::vec(nearly(), 0..30),
+    ) {
+        let mut stream = stream();
+        let header: &[u8] = if object { br#"{"t":0,"u":0,"r":0,"n":0,"delta":0}"# } else { b"t,u,r,n,delta" };
+        stream.serve(Line::Whole(header), &mut Vec::new()).unwrap();
+        for line in lines {
+            let mut out = Vec::new();
+            stream.serve(Line::Whole(&line), &mut out).unwrap();
+            let blank = std::str::from_utf8(&line).is_ok_and(|line| line.trim().is_empty());
+            if blank {
+                prop_assert!(out.is_empty());
+            } else {
+                prop_assert!(serde_json::from_slice::<Value>(&out).unwrap()["status"].is_string());
+            }
+        }
+    }
+
+    #[test]
+    fn any_first_line_begins_or_is_refused(line in nearly()) {
+        let _ = stream().serve(Line::Whole(&line), &mut Vec::new());
+    }
+}

@@ -1,0 +1,122 @@
+//! What data there were.
+
+use maud::{Markup, html};
+
+use super::figure::{Interval, RangeRow, range_chart};
+use super::number::{self, duration, with_unit};
+use super::page::{Section, cell, columns, figure, notes, nothing, table};
+use super::{ReportError, Subject, series, style};
+use hydroid::identify::{ChannelSummary, overview};
+use hydroid::log::{Note, Split, Trajectory};
+
+/// Training runs that are drawn.
+const DRAWN: usize = 3;
+/// Names of the parts of a split.
+const PARTS: [&str; 3] = ["training", "validation", "test"];
+
+pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
+    let (heading, id) = ("Data", "data");
+    let split = subject.split;
+    if super::runs(split).next().is_none() {
+        return Ok(Section::new(id, heading, nothing("There are no runs.")));
+    }
+    let channels = overview(split);
+    let told: Vec<&Note> = subject.context.notes.iter().filter(|note| !note.is_warning()).collect();
+    let warned = subject.context.notes.len() - told.len();
+    let mut drawings = Vec::new();
+    for run in split.train.iter().take(DRAWN) {
+        let caption = html! { "Outputs of the training run " b { (run.name) } ", as measured." };
+        drawings.push(figure(&series::outputs(run).svg()?, &caption));
+        if run.inputs.width() > 0 {
+            let caption = html! { "Inputs of the training run " b { (run.name) } "." };
+            drawings.push(figure(&series::inputs(run).svg()?, &caption));
+        }
+    }
+    let caption = html! {
+        "What each part covers, beside the training runs (shaded); the mark in a bar is the mean. "
+        "Where the test leaves the training range, the model is asked for what it has not seen."
+    };
+    let chart = figure(&chart(&channels)?, &caption);
+    let body = html! {
+        (columns(&[chart, run_table(split)]))
+        (channel_table(&channels))
+        (columns(&drawings))
+        @if split.train.len() > DRAWN {
+            p.small { "Of " (split.train.len()) " training runs the first " (DRAWN) " are drawn." }
+        }
+        @if !told.is_empty() {
+            details {
+                summary {
+                    "What was done to the logs when they were read (" (number::count(told.len()))
+                    @if told.len() == 1 { " note" } @else { " notes" }
+                    @if warned > 0 { "; warnings are in the summary" } ")"
+                }
+                (notes(&told))
+            }
+        }
+    };
+    Ok(Section::new(id, heading, body))
+}
+
+fn run_table(split: &Split) -> Markup {
+    let heads = ["run", "used for", "duration", "samples", "missing values"].map(cell);
+    let mut rows = Vec::new();
+    for (part, runs) in PARTS.iter().zip([&split.train, &split.validation, &split.test]) {
+        for run in runs {
+            rows.push(vec![
+                html! { span.name { (run.name) } },
+                cell(part),
+                cell(duration(run.duration_s())),
+                cell(number::count(run.len())),
+                cell(missing(run)),
+            ]);
+        }
+    }
+    table(&heads, &rows, 2)
+}
+
+fn missing(run: &Trajectory) -> String {
+    let all = run.len() * run.outputs.width();
+    let missing: usize =
+        (0..run.outputs.width()).map(|c| run.outputs.column(c).filter(|v| v.is_nan()).count()).sum();
+    if missing == 0 {
+        return "none".to_owned();
+    }
+    let percent = 100.0 * missing as f64 / all.max(1) as f64;
+    format!("{} ({} %)", number::count(missing), number::text(percent, 2))
+}
+
+fn chart(channels: &[ChannelSummary]) -> Result<String, ReportError> {
+    let rows: Vec<RangeRow> = channels
+        .iter()
+        .map(|summary| RangeRow {
+            name: with_unit(&summary.channel.name, &summary.channel.unit),
+            intervals: summary.parts.map(|p| Interval { low: p.min, high: p.max, mean: p.mean }).into(),
+        })
+        .collect();
+    let parts: Vec<_> = PARTS.into_iter().zip(style::PARTS).collect();
+    Ok(range_chart("Ranges of all channels by part of the split", &parts, &rows)?)
+}
+
+fn channel_table(channels: &[ChannelSummary]) -> Markup {
+    let heads = ["channel", "training", "validation", "test", "mean", "std"].map(cell);
+    let span = |low: f64, high: f64| html! { (number::text(low, 3)) " … " (number::text(high, 3)) };
+    let rows: Vec<Vec<Markup>> = channels
+        .iter()
+        .map(|summary| {
+            let [train, validation, test] = summary.parts;
+            vec![
+                html! { span.name { (with_unit(&summary.channel.name, &summary.channel.unit)) } },
+                span(train.min, train.max),
+                span(validation.min, validation.max),
+                span(test.min, test.max),
+                cell(number::text(train.mean, 3)),
+                cell(number::text(train.std, 3)),
+            ]
+        })
+        .collect();
+    html! {
+        (table(&heads, &rows, 1))
+        p.small { "Least and largest value by part; mean and standard deviation (std) of the training runs." }
+    }
+}

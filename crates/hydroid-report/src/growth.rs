@@ -1,0 +1,153 @@
+//! How the error grows with the time that is predicted.
+
+use maud::{Markup, html};
+
+use super::ReportError;
+use super::figure::{Dash, Figure, Line, Mark, Panel, Stroke};
+use super::number::{self, ratio, seconds_text};
+use super::page::{Section, cell, columns, figure, nothing, table};
+use super::style;
+use hydroid::evaluate::Evaluation;
+use hydroid::identify::Candidate;
+
+/// Rows of a table.
+const ROWS: usize = 5;
+
+pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
+    let (heading, id) = ("Error over the horizon", "error");
+    let test = &candidate.test;
+    if test.windows == 0 || test.horizons.is_empty() {
+        let why = "No window of the test runs could be rolled out: there is no error to show.";
+        return Ok(Section::new(id, heading, nothing(why)));
+    }
+    let caption = html! {
+        "NRMSE of open-loop predictions: the error in standard deviations of the output. "
+        "At 1 the prediction is worth no more than the mean."
+        @if test.nrmse.iter().chain(&candidate.validation.nrmse).flatten().any(|nrmse| *nrmse > TOP) {
+            " A curve that leaves its panel goes on beyond " (TOP) "; the tables have its values."
+        }
+    };
+    let chart = figure(&chart(candidate).svg()?, &caption);
+    let tables = html! {
+        @for c in 0..test.channels.len() { (channel_table(test, c)) }
+        p.small {
+            "On the test runs. MAE: mean absolute error; RMSE: root mean square error; NRMSE: RMSE in standard deviations of the output; R"
+            sup { "2" } ": 1 − NRMSE" sup { "2" } "; last value: NRMSE of keeping the value at the start."
+        }
+    };
+    let body = html! {
+        p { (windows(candidate)) }
+        (columns(&[chart, tables]))
+    };
+    Ok(Section::new(id, heading, body))
+}
+
+/// NRMSE at which the panels end.
+const TOP: f64 = 3.0;
+
+fn chart(candidate: &Candidate) -> Figure {
+    let (test, validation) = (&candidate.test, &candidate.validation);
+    let mut figure = Figure::new("NRMSE over the horizon, for each output", "time ahead [s]")
+        .x_range(0.0, last_horizon(test) * test.dt);
+    for (c, name) in test.channels.iter().enumerate() {
+        let curve = |evaluation: &Evaluation, table: &[Vec<f64>]| -> Vec<(f64, f64)> {
+            let start = (0.0, f64::NAN);
+            let points = evaluation.horizons.iter().zip(table).map(|(&h, row)| {
+                (h as f64 * evaluation.dt, row.get(c).copied().filter(|v| v.is_finite()).unwrap_or(f64::NAN))
+            });
+            std::iter::once(start).chain(points).collect()
+        };
+        let lines = [
+            Line::new(curve(validation, &validation.nrmse), style::VALIDATION_LINE).labelled("validation"),
+            Line::new(curve(test, &test.nrmse), style::MODEL_LINE).labelled("model, test"),
+            // Above the model, of which its dashes leave enough to see where the two are one.
+            Line::new(curve(test, &test.persistence.nrmse), style::PERSISTENCE_LINE).labelled("last value"),
+        ];
+        let highest = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(|v| v.is_finite());
+        // An error far beyond trivial needs no exact place; the others should stay legible.
+        let top = highest.fold(1.1, f64::max).min(TOP);
+        let level =
+            Mark::Level { at: 1.0, stroke: Stroke { colour: style::AXIS, width: 1.4, dash: Dash::Solid } };
+        let mut panel =
+            Panel::new(format!("NRMSE of {name}")).height(150.0).range(0.0, 1.05 * top).mark(level);
+        for line in lines {
+            panel = panel.mark(Mark::Line(line));
+        }
+        figure = figure.panel(panel);
+    }
+    figure
+}
+
+fn last_horizon(evaluation: &Evaluation) -> f64 {
+    evaluation.horizons.last().map_or(1.0, |&h| h as f64)
+}
+
+fn windows(candidate: &Candidate) -> Markup {
+    let (test, validation) = (&candidate.test, &candidate.validation);
+    let told = |evaluation: &Evaluation| {
+        let diverged = if evaluation.diverged == 0 {
+            "none diverged".to_owned()
+        } else {
+            format!("{} diverged and are left out", number::count(evaluation.diverged))
+        };
+        format!("{} windows, {diverged}", number::count(evaluation.windows))
+    };
+    html! {
+        "Each window starts from a measured sample and rolls the model on under the true commands, without looking again. "
+        "Test: " (told(test)) ". Validation, where settings were chosen: " (told(validation)) "."
+        @if let Some(first) = test.divergences.first() {
+            " The first to diverge: " (first.run) " from " (seconds_text(first.origin_s)) "\u{a0}s, in " (first.channel)
+            " after " (number::duration(first.horizon as f64 * test.dt)) "."
+        }
+    }
+}
+
+/// Rows of the table: round numbers of seconds up to the longest horizon.
+fn rows(test: &Evaluation) -> Vec<usize> {
+    let Some(&last) = test.horizons.last() else { return Vec::new() };
+    let mut chosen: Vec<usize> = Vec::new();
+    for power in -3..6 {
+        for base in [1.0, 2.0, 5.0] {
+            let steps = base * 10f64.powi(power) / test.dt;
+            let whole = steps.round();
+            if (steps - whole).abs() > 0.02 * steps || whole < 1.0 || whole > last as f64 {
+                continue;
+            }
+            let at = test.horizons.iter().position(|&h| h as f64 == whole);
+            chosen.extend(at.filter(|at| !chosen.contains(at)));
+        }
+    }
+    let end = test.horizons.len() - 1;
+    if !chosen.contains(&end) {
+        chosen.push(end);
+    }
+    chosen.split_off(chosen.len().saturating_sub(ROWS))
+}
+
+fn channel_table(test: &Evaluation, c: usize) -> Markup {
+    let unit = test.units.get(c).map_or("", String::as_str);
+    let heads = [
+        cell("ahead [s]"),
+        cell("MAE"),
+        cell("RMSE"),
+        cell("NRMSE"),
+        html! { "R" sup { "2" } },
+        cell("last value"),
+    ];
+    let at =
+        |table: &[Vec<f64>], h: usize| table.get(h).and_then(|row| row.get(c)).copied().unwrap_or(f64::NAN);
+    let lines: Vec<Vec<Markup>> = rows(test)
+        .into_iter()
+        .map(|h| {
+            vec![
+                cell(seconds_text(test.horizons[h] as f64 * test.dt)),
+                cell(number::text(at(&test.mae, h), 3)),
+                cell(number::text(at(&test.rmse, h), 3)),
+                cell(ratio(at(&test.nrmse, h))),
+                cell(ratio(at(&test.r2, h))),
+                cell(ratio(at(&test.persistence.nrmse, h))),
+            ]
+        })
+        .collect();
+    html! { h4 { (test.channels[c]) @if !unit.is_empty() { span.small { " MAE and RMSE in " (number::unit(unit)) } } } (table(&heads, &lines, 0)) }
+}

@@ -1,0 +1,181 @@
+//! The frame of a page: head, contents, sections; and the blocks that sections are built of.
+
+use std::borrow::Cow;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::style;
+use hydroid::log::Note;
+
+/// One section of a page.
+#[derive(Debug)]
+pub struct Section {
+    /// Target of links; unique on the page.
+    id: Cow<'static, str>,
+    /// Its heading; the first section has the page's own.
+    heading: Cow<'static, str>,
+    /// What is in it.
+    body: Markup,
+}
+
+impl Section {
+    /// A section from its anchor, its heading and its content.
+    pub fn new(
+        id: impl Into<Cow<'static, str>>,
+        heading: impl Into<Cow<'static, str>>,
+        body: Markup,
+    ) -> Self {
+        Self { id: id.into(), heading: heading.into(), body }
+    }
+}
+
+/// A page of sections.
+pub fn page(title: &str, sections: &[Section]) -> String {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="generator" content="hydroid";
+                title { (title) }
+                style { (PreEscaped(style::SHEET)) }
+            }
+            body {
+                main {
+                    @for (i, section) in sections.iter().enumerate() {
+                        section id=(section.id) {
+                            @if i > 0 { h2 { (section.heading) } }
+                            (section.body)
+                        }
+                        @if i == 0 { (contents(&sections[1..])) }
+                    }
+                    footer { "Made by hydroid. This page is complete in itself and can be sent and kept as one file." }
+                }
+            }
+        }
+    }
+    .into_string()
+}
+
+fn contents(sections: &[Section]) -> Markup {
+    html! {
+        nav aria-label="Contents" {
+            @for section in sections {
+                a href={ "#" (section.id) } { (section.heading) }
+            }
+        }
+    }
+}
+
+/// A figure with its caption.
+pub fn figure(svg: &str, caption: &Markup) -> Markup {
+    html! {
+        figure {
+            (PreEscaped(svg))
+            figcaption { (caption) }
+        }
+    }
+}
+
+/// Blocks beside each other where there is room.
+pub fn columns(blocks: &[Markup]) -> Markup {
+    html! { div.columns { @for block in blocks { div { (block) } } } }
+}
+
+/// A table that scrolls by itself where the page is narrow. Cells of columns from `numbers` on are
+/// numbers.
+pub fn table(heads: &[Markup], rows: &[Vec<Markup>], numbers: usize) -> Markup {
+    table_of(heads, rows, |i| i >= numbers)
+}
+
+/// A table of which some columns hold numbers.
+pub fn table_of(heads: &[Markup], rows: &[Vec<Markup>], numbers: impl Fn(usize) -> bool) -> Markup {
+    let class = |i: usize| numbers(i).then_some("n");
+    html! {
+        div.scroll tabindex="0" {
+            table {
+                thead { tr { @for (i, head) in heads.iter().enumerate() { th class=[class(i)] scope="col" { (head) } } } }
+                tbody {
+                    @for row in rows {
+                        tr { @for (i, cell) in row.iter().enumerate() { td class=[class(i)] { (cell) } } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Plain text as a cell.
+pub fn cell(text: impl AsRef<str>) -> Markup {
+    html! { (text.as_ref()) }
+}
+
+/// A line that says that there is nothing to show, and why.
+pub fn nothing(why: &str) -> Markup {
+    html! { p.nothing { (why) } }
+}
+
+/// Notes as a list, each with its remedy.
+pub fn notes(notes: &[&Note]) -> Markup {
+    html! {
+        ul.notes {
+            @for note in notes {
+                li class=[note.is_warning().then_some("warning")] {
+                    (sentence(&note.message))
+                    @if let Some(remedy) = &note.remedy { " " span.remedy { (sentence(remedy)) } }
+                }
+            }
+        }
+    }
+}
+
+/// The text with a minus instead of a hyphen where a number follows; options such as `-c` stay.
+fn proper_minus(text: &str) -> String {
+    let mut proper = String::with_capacity(text.len());
+    let mut before = ' ';
+    let mut chars = text.chars().peekable();
+    while let Some(c) = chars.next() {
+        let number = c == '-' && before == ' ' && chars.peek().is_some_and(char::is_ascii_digit);
+        proper.push(if number { '−' } else { c });
+        before = c;
+    }
+    proper
+}
+
+/// With a capital and a full stop, as a sentence on a page has them. What starts with a name or a path
+/// keeps its first letter.
+fn sentence(text: &str) -> String {
+    let text = quoted(&proper_minus(text.trim()));
+    let first_word = text.split([' ', ',']).next().unwrap_or_default();
+    let plain = !first_word.is_empty() && first_word.chars().all(|c| c.is_ascii_lowercase());
+    let mut chars = text.chars();
+    let mut sentence = match chars.next() {
+        Some(c) if plain => format!("{}{}", c.to_ascii_uppercase(), chars.as_str()),
+        _ => text.clone(),
+    };
+    if !sentence.is_empty() && !sentence.ends_with(['.', '!', '?']) {
+        sentence.push('.');
+    }
+    sentence
+}
+
+/// Backquotes are for terminals; a page has quotation marks.
+fn quoted(text: &str) -> String {
+    let mut marks = ['‘', '’'].into_iter().cycle();
+    text.chars().map(|c| if c == '`' { marks.next().unwrap_or(c) } else { c }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_become_sentences() {
+        assert_eq!(sentence("two runs: -0.5 to 1"), "Two runs: −0.5 to 1.");
+        assert_eq!(sentence("a<1>.csv: cut (see --dt and -c)"), "a<1>.csv: cut (see --dt and -c).");
+        assert_eq!(sentence("'u' is late!"), "'u' is late!");
+        assert_eq!(sentence("`u` and `v` differ"), "‘u’ and ‘v’ differ.");
+        assert_eq!(sentence(""), "");
+    }
+}

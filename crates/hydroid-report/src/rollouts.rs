@@ -1,0 +1,135 @@
+//! What the model says along the test runs: rollouts one after the other, and one-step residuals.
+
+use hydroid_core::predict::Workspace;
+
+use hydroid::evaluate::mean_finite;
+use hydroid::identify::Candidate;
+use hydroid::log::Trajectory;
+
+/// The open-loop prediction from one origin.
+pub(super) struct Rollout {
+    /// Sample from which it starts.
+    pub(super) origin: usize,
+    /// Last values seen at the origin.
+    pub(super) start: Vec<f64>,
+    /// Predictions of the samples after it, row by row.
+    pub(super) y: Vec<f64>,
+    /// Mean over the outputs of the RMSE in standard deviations of the run; infinite where it ran away.
+    pub(super) error: f64,
+}
+
+/// One test run with its predictions.
+pub(super) struct Walk<'a> {
+    /// The run.
+    pub(super) run: &'a Trajectory,
+    /// Samples of a rollout.
+    pub(super) horizon: usize,
+    /// Rollouts, each starting where the one before ends.
+    pub(super) rollouts: Vec<Rollout>,
+    /// For each output and sample the measurement less what was predicted one sample before; NaN where
+    /// there is no such pair.
+    pub(super) residuals: Vec<Vec<f64>>,
+}
+
+/// Walks the session of a model over runs.
+pub(super) fn walk<'a>(candidate: &Candidate, runs: &'a [Trajectory]) -> Vec<Walk<'a>> {
+    let horizon = candidate.test.horizons.last().copied().unwrap_or(1).max(1);
+    runs.iter().map(|run| walk_run(candidate, run, horizon)).collect()
+}
+
+fn walk_run<'a>(candidate: &Candidate, run: &'a Trajectory, horizon: usize) -> Walk<'a> {
+    let mut session = candidate.model.session();
+    session.reset();
+    let n = session.outputs();
+    let warm_up = session.warm_up().max(1);
+    let mut work = Workspace::new();
+    let mut kept = vec![f64::NAN; n];
+    let mut next = vec![0.0; n];
+    let mut rollouts = Vec::new();
+    let mut residuals = vec![vec![f64::NAN; run.len()]; n];
+    let mut origin = None;
+    let deviations: Vec<f64> = (0..n).map(|c| deviation(run.outputs.column(c))).collect();
+    for k in 0..run.len() {
+        session.observe(run.outputs.row(k));
+        for (kept, &y) in kept.iter_mut().zip(run.outputs.row(k)) {
+            if !y.is_nan() {
+                *kept = y;
+            }
+        }
+        let ready = k + 1 >= warm_up && kept.iter().all(|y| !y.is_nan());
+        if ready && k + 1 < run.len() {
+            session.rollout(run.inputs.rows(k, k + 1), &mut work, &mut next);
+            for (c, residuals) in residuals.iter_mut().enumerate() {
+                residuals[k + 1] = run.outputs.row(k + 1)[c] - next[c];
+            }
+        }
+        if ready && k + horizon < run.len() && origin.is_none_or(|last| k >= last + horizon) {
+            let mut y = vec![0.0; horizon * n];
+            session.rollout(run.inputs.rows(k, k + horizon), &mut work, &mut y);
+            let error = error(run, k, &y, &deviations);
+            rollouts.push(Rollout { origin: k, start: kept.clone(), y, error });
+            origin = Some(k);
+        }
+        session.advance(run.inputs.row(k));
+    }
+    Walk { run, horizon, rollouts, residuals }
+}
+
+fn error(run: &Trajectory, origin: usize, y: &[f64], deviations: &[f64]) -> f64 {
+    let n = deviations.len();
+    if !y.iter().all(|v| v.is_finite()) {
+        return f64::INFINITY;
+    }
+    let channel = |c: usize| {
+        let squares = y
+            .chunks_exact(n)
+            .enumerate()
+            .map(|(i, row)| (row[c] - run.outputs.row(origin + 1 + i)[c]).powi(2));
+        mean_finite(squares).map_or(f64::NAN, |mean| mean.sqrt() / deviations[c])
+    };
+    mean_finite((0..n).map(channel)).unwrap_or(f64::INFINITY)
+}
+
+/// Standard deviation of the finite values; zero if there is none.
+pub(super) fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let mean = mean_finite(values.clone()).unwrap_or(0.0);
+    mean_finite(values.map(|v| (v - mean).powi(2))).unwrap_or(0.0).sqrt()
+}
+
+impl Walk<'_> {
+    /// `count` neighbouring rollouts over which the outputs move most.
+    pub(super) fn liveliest(&self, count: usize) -> &[Rollout] {
+        let count = count.min(self.rollouts.len());
+        let n = self.run.outputs.width();
+        let all: Vec<f64> = (0..n).map(|c| deviation(self.run.outputs.column(c))).collect();
+        let motion: Vec<f64> = self
+            .rollouts
+            .iter()
+            .map(|rollout| {
+                let (from, to) = (rollout.origin, rollout.origin + self.horizon);
+                (0..n)
+                    .filter(|&c| all[c] > 0.0)
+                    .map(|c| deviation((from..=to).map(|k| self.run.outputs.row(k)[c])) / all[c])
+                    .sum()
+            })
+            .collect();
+        let mut best = (0, f64::NEG_INFINITY);
+        for (start, window) in motion.windows(count.max(1)).enumerate() {
+            let sum: f64 = window.iter().sum();
+            if sum > best.1 {
+                best = (start, sum);
+            }
+        }
+        &self.rollouts[best.0..best.0 + count]
+    }
+
+    /// `count` neighbouring rollouts around the one whose error is the median of all.
+    pub(super) fn typical(&self, count: usize) -> &[Rollout] {
+        let count = count.min(self.rollouts.len());
+        let mut order: Vec<usize> = (0..self.rollouts.len()).collect();
+        order.sort_by(|&a, &b| self.rollouts[a].error.total_cmp(&self.rollouts[b].error));
+        let middle = order.get(order.len() / 2).copied().unwrap_or(0);
+        let start = middle.saturating_sub(count / 2).min(self.rollouts.len() - count);
+        &self.rollouts[start..start + count]
+    }
+}

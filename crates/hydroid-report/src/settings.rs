@@ -1,0 +1,65 @@
+//! What it takes to make the page again.
+
+use maud::{Markup, html};
+
+use super::number::{self, seconds_text};
+use super::page::Section;
+use super::{Subject, selection};
+use hydroid::identify::Candidate;
+
+pub(super) fn section(subject: &Subject<'_>) -> Section {
+    let context = subject.context;
+    let mut rows: Vec<(String, String)> = Vec::new();
+    let mut tell = |name: &str, value: String| rows.push((name.to_owned(), value));
+    tell("hydroid", format!("version {}", context.hydroid));
+    tell("seed", context.seed.to_string());
+    if let Some(candidate) = subject.candidate {
+        let description = &candidate.model.description;
+        let test = &candidate.test;
+        tell("model", format!("{} ({})", description.name, candidate.model.kind()));
+        tell("sample time", format!("{} s", seconds_text(description.dt)));
+        let horizon = test.horizons.last().copied().unwrap_or(0);
+        let seconds = seconds_text(horizon as f64 * test.dt);
+        tell("horizon", format!("{} samples, {seconds} s", number::count(horizon)));
+        if let Some(chosen) = candidate.found().and_then(|found| found.trials.get(found.chosen)) {
+            tell("library", chosen.structure.to_string());
+            tell("regression", selection::regression(chosen.regression, description.dt));
+            tell("selection of terms", selection::optimizer(chosen.optimizer));
+            tell("ridge", selection::ridge(chosen.ridge));
+        }
+    }
+    rows.extend(context.settings.iter().cloned());
+    let body = html! {
+        @if !context.command.is_empty() {
+            p { "This page is made by" }
+            pre.copy.wrap { (context.command) }
+        }
+        dl.facts { @for (name, value) in &rows { dt { (name) } dd { (value) } } }
+        @if !context.sources.is_empty() {
+            details {
+                summary { "Files (" (context.sources.len()) ")" }
+                ul.files { @for source in &context.sources { li { (source) } } }
+            }
+        }
+        @if let Some(candidate) = subject.candidate { (details(candidate)) }
+    };
+    Section::new("settings", "Settings", body)
+}
+
+/// Everything that the model file says about its making.
+fn details(candidate: &Candidate) -> Markup {
+    let description = &candidate.model.description;
+    let json = |value: &serde_json::Value| serde_json::to_string_pretty(value).unwrap_or_default();
+    // Plain data always turns into JSON.
+    let reading = serde_json::to_value(&description.reading).unwrap_or_default();
+    html! {
+        details {
+            summary { "How the logs were read, as in the model file" }
+            pre.copy { (json(&reading)) }
+        }
+        details {
+            summary { "All settings, as in the model file" }
+            pre.copy { (json(&description.provenance.settings)) }
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! Many voyages.
+
+use maud::{Markup, html};
+
+use super::figures::histogram;
+use hydroid::closed_loop::{Metrics, MonteCarlo, Summary, Trial};
+use crate::ReportError;
+use crate::figure::{Figure, Mark, Panel};
+use crate::number::{self, text};
+use crate::page::{Section, cell, columns, figure, table};
+use crate::style;
+
+/// Voyages that are listed.
+const SHOWN: usize = 12;
+
+pub(super) fn section(fleet: &MonteCarlo) -> Result<Section, ReportError> {
+    let row = |name: &str, summary: &Summary, unit: &str| {
+        let figures = [summary.median, summary.p95, summary.max].map(|x| cell(text(x, 3)));
+        std::iter::once(cell(name)).chain(figures).chain([cell(unit)]).collect::<Vec<Markup>>()
+    };
+    let rows = [
+        row("distance from the reference, RMS", &fleet.rms_position, "m"),
+        row("distance from the path, RMS", &fleet.rms_cross_track, "m"),
+        row("distance from the path, largest", &fleet.max_cross_track, "m"),
+        row("speed error, RMS", &fleet.rms_speed, "m/s"),
+    ];
+    let heads = ["figure", "median", "95 of 100 below", "largest", ""].map(cell);
+    let dispersion = &fleet.dispersion;
+    let body = html! {
+        p {
+            (number::count(fleet.runs)) " voyages, each with its own seed; mass by up to ±" (text(100.0 * dispersion.mass, 2))
+            " %, current up to " (text(dispersion.current, 2)) " m/s and wind up to " (text(dispersion.wind, 3))
+            " N from any direction. " (number::count(fleet.held)) " held their course, " (number::count(fleet.diverged))
+            " diverged; " (number::count(fleet.violations)) " commands were outside of their limits, "
+            (number::count(fleet.undetected_losses)) " samples were lost without a status that says so."
+        }
+        (table(&heads, &rows, 1))
+        (columns(&[
+            figure(&bars(fleet, "distance from the path, RMS [m]", |m| m.rms_cross_track).svg()?, &html! { "How many voyages had what distance from the path." }),
+            figure(&bars(fleet, "speed error, RMS [m/s]", |m| m.rms_speed).svg()?, &html! { "How many voyages had what speed error." }),
+        ]))
+        h3 { "The farthest off" }
+        (worst(fleet))
+    };
+    Ok(Section::new("monte-carlo", "Monte Carlo", body))
+}
+
+fn bars(fleet: &MonteCarlo, label: &str, of: fn(&Metrics) -> f64) -> Figure {
+    let values: Vec<f64> = fleet.trials.iter().map(|trial| of(&trial.metrics)).collect();
+    let bars = Mark::Bars { bars: histogram(&values, 25), colour: style::BAND };
+    Figure::new(label, label).panel(Panel::new("voyages").height(130.0).mark(bars))
+}
+
+fn worst(fleet: &MonteCarlo) -> Markup {
+    let mut order: Vec<&Trial> = fleet.trials.iter().collect();
+    // The figures of a voyage that came to nothing are infinite, never NaN.
+    order.sort_by(|a, b| {
+        let (a, b) = (&a.metrics, &b.metrics);
+        a.held.cmp(&b.held).then(b.rms_position.total_cmp(&a.rms_position))
+    });
+    let heads =
+        ["seed", "held", "position [m]", "path [m]", "speed [m/s]", "mass", "current [m/s]", "wind [N]"]
+            .map(cell);
+    let rows: Vec<Vec<Markup>> = order
+        .iter()
+        .take(SHOWN)
+        .map(|trial| {
+            let (c, m) = (&trial.conditions, &trial.metrics);
+            let size = |[x, y]: [f64; 2]| x.hypot(y);
+            vec![
+                cell(c.seed.to_string()),
+                cell(if m.held { "yes" } else { "no" }),
+                cell(text(m.rms_position, 3)),
+                cell(text(m.rms_cross_track, 3)),
+                cell(text(m.rms_speed, 3)),
+                cell(text(c.mass, 3)),
+                cell(text(size(c.current), 2)),
+                cell(text(size(c.wind.force), 3)),
+            ]
+        })
+        .collect();
+    table(&heads, &rows, 0)
+}

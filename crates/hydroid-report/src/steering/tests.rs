@@ -1,0 +1,50 @@
+//! The page of a voyage.
+
+use super::*;
+use hydroid::closed_loop::{
+    self, Conditions, ControlMethod, ControllerOptions, Dispersion, Scenario, SpeedOptions, Task, Track,
+    monte_carlo,
+};
+use hydroid::progress::silent;
+use hydroid_core::vessel::VesselParams;
+
+#[test]
+fn the_page_shows_track_errors_commands_and_many_voyages() {
+    let vessel = VesselParams::hydrofoil();
+    let course = Track::new(&Task::Circle { radius: 15.0 }, &SpeedOptions::cruise(1.5)).unwrap();
+    let mut scene = Scenario::new(vessel.clone(), course);
+    scene.duration_s = 20.0;
+    let mut steering = ControllerOptions::new(ControlMethod::FeedbackLinearization, &vessel, 0.1);
+    steering.model = Some(std::sync::Arc::new(hydroid::model::Model::of_vessel(&vessel, 0.1).unwrap()));
+    let calm = Conditions::calm(1);
+    let mut run =
+        closed_loop::run(&scene, &calm, steering.controller(1).unwrap().as_mut(), &mut silent()).unwrap();
+    // The only thing on the page that no seed decides.
+    run.samples.iter_mut().for_each(|m| m.time_us = 1.0);
+    let metrics = Metrics::of(&run, 5.0);
+    let many = monte_carlo(&steering, &scene, &calm, &Dispersion::default(), 3, 5.0, &mut silent()).unwrap();
+    let facts = [(String::from("controller"), String::from("fl"))];
+    let subject = Steered {
+        title: "A circle",
+        command: "hydroid control <x>",
+        facts: &facts,
+        vessel: &vessel,
+        path: &scene.track.path,
+        run: &run,
+        metrics: &metrics,
+        fleet: Some(&many),
+        tuned: None,
+    };
+    let page = steering_page(&subject);
+    for words in
+        ["Monte Carlo", "north [m]", "cross-track error [m]", "PP_cmd [N]", "at a limit", "&lt;x&gt;"]
+    {
+        assert!(page.contains(words), "{words}");
+    }
+    assert!(!page.contains("NaN"));
+    assert_eq!(page, steering_page(&subject));
+}
+
+fn steering_page(subject: &Steered<'_>) -> String {
+    steering(subject).unwrap()
+}

@@ -1,0 +1,252 @@
+//! The first screen: what was found, from what, and whether it is any good.
+
+use hydroid_core::model::recurrent::Base;
+use maud::{Markup, html};
+
+use super::number::{self, duration, ratio};
+use super::page::{Section, notes};
+use super::{Subject, runs, style};
+use hydroid::identify::{Candidate, Grade, Verdict};
+use hydroid::log::{Note, Severity, Split, Trajectory};
+use hydroid::model::Body;
+
+/// Warnings that are shown without a click.
+const SHOWN: usize = 5;
+
+pub(super) fn section(subject: &Subject<'_>) -> Section {
+    let warnings = warnings(subject);
+    let body = html! {
+        header {
+            p.kicker { "hydroid · identification report" }
+            h1 { (subject.context.title) }
+            @if let Some(made) = &subject.context.made { p.made { (made) } }
+        }
+        (headline(subject))
+        @if let Some(candidate) = subject.candidate {
+            div.tiles { @for verdict in &subject.result.verdicts { (tile(verdict, candidate)) } }
+            @if !subject.result.verdicts.is_empty() { (legend(candidate)) }
+        }
+        (facts(subject))
+        @if !warnings.is_empty() {
+            h3 { "What to know before using it" }
+            (notes(&warnings[..warnings.len().min(SHOWN)]))
+            @if warnings.len() > SHOWN {
+                details {
+                    summary { (number::count(warnings.len() - SHOWN)) " more" }
+                    (notes(&warnings[SHOWN..]))
+                }
+            }
+        }
+    };
+    Section::new("summary", "Summary", body)
+}
+
+/// All warnings, those about the result first.
+fn warnings<'a>(subject: &'a Subject<'_>) -> Vec<&'a Note> {
+    let all = subject.result.warnings.iter().chain(&subject.context.notes).chain(&subject.split.notes);
+    let mut list: Vec<&Note> = Vec::new();
+    for note in all.filter(|note| note.severity == Severity::Warning) {
+        // The notes of the split may stand in the result too.
+        if !list.contains(&note) {
+            list.push(note);
+        }
+    }
+    list
+}
+
+/// Names with commas and an "and".
+pub(super) fn list(names: &[&str]) -> Markup {
+    html! {
+        @for (i, name) in names.iter().enumerate() {
+            @if i > 0 { @if i + 1 == names.len() { " and " } @else { ", " } }
+            b { (name) }
+        }
+    }
+}
+
+fn headline(subject: &Subject<'_>) -> Markup {
+    let verdicts = &subject.result.verdicts;
+    let of = |grade: Grade| -> Vec<&str> {
+        verdicts.iter().filter(|v| v.grade == grade).map(|v| v.channel.as_str()).collect()
+    };
+    let (good, usable, bad) = (of(Grade::Good), of(Grade::Usable), of(Grade::NotIdentified));
+    let sound: Vec<&str> =
+        verdicts.iter().filter(|v| v.grade != Grade::NotIdentified).map(|v| v.channel.as_str()).collect();
+    let Some(candidate) = subject.candidate else {
+        return banner(
+            "bad",
+            "Nothing was identified.",
+            &html! { "There is no model to show: the pages below tell what data there were." },
+        );
+    };
+    let over = horizon(candidate);
+    let (test, validation) = (&candidate.test, &candidate.validation);
+    if verdicts.is_empty() || test.windows == 0 {
+        let why =
+            html! { "No test window could be rolled out, so nothing can be said about what it predicts." };
+        return banner("bad", "This model was not judged.", &why);
+    }
+    if subject.result.best.is_none() {
+        if test.diverged + validation.diverged == 0 {
+            let why = html! { "None was good enough to be called best; what follows is the first of them." };
+            return banner("bad", "No model is recommended.", &why);
+        }
+        let text = html! {
+            (number::count(test.diverged)) " of " (number::count(test.windows)) " test rollouts and "
+            (number::count(validation.diverged)) " of " (number::count(validation.windows))
+            " validation rollouts over " (over) " run away. The figures below leave these out and flatter it."
+        };
+        return banner("bad", "Do not use this model: it diverges.", &text);
+    }
+    if sound.is_empty() {
+        let text = html! { "Over " (over) " no output is predicted at least a tenth better than by keeping the last value or the mean." };
+        return banner("bad", "This model is of no use.", &text);
+    }
+    if !bad.is_empty() {
+        let text = html! {
+            "Over " (over) ", " (list(&sound)) @if sound.len() == 1 { " is" } @else { " are" }
+            " predicted better than by trivial means; " (list(&bad))
+            @if bad.len() == 1 { " is not: do not use what the model says of it." } @else { " are not: do not use what the model says of them." }
+            (learns(candidate))
+        };
+        return banner("usable", "Usable in part.", &text);
+    }
+    if usable.is_empty() {
+        let text = html! {
+            "On data that it has not seen, " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
+            " predicted over " (over) " with at most half of the error that trivial means leave." (learns(candidate))
+        };
+        return banner("good", "A good model.", &text);
+    }
+    let text = html! {
+        "On data that it has not seen, all outputs are predicted over " (over) " better than by trivial means"
+        @if !good.is_empty() { "; " (list(&good)) " with at most half of their error" } "." (learns(candidate))
+    };
+    banner("usable", "A usable model.", &text)
+}
+
+/// Of a model that learns on the way, that it does.
+fn learns(candidate: &Candidate) -> Markup {
+    html! {
+        @if candidate.model.learning.is_some() {
+            " This model keeps learning: the figures are those of a model that has learned along the test runs up to each origin. The equations below are where it starts from; see the methods side by side for models that stay as they are."
+        }
+    }
+}
+
+fn banner(class: &str, title: &str, text: &Markup) -> Markup {
+    html! { div class={ "banner " (class) } role="status" { strong { (title) } " " (text) } }
+}
+
+/// The longest horizon in words.
+fn horizon(candidate: &Candidate) -> String {
+    let test = &candidate.test;
+    duration(test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt))
+}
+
+/// NRMSE at which the bars of the tiles end.
+const BAR_END: f64 = 1.5;
+
+fn tile(verdict: &Verdict, candidate: &Candidate) -> Markup {
+    let (word, symbol, class) = style::grade(verdict.grade);
+    let scale = BAR_END;
+    let share = |value: f64| {
+        let percent = if value.is_nan() { 0.0 } else { 100.0 * (value / scale).clamp(0.0, 1.0) };
+        format!("width:{percent:.1}%")
+    };
+    let outputs = &candidate.model.description.outputs;
+    let unit = outputs.iter().find(|port| port.channel.name == verdict.channel);
+    html! {
+        div class={ "tile " (class) } {
+            p.name { (verdict.channel) @if let Some(port) = unit { @if !port.channel.unit.is_empty() { span.unit { " " (number::unit(&port.channel.unit)) } } } }
+            p.grade { span.symbol aria-hidden="true" { (symbol) } " " (word) }
+            div.bars {
+                span { "model" } span.bar { span.model style=(share(verdict.nrmse)) {} } span.n { (ratio(verdict.nrmse)) }
+                span { "last value" } span.bar { span.kept style=(share(verdict.persistence)) {} } span.n { (ratio(verdict.persistence)) }
+            }
+        }
+    }
+}
+
+fn legend(candidate: &Candidate) -> Markup {
+    let test = &candidate.test;
+    let last = test.nrmse.last().into_iter().chain(test.persistence.nrmse.last());
+    let beyond = last.flatten().any(|nrmse| *nrmse > BAR_END);
+    html! {
+        p.small {
+            "Error of open-loop predictions " (horizon(candidate)) " ahead on the test runs, in standard deviations of the output (NRMSE): "
+            "0 is perfect, 1 is what predicting the mean gives; “last value” keeps what was measured at the start. "
+            "Good: at most half of the better trivial prediction. Usable: at most nine tenths."
+            @if beyond { " A full bar stands for " (BAR_END) " and all that is beyond it." }
+        }
+    }
+}
+
+fn facts(subject: &Subject<'_>) -> Markup {
+    let split = subject.split;
+    let total = |runs: &[Trajectory]| runs.iter().map(Trajectory::duration_s).sum::<f64>();
+    let seconds: f64 = runs(split).map(Trajectory::duration_s).sum();
+    let count = runs(split).count();
+    let parts = [("training", &split.train), ("validation", &split.validation), ("test", &split.test)];
+    html! {
+        dl.facts {
+            @if let Some(candidate) = subject.candidate {
+                dt { "Model" }
+                dd {
+                    (model(candidate)) ", " (number::count(candidate.model.weights())) @if candidate.model.is_network() { " weights for " } @else { " coefficients for " }
+                    (number::count(candidate.model.description.outputs.len())) " outputs and "
+                    (number::count(candidate.model.description.inputs.len())) " inputs"
+                }
+            }
+            dt { "Data" }
+            dd {
+                (runs_text(count)) ", " (duration(seconds)) " in all" (rate(split))
+                ": "
+                @for (i, (name, runs)) in parts.iter().enumerate() {
+                    @if i > 0 { ", " }
+                    (name) " " (duration(total(runs)))
+                }
+            }
+            @if let Some(candidate) = subject.candidate {
+                dt { "Judged by" }
+                dd {
+                    (number::count(candidate.test.windows)) " rollouts of " (horizon(candidate)) " on "
+                    (runs_text(candidate.test.runs.used)) " that played no part in fitting or choosing"
+                    @if candidate.test.runs.unused > 0 {
+                        "; " (runs_text(candidate.test.runs.unused)) " too short for the horizon and not judged"
+                    }
+                    @if candidate.test.diverged > 0 { "; " (number::count(candidate.test.diverged)) " of them diverged" }
+                }
+            }
+        }
+    }
+}
+
+fn model(candidate: &Candidate) -> &'static str {
+    match (&candidate.model.body, &candidate.model.learning) {
+        (Body::Equations(_), None) => "Sparse equations of motion",
+        (Body::Equations(_), Some(_)) => "Sparse equations of motion that keep learning on the way",
+        (Body::Recurrent(recurrent), _) => match recurrent.base {
+            Base::Equations(_) => "A recurrent network on top of equations of motion",
+            Base::Nothing | Base::Hold => "A recurrent network",
+        },
+        (Body::Direct(direct), _) => match direct.base {
+            Base::Equations(_) => {
+                "A feed-forward network that predicts many steps at once on top of equations of motion"
+            }
+            Base::Nothing | Base::Hold => "A feed-forward network that predicts many steps at once",
+        },
+        (Body::Affine(_), _) => "A feed-forward network of the rates that is affine in its inputs",
+        (Body::Plant(_), _) => "A vessel with given parameters",
+    }
+}
+
+fn runs_text(n: usize) -> String {
+    if n == 1 { "1 run".to_owned() } else { format!("{} runs", number::count(n)) }
+}
+
+fn rate(split: &Split) -> String {
+    runs(split).next().map_or_else(String::new, |run| {
+        format!(" at {} Hz", number::text(1.0 / run.dt, 3).trim_end_matches(".00").trim_end_matches(".0"))
+    })
+}

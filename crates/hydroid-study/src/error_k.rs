@@ -1,0 +1,225 @@
+//! Error(k) of a model beside C0, the thesis's measure (section 4.2).
+//!
+//! `Error(k)` is, for each output, the mean absolute error over 10 windows of 20 steps, the window `m` starting at the
+//! sample `k + 20 m`; `k = 3, 203, 403, ..`, so that windows follow each other. A model that needs more samples before its
+//! first prediction begins with a later `k`. It starts from what was measured and is compared with the truth. Beside it
+//! stand C0, the perfect model of low speed, from the true state with the true force of the propeller; and the true plant from
+//! the measured velocities with the true force: what noise at the start alone does.
+
+use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use serde::{Deserialize, Serialize};
+
+use super::StudyError;
+use hydroid::log::Trajectory;
+use hydroid::simulate::Simulated;
+use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Stroke};
+use hydroid_report::style;
+
+/// Steps of a window, windows of an `Error(k)`, the first `k`.
+pub const STEPS: usize = 20;
+/// Windows of an `Error(k)`.
+pub const WINDOWS: usize = 10;
+const FIRST: usize = 3;
+/// Where the hydrofoil changes its mode \[m/s\].
+pub const TRANSITION: f64 = 2.5;
+/// Origins of which one is taken for the floor.
+const STRIDE: usize = 5;
+/// What a plant steps by \[s\].
+const INTERNAL_S: f64 = 0.01;
+/// Errors below it are drawn there.
+const LEAST: f64 = 1e-4;
+
+const OUTPUTS: usize = 3;
+
+/// Where blocks lie, see [`is`].
+pub const PLACES: [&str; 3] = ["all", "below the transition", "mean u above it"];
+
+/// Mean absolute errors of `u`, `v`, `r`.
+pub type Errors = [f64; OUTPUTS];
+
+/// A log, and what only a simulation knows of it.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// Outputs `u`, `v`, `r`, and the commands of propeller and rudder.
+    pub run: Trajectory,
+    /// True outputs, row by row.
+    pub truth: Vec<f64>,
+    /// True force of the propeller \[N\].
+    pub force: Vec<f64>,
+}
+
+/// One `Error(k)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Block {
+    /// The sample that it begins with.
+    pub k: usize,
+    /// Mean true speed over it \[m/s\].
+    pub mean_u: f64,
+    /// Largest true speed over it \[m/s\].
+    pub max_u: f64,
+    /// Of the model.
+    pub model: Errors,
+    /// Of C0.
+    pub c0: Errors,
+}
+
+/// Whether a block lies at a place of [`PLACES`].
+pub fn is(block: &Block, place: usize) -> bool {
+    match place {
+        1 => block.max_u < TRANSITION,
+        2 => block.mean_u > TRANSITION,
+        _ => true,
+    }
+}
+
+impl Record {
+    /// Of a simulation.
+    ///
+    /// # Errors
+    /// If it has no outputs `u`, `v`, `r`.
+    pub fn of(simulated: &Simulated) -> Result<Self, StudyError> {
+        let run = simulated.to_trajectory(&["u", "v", "r"])?;
+        let states = simulated.states();
+        let truth = states.iter().flat_map(|state| [state.u, state.v, state.r]).collect();
+        Ok(Self { run, truth, force: states.iter().map(|state| state.p_f).collect() })
+    }
+
+    /// True outputs at a sample.
+    pub fn truth(&self, k: usize) -> Errors {
+        std::array::from_fn(|c| self.truth[k * OUTPUTS + c])
+    }
+
+    fn error(&self, k: usize, y: &[f64]) -> Errors {
+        let truth = self.truth(k);
+        std::array::from_fn(|c| (y[c] - truth[c]).abs())
+    }
+
+    /// Mean absolute error over a window of a plant's.
+    pub fn of_plant(&self, plant: &Plant, from: Errors, origin: usize) -> Errors {
+        let mut state = State { u: from[0], v: from[1], r: from[2], p_f: self.force[origin], ..State::REST };
+        let mut sums = [0.0; OUTPUTS];
+        let step = self.run.dt / (self.run.dt / INTERNAL_S).round().max(1.0);
+        for k in origin..origin + STEPS {
+            let c = self.run.inputs.row(k);
+            let mut left = self.run.dt;
+            while left > 0.5 * step {
+                state = plant.advance(&state, &Command { pp: c[0], rd: c[1] }, step);
+                left -= step;
+            }
+            add(&mut sums, self.error(k + 1, &state.nu()), STEPS);
+        }
+        sums
+    }
+}
+
+/// Adds errors to a mean of so many.
+pub fn add(sums: &mut Errors, errors: Errors, of: usize) {
+    for (sum, error) in sums.iter_mut().zip(errors) {
+        *sum += error / of as f64;
+    }
+}
+
+/// Mean errors of the model over the window from each origin; none where there is no window. The means over all windows of
+/// the first and of the last step are told as well.
+pub fn walk(record: &Record, session: &mut dyn Predictor) -> (Vec<Option<Errors>>, [Errors; 2]) {
+    let run = &record.run;
+    let (mut work, mut y) = (Workspace::new(), [0.0; STEPS * OUTPUTS]);
+    let first = session.warm_up().max(FIRST + 1) - 1;
+    let (mut windows, mut ends) = (Vec::new(), [[0.0; OUTPUTS]; 2]);
+    let count = run.len().saturating_sub(STEPS + first);
+    session.reset();
+    for k in 0..run.len() {
+        session.observe(run.outputs.row(k));
+        windows.push((k >= first && k + STEPS < run.len()).then(|| {
+            session.rollout(run.inputs.rows(k, k + STEPS), &mut work, &mut y);
+            let mut sums = [0.0; OUTPUTS];
+            for (j, y) in y.chunks_exact(OUTPUTS).enumerate() {
+                let error = record.error(k + j + 1, y);
+                add(&mut sums, error, STEPS);
+                if j == 0 || j + 1 == STEPS {
+                    add(&mut ends[usize::from(j > 0)], error, count);
+                }
+            }
+            sums
+        }));
+        session.advance(run.inputs.row(k));
+    }
+    (windows, ends)
+}
+
+/// Every `Error(k)` of a model over a record.
+///
+/// # Errors
+/// If C0 cannot be made, which does not happen.
+pub fn blocks(record: &Record, session: &mut dyn Predictor) -> Result<Vec<Block>, StudyError> {
+    Ok(blocks_of(record, &walk(record, session).0, &plant(&VesselParams::hydrofoil_low_speed())?))
+}
+
+/// The same from the windows of [`walk`].
+pub fn blocks_of(record: &Record, windows: &[Option<Errors>], c0: &Plant) -> Vec<Block> {
+    let span = STEPS * WINDOWS;
+    let mut blocks = Vec::new();
+    for k in (FIRST..record.run.len().saturating_sub(span)).step_by(span) {
+        let starts = || (0..WINDOWS).map(|m| k + STEPS * m);
+        let Some(errors) = starts().map(|k| windows[k]).collect::<Option<Vec<Errors>>>() else { continue };
+        let (mut model, mut low) = ([0.0; OUTPUTS], [0.0; OUTPUTS]);
+        for (k, error) in starts().zip(errors) {
+            add(&mut model, error, WINDOWS);
+            add(&mut low, record.of_plant(c0, record.truth(k), k), WINDOWS);
+        }
+        let speeds = || (k..=k + span).map(|k| record.truth(k)[0]);
+        let mean_u = speeds().sum::<f64>() / (span + 1) as f64;
+        blocks.push(Block { k, mean_u, max_u: speeds().fold(f64::MIN, f64::max), model, c0: low });
+    }
+    blocks
+}
+
+/// The true plant from the measured velocities: the mean error over 20 steps.
+///
+/// # Errors
+/// If the plant cannot be made, which does not happen.
+pub fn noise_floor(record: &Record) -> Result<Errors, StudyError> {
+    let plant = plant(&VesselParams::hydrofoil())?;
+    let origins: Vec<usize> = (FIRST..record.run.len().saturating_sub(STEPS)).step_by(STRIDE).collect();
+    let mut sums = [0.0; OUTPUTS];
+    for &k in &origins {
+        let measured = std::array::from_fn(|c| record.run.outputs.row(k)[c]);
+        add(&mut sums, record.of_plant(&plant, measured, k), origins.len());
+    }
+    Ok(sums)
+}
+
+fn plant(vessel: &VesselParams) -> Result<Plant, StudyError> {
+    Plant::new(vessel).map_err(|error| StudyError::Result(error.to_string()))
+}
+
+/// The speed, and below it the errors on logarithmic axes.
+pub fn figure(blocks: &[Block], name: &str, stroke: Stroke, dt: f64) -> Figure {
+    let time = |block: &Block| block.k as f64 * dt;
+    let line = |value: &dyn Fn(&Block) -> f64, stroke: Stroke| {
+        Mark::Line(Line::new(blocks.iter().map(|block| (time(block), value(block))).collect(), stroke))
+    };
+    let logarithm = |error: f64| error.max(LEAST).log10();
+    let mut figure =
+        Figure::new("Error(k) of the predictor and of C0 over a run in both modes", "time of k [s]")
+            .key(Key::Line(stroke), name)
+            .key(Key::Line(style::PERSISTENCE_LINE), "C0, the perfect model of low speed")
+            .panel(
+                Panel::new("u, mean over the 200 samples [m/s] (dotted: change of mode)")
+                    .mark(Mark::Level { at: TRANSITION, stroke: style::VALIDATION_LINE })
+                    .mark(line(&|block| block.mean_u, style::MEASURED_LINE)),
+            );
+    for (c, label) in
+        ["Error(k) of u [m/s]", "Error(k) of v [m/s]", "Error(k) of r [rad/s]"].iter().enumerate()
+    {
+        figure = figure.panel(
+            Panel::new(*label)
+                .decades()
+                .range(LEAST.log10(), 0.3)
+                .mark(line(&|block| logarithm(block.c0[c]), style::PERSISTENCE_LINE))
+                .mark(line(&|block| logarithm(block.model[c]), stroke)),
+        );
+    }
+    figure
+}

@@ -1,0 +1,69 @@
+//! A network along a record: frozen, with its state filtered, and learning.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::StudyError;
+use super::super::lab::{Lab, Learned, Sailed};
+use hydroid::adapt::{self, Options};
+use hydroid::evaluate::{self, Against, Evaluation};
+
+/// Longest horizon \[samples\].
+pub(super) const HORIZON: usize = 100;
+
+/// Mean and largest error against the truth, by horizon and output, as [`Evaluation`] has them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Errors {
+    pub(super) mean: Vec<Vec<f64>>,
+    pub(super) max: Vec<Vec<f64>>,
+    /// Rollouts that diverged; they are in no mean.
+    pub(super) diverged: usize,
+}
+
+impl Errors {
+    fn of(evaluation: Evaluation) -> Self {
+        Self { mean: evaluation.mae, max: evaluation.max, diverged: evaluation.diverged }
+    }
+}
+
+/// What came of a network along a record.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Along {
+    pub(super) frozen: Errors,
+    /// The state is filtered, the weights are frozen; none for models whose state a measurement enters otherwise.
+    pub(super) filtered: Option<Errors>,
+    pub(super) adapted: Errors,
+}
+
+/// How a model learns along a record: with the defaults of `hydroid adapt`, with its guard or without.
+pub(super) fn options(guarded: bool, learned: &Learned) -> Options {
+    let evaluate = evaluate::Options {
+        horizon: HORIZON,
+        origin_stride: 5,
+        against: Against::Truth,
+        warm_up: 100,
+        ..evaluate::Options::default()
+    };
+    let options = Options { evaluate, ..Options::of(&learned.model) };
+    if guarded { options.guarded(&learned.model) } else { options }
+}
+
+/// A model along a record.
+pub(super) fn adaptation(
+    lab: &Lab<'_>,
+    learned: &Learned,
+    sailed: &Sailed,
+    guarded: bool,
+) -> Result<Along, StudyError> {
+    lab.fits(learned, sailed)?;
+    let key = lab.store.key("adaptation", &guarded, &[learned.key, sailed.key]);
+    lab.store.get("adaptation", key, || {
+        let options = options(guarded, learned);
+        let adapted =
+            adapt::adapt(&learned.model, &[&sailed.run], &options, &mut lab.progress("adapting"))?.report;
+        Ok(Along {
+            frozen: Errors::of(adapted.frozen),
+            filtered: adapted.frozen_filtered.map(Errors::of),
+            adapted: Errors::of(adapted.adapted),
+        })
+    })
+}

@@ -1,0 +1,279 @@
+//! Figure 8: the error of a prediction over time, frozen and adapted, with what the guard did.
+
+use serde::{Deserialize, Serialize};
+
+use hydroid_core::adapt::guard::{Action, Guard};
+use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::vessel::State;
+
+use super::super::StudyError;
+use super::super::lab::{Lab, Learned, Sailed};
+use super::super::look;
+use super::super::outcome::{Outcome, Sheet};
+use super::adaptation::options;
+use super::{OUTPUTS, median, range};
+use hydroid::adapt;
+use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Stroke};
+use hydroid_report::style;
+
+/// Samples between two origins, and before the first.
+const STRIDE: usize = 5;
+const WARM_UP: usize = 100;
+/// Where the hydrofoil changes its mode \[m/s\].
+const TRANSITION: f64 = 2.5;
+/// Errors below it are drawn there.
+const LEAST: f64 = 1e-3;
+/// Half-width of an 80 % band of a normal distribution \[standard deviations\].
+const BAND_80: f64 = 1.281_55;
+
+/// Errors over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Along {
+    /// The network, of which the first seed is shown.
+    pub model: String,
+    /// What it sails through.
+    pub record: String,
+    /// Steps ahead.
+    pub steps: usize,
+}
+
+/// The walk: time of each origin, errors of frozen, adapted and guarded, and when the guard did what.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Walk {
+    t: Vec<f64>,
+    errors: [Vec<[f64; 3]>; 3],
+    switched_s: Vec<f64>,
+    /// What the adapted network says of the outputs, and how sure it is of what will be measured.
+    said: Vec<[f64; 3]>,
+    deviations: Vec<[f64; 3]>,
+    measured: Vec<[f64; 3]>,
+}
+
+impl Along {
+    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+        let sailed = lab.record(&self.record)?;
+        let models = lab.models(&self.model)?;
+        let Some(learned) = models.first() else { return Ok(Outcome::default()) };
+        lab.fits(learned, &sailed)?;
+        let key = lab.store.key("along", self, &[learned.key, sailed.key]);
+        let walk = lab.store.get("along", key, || self.walk(learned, &sailed))?;
+        let mut outcome = Outcome::default();
+        let names = ["frozen", "adapted", "guarded"];
+        let mut sheet = Sheet::new(
+            "along",
+            &["t [s]", "u [m/s]", "way", "error of u [m/s]", "error of v [m/s]", "error of r [rad/s]"],
+        );
+        for (way, errors) in names.iter().zip(&walk.errors) {
+            for (t, error) in walk.t.iter().zip(errors) {
+                let u = speed(&sailed, *t);
+                let [a, b, c] = *error;
+                sheet.row(vec![(*t).into(), u.into(), (*way).into(), a.into(), b.into(), c.into()]);
+            }
+        }
+        outcome.sheets.push(sheet);
+        let steps = self.steps;
+        outcome.chart(
+            "error_over_time",
+            self.figure(&walk, &sailed),
+            format!(
+                "{}, trained at low speed, along {}: the error against the truth of the prediction that was made at that time for {steps} steps ({:.1} s) later, in means over eight origins (4 s). Each take-off is new to the frozen network and known to the adapted one after its first. Vertical lines: the guard changes the model that predicts.",
+                look::title(&self.model),
+                self.record,
+                steps as f64 * sailed.run.dt,
+            ),
+        );
+        let coverage = walk.coverage();
+        outcome.measure("band_80_holds", coverage);
+        outcome.chart(
+            "bands",
+            self.bands(&walk, sailed.run.dt),
+            format!(
+                "What the adapted network predicts {steps} steps ahead, with its 80 % band, and what was measured then, around the first flight. Along the whole record the bands of u, v, r hold {:.0} % of the measurements.",
+                100.0 * coverage
+            ),
+        );
+        outcome.chart(
+            "track",
+            track(&sailed),
+            format!("The track of {}: afloat grey, flying black.", self.record),
+        );
+        let flying = |errors: &[[f64; 3]]| {
+            let aloft = walk.t.iter().zip(errors).filter(|(t, _)| speed(&sailed, **t) > TRANSITION);
+            aloft.map(|(_, error)| error[0]).collect::<Vec<f64>>()
+        };
+        let (frozen, adapted) = (flying(&walk.errors[0]), flying(&walk.errors[1]));
+        let late = |errors: &[f64]| median(errors[errors.len() / 2..].to_vec());
+        outcome.measure("flying_left", late(&adapted) / late(&frozen));
+        Ok(outcome)
+    }
+
+    fn walk(&self, learned: &Learned, sailed: &Sailed) -> Result<Walk, StudyError> {
+        let run = &sailed.run;
+        let truth = run.truth.as_ref().unwrap_or(&run.outputs);
+        let mut adapted = adapt::adapter(&learned.model, &options(false, learned), &[run])?.0;
+        let mut guarded = adapt::adapter(&learned.model, &options(true, learned), &[run])?.0;
+        let mut frozen = learned.model.session();
+        let mut walk = Walk {
+            t: Vec::new(),
+            errors: Default::default(),
+            switched_s: Vec::new(),
+            said: Vec::new(),
+            deviations: Vec::new(),
+            measured: Vec::new(),
+        };
+        let (mut work, mut y) = (Workspace::new(), vec![0.0; 3 * self.steps]);
+        for k in 0..run.len().saturating_sub(self.steps) {
+            let sessions: [&mut dyn Predictor; 3] = [frozen.as_mut(), adapted.as_mut(), guarded.as_mut()];
+            let origin = k >= WARM_UP && k % STRIDE == 0;
+            let commands = run.inputs.rows(k, k + self.steps);
+            let at = k + self.steps;
+            for (session, errors) in sessions.into_iter().zip(&mut walk.errors) {
+                session.observe(run.outputs.row(k));
+                if origin {
+                    session.rollout(commands, &mut work, &mut y);
+                    let end = &y[3 * (self.steps - 1)..];
+                    errors.push(std::array::from_fn(|c| (end[c] - truth.row(at)[c]).abs()));
+                }
+            }
+            if origin {
+                adapted.rollout(commands, &mut work, &mut y);
+                walk.said.push(std::array::from_fn(|c| y[3 * (self.steps - 1) + c]));
+                let mut deviations = [0.0; 3];
+                adapted.deviations(commands, &[self.steps], &mut work, &mut deviations);
+                walk.deviations.push(deviations);
+                walk.measured.push(std::array::from_fn(|c| run.outputs.row(at)[c]));
+            }
+            frozen.advance(run.inputs.row(k));
+            adapted.advance(run.inputs.row(k));
+            guarded.advance(run.inputs.row(k));
+            if origin {
+                walk.t.push(run.t0 + k as f64 * run.dt);
+            }
+            let events = guarded.guard().map(Guard::events);
+            let switched =
+                events.into_iter().flatten().any(|event| matches!(event.action, Action::Switched { .. }));
+            if switched {
+                walk.switched_s.push(run.t0 + k as f64 * run.dt);
+            }
+        }
+        Ok(walk)
+    }
+
+    /// Predictions with their bands, from a little before the first take-off on.
+    fn bands(&self, walk: &Walk, dt: f64) -> Figure {
+        let off = walk.measured.iter().position(|y| y[0] > TRANSITION).unwrap_or(0);
+        let from = off.saturating_sub(40);
+        let to = (from + 160).min(walk.t.len());
+        let ahead = self.steps as f64 * dt;
+        let mut figure = Figure::new("Predictions with their bands", "time [s]")
+            .key(Key::Line(look::line(&self.model)), format!("predicted {ahead:.1} s before"))
+            .key(Key::Area(style::BAND), "80 % band")
+            .key(Key::Line(style::MEASURED_LINE), "measured");
+        for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
+            let line = |values: &[[f64; 3]]| -> Vec<(f64, f64)> {
+                (from..to).map(|i| (walk.t[i] + ahead, values[i][c])).collect()
+            };
+            let band = |i: usize| {
+                let half = BAND_80 * walk.deviations[i][c];
+                (walk.t[i] + ahead, walk.said[i][c] - half, walk.said[i][c] + half)
+            };
+            let band =
+                Mark::Band { points: (from..to).map(band).collect(), colour: style::BAND, opacity: 0.35 };
+            figure = figure.panel(
+                Panel::new(format!("{output} [{unit}]"))
+                    .height(120.0)
+                    .mark(band)
+                    .mark(Mark::Line(Line::new(line(&walk.measured), style::MEASURED_LINE)))
+                    .mark(Mark::Line(Line::new(line(&walk.said), look::line(&self.model)))),
+            );
+        }
+        figure
+    }
+
+    fn figure(&self, walk: &Walk, sailed: &Sailed) -> Figure {
+        let strokes = [
+            look::way("frozen", &self.model),
+            look::line(&self.model),
+            Stroke { width: 1.2, colour: style::INK, ..style::MEASURED_LINE },
+        ];
+        let speeds = walk.t.iter().map(|&t| (t, speed(sailed, t))).collect();
+        let events = Stroke { colour: style::ALARM, width: 0.8, ..style::MEASURED_LINE };
+        let mut figure = Figure::new("Error of the prediction over time", "time [s]")
+            .key(Key::Line(strokes[0]), "frozen")
+            .key(Key::Line(strokes[1]), "adapted")
+            .key(Key::Line(strokes[2]), "adapted, guarded")
+            .panel(
+                Panel::new("true u [m/s] (dotted: change of mode)")
+                    .mark(Mark::Level { at: TRANSITION, stroke: style::VALIDATION_LINE })
+                    .mark(Mark::Line(Line::new(speeds, style::MEASURED_LINE))),
+            );
+        for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
+            let mut panel = Panel::new(format!("error of {output} [{unit}]")).decades().height(120.0);
+            panel = panel.mark(Mark::Verticals { at: walk.switched_s.clone(), stroke: events });
+            for (errors, stroke) in walk.errors.iter().zip(strokes) {
+                // What is between them is noise to the eye.
+                let points = smoothed(&walk.t, errors.iter().map(|error| error[c]));
+                panel = panel.mark(Mark::Line(Line::new(points, stroke)));
+            }
+            figure = figure.panel(panel);
+        }
+        figure
+    }
+}
+
+impl Walk {
+    /// Share of the measurements that lie in their 80 % band.
+    fn coverage(&self) -> f64 {
+        let (mut inside, mut all) = (0.0, 0.0);
+        for ((said, deviations), measured) in self.said.iter().zip(&self.deviations).zip(&self.measured) {
+            for c in 0..3 {
+                all += 1.0;
+                inside += f64::from(u8::from((measured[c] - said[c]).abs() < BAND_80 * deviations[c]));
+            }
+        }
+        inside / all
+    }
+}
+
+/// Where the vessel went, by mode.
+fn track(sailed: &Sailed) -> Figure {
+    let states = sailed.simulated.states();
+    let part = |flying: bool| {
+        let point = |state: &State| {
+            let here = (state.u > TRANSITION) == flying;
+            (if here { state.y } else { f64::NAN }, if here { state.x } else { f64::NAN })
+        };
+        states.iter().step_by(5).map(point).collect::<Vec<_>>()
+    };
+    let (low, high) = range(&states.iter().map(|state| state.y).collect::<Vec<_>>());
+    let (south, north) = range(&states.iter().map(|state| state.x).collect::<Vec<_>>());
+    // A metre is as long across as up; the frame of a figure is some 400 px wide.
+    let height = (400.0 * (north - south + 10.0) / (high - low + 10.0)).clamp(80.0, 500.0);
+    let mut panel = Panel::new("north [m]").height(height).range(south - 5.0, north + 5.0);
+    let mut figure =
+        Figure::new("Track of the lawn-mower by mode", "east [m]").x_range(low - 5.0, high + 5.0);
+    for (flying, colour, word) in [(false, style::PERSISTENCE, "afloat"), (true, style::INK, "flying")] {
+        let stroke = Stroke { colour, width: 1.8, ..style::MEASURED_LINE };
+        panel = panel.mark(Mark::Line(Line::new(part(flying), stroke)));
+        figure = figure.key(Key::Line(stroke), word);
+    }
+    figure.panel(panel)
+}
+
+/// True speed at a time.
+fn speed(sailed: &Sailed, t: f64) -> f64 {
+    // Casts saturate.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let k = (t / sailed.run.dt).round() as usize;
+    sailed.simulated.states().get(k).map_or(f64::NAN, |state| state.u)
+}
+
+/// Logarithms of means over eight origins.
+fn smoothed(t: &[f64], values: impl Iterator<Item = f64>) -> Vec<(f64, f64)> {
+    let values: Vec<f64> = values.collect();
+    t.chunks(8)
+        .zip(values.chunks(8))
+        .map(|(t, v)| (t[0], (v.iter().sum::<f64>() / v.len() as f64).max(LEAST).log10()))
+        .collect()
+}

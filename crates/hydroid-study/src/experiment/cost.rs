@@ -1,0 +1,108 @@
+//! Accuracy against what a step of the filter costs.
+
+use serde::{Deserialize, Serialize};
+
+use hydroid_core::adapt::kalman::Memory;
+
+use super::super::StudyError;
+use super::super::lab::Lab;
+use super::super::look;
+use super::super::outcome::{Outcome, Sheet};
+use super::adaptation;
+use super::median;
+use hydroid::adapt;
+use hydroid_report::figure::{Figure, Key, Mark, Panel, Points, Sign};
+
+/// Networks whose filter keeps more or less of its covariance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cost {
+    /// Networks.
+    pub models: Vec<String>,
+    /// What they sail through.
+    pub record: String,
+    /// How much is kept, as `hydroid adapt --memory` has it.
+    pub memories: Vec<String>,
+}
+
+/// Time for a sample \[us\], numbers in the memory, error of u 20 steps ahead.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Spent {
+    us: f64,
+    memory: usize,
+    error: f64,
+}
+
+impl Cost {
+    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+        let sailed = lab.record(&self.record)?;
+        let mut outcome = Outcome::default();
+        let mut table =
+            Sheet::new("cost", &["network", "memory", "a sample [us]", "kept [kB]", "20 steps: u [m/s]"]);
+        let mut panel = Panel::new("adapted error of u after 20 steps [m/s]").height(320.0).decades();
+        let mut figure = Figure::new("Accuracy against the cost of a step", "a sample [us]").x_decades();
+        for name in &self.models {
+            let models = lab.models(name)?;
+            let mut points = Vec::new();
+            for words in &self.memories {
+                let memory: Memory = words
+                    .parse()
+                    .map_err(|error| lab.cannot(format_args!("'{words}' is no memory: {error}")))?;
+                // One after the other: what is measured is time.
+                let mut all = Vec::new();
+                for learned in models.iter() {
+                    lab.fits(learned, &sailed)?;
+                    let key = lab.store.key("cost", words, &[learned.key, sailed.key]);
+                    all.push(lab.store.get("cost", key, || {
+                        let mut options = adaptation::options(false, learned);
+                        options.kalman.memory = memory;
+                        let runs = [&sailed.run];
+                        let memory = adapt::adapter(&learned.model, &options, &runs)?.0.memory_len();
+                        let what = format!("{name}, {words}");
+                        let report =
+                            adapt::adapt(&learned.model, &runs, &options, &mut lab.progress(&what))?.report;
+                        Ok(Spent {
+                            us: report.us_per_sample.median,
+                            memory,
+                            error: report.adapted.mae[19][0],
+                        })
+                    })?);
+                }
+                let of = |value: &dyn Fn(&Spent) -> f64| median(all.iter().map(value).collect());
+                let (us, error) = (of(&|s| s.us), of(&|s| s.error));
+                points.push(((us.log10(), error.log10()), words.clone()));
+                table.row(vec![
+                    look::title(name).into(),
+                    words.as_str().into(),
+                    us.into(),
+                    of(&|s| s.memory as f64 * 8e-3).into(),
+                    error.into(),
+                ]);
+                outcome.measure(&format!("{name}_{words}_us"), us);
+            }
+            let (colour, sign) = (look::colour(name), Sign::Disc);
+            for (point, words) in points {
+                let label = Some(words);
+                panel = panel.mark(Mark::Points(Points {
+                    points: vec![point],
+                    sign,
+                    colour,
+                    radius: 4.5,
+                    label,
+                }));
+            }
+            figure = figure.key(Key::Sign(sign, colour), look::title(name));
+        }
+        outcome.chart(
+            "accuracy_cost",
+            figure.panel(panel),
+            format!(
+                "Networks trained at low speed, along {}: the adapted error of u 2 s ahead over the time that the filter takes for a sample, for {}.",
+                self.record,
+                self.memories.join(", ")
+            ),
+        );
+        outcome.table(table, "What the filter keeps of the covariance of the weights, what it costs and what it brings; medians over seeds.");
+        Ok(outcome)
+    }
+}

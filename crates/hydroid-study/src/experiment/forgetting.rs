@@ -1,0 +1,204 @@
+//! What a network forgets at sea, and whether epochs over one record do harm.
+
+use serde::{Deserialize, Serialize};
+
+use hydroid_core::adapt::Adapter;
+use hydroid_core::predict::Workspace;
+
+use super::super::StudyError;
+use super::super::lab::{Lab, Learned, Sailed};
+use super::super::look;
+use super::super::outcome::{Cell, Outcome, Sheet};
+use super::median;
+use hydroid::adapt::{self, Kalman, Options};
+use hydroid_report::figure::{Figure, Key, Line, Mark, Panel};
+
+/// Steps ahead.
+const STEPS: usize = 20;
+
+/// Epochs along a record, then the waters that were known.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Forgetting {
+    /// Networks.
+    pub models: Vec<String>,
+    /// The record that they sail through.
+    pub sea: String,
+    /// One of the waters that they were trained in.
+    pub known: String,
+    /// A record that they were trained on, whose beginning the guarded ones walk through before.
+    pub shore: String,
+    /// How much of it \[s\].
+    pub shore_s: f64,
+    /// How often they sail through the sea.
+    pub epochs: usize,
+}
+
+/// Of a network: error at sea in each epoch, and at home before and after, unprotected and guarded; after with the weights of that
+/// moment held, and by the session itself, which goes on.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Story {
+    epochs: [Vec<[f64; 3]>; 2],
+    before: [f64; 3],
+    held: [[f64; 3]; 2],
+    on: [[f64; 3]; 2],
+}
+
+impl Forgetting {
+    pub(super) fn uses(&self) -> (Vec<&String>, Vec<&String>) {
+        (vec![&self.sea, &self.known, &self.shore], self.models.iter().collect())
+    }
+
+    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+        let [sea, known, shore] =
+            [lab.record(&self.sea)?, lab.record(&self.known)?, lab.record(&self.shore)?];
+        let mut outcome = Outcome::default();
+        let mut table = Sheet::new(
+            "forgetting",
+            &[
+                "network",
+                "",
+                "at sea, epoch 1: u",
+                "epoch 2",
+                "last epoch",
+                "at home before: u",
+                "after, weights held",
+                "after, sailing on",
+            ],
+        );
+        let mut panel = Panel::new("error of u at sea, 20 steps [m/s]").height(200.0).decades();
+        let mut figure = Figure::new("Epochs over one record", "epoch").x_range(1.0, self.epochs as f64);
+        let (mut worse, mut epochs) = (Vec::new(), Vec::new());
+        for name in &self.models {
+            let models = lab.models(name)?;
+            let stories = lab.each(&format!("{name} over {} epochs", self.epochs), &models, |learned| {
+                let settings = (self.shore_s, self.epochs);
+                let key =
+                    lab.store.key("forgetting", &settings, &[learned.key, sea.key, known.key, shore.key]);
+                lab.store.get("forgetting", key, || self.story(lab, learned, &sea, &known, &shore))
+            })?;
+            let middle = |of: &dyn Fn(&Story) -> f64| median(stories.iter().map(of).collect());
+            for (way, word) in ["unprotected", "guarded, after the shore"].into_iter().enumerate() {
+                let curve: Vec<f64> = (0..self.epochs).map(|e| middle(&|s| s.epochs[way][e][0])).collect();
+                let before = middle(&|s| s.before[0]);
+                let (after, on) = (middle(&|s| s.held[way][0]), middle(&|s| s.on[way][0]));
+                table.row(vec![
+                    look::title(name).into(),
+                    word.into(),
+                    curve[0].into(),
+                    curve[1.min(self.epochs - 1)].into(),
+                    curve[self.epochs - 1].into(),
+                    before.into(),
+                    after.into(),
+                    Cell::Number(on),
+                ]);
+                if way == 0 {
+                    epochs.push(curve[self.epochs - 1] / curve[0]);
+                    worse.push(after / before);
+                } else {
+                    outcome.measure(&format!("{name}_guarded_on_over_before"), on / before);
+                }
+                let mut stroke = look::line(name);
+                if way == 1 {
+                    stroke.dash = hydroid_report::figure::Dash::Dashed;
+                }
+                let points = curve.iter().enumerate().map(|(e, x)| (e as f64 + 1.0, x.log10())).collect();
+                panel = panel.mark(Mark::Line(Line::new(points, stroke)));
+                figure = figure.key(Key::Line(stroke), format!("{}, {word}", look::title(name)));
+            }
+        }
+        outcome.measure("epochs_last_over_first", epochs.iter().copied().fold(0.0, f64::max));
+        outcome.measure("forgetting", median(worse));
+        outcome.chart(
+            "forgetting",
+            figure.panel(panel),
+            format!(
+                "Mean error of u 20 steps ahead in each of {} epochs over {}, medians over seeds. The thesis reports that the filter diverges over epochs.",
+                self.epochs, self.sea
+            ),
+        );
+        outcome.table(
+            table,
+            format!(
+                "At home: along {}, which is sailed at low speed, with the weights that predict at the end of the sea, held, and a filter on the state alone; and sailing on, as the session that goes on learning does. Guarded: {} s of what it was trained on are walked through first, and the guard chooses who predicts.",
+                self.known, self.shore_s
+            ),
+        );
+        Ok(outcome)
+    }
+
+    fn story(
+        &self,
+        lab: &Lab<'_>,
+        learned: &Learned,
+        sea: &Sailed,
+        known: &Sailed,
+        shore: &Sailed,
+    ) -> Result<Story, StudyError> {
+        let model = &learned.model;
+        [sea, known, shore].into_iter().try_for_each(|record| lab.fits(learned, record))?;
+        let mut story =
+            Story { epochs: Default::default(), before: [0.0; 3], held: [[0.0; 3]; 2], on: [[0.0; 3]; 2] };
+        for (way, guarded) in [false, true].into_iter().enumerate() {
+            let options = if guarded { Options::default().guarded(model) } else { Options::default() };
+            let mut session = adapt::adapter(model, &options, &[&sea.run])?.0;
+            if !guarded {
+                story.before = held(learned, session.weights(), known)?;
+            }
+            if guarded {
+                // Casts saturate.
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                let samples = ((self.shore_s / shore.run.dt) as usize).min(shore.run.len());
+                adapt::remember_shore(session.as_mut(), &[&shore.run.slice(0, samples)]);
+            }
+            for epoch in 0..self.epochs {
+                lab.tell("epochs at sea", epoch as f64 / self.epochs as f64)?;
+                story.epochs[way].push(errors(session.as_mut(), sea));
+            }
+            let weights = session.guard().map_or_else(|| session.weights(), |guard| guard.active_weights());
+            story.held[way] = held(learned, weights, known)?;
+            story.on[way] = errors(session.as_mut(), known);
+        }
+        Ok(story)
+    }
+}
+
+/// Errors along a record with these weights, and a filter on the state alone.
+fn held(learned: &Learned, weights: &[f64], sailed: &Sailed) -> Result<[f64; 3], StudyError> {
+    let (_, used) = adapt::adapter(&learned.model, &Options::default(), &[&sailed.run])?;
+    let model = adapt::learned(&learned.model, weights, &[], &used)?;
+    let sure = Kalman {
+        weight_variance: 0.0,
+        weight_noise_per_s: 0.0,
+        state_noise_per_s: 1e-3,
+        noise_factor: 1.0,
+        leak_s: f64::INFINITY,
+        ..Kalman::default()
+    };
+    let mut session =
+        adapt::adapter(&model, &Options { kalman: sure, ..Options::default() }, &[&sailed.run])?.0;
+    session.freeze(true);
+    Ok(errors(session.as_mut(), sailed))
+}
+
+/// Mean errors against the truth, 20 steps ahead; what learns learns on the way.
+fn errors(session: &mut dyn Adapter, sailed: &Sailed) -> [f64; 3] {
+    let run = &sailed.run;
+    let truth = run.truth.as_ref().unwrap_or(&run.outputs);
+    let (mut work, mut y) = (Workspace::new(), [0.0; 3 * STEPS]);
+    let (mut sums, mut count) = ([0.0; 3], 0.0);
+    session.reset();
+    for k in 0..run.len().saturating_sub(STEPS) {
+        session.observe(run.outputs.row(k));
+        // The hidden state has settled.
+        if k >= 100 && k % 5 == 0 {
+            session.rollout(run.inputs.rows(k, k + STEPS), &mut work, &mut y);
+            for (c, sum) in sums.iter_mut().enumerate() {
+                *sum += (y[3 * (STEPS - 1) + c] - truth.row(k + STEPS)[c]).abs();
+            }
+            count += 1.0;
+        }
+        session.advance(run.inputs.row(k));
+    }
+    sums.map(|sum| sum / count)
+}

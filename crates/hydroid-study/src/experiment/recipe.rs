@@ -1,0 +1,169 @@
+//! The thesis's recipe for sparse equations on the hydrofoil, and hydroid's beside it.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::StudyError;
+use super::super::lab::Lab;
+use super::super::look;
+use super::super::outcome::{Cell, Outcome, Sheet};
+use super::super::recipe::{self, DIFFERENCES, HORIZONS, Row, THRESHOLDS, Verdict};
+use super::median;
+use hydroid::identify::ranges;
+use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Points, Sign};
+use hydroid_report::style;
+
+/// The recipe, setting by setting.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recipe {
+    /// What is learned from.
+    pub train: String,
+    /// What is judged on.
+    pub test: String,
+    /// Degrees of the polynomials.
+    pub degrees: Vec<u8>,
+    /// hydroid's equations.
+    pub ours: String,
+}
+
+impl Recipe {
+    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+        let [train, test] = [lab.record(&self.train)?, lab.record(&self.test)?];
+        let degrees: Vec<(u8, usize)> = self
+            .degrees
+            .iter()
+            .flat_map(|&degree| (0..DIFFERENCES.len()).map(move |d| (degree, d)))
+            .collect();
+        let rows: Vec<Vec<Row>> = lab.each("the recipe of the thesis", &degrees, |&(degree, d)| {
+            let key = lab.store.key("recipe", &(degree, d), &[train.key, test.key]);
+            lab.store.get("recipe", key, || {
+                recipe::recipe(&train.run, &test.run, &[degree], &DIFFERENCES[d..=d], &THRESHOLDS)
+            })
+        })?;
+        let rows: Vec<Row> = rows.into_iter().flatten().collect();
+        let ours = lab.models(&self.ours)?;
+        let ranges = ranges(&[&train.run]);
+        let found: Vec<Option<recipe::Errors>> = lab.each("hydroid's equations", &ours, |learned| {
+            lab.fits(learned, &test)?;
+            let key = lab.store.key("from truth", &(), &[learned.key, train.key, test.key]);
+            lab.store.get("equations", key, || {
+                let test = recipe::judged(learned.model.session().as_mut(), &ranges, &test.run)?;
+                Ok((test.diverged == 0).then(|| recipe::errors(&test.mae)))
+            })
+        })?;
+        let mut outcome = Outcome::default();
+        let mut table = Sheet::new(
+            "recipe",
+            &[
+                "degree",
+                "differences",
+                "force in",
+                "threshold",
+                "terms",
+                "20 steps: u [m/s]",
+                "v [m/s]",
+                "r [rad/s]",
+                "100 steps: u [m/s]",
+                "v [m/s]",
+                "r [rad/s]",
+                "diverged",
+                "verdict",
+            ],
+        );
+        for row in &rows {
+            let mut cells: Vec<Cell> = vec![
+                usize::from(row.degree).into(),
+                row.difference.as_str().into(),
+                row.unit.as_str().into(),
+                row.threshold.into(),
+                row.terms.into(),
+            ];
+            cells.extend(errors(row.errors.as_ref()));
+            cells.extend([
+                format!("{} of {}", row.diverged, row.windows).into(),
+                row.verdict.to_string().into(),
+            ]);
+            table.row(cells);
+        }
+        for (learned, found) in ours.iter().zip(&found) {
+            let mut cells: Vec<Cell> = vec![
+                Cell::Nothing,
+                "hydroid".into(),
+                Cell::Nothing,
+                Cell::Nothing,
+                learned.model.weights().into(),
+            ];
+            cells.extend(errors(found.as_ref()));
+            cells.extend([
+                if found.is_some() { "none" } else { "some" }.into(),
+                format!("nothing set, seed {}", learned.seed).into(),
+            ]);
+            table.row(cells);
+        }
+        let ours_20 = median(found.iter().flatten().map(|errors| errors[0][0]).collect());
+        let works = rows.iter().filter(|row| row.verdict == Verdict::WorksModerately);
+        let best = works
+            .clone()
+            .filter_map(|row| row.errors.as_ref())
+            .map(|e| e[0][0])
+            .fold(f64::INFINITY, f64::min);
+        outcome.measure("failing_share", 1.0 - works.count() as f64 / rows.len() as f64);
+        outcome.measure("recipe_over_ours_u_20", best / ours_20);
+        outcome.chart(
+            "sindy_hydrofoil",
+            figure(&rows, ours_20),
+            "Error of u after 20 steps, of every setting of the thesis's recipe, over the threshold; crosses at the upper edge diverged or have no term left. hydroid's equations, which find the lag and the change of mode by themselves, are the line.",
+        );
+        outcome.table(
+            table,
+            "All settings: mean absolute errors of rollouts from true states against the truth.",
+        );
+        Ok(outcome)
+    }
+}
+
+fn errors(found: Option<&recipe::Errors>) -> Vec<Cell> {
+    match found {
+        Some(found) => found.iter().flatten().map(|&x| Cell::Number(x)).collect(),
+        None => (0..3 * HORIZONS.len()).map(|_| Cell::Nothing).collect(),
+    }
+}
+
+/// Thresholds are drawn on a logarithmic axis; none stands left of the others.
+fn figure(rows: &[Row], ours: f64) -> Figure {
+    let place = |threshold: f64| if threshold > 0.0 { threshold.log10() } else { -2.7 };
+    let height = |row: &Row| row.errors.as_ref().map(|errors| errors[0][0].log10());
+    let top = 0.6;
+    let mut panel = Panel::new("error of u after 20 steps [m/s]").height(240.0).decades().range(-4.2, top);
+    let mut figure = Figure::new("The recipe of the thesis over its threshold", "threshold (leftmost: none)")
+        .x_decades()
+        .x_range(-2.9, -0.15);
+    for (unit, sign, shift) in [("N", Sign::Ring, -0.02), ("100 N", Sign::Disc, 0.02)] {
+        let of = |good: bool| {
+            let some = rows.iter().filter(|row| {
+                row.unit == unit && good == (height(row).is_some() && row.diverged == 0 && row.terms > 0)
+            });
+            some.map(|row| {
+                (
+                    place(row.threshold) + shift,
+                    if good { height(row).unwrap_or(top).min(top) } else { top - 0.1 },
+                )
+            })
+            .collect::<Vec<_>>()
+        };
+        let colour = if unit == "N" { style::PERSISTENCE } else { style::INK };
+        panel = panel
+            .mark(Mark::Points(Points { points: of(true), sign, colour, radius: 3.5, label: None }))
+            .mark(Mark::Points(Points {
+                points: of(false),
+                sign: Sign::Cross,
+                colour,
+                radius: 4.0,
+                label: None,
+            }));
+        figure = figure.key(Key::Sign(sign, colour), format!("recipe, propeller in {unit}"));
+    }
+    let line = look::line("sindy");
+    panel = panel.mark(Mark::Line(Line::new(vec![(-2.9, ours.log10()), (-0.15, ours.log10())], line)));
+    figure.key(Key::Line(line), "hydroid, nothing set").panel(panel)
+}

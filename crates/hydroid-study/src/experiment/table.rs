@@ -1,0 +1,312 @@
+//! Table 1: all methods side by side, measured.
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use hydroid_core::predict::Workspace;
+
+use super::super::StudyError;
+use super::super::lab::{Lab, Learned, Sailed};
+use super::super::look;
+use super::super::outcome::{Cell, Outcome, Sheet};
+use super::adaptation::{adaptation, options};
+use super::{OUTPUTS, median};
+use hydroid::adapt;
+use hydroid::evaluate::{self, Against, evaluate};
+use hydroid_report::figure::{Figure, Mark, Panel, Points, Sign};
+
+/// All methods side by side.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Comparison {
+    /// The methods, in the order of the table.
+    pub methods: Vec<MethodRow>,
+}
+
+/// A method: a model for each vessel, and what words say of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MethodRow {
+    /// What it is called.
+    pub name: String,
+    /// Its model of the simple vessel.
+    pub simple: Option<String>,
+    /// Its model of the hydrofoil, from both modes.
+    pub hydrofoil: Option<String>,
+    /// The same from samples of 10 ms.
+    pub fast: Option<String>,
+    /// Its model that learns at sea.
+    pub learns: Option<String>,
+    /// Where that sails.
+    pub sea: Option<String>,
+    /// What has to be known beforehand.
+    pub knows: String,
+    /// What the thesis has.
+    pub thesis: String,
+}
+
+/// Errors and costs of a model.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Judged {
+    /// Mean absolute error 20 steps ahead, from measured origins, against the truth.
+    pub(super) at_20: Vec<f64>,
+    diverged: usize,
+    /// Time of a rollout of 20 steps, median \[us\].
+    rollout_us: f64,
+}
+
+/// Of a model that learns: numbers in its memory, time for a sample \[us\], error of u left of the frozen one, 20 steps ahead.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Learning {
+    memory: usize,
+    us: f64,
+    left: f64,
+}
+
+impl Comparison {
+    pub(super) fn uses(&self) -> (Vec<&String>, Vec<&String>) {
+        let records = self.methods.iter().filter_map(|m| m.sea.as_ref()).collect();
+        let models = self.methods.iter().flat_map(|m| [&m.simple, &m.hydrofoil, &m.fast, &m.learns]);
+        (records, models.flatten().collect())
+    }
+
+    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+        let mut outcome = Outcome::default();
+        let mut panel = Panel::new("error of u after 20 steps, hydrofoil [m/s]").height(340.0).decades();
+        let mut rows = Vec::new();
+        for method in &self.methods {
+            let row = Row::new(method, lab)?;
+            row.tell(&mut outcome);
+            if let (Some(found), Some(name)) = (&row.hydrofoil, &method.hydrofoil) {
+                panel = panel.mark(Mark::Points(Points {
+                    points: vec![(found.seconds.max(1e-3).log10(), found.judged.at_20[0].log10())],
+                    sign: Sign::Disc,
+                    colour: look::colour(name),
+                    radius: 5.0,
+                    label: Some(method.name.clone()),
+                }));
+            }
+            rows.push(row);
+        }
+        outcome.chart(
+            "accuracy_time",
+            Figure::new("Accuracy against training time", "training [s]").x_decades().panel(panel),
+            "Every method on the hydrofoil in both modes: the error of u 2 s ahead over the time that its training took on this machine, medians over seeds. Lower left is better.",
+        );
+        outcome.table(
+            errors(&rows),
+            "Table 1, measured. Errors: mean absolute error 20 steps (2 s; with samples of 10 ms 0.2 s) ahead, from measured origins, against the truth of a record that played no part. Training, its peak memory (that of the whole process, records included) and the time of a prediction of 20 steps: of the model of the hydrofoil, where there is one. Times and peaks are of this machine.",
+        );
+        outcome.table(
+            learning_and_words(&rows),
+            "Learning at sea: the model trained at low speed, along a record that flies. Its memory is all that it goes on from; what is left is the adapted error over the frozen one, 20 steps ahead. Beside it what must be known beforehand, and what the thesis says.",
+        );
+        Ok(outcome)
+    }
+}
+
+/// What was found of a method.
+struct Row<'a> {
+    method: &'a MethodRow,
+    simple: Option<Found>,
+    hydrofoil: Option<Found>,
+    fast: Option<Found>,
+    learning: Option<Learning>,
+}
+
+impl<'a> Row<'a> {
+    fn new(method: &'a MethodRow, lab: &Lab<'_>) -> Result<Self, StudyError> {
+        let of = |name: &Option<String>| -> Result<Option<Found>, StudyError> {
+            let Some(name) = name else { return Ok(None) };
+            let models = lab.models(name)?;
+            let judged: Vec<Judged> =
+                models.iter().map(|learned| judged(lab, name, learned)).collect::<Result<_, _>>()?;
+            Ok(Some(middle(&models, &judged)))
+        };
+        let learning = match (&method.learns, &method.sea) {
+            (Some(name), Some(sea)) => Some(learning(lab, name, &*lab.record(sea)?)?),
+            _ => None,
+        };
+        let (simple, hydrofoil, fast) = (of(&method.simple)?, of(&method.hydrofoil)?, of(&method.fast)?);
+        Ok(Self { method, simple, hydrofoil, fast, learning })
+    }
+
+    /// The model whose costs are shown.
+    fn shown(&self) -> Option<&Found> {
+        self.hydrofoil.as_ref().or(self.simple.as_ref())
+    }
+
+    /// Figures by name, and what went wrong.
+    fn tell(&self, outcome: &mut Outcome) {
+        let Self { method, simple, hydrofoil, fast, learning } = self;
+        if let (Some(found), Some(name)) = (hydrofoil, &method.hydrofoil) {
+            outcome.measure(&format!("{name}_training_s"), found.seconds);
+        }
+        for (name, found) in [(&method.simple, simple), (&method.hydrofoil, hydrofoil), (&method.fast, fast)]
+        {
+            let (Some(name), Some(Found { judged, .. })) = (name, found) else { continue };
+            for (c, (output, _)) in OUTPUTS.iter().enumerate() {
+                outcome.measure(&format!("{name}_{output}_20"), judged.at_20[c]);
+            }
+            if judged.diverged > 0 {
+                outcome
+                    .remarks
+                    .push(format!("{name}: {} rollouts diverged, which are in no mean.", judged.diverged));
+            }
+        }
+        if let (Some(name), Some(learning)) = (&method.learns, learning) {
+            outcome.measure(&format!("{name}_learning_us"), learning.us);
+            outcome.measure(&format!("{name}_learning_left"), learning.left);
+        }
+    }
+}
+
+fn number(x: Option<f64>) -> Cell {
+    x.map_or(Cell::Nothing, Cell::Number)
+}
+
+fn errors(rows: &[Row<'_>]) -> Sheet {
+    let mut table = Sheet::new(
+        "table1",
+        &[
+            "method",
+            "training [s]",
+            "its peak memory [MB]",
+            "20 steps [us]",
+            "simple: u [m/s]",
+            "v [m/s]",
+            "r [rad/s]",
+            "hydrofoil: u [m/s]",
+            "v [m/s]",
+            "r [rad/s]",
+            "hydrofoil at 10 ms: u [m/s]",
+        ],
+    );
+    for row in rows {
+        let shown = row.shown();
+        let mut cells = vec![
+            row.method.name.as_str().into(),
+            number(shown.map(|found| found.seconds)),
+            number(shown.and_then(|found| found.peak_mb)),
+            number(shown.map(|found| found.judged.rollout_us)),
+        ];
+        for found in [&row.simple, &row.hydrofoil] {
+            cells.extend((0..3).map(|c| number(found.as_ref().map(|found| found.judged.at_20[c]))));
+        }
+        cells.push(number(row.fast.as_ref().map(|found| found.judged.at_20[0])));
+        table.row(cells);
+    }
+    table
+}
+
+fn learning_and_words(rows: &[Row<'_>]) -> Sheet {
+    let mut table = Sheet::new(
+        "table1_learning",
+        &[
+            "method",
+            "weights",
+            "learning: a sample [us]",
+            "its memory [kB]",
+            "error of u left",
+            "what must be known",
+            "the thesis has",
+        ],
+    );
+    for row in rows {
+        let learning = row.learning.as_ref();
+        table.row(vec![
+            row.method.name.as_str().into(),
+            row.shown().map_or(Cell::Nothing, |found| Cell::Count(found.weights)),
+            number(learning.map(|l| l.us)),
+            number(learning.map(|l| l.memory as f64 * 8.0 / 1e3)),
+            number(learning.map(|l| l.left)),
+            row.method.knows.as_str().into(),
+            row.method.thesis.as_str().into(),
+        ]);
+    }
+    table
+}
+
+/// The models of a method on a vessel: medians over seeds.
+struct Found {
+    seconds: f64,
+    peak_mb: Option<f64>,
+    weights: usize,
+    judged: Judged,
+}
+
+fn middle(models: &[Learned], judged: &[Judged]) -> Found {
+    let of = |value: &dyn Fn(&Judged) -> f64| median(judged.iter().map(value).collect());
+    let peaks: Vec<f64> = models.iter().filter_map(|learned| learned.about.peak_mb).collect();
+    Found {
+        seconds: median(models.iter().map(|learned| learned.about.seconds).collect()),
+        peak_mb: (!peaks.is_empty()).then(|| median(peaks)),
+        weights: models.first().map_or(0, |learned| learned.model.weights()),
+        judged: Judged {
+            at_20: (0..3).map(|c| of(&|j| j.at_20[c])).collect(),
+            diverged: judged.iter().map(|j| j.diverged).sum(),
+            rollout_us: of(&|j| j.rollout_us),
+        },
+    }
+}
+
+/// A model on its own test record.
+pub(super) fn judged(lab: &Lab<'_>, name: &str, learned: &Learned) -> Result<Judged, StudyError> {
+    let plan = lab.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
+    let test = lab.record(&plan.test)?;
+    let key = lab.store.key("judged", &(), &[learned.key, test.key]);
+    lab.store.get("judged", key, || {
+        let names: Vec<&str> = plan.outputs.iter().map(String::as_str).collect();
+        if names != ["u", "v", "r"] {
+            return Err(lab.cannot(format_args!("'{name}' has other outputs than u, v, r")));
+        }
+        let run = test.simulated.to_trajectory(&names)?;
+        let options = evaluate::Options {
+            horizon: 20,
+            origin_stride: 20,
+            against: Against::Truth,
+            warm_up: 100,
+            ..evaluate::Options::default()
+        };
+        let mut session = learned.model.session();
+        let ranges = learned.model.output_ranges();
+        let what = format!("judging {name}");
+        let found = evaluate(name, session.as_mut(), &ranges, &[&run], &options, &mut lab.progress(&what))?;
+        let (mut work, mut y) = (Workspace::new(), vec![0.0; 20 * names.len()]);
+        session.reset();
+        let mut times = Vec::new();
+        for k in 0..run.len().min(600).saturating_sub(20) {
+            session.observe(run.outputs.row(k));
+            if k >= 200 {
+                let clock = Instant::now();
+                session.rollout(run.inputs.rows(k, k + 20), &mut work, &mut y);
+                times.push(1e6 * clock.elapsed().as_secs_f64());
+            }
+            session.advance(run.inputs.row(k));
+        }
+        let rollout_us = if times.is_empty() { 0.0 } else { median(times) };
+        Ok(Judged { at_20: found.mae[19].clone(), diverged: found.diverged, rollout_us })
+    })
+}
+
+/// A model that learns along a record: medians over seeds.
+fn learning(lab: &Lab<'_>, name: &str, sea: &Sailed) -> Result<Learning, StudyError> {
+    let mut all = Vec::new();
+    for learned in lab.models(name)?.iter() {
+        let along = adaptation(lab, learned, sea, false)?;
+        let key = lab.store.key("learning", &(), &[learned.key, sea.key]);
+        all.push(lab.store.get("learning", key, || {
+            // By itself: what is measured is time, which those that went side by side have taken from each other.
+            let mut options = options(false, learned);
+            options.evaluate.origin_stride = 500;
+            let memory = adapt::adapter(&learned.model, &options, &[&sea.run])?.0.memory_len();
+            let timed = adapt::adapt(&learned.model, &[&sea.run], &options, &mut lab.progress("timing"))?;
+            let left = along.adapted.mean[19][0] / along.frozen.mean[19][0];
+            Ok(Learning { memory, us: timed.report.us_per_sample.median, left })
+        })?);
+    }
+    let of = |value: &dyn Fn(&Learning) -> f64| median(all.iter().map(value).collect());
+    let memory = all.first().map_or(0, |learning| learning.memory);
+    Ok(Learning { memory, us: of(&|l| l.us), left: of(&|l| l.left) })
+}

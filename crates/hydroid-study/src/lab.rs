@@ -1,0 +1,235 @@
+//! What experiments share: records and models, each made when it is first asked for.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::peak;
+use super::plan::{Drive, ModelPlan, Plan, Record};
+use super::store::{Key, Store};
+use super::{StudyError, Told, Watch};
+use hydroid::excitation::{Excitation, LawnMower, LowSpeed, Turn};
+use hydroid::identify::{self, Job, Networks, identify_watched};
+use hydroid::log::{Split, Trajectory};
+use hydroid::model::{Model, Reading};
+use hydroid::progress::Cancelled;
+use hydroid::simulate::{self, Simulated, simulate};
+
+/// A simulated log, under its key.
+#[derive(Debug)]
+pub(super) struct Sailed {
+    pub(super) name: String,
+    pub(super) key: Key,
+    pub(super) simulated: Simulated,
+    /// `u`, `v`, `r` with their truth.
+    pub(super) run: Trajectory,
+}
+
+/// A model from one seed, under its key.
+#[derive(Debug)]
+pub(super) struct Learned {
+    pub(super) key: Key,
+    pub(super) seed: u64,
+    pub(super) model: Model,
+    pub(super) about: About,
+}
+
+/// What is told of a model beside itself.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct About {
+    /// Time that finding it took \[s\].
+    pub(super) seconds: f64,
+    /// Largest memory of the process meanwhile \[MB\], where the system tells.
+    pub(super) peak_mb: Option<f64>,
+}
+
+/// Where experiments are made.
+pub(super) struct Lab<'a> {
+    plan: &'a Plan,
+    pub(super) store: &'a Store,
+    watch: Watch<'a>,
+    /// Experiments before this one, and all of them.
+    pub(super) place: (usize, usize),
+    /// The name of the one at work.
+    pub(super) at: String,
+    records: Mutex<BTreeMap<String, Arc<Sailed>>>,
+    models: Mutex<BTreeMap<String, Arc<Vec<Learned>>>>,
+}
+
+impl<'a> Lab<'a> {
+    pub(super) fn new(plan: &'a Plan, store: &'a Store, watch: Watch<'a>) -> Self {
+        let (records, models) = (Mutex::default(), Mutex::default());
+        Self { plan, store, watch, place: (0, 1), at: String::new(), records, models }
+    }
+
+    pub(super) fn plan(&self) -> &'a Plan {
+        self.plan
+    }
+
+    /// Tells what is at work, and hears whether to go on.
+    pub(super) fn tell(&self, what: &str, fraction: f64) -> Result<(), Cancelled> {
+        let told = Told { experiment: &self.at, what, fraction, done: self.place.0, of: self.place.1 };
+        match (self.watch)(&told) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(Cancelled),
+        }
+    }
+
+    /// The same, for work that takes a callback.
+    pub(super) fn progress<'b>(&'b self, what: &'b str) -> impl FnMut(f64) -> ControlFlow<()> + 'b {
+        |fraction| match self.tell(what, fraction) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(Cancelled) => ControlFlow::Break(()),
+        }
+    }
+
+    /// Why the experiment at work cannot be made.
+    pub(super) fn cannot(&self, why: impl std::fmt::Display) -> StudyError {
+        StudyError::Cannot { name: self.at.clone(), why: why.to_string() }
+    }
+
+    /// A record by its name.
+    pub(super) fn record(&self, name: &str) -> Result<Arc<Sailed>, StudyError> {
+        let there = |records: &Mutex<BTreeMap<String, Arc<Sailed>>>| {
+            records.lock().unwrap_or_else(PoisonError::into_inner).get(name).map(Arc::clone)
+        };
+        if let Some(sailed) = there(&self.records) {
+            return Ok(sailed);
+        }
+        let record = self.plan.records.get(name).ok_or_else(|| StudyError::missing("record", name))?;
+        self.tell(&format!("simulating {name}"), 0.0)?;
+        let simulated = simulate(&options(record)?, &mut self.progress(name))?;
+        let run = Trajectory { name: name.to_owned(), ..simulated.to_trajectory(&["u", "v", "r"])? };
+        let key = self.store.key("record", record, &[]);
+        let sailed = Arc::new(Sailed { name: name.to_owned(), key, simulated, run });
+        self.records
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .insert(name.to_owned(), Arc::clone(&sailed));
+        Ok(sailed)
+    }
+
+    /// Whether a model can walk along a record: the same outputs and inputs, and the same sample time.
+    pub(super) fn fits(&self, learned: &Learned, sailed: &Sailed) -> Result<(), StudyError> {
+        let fits = learned.model.check(std::slice::from_ref(&sailed.run));
+        fits.map_err(|error| self.cannot(format_args!("a model on the record '{}': {error}", sailed.name)))
+    }
+
+    /// Several records by their names.
+    pub(super) fn records(&self, names: &[String]) -> Result<Vec<Arc<Sailed>>, StudyError> {
+        names.iter().map(|name| self.record(name)).collect()
+    }
+
+    /// The models of a name, one for each seed. They are trained one after the other, each on all cores, so that the times
+    /// that are told are those of a training that has the machine for itself.
+    pub(super) fn models(&self, name: &str) -> Result<Arc<Vec<Learned>>, StudyError> {
+        if let Some(models) = self.models.lock().unwrap_or_else(PoisonError::into_inner).get(name) {
+            return Ok(Arc::clone(models));
+        }
+        let plan = self.plan.models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
+        let learned =
+            plan.seeds.iter().map(|&seed| self.learn(name, plan, seed)).collect::<Result<_, _>>()?;
+        let learned = Arc::new(learned);
+        self.models
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .insert(name.to_owned(), Arc::clone(&learned));
+        Ok(learned)
+    }
+
+    fn learn(&self, name: &str, plan: &ModelPlan, seed: u64) -> Result<Learned, StudyError> {
+        let [train, validate, test] =
+            [&plan.train, &plan.validate, &plan.test].map(|record| self.record(record));
+        let (train, validate, test) = (train?, validate?, test?);
+        let alone = ModelPlan { seeds: vec![seed], ..plan.clone() };
+        let key = self.store.key("model", &alone, &[train.key, validate.key, test.key]);
+        let (model, about) = self.store.model(&format!("{name}-seed{seed}"), key, || {
+            let names: Vec<&str> = plan.outputs.iter().map(String::as_str).collect();
+            let part = |sailed: &Sailed| -> Result<Vec<Trajectory>, StudyError> {
+                let run = sailed.simulated.to_trajectory(&names)?;
+                Ok(vec![Trajectory { name: sailed.name.clone(), ..run }])
+            };
+            let of = &plan.network;
+            let networks = Networks {
+                lstm: of.clone(),
+                gru: of.clone(),
+                rnn: of.clone(),
+                direct: of.clone(),
+                affine: of.clone(),
+                ..Networks::default()
+            };
+            let job = Job {
+                methods: vec![plan.method],
+                split: Split {
+                    train: part(&train)?,
+                    validation: part(&validate)?,
+                    test: part(&test)?,
+                    notes: Vec::new(),
+                },
+                reading: Reading::default(),
+                horizon: plan.horizon,
+                origin_stride: 20,
+                seed,
+                ranges: plan.ranges.clone(),
+                networks,
+                sindy: plan.sindy.clone(),
+            };
+            let what = format!("training {name}, seed {seed}");
+            let mut progress = self.progress(&what);
+            peak::reset();
+            let mut found =
+                identify_watched(&job, &mut |stage: &identify::Stage<'_>| progress(stage.fraction))?;
+            let candidate = found.candidates.swap_remove(0);
+            Ok((candidate.model, About { seconds: candidate.train_seconds, peak_mb: peak::mb() }))
+        })?;
+        Ok(Learned { key, seed, model, about })
+    }
+
+    /// A result for each of some things, those that are not kept made side by side.
+    pub(super) fn each<I, T>(
+        &self,
+        what: &str,
+        items: &[I],
+        make: impl Fn(&I) -> Result<T, StudyError> + Sync,
+    ) -> Result<Vec<T>, StudyError>
+    where
+        I: Sync,
+        T: Send,
+    {
+        let done = Mutex::new(0usize);
+        let one = |item: &I| {
+            self.tell(what, 0.0)?;
+            let made = make(item)?;
+            let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+            *done += 1;
+            self.tell(what, *done as f64 / items.len() as f64)?;
+            Ok(made)
+        };
+        items.par_iter().map(one).collect()
+    }
+}
+
+/// How a record is simulated.
+fn options(record: &Record) -> Result<simulate::Options, StudyError> {
+    let vessel =
+        simulate::built_in(&record.plant).ok_or_else(|| StudyError::missing("plant", &record.plant))?;
+    let excitation = match record.excitation {
+        Drive::Mixed => Excitation::Mixed,
+        Drive::LowSpeed => Excitation::LowSpeed(LowSpeed::default()),
+        Drive::LawnMower => Excitation::LawnMower(LawnMower {
+            leg: record.leg_m,
+            spacing: record.spacing_m,
+            turn: Turn::Arc,
+            speeds: record.speeds.clone(),
+        }),
+    };
+    Ok(simulate::Options {
+        duration_s: record.duration_s,
+        dt_s: record.dt_s,
+        seed: record.seed,
+        ..simulate::Options::new(vessel, excitation)
+    })
+}

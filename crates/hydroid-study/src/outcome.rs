@@ -1,0 +1,143 @@
+//! What comes of an experiment.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use serde::Serialize;
+
+use hydroid_report::figure::Figure;
+
+/// A number or a word of a table.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(super) enum Cell {
+    /// A number, as it is.
+    Number(f64),
+    /// How many.
+    Count(usize),
+    /// Words.
+    Text(String),
+    /// There is none: a dash on the page, nothing in a file.
+    Nothing,
+}
+
+impl From<f64> for Cell {
+    fn from(x: f64) -> Self {
+        Self::Number(x)
+    }
+}
+
+impl From<usize> for Cell {
+    fn from(n: usize) -> Self {
+        Self::Count(n)
+    }
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+/// Rows under headings, which carry their units in brackets.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Sheet {
+    /// Name of its file.
+    pub(super) name: String,
+    pub(super) columns: Vec<String>,
+    pub(super) rows: Vec<Vec<Cell>>,
+}
+
+impl Sheet {
+    pub(super) fn new(name: impl Into<String>, columns: &[&str]) -> Self {
+        let columns = columns.iter().map(|column| (*column).to_owned()).collect();
+        Self { name: name.into(), columns, rows: Vec::new() }
+    }
+
+    pub(super) fn row(&mut self, cells: Vec<Cell>) {
+        self.rows.push(cells);
+    }
+
+    /// As CSV; words with commas are put in quotation marks.
+    pub(super) fn csv(&self) -> String {
+        let quoted = |text: &str| {
+            if text.contains([',', '"', '\n']) {
+                format!("\"{}\"", text.replace('"', "\"\""))
+            } else {
+                text.to_owned()
+            }
+        };
+        let mut csv = self.columns.iter().map(|column| quoted(column)).collect::<Vec<_>>().join(",");
+        csv.push('\n');
+        for row in &self.rows {
+            let cells = row.iter().map(|cell| match cell {
+                Cell::Number(x) => x.to_string(),
+                Cell::Count(n) => n.to_string(),
+                Cell::Text(text) => quoted(text),
+                Cell::Nothing => String::new(),
+            });
+            // Writing to a string does not fail.
+            let _ = writeln!(csv, "{}", cells.collect::<Vec<_>>().join(","));
+        }
+        csv
+    }
+}
+
+/// A picture: drawn from data, or a drawing of its own.
+#[derive(Clone, Debug)]
+pub(super) enum Picture {
+    /// A figure over an axis.
+    Chart(Box<Figure>),
+    /// An `<svg>` element.
+    Drawing(String),
+}
+
+/// A picture with its words.
+#[derive(Clone, Debug)]
+pub(super) struct Shown {
+    /// Name of its file.
+    pub(super) name: String,
+    pub(super) picture: Picture,
+    pub(super) caption: String,
+}
+
+/// A table that the page shows, rounded to so many digits.
+#[derive(Clone, Debug)]
+pub(super) struct Tabled {
+    pub(super) sheet: Sheet,
+    pub(super) caption: String,
+}
+
+/// What comes of an experiment.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Outcome {
+    pub(super) pictures: Vec<Shown>,
+    pub(super) tables: Vec<Tabled>,
+    /// All numbers behind the pictures.
+    pub(super) sheets: Vec<Sheet>,
+    /// Figures by name that claims are judged by.
+    pub(super) measures: BTreeMap<String, f64>,
+    /// What must be said of how it went.
+    pub(super) remarks: Vec<String>,
+}
+
+impl Outcome {
+    pub(super) fn chart(&mut self, name: &str, figure: Figure, caption: impl Into<String>) {
+        let picture = Picture::Chart(Box::new(figure));
+        self.pictures.push(Shown { name: name.to_owned(), picture, caption: caption.into() });
+    }
+
+    pub(super) fn table(&mut self, sheet: Sheet, caption: impl Into<String>) {
+        self.tables.push(Tabled { sheet, caption: caption.into() });
+    }
+
+    pub(super) fn measure(&mut self, name: &str, value: f64) {
+        self.measures.insert(name.to_owned(), value);
+    }
+}

@@ -1,0 +1,190 @@
+//! The thesis's recipe for sparse equations on the hydrofoil, setting by setting: a polynomial library in `u, v, r` and the two
+//! commands, derivatives by differences, thresholded least squares (STLSQ). The propeller force is not measured. What the
+//! thesis leaves open is varied:
+//!
+//! - the differences: central, or smoothed (the slope of a parabola through 11 or 51 samples, Savitzky and Golay 1964);
+//! - the threshold, from none to 0.5, on the coefficients as they stand;
+//! - the unit of the propeller command: newtons, where its coefficient in `du/dt` is about 0.005, or 100 N.
+//!
+//! Judged by rollouts from true states against the truth. Verdicts:
+//!
+//! - *collapsed*: no terms are left;
+//! - *diverges*: a rollout left ten times the range of the training data;
+//! - *lost its propeller*: no term of `du/dt` has the propeller command;
+//! - *hardly better than nothing changes*: at 100 steps, in an output, the error is more than half of that of keeping its value;
+//! - *works moderately*: none of these.
+
+use std::fmt;
+use std::sync::Arc;
+
+use hydroid_core::model::sparse::{Equations, EquationsSession};
+use hydroid_core::predict::Predictor;
+use serde::{Deserialize, Serialize};
+
+use super::StudyError;
+use hydroid::evaluate::{Against, DesignRange, Evaluation, Options, Origin, evaluate};
+use hydroid::identify::ranges;
+use hydroid::log::Trajectory;
+use hydroid::progress::silent;
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
+
+/// Differences of the recipe.
+pub const DIFFERENCES: [(&str, Regression); 3] = [
+    ("central", Regression::Central),
+    ("smoothed, 11", Regression::Smoothed { half: 5 }),
+    ("smoothed, 51", Regression::Smoothed { half: 25 }),
+];
+/// Thresholds of the recipe.
+pub const THRESHOLDS: [f64; 8] = [0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5];
+/// Units of the propeller command \[N\].
+pub const UNITS: [(&str, f64); 2] = [("N", 1.0), ("100 N", 100.0)];
+/// Horizons of the table \[samples\].
+pub const HORIZONS: [usize; 2] = [20, 100];
+
+/// What became of a setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Verdict {
+    /// No terms are left.
+    Collapsed,
+    /// A rollout left ten times the range of the training data.
+    Diverges,
+    /// No term of `du/dt` has the propeller command.
+    LostItsPropeller,
+    /// At 100 steps the error of an output is more than half of that of keeping its value.
+    HardlyBetterThanNothingChanges,
+    /// None of these.
+    WorksModerately,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Collapsed => "collapsed",
+            Self::Diverges => "diverges",
+            Self::LostItsPropeller => "lost its propeller",
+            Self::HardlyBetterThanNothingChanges => "hardly better than nothing changes",
+            Self::WorksModerately => "works moderately",
+        })
+    }
+}
+
+/// Errors at [`HORIZONS`], output by output.
+pub type Errors = [Vec<f64>; 2];
+
+/// One setting of the recipe, and what became of it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Row {
+    /// Of the polynomials.
+    pub degree: u8,
+    /// One of [`DIFFERENCES`].
+    pub difference: String,
+    /// One of [`UNITS`].
+    pub unit: String,
+    /// One of [`THRESHOLDS`].
+    pub threshold: f64,
+    /// Terms that are left.
+    pub terms: usize,
+    /// Mean absolute errors; none where every rollout diverged.
+    pub errors: Option<Errors>,
+    /// Rollouts that diverged.
+    pub diverged: usize,
+    /// Rollouts.
+    pub windows: usize,
+    /// In a word.
+    pub verdict: Verdict,
+}
+
+/// Rollouts from true states against the truth.
+///
+/// # Errors
+/// If the run is shorter than a rollout, or has no truth.
+pub fn judged(
+    session: &mut dyn Predictor,
+    ranges: &[DesignRange],
+    test: &Trajectory,
+) -> Result<Evaluation, StudyError> {
+    let options = Options {
+        horizon: HORIZONS[1],
+        origin_stride: 20,
+        origin: Origin::True,
+        against: Against::Truth,
+        warm_up: 1,
+    };
+    Ok(evaluate("sindy", session, ranges, &[test], &options, &mut silent())?)
+}
+
+/// Errors at [`HORIZONS`].
+pub fn errors(table: &[Vec<f64>]) -> Errors {
+    HORIZONS.map(|horizon| table[horizon - 1].clone())
+}
+
+/// Whether the equation of the first output has the command.
+fn has_input(equations: &Equations, input: usize) -> bool {
+    let variable = equations.outputs() + input;
+    let mut terms = equations.terms().iter().enumerate();
+    terms.any(|(j, term)| {
+        equations.coefficient(0, j) != 0.0
+            && term.factors().iter().any(|factor| usize::from(factor.variable) == variable)
+    })
+}
+
+/// The recipe on some of its settings: learned from one run, judged on another.
+///
+/// # Errors
+/// If a run is too short for its library or a rollout.
+pub fn recipe(
+    train: &Trajectory,
+    test: &Trajectory,
+    degrees: &[u8],
+    differences: &[(&'static str, Regression)],
+    thresholds: &[f64],
+) -> Result<Vec<Row>, StudyError> {
+    let ranges = ranges(&[train]);
+    let mut rows = Vec::new();
+    for &degree in degrees {
+        let terms = Library::polynomial(degree).terms(&Variables::of(train));
+        for &(difference, regression) in differences {
+            for (unit, scale) in UNITS {
+                let scaling = Scaling::Variables(vec![1.0, 1.0, 1.0, scale, 1.0]);
+                let prepared = Prepared::new(&[train], terms.clone(), regression, &scaling)?;
+                for &threshold in thresholds {
+                    let options = FitOptions {
+                        optimizer: Optimizer::Stlsq(threshold),
+                        ridge: 0.0,
+                        substeps: 1,
+                        constraints: Constraints::default(),
+                    };
+                    let equations = prepared.fit(&options)?.equations;
+                    let (terms, propeller) = (equations.active_terms(), has_input(&equations, 0));
+                    let test = judged(&mut EquationsSession::new(Arc::new(equations)), &ranges, test)?;
+                    let found = errors(&test.mae);
+                    let unchanged = &test.persistence.mae[HORIZONS[1] - 1];
+                    let verdict = if terms == 0 {
+                        Verdict::Collapsed
+                    } else if test.diverged > 0 {
+                        Verdict::Diverges
+                    } else if !propeller {
+                        Verdict::LostItsPropeller
+                    } else if found[1].iter().zip(unchanged).any(|(error, kept)| *error > 0.5 * kept) {
+                        Verdict::HardlyBetterThanNothingChanges
+                    } else {
+                        Verdict::WorksModerately
+                    };
+                    let (diverged, windows) = (test.diverged, test.windows);
+                    rows.push(Row {
+                        degree,
+                        difference: difference.to_owned(),
+                        unit: unit.to_owned(),
+                        threshold,
+                        terms,
+                        errors: found.iter().flatten().all(|x| x.is_finite()).then_some(found),
+                        diverged,
+                        windows,
+                        verdict,
+                    });
+                }
+            }
+        }
+    }
+    Ok(rows)
+}

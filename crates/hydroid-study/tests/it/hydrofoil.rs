@@ -1,0 +1,156 @@
+//! Lag, change of mode and motion of the built-in hydrofoil from ten minutes of its log, and no such thing on a
+//! vessel that has none; and the thesis's recipe beside it.
+
+use hydroid::evaluate::{Against, Evaluation, Options, Origin, evaluate};
+use hydroid::excitation::Excitation;
+use hydroid::identify::{GivenRanges, Identified, Job, Method, Networks, SindySettings, identify, ranges};
+use hydroid::log::{Split, Trajectory};
+use hydroid::model::Reading;
+use hydroid::progress::silent;
+use hydroid::simulate::{self, simulate};
+use hydroid::sindy::{Lag, Schedule, Structure};
+use hydroid_core::model::sparse::Shape;
+use hydroid_core::vessel::VesselParams;
+use hydroid_study::recipe::{self, DIFFERENCES, UNITS, Verdict, recipe};
+
+/// Without the propeller force, which no vessel logs.
+fn run(vessel: VesselParams, duration_s: f64, seed: u64) -> Trajectory {
+    let options = simulate::Options { duration_s, seed, ..simulate::Options::new(vessel, Excitation::Mixed) };
+    simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r"]).unwrap()
+}
+
+/// Nothing set: ten minutes to learn from, five to choose on; judged on twenty others, every rollout from the
+/// true state and against the truth.
+fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (Identified, Evaluation) {
+    let part = |duration_s, seed| vec![run(vessel.clone(), duration_s, seed)];
+    let split = Split {
+        train: part(600.0, seed),
+        validation: part(300.0, seed + 2),
+        test: part(1_200.0, seed + 1),
+        notes: Vec::new(),
+    };
+    let job = Job {
+        methods: vec![Method::Sindy],
+        split,
+        reading: Reading::default(),
+        horizon: 100,
+        origin_stride: 20,
+        seed: 0,
+        ranges: GivenRanges::new(),
+        networks: Networks::default(),
+        sindy: SindySettings::default(),
+    };
+    let identified = identify(&job, &mut silent()).unwrap();
+    let options = Options {
+        horizon: 100,
+        origin_stride: 20,
+        origin: Origin::True,
+        against: Against::Truth,
+        warm_up: 1,
+    };
+    let mut session = identified.candidates[0].model.session();
+    let ranges = ranges(&[&job.split.train[0]]);
+    let test =
+        evaluate("sindy", session.as_mut(), &ranges, &[&job.split.test[0]], &options, &mut silent()).unwrap();
+    (identified, test)
+}
+
+fn structure(identified: &Identified) -> &Structure {
+    let found = identified.candidates[0].found().unwrap();
+    &found.trials[found.chosen].structure
+}
+
+fn the_hydrofoil_is_found(seed: u64, factor: f64) {
+    let (identified, test) = from_ten_minutes(&VesselParams::hydrofoil(), seed);
+    let structure = structure(&identified);
+    println!("seed {seed}: 20 steps {:.4?}, 100 steps {:.4?}, {structure:?}", test.mae[19], test.mae[99]);
+    // The plant: the propeller follows its command within 1 s, the drag changes at 2.5 m/s with slope 12.
+    let [Lag { input: 0, time_constant_s }] = structure.lags[..] else { panic!("{:?}", structure.lags) };
+    assert!((time_constant_s - 1.0).abs() < 0.05, "{time_constant_s} s");
+    let Some(Schedule { output: 0, gate }) = structure.gate else { panic!("{:?}", structure.gate) };
+    assert!((gate.centre.0 - 2.5).abs() < 0.05 && (gate.slope.0 - 12.0).abs() < 2.0, "{gate:?}");
+    assert_eq!((test.diverged, identified.best), (0, Some(0)));
+    for horizon in [20, 100] {
+        for (error, limit) in test.mae[horizon - 1].iter().zip([0.0013, 0.0012, 0.0020]) {
+            let limit = factor * limit;
+            assert!(*error <= limit, "{error} above {limit}, {horizon} steps ahead");
+        }
+    }
+}
+
+/// The figures are those that two hours gave before refinement, times a factor.
+/// With one of these records (seed 10) the search once saw, in equations of one mode, a lag of the rudder; it stayed
+/// when the modes were told apart, and with it no gated equations predicted: the errors were 0.18, 0.05 and 0.03.
+#[test]
+fn ten_minutes_of_the_hydrofoil_give_lag_mode_and_motion() {
+    the_hydrofoil_is_found(10, 1.0);
+}
+
+#[test]
+fn another_ten_minutes_of_the_hydrofoil() {
+    the_hydrofoil_is_found(40, 1.0);
+}
+
+/// Not every ten minutes say as much.
+#[test]
+fn ten_minutes_of_the_hydrofoil_that_say_less() {
+    the_hydrofoil_is_found(0, 1.75);
+}
+
+#[test]
+fn the_simple_vessel_gets_no_change_of_mode() {
+    let (identified, test) = from_ten_minutes(&VesselParams::simple(), 0);
+    let structure = structure(&identified);
+    println!("20 steps {:.4?}, 100 steps {:.4?}, {structure:?}", test.mae[19], test.mae[99]);
+    assert_eq!(structure.gate, None);
+    let found = identified.candidates[0].found().unwrap();
+    let equations = &found.fit.equations;
+    for (j, term) in equations.terms().iter().enumerate() {
+        let used = (0..3).any(|i| equations.coefficient(i, j) != 0.0);
+        let gated = term.factors().iter().any(|f| matches!(f.shape, Shape::Above(_) | Shape::Below(_)));
+        assert!(!(used && gated), "{term:?}");
+    }
+    // Its propeller has the lag of the hydrofoil's.
+    let [Lag { input: 0, time_constant_s }] = structure.lags[..] else { panic!("{:?}", structure.lags) };
+    assert!((time_constant_s - 1.0).abs() < 0.05, "{time_constant_s} s");
+    assert_eq!((test.diverged, identified.best), (0, Some(0)));
+}
+
+/// Where the thesis's recipe fails: a threshold on coefficients in newtons takes the propeller away, smoothing
+/// over 51 samples the motion. Where it does not fail it works moderately: a hundred times the error of what
+/// hydroid finds.
+#[test]
+fn the_recipe_of_the_thesis_works_moderately_at_best() {
+    let [train, test] = [0, 1].map(|seed| run(VesselParams::hydrofoil(), 600.0, seed));
+    let rows = recipe(&train, &test, &[2], &[DIFFERENCES[0], DIFFERENCES[2]], &[0.0, 0.05, 0.5]).unwrap();
+    let row = |difference: &str, unit: &str, threshold: f64| {
+        let same =
+            |r: &&recipe::Row| r.difference == difference && r.unit == unit && r.threshold == threshold;
+        rows.iter().find(same).unwrap()
+    };
+    assert_eq!(rows.len(), 12);
+    for row in &rows {
+        println!(
+            "{} {} {}: {} terms, {:.4?}, {}",
+            row.difference, row.unit, row.threshold, row.terms, row.errors, row.verdict
+        );
+    }
+    // At 20 steps u, v, r, then at 100.
+    let errors = |row: &recipe::Row| row.errors.clone().unwrap().concat();
+    let [newtons, hundreds] = UNITS.map(|(name, _)| name);
+    // Without a threshold units do not matter.
+    let (plain, scaled) = (row("central", newtons, 0.0), row("central", hundreds, 0.0));
+    for (a, b) in errors(plain).iter().zip(&errors(scaled)) {
+        assert!((a - b).abs() <= 1e-6 * a, "{a} and {b}");
+    }
+    assert_eq!((plain.verdict, scaled.verdict), (Verdict::WorksModerately, Verdict::WorksModerately));
+    assert!((0.1..0.5).contains(&errors(plain)[0]), "{:?}", plain.errors);
+    // With one they decide.
+    assert_eq!(row("central", hundreds, 0.05).verdict, Verdict::WorksModerately);
+    let lost = row("central", newtons, 0.05);
+    assert!(matches!(lost.verdict, Verdict::LostItsPropeller | Verdict::Diverges));
+    assert!(errors(lost)[3] > 4.0 * errors(scaled)[3]);
+    let smooth = row("smoothed, 51", hundreds, 0.0);
+    assert!(errors(smooth)[..3].iter().zip(&errors(scaled)[..3]).all(|(a, b)| a > b), "{:?}", smooth.errors);
+    assert_eq!(row("smoothed, 51", hundreds, 0.5).verdict, Verdict::Collapsed);
+}
