@@ -5,13 +5,13 @@
 //! without anything to show says so. The same figure gives the same bytes.
 //!
 //! ```
-//! use hydroid::report::figure::{Figure, Line, Mark, Panel};
-//! use hydroid::report::style;
+//! use hydroid_report::figure::{Figure, Line, Mark, Panel};
+//! use hydroid_report::style;
 //!
 //! let line = Line::new(vec![(0.0, 0.0), (1.0, 0.3), (2.0, f64::NAN)], style::MODEL_LINE).labelled("model");
 //! let figure = Figure::new("Speed of the model", "time [s]").panel(Panel::new("u [m/s]").mark(Mark::Line(line)));
 //! assert!(figure.svg()?.contains("model"));
-//! # Ok::<(), hydroid::report::figure::FigureError>(())
+//! # Ok::<(), hydroid_report::figure::FigureError>(())
 //! ```
 
 mod canvas;

@@ -4,9 +4,9 @@ use hydroid_core::control::Status;
 use plotters::style::RGBColor;
 
 use super::Steered;
-use hydroid::closed_loop::Sample;
 use crate::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke, envelope, steps};
 use crate::style;
+use hydroid::closed_loop::Sample;
 
 /// Points of a line at the most.
 const POINTS: usize = 1_500;

@@ -3,12 +3,12 @@
 use maud::{Markup, html};
 
 use super::figures::histogram;
-use hydroid::closed_loop::{Metrics, MonteCarlo, Summary, Trial};
 use crate::ReportError;
 use crate::figure::{Figure, Mark, Panel};
 use crate::number::{self, text};
 use crate::page::{Section, cell, columns, figure, table};
 use crate::style;
+use hydroid::closed_loop::{Metrics, MonteCarlo, Summary, Trial};
 
 /// Voyages that are listed.
 const SHOWN: usize = 12;

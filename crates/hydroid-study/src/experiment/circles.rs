@@ -18,9 +18,9 @@ use hydroid::closed_loop::{
 };
 use hydroid::model::Model;
 use hydroid::progress::silent;
+use hydroid::simulate;
 use hydroid_report::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke};
 use hydroid_report::style;
-use hydroid::simulate;
 
 /// How long a circle is sailed, and from when on errors count \[s\].
 const DURATION_S: f64 = 120.0;
