@@ -9,7 +9,7 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{Channel, Table, Trajectory};
-use hydroid::train::{BaseKind, CellKind, Job, Precision, Settings, train};
+use hydroid::train::{BaseKind, CellKind, Job, Precision, TrainOptions, train};
 
 fn main() {
     divan::main();
@@ -44,13 +44,13 @@ fn run(samples: usize, phase: f64) -> Trajectory {
 fn training(bencher: Bencher, precision: Precision) {
     let (learn, choose) = (run(SAMPLES, 0.0), run(400, 1000.0));
     let range = DesignRange { low: -2.0, high: 2.0 };
-    let settings = Settings {
+    let settings = TrainOptions {
         history_s: Some(0.1 * HISTORY as f64),
         window_s: Some(0.1 * HORIZON as f64),
         base: BaseKind::Nothing,
         epochs: 1,
         precision,
-        ..Settings::of(CellKind::Direct)
+        ..TrainOptions::of(CellKind::Direct)
     };
     let windows = SAMPLES - HISTORY - HORIZON + 1;
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(1).build() {

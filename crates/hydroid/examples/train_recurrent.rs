@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 use hydrofoil::read;
 use hydroid::evaluate::DesignRange;
 use hydroid::log::Trajectory;
-use hydroid::train::{BaseKind, Job, Settings, Trained, train};
+use hydroid::train::{BaseKind, Job, TrainOptions, Trained, train};
 use hydroid_core::model::recurrent::Rollout;
 
 const WARM_UP: usize = 100;
@@ -40,7 +40,7 @@ fn main() -> Result<(), Failure> {
             None => text.extend([key.as_str(), "\n"]),
         }
     }
-    let settings: Settings = toml::from_str(&text)?;
+    let settings: TrainOptions = toml::from_str(&text)?;
     if settings.feedback || settings.base != BaseKind::Nothing {
         return Err(
             "only networks without feedback and base are judged here: for others, `hydroid identify`".into(),
@@ -64,7 +64,7 @@ fn main() -> Result<(), Failure> {
         equations: None,
     };
     for seed in settings.seed..settings.seed + seeds {
-        let settings = Settings { seed, ..settings.clone() };
+        let settings = TrainOptions { seed, ..settings.clone() };
         let trained = train(&job, &settings, None, &mut |_| ControlFlow::Continue(()))?;
         println!(
             "seed {seed}: {} of {} epochs in {:.1} s, validation {:.4}, of epoch {} ({:?})",

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::{IdentifyError, Method};
 use crate::log::Note;
-use crate::train::{self, BaseKind, CellKind, Settings, TrainError};
+use crate::train::{self, BaseKind, CellKind, TrainError, TrainOptions};
 
 /// Share of the epochs, or of the time, that the training of each formulation gets before one is chosen.
 const TRIAL: f64 = 0.1;
@@ -22,11 +22,15 @@ const FORMULATIONS: [(bool, BaseKind, &str); 3] = [
 ];
 
 /// The settings with each formulation that can be; with a formulation that was given, these as they are.
-pub(super) fn formulations(settings: &Settings, given: bool, inputs: usize) -> Vec<(Settings, &'static str)> {
+pub(super) fn formulations(
+    settings: &TrainOptions,
+    given: bool,
+    inputs: usize,
+) -> Vec<(TrainOptions, &'static str)> {
     if given {
         return vec![(settings.clone(), "as given")];
     }
-    let with = |(feedback, base, name)| (Settings { feedback, base, ..settings.clone() }, name);
+    let with = |(feedback, base, name)| (TrainOptions { feedback, base, ..settings.clone() }, name);
     // A direct predictor sees its outputs in any case.
     let must = inputs == 0 || settings.cell == CellKind::Direct;
     let can_be = |&(feedback, _, _): &(bool, BaseKind, &str)| feedback || !must;
@@ -38,13 +42,13 @@ pub(super) fn formulations(settings: &Settings, given: bool, inputs: usize) -> V
 /// been through this: its settings are taken.
 pub(super) fn choose(
     task: &train::Job<'_>,
-    mut choices: Vec<(Settings, &'static str)>,
+    mut choices: Vec<(TrainOptions, &'static str)>,
     (method, checkpoint): (Method, Option<&Path>),
     notes: &mut Vec<Note>,
-    watch: train::Watch<'_>,
-) -> Result<(Settings, f64), IdentifyError> {
+    watch: train::ProgressCallback<'_>,
+) -> Result<(TrainOptions, f64), IdentifyError> {
     let kept =
-        |settings: &Settings| checkpoint.is_some_and(|file| task.is_kept_in(settings, file) == [true; 2]);
+        |settings: &TrainOptions| checkpoint.is_some_and(|file| task.is_kept_in(settings, file) == [true; 2]);
     if let Some(begun) = choices.iter().position(|(settings, _)| kept(settings)) {
         return Ok((choices.swap_remove(begun).0, 0.0));
     }
@@ -59,7 +63,7 @@ pub(super) fn choose(
         let epochs = ((TRIAL * settings.epochs as f64) as usize).max(1);
         let budget_s = settings.budget_s.map(|budget| TRIAL * budget);
         let short =
-            Settings { epochs, budget_s, restarts: 1, patience: None, refit: false, ..settings.clone() };
+            TrainOptions { epochs, budget_s, restarts: 1, patience: None, refit: false, ..settings.clone() };
         let tell = &mut |status: &train::Status| {
             watch(&train::Status { fraction: TRIAL * (i as f64 + status.fraction) / whole, ..*status })
         };
@@ -99,7 +103,7 @@ mod tests {
     #[test]
     fn without_inputs_a_network_must_hear_its_outputs() {
         let names = |given, inputs| -> Vec<&str> {
-            formulations(&Settings::default(), given, inputs).into_iter().map(|(_, name)| name).collect()
+            formulations(&TrainOptions::default(), given, inputs).into_iter().map(|(_, name)| name).collect()
         };
         assert_eq!(names(false, 2), ["inputs alone", "outputs fed back", "outputs fed back, increments"]);
         assert_eq!(names(false, 0), ["outputs fed back", "outputs fed back, increments"]);

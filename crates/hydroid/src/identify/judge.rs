@@ -78,11 +78,12 @@ pub(super) fn judged(
             })
         };
         // What has learned from the validation runs has nothing to say on them.
-        let unseeing = training
+        let before_refit = training
             .network()
             .filter(|trained| trained.refit.is_some())
-            .map(|trained| Model { body: Body::of(trained.unseeing().clone()), ..model.clone() });
-        let validation = judge("validation", unseeing.as_ref().unwrap_or(&model), &parts.validation, 0.0)?;
+            .map(|trained| Model { body: Body::from(trained.before_refit().clone()), ..model.clone() });
+        let validation =
+            judge("validation", before_refit.as_ref().unwrap_or(&model), &parts.validation, 0.0)?;
         let test = judge("test", &model, &parts.test, 0.5)?;
         candidates.push(Candidate { model, training, train_seconds, validation, test });
     }

@@ -12,10 +12,10 @@ use super::judge::can_be_judged;
 use super::{IdentifyError, Job, Method, Parts};
 use crate::log::{Channel, Note, Trajectory};
 use crate::train::{
-    self, BaseKind, CellKind, Outcome, Precision, Refit, Schedule, Settings, TrainError, Trained,
+    self, BaseKind, CellKind, Outcome, Precision, Refit, Schedule, TrainError, TrainOptions, Trained,
 };
 
-/// Settings of networks; what is not given is the default of [`Settings::of`] the cell. See there for what each is.
+/// TrainOptions of networks; what is not given is the default of [`TrainOptions::of`] the cell. See there for what each is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct NetworkSettings {
@@ -70,7 +70,7 @@ pub struct NetworkSettings {
 }
 
 impl NetworkSettings {
-    fn put(&self, into: &mut Settings) {
+    fn put(&self, into: &mut TrainOptions) {
         macro_rules! put {
             ($($field:ident)*) => { $(if let Some(value) = &self.$field { into.$field = value.clone(); })* };
         }
@@ -113,8 +113,8 @@ pub struct Networks {
 
 impl Networks {
     /// The settings of a training, without a budget.
-    pub fn settings(&self, cell: CellKind, seed: u64) -> Settings {
-        let mut settings = Settings { seed, ..Settings::of(cell) };
+    pub fn settings(&self, cell: CellKind, seed: u64) -> TrainOptions {
+        let mut settings = TrainOptions { seed, ..TrainOptions::of(cell) };
         for told in self.told(cell) {
             told.put(&mut settings);
         }
@@ -122,7 +122,7 @@ impl Networks {
     }
 
     /// The settings that a training may have: one where the formulation is given, else one for each that is tried.
-    fn choices(&self, cell: CellKind, seed: u64, run: &Trajectory) -> Vec<(Settings, &'static str)> {
+    fn choices(&self, cell: CellKind, seed: u64, run: &Trajectory) -> Vec<(TrainOptions, &'static str)> {
         let told = self.told(cell);
         let given = told.iter().any(|s| s.feedback.is_some() || s.base.is_some());
         let settings = with_maps(self.settings(cell, seed), run);
@@ -225,7 +225,7 @@ impl Networks {
 }
 
 /// The settings of a control-affine network with a map for each input: where none is given, a rudder is one that has an angle.
-fn with_maps(mut settings: Settings, run: &Trajectory) -> Settings {
+fn with_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptions {
     if settings.cell == CellKind::Affine && settings.maps.is_empty() {
         let map = |channel: &Channel| match channel.unit.as_str() {
             "rad" | "deg" => Map::Sine,
@@ -240,7 +240,7 @@ fn with_maps(mut settings: Settings, run: &Trajectory) -> Settings {
 /// ships the training of increments blows up at 0.03, and does not at 0.01.
 fn usual_rate(base: BaseKind) -> f64 {
     match base {
-        BaseKind::Nothing => Settings::default().learning_rate,
+        BaseKind::Nothing => TrainOptions::default().learning_rate,
         BaseKind::Hold | BaseKind::Equations => 0.01,
     }
 }
@@ -259,7 +259,7 @@ fn task<'a>(job: &Job, parts: &'a Parts<'_>, equations: Option<Arc<Equations>>) 
 
 /// Samples that the model must see before its predictions count: a wash-out as the training will have it, and the sample
 /// at which they begin.
-fn warm_up(settings: &Settings, parts: &Parts<'_>, equations: Option<&Equations>) -> usize {
+fn warm_up(settings: &TrainOptions, parts: &Parts<'_>, equations: Option<&Equations>) -> usize {
     if settings.cell == CellKind::Direct {
         return settings.spans(parts.train[0].dt).0.max(equations.map_or(1, Equations::warm_up));
     }
@@ -279,8 +279,8 @@ pub(super) fn train(
     equations: Option<Arc<Equations>>,
     (spent_s, left): (f64, usize),
     notes: &mut Vec<Note>,
-    watch: train::Watch<'_>,
-) -> Result<(Settings, Trained), IdentifyError> {
+    watch: train::ProgressCallback<'_>,
+) -> Result<(TrainOptions, Trained), IdentifyError> {
     let networks = &job.networks;
     let inputs = parts.train[0].inputs.width();
     let mut choices = networks.choices(method.cell().unwrap_or_default(), job.seed, parts.train[0]);
@@ -363,10 +363,10 @@ fn out_of_the_way(file: &Path, reason: &str) -> Result<Note, TrainError> {
 }
 
 /// What a model file says of its training: enough to make it again. Nothing that changes from run to run is in it.
-pub(super) fn provenance(job: &Job, settings: &Settings, trained: &Trained) -> serde_json::Value {
+pub(super) fn provenance(job: &Job, settings: &TrainOptions, trained: &Trained) -> serde_json::Value {
     let best = trained.history.get(trained.best_epoch.saturating_sub(1));
     serde_json::json!({
-        "asked": Settings { budget_s: None, epochs: trained.epochs, ..settings.clone() },
+        "asked": TrainOptions { budget_s: None, epochs: trained.epochs, ..settings.clone() },
         "budget_s": job.networks.budget_s,
         "horizon": job.horizon,
         "epochs": trained.history.len(),

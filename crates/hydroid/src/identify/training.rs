@@ -50,9 +50,9 @@ impl Training {
             Self::Equations(_) if self.has_past() => "equations that also see the past",
             Self::Equations(_) => "equations of the present",
             Self::Network(trained) => match trained.model {
-                train::Learned::Recurrent(_) => "recurrent network",
-                train::Learned::Direct(_) => "feed-forward network, many steps at once",
-                train::Learned::Affine(_) => "network that is affine in its inputs",
+                train::TrainedNetwork::Recurrent(_) => "recurrent network",
+                train::TrainedNetwork::Direct(_) => "feed-forward network, many steps at once",
+                train::TrainedNetwork::Affine(_) => "network that is affine in its inputs",
             },
         }
     }
@@ -168,7 +168,7 @@ pub(super) fn train_by(
             let watch = &mut |status: &train::Status| tell(status.fraction, Some(status));
             let (settings, trained) = recurrent::train(job, parts, method, base, networks, notes, watch)?;
             let told = recurrent::provenance(job, &settings, &trained);
-            let mut model = describe(job, parts, method, Body::of(trained.model.clone()), told);
+            let mut model = describe(job, parts, method, Body::from(trained.model.clone()), told);
             if !trained.members.is_empty() {
                 model.members = Members::new(&trained.members);
             }

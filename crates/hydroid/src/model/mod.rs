@@ -25,7 +25,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
-use crate::train::Learned;
 
 pub use file::{ModelError, decode, encode, read, write};
 pub use jacobian::{JacobianEntry, JacobianText};
@@ -133,17 +132,6 @@ pub enum Body {
     Affine(Arc<ControlAffine>),
     /// A vessel with given parameters.
     Plant(Arc<PlantModel>),
-}
-
-impl Body {
-    /// Of a network that was trained.
-    pub fn of(learned: Learned) -> Self {
-        match learned {
-            Learned::Recurrent(recurrent) => Self::Recurrent(Arc::new(recurrent)),
-            Learned::Direct(direct) => Self::Direct(Arc::new(direct)),
-            Learned::Affine(affine) => Self::Affine(Arc::new(affine)),
-        }
-    }
 }
 
 impl Model {

@@ -1,4 +1,4 @@
-//! The optimizer.
+//! Adam optimizer.
 #![expect(
     clippy::inline_always,
     reason = "it must become a part of the function that was compiled for the processor"
@@ -8,13 +8,12 @@ use hydroid_core::math::Scalar;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Decay of the mean of gradients, and of that of their squares.
+/// Decay rates of the first and second moment.
 const BETA: [f64; 2] = [0.9, 0.999];
-/// Keeps the division finite.
+/// Regularizes the division.
 const EPSILON: f64 = 1e-8;
 
-/// Weights that one thread works on at a time. Recurrent networks have fewer; what is summed over the parts is summed in
-/// their order.
+/// Weights in a part that one thread updates. Sums are taken over parts in order.
 pub(super) const PART: usize = 1 << 14;
 
 /// Adam (Kingma and Ba 2015, algorithm 1) with decoupled weight decay (`AdamW`, Loshchilov and Hutter 2019):
@@ -27,11 +26,11 @@ pub(super) const PART: usize = 1 << 14;
 /// with the step size `a`, the weight decay `d`, `b1 = 0.9`, `b2 = 0.999`, `e = 1e-8`, and `t` counting from 1.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Adam<T> {
-    /// Mean of gradients.
+    /// First moment.
     pub(super) mean: Vec<T>,
-    /// Mean of their squares.
+    /// Second moment.
     pub(super) square: Vec<T>,
-    /// Steps that are done.
+    /// Number of steps.
     pub(super) steps: u64,
 }
 

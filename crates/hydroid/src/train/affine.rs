@@ -1,4 +1,4 @@
-//! A control-affine network over a chunk of windows, forward and back through its integration.
+//! Control-affine networks: forward integration and backward pass.
 
 use hydroid_core::control::Map;
 use hydroid_core::math::Scalar;
@@ -8,21 +8,19 @@ use hydroid_core::model::recurrent::Scaling;
 
 use super::windows::{ScaledRun, Shape, Window};
 
-/// Logarithms of a time constant in samples, where it is between a fiftieth of a sample and thousands of them: beyond, no
-/// log tells.
+/// Limits of the logarithm of a time constant in samples.
 const LAGS: (f64, f64) = (-4.0, 8.0);
 
-/// First time constant \[samples\]: in the middle of what actuators have, on a scale of powers.
+/// Initial time constant \[samples\].
 const FIRST_LAG: f64 = 5.0;
 
-/// Stages of a step of RK4: how far from its begin, in halves, and what each weighs.
+/// Stages of RK4: offset in half steps, weight.
 const STAGES: [(usize, f64); 4] = [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)];
 
-/// What its stages see of an actuator: at the begin of a sample, in its middle, at its end.
+/// Actuator values in a step: at its start, middle and end.
 const SEEN: usize = 3;
 
-/// What a control-affine network is made of, beside its weights; these are followed by the logarithms of the time constants in
-/// samples.
+/// Structure of a control-affine network. The logarithms of the time constants in samples follow its weights.
 #[derive(Clone, Debug)]
 pub(super) struct Parts {
     pub(super) network: Perceptron,
@@ -30,20 +28,20 @@ pub(super) struct Parts {
     /// Size of each effort.
     pub(super) units: Vec<f64>,
     pub(super) dt: f64,
-    /// Samples before its origin over which a window's state is drawn towards what is measured.
+    /// Samples before the origin over which the observer acts.
     pub(super) settle: usize,
 }
 
-/// Share of a window's first state that is left at its origin.
+/// Remaining share of the observer's initial error at the origin.
 const LEFT: f64 = 0.1;
 
 impl Parts {
-    /// The logarithms of the first time constants.
+    /// Logarithms of the initial time constants.
     pub(super) fn first_lags<T: Scalar>(&self) -> impl Iterator<Item = T> {
         std::iter::repeat_n(T::of(FIRST_LAG.ln()), self.maps.len())
     }
 
-    /// Commands as the model has them, with what was learned of their lags.
+    /// Effectors with the identified lags.
     pub(super) fn effectors<T: Scalar>(&self, lags: &[T]) -> Vec<Effector> {
         let each = self.maps.iter().zip(&self.units).zip(lags);
         each.map(|((&map, &unit), lag)| Effector {
@@ -55,8 +53,8 @@ impl Parts {
     }
 }
 
-/// Windows side by side, one in each lane. With scaled outputs `z` and actuators that have followed their commands since the
-/// begin of the wash-out:
+/// Windows in parallel lanes. With scaled outputs `z` and actuator states that follow their commands from the start of the
+/// wash-out:
 ///
 /// ```text
 /// dz/dt = ratio ( f(z) + sum_i g_i(z) e_i ),     e_i = phi_i(a_i) / w_i,     RK4 over each sample
@@ -64,36 +62,34 @@ impl Parts {
 /// L     = sum over k = 1 .. length, outputs j:  w_j (z_{o+k,j} - measured_{o+k,j})^2
 /// ```
 ///
-/// The second line is an observer, where `settle` is not zero: windows then do not begin from the noise of one measurement. A
-/// regression on what is noisy is biased (errors in variables); an observer of this gain over 20 samples leaves a fifteenth of
-/// the noise's variance, and follows what the commands do. Source: L. Ljung, *System Identification*, 2nd ed., 1999, sections
-/// 3.3 and 7.3 (predictors that are observers, whose gradient goes through them); T. Soderstrom, *Errors-in-variables methods in
-/// system identification*, Automatica, 2007.
+/// The second line is an observer, active if `settle > 0`: starting from one noisy measurement would bias the regression
+/// (errors in variables). Sources: L. Ljung, *System Identification*, 2nd ed., 1999, sections 3.3 and 7.3; T. Soderstrom,
+/// *Errors-in-variables methods in system identification*, Automatica, 2007.
 ///
-/// Actuators depend on commands and their own time constant alone: what `e_i` changes by with its logarithm goes along, and
-/// the way back is through the stages of RK4.
+/// Actuator states depend on commands and their time constant only: their sensitivity is propagated forward, and the
+/// backward pass runs through the stages of RK4.
 #[derive(Clone, Debug)]
 pub(super) struct Affine<T> {
     parts: Parts,
     shape: Shape,
     lanes: usize,
-    /// Steps before the origin; none where nobody goes back: whoever judges begins from what was measured, as whoever predicts.
+    /// Observer steps before the origin; 0 in validation, as in a session.
     settle: usize,
     /// `K`.
     gain: T,
-    /// `correction_scale / output_scale`: per second.
+    /// `correction_scale / output_scale` \[1/s\].
     ratio: Vec<T>,
-    /// Stages of all steps; of one alone, where nobody goes back.
+    /// Stages of all steps, or of one step without a backward pass.
     stages: Vec<Batch<T>>,
     windows: Vec<Window>,
-    /// Efforts as the stages of a step see them, `SEEN x inputs x lanes` for each step, and their derivatives by the logarithm of the lag.
+    /// Efforts at the stages of each step, `SEEN x inputs x lanes`, and their derivatives by the logarithm of the lag.
     efforts: Vec<T>,
     slopes: Vec<T>,
     /// `z_o ..`, each `outputs x lanes`.
     states: Vec<T>,
     /// Of a stage.
     rate: Vec<T>,
-    /// Adjoints of the state, of its part by the stages, of a stage's input; the gradient of a stage.
+    /// Adjoints of the state, of its stage part, and of a stage's input; gradient of a stage.
     adjoint: Vec<T>,
     parts_adjoint: Vec<T>,
     input_adjoint: Vec<T>,
@@ -129,7 +125,7 @@ impl<T: Scalar> Affine<T> {
         }
     }
 
-    pub(super) fn walk(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
+    pub(super) fn forward(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
         self.windows.clear();
         self.windows.extend_from_slice(windows);
         let count = self.parts.network.weights();
@@ -177,7 +173,7 @@ impl<T: Scalar> Affine<T> {
         self.efforts.fill(T::zero());
         self.slopes.fill(T::zero());
         for (i, lag) in lags.iter().enumerate() {
-            // A sample leaves exp(-1 / T) of a difference, T in samples; and what that changes by with ln T.
+            // Decay exp(-1/T) per sample, with T in samples, and its derivative by ln T.
             let inverse = (-lag.wide().clamp(LAGS.0, LAGS.1)).exp();
             let of = |samples: f64| {
                 let decay = (-samples * inverse).exp();
@@ -213,7 +209,7 @@ impl<T: Scalar> Affine<T> {
         }
     }
 
-    /// The first states: what was measured last of each output; the first value after where there is none.
+    /// Initial states: the last measurement of each output, or the next one if there is none.
     fn begin(&mut self, runs: &[ScaledRun<T>]) {
         let (n, lanes, wash_out) = (self.shape.outputs, self.lanes, self.shape.wash_out);
         let z = &mut self.states[..n * lanes];
@@ -224,7 +220,7 @@ impl<T: Scalar> Affine<T> {
             for j in 0..n {
                 let before = (window.origin - wash_out..=begin).rev();
                 let seen = before.chain(begin + 1..=window.origin).map(|k| outputs[k * n + j]);
-                // A window has measured each output once at least.
+                // Each output is measured at least once in a window.
                 z[j * lanes + lane] = seen.into_iter().find(|z| !z.is_nan()).unwrap_or(T::zero());
             }
         }
@@ -243,7 +239,7 @@ impl<T: Scalar> Affine<T> {
         }
     }
 
-    pub(super) fn leaves(&self, most: f64) -> bool {
+    pub(super) fn exceeds(&self, most: f64) -> bool {
         let (most, count) = (T::of(most), self.windows.len());
         let mut rows = self.states.chunks_exact(self.lanes);
         rows.any(|row| row[..count].iter().any(|z| z.is_nan() || z.abs() > most))
@@ -314,7 +310,7 @@ impl<T: Scalar> Affine<T> {
     }
 }
 
-/// Calls `each(place, value)` for what was measured so many samples before the origins.
+/// Calls `each(place, value)` for the measurements `before` samples before the origins.
 fn measured<T: Scalar>(
     windows: &[Window],
     runs: &[ScaledRun<T>],

@@ -1,31 +1,27 @@
-//! What the network corrects, over one sample and back, for a chunk of windows side by side.
+//! Base of a recurrent network: one step forward and backward for windows in parallel lanes.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Base, Scaling};
 use hydroid_core::model::sparse::Equations;
 
-/// Step of the differences that stand for the equations' derivative, in scaled units: the error of a central
-/// difference is of the order of its square, and rounding of 1e-16 over it.
+/// Step of the central differences, in scaled units.
 const DIFFERENCE: f64 = 1e-5;
 
-/// The base of a chunk.
+/// Base of a mini-batch.
 ///
 /// ```text
 /// z+ = b(z, c) + ratio . g,     ratio = correction_scale / output_scale
 /// ```
 ///
-/// in scaled outputs `z`; matrices are `outputs x lanes`. Equations are stepped in double precision and in their own
-/// units.
+/// in scaled outputs `z`; matrices are `outputs x lanes`. Equations are integrated in double precision and physical units.
 ///
-/// On the way back `a` becomes `(db/dz)' a`. That of equations is by central differences of a whole sample, which is
-/// exact to 1e-9 and knows of gates and substeps; what a *past* output among the equations' signals passes on to later
-/// samples is left out of it, so that the gradient of such equations is approximate: it lacks what the network's correction of one
-/// sample does through the past of a later one, of the size of that term's coefficient times the sample time. (Of lags
-/// of commands nothing is left out.) The loss is exact in any case, and so is the choice of weights.
+/// The backward pass replaces `a` by `(db/dz)' a`. The Jacobian of equations is computed by central differences over a
+/// sample and includes gates and substeps. It neglects the dependence of later samples on past outputs among the signals, so
+/// that the gradient of such equations is approximate; the loss is exact.
 #[derive(Clone, Debug)]
 pub(super) struct BaseStep {
     kind: Kind,
-    /// Size of what the network gives, in scaled outputs.
+    /// `correction_scale / output_scale`.
     pub(super) ratio: Vec<f64>,
 }
 
@@ -33,27 +29,27 @@ pub(super) struct BaseStep {
 enum Kind {
     Nothing,
     Hold,
-    Equations(Box<Grey>),
+    Equations(Box<EquationsStep>),
 }
 
 #[derive(Clone, Debug)]
-struct Grey {
+struct EquationsStep {
     equations: Equations,
     mean: Vec<f64>,
     scale: Vec<f64>,
     lanes: usize,
-    /// State of the equations of each lane, one after the other; only its memory lasts from step to step.
+    /// State of the equations in each lane; only the signal memory persists from step to step.
     states: Vec<f64>,
     scratch: Vec<f64>,
     trial: Vec<f64>,
     /// `(db/dz)' a` of a lane.
     sums: Vec<f64>,
-    /// `d z+_i / d z_j` of each step, `steps x outputs x outputs x lanes`; empty where nobody goes back.
+    /// `d z+_i / d z_j` of each step, `steps x outputs x outputs x lanes`; empty without a backward pass.
     derivatives: Vec<f64>,
 }
 
 impl BaseStep {
-    /// For `lanes` windows, and as many steps as will be gone back.
+    /// Base for `lanes` windows; `steps` is the number of recorded steps.
     pub(super) fn new(base: &Base, scaling: &Scaling, lanes: usize, steps: usize) -> Self {
         let ratio = scaling.correction_scale.iter().zip(&scaling.output_scale).map(|(c, s)| c / s).collect();
         let kind = match base {
@@ -61,7 +57,7 @@ impl BaseStep {
             Base::Hold => Kind::Hold,
             Base::Equations(equations) => {
                 let n = equations.outputs();
-                Kind::Equations(Box::new(Grey {
+                Kind::Equations(Box::new(EquationsStep {
                     mean: scaling.output_mean.clone(),
                     scale: scaling.output_scale.clone(),
                     lanes,
@@ -78,18 +74,18 @@ impl BaseStep {
     }
 
     /// Whether a prediction depends on the outputs before it.
-    pub(super) fn recurs(&self) -> bool {
+    pub(super) fn is_recursive(&self) -> bool {
         !matches!(self.kind, Kind::Nothing)
     }
 
-    /// The start of windows: nothing is known of the past.
+    /// Resets the signal memory.
     pub(super) fn reset(&mut self) {
         if let Kind::Equations(grey) = &mut self.kind {
             grey.states.fill(f64::NAN);
         }
     }
 
-    /// Step `k`: `next <- b(z, c)`; `c` gives the command of a lane, none for a lane that is not in use.
+    /// Step `k`: `next <- b(z, c)`; `c` is the command of a lane, none for an unused lane.
     pub(super) fn step<'a, T: Scalar>(
         &mut self,
         k: usize,
@@ -104,7 +100,7 @@ impl BaseStep {
         }
     }
 
-    /// Step `k` back: `a <- (db/dz)' a`.
+    /// Backward step `k`: `a <- (db/dz)' a`.
     pub(super) fn back<T: Scalar>(&mut self, k: usize, a: &mut [T]) {
         match &mut self.kind {
             Kind::Nothing => a.fill(T::zero()),
@@ -114,7 +110,7 @@ impl BaseStep {
     }
 }
 
-impl Grey {
+impl EquationsStep {
     fn step<'a, T: Scalar>(
         &mut self,
         k: usize,
@@ -150,7 +146,7 @@ impl Grey {
             self.equations.step(state, c, &mut self.scratch);
             for i in 0..n {
                 let value = (state[i] - self.mean[i]) / self.scale[i];
-                // Not known while the past of the signals is not: then the outputs stay as they are.
+                // Outputs are held while the signal memory is incomplete.
                 let known = !value.is_nan();
                 next[i * lanes + lane] = if known { T::of(value) } else { z[i * lanes + lane] };
             }

@@ -1,38 +1,38 @@
-//! Keeping to a time.
+//! Time budget of a training.
 
 use std::time::{Duration, Instant};
 
 use hydroid_core::math::Scalar;
 
 use super::TrainError;
-use super::team::Team;
+use super::restarts::Restarts;
 
-/// How often the caller hears of the training.
+/// Interval of progress callbacks.
 const TELL: Duration = Duration::from_millis(50);
 
-/// Steps by which the time of an epoch is told, after one that warms caches.
+/// Steps that measure the time of an epoch, after one warm-up step.
 const TRIALS: usize = 4;
 
-/// How much longer than others the first step may take.
+/// Largest ratio of the first step to the others.
 const COLD: f64 = 10.0;
 
-/// Share of a budget that is planned: the rest is for a machine that turns out slower.
+/// Planned share of a budget; the rest is a reserve.
 const PLANNED: f64 = 0.94;
 
 /// Share of a budget after which no step begins.
 const OVER: f64 = 0.995;
 
-/// The clock of a training.
+/// Clock of a training.
 #[derive(Debug)]
 pub(super) struct Clock {
     start: Instant,
-    /// When epochs began.
+    /// Start of the first epoch.
     epochs: Instant,
     told: Instant,
     budget: Option<f64>,
-    /// Time that an epoch's judgement takes \[s\], as far as it was looked at.
+    /// Estimated time of a validation \[s\].
     judging: f64,
-    /// Time that an epoch takes \[s\], likewise.
+    /// Estimated time of an epoch \[s\].
     epoch: f64,
 }
 
@@ -47,38 +47,37 @@ impl Clock {
         self.start.elapsed().as_secs_f64()
     }
 
-    /// Whether the time is over, or would be when what was learned is judged.
+    /// Whether the time is over, the pending validation included.
     pub(super) fn is_over(&self) -> bool {
         self.budget.is_some_and(|budget| self.seconds() + self.judging > OVER * budget)
     }
 
-    /// How many epochs fit the budget, by steps that are made and not taken: the schedule must know its end, and may
-    /// not look at the clock on its way there.
+    /// Number of epochs that fit the budget, estimated from trial steps: the schedule depends on the total number of epochs.
     pub(super) fn epochs<T: Scalar>(
         &mut self,
-        team: &mut Team<T>,
-        mut watch: impl FnMut(&Team<T>) -> Result<(), TrainError>,
+        restarts: &mut Restarts<T>,
+        mut watch: impl FnMut(&Restarts<T>) -> Result<(), TrainError>,
     ) -> Result<usize, TrainError> {
-        let most = team.plan.epochs;
+        let most = restarts.plan.epochs;
         let Some(budget) = self.budget else { return Ok(most) };
-        let batches = team.begin(0);
+        let batches = restarts.begin(0);
         let trials = TRIALS.min(batches);
         let mut step = 0.0;
         for trial in 0..=trials {
             let begun = Instant::now();
-            team.gradients(trial.saturating_sub(1));
+            restarts.gradients(trial.saturating_sub(1));
             let took = begun.elapsed().as_secs_f64();
-            // The first one warms caches; it tells only of what is far too long.
+            // The first step warms caches; it only detects a budget that is far too small.
             step = if trial == 0 { took } else { (step * (trial - 1) as f64 + took) / trial as f64 };
             self.epoch = step * batches as f64;
             let margin = if trial == 0 { COLD } else { 1.0 };
             if self.seconds() > OVER * budget || self.epoch > margin * budget {
                 return Err(self.no_time());
             }
-            watch(team)?;
+            watch(restarts)?;
         }
         let begun = Instant::now();
-        team.judge();
+        restarts.judge();
         self.judging = begun.elapsed().as_secs_f64();
         self.epoch += self.judging;
         if self.seconds() + self.epoch > OVER * budget {
@@ -86,18 +85,18 @@ impl Clock {
         }
         let left = PLANNED * budget - self.seconds();
         self.epochs = Instant::now();
-        // The cast saturates: a negative number of epochs becomes 0, and then 1.
+        // The cast saturates; negative numbers become 0, and then 1.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let fit = (left / self.epoch) as usize;
         Ok(fit.clamp(1, most))
     }
 
-    /// The budget is less than an epoch.
+    /// Error for a budget smaller than one epoch.
     pub(super) fn no_time(&self) -> TrainError {
         TrainError::NoTime { budget_s: self.budget.unwrap_or(0.0), epoch_s: self.epoch.max(self.seconds()) }
     }
 
-    /// The time that is left when `done` of `epochs` epochs are done, if it is time to tell.
+    /// Remaining time after `done` of `epochs` epochs, if a progress callback is due.
     pub(super) fn tell(&mut self, done: f64, epochs: usize) -> Option<f64> {
         if self.told.elapsed() < TELL {
             return None;

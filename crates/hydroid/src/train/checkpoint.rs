@@ -1,7 +1,7 @@
-//! The state of a training as a file, so that an interruption loses little.
+//! Checkpoints of a training.
 //!
-//! One safetensors file, written whole or not at all. With `r` restarts of `w` weights and `e` epochs of all restarts
-//! together it holds, in double precision (single-precision numbers come back as they were):
+//! One safetensors file, written atomically. For `r` restarts of `w` weights and `e` epochs of all restarts together it
+//! holds in double precision (single precision is converted without loss):
 //!
 //! | tensor | shape | |
 //! | --- | --- | --- |
@@ -10,7 +10,7 @@
 //! | `score` | r | validation error of the best weights |
 //! | `history` | e x 3 | loss, validation error, step size; restart after restart |
 //!
-//! and in its metadata under `hydroid_training` a JSON [`Head`]. Random numbers need nothing but the number of the epoch
+//! and in its metadata under `hydroid_training` a JSON [`Head`]. The state of the random streams follows from the epoch
 //! ([`random`](super::random)). Reading never panics.
 
 use std::collections::HashMap;
@@ -23,8 +23,8 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::fingerprint::fingerprints;
-use super::team::{Member, Team};
-use super::{Epoch, Job, Settings, TrainError};
+use super::restarts::{Restart, Restarts};
+use super::{Epoch, Job, TrainError, TrainOptions};
 use crate::atomic;
 
 const KEY: &str = "hydroid_training";
@@ -32,61 +32,61 @@ const VERSION: u32 = 2;
 const TOO_LARGE: &str =
     "it would be larger than 4 GiB; give fewer restarts, a smaller network, or no checkpoint";
 const HYDROID: &str = env!("CARGO_PKG_VERSION");
-/// More steps than any training makes; counting on from here overflows nothing.
+/// Upper bound of the optimizer steps in a file, so that counting on does not overflow.
 const MOST_STEPS: u64 = 1 << 52;
-/// Larger files are no checkpoints.
+/// Largest size of a checkpoint \[bytes\].
 const LARGEST: u64 = 1 << 32;
 
-/// Epochs shorter than this are not each written to the disk.
+/// Least time between two writes.
 const EVERY: Duration = Duration::from_millis(500);
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Head {
     version: u32,
-    /// Version of hydroid: another one may train otherwise.
+    /// Version of hydroid; another version may compute other values.
     hydroid: String,
-    settings: String,
+    options: String,
     data: String,
-    /// Epochs that are planned, and that are done.
+    /// Planned and completed epochs.
     epochs: usize,
     epoch: usize,
-    members: Vec<HeadMember>,
+    members: Vec<HeadRestart>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct HeadMember {
+struct HeadRestart {
     steps: u64,
     best_epoch: usize,
     epochs: usize,
     idle: bool,
 }
 
-/// Writes checkpoints and reads the one that is there.
+/// Writes checkpoints and resumes from an existing one.
 #[derive(Debug)]
-pub(super) struct Keeper {
+pub(super) struct CheckpointWriter {
     path: Option<PathBuf>,
     fingerprints: [String; 2],
     written: Instant,
-    /// Bytes that are not on the disk yet.
+    /// Encoded state that is not yet on disk.
     pending: Option<Vec<u8>>,
 }
 
-impl Keeper {
-    pub(super) fn open(path: Option<&Path>, job: &Job<'_>, settings: &Settings) -> Self {
-        // Nobody asks for fingerprints without a file.
+impl CheckpointWriter {
+    pub(super) fn open(path: Option<&Path>, job: &Job<'_>, options: &TrainOptions) -> Self {
+        // Fingerprints are needed only with a file.
         let fingerprints =
-            if path.is_some() { fingerprints(job, settings) } else { [String::new(), String::new()] };
+            if path.is_some() { fingerprints(job, options) } else { [String::new(), String::new()] };
         Self { path: path.map(Path::to_owned), fingerprints, written: Instant::now(), pending: None }
     }
 
-    /// Takes up what the file holds; gives the number of epochs that are done, or nothing where there is no file.
-    pub(super) fn resume<T: Scalar>(&self, team: &mut Team<T>) -> Result<Option<usize>, TrainError> {
+    /// Resumes from the file; returns the number of completed epochs, or `None` without a file.
+    pub(super) fn resume<T: Scalar>(&self, restarts: &mut Restarts<T>) -> Result<Option<usize>, TrainError> {
         let Some(path) = &self.path else { return Ok(None) };
         let wrong = |reason: String| TrainError::Checkpoint { path: path.clone(), reason };
-        // The rest, a few numbers for each epoch, is looked at when it is there.
-        if size(team.members.len(), team.plan.net.weights()) > LARGEST {
+        // The history is checked when it is read.
+        if size(restarts.members.len(), restarts.plan.net.weights()) > LARGEST {
             return Err(wrong(TOO_LARGE.to_owned()));
         }
         let unreadable = |e: io::Error| wrong(format!("it cannot be read ({e}); name another file"));
@@ -102,14 +102,14 @@ impl Keeper {
             Ok(_) => {}
         }
         let bytes = std::fs::read(path).map_err(unreadable)?;
-        decode(&bytes, &self.fingerprints, team).map(Some).map_err(wrong)
+        decode(&bytes, &self.fingerprints, restarts).map(Some).map_err(wrong)
     }
 
-    /// Keeps the state after so many epochs. Short epochs are not all written at once, so that at most one epoch or
-    /// half a second is lost, whichever is longer.
-    pub(super) fn keep<T: Scalar>(&mut self, team: &Team<T>, epoch: usize) -> Result<(), TrainError> {
+    /// Stores the state after `epoch` epochs. Writes are at least half a second apart, so that an interruption loses at most
+    /// that or one epoch.
+    pub(super) fn keep<T: Scalar>(&mut self, restarts: &Restarts<T>, epoch: usize) -> Result<(), TrainError> {
         let Some(path) = &self.path else { return Ok(()) };
-        let encoded = encode(team, epoch, &self.fingerprints);
+        let encoded = encode(restarts, epoch, &self.fingerprints);
         let source = |source| atomic::WriteError { path: path.clone(), source };
         let bytes = encoded.map_err(source)?;
         if bytes.len() as u64 > LARGEST {
@@ -119,7 +119,7 @@ impl Keeper {
         if self.written.elapsed() >= EVERY { self.flush() } else { Ok(()) }
     }
 
-    /// Writes what is not written yet.
+    /// Writes pending data.
     pub(super) fn flush(&mut self) -> Result<(), TrainError> {
         if let (Some(path), Some(bytes)) = (&self.path, self.pending.take()) {
             atomic::write(path, |out| out.write_all(&bytes))?;
@@ -130,9 +130,9 @@ impl Keeper {
 }
 
 impl Job<'_> {
-    /// Whether a file is the checkpoint of a training with these settings, and of one on these data (both false where it
-    /// cannot be read as a checkpoint): to know it before time is spent on what the training needs.
-    pub fn is_kept_in(&self, settings: &Settings, path: &Path) -> [bool; 2] {
+    /// Whether a file is the checkpoint of a training with these options, and with these data (both false if it cannot be
+    /// read).
+    pub fn is_kept_in(&self, options: &TrainOptions, path: &Path) -> [bool; 2] {
         let head = || -> Option<Head> {
             if !std::fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() <= LARGEST) {
                 return None;
@@ -141,8 +141,8 @@ impl Job<'_> {
             let (_, metadata) = SafeTensors::read_metadata(&bytes).ok()?;
             serde_json::from_str(metadata.metadata().as_ref()?.get(KEY)?).ok()
         };
-        let ours = fingerprints(self, settings);
-        head().map_or([false; 2], |head| [head.settings == ours[0], head.data == ours[1]])
+        let ours = fingerprints(self, options);
+        head().map_or([false; 2], |head| [head.options == ours[0], head.data == ours[1]])
     }
 }
 
@@ -152,22 +152,22 @@ fn size(r: usize, w: usize) -> u64 {
 }
 
 pub(super) fn encode<T: Scalar>(
-    team: &Team<T>,
+    restarts: &Restarts<T>,
     epoch: usize,
     fingerprints: &[String; 2],
 ) -> io::Result<Vec<u8>> {
-    let [settings, data] = fingerprints.clone();
-    let members = &team.members;
+    let [options, data] = fingerprints.clone();
+    let members = &restarts.members;
     let head = Head {
         version: VERSION,
         hydroid: HYDROID.to_owned(),
-        settings,
+        options,
         data,
-        epochs: team.plan.epochs,
+        epochs: restarts.plan.epochs,
         epoch,
         members: members
             .iter()
-            .map(|member| HeadMember {
+            .map(|member| HeadRestart {
                 steps: member.adam.steps,
                 best_epoch: member.best_epoch,
                 epochs: member.history.len(),
@@ -175,7 +175,7 @@ pub(super) fn encode<T: Scalar>(
             })
             .collect(),
     };
-    let table = |row: fn(&Member<T>) -> &[T]| -> Vec<u8> {
+    let table = |row: fn(&Restart<T>) -> &[T]| -> Vec<u8> {
         members.iter().flat_map(row).flat_map(|x| x.wide().to_le_bytes()).collect()
     };
     let epochs = members.iter().flat_map(|member| &member.history);
@@ -187,13 +187,13 @@ pub(super) fn encode<T: Scalar>(
     let balance = members.iter().flat_map(|member| &member.balance);
     let balance: Vec<u8> = balance.flat_map(|x| x.to_le_bytes()).collect();
     let scores: Vec<u8> = members.iter().flat_map(|member| member.best_score.to_le_bytes()).collect();
-    let (r, w) = (members.len(), team.plan.net.weights());
+    let (r, w) = (members.len(), restarts.plan.net.weights());
     let tensors = [
         ("weights", vec![r, w], table(|member| &member.weights)),
         ("mean", vec![r, w], table(|member| &member.adam.mean)),
         ("square", vec![r, w], table(|member| &member.adam.square)),
         ("best", vec![r, w], table(|member| &member.best)),
-        ("balance", vec![r, team.plan.shape.outputs], balance),
+        ("balance", vec![r, restarts.plan.shape.outputs], balance),
         ("score", vec![r], scores),
         ("history", vec![epochs.count(), 3], history),
     ];
@@ -206,11 +206,11 @@ pub(super) fn encode<T: Scalar>(
     safetensors::serialize(views, Some(metadata)).map_err(io::Error::other)
 }
 
-/// Puts the state of a checkpoint into a team of the same job, and gives the number of epochs that are done.
+/// Restores the state of a checkpoint of the same job; returns the number of completed epochs.
 pub(super) fn decode<T: Scalar>(
     bytes: &[u8],
     ours: &[String; 2],
-    team: &mut Team<T>,
+    restarts: &mut Restarts<T>,
 ) -> Result<usize, String> {
     let damaged = |reason: String| {
         format!("it is damaged, or no checkpoint of a training ({reason}); remove it to start anew")
@@ -232,15 +232,15 @@ pub(super) fn decode<T: Scalar>(
             "it is of hydroid {theirs}, this is {HYDROID}, which may train otherwise; go on with that version, or remove it to start anew"
         ));
     }
-    for (what, theirs, ours) in [("settings", &head.settings, &ours[0]), ("data", &head.data, &ours[1])] {
+    for (what, theirs, ours) in [("options", &head.options, &ours[0]), ("data", &head.data, &ours[1])] {
         if theirs != ours {
             return Err(format!(
                 "it is of a training with other {what}; go on with those that it began with, or remove it to start anew"
             ));
         }
     }
-    let (r, w) = (team.members.len(), team.plan.net.weights());
-    if head.members.len() != r || head.epoch > head.epochs || head.epochs > team.plan.settings.epochs {
+    let (r, w) = (restarts.members.len(), restarts.plan.net.weights());
+    if head.members.len() != r || head.epoch > head.epochs || head.epochs > restarts.plan.options.epochs {
         return Err(damaged(String::from("its numbers of restarts and epochs cannot be")));
     }
     let total = head.members.iter().try_fold(0usize, |sum, member| {
@@ -256,7 +256,7 @@ pub(super) fn decode<T: Scalar>(
         table("square", &[r, w])?,
         table("best", &[r, w])?,
     ];
-    let n = team.plan.shape.outputs;
+    let n = restarts.plan.shape.outputs;
     let balance = table("balance", &[r, n])?;
     let scores = table("score", &[r])?;
     let history = table("history", &[total, 3])?;
@@ -265,7 +265,7 @@ pub(super) fn decode<T: Scalar>(
         validation: row[1],
         learning_rate: row[2],
     });
-    for (i, (member, told)) in team.members.iter_mut().zip(&head.members).enumerate() {
+    for (i, (member, told)) in restarts.members.iter_mut().zip(&head.members).enumerate() {
         let row = |table: &[f64]| table[i * w..(i + 1) * w].iter().map(|&x| T::of(x)).collect::<Vec<T>>();
         member.weights = row(&weights);
         member.adam.mean = row(&mean);
@@ -278,7 +278,7 @@ pub(super) fn decode<T: Scalar>(
         member.history = epochs.by_ref().take(told.epochs).collect();
         member.idle = told.idle;
     }
-    team.plan.epochs = head.epochs;
+    restarts.plan.epochs = head.epochs;
     Ok(head.epoch)
 }
 

@@ -1,6 +1,6 @@
-//! Telling whether two trainings are of the same job.
+//! Fingerprints that detect a checkpoint of another job.
 
-use super::{Job, Settings};
+use super::{Job, TrainOptions};
 use crate::fnv::Fnv;
 use crate::log::Trajectory;
 
@@ -16,11 +16,11 @@ fn add_runs(fnv: &mut Fnv, runs: &[&Trajectory]) {
     }
 }
 
-/// Numbers of settings and of data. The budget is not among them: whoever goes on may give more time.
-pub(super) fn fingerprints(job: &Job<'_>, settings: &Settings) -> [String; 2] {
+/// Fingerprints of options and data. The budget is excluded: a resumed training may have more time.
+pub(super) fn fingerprints(job: &Job<'_>, options: &TrainOptions) -> [String; 2] {
     let empty = Fnv::new();
     let mut told = empty;
-    told.text(&format!("{:?}", Settings { budget_s: None, ..settings.clone() }));
+    told.text(&format!("{:?}", TrainOptions { budget_s: None, ..options.clone() }));
     told.word(job.horizon as u64);
     let mut data = empty;
     add_runs(&mut data, job.runs);

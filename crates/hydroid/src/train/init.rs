@@ -1,4 +1,4 @@
-//! First weights.
+//! Initial weights.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::Perceptron;
@@ -6,8 +6,8 @@ use hydroid_core::model::recurrent::{Cell, Network, Tensor};
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
 
-/// First weights as PyTorch draws them: uniform in `+-1 / sqrt(hidden)`; of an LSTM 1 is added to the biases of the
-/// forget gate, so that it remembers from the start (Gers, Schmidhuber and Cummins 2000; Jozefowicz et al. 2015).
+/// Initialization of recurrent networks as in PyTorch: uniform in `+-1 / sqrt(hidden)`; 1 is added to the forget-gate bias of
+/// an LSTM (Gers, Schmidhuber and Cummins 2000; Jozefowicz et al. 2015).
 pub(super) fn weights<T: Scalar>(network: &Network, rng: &mut ChaCha8Rng) -> Vec<T> {
     let (Cell::Lstm { hidden, .. } | Cell::Gru { hidden } | Cell::Vanilla { hidden, .. }) = network.cell;
     let bound = 1.0 / (hidden as f64).sqrt();
@@ -23,7 +23,7 @@ pub(super) fn weights<T: Scalar>(network: &Network, rng: &mut ChaCha8Rng) -> Vec
     weights
 }
 
-/// First weights as PyTorch draws them: those of a layer uniform in `+-1 / sqrt(length of what it reads)`.
+/// Initialization of perceptrons as in PyTorch: uniform in `+-1 / sqrt(fan-in)` for each layer.
 pub(super) fn perceptron<T: Scalar>(network: &Perceptron, rng: &mut ChaCha8Rng) -> Vec<T> {
     let mut weights = Vec::with_capacity(network.weights());
     for pair in network.tensors().chunks(2) {

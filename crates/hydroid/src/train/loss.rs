@@ -1,27 +1,26 @@
-//! How the errors of several outputs become one figure.
+//! Loss over several outputs.
 
 use hydroid_core::model::recurrent::Scaling;
 
-use super::Settings;
+use super::TrainOptions;
 
-/// Share of the largest error below which an error gives an output no more weight. The score is a mean of errors: what
-/// is smaller than a thousandth of another adds less than a thousandth to it, and following it further would win
-/// nothing; without a floor an output that is met exactly would take all of the gradient.
+/// Lower limit of an error relative to the largest one in the balance. Without it an output with a vanishing error would
+/// dominate the gradient.
 const FLOOR: f64 = 1e-3;
 
-/// Squared errors of an output, in scaled units, and their number.
+/// Sum of squared errors of an output in scaled units, and their number.
 pub(super) type Sums = [f64; 2];
 
-/// The loss, and what makes a sum of squares of it.
+/// Loss and its quadratic approximation.
 ///
 /// ```text
 /// L      = sum over outputs i:  (N_i / N) w_i e_i,      e_i^2 = 1/N_i sum ((y_i - measured_i) / s_i)^2
 /// dL     = sum over outputs i:  w_i / (2 e_i) d(1/N sum ((y_i - measured_i) / s_i)^2)
 /// ```
 ///
-/// Training minimises, over each epoch, the sum of squares with `w_i b_i` in the place of `w_i / (2 e_i)`: the balance
-/// `b_i` is `1 / e_i` of the epoch before, with a mean of 1 over outputs, so that a long gradient means the same
-/// throughout. In the first epoch it is 1.
+/// Over an epoch the training minimizes the sum of squares with `w_i b_i` in place of `w_i / (2 e_i)`. The balance `b_i` is
+/// `1 / e_i` of the previous epoch, normalized to a mean of 1 so that gradient clipping keeps its meaning; it is 1 in the
+/// first epoch.
 #[derive(Clone, Debug)]
 pub(super) struct Loss {
     /// `w_i`.
@@ -31,8 +30,8 @@ pub(super) struct Loss {
 }
 
 impl Loss {
-    pub(super) fn new(settings: &Settings, scaling: &Scaling, deviations: &[f64]) -> Self {
-        let given = |c: usize| settings.channel_weights.get(c).copied().unwrap_or(1.0);
+    pub(super) fn new(options: &TrainOptions, scaling: &Scaling, deviations: &[f64]) -> Self {
+        let given = |c: usize| options.channel_weights.get(c).copied().unwrap_or(1.0);
         let units = scaling.output_scale.iter().zip(deviations);
         Self {
             given: (0..deviations.len()).map(given).collect(),
@@ -40,7 +39,7 @@ impl Loss {
         }
     }
 
-    /// The balance of the first epoch.
+    /// Balance of the first epoch.
     pub(super) fn even(&self) -> Vec<f64> {
         vec![1.0; self.given.len()]
     }
@@ -63,7 +62,7 @@ impl Loss {
         measured.map(|((error, [_, count]), w)| count / all * w * error).sum()
     }
 
-    /// The balance after an epoch; as it was where a sum is no number, or all is met exactly.
+    /// Updates the balance after an epoch; unchanged if a sum is not finite or all errors are zero.
     pub(super) fn rebalance(&self, sums: &[Sums], balance: &mut [f64]) {
         let errors = self.errors(sums);
         let counts = |i: usize| sums[i][1] > 0.0 && self.given[i] > 0.0;
@@ -92,7 +91,7 @@ mod tests {
             input_scale: Vec::new(),
             correction_scale: vec![1.0; 3],
         };
-        Loss::new(&Settings { channel_weights, ..Settings::default() }, &scaling, &[1.0, 1.0, 0.5])
+        Loss::new(&TrainOptions { channel_weights, ..TrainOptions::default() }, &scaling, &[1.0, 1.0, 0.5])
     }
 
     /// Errors of 0.2, 0.1 and 0.4 standard deviations.
@@ -113,7 +112,7 @@ mod tests {
         loss.rebalance(&SUMS, &mut balance);
         assert!((balance.iter().sum::<f64>() - 3.0).abs() < 1e-14);
         let (weights, all) = (loss.weights(&balance), 200.0);
-        // The derivative by a sum of squares, of the loss and of what stands for it, up to one factor.
+        // Derivatives of the loss and of its approximation by a sum of squares, up to a common factor.
         let ratios: Vec<f64> = (0..3)
             .map(|i| {
                 let mut sums = [SUMS, SUMS];

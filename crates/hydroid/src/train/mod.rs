@@ -1,66 +1,60 @@
-//! Training of networks on shore.
+//! Training of networks.
 //!
-//! [`train`] learns the weights of a [`Recurrent`] from runs by backpropagation through time, or those of a [`Direct`]
-//! predictor by backpropagation, and keeps those whose multi-step error on validation runs is least.
+//! [`train`] learns the weights of a [`Recurrent`] network by backpropagation through time (BPTT), or of a [`Direct`]
+//! predictor or a [`ControlAffine`] network by backpropagation. It keeps the weights with the least multi-step error on the
+//! validation runs.
 //!
-//! **Windows.** Runs are cut into windows. Over the first samples of one, the wash-out, the hidden state finds itself from
-//! zero while outputs are measured; from its origin on the model hears nothing of the outputs, as in a rollout, and
-//! is compared:
+//! **Windows.** Runs are cut into windows. In the wash-out at the start of a window the hidden state converges from zero
+//! under measured outputs. From the origin on the model receives no outputs, as in a rollout. The loss is
 //!
 //! ```text
 //! L     = sum over outputs i:  (N_i / N) w_i e_i
 //! e_i^2 = 1/N_i  sum over windows, k = 1 .. length:   ((y_{o+k,i} - measured_{o+k,i}) / s_i)^2
 //! ```
 //!
-//! with the standard deviation `s_i` of the output in the training runs, the weight `w_i` of the settings, and `N_i` of
-//! `N` values that are compared. So the loss is what [`evaluate`](mod@crate::evaluate) judges by, on the training runs: a
-//! mean of root mean squares. A mean of squares would follow the outputs with the most noise, and hardly see how well
-//! the precise ones are met. What a step goes along is the gradient of the squares, each output's divided by
-//! its `e_i` over the epoch before, which is the gradient of `L` if `e_i` is what it was (in the first epoch all `e_i`
-//! count as equal, and none as less than a thousandth of the largest). The gradient goes back through the wash-out too, and through what is fed back. What is compared tiles
-//! each run once in an epoch, from an offset drawn anew. (The windows of a direct predictor begin at every sample, and it
-//! takes all that it knows from the history in place of a wash-out.) A missing output is not compared, and where it is fed back the
-//! model's own prediction stands for it; a window in which an input is missing is left out.
+//! with the standard deviation `s_i` of output `i` in the training runs, its weight `w_i`, and `N_i` of `N` compared values.
+//! This mean of RMS errors matches the score of [`evaluate`](mod@crate::evaluate); a mean of squares would favour noisy
+//! outputs. A step follows the gradient of the squares of each output divided by its `e_i` of the previous epoch (equal `e_i`
+//! in the first epoch, and none below a thousandth of the largest). The gradient includes the wash-out and the output
+//! feedback. The compared parts tile each run once in an epoch, from a random offset. The windows of a direct predictor start
+//! at every sample, with its history in place of a wash-out. Missing outputs are not compared and are replaced by
+//! predictions in the feedback; a window with a missing input is skipped.
 //!
-//! **Scaling** is by design ranges: a range is mapped to -2..2. What the network gives is in units of the output where it
-//! corrects nothing, and in units of what it corrects where it has a [`BaseKind`]: of a direct predictor on equations the root mean
-//! square of what these miss over the horizons of the training runs.
+//! **Scaling** maps design ranges to -2..2. The output of a network is scaled by the outputs, or with a [`BaseKind`] by the
+//! RMS of what the base leaves to correct.
 //!
-//! **Determinism.** On one kind of machine the weights are a function of runs and settings alone. Random numbers have one stream for each purpose,
-//! restart and epoch; gradients are summed over chunks of windows of a fixed size in a fixed order, so that the number
-//! of threads changes no bit. Another processor or system may round `cos`, `pow` or a sum of products otherwise, and
-//! a training carries such a bit far. Only a budget in seconds depends on the machine: it decides the number of epochs before the
-//! first, and [`Trained::epochs`] says what it decided.
+//! **Determinism.** The weights depend only on runs, options and kind of machine. Random numbers have one stream for each
+//! purpose, restart and epoch, and gradients of mini-batches are added in a fixed order, so that the number of threads
+//! changes no bit. Another processor or system may round `cos`, `pow` or sums of products differently. A budget in seconds
+//! determines the number of epochs before the first one; [`Trained::epochs`] reports it.
 //!
-//! **All runs.** With [`Settings::refit`] what was chosen is trained once more on training and validation runs together
-//! (`refit`).
+//! **Refit.** With [`TrainOptions::refit`] the selected restart is trained again on training and validation runs together.
 //!
-//! **The optimizer** is Adam with decoupled weight decay, on a gradient that is shortened if long, under a
-//! [`schedule`](mod@schedule) that knows its end.
+//! **Optimizer.** Adam with decoupled weight decay, gradient clipping and a [`schedule`](mod@schedule).
 
 mod adam;
 mod affine;
-mod ahead;
 mod base;
-mod below;
+mod base_rollout;
+mod bptt;
 mod budget;
-mod chain;
+mod chained_rollout;
 mod checkpoint;
-mod chunk;
+mod direct;
 mod error;
 mod fingerprint;
 mod init;
-mod judge;
 mod loss;
-mod mean;
+mod mini_batch;
+mod options;
 mod plan;
 mod random;
 mod refit;
+mod restarts;
 mod scaling;
 pub mod schedule;
-mod settings;
-mod team;
-mod unroll;
+mod validation;
+mod weight_average;
 mod windows;
 
 #[cfg(test)]
@@ -79,30 +73,31 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
+use crate::model::Body;
 use crate::progress::Cancelled;
 
 use budget::Clock;
-use checkpoint::Keeper;
-use team::Team;
+use checkpoint::CheckpointWriter;
+use restarts::Restarts;
 
 pub use error::TrainError;
+pub use options::{BaseKind, CellKind, Precision, Schedule, TrainOptions};
 pub use refit::{Outcome, Refit, refit_checkpoint};
-pub use settings::{BaseKind, CellKind, Precision, Schedule, Settings};
 
-/// What to train on.
+/// Data of a training.
 #[derive(Clone, Debug)]
 pub struct Job<'a> {
-    /// Runs to learn from.
+    /// Training runs.
     pub runs: &'a [&'a Trajectory],
-    /// Runs by whose multi-step error the best weights are chosen.
+    /// Validation runs, whose multi-step error selects the weights.
     pub validation: &'a [&'a Trajectory],
-    /// Design range of each output: it is mapped to -2..2 for the network.
+    /// Design range of each output, mapped to -2..2.
     pub outputs: &'a [DesignRange],
     /// Design range of each input.
     pub inputs: &'a [DesignRange],
-    /// Longest horizon of the validation's rollouts \[samples\].
+    /// Longest horizon of the validation rollouts \[samples\].
     pub horizon: usize,
-    /// Equations that the network corrects, for [`BaseKind::Equations`].
+    /// Base equations, for [`BaseKind::Equations`].
     pub equations: Option<Arc<Equations>>,
 }
 
@@ -110,13 +105,12 @@ pub struct Job<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Epoch {
-    /// Loss over the epoch's windows: the root mean square error in standard deviations of the outputs, in the mean over
-    /// outputs, each by its weight. Where an error was no number, infinite or NaN; JSON writes both as null, which is
-    /// read as infinite.
+    /// Training loss: weighted mean over outputs of the RMS error in standard deviations. Non-finite values are null in JSON,
+    /// which is read as infinite.
     #[serde(deserialize_with = "null_is_infinite")]
     pub train_loss: f64,
-    /// Validation error after the epoch: the mean over channels and horizons of the NRMSE, as
-    /// [`Evaluation::score`](crate::evaluate::Evaluation::score); infinite where a rollout diverged.
+    /// Validation error: mean NRMSE over outputs and horizons, as
+    /// [`Evaluation::score`](crate::evaluate::Evaluation::score); infinite if a rollout diverged.
     #[serde(deserialize_with = "null_is_infinite")]
     pub validation: f64,
     /// Step size at the end of the epoch.
@@ -127,50 +121,50 @@ fn null_is_infinite<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D
     Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
-/// Where a training is.
+/// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Status {
-    /// Epochs that are done.
+    /// Completed epochs.
     pub epoch: usize,
-    /// Epochs that are planned.
+    /// Planned epochs.
     pub epochs: usize,
-    /// Fraction of the whole that is done, 0 to 1.
+    /// Completed fraction, 0 to 1.
     pub fraction: f64,
     /// Least loss of the last epoch over restarts; NaN before the first is done.
     pub train_loss: f64,
     /// Least validation error so far over restarts; infinite before there is one.
     pub validation: f64,
-    /// Time that is left as far as one can tell \[s\]; NaN while steps are tried to plan a budget.
+    /// Estimated remaining time \[s\]; NaN while the epochs of a budget are planned.
     pub seconds_left: f64,
 }
 
-/// Hears where the training is, many times in an epoch; [`ControlFlow::Break`] asks it to stop.
-pub type Watch<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
+/// Progress callback, called several times in an epoch; [`ControlFlow::Break`] cancels.
+pub type ProgressCallback<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
-/// Why a training ended.
+/// Reason for the end of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
     /// All epochs are done.
     Done,
-    /// No restart got better for as many epochs as patience allows.
+    /// Early stopping of all restarts.
     Patience,
-    /// The time was over before all epochs were done.
+    /// The time budget was used up.
     Budget,
 }
 
-/// A network with its weights.
+/// A trained network.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Learned {
-    /// A recurrent one.
+pub enum TrainedNetwork {
+    /// Recurrent network.
     Recurrent(Recurrent),
-    /// A direct predictor.
+    /// Direct predictor.
     Direct(Direct),
-    /// A control-affine network.
+    /// Control-affine network.
     Affine(ControlAffine),
 }
 
-impl Learned {
+impl TrainedNetwork {
     /// The weights.
     pub fn weights(&self) -> &[f64] {
         match self {
@@ -180,7 +174,7 @@ impl Learned {
         }
     }
 
-    /// The recurrent network; none for others.
+    /// The recurrent network, if it is one.
     pub fn recurrent(&self) -> Option<&Recurrent> {
         match self {
             Self::Recurrent(model) => Some(model),
@@ -189,196 +183,205 @@ impl Learned {
     }
 }
 
-/// A model that was trained, and how.
+impl From<TrainedNetwork> for Body {
+    fn from(network: TrainedNetwork) -> Self {
+        match network {
+            TrainedNetwork::Recurrent(recurrent) => Self::Recurrent(Arc::new(recurrent)),
+            TrainedNetwork::Direct(direct) => Self::Direct(Arc::new(direct)),
+            TrainedNetwork::Affine(affine) => Self::Affine(Arc::new(affine)),
+        }
+    }
+}
+
+/// Result of a training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trained {
-    /// The model with the best weights of the best restart, or, if a [`refit`](Self::refit) was taken, with those that
-    /// have learned from the validation runs as well.
-    pub model: Learned,
-    /// The epochs of that restart.
+    /// Network with the best weights of the best restart, or of the [`refit`](Self::refit) if that is used.
+    pub model: TrainedNetwork,
+    /// Epochs of the best restart.
     pub history: Vec<Epoch>,
-    /// Which restart it was, from 0.
+    /// Index of the best restart, from 0.
     pub restart: usize,
-    /// Which epoch its weights are of, from 1.
+    /// Epoch of the best weights, from 1.
     pub best_epoch: usize,
-    /// Its validation error.
+    /// Least validation error.
     pub validation: f64,
-    /// Least validation error of each restart; infinite for one that never had any.
+    /// Least validation error of each restart; infinite if all its rollouts diverged.
     pub restarts: Vec<f64>,
-    /// Epochs that were planned: with a budget as many as fit it. This number as `epochs` without a budget repeats
-    /// the training exactly if it ended with [`Ending::Done`].
+    /// Planned epochs. With this number as `epochs` and no budget the training repeats exactly if it ended with
+    /// [`Ending::Done`].
     pub epochs: usize,
-    /// Why it ended.
+    /// Reason for the end.
     pub ending: Ending,
-    /// Samples of wash-out of a window.
+    /// Wash-out of a window \[samples\].
     pub wash_out: usize,
-    /// Samples compared of a window.
+    /// Compared length of a window \[samples\].
     pub window: usize,
-    /// Time that it took \[s\].
+    /// Training time \[s\].
     pub seconds: f64,
-    /// The best weights of each restart, where they were to be kept ([`Settings::ensemble`]); those of restarts that never
-    /// had any are missing. None of a control-affine network, which is their mean.
+    /// Best weights of each restart that did not diverge, with [`TrainOptions::ensemble`]. Empty for a control-affine network,
+    /// which is their average.
     pub members: Vec<Vec<f64>>,
-    /// What came of learning from the validation runs as well, where that was asked for. All other figures are of the
-    /// training before.
+    /// Result of the refit. All other fields are of the training before it.
     pub refit: Option<Refit>,
 }
 
 impl Trained {
-    /// The network to judge on validation runs: it has not learned from them.
-    pub fn unseeing(&self) -> &Learned {
+    /// Network before the refit, for evaluation on the validation runs.
+    pub fn before_refit(&self) -> &TrainedNetwork {
         self.refit.as_ref().map_or(&self.model, |refit| &refit.before)
     }
 }
 
 /// Trains a network.
 ///
-/// With `checkpoint` the state is kept in that file as the training goes; if the file is there, the training goes
-/// on from it. It stays when the training is done.
+/// With `checkpoint` the state is written to that file during the training, and an existing file is resumed. The file remains
+/// after the training.
 ///
 /// # Errors
-/// If settings, runs or checkpoint cannot be used, everything diverged, or the work was interrupted.
+/// If options, runs or checkpoint are invalid, all restarts diverged, or the training was cancelled.
 pub fn train(
     job: &Job<'_>,
-    settings: &Settings,
+    options: &TrainOptions,
     checkpoint: Option<&Path>,
-    watch: Watch<'_>,
+    watch: ProgressCallback<'_>,
 ) -> Result<Trained, TrainError> {
-    match settings.precision {
-        Precision::F32 => run::<f32>(job, settings, checkpoint, watch),
-        Precision::F64 => run::<f64>(job, settings, checkpoint, watch),
+    match options.precision {
+        Precision::F32 => run::<f32>(job, options, checkpoint, watch),
+        Precision::F64 => run::<f64>(job, options, checkpoint, watch),
     }
 }
 
 fn run<T: Scalar>(
     job: &Job<'_>,
-    settings: &Settings,
+    options: &TrainOptions,
     checkpoint: Option<&Path>,
-    watch: Watch<'_>,
+    watch: ProgressCallback<'_>,
 ) -> Result<Trained, TrainError> {
-    if settings.refit {
-        return refit::train::<T>(job, settings, checkpoint, watch);
+    if options.refit {
+        return refit::train::<T>(job, options, checkpoint, watch);
     }
-    let (team, ending, clock) = advance::<T>(job, settings, checkpoint, watch, Aim::Choose)?;
-    finish(&team, settings, ending, &clock)
+    let (restarts, ending, clock) = advance::<T>(job, options, checkpoint, watch, Phase::Selection)?;
+    finish(&restarts, options, ending, &clock)
 }
 
-/// What the epochs of a training are for.
+/// Phase of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Aim {
-    /// To find the best of them; where there is a budget, as many as fit it.
-    Choose,
-    /// To get to the last of them, from the first weights of this restart: only that one is judged.
-    End { restart: usize },
+enum Phase {
+    /// Selection of the best epoch and restart, within the budget.
+    Selection,
+    /// Refit from the initial weights of this restart; only the last epoch is validated.
+    FinalFit { restart: usize },
 }
 
-impl Aim {
-    /// The first of the restarts.
+impl Phase {
+    /// Index of the first restart.
     fn first(self) -> usize {
         match self {
-            Self::Choose => 0,
-            Self::End { restart } => restart,
+            Self::Selection => 0,
+            Self::FinalFit { restart } => restart,
         }
     }
 }
 
-/// Trains to the end.
+/// Trains until the end or an early stop.
 fn advance<T: Scalar>(
     job: &Job<'_>,
-    settings: &Settings,
+    options: &TrainOptions,
     checkpoint: Option<&Path>,
-    watch: Watch<'_>,
-    aim: Aim,
-) -> Result<(Team<T>, Ending, Clock), TrainError> {
-    let mut clock = Clock::start(settings.budget_s);
-    let mut team = Team::<T>::new(plan::plan(job, settings)?, aim);
-    let mut keeper = Keeper::open(checkpoint, job, settings);
-    let begun = keeper.resume(&mut team)?;
-    if begun.is_none() && aim == Aim::Choose {
-        team.plan.epochs = clock.epochs(&mut team, |team| match watch(&status(team, 0, 0.0, f64::NAN)) {
-            ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(()) => Err(Cancelled.into()),
-        })?;
+    watch: ProgressCallback<'_>,
+    phase: Phase,
+) -> Result<(Restarts<T>, Ending, Clock), TrainError> {
+    let mut clock = Clock::start(options.budget_s);
+    let mut restarts = Restarts::<T>::new(plan::plan(job, options)?, phase);
+    let mut writer = CheckpointWriter::open(checkpoint, job, options);
+    let begun = writer.resume(&mut restarts)?;
+    if begun.is_none() && phase == Phase::Selection {
+        restarts.plan.epochs =
+            clock.epochs(&mut restarts, |restarts| match watch(&status(restarts, 0, 0.0, f64::NAN)) {
+                ControlFlow::Continue(()) => Ok(()),
+                ControlFlow::Break(()) => Err(Cancelled.into()),
+            })?;
     }
     let first = begun.unwrap_or(0);
     let mut ending = Ending::Done;
-    'epochs: for epoch in first..team.plan.epochs {
-        if team.is_idle() {
+    'epochs: for epoch in first..restarts.plan.epochs {
+        if restarts.is_idle() {
             ending = Ending::Patience;
             break;
         }
-        let batches = team.begin(epoch);
+        let batches = restarts.begin(epoch);
         for batch in 0..batches {
             if clock.is_over() {
                 ending = Ending::Budget;
                 break 'epochs;
             }
-            team.step(batch);
+            restarts.step(batch);
             let done = (epoch - first) as f64 + (batch + 1) as f64 / batches as f64;
-            if let Some(seconds_left) = clock.tell(done, team.plan.epochs - first)
-                && watch(&status(&team, epoch, done + first as f64, seconds_left)).is_break()
+            if let Some(seconds_left) = clock.tell(done, restarts.plan.epochs - first)
+                && watch(&status(&restarts, epoch, done + first as f64, seconds_left)).is_break()
             {
-                keeper.flush()?;
+                writer.flush()?;
                 return Err(Cancelled.into());
             }
         }
-        team.end();
-        keeper.keep(&team, epoch + 1)?;
+        restarts.end();
+        writer.keep(&restarts, epoch + 1)?;
     }
-    if ending == Ending::Done && team.is_idle() {
+    if ending == Ending::Done && restarts.is_idle() {
         ending = Ending::Patience;
     }
-    keeper.flush()?;
-    Ok((team, ending, clock))
+    writer.flush()?;
+    Ok((restarts, ending, clock))
 }
 
-fn status<T: Scalar>(team: &Team<T>, epoch: usize, done: f64, seconds_left: f64) -> Status {
-    let epochs = team.plan.epochs;
-    let losses = team.members.iter().filter_map(|member| Some(member.history.last()?.train_loss));
+fn status<T: Scalar>(restarts: &Restarts<T>, epoch: usize, done: f64, seconds_left: f64) -> Status {
+    let epochs = restarts.plan.epochs;
+    let losses = restarts.members.iter().filter_map(|member| Some(member.history.last()?.train_loss));
     Status {
         epoch,
         epochs,
         fraction: (done / epochs as f64).min(1.0),
         train_loss: losses.fold(f64::NAN, f64::min),
-        validation: team.members.iter().map(|member| member.best_score).fold(f64::INFINITY, f64::min),
+        validation: restarts.members.iter().map(|member| member.best_score).fold(f64::INFINITY, f64::min),
         seconds_left,
     }
 }
 
 fn finish<T: Scalar>(
-    team: &Team<T>,
-    settings: &Settings,
+    restarts: &Restarts<T>,
+    options: &TrainOptions,
     ending: Ending,
     clock: &Clock,
 ) -> Result<Trained, TrainError> {
-    let plan = &team.plan;
-    let best = team.members.iter().enumerate().filter(|(_, member)| member.best_epoch > 0);
-    // The first of equals.
+    let plan = &restarts.plan;
+    let best = restarts.members.iter().enumerate().filter(|(_, member)| member.best_epoch > 0);
+    // The first one in case of a tie.
     let Some((restart, member)) = best.min_by(|(_, a), (_, b)| a.best_score.total_cmp(&b.best_score)) else {
-        let restarts = team.members.len();
-        return Err(match team.members.iter().map(|member| member.history.len()).max() {
-            Some(1..) => TrainError::Diverged { restarts, learning_rate: settings.learning_rate },
+        let count = restarts.members.len();
+        return Err(match restarts.members.iter().map(|member| member.history.len()).max() {
+            Some(1..) => TrainError::Diverged { restarts: count, learning_rate: options.learning_rate },
             _ => clock.no_time(),
         });
     };
-    let kept = || team.members.iter().filter(|member| settings.ensemble && member.best_epoch > 0);
-    let of = |member: &team::Member<T>| plan.net.model(&member.best, &plan.scaling, plan.shape);
-    // Control-affine networks are averaged, others stay beside the best.
-    let averaged = settings.cell == CellKind::Affine && settings.ensemble;
+    let kept = || restarts.members.iter().filter(|member| options.ensemble && member.best_epoch > 0);
+    let of = |member: &restarts::Restart<T>| plan.net.model(&member.best, &plan.scaling, plan.shape);
+    // Control-affine networks are averaged; others form an ensemble.
+    let averaged = options.cell == CellKind::Affine && options.ensemble;
     let models: Vec<ControlAffine> = kept()
         .filter(|_| averaged)
         .filter_map(|member| match of(member) {
-            Learned::Affine(model) => Some(model),
-            Learned::Recurrent(_) | Learned::Direct(_) => None,
+            TrainedNetwork::Affine(model) => Some(model),
+            TrainedNetwork::Recurrent(_) | TrainedNetwork::Direct(_) => None,
         })
         .collect();
     Ok(Trained {
-        model: mean::mean(&models).map_or_else(|| of(member), Learned::Affine),
+        model: weight_average::weight_average(&models).map_or_else(|| of(member), TrainedNetwork::Affine),
         history: member.history.clone(),
         restart,
         best_epoch: member.best_epoch,
         validation: member.best_score,
-        restarts: team.members.iter().map(|member| member.best_score).collect(),
+        restarts: restarts.members.iter().map(|member| member.best_score).collect(),
         epochs: plan.epochs,
         ending,
         wash_out: plan.shape.wash_out,

@@ -1,21 +1,21 @@
-//! One seed per training, one stream of random numbers per purpose.
+//! Random streams: one seed per training, one stream per purpose.
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-/// What random numbers are drawn for.
+/// Purpose of a random stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
-    /// First weights of a restart.
+    /// Initial weights of a restart.
     Weights,
-    /// Where the windows of an epoch begin, the same for all restarts.
+    /// Offsets of the windows of an epoch, common to all restarts.
     Offsets,
-    /// The order in which a restart sees the windows of an epoch.
+    /// Order of the windows of an epoch, for each restart.
     Order,
 }
 
-/// The stream of a purpose in a restart and an epoch. A stream for each epoch means that a training goes on after an
-/// interruption with nothing to remember but the number of the epoch.
+/// Stream of a purpose in a restart and an epoch. With a stream for each epoch the number of completed epochs is the whole
+/// state of the random numbers.
 pub(super) fn stream(seed: u64, purpose: Purpose, restart: usize, epoch: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Settings allow 2^12 restarts and 2^30 epochs.

@@ -1,91 +1,93 @@
-//! Learning anew from training and validation runs together, once validation runs have chosen.
+//! Refit on training and validation runs.
 //!
-//! On a short log the validation runs are a large part of what is known of the vessel, and too short to say when to
-//! stop: an epoch in the middle of the schedule, where steps are long, looks best by chance. So the training that was
-//! chosen is made once more, from its first weights and over as many epochs, on all runs, and its last weights, after
-//! the schedule has come down, are the model. Nothing is chosen in it, and nothing is left to judge it by: the
-//! network before it stays at hand ([`Refit::before`]) for whoever judges on validation runs.
+//! On a short log the validation runs are a large part of the data, and too short for reliable early stopping: an epoch in
+//! the middle of the schedule may be best by chance. The refit therefore trains the selected restart again on all runs, from
+//! its initial weights and over the same number of epochs, and uses the last weights. The network before the refit
+//! ([`Refit::before`]) remains available for evaluation on the validation runs.
 
 use std::path::{Path, PathBuf};
 
 use hydroid_core::math::Scalar;
 use serde::{Deserialize, Serialize};
 
-use super::{Aim, Ending, Job, Learned, Settings, Status, TrainError, Trained, Watch, advance, finish};
+use super::{
+    Ending, Job, Phase, ProgressCallback, Status, TrainError, TrainOptions, Trained, TrainedNetwork, advance,
+    finish,
+};
 use crate::log::{Table, Trajectory};
 
-/// What came of learning anew.
+/// Result of a refit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refit {
-    /// The network that was chosen, which has not learned from the validation runs.
-    pub before: Learned,
-    /// Whether the model is the network that has learned from all runs, and if not, why.
+    /// Network before the refit, which was not trained on the validation runs.
+    pub before: TrainedNetwork,
+    /// Whether the refitted network is used.
     pub outcome: Outcome,
-    /// Error of that network on the validation runs, which it has learned from; infinite where a rollout diverged or the
+    /// Error of the refitted network on the validation runs, on which it was trained; infinite if a rollout diverged or the
     /// time was over.
     pub validation: f64,
 }
 
-/// Whether a network that has learned from all runs is taken.
+/// Decision about the refitted network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It is.
+    /// Used.
     Taken,
-    /// It predicts runs that it has learned from worse than the network that has never seen them: its training went wrong.
+    /// Not used: its error on the validation runs is larger than that of the network before the refit.
     Worse,
-    /// The time was over before all epochs were done.
+    /// Not used: the time was over before all epochs were done.
     Budget,
 }
 
 impl Refit {
-    /// Whether the model has learned from the validation runs.
+    /// Whether the refitted network is used.
     pub fn is_taken(&self) -> bool {
         self.outcome == Outcome::Taken
     }
 }
 
-/// Where the second training is kept beside the first.
+/// Checkpoint file of the refit.
 pub fn refit_checkpoint(checkpoint: &Path) -> PathBuf {
     checkpoint.with_extension("refit.checkpoint")
 }
 
-/// A training, and the same on all runs.
+/// Trains, then refits.
 pub(super) fn train<T: Scalar>(
     job: &Job<'_>,
-    settings: &Settings,
+    options: &TrainOptions,
     checkpoint: Option<&Path>,
-    watch: Watch<'_>,
+    watch: ProgressCallback<'_>,
 ) -> Result<Trained, TrainError> {
     let joined = joined(job.runs.iter().chain(job.validation).copied());
     let all: Vec<&Trajectory> = joined.iter().collect();
     let samples = |runs: &[&Trajectory]| runs.iter().map(|run| run.len()).sum::<usize>() as f64;
-    // An epoch takes as long as there are samples: the share of the first training in the whole.
+    // The time of an epoch is proportional to the number of samples.
     let share = samples(job.runs) / (samples(job.runs) + samples(&all));
-    let first = Settings { budget_s: settings.budget_s.map(|budget| share * budget), ..settings.clone() };
+    let first = TrainOptions { budget_s: options.budget_s.map(|budget| share * budget), ..options.clone() };
     let mut trained = {
         let watch = &mut |status: &Status| {
-            // What is left of the first, and all of the second.
+            // Remaining time of the first training and time of the refit.
             let whole = status.seconds_left / (1.0 - status.fraction).max(1e-3);
             let seconds_left = status.seconds_left + whole * (1.0 - share) / share;
             watch(&Status { fraction: share * status.fraction, seconds_left, ..*status })
         };
-        let (team, ending, clock) = advance::<T>(job, &first, checkpoint, watch, Aim::Choose)?;
-        finish(&team, settings, ending, &clock)?
+        let (restarts, ending, clock) = advance::<T>(job, &first, checkpoint, watch, Phase::Selection)?;
+        finish(&restarts, options, ending, &clock)?
     };
     let dt = job.runs[0].dt;
     let recurrent = trained.model.recurrent().is_some();
-    let again = Settings {
+    let again = TrainOptions {
         epochs: trained.history.len(),
         patience: None,
         restarts: 1,
         ensemble: false,
-        // Windows of the same shape, however long the runs are now.
+        // Windows keep their shape although the runs are longer.
         wash_out_s: recurrent.then_some(trained.wash_out as f64 * dt),
         history_s: (!recurrent).then_some((trained.wash_out + 1) as f64 * dt),
         window_s: Some(trained.window as f64 * dt),
-        budget_s: settings.budget_s.map(|budget| (budget - trained.seconds).max(1e-3 * budget)),
-        ..settings.clone()
+        budget_s: options.budget_s.map(|budget| (budget - trained.seconds).max(1e-3 * budget)),
+        ..options.clone()
     };
     let job = Job { runs: &all, ..job.clone() };
     let checkpoint = checkpoint.map(refit_checkpoint);
@@ -97,18 +99,18 @@ pub(super) fn train<T: Scalar>(
         let fraction = share + (1.0 - share) * status.fraction;
         watch(&Status { fraction, validation: known, ..*status })
     };
-    let aim = Aim::End { restart: trained.restart };
-    let (team, ending, clock) = advance::<T>(&job, &again, checkpoint.as_deref(), watch, aim)?;
-    let member = &team.members[0];
+    let phase = Phase::FinalFit { restart: trained.restart };
+    let (restarts, ending, clock) = advance::<T>(&job, &again, checkpoint.as_deref(), watch, phase)?;
+    let member = &restarts.members[0];
     let outcome = match ending {
         Ending::Budget => Outcome::Budget,
-        // NaN is not less.
+        // False for NaN.
         _ if member.best_score <= known => Outcome::Taken,
         _ => Outcome::Worse,
     };
     let before = trained.model.clone();
     if outcome == Outcome::Taken {
-        trained.model = team.plan.net.model(&member.best, &team.plan.scaling, team.plan.shape);
+        trained.model = restarts.plan.net.model(&member.best, &restarts.plan.scaling, restarts.plan.shape);
         rescale(&mut trained.members, &before, &trained.model);
     }
     trained.seconds += clock.seconds();
@@ -116,9 +118,9 @@ pub(super) fn train<T: Scalar>(
     Ok(trained)
 }
 
-/// Members are of the scale of the model before; what is added to a base has another one now.
-fn rescale(members: &mut [Vec<f64>], before: &Learned, now: &Learned) {
-    let (Learned::Direct(before), Learned::Direct(now)) = (before, now) else { return };
+/// Ensemble members have the correction scale of the network before the refit.
+fn rescale(members: &mut [Vec<f64>], before: &TrainedNetwork, now: &TrainedNetwork) {
+    let (TrainedNetwork::Direct(before), TrainedNetwork::Direct(now)) = (before, now) else { return };
     let (old, new) = (&before.scaling.correction_scale, &now.scaling.correction_scale);
     for member in members {
         for tensor in now.network.tensors().iter().rev().take(2) {
@@ -132,10 +134,9 @@ fn rescale(members: &mut [Vec<f64>], before: &Learned, now: &Learned) {
     }
 }
 
-/// What is kept of the second training of another job gets out of the way: the first of that job has been renamed or
-/// removed before.
-fn make_room(job: &Job<'_>, settings: &Settings, path: &Path) -> Result<(), TrainError> {
-    if !path.exists() || job.is_kept_in(settings, path) == [true; 2] {
+/// Removes the refit checkpoint of another job; the first checkpoint of that job was renamed or removed before.
+fn make_room(job: &Job<'_>, options: &TrainOptions, path: &Path) -> Result<(), TrainError> {
+    if !path.exists() || job.is_kept_in(options, path) == [true; 2] {
         return Ok(());
     }
     std::fs::rename(path, path.with_extension("checkpoint.old")).map_err(|source| TrainError::Checkpoint {
@@ -144,8 +145,7 @@ fn make_room(job: &Job<'_>, settings: &Settings, path: &Path) -> Result<(), Trai
     })
 }
 
-/// Runs, of which those that were cut from one log and follow each other are put together again: a window may then
-/// lie across the cut.
+/// Joins consecutive parts of one log, so that windows may span the cut.
 fn joined<'a>(runs: impl Iterator<Item = &'a Trajectory>) -> Vec<Trajectory> {
     let log = |name: &str| name.split('[').next().map(str::to_owned);
     let mut whole: Vec<Trajectory> = Vec::new();
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(whole.len(), 2);
         assert_eq!((&whole[0].outputs, &whole[0].inputs), (&a.outputs, &a.inputs));
         assert_eq!(whole[1], b);
-        // A part is missing between them; another log that begins where the first one ends.
+        // Gap between parts, or a different log.
         assert_eq!(joined([a.slice(0, 60), a.slice(70, 100)].iter()).len(), 2);
         assert_eq!(joined([a.clone(), Trajectory { t0: 0.3 + 10.0, ..b }].iter()).len(), 2);
     }

@@ -1,4 +1,4 @@
-//! How channels are brought to the size that networks work with.
+//! Scaling of channels.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Scaling;
@@ -9,14 +9,14 @@ use super::windows::ScaledRun;
 use crate::evaluate::{DesignRange, mean_finite};
 use crate::log::{Table, Trajectory};
 
-/// Half of what a design range is mapped to: the range becomes -2..2.
+/// Half of the scaled design range: a range is mapped to -2..2.
 pub(super) const HALF_RANGE: f64 = 2.0;
 
-/// Samples over which the size of increments is looked at: over one, noise would decide it.
+/// Samples over which increments are measured: over one sample noise would dominate.
 const INCREMENT: usize = 10;
 
-/// Means and scales from design ranges. What is designed for, not what a log happened to hold, decides, so that a
-/// model that learns on board still finds numbers of a sensible size when the vessel leaves what the log showed.
+/// Means and scales from design ranges instead of the log, so that inputs stay of order one when an adapting vessel leaves
+/// the training range.
 pub(super) fn from_ranges(outputs: &[DesignRange], inputs: &[DesignRange]) -> Result<Scaling, TrainError> {
     let part = |what, ranges: &[DesignRange]| -> Result<(Vec<f64>, Vec<f64>), TrainError> {
         for (index, range) in ranges.iter().enumerate() {
@@ -48,7 +48,7 @@ pub(super) fn deviations(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
-/// Size of an output's increments over a sample.
+/// RMS increment of each output over one sample.
 pub(super) fn increments(runs: &[&Trajectory]) -> Vec<f64> {
     let outputs = runs.first().map_or(0, |run| run.outputs.width());
     root_mean_square(outputs, |c| {
@@ -59,13 +59,13 @@ pub(super) fn increments(runs: &[&Trajectory]) -> Vec<f64> {
     })
 }
 
-/// Size of what equations miss of a sample, from rollouts over a few samples.
+/// RMS one-sample residual of equations, from rollouts over a few samples.
 pub(super) fn residuals(runs: &[&Trajectory], equations: &Equations) -> Vec<f64> {
     let n = equations.outputs();
     let mut missed: Vec<Vec<f64>> = vec![Vec::new(); n];
     let mut scratch = vec![0.0; equations.scratch()];
     for run in runs {
-        // Walked along the run for the memory of signals; every few samples a rollout starts from the measurements.
+        // The signal memory follows the run; rollouts start from the measurements every few samples.
         let mut state = vec![f64::NAN; equations.state_len()];
         for k in 0..run.len() {
             if k % INCREMENT == 0 {
@@ -82,14 +82,16 @@ pub(super) fn residuals(runs: &[&Trajectory], equations: &Equations) -> Vec<f64>
     root_mean_square(n, |c| missed[c].iter().copied())
 }
 
-/// Size of what equations miss over the horizons that begin at the samples of runs, in the outputs' units.
+/// RMS residual of equations over the horizons from all samples, in the units of the outputs.
 pub(super) fn missed<T: Scalar>(runs: &[ScaledRun<T>], scaling: &Scaling) -> Vec<f64> {
     let n = scaling.output_scale.len();
     let of_run = |run: &ScaledRun<T>, c: usize| {
         let mut sums = [0.0; 2];
-        for (k, below) in run.below.iter().flat_map(|below| (0..run.samples).map(move |k| (k, below))) {
+        for (k, base_rollout) in
+            run.base_rollout.iter().flat_map(|base_rollout| (0..run.samples).map(move |k| (k, base_rollout)))
+        {
             let measured = run.outputs[(k + 1) * n..].iter().skip(c).step_by(n);
-            for (y, e) in measured.zip(below.ahead(k).iter().skip(c).step_by(n)) {
+            for (y, e) in measured.zip(base_rollout.ahead(k).iter().skip(c).step_by(n)) {
                 let square = (y.wide() - e.wide()).powi(2);
                 if square.is_finite() {
                     sums = [sums[0] + square, sums[1] + 1.0];

@@ -1,6 +1,6 @@
-//! Step sizes over a training.
+//! Step-size schedules.
 //!
-//! With the peak `p`, and `s` steps of `n` done:
+//! With the peak `p` after `s` of `n` steps:
 //!
 //! ```text
 //! constant    p
@@ -9,23 +9,22 @@
 //!             then:               p (z + (1 - z) (1 + cos(pi (s - w n) / (n - w n))) / 2)    z = 1/1000
 //! ```
 //!
-//! Cosine: Loshchilov and Hutter, SGDR, 2017. One-cycle: Smith and Topin, Super-convergence, 2018, with cosines in
-//! place of straight lines. A warm-up keeps the first, wild gradients from spoiling Adam's second moments; the long
-//! way down takes the place of averaging weights.
+//! Cosine: Loshchilov and Hutter, SGDR, 2017. One-cycle: Smith and Topin, Super-convergence, 2018, with cosines instead of
+//! straight lines.
 
 use std::f64::consts::PI;
 
 use super::Schedule;
 
-/// Share of the peak at which a cosine ends.
+/// Final step size of a cosine, relative to the peak.
 const COSINE_END: f64 = 0.01;
-/// Shares of the peak at which a cycle begins and ends.
+/// Initial and final step size of a cycle, relative to the peak.
 const CYCLE_START: f64 = 0.04;
 const CYCLE_END: f64 = 0.001;
-/// Share of the steps in which a cycle warms up.
+/// Share of the steps in the warm-up.
 const WARM_UP: f64 = 0.1;
 
-/// Step size when `done` of `steps` steps are done.
+/// Step size after `done` of `steps` steps.
 pub fn rate(schedule: Schedule, peak: f64, done: usize, steps: usize) -> f64 {
     let part = done as f64 / steps.max(1) as f64;
     // From 1 at 0 to `end` at 1.

@@ -9,8 +9,8 @@ use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
-use super::chunk::{Chunk, Net};
-use super::team::{Plan, Team};
+use super::mini_batch::{Architecture, MiniBatch};
+use super::restarts::{Plan, Restarts};
 use super::*;
 use crate::log::{Channel, Table};
 
@@ -45,30 +45,30 @@ fn equations() -> Arc<Equations> {
     Arc::new(Equations::with_signals(terms, coefficients, 2, 1, vec![lag], 0.1, 2).unwrap())
 }
 
-fn plan_of(settings: &Settings, missing: &[(usize, usize)]) -> Plan<f64> {
+fn plan_of(options: &TrainOptions, missing: &[(usize, usize)]) -> Plan<f64> {
     let runs = [run(60, 0.0, missing), run(45, 1.0, &[])];
     let refs: Vec<&Trajectory> = runs.iter().collect();
     let equations = Some(equations());
     let job = Job { runs: &refs, validation: &refs, outputs: &RANGES, inputs: &INPUT, horizon: 5, equations };
-    plan::plan(&job, settings).unwrap()
+    plan::plan(&job, options).unwrap()
 }
 
-fn small(cell: CellKind) -> Settings {
-    Settings {
+fn small(cell: CellKind) -> TrainOptions {
+    TrainOptions {
         hidden: 4,
         wash_out_s: Some(0.8),
         window_s: Some(1.2),
         channel_weights: vec![1.0, 0.5],
         precision: Precision::F64,
-        ..Settings::of(cell)
+        ..TrainOptions::of(cell)
     }
 }
 
 /// Loss and gradient of a window for each origin of the runs.
-fn loss(plan: &Plan<f64>, chunk: &mut Chunk<f64>, weights: &[f64]) -> f64 {
+fn loss(plan: &Plan<f64>, chunk: &mut MiniBatch<f64>, weights: &[f64]) -> f64 {
     let windows = plan.shape.every(&plan.runs, 7);
     assert!(windows.len() > 8, "{}", windows.len());
-    chunk.walk(weights, &plan.runs, &windows);
+    chunk.forward(weights, &plan.runs, &windows);
     let mut sums = [[0.0; 2]; 2];
     chunk.squares(&plan.runs, plan.shape.length, &mut sums);
     sums.iter().zip(channel_weights(plan)).map(|([square, _], w)| w * square).sum()
@@ -87,8 +87,8 @@ fn gradients_are_differences_of_the_loss() {
     for cell in [CellKind::Lstm, CellKind::Gru, CellKind::Rnn] {
         for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
             for feedback in [false, true] {
-                let settings = Settings { feedback, base, ..small(cell) };
-                let plan = plan_of(&settings, &missing);
+                let options = TrainOptions { feedback, base, ..small(cell) };
+                let plan = plan_of(&options, &missing);
                 let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
                 let mut rng = random::stream(3, random::Purpose::Weights, 0, 0);
                 let mut weights = plan.net.first::<f64>(&mut rng);
@@ -119,15 +119,15 @@ fn gradients_are_differences_of_the_loss() {
 fn the_gradient_of_a_direct_predictor_is_differences_of_its_loss() {
     let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
     for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
-        let settings = Settings {
+        let options = TrainOptions {
             hidden: 5,
             base,
             history_s: Some(0.4),
             window_s: Some(0.6),
             precision: Precision::F64,
-            ..Settings::of(CellKind::Direct)
+            ..TrainOptions::of(CellKind::Direct)
         };
-        let plan = plan_of(&settings, &missing);
+        let plan = plan_of(&options, &missing);
         let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
         let mut weights = plan.net.first::<f64>(&mut random::stream(3, random::Purpose::Weights, 0, 0));
         loss(&plan, &mut chunk, &weights);
@@ -154,17 +154,17 @@ fn the_gradient_of_a_direct_predictor_is_differences_of_its_loss() {
 /// Beyond a quarter of a turn a sine has no inverse.
 #[test]
 fn a_sine_over_more_than_a_quarter_of_a_turn_is_refused() {
-    let settings = Settings { maps: vec![Map::Sine], ..small(CellKind::Affine) };
+    let options = TrainOptions { maps: vec![Map::Sine], ..small(CellKind::Affine) };
     let runs = [run(60, 0.0, &[]), run(45, 1.0, &[])];
     let refs: Vec<&Trajectory> = runs.iter().collect();
     let planned = |low: f64, high: f64| {
         let (runs, validation, inputs) = (&refs[..], &refs[..], &[DesignRange { low, high }]);
         let job = Job { runs, validation, outputs: &RANGES, inputs, horizon: 5, equations: None };
-        plan::plan::<f64>(&job, &settings)
+        plan::plan::<f64>(&job, &options)
     };
     let quarter = 90.0_f64.to_radians();
     let plan = planned(-0.3, quarter).unwrap();
-    let Net::Affine(parts) = &plan.net else { panic!() };
+    let Architecture::Affine(parts) = &plan.net else { panic!() };
     assert_eq!(parts.units, [1.0]);
     let words = planned(-2.0, 1.0).err().map(|error| error.to_string()).unwrap();
     assert!(words.contains("'n'") && words.contains("maps = [\"identity\"] in [affine]"), "{words}");
@@ -173,7 +173,7 @@ fn a_sine_over_more_than_a_quarter_of_a_turn_is_refused() {
 /// As wide as all restarts together, and the same on any number of threads; what cannot be averaged is told before.
 #[test]
 fn the_mean_of_all_restarts_is_one_control_affine_network() {
-    let settings = Settings {
+    let options = TrainOptions {
         maps: vec![Map::Identity],
         restarts: 3,
         ensemble: true,
@@ -190,24 +190,24 @@ fn the_mean_of_all_restarts_is_one_control_affine_network() {
         horizon: 5,
         equations: None,
     };
-    let learned = |settings: &Settings, threads: usize| {
+    let learned = |options: &TrainOptions, threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| train(&job(), settings, None, &mut |_| ControlFlow::Continue(()))).map(|trained| {
-            let Learned::Affine(model) = trained.model else { panic!() };
+        pool.install(|| train(&job(), options, None, &mut |_| ControlFlow::Continue(()))).map(|trained| {
+            let TrainedNetwork::Affine(model) = trained.model else { panic!() };
             (model, trained.members.len())
         })
     };
-    let (mean, members) = learned(&settings, 1).unwrap();
+    let (mean, members) = learned(&options, 1).unwrap();
     assert_eq!((mean.network.hidden.clone(), members), (vec![12], 0));
-    assert_eq!(learned(&settings, 2).unwrap(), (mean.clone(), 0));
-    let (alone, _) = learned(&Settings { ensemble: false, ..settings.clone() }, 1).unwrap();
+    assert_eq!(learned(&options, 2).unwrap(), (mean.clone(), 0));
+    let (alone, _) = learned(&TrainOptions { ensemble: false, ..options.clone() }, 1).unwrap();
     assert_eq!(alone.network.hidden, [4]);
     for (wrong, words) in [
-        (Settings { refit: true, ..settings.clone() }, "refit"),
-        (Settings { layers: Some(0), ..settings.clone() }, "1 or more for an ensemble"),
-        (Settings { hidden: 2000, ..settings.clone() }, "the mean of 3 restarts"),
-        (Settings { settle_s: Some(2.0), ..settings.clone() }, "no longer than wash_out_s"),
-        (Settings { settle_s: Some(0.2), ..small(CellKind::Gru) }, "for control-affine networks"),
+        (TrainOptions { refit: true, ..options.clone() }, "refit"),
+        (TrainOptions { layers: Some(0), ..options.clone() }, "1 or more for an ensemble"),
+        (TrainOptions { hidden: 2000, ..options.clone() }, "the mean of 3 restarts"),
+        (TrainOptions { settle_s: Some(2.0), ..options.clone() }, "no longer than wash_out_s"),
+        (TrainOptions { settle_s: Some(0.2), ..small(CellKind::Gru) }, "for control-affine networks"),
     ] {
         let error = learned(&wrong, 1).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(words), "{words}: {error}");
@@ -220,14 +220,14 @@ fn the_mean_of_all_restarts_is_one_control_affine_network() {
 fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
     let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
     for (map, layers) in [(Map::Identity, 1), (Map::Sine, 2), (Map::SignedSquare, 1)] {
-        let settings = Settings {
+        let options = TrainOptions {
             hidden: 5,
             layers: Some(layers),
             maps: vec![map],
             settle_s: Some(0.4),
             ..small(CellKind::Affine)
         };
-        let plan = plan_of(&settings, &missing);
+        let plan = plan_of(&options, &missing);
         let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
         let mut weights = plan.net.first::<f64>(&mut random::stream(3, random::Purpose::Weights, 0, 0));
         loss(&plan, &mut chunk, &weights);
@@ -248,8 +248,10 @@ fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
                 gradient[i]
             );
         }
-        let Learned::Affine(model) = plan.net.model(&weights, &plan.scaling, plan.shape) else { panic!() };
-        let Net::Affine(parts) = &plan.net else { panic!() };
+        let TrainedNetwork::Affine(model) = plan.net.model(&weights, &plan.scaling, plan.shape) else {
+            panic!()
+        };
+        let Architecture::Affine(parts) = &plan.net else { panic!() };
         let session = ControlAffineSession::new(Arc::new(model)).unwrap();
         let run = run(60, 0.0, &missing);
         let mut judging = plan.net.chunk(&plan.scaling, plan.shape, 20, false);
@@ -257,7 +259,7 @@ fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
         // As a judge has it, from what was measured; and as the training does, from what an observer makes of that.
         for (settle, chunk) in [(0, &mut judging), (parts.settle, &mut chunk)] {
             let window = plan.shape.window(&plan.runs, 0, 20).unwrap();
-            chunk.walk(&weights, &plan.runs, &[window]);
+            chunk.forward(&weights, &plan.runs, &[window]);
             let (mut session, begin) = (session.clone(), 20 - settle);
             for k in 20 - plan.shape.wash_out..begin {
                 session.advance(run.inputs.row(k));
@@ -293,12 +295,12 @@ fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
 fn lanes_without_a_window_count_for_nothing() {
     for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
         for feedback in [false, true] {
-            let plan = plan_of(&Settings { feedback, base, ..small(CellKind::Gru) }, &[(10, 1)]);
+            let plan = plan_of(&TrainOptions { feedback, base, ..small(CellKind::Gru) }, &[(10, 1)]);
             let chunk = |back| plan.net.chunk(&plan.scaling, plan.shape, 20, back);
             let weights = plan.net.first::<f64>(&mut random::stream(3, random::Purpose::Weights, 0, 0));
             let windows = plan.shape.every(&plan.runs, 7);
-            let go = |chunk: &mut Chunk<f64>| {
-                chunk.walk(&weights, &plan.runs, &windows[..3]);
+            let go = |chunk: &mut MiniBatch<f64>| {
+                chunk.forward(&weights, &plan.runs, &windows[..3]);
                 let mut gradient = vec![f64::NAN; weights.len()];
                 chunk.backward(&weights, &plan.runs, &channel_weights(&plan), 0.7, &mut gradient);
                 let mut sums = [[0.0; 2]; 2];
@@ -308,7 +310,7 @@ fn lanes_without_a_window_count_for_nothing() {
             let mut used = chunk(true);
             for scale in [f64::NAN, 1e200] {
                 let wild: Vec<f64> = weights.iter().map(|w| scale * w).collect();
-                used.walk(&wild, &plan.runs, &windows);
+                used.forward(&wild, &plan.runs, &windows);
                 used.backward(&wild, &plan.runs, &channel_weights(&plan), 0.7, &mut vec![0.0; wild.len()]);
             }
             let (gradient, sums) = go(&mut used);
@@ -316,50 +318,50 @@ fn lanes_without_a_window_count_for_nothing() {
             assert_eq!((&gradient, sums), (&go(&mut chunk(true)).0, sums), "{base:?} {feedback}");
             // The same walk without a record of it.
             let (mut forward, mut others) = (chunk(false), [[0.0; 2]; 2]);
-            forward.walk(&weights, &plan.runs, &windows[..3]);
+            forward.forward(&weights, &plan.runs, &windows[..3]);
             forward.squares(&plan.runs, plan.shape.length, &mut others);
             assert_eq!(others, sums, "{base:?} {feedback}");
         }
     }
 }
 
-fn team(settings: &Settings) -> Team<f64> {
-    Team::new(plan_of(settings, &[]), Aim::Choose)
+fn restarts(options: &TrainOptions) -> Restarts<f64> {
+    Restarts::new(plan_of(options, &[]), Phase::Selection)
 }
 
 /// What a training of one epoch leaves, and the numbers of its job.
-fn checkpoint_bytes(settings: &Settings) -> (Vec<u8>, [String; 2]) {
-    let mut team = team(settings);
-    let batches = team.begin(0);
-    (0..batches).for_each(|batch| team.step(batch));
-    team.end();
+fn checkpoint_bytes(options: &TrainOptions) -> (Vec<u8>, [String; 2]) {
+    let mut restarts = restarts(options);
+    let batches = restarts.begin(0);
+    (0..batches).for_each(|batch| restarts.step(batch));
+    restarts.end();
     let prints = [String::from("a"), String::from("b")];
-    (checkpoint::encode(&team, 1, &prints).unwrap(), prints)
+    (checkpoint::encode(&restarts, 1, &prints).unwrap(), prints)
 }
 
 #[test]
 fn a_checkpoint_holds_all_of_the_state() {
-    let settings = Settings { restarts: 2, ..small(CellKind::Gru) };
-    let (bytes, prints) = checkpoint_bytes(&settings);
-    let mut other = team(&settings);
+    let options = TrainOptions { restarts: 2, ..small(CellKind::Gru) };
+    let (bytes, prints) = checkpoint_bytes(&options);
+    let mut other = restarts(&options);
     assert_eq!(checkpoint::decode(&bytes, &prints, &mut other), Ok(1));
     assert_eq!(checkpoint::encode(&other, 1, &prints).unwrap(), bytes);
     let told = |prints: [&str; 2]| {
-        checkpoint::decode(&bytes, &prints.map(str::to_owned), &mut team(&settings)).unwrap_err()
+        checkpoint::decode(&bytes, &prints.map(str::to_owned), &mut restarts(&options)).unwrap_err()
     };
     assert!(told(["a", "c"]).contains("other data"));
-    assert!(told(["c", "b"]).contains("other settings"));
+    assert!(told(["c", "b"]).contains("other options"));
     // The balance is of the epoch that was, no longer even.
     assert_ne!(other.members[0].balance, [1.0; 2]);
     other.members[1].adam.steps = u64::MAX;
     let wild = checkpoint::encode(&other, 1, &prints).unwrap();
-    let refused = checkpoint::decode(&wild, &prints, &mut team(&settings)).unwrap_err();
+    let refused = checkpoint::decode(&wild, &prints, &mut restarts(&options)).unwrap_err();
     assert!(refused.contains("damaged"), "{refused}");
     let version = concat!("hydroid\\\":\\\"", env!("CARGO_PKG_VERSION"));
     let at = bytes.windows(version.len()).position(|part| part == version.as_bytes()).unwrap();
     let mut older = bytes;
     older[at + version.len() - 1] ^= 1;
-    let refused = checkpoint::decode(&older, &prints, &mut team(&settings)).unwrap_err();
+    let refused = checkpoint::decode(&older, &prints, &mut restarts(&options)).unwrap_err();
     assert!(refused.contains("of hydroid 0."), "{refused}");
 }
 
@@ -371,27 +373,27 @@ proptest! {
         cut in any::<prop::sample::Index>(),
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),
     ) {
-        let settings = Settings { hidden: 2, ..small(CellKind::Lstm) };
-        let (mut bytes, prints) = checkpoint_bytes(&settings);
+        let options = TrainOptions { hidden: 2, ..small(CellKind::Lstm) };
+        let (mut bytes, prints) = checkpoint_bytes(&options);
         // Most of the file is numbers; what can go wrong is in front of them.
         let front = bytes.len().min(700);
         for (at, value) in changes {
             bytes[at.index(front)] = value;
         }
-        let _ = checkpoint::decode(&bytes, &prints, &mut team(&settings));
+        let _ = checkpoint::decode(&bytes, &prints, &mut restarts(&options));
         bytes.truncate(cut.index(bytes.len()));
-        prop_assert!(checkpoint::decode(&bytes, &prints, &mut team(&settings)).is_err());
+        prop_assert!(checkpoint::decode(&bytes, &prints, &mut restarts(&options)).is_err());
     }
 }
 
 #[test]
 fn bases_are_what_was_asked_for() {
     for (base, ratio) in [(BaseKind::Nothing, 1.0), (BaseKind::Hold, 0.1), (BaseKind::Equations, 0.1)] {
-        let plan = plan_of(&Settings { base, ..small(CellKind::Gru) }, &[]);
+        let plan = plan_of(&TrainOptions { base, ..small(CellKind::Gru) }, &[]);
         for (correction, scale) in plan.scaling.correction_scale.iter().zip(&plan.scaling.output_scale) {
             assert!(correction / scale <= ratio && correction / scale >= 1e-3, "{base:?}");
         }
-        let Net::Recurrent { base: made, .. } = &plan.net else { panic!("no recurrent network") };
+        let Architecture::Recurrent { base: made, .. } = &plan.net else { panic!("no recurrent network") };
         assert_eq!(matches!(made, Base::Nothing), base == BaseKind::Nothing);
     }
 }

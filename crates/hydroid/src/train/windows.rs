@@ -1,4 +1,4 @@
-//! Windows on runs: where a training starts its predictions.
+//! Windows on runs.
 
 use rand::RngExt as _;
 use rand::seq::SliceRandom as _;
@@ -8,23 +8,21 @@ use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Scaling;
 
 use super::TrainError;
-use super::below::Below;
+use super::base_rollout::BaseRollout;
 use crate::log::{Table, Trajectory};
 
-/// A run as a network sees it: `(value - mean) / scale`, row by row; a missing value is NaN.
-///
-/// Windows are read out of it in place: nothing is copied for each window.
+/// Scaled run, `(value - mean) / scale`, row by row; a missing value is NaN. Windows refer to it without copies.
 #[derive(Clone, Debug)]
 pub(super) struct ScaledRun<T> {
     pub(super) samples: usize,
     pub(super) outputs: Vec<T>,
     pub(super) inputs: Vec<T>,
-    /// Inputs in their own units, for equations.
+    /// Inputs in physical units, for equations.
     pub(super) commands: Vec<f64>,
-    /// Whether nothing is missing: windows need not look.
+    /// Whether no value is missing.
     complete: bool,
-    /// What equations say from each sample on, below a direct predictor.
-    pub(super) below: Option<Below<T>>,
+    /// Rollouts of the base equations of a direct predictor.
+    pub(super) base_rollout: Option<BaseRollout<T>>,
 }
 
 impl<T: Scalar> ScaledRun<T> {
@@ -38,23 +36,23 @@ impl<T: Scalar> ScaledRun<T> {
         let inputs = scaled(&run.inputs, &scaling.input_mean, &scaling.input_scale);
         let complete = outputs.iter().chain(&inputs).all(|x| x.is_finite());
         let commands = run.inputs.rows(0, run.inputs.len()).to_vec();
-        Self { samples: run.len(), outputs, inputs, commands, complete, below: None }
+        Self { samples: run.len(), outputs, inputs, commands, complete, base_rollout: None }
     }
 }
 
-/// A window: `wash_out` samples before its origin in which the hidden state finds itself while outputs are measured,
-/// then `length` samples that are predicted and compared.
+/// A window: `wash_out` samples before the origin in which the hidden state converges under measured outputs, then `length`
+/// predicted and compared samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Window {
-    /// Which run.
+    /// Index of the run.
     pub(super) run: usize,
-    /// Sample from which on the model hears nothing of the outputs.
+    /// Origin: the sample from which the model receives no outputs.
     pub(super) origin: usize,
-    /// Measured values among those that are compared.
+    /// Number of compared values.
     pub(super) targets: usize,
 }
 
-/// The shape of all windows.
+/// Shape of all windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Shape {
     pub(super) outputs: usize,
@@ -63,17 +61,17 @@ pub(super) struct Shape {
     pub(super) wash_out: usize,
     /// Steps from the origin on.
     pub(super) length: usize,
-    /// Whether predictions begin from measured outputs: then all must have been measured before the origin is over.
+    /// Whether predictions start from measured outputs, which must then be available at the origin.
     pub(super) measured: bool,
 }
 
 impl Shape {
-    /// Samples of a run that a window needs: the last prediction is of the sample after the last step.
+    /// Samples of a run in a window, the last predicted one included.
     pub(super) fn samples(&self) -> usize {
         self.wash_out.saturating_add(self.length).saturating_add(1)
     }
 
-    /// The window at an origin, if it can be used.
+    /// Window at an origin, if usable.
     pub(super) fn window<T: Scalar>(
         &self,
         runs: &[ScaledRun<T>],
@@ -85,7 +83,7 @@ impl Shape {
         if last >= data.samples {
             return None;
         }
-        if data.below.as_ref().is_some_and(|below| !below.knows(origin)) {
+        if data.base_rollout.as_ref().is_some_and(|base_rollout| !base_rollout.is_known(origin)) {
             return None;
         }
         let (n, m) = (self.outputs, self.inputs);
@@ -104,8 +102,7 @@ impl Shape {
         (targets > 0).then_some(Window { run, origin, targets })
     }
 
-    /// The windows of an epoch: the compared parts tile each run, from an offset that is drawn for each run and epoch,
-    /// so that over the epochs predictions begin everywhere.
+    /// Windows of an epoch: the compared parts tile each run from an offset drawn for each run and epoch.
     pub(super) fn tiles<T: Scalar>(&self, runs: &[ScaledRun<T>], rng: &mut ChaCha8Rng) -> Vec<Window> {
         let mut windows = Vec::new();
         for (index, run) in runs.iter().enumerate() {
@@ -126,7 +123,7 @@ impl Shape {
         all.filter_map(|(run, origin)| self.window(runs, run, origin)).collect()
     }
 
-    /// Says why there is no window.
+    /// Error that explains why there is no window.
     pub(super) fn none<T>(&self, what: &'static str, runs: &[ScaledRun<T>]) -> TrainError {
         let longest = runs.iter().map(|run| run.samples).max().unwrap_or(0);
         let (needed, wash_out, length) = (self.samples(), self.wash_out, self.length);
@@ -138,7 +135,7 @@ impl Shape {
     }
 }
 
-/// The order in which windows are seen.
+/// Random order of windows.
 pub(super) fn shuffled(windows: &[Window], rng: &mut ChaCha8Rng) -> Vec<Window> {
     let mut order = windows.to_vec();
     order.shuffle(rng);

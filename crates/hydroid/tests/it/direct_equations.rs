@@ -13,7 +13,7 @@ use hydroid::identify::{
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Model, Reading, decode, encode};
 use hydroid::progress::silent;
-use hydroid::train::{BaseKind, CellKind, Job, Learned, Settings, TrainError, Trained, train};
+use hydroid::train::{BaseKind, CellKind, Job, TrainError, TrainOptions, Trained, TrainedNetwork, train};
 use hydroid_core::model::direct::{Direct, DirectSession};
 use hydroid_core::model::recurrent::Base;
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
@@ -28,8 +28,8 @@ fn equations() -> Equations {
     Equations::with_signals(terms, coefficients, 2, 1, signals, 0.1, 1).unwrap()
 }
 
-fn settings() -> Settings {
-    Settings {
+fn settings() -> TrainOptions {
+    TrainOptions {
         hidden: 16,
         layers: Some(2),
         history_s: Some(0.5),
@@ -38,11 +38,15 @@ fn settings() -> Settings {
         batch: 150,
         learning_rate: 0.01,
         base: BaseKind::Equations,
-        ..Settings::of(CellKind::Direct)
+        ..TrainOptions::of(CellKind::Direct)
     }
 }
 
-fn on(equations: &Equations, settings: &Settings, validation: &Trajectory) -> Result<Trained, TrainError> {
+fn on(
+    equations: &Equations,
+    settings: &TrainOptions,
+    validation: &Trajectory,
+) -> Result<Trained, TrainError> {
     let (a, b) = (with_gaps("a", 900, 0.0), with_gaps("b", 500, 40.0));
     let job = Job {
         runs: &[&a, &b],
@@ -56,7 +60,7 @@ fn on(equations: &Equations, settings: &Settings, validation: &Trajectory) -> Re
 }
 
 fn direct(trained: &Trained) -> &Direct {
-    let Learned::Direct(model) = &trained.model else { panic!("no direct predictor") };
+    let TrainedNetwork::Direct(model) = &trained.model else { panic!("no direct predictor") };
     model
 }
 
@@ -84,7 +88,7 @@ fn it_learns_what_the_equations_miss_and_is_judged_as_its_session_is() {
 #[test]
 fn the_bytes_do_not_depend_on_threads() {
     let validation = with_gaps("c", 330, 100.0);
-    let settings = Settings { restarts: 2, epochs: 2, ensemble: true, refit: true, ..settings() };
+    let settings = TrainOptions { restarts: 2, epochs: 2, ensemble: true, refit: true, ..settings() };
     let trained = [1, 2, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let trained = pool.install(|| on(&equations(), &settings, &validation).unwrap());

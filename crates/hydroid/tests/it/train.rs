@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use crate::vessel::{INPUTS, OUTPUTS, measured, sail};
 use hydroid::log::Trajectory;
-use hydroid::train::{BaseKind, CellKind, Ending, Job, Settings, Status, TrainError, Trained, train};
+use hydroid::train::{BaseKind, CellKind, Ending, Job, Status, TrainError, TrainOptions, Trained, train};
 
 /// Under steps of the command, with some noise.
 fn run(name: &str, samples: usize, seed: u64) -> Trajectory {
@@ -30,21 +30,25 @@ fn run(name: &str, samples: usize, seed: u64) -> Trajectory {
     sail(name, samples, command, |_, [u, v]| [u + 0.005 * random(), v + 0.005 * random()])
 }
 
-fn settings(cell: CellKind) -> Settings {
-    Settings {
+fn settings(cell: CellKind) -> TrainOptions {
+    TrainOptions {
         hidden: 6,
         epochs: 6,
         batch: 8,
         wash_out_s: Some(2.0),
         window_s: Some(4.0),
         learning_rate: 0.02,
-        ..Settings::of(cell)
+        ..TrainOptions::of(cell)
     }
 }
 
 type Watched<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
-fn with(settings: &Settings, checkpoint: Option<&Path>, watch: Watched<'_>) -> Result<Trained, TrainError> {
+fn with(
+    settings: &TrainOptions,
+    checkpoint: Option<&Path>,
+    watch: Watched<'_>,
+) -> Result<Trained, TrainError> {
     let (a, b, c) = (run("a", 900, 1), run("b", 500, 2), run("c", 400, 3));
     let job = Job {
         runs: &[&a, &b],
@@ -57,7 +61,7 @@ fn with(settings: &Settings, checkpoint: Option<&Path>, watch: Watched<'_>) -> R
     train(&job, settings, checkpoint, watch)
 }
 
-fn go(settings: &Settings) -> Trained {
+fn go(settings: &TrainOptions) -> Trained {
     with(settings, None, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
@@ -73,7 +77,7 @@ fn every_cell_and_base_learns_the_vessel() {
         (CellKind::Gru, BaseKind::Hold, true),
         (CellKind::Rnn, BaseKind::Nothing, true),
     ] {
-        let trained = go(&Settings { feedback, base, epochs: 40, ..settings(cell) });
+        let trained = go(&TrainOptions { feedback, base, epochs: 40, ..settings(cell) });
         let first = trained.history[0].validation;
         assert!(trained.validation < 0.35, "{cell:?}: {} after {first}", trained.validation);
         assert_eq!(trained.history.len(), 40);
@@ -85,16 +89,17 @@ fn every_cell_and_base_learns_the_vessel() {
 
 #[test]
 fn the_bytes_do_not_depend_on_threads() {
-    let settings = Settings { restarts: 3, batch: 40, epochs: 3, refit: true, ..settings(CellKind::Lstm) };
+    let settings =
+        TrainOptions { restarts: 3, batch: 40, epochs: 3, refit: true, ..settings(CellKind::Lstm) };
     let [one, two, three] = [1, 2, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| go(&settings))
     });
     same(&one, &two);
     same(&one, &three);
-    assert_ne!(one.model.weights(), go(&Settings { seed: 1, ..settings.clone() }).model.weights());
+    assert_ne!(one.model.weights(), go(&TrainOptions { seed: 1, ..settings.clone() }).model.weights());
     // The first of several restarts is the only one of a training without.
-    let alone = go(&Settings { restarts: 1, ..settings });
+    let alone = go(&TrainOptions { restarts: 1, ..settings });
     assert_eq!(alone.validation, one.restarts[0]);
 }
 
@@ -103,7 +108,7 @@ fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
     let folder = tempfile::tempdir().unwrap();
     for (index, cell) in [CellKind::Lstm, CellKind::Gru].into_iter().enumerate() {
         // Long enough to be heard of several times, on a fast machine too.
-        let settings = Settings { restarts: 2, epochs: 400, refit: index == 1, ..settings(cell) };
+        let settings = TrainOptions { restarts: 2, epochs: 400, refit: index == 1, ..settings(cell) };
         let whole = go(&settings);
         let path = folder.path().join(format!("{index}.checkpoint"));
         let (mut interruptions, mut latest) = (0, 0.0);
@@ -130,7 +135,7 @@ fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
         assert!(latest > 0.5 && latest <= 1.0, "{latest}");
         // What is done stays done.
         same(&whole, &with(&settings, Some(&path), &mut |_| ControlFlow::Break(())).unwrap());
-        let other = Settings { learning_rate: 0.01, ..settings };
+        let other = TrainOptions { learning_rate: 0.01, ..settings };
         let error = with(&other, Some(&path), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
         assert!(error.contains("other settings") && error.contains("checkpoint"), "{error}");
         std::fs::write(&path, b"not a checkpoint").unwrap();
@@ -141,19 +146,19 @@ fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
 
 #[test]
 fn a_budget_is_kept_and_its_epochs_can_be_repeated() {
-    let settings = Settings { epochs: 1_000_000, budget_s: Some(1.0), ..settings(CellKind::Gru) };
+    let settings = TrainOptions { epochs: 1_000_000, budget_s: Some(1.0), ..settings(CellKind::Gru) };
     let begun = Instant::now();
     let trained = go(&settings);
     // Machines that run tests are busy with other things: twice the time is still kept as time goes.
     assert!(begun.elapsed().as_secs_f64() < 2.0, "{:?}", begun.elapsed());
     assert!(trained.epochs < 1_000_000);
-    let again = go(&Settings { epochs: trained.epochs, budget_s: None, ..settings.clone() });
+    let again = go(&TrainOptions { epochs: trained.epochs, budget_s: None, ..settings.clone() });
     // A machine that got slower on the way ends before the last epoch.
     assert_eq!(again.history[..trained.history.len()], trained.history);
     if trained.ending == Ending::Done {
         assert_eq!(again.model, trained.model);
     }
-    let little = Settings { budget_s: Some(1e-6), ..settings.clone() };
+    let little = TrainOptions { budget_s: Some(1e-6), ..settings.clone() };
     let error = with(&little, None, &mut |_| ControlFlow::Continue(())).unwrap_err();
     assert!(matches!(error, TrainError::NoTime { epoch_s, .. } if epoch_s > 1e-6), "{error}");
     // Steps that are tried can be interrupted.
@@ -168,7 +173,7 @@ fn a_budget_is_kept_and_its_epochs_can_be_repeated() {
 #[test]
 fn a_budget_without_an_epoch_is_refused_at_once() {
     let settings =
-        Settings { hidden: 300, budget_s: Some(10.0), window_s: Some(30.0), ..settings(CellKind::Lstm) };
+        TrainOptions { hidden: 300, budget_s: Some(10.0), window_s: Some(30.0), ..settings(CellKind::Lstm) };
     let begun = Instant::now();
     let long = run("long", 800_000, 1);
     let job = Job {
@@ -186,19 +191,19 @@ fn a_budget_without_an_epoch_is_refused_at_once() {
 
 #[test]
 fn patience_ends_a_training_that_gets_no_better() {
-    let settings = Settings { patience: Some(3), learning_rate: 1e-12, ..settings(CellKind::Rnn) };
-    let trained = go(&Settings { epochs: 500, ..settings });
+    let settings = TrainOptions { patience: Some(3), learning_rate: 1e-12, ..settings(CellKind::Rnn) };
+    let trained = go(&TrainOptions { epochs: 500, ..settings });
     assert_eq!(trained.ending, Ending::Patience);
     assert_eq!(trained.history.len(), trained.best_epoch + 3);
 }
 
 #[test]
 fn what_cannot_be_is_said() {
-    let told = |settings: Settings| {
+    let told = |settings: TrainOptions| {
         with(&settings, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
     };
     let base = settings(CellKind::Lstm);
-    let of = |change: fn(&mut Settings)| {
+    let of = |change: fn(&mut TrainOptions)| {
         let mut settings = base.clone();
         change(&mut settings);
         told(settings)
@@ -206,7 +211,7 @@ fn what_cannot_be_is_said() {
     assert!(of(|s| s.window_s = Some(1e4)).contains("needs 100021 samples"));
     assert!(of(|s| s.window_s = Some(1e4)).contains("or a shorter wash_out_s or window_s"));
     assert!(
-        of(|s| s.patience = Some(0)).contains("patience = 0 cannot be: give at least 1, or leave it out")
+        of(|s| s.patience = Some(0)).contains("patience = 0 is invalid: give at least 1, or leave it out")
     );
     assert!(of(|s| s.batch = 0).contains("batch = 0"));
     assert!(of(|s| s.hidden = 0).contains("at least 1"));
@@ -253,9 +258,9 @@ fn what_cannot_be_is_said() {
 
 #[test]
 fn settings_are_read_from_toml_and_mistakes_are_told() {
-    let read: Settings = toml::from_str("cell = \"gru\"\nhidden = 9\nschedule = \"cosine\"").unwrap();
-    assert_eq!((read.cell, read.hidden, read.epochs), (CellKind::Gru, 9, Settings::default().epochs));
-    assert!(toml::from_str::<Settings>("hiden = 9").is_err());
+    let read: TrainOptions = toml::from_str("cell = \"gru\"\nhidden = 9\nschedule = \"cosine\"").unwrap();
+    assert_eq!((read.cell, read.hidden, read.epochs), (CellKind::Gru, 9, TrainOptions::default().epochs));
+    assert!(toml::from_str::<TrainOptions>("hiden = 9").is_err());
     let text = toml::to_string(&read).unwrap();
-    assert_eq!(toml::from_str::<Settings>(&text).unwrap(), read);
+    assert_eq!(toml::from_str::<TrainOptions>(&text).unwrap(), read);
 }

@@ -13,13 +13,13 @@ use hydroid::log::{Split, Table, Trajectory};
 use hydroid::model::{Body, Model, Reading, decode, encode};
 use hydroid::progress::silent;
 use hydroid::train::{
-    BaseKind, CellKind, Job, Learned, Outcome, Settings, Status, TrainError, Trained, train,
+    BaseKind, CellKind, Job, Outcome, Status, TrainError, TrainOptions, Trained, TrainedNetwork, train,
 };
 use hydroid_core::model::direct::{Direct, DirectSession};
 use hydroid_core::predict::{Predictor, Workspace};
 
-fn settings() -> Settings {
-    Settings {
+fn settings() -> TrainOptions {
+    TrainOptions {
         hidden: 16,
         layers: Some(2),
         history_s: Some(0.5),
@@ -27,13 +27,17 @@ fn settings() -> Settings {
         epochs: 8,
         batch: 150,
         learning_rate: 0.01,
-        ..Settings::of(CellKind::Direct)
+        ..TrainOptions::of(CellKind::Direct)
     }
 }
 
 type Watched<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
-fn with(settings: &Settings, checkpoint: Option<&Path>, watch: Watched<'_>) -> Result<Trained, TrainError> {
+fn with(
+    settings: &TrainOptions,
+    checkpoint: Option<&Path>,
+    watch: Watched<'_>,
+) -> Result<Trained, TrainError> {
     let (a, b, c) = (with_gaps("a", 900, 0.0), with_gaps("b", 500, 40.0), with_gaps("c", 330, 100.0));
     let job = Job {
         runs: &[&a, &b],
@@ -46,7 +50,7 @@ fn with(settings: &Settings, checkpoint: Option<&Path>, watch: Watched<'_>) -> R
     train(&job, settings, checkpoint, watch)
 }
 
-fn go(settings: &Settings) -> Trained {
+fn go(settings: &TrainOptions) -> Trained {
     with(settings, None, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
@@ -58,10 +62,10 @@ fn without_time(trained: &Trained) -> Trained {
 #[test]
 fn it_learns_the_vessel_and_its_validation_error_is_that_of_the_evaluation() {
     for base in [BaseKind::Nothing, BaseKind::Hold] {
-        let trained = go(&Settings { base, epochs: 30, ..settings() });
+        let trained = go(&TrainOptions { base, epochs: 30, ..settings() });
         assert!(trained.validation < 0.1, "{base:?}: {}", trained.validation);
         assert_eq!((trained.wash_out, trained.window), (4, 8));
-        let Learned::Direct(model) = &trained.model else { panic!("no direct predictor") };
+        let TrainedNetwork::Direct(model) = &trained.model else { panic!("no direct predictor") };
         let mut session = DirectSession::new(model.clone().into()).unwrap();
         let mut whole = with_gaps("c", 330, 100.0);
         // What is missing in a history is held there, and predicted by a session: on a whole run they agree.
@@ -85,9 +89,9 @@ fn it_learns_the_vessel_and_its_validation_error_is_that_of_the_evaluation() {
             horizon: 20,
             equations: None,
         };
-        let settings = Settings { base, epochs: 3, ..settings() };
+        let settings = TrainOptions { base, epochs: 3, ..settings() };
         let trained = train(&job, &settings, None, &mut |_| ControlFlow::Continue(())).unwrap();
-        let Learned::Direct(model) = trained.model else { panic!("no direct predictor") };
+        let TrainedNetwork::Direct(model) = trained.model else { panic!("no direct predictor") };
         let told = score(&mut DirectSession::new(model.into()).unwrap(), &whole);
         assert!((told / trained.validation - 1.0).abs() < 1e-4, "{told} {}", trained.validation);
     }
@@ -95,7 +99,8 @@ fn it_learns_the_vessel_and_its_validation_error_is_that_of_the_evaluation() {
 
 #[test]
 fn the_bytes_do_not_depend_on_threads() {
-    let settings = Settings { restarts: 2, batch: 300, epochs: 2, ensemble: true, refit: true, ..settings() };
+    let settings =
+        TrainOptions { restarts: 2, batch: 300, epochs: 2, ensemble: true, refit: true, ..settings() };
     let [one, two, three] = [1, 2, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         without_time(&pool.install(|| go(&settings)))
@@ -103,7 +108,7 @@ fn the_bytes_do_not_depend_on_threads() {
     assert_eq!(one, two);
     assert_eq!(one, three);
     assert_eq!(one.members.len(), 2);
-    assert_eq!(&one.members[one.restart], one.unseeing().weights());
+    assert_eq!(&one.members[one.restart], one.before_refit().weights());
     assert_ne!(one.members[0], one.members[1]);
 }
 
@@ -112,7 +117,7 @@ fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("direct.checkpoint");
     // Long enough to be heard of, on a fast machine too.
-    let settings = Settings { epochs: 60, hidden: 48, ..settings() };
+    let settings = TrainOptions { epochs: 60, hidden: 48, ..settings() };
     let whole = go(&settings);
     let stopped = with(&settings, Some(&path), &mut |status| {
         if status.fraction > 0.3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -129,17 +134,19 @@ fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
 
 #[test]
 fn settings_that_are_not_for_it_are_refused() {
-    let told = |settings: Settings| {
+    let told = |settings: TrainOptions| {
         let error = with(&settings, None, &mut |_| panic!("it began"));
         error.unwrap_err().to_string()
     };
-    assert!(told(Settings { base: BaseKind::Equations, ..settings() }).contains("none are given"));
-    assert!(told(Settings { feedback: false, ..settings() }).contains("feedback = false"));
-    assert!(told(Settings { wash_out_s: Some(3.0), ..settings() }).contains("history_s"));
-    assert!(told(Settings { history_s: Some(1e9), ..settings() }).contains("history of 10000000000 samples"));
-    assert!(told(Settings { hidden: 5000, ..settings() }).contains("5000 units"));
-    assert!(told(Settings { window_s: Some(95.0), ..settings() }).contains("long enough"));
-    let recurrent = Settings { history_s: Some(1.0), ..Settings::of(CellKind::Gru) };
+    assert!(told(TrainOptions { base: BaseKind::Equations, ..settings() }).contains("none are given"));
+    assert!(told(TrainOptions { feedback: false, ..settings() }).contains("feedback = false"));
+    assert!(told(TrainOptions { wash_out_s: Some(3.0), ..settings() }).contains("history_s"));
+    assert!(
+        told(TrainOptions { history_s: Some(1e9), ..settings() }).contains("history of 10000000000 samples")
+    );
+    assert!(told(TrainOptions { hidden: 5000, ..settings() }).contains("5000 units"));
+    assert!(told(TrainOptions { window_s: Some(95.0), ..settings() }).contains("long enough"));
+    let recurrent = TrainOptions { history_s: Some(1.0), ..TrainOptions::of(CellKind::Gru) };
     assert!(told(recurrent).contains("history_s = given cannot be"));
 }
 
@@ -235,12 +242,13 @@ fn a_history_that_leaves_nothing_to_judge_is_refused_before_anything_is_trained(
 /// A second training has other increments to scale by; what members predict stays what it was.
 #[test]
 fn members_predict_the_same_after_a_refit() {
-    let settings = Settings { base: BaseKind::Hold, ensemble: true, restarts: 2, epochs: 30, ..settings() };
-    let (before, after) = (go(&settings), go(&Settings { refit: true, ..settings }));
+    let settings =
+        TrainOptions { base: BaseKind::Hold, ensemble: true, restarts: 2, epochs: 30, ..settings() };
+    let (before, after) = (go(&settings), go(&TrainOptions { refit: true, ..settings }));
     assert_eq!(after.refit.as_ref().unwrap().outcome, Outcome::Taken);
     let run = with_gaps("d", 200, 7.0);
     let predict = |trained: &Trained, member: usize| {
-        let Learned::Direct(model) = &trained.model else { panic!("no direct predictor") };
+        let TrainedNetwork::Direct(model) = &trained.model else { panic!("no direct predictor") };
         let model = Direct { weights: trained.members[member].clone(), ..model.clone() };
         let mut session = DirectSession::new(model.into()).unwrap();
         for k in 0..50 {
@@ -252,8 +260,8 @@ fn members_predict_the_same_after_a_refit() {
         y
     };
     let scale = |trained: &Trained| match &trained.model {
-        Learned::Direct(model) => model.scaling.correction_scale.clone(),
-        Learned::Recurrent(_) | Learned::Affine(_) => panic!("no direct predictor"),
+        TrainedNetwork::Direct(model) => model.scaling.correction_scale.clone(),
+        TrainedNetwork::Recurrent(_) | TrainedNetwork::Affine(_) => panic!("no direct predictor"),
     };
     assert_ne!(scale(&before), scale(&after), "there is nothing to see");
     for member in 0..2 {

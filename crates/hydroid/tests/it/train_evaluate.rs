@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::vessel::{INPUTS, OUTPUTS, measured, smooth};
 use hydroid::evaluate::{Options, evaluate};
 use hydroid::progress::silent;
-use hydroid::train::{BaseKind, CellKind, Job, Precision, Settings, train};
+use hydroid::train::{BaseKind, CellKind, Job, Precision, TrainOptions, train};
 use hydroid_core::model::recurrent::RecurrentSession;
 
 #[test]
@@ -24,7 +24,7 @@ fn the_validation_error_is_that_of_the_evaluation() {
         (CellKind::Rnn, BaseKind::Hold, true),
         (CellKind::Gru, BaseKind::Hold, false),
     ] {
-        let settings = Settings {
+        let settings = TrainOptions {
             hidden: 5,
             epochs: 5,
             wash_out_s: Some(12.0),
@@ -32,7 +32,7 @@ fn the_validation_error_is_that_of_the_evaluation() {
             base,
             feedback,
             precision: Precision::F64,
-            ..Settings::of(cell)
+            ..TrainOptions::of(cell)
         };
         let job = Job {
             runs: &[&a],

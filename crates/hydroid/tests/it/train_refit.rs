@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use hydroid::evaluate::{DesignRange, Options, evaluate};
 use hydroid::log::{Channel, Table, Trajectory};
-use hydroid::train::{CellKind, Ending, Job, Outcome, Schedule, Settings, Trained, train};
+use hydroid::train::{CellKind, Ending, Job, Outcome, Schedule, TrainOptions, Trained, train};
 use hydroid_core::model::recurrent::{Recurrent, RecurrentSession};
 
 const OUTPUT: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
@@ -32,11 +32,11 @@ fn run(name: &str, samples: usize, size: f64, seed: u64) -> Trajectory {
 }
 
 /// A slow run to learn from, a fast one to choose on.
-fn go(settings: &Settings) -> Trained {
+fn go(settings: &TrainOptions) -> Trained {
     on(settings, &run("slow", 900, 0.1, 1), &run("fast", 500, 1.0, 2))
 }
 
-fn on(settings: &Settings, learn: &Trajectory, choose: &Trajectory) -> Trained {
+fn on(settings: &TrainOptions, learn: &Trajectory, choose: &Trajectory) -> Trained {
     let (runs, validation) = ([learn], [choose]);
     let (outputs, inputs) = (&OUTPUT, &INPUT);
     let job =
@@ -44,23 +44,23 @@ fn on(settings: &Settings, learn: &Trajectory, choose: &Trajectory) -> Trained {
     train(&job, settings, None, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
-fn settings() -> Settings {
-    Settings {
+fn settings() -> TrainOptions {
+    TrainOptions {
         hidden: 6,
         epochs: 60,
         restarts: 2,
         wash_out_s: Some(2.0),
         window_s: Some(4.0),
         learning_rate: 0.02,
-        ..Settings::of(CellKind::Gru)
+        ..TrainOptions::of(CellKind::Gru)
     }
 }
 
 #[test]
 fn the_model_has_learned_from_all_runs_and_the_network_before_it_has_not() {
-    let (before, after) = (go(&settings()), go(&Settings { refit: true, ..settings() }));
+    let (before, after) = (go(&settings()), go(&TrainOptions { refit: true, ..settings() }));
     let refit = after.refit.clone().unwrap();
-    assert_eq!((refit.outcome, after.unseeing()), (Outcome::Taken, &before.model));
+    assert_eq!((refit.outcome, after.before_refit()), (Outcome::Taken, &before.model));
     assert!(refit.validation < 0.5 * before.validation, "{} {}", refit.validation, before.validation);
     // Another fast run, new to both.
     let new = run("new", 500, 1.0, 3);
@@ -83,8 +83,8 @@ fn a_refit_that_went_wrong_is_not_taken() {
     let (a, b) = (run("a", 900, 1.0, 1), run("b", 500, 1.0, 2));
     let outcomes: Vec<Outcome> = (0..4)
         .map(|seed| {
-            let wild = Settings { learning_rate: 0.5, schedule: Schedule::Constant, seed, ..settings() };
-            let (before, after) = (on(&wild, &a, &b), on(&Settings { refit: true, ..wild }, &a, &b));
+            let wild = TrainOptions { learning_rate: 0.5, schedule: Schedule::Constant, seed, ..settings() };
+            let (before, after) = (on(&wild, &a, &b), on(&TrainOptions { refit: true, ..wild }, &a, &b));
             let refit = after.refit.unwrap();
             assert_eq!(refit.before, before.model);
             let worse = refit.outcome == Outcome::Worse;
@@ -98,7 +98,7 @@ fn a_refit_that_went_wrong_is_not_taken() {
 
 #[test]
 fn a_budget_is_shared_with_the_refit_and_kept() {
-    let settings = Settings { epochs: 1_000_000, budget_s: Some(1.0), refit: true, ..settings() };
+    let settings = TrainOptions { epochs: 1_000_000, budget_s: Some(1.0), refit: true, ..settings() };
     let begun = std::time::Instant::now();
     let trained = go(&settings);
     assert!(begun.elapsed().as_secs_f64() < 2.0, "{:?}", begun.elapsed());
@@ -108,7 +108,7 @@ fn a_budget_is_shared_with_the_refit_and_kept() {
     if refit.outcome == Outcome::Budget {
         assert_eq!(&trained.model, &refit.before);
     } else if trained.ending == Ending::Done {
-        let again = go(&Settings { epochs: trained.epochs, budget_s: None, ..settings });
+        let again = go(&TrainOptions { epochs: trained.epochs, budget_s: None, ..settings });
         assert_eq!((again.model, again.refit), (trained.model.clone(), trained.refit.clone()));
     }
 }

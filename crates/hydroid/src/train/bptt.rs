@@ -1,4 +1,4 @@
-//! A model unrolled over a chunk of windows, forward and back.
+//! Backpropagation through time (BPTT) of recurrent networks.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Base, Network, Scaling, Tape};
@@ -6,8 +6,7 @@ use hydroid_core::model::recurrent::{Base, Network, Scaling, Tape};
 use super::base::BaseStep;
 use super::windows::{ScaledRun, Shape, Window};
 
-/// Windows side by side, one in each lane: the unit of work of a thread. Its size is fixed, and gradients of chunks
-/// are added in their order, so that sums do not depend on the number of threads.
+/// A recurrent network unrolled over windows in parallel lanes.
 ///
 /// With the scaled outputs `z`, inputs `m`, network `f`, `g`, and base `b`, step `k` of a window is
 ///
@@ -17,19 +16,19 @@ use super::windows::{ScaledRun, Shape, Window};
 /// L       = sum over k >= origin, outputs i:  w_i (p_{k+1,i} - measured_{k+1,i})^2
 /// ```
 ///
-/// and on the way back, with `a_k = dL/dp_k`,
+/// In the backward pass, with `a_k = dL/dp_k`,
 ///
 /// ```text
 /// dL/dg_{k+1} = ratio . a_{k+1}
 /// a_k         = 2 w (p_k - measured_k)  +  (dL/dz_k of f, through feedback) + (db/dz)' a_{k+1},
 /// ```
 ///
-/// the last two where `z_k` is `p_k`.
+/// where the last two terms apply if `z_k` is `p_k`. Source: P. J. Werbos, *Backpropagation through time*, Proc. IEEE, 1990.
 #[derive(Clone, Debug)]
-pub(super) struct Unrolled<T> {
+pub(super) struct Bptt<T> {
     shape: Shape,
     feedback: bool,
-    /// Whether all steps are recorded; else one, over and over.
+    /// Whether all steps are recorded for the backward pass.
     back: bool,
     tape: Tape<T>,
     base: BaseStep,
@@ -40,14 +39,14 @@ pub(super) struct Unrolled<T> {
     seen: Vec<T>,
     /// 1 where `z_k` is `p_k`, `(wash_out + 1) x outputs x lanes`.
     own: Vec<T>,
-    /// `dL/dp_k` on the way back.
+    /// `dL/dp_k` of the backward pass.
     adjoint: Vec<T>,
-    /// The state on its way to the next step, where steps are not recorded.
+    /// Hidden state between steps if steps are not recorded.
     state: Vec<T>,
 }
 
-impl<T: Scalar> Unrolled<T> {
-    /// A chunk of at most `size` windows; `back` says whether anybody will go [`backward`](Self::backward).
+impl<T: Scalar> Bptt<T> {
+    /// Buffers for at most `size` windows; `back` reserves memory for [`backward`](Self::backward).
     pub(super) fn new(
         network: &Network,
         base: &Base,
@@ -76,8 +75,8 @@ impl<T: Scalar> Unrolled<T> {
         }
     }
 
-    /// Walks over windows with weights.
-    pub(super) fn walk(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
+    /// Forward pass over windows.
+    pub(super) fn forward(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
         self.windows.clear();
         self.windows.extend_from_slice(windows);
         self.tape.load(weights);
@@ -97,8 +96,7 @@ impl<T: Scalar> Unrolled<T> {
         let record = if self.back { k } else { 0 };
         let used = self.windows.len();
         let input = self.tape.input_mut(record);
-        // Lanes without a window walk from zero to zero: what an earlier window left there, or made of it, may be no
-        // number, and gradients are summed over lanes.
+        // Unused lanes stay zero: old values there may be NaN, and gradients are summed over lanes.
         for row in input.chunks_exact_mut(lanes) {
             row[used..].fill(T::zero());
         }
@@ -108,7 +106,7 @@ impl<T: Scalar> Unrolled<T> {
                 input[i * lanes + lane] = value;
             }
         }
-        let recurs = self.base.recurs();
+        let recurs = self.base.is_recursive();
         let (before, after) = self.predicted.split_at_mut((k + 1) * row);
         let predicted = &before[k * row..];
         if self.feedback || recurs {
@@ -154,7 +152,7 @@ impl<T: Scalar> Unrolled<T> {
         }
     }
 
-    /// Calls `each(output, lane, predicted - measured)` for what is compared `step + 1` samples after the origin.
+    /// Calls `each(output, lane, predicted - measured)` for the values compared `step + 1` samples after the origin.
     pub(super) fn compare(&self, runs: &[ScaledRun<T>], step: usize, mut each: impl FnMut(usize, usize, T)) {
         let (n, lanes) = (self.shape.outputs, self.tape.lanes());
         let predicted = &self.predicted[(self.shape.wash_out + step + 1) * n * lanes..][..n * lanes];
@@ -168,16 +166,15 @@ impl<T: Scalar> Unrolled<T> {
         }
     }
 
-    /// Whether a prediction after the origin is farther from zero than `most`, or no number.
-    pub(super) fn leaves(&self, most: f64) -> bool {
+    /// Whether a prediction after the origin exceeds `most` in magnitude or is NaN.
+    pub(super) fn exceeds(&self, most: f64) -> bool {
         let (n, lanes) = (self.shape.outputs, self.tape.lanes());
         let most = T::of(most);
         let rows = self.predicted[(self.shape.wash_out + 1) * n * lanes..].chunks_exact(lanes);
         rows.into_iter().any(|row| row[..self.windows.len()].iter().any(|z| z.is_nan() || z.abs() > most))
     }
 
-    /// Goes back over the windows of the last [`walk`](Self::walk): the gradient of `factor` times its sum takes the place
-    /// of what stands in `gradient`.
+    /// Backward pass of the last [`forward`](Self::forward): writes the gradient of `factor` times its loss to `gradient`.
     pub(super) fn backward(
         &mut self,
         runs: &[ScaledRun<T>],
@@ -189,7 +186,7 @@ impl<T: Scalar> Unrolled<T> {
         let lanes = self.tape.lanes();
         let row = n * lanes;
         let factors: Vec<T> = channel_weights.iter().map(|w| T::of(2.0 * factor * w)).collect();
-        let recurrent = self.feedback || self.base.recurs();
+        let recurrent = self.feedback || self.base.is_recursive();
         self.tape.begin_backward();
         let mut adjoint = core::mem::take(&mut self.adjoint);
         adjoint.fill(T::zero());

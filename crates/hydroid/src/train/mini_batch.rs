@@ -1,4 +1,4 @@
-//! Windows side by side: the unit of work of a thread, for networks of every kind.
+//! Mini-batches of windows: the unit of work of a thread, for all kinds of networks.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::affine::ControlAffine;
@@ -7,24 +7,24 @@ use hydroid_core::model::recurrent::{Base, Network, Recurrent, Scaling};
 use rand_chacha::ChaCha8Rng;
 
 use super::affine::{self, Affine};
-use super::ahead::Ahead;
+use super::bptt::Bptt;
+use super::direct::DirectBatch;
 use super::loss::Sums;
-use super::unroll::Unrolled;
 use super::windows::{ScaledRun, Shape, Window};
-use super::{Learned, init};
+use super::{TrainedNetwork, init};
 
-/// What is trained.
+/// Architecture of the trained network.
 #[derive(Clone, Debug)]
-pub(super) enum Net {
-    /// A recurrent network, what it corrects, and whether it sees its outputs.
+pub(super) enum Architecture {
+    /// Recurrent network, its base, and whether outputs are fed back.
     Recurrent { network: Network, base: Base, feedback: bool },
-    /// A direct predictor of a horizon, and what it adds to.
+    /// Direct predictor, its horizon and its base.
     Direct { network: Perceptron, horizon: usize, base: Base },
-    /// A control-affine network; the logarithms of its time constants follow its weights.
+    /// Control-affine network; the logarithms of its time constants follow its weights.
     Affine(affine::Parts),
 }
 
-impl Net {
+impl Architecture {
     /// Number of weights.
     pub(super) fn weights(&self) -> usize {
         match self {
@@ -34,7 +34,7 @@ impl Net {
         }
     }
 
-    /// First weights.
+    /// Initial weights.
     pub(super) fn first<T: Scalar>(&self, rng: &mut ChaCha8Rng) -> Vec<T> {
         match self {
             Self::Recurrent { network, .. } => init::weights(network, rng),
@@ -47,9 +47,8 @@ impl Net {
         }
     }
 
-    /// Windows of a chunk: of recurrent networks enough to fill the widest vectors, few enough that a small batch keeps two
-    /// threads busy; of direct predictors so many that adding up their gradients costs little, and the matrices stay in the
-    /// second cache.
+    /// Windows of a mini-batch. For recurrent networks they fill the SIMD lanes while a small batch still occupies two threads;
+    /// for direct predictors the matrices fit the L2 cache and the reduction of gradients is cheap.
     pub(super) fn chunk_windows(&self) -> usize {
         match self {
             Self::Recurrent { .. } | Self::Affine(_) => 16,
@@ -57,38 +56,39 @@ impl Net {
         }
     }
 
-    /// Whether windows of an epoch begin at every sample; else what is compared tiles the runs. One window of a recurrent
-    /// network is a walk over hundreds of samples, one of a direct predictor a single look.
-    pub(super) fn everywhere(&self) -> bool {
+    /// Whether windows of an epoch start at every sample (direct predictors). Otherwise their compared parts tile the runs.
+    pub(super) fn has_overlapping_windows(&self) -> bool {
         matches!(self, Self::Direct { .. })
     }
 
-    /// A chunk of at most `size` windows; `back` says whether anybody will go [`backward`](Chunk::backward).
+    /// Buffers for at most `size` windows; `back` reserves memory for [`backward`](MiniBatch::backward).
     pub(super) fn chunk<T: Scalar>(
         &self,
         scaling: &Scaling,
         shape: Shape,
         size: usize,
         back: bool,
-    ) -> Chunk<T> {
+    ) -> MiniBatch<T> {
         match self {
             Self::Recurrent { network, base, feedback } => {
-                let chunk = Unrolled::new(network, base, scaling, *feedback, shape, size, back);
-                Chunk::Unrolled(Box::new(chunk))
+                let chunk = Bptt::new(network, base, scaling, *feedback, shape, size, back);
+                MiniBatch::Bptt(Box::new(chunk))
             }
-            Self::Direct { network, horizon, base } => {
-                Chunk::Ahead(Box::new(Ahead::new(network, *horizon, base, scaling, shape, size)))
+            Self::Direct { network, horizon, base } => MiniBatch::DirectBatch(Box::new(DirectBatch::new(
+                network, *horizon, base, scaling, shape, size,
+            ))),
+            Self::Affine(parts) => {
+                MiniBatch::Affine(Box::new(Affine::new(parts, scaling, shape, size, back)))
             }
-            Self::Affine(parts) => Chunk::Affine(Box::new(Affine::new(parts, scaling, shape, size, back))),
         }
     }
 
-    /// The model with such weights.
-    pub(super) fn model<T: Scalar>(&self, weights: &[T], scaling: &Scaling, shape: Shape) -> Learned {
+    /// Model with these weights.
+    pub(super) fn model<T: Scalar>(&self, weights: &[T], scaling: &Scaling, shape: Shape) -> TrainedNetwork {
         let wide = |weights: &[T]| weights.iter().map(|w| w.wide()).collect::<Vec<f64>>();
         let scaling = scaling.clone();
         match self {
-            Self::Recurrent { network, base, feedback } => Learned::Recurrent(Recurrent {
+            Self::Recurrent { network, base, feedback } => TrainedNetwork::Recurrent(Recurrent {
                 network: *network,
                 weights: wide(weights),
                 scaling,
@@ -97,7 +97,7 @@ impl Net {
                 wash_out: shape.wash_out,
                 state_filter: None,
             }),
-            Self::Direct { network, horizon, base } => Learned::Direct(Direct {
+            Self::Direct { network, horizon, base } => TrainedNetwork::Direct(Direct {
                 network: network.clone(),
                 weights: wide(weights),
                 scaling,
@@ -107,7 +107,7 @@ impl Net {
             }),
             Self::Affine(parts) => {
                 let (weights, lags) = weights.split_at(parts.network.weights());
-                Learned::Affine(ControlAffine {
+                TrainedNetwork::Affine(ControlAffine {
                     network: parts.network.clone(),
                     weights: wide(weights),
                     scaling,
@@ -120,29 +120,29 @@ impl Net {
     }
 }
 
-/// Windows side by side. Their number is fixed, and gradients of chunks are added in their order, so that sums do not depend
-/// on the number of threads.
+/// Windows in parallel lanes. The number of windows is fixed and gradients are added in a fixed order, so that sums do not
+/// depend on the number of threads.
 #[derive(Clone, Debug)]
-pub(super) enum Chunk<T> {
-    /// A network unrolled over the steps of its windows.
-    Unrolled(Box<Unrolled<T>>),
-    /// One that gives all steps of a horizon at once.
-    Ahead(Box<Ahead<T>>),
-    /// One whose rates are integrated.
+pub(super) enum MiniBatch<T> {
+    /// Recurrent network, unrolled in time.
+    Bptt(Box<Bptt<T>>),
+    /// Direct predictor.
+    DirectBatch(Box<DirectBatch<T>>),
+    /// Control-affine network, integrated in time.
     Affine(Box<Affine<T>>),
 }
 
-impl<T: Scalar> Chunk<T> {
-    /// Walks over windows with weights.
-    pub(super) fn walk(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
+impl<T: Scalar> MiniBatch<T> {
+    /// Forward pass over windows.
+    pub(super) fn forward(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
         match self {
-            Self::Unrolled(chunk) => chunk.walk(weights, runs, windows),
-            Self::Ahead(chunk) => chunk.walk(weights, runs, windows),
-            Self::Affine(chunk) => chunk.walk(weights, runs, windows),
+            Self::Bptt(chunk) => chunk.forward(weights, runs, windows),
+            Self::DirectBatch(chunk) => chunk.forward(weights, runs, windows),
+            Self::Affine(chunk) => chunk.forward(weights, runs, windows),
         }
     }
 
-    /// Squared errors of the last [`walk`](Self::walk), and their number, of each output.
+    /// Sums of squared errors of the last [`forward`](Self::forward) and their number, for each output.
     pub(super) fn squares(&self, runs: &[ScaledRun<T>], length: usize, sums: &mut [Sums]) {
         sums.fill([0.0; 2]);
         for step in 0..length {
@@ -152,26 +152,26 @@ impl<T: Scalar> Chunk<T> {
         }
     }
 
-    /// Calls `each(output, lane, predicted - measured)` for what is compared `step + 1` samples after the origin.
+    /// Calls `each(output, lane, predicted - measured)` for the values compared `step + 1` samples after the origin.
     pub(super) fn compare(&self, runs: &[ScaledRun<T>], step: usize, each: impl FnMut(usize, usize, T)) {
         match self {
-            Self::Unrolled(chunk) => chunk.compare(runs, step, each),
-            Self::Ahead(chunk) => chunk.compare(runs, step, each),
+            Self::Bptt(chunk) => chunk.compare(runs, step, each),
+            Self::DirectBatch(chunk) => chunk.compare(runs, step, each),
             Self::Affine(chunk) => chunk.compare(runs, step, each),
         }
     }
 
-    /// Whether a prediction after the origin is farther from zero than `most`, or no number.
-    pub(super) fn leaves(&self, most: f64) -> bool {
+    /// Whether a prediction after the origin exceeds `most` in magnitude or is NaN.
+    pub(super) fn exceeds(&self, most: f64) -> bool {
         match self {
-            Self::Unrolled(chunk) => chunk.leaves(most),
-            Self::Ahead(chunk) => chunk.leaves(most),
-            Self::Affine(chunk) => chunk.leaves(most),
+            Self::Bptt(chunk) => chunk.exceeds(most),
+            Self::DirectBatch(chunk) => chunk.exceeds(most),
+            Self::Affine(chunk) => chunk.exceeds(most),
         }
     }
 
-    /// Goes back over the windows of the last [`walk`](Self::walk), which had the same weights: the gradient of `factor`
-    /// times its sum of squares takes the place of what stands in `gradient`.
+    /// Backward pass of the last [`forward`](Self::forward), with the same weights: writes the gradient of `factor` times the
+    /// sum of squares to `gradient`.
     pub(super) fn backward(
         &mut self,
         weights: &[T],
@@ -181,8 +181,8 @@ impl<T: Scalar> Chunk<T> {
         gradient: &mut [T],
     ) {
         match self {
-            Self::Unrolled(chunk) => chunk.backward(runs, channel_weights, factor, gradient),
-            Self::Ahead(chunk) => chunk.backward(weights, runs, channel_weights, factor, gradient),
+            Self::Bptt(chunk) => chunk.backward(runs, channel_weights, factor, gradient),
+            Self::DirectBatch(chunk) => chunk.backward(weights, runs, channel_weights, factor, gradient),
             Self::Affine(chunk) => chunk.backward(weights, runs, channel_weights, factor, gradient),
         }
     }

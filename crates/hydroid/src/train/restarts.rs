@@ -1,4 +1,4 @@
-//! Restarts that train side by side.
+//! Parallel training of several restarts.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Scaling;
@@ -7,104 +7,103 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::adam::{Adam, PART, clip};
-use super::chunk::{Chunk, Net};
-use super::judge::Judge;
 use super::loss::{Loss, Sums};
+use super::mini_batch::{Architecture, MiniBatch};
 use super::random::{Purpose, stream};
+use super::validation::Validation;
 use super::windows::{ScaledRun, Shape, Window, shuffled};
-use super::{Aim, Epoch, Settings, schedule};
+use super::{Epoch, Phase, TrainOptions, schedule};
 
-/// Steps of the optimizer that an epoch has at least, if the runs hold as many windows.
+/// Least number of optimizer steps in an epoch, if the runs hold as many windows.
 const LEAST_STEPS: usize = 8;
 
-/// One training from first weights of its own.
+/// One training from its own initial weights.
 #[derive(Clone, Debug)]
-pub(super) struct Member<T> {
+pub(super) struct Restart<T> {
     pub(super) weights: Vec<T>,
     pub(super) adam: Adam<T>,
     /// Weights with the least validation error so far.
     pub(super) best: Vec<T>,
     pub(super) best_score: f64,
-    /// Epoch that they are of, from 1; 0 before there are any.
+    /// Epoch of the best weights, from 1; 0 before the first.
     pub(super) best_epoch: usize,
     pub(super) history: Vec<Epoch>,
-    /// Whether it gave up.
+    /// Whether early stopping has ended this restart.
     pub(super) idle: bool,
     order: Vec<Window>,
     gradient: Vec<T>,
-    /// What each output weighs in the loss beside the settings' weight, over an epoch.
+    /// Adaptive weight of each output in the loss over an epoch.
     pub(super) balance: Vec<f64>,
-    /// Squared errors of the epoch so far, of each output.
+    /// Sum of squared errors in this epoch and their number, for each output.
     sums: Vec<Sums>,
     work: Vec<Work<T>>,
-    /// How many of them the present batch fills.
+    /// Number of entries of `work` that the present batch uses.
     chunks: usize,
     judging: Vec<Vec<f64>>,
 }
 
-/// What a chunk of windows comes to.
+/// Gradient and squared errors of a mini-batch.
 #[derive(Clone, Debug)]
 struct Work<T> {
     gradient: Vec<T>,
     sums: Vec<Sums>,
 }
 
-/// All that does not change in a training.
+/// Data that stay constant during a training.
 #[derive(Clone, Debug)]
 pub(super) struct Plan<T> {
-    pub(super) settings: Settings,
-    pub(super) net: Net,
+    pub(super) options: TrainOptions,
+    pub(super) net: Architecture,
     pub(super) scaling: Scaling,
     pub(super) shape: Shape,
     pub(super) runs: Vec<ScaledRun<T>>,
     pub(super) validation: Vec<ScaledRun<T>>,
-    pub(super) judge: Judge,
+    pub(super) judge: Validation,
     pub(super) loss: Loss,
     pub(super) epochs: usize,
 }
 
 impl<T: Scalar> Plan<T> {
-    /// The windows of an epoch, the same for all members, who see them in different orders.
+    /// Windows of an epoch; each restart visits them in its own order.
     fn windows(&self, epoch: usize) -> Vec<Window> {
-        if self.net.everywhere() {
+        if self.net.has_overlapping_windows() {
             return self.shape.every(&self.runs, 1);
         }
-        self.shape.tiles(&self.runs, &mut stream(self.settings.seed, Purpose::Offsets, 0, epoch))
+        self.shape.tiles(&self.runs, &mut stream(self.options.seed, Purpose::Offsets, 0, epoch))
     }
 
-    /// Steps of an epoch with so many windows.
+    /// Optimizer steps of an epoch with `windows` windows.
     fn batches(&self, windows: usize) -> usize {
-        windows.div_ceil(self.settings.batch).max(LEAST_STEPS.min(windows))
+        windows.div_ceil(self.options.batch).max(LEAST_STEPS.min(windows))
     }
 
-    fn chunk(&self, shape: Shape, back: bool) -> Chunk<T> {
+    fn chunk(&self, shape: Shape, back: bool) -> MiniBatch<T> {
         self.net.chunk(&self.scaling, shape, self.net.chunk_windows(), back)
     }
 }
 
-/// The members, in lock-step: each step's chunks of all members are one bag of work for all threads, so that cores are
-/// busy with one restart and with many, and the caller hears of every step.
+/// All restarts, trained in lock-step: the mini-batches of all restarts are distributed over all threads in each step.
 #[derive(Debug)]
-pub(super) struct Team<T> {
+pub(super) struct Restarts<T> {
     pub(super) plan: Plan<T>,
-    pub(super) members: Vec<Member<T>>,
-    aim: Aim,
+    pub(super) members: Vec<Restart<T>>,
+    phase: Phase,
     /// Steps of the present epoch.
     batches: usize,
     epoch: usize,
-    /// For learning and for judging.
-    learners: Pool<T>,
-    judges: Pool<T>,
+    /// Buffers for training and validation.
+    training_pool: Pool<T>,
+    validation_pool: Pool<T>,
 }
 
-/// Chunks that wait for work: as many as there are threads, however many restarts.
+/// Pool of mini-batch buffers, one for each thread.
 #[derive(Debug)]
-struct Pool<T>(Mutex<Vec<Chunk<T>>>);
+struct Pool<T>(Mutex<Vec<MiniBatch<T>>>);
 
 impl<T> Pool<T> {
-    /// Works with a chunk of the pool, or a new one.
-    fn with(&self, new: impl FnOnce() -> Chunk<T>, work: impl FnOnce(&mut Chunk<T>)) {
-        // What a chunk holds is written over: a lock that was poisoned does no harm.
+    /// Calls `work` with a buffer of the pool, or a new one.
+    fn with(&self, new: impl FnOnce() -> MiniBatch<T>, work: impl FnOnce(&mut MiniBatch<T>)) {
+        // Buffers are overwritten, so that a poisoned lock is harmless.
         let spare = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let free = spare().pop();
         let mut chunk = free.unwrap_or_else(new);
@@ -113,15 +112,15 @@ impl<T> Pool<T> {
     }
 }
 
-impl<T: Scalar> Team<T> {
-    pub(super) fn new(plan: Plan<T>, aim: Aim) -> Self {
-        let members = (0..plan.settings.restarts)
+impl<T: Scalar> Restarts<T> {
+    pub(super) fn new(plan: Plan<T>, phase: Phase) -> Self {
+        let members = (0..plan.options.restarts)
             .map(|restart| {
-                let restart = aim.first() + restart;
-                let mut rng = stream(plan.settings.seed, Purpose::Weights, restart, 0);
+                let restart = phase.first() + restart;
+                let mut rng = stream(plan.options.seed, Purpose::Weights, restart, 0);
                 let weights = plan.net.first::<T>(&mut rng);
                 let count = weights.len();
-                Member {
+                Restart {
                     best: weights.clone(),
                     weights,
                     adam: Adam::new(count),
@@ -139,31 +138,31 @@ impl<T: Scalar> Team<T> {
                 }
             })
             .collect();
-        let [learners, judges] = [0, 1].map(|_| Pool(Mutex::default()));
-        Self { plan, members, aim, batches: 0, epoch: 0, learners, judges }
+        let [training_pool, validation_pool] = [0, 1].map(|_| Pool(Mutex::default()));
+        Self { plan, members, phase, batches: 0, epoch: 0, training_pool, validation_pool }
     }
 
-    /// Begins an epoch, counted from 0; gives its number of steps.
+    /// Begins epoch `epoch`, counted from 0; returns its number of steps.
     pub(super) fn begin(&mut self, epoch: usize) -> usize {
         let windows = self.plan.windows(epoch);
         self.batches = self.plan.batches(windows.len());
         self.epoch = epoch;
         for (restart, member) in self.members.iter_mut().enumerate().filter(|(_, member)| !member.idle) {
-            let restart = self.aim.first() + restart;
-            let mut rng = stream(self.plan.settings.seed, Purpose::Order, restart, epoch);
+            let restart = self.phase.first() + restart;
+            let mut rng = stream(self.plan.options.seed, Purpose::Order, restart, epoch);
             member.order = shuffled(&windows, &mut rng);
             member.sums.fill([0.0; 2]);
         }
         self.batches
     }
 
-    /// The gradient of each member on a batch of the epoch, and its loss.
+    /// Computes the gradient and the loss of each restart on a batch.
     pub(super) fn gradients(&mut self, batch: usize) {
         let plan = &self.plan;
         let mut tasks = Vec::new();
         for member in self.members.iter_mut().filter(|member| !member.idle) {
             let count = member.order.len();
-            // Batches as equal as can be.
+            // Batches of nearly equal size.
             let windows = &member.order[count * batch / self.batches..count * (batch + 1) / self.batches];
             let targets: usize = windows.iter().map(|window| window.targets).sum();
             let factor = 1.0 / targets.max(1) as f64;
@@ -180,22 +179,22 @@ impl<T: Scalar> Team<T> {
                 tasks.push((work, member.weights.as_slice(), windows, Arc::clone(&channels), factor));
             }
         }
-        let learners = &self.learners;
+        let training_pool = &self.training_pool;
         let new = || plan.chunk(plan.shape, true);
         tasks.into_par_iter().for_each(|(work, weights, windows, channels, factor)| {
-            learners.with(new, |chunk| {
-                chunk.walk(weights, &plan.runs, windows);
+            training_pool.with(new, |chunk| {
+                chunk.forward(weights, &plan.runs, windows);
                 chunk.squares(&plan.runs, plan.shape.length, &mut work.sums);
                 chunk.backward(weights, &plan.runs, &channels, factor, &mut work.gradient);
             });
         });
     }
 
-    /// A step of each member along the gradient of a batch.
+    /// Optimizer step of each restart on a batch.
     pub(super) fn step(&mut self, batch: usize) {
         self.gradients(batch);
         let rate = self.rate(batch);
-        let Settings { clip: most, weight_decay, .. } = self.plan.settings;
+        let TrainOptions { clip: most, weight_decay, .. } = self.plan.options;
         for member in self.members.iter_mut().filter(|member| !member.idle) {
             let work = &member.work[..member.chunks];
             for work in work {
@@ -212,7 +211,7 @@ impl<T: Scalar> Team<T> {
                 }
             };
             member.gradient.par_chunks_mut(PART).enumerate().for_each(add);
-            // A step along a gradient that is no number would end the training; the loss tells of it.
+            // A non-finite gradient is skipped; the loss reports it.
             if clip(&mut member.gradient, most).is_finite() {
                 member.adam.step(&mut member.weights, &member.gradient, rate, weight_decay);
             }
@@ -220,12 +219,12 @@ impl<T: Scalar> Team<T> {
     }
 
     fn rate(&self, batch: usize) -> f64 {
-        let Settings { schedule, learning_rate, .. } = self.plan.settings;
+        let TrainOptions { schedule, learning_rate, .. } = self.plan.options;
         let (done, steps) = (self.epoch * self.batches + batch, self.plan.epochs * self.batches);
         schedule::rate(schedule, learning_rate, done, steps)
     }
 
-    /// Judges the weights of all members, in scores by member.
+    /// Validation error of each restart.
     pub(super) fn judge(&mut self) -> Vec<f64> {
         let plan = &self.plan;
         let cells = plan.judge.shape.length * plan.judge.shape.outputs;
@@ -237,12 +236,13 @@ impl<T: Scalar> Team<T> {
                 tasks.push((squares, member.weights.as_slice(), windows));
             }
         }
-        let judges = &self.judges;
+        let validation_pool = &self.validation_pool;
         let new = || plan.chunk(plan.judge.shape, false);
         tasks.into_par_iter().for_each(|(squares, weights, windows)| {
-            judges.with(new, |chunk| plan.judge.squares(chunk, weights, &plan.validation, windows, squares));
+            validation_pool
+                .with(new, |chunk| plan.judge.squares(chunk, weights, &plan.validation, windows, squares));
         });
-        let score = |member: &Member<T>| {
+        let score = |member: &Restart<T>| {
             let mut sums = vec![0.0; cells];
             for squares in &member.judging {
                 for (sum, square) in sums.iter_mut().zip(squares) {
@@ -254,13 +254,12 @@ impl<T: Scalar> Team<T> {
         self.members.iter().map(|member| if member.idle { f64::INFINITY } else { score(member) }).collect()
     }
 
-    /// Ends an epoch: judges, keeps the best weights, and lets those give up who have not been better for long. Where
-    /// the last weights are wanted, the others are not judged.
+    /// Ends an epoch: validation, best weights, early stopping. In the final fit only the last epoch is validated.
     pub(super) fn end(&mut self) {
-        let wanted = self.aim == Aim::Choose || self.epoch + 1 == self.plan.epochs;
+        let wanted = self.phase == Phase::Selection || self.epoch + 1 == self.plan.epochs;
         let scores = if wanted { self.judge() } else { vec![f64::INFINITY; self.members.len()] };
         let learning_rate = self.rate(self.batches);
-        let patience = self.plan.settings.patience;
+        let patience = self.plan.options.patience;
         for (member, validation) in self.members.iter_mut().zip(scores).filter(|(member, _)| !member.idle) {
             let train_loss = self.plan.loss.value(&member.sums);
             self.plan.loss.rebalance(&member.sums, &mut member.balance);
@@ -274,7 +273,7 @@ impl<T: Scalar> Team<T> {
         }
     }
 
-    /// Whether nobody goes on.
+    /// Whether all restarts have stopped.
     pub(super) fn is_idle(&self) -> bool {
         self.members.iter().all(|member| member.idle)
     }

@@ -1,34 +1,33 @@
-//! The multi-step error on validation runs.
+//! Multi-step error on validation runs.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Scaling;
 
-use super::chunk::Chunk;
+use super::mini_batch::MiniBatch;
 use super::scaling::HALF_RANGE;
 use super::windows::{ScaledRun, Shape, Window};
 
-/// A rollout has diverged when it leaves this many times the design range, as in [`evaluate`](crate::evaluate).
+/// Ratio to the design range beyond which a rollout has diverged, as in [`evaluate`](crate::evaluate).
 const DIVERGED: f64 = 10.0 * HALF_RANGE;
 
-/// Share of an output's mean square that is no variance, as in [`evaluate`](crate::evaluate).
+/// Share of an output's mean square that is attributed to rounding, as in [`evaluate`](crate::evaluate).
 const NOISE: f64 = 1e-12;
 
-/// Rolls out from origins in validation runs as [`evaluate`](fn@crate::evaluate::evaluate) does, with two differences
-/// for speed: origins are taken with a stride, and the hidden state at an origin is that after a wash-out instead of
-/// that after the whole run before it.
+/// Rollouts from origins in validation runs as in [`evaluate`](fn@crate::evaluate::evaluate), with two differences for speed:
+/// origins have a stride, and the hidden state at an origin is that after a wash-out instead of the whole run.
 ///
-/// The score is [`Evaluation::score`](crate::evaluate::Evaluation::score): the mean over horizons and channels of
-/// RMSE over the standard deviation of what it is compared with, and infinite where a rollout diverged.
+/// The score is [`Evaluation::score`](crate::evaluate::Evaluation::score): the mean NRMSE over horizons and outputs, infinite
+/// if a rollout diverged.
 #[derive(Clone, Debug)]
-pub(super) struct Judge {
+pub(super) struct Validation {
     pub(super) shape: Shape,
     pub(super) windows: Vec<Window>,
-    /// `1 / (count variance)` for each horizon and output; none where nothing varies.
+    /// `1 / (count variance)` for each horizon and output; `None` for a constant output.
     weights: Vec<Option<f64>>,
 }
 
-impl Judge {
-    /// With at most about `most` origins.
+impl Validation {
+    /// Validation at about `most` origins.
     pub(super) fn new<T: Scalar>(
         shape: Shape,
         runs: &[ScaledRun<T>],
@@ -38,7 +37,7 @@ impl Judge {
         let possible: usize = runs.iter().map(|run| (run.samples + 1).saturating_sub(shape.samples())).sum();
         let windows = shape.every(runs, possible.div_ceil(most.max(1)).max(1));
         if windows.is_empty() {
-            // The horizon may be longer than any table.
+            // The horizon may be longer than the runs.
             return Self { shape, windows, weights: Vec::new() };
         }
         let n = shape.outputs;
@@ -52,7 +51,7 @@ impl Judge {
                 let count = values().count() as f64;
                 let mean = values().sum::<f64>() / count;
                 let squares: f64 = values().map(|y| (y - mean).powi(2)).sum();
-                // What `evaluate` takes for noise is so in the output's own units.
+                // The threshold of `evaluate`, in the output's own units.
                 let own = |z: f64| scaling.output_mean[i] + scaling.output_scale[i] * z;
                 let noise = NOISE * values().map(|z| own(z).powi(2)).sum::<f64>();
                 (scaling.output_scale[i].powi(2) * squares > noise).then(|| 1.0 / squares)
@@ -69,15 +68,15 @@ impl Judge {
     /// Sums of squared errors of a chunk of windows, for each horizon and output; all infinite if one diverged.
     pub(super) fn squares<T: Scalar>(
         &self,
-        chunk: &mut Chunk<T>,
+        chunk: &mut MiniBatch<T>,
         weights: &[T],
         runs: &[ScaledRun<T>],
         windows: &[Window],
         into: &mut [f64],
     ) {
         let n = self.shape.outputs;
-        chunk.walk(weights, runs, windows);
-        if chunk.leaves(DIVERGED) {
+        chunk.forward(weights, runs, windows);
+        if chunk.exceeds(DIVERGED) {
             into.fill(f64::INFINITY);
             return;
         }

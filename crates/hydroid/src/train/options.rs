@@ -1,4 +1,4 @@
-//! What a training is told.
+//! Options of a training.
 
 use std::fmt::Display;
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::TrainError;
 
-/// Kind of network: the cell of a recurrent one, or none.
+/// Kind of network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CellKind {
@@ -20,15 +20,14 @@ pub enum CellKind {
     Gru,
     /// Vanilla (Elman) network.
     Rnn,
-    /// No cell: a feed-forward network that gives all outputs of a horizon at once
-    /// ([`Direct`](hydroid_core::model::direct::Direct)).
+    /// Direct predictor ([`Direct`](hydroid_core::model::direct::Direct)): a feed-forward network with all outputs of a horizon.
     Direct,
-    /// No cell: a control-affine network ([`ControlAffine`](hydroid_core::model::affine::ControlAffine)).
+    /// Control-affine network ([`ControlAffine`](hydroid_core::model::affine::ControlAffine)).
     Affine,
 }
 
 impl CellKind {
-    /// Its name in files, tables and on the command line.
+    /// Name in files, tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Lstm => "lstm",
@@ -45,121 +44,115 @@ impl CellKind {
     }
 }
 
-/// What the network corrects; see [`Base`](hydroid_core::model::recurrent::Base).
+/// Base of the network; see [`Base`](hydroid_core::model::recurrent::Base).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BaseKind {
-    /// Nothing: it gives the next outputs themselves.
+    /// No base: the network outputs the next outputs.
     #[default]
     Nothing,
-    /// The present outputs: it gives increments.
+    /// Present outputs: the network outputs increments.
     Hold,
-    /// Equations of motion, which the caller gives: it gives what they miss, over a sample, or, as a direct predictor, over
-    /// each sample of its horizon.
+    /// Equations of motion, given by the caller: the network outputs their residual over a sample, or over each sample of the
+    /// horizon of a direct predictor.
     Equations,
 }
 
-/// Precision in which gradients and weights are computed; the model's weights are in double precision in any case.
+/// Precision of weights and gradients in training; the weights of the model are in double precision.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
-    /// Single precision: twice as fast, and as good for noisy logs.
+    /// Single precision: twice as fast, sufficient for noisy logs.
     #[default]
     F32,
     /// Double precision.
     F64,
 }
 
-/// How the step size of the optimizer goes over the training; see [`rate`](super::schedule::rate).
+/// Step-size schedule; see [`rate`](super::schedule::rate).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Schedule {
-    /// The same throughout.
+    /// Constant.
     Constant,
-    /// Half a cosine from the peak down to nearly nothing.
+    /// Half a cosine from the peak to nearly zero.
     Cosine,
-    /// A warm-up to the peak, then half a cosine down to nearly nothing.
+    /// Warm-up to the peak, then half a cosine to nearly zero.
     #[default]
     OneCycle,
 }
 
-/// Settings of a training. Times are in seconds, so that they mean the same at any sample time; what is not given
-/// is taken from the runs (see each field).
+/// Options of a training. Times are in seconds; `None` is derived from the runs as stated at each field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-// Switches of a file.
+// Switches of the options file.
 #[allow(clippy::struct_excessive_bools)]
-pub struct Settings {
+pub struct TrainOptions {
     /// Kind of network.
     pub cell: CellKind,
-    /// Cells, or units, of each layer.
+    /// Cells or units of each layer.
     pub hidden: usize,
-    /// Layers of a vanilla network (2 where not given), hidden layers of a direct predictor (3 where not given) or of a
-    /// control-affine network (1); LSTM and GRU have one.
+    /// Hidden layers: of a vanilla network (default 2), a direct predictor (3) or a control-affine network (1); LSTM and GRU
+    /// have one.
     pub layers: Option<usize>,
-    /// Length to which the LSTM's `h` is projected; not projected where not given.
+    /// Length of the projection of the LSTM's `h`; `None` for no projection.
     pub projection: Option<usize>,
-    /// Whether a linear read-out follows the cell; without one the cell shows the outputs themselves.
+    /// Whether a linear output layer follows the cell; otherwise the hidden state is the output.
     pub read_out: bool,
-    /// Whether outputs are fed back as inputs: measured while the model walks, predicted in a rollout.
+    /// Whether outputs are fed back as inputs: measured in the wash-out, predicted in a rollout.
     pub feedback: bool,
-    /// What the network corrects.
+    /// Base of the network.
     pub base: BaseKind,
-    /// Time that a window lets the hidden state find itself from zero, without loss \[s\]; 100 samples where not
-    /// given, or an eighth of the longest run if that is less. The gradient goes back through it all the same: the
-    /// network also learns how to find its state.
+    /// Wash-out \[s\], in which the hidden state converges from zero without loss; default 100 samples, at most an eighth of
+    /// the longest run. The gradient includes the wash-out.
     pub wash_out_s: Option<f64>,
-    /// Past that a direct predictor sees \[s\], the present sample among it; 40 samples where not given.
+    /// History of a direct predictor \[s\], the present sample included; default 40 samples.
     pub history_s: Option<f64>,
-    /// Time over which a window compares predictions \[s\]; 200 samples where not given, or a quarter of the longest
-    /// run if that is less. Of a direct predictor it is the time that it predicts at once; 20 samples where not given.
+    /// Compared time of a window \[s\]; default 200 samples, at most a quarter of the longest run. For a direct predictor its
+    /// horizon; default 20 samples.
     pub window_s: Option<f64>,
-    /// Time before its origin over which the state of a window of a control-affine network is drawn towards what is measured
-    /// \[s\]; where not given the window begins from what was measured last.
+    /// Time before the origin over which an observer estimates the initial state of a control-affine network \[s\]; `None` to
+    /// start from the last measurement.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub settle_s: Option<f64>,
-    /// Passes over the training runs at the most.
+    /// Largest number of passes over the training runs.
     pub epochs: usize,
-    /// Windows of one step of the optimizer; fewer where runs are so short that an epoch would have less than 8 steps.
+    /// Windows of an optimizer step; fewer if an epoch would have less than 8 steps.
     pub batch: usize,
     /// Peak step size.
     pub learning_rate: f64,
-    /// How the step size goes.
+    /// Step-size schedule.
     pub schedule: Schedule,
     /// Decoupled weight decay: each step shrinks the weights by this times the step size.
     pub weight_decay: f64,
-    /// Longest gradient; longer ones are shortened to this length. Infinite: none is.
+    /// Largest norm of the gradient; larger ones are clipped. Infinite for no clipping.
     pub clip: f64,
-    /// Trainings from different first weights, in parallel; the best on validation runs is kept.
+    /// Number of trainings from different initial weights; the one with the least validation error is selected.
     pub restarts: usize,
-    /// Whether what was chosen is trained once more, over as many epochs, on training and validation runs together; the
-    /// model has the last weights of that, unless it went wrong ([`Refit`](super::Refit)).
+    /// Whether the selected restart is trained again on training and validation runs ([`Refit`](super::Refit)).
     pub refit: bool,
-    /// Whether the best weights of every restart (of 50 at most) are kept beside the model's ([`Trained::members`](super::Trained)): other
-    /// numbers that the data allow as well. For direct predictors; of a control-affine network the model is the mean of all
-    /// restarts.
+    /// Whether the best weights of every restart (at most 50) are kept as an ensemble ([`Trained::members`](super::Trained)). For
+    /// direct predictors; a control-affine network is the average of all restarts.
     pub ensemble: bool,
-    /// Seed of first weights and of the order of windows.
+    /// Seed of initial weights and of the order of windows.
     pub seed: u64,
     /// Precision of the training.
     pub precision: Precision,
-    /// Wall-clock time at the most \[s\]. The number of epochs is made to fit it, so that results depend on the
-    /// machine; [`Trained::epochs`](super::Trained::epochs) says how many they were, and the same number under
-    /// `epochs` without a budget repeats the training exactly. A training that goes on from a checkpoint keeps its
-    /// number of epochs and has the whole time anew.
+    /// Largest wall-clock time \[s\]. The number of epochs is chosen to fit it, so that results depend on the machine.
+    /// [`Trained::epochs`](super::Trained::epochs) is that number; with it as `epochs` and no budget the training repeats
+    /// exactly. A training resumed from a checkpoint keeps its number of epochs and has the whole time again.
     pub budget_s: Option<f64>,
-    /// Epochs without a better validation error after which a restart gives up; never where not given.
+    /// Epochs without a better validation error after which a restart stops; `None` for never.
     pub patience: Option<usize>,
-    /// Weight of each output's root mean square error in the loss, in the order of outputs, where an error of 1 is a
-    /// standard deviation of that output in the training runs; empty: all 1, as in the score. An output with weight 0
-    /// is not learned.
+    /// Weight of the RMS error of each output in the loss, in standard deviations of the output; empty for all 1. An output with
+    /// weight 0 is not learned.
     pub channel_weights: Vec<f64>,
-    /// How each input's actuator enters the motion of a control-affine network.
+    /// Static map of each input's actuator in a control-affine network.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub maps: Vec<Map>,
 }
 
-impl Default for Settings {
+impl Default for TrainOptions {
     fn default() -> Self {
         Self {
             cell: CellKind::Lstm,
@@ -192,8 +185,8 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
-    /// The defaults of a kind of cell.
+impl TrainOptions {
+    /// Defaults of a kind of network.
     pub fn of(cell: CellKind) -> Self {
         match cell {
             CellKind::Lstm | CellKind::Gru | CellKind::Rnn => Self { cell, ..Self::default() },
@@ -218,9 +211,9 @@ impl Settings {
         }
     }
 
-    /// Samples of history and of horizon of a direct predictor, at a sample time.
+    /// Samples of history and horizon of a direct predictor.
     pub fn spans(&self, dt: f64) -> (usize, usize) {
-        // Longer than any network reads is refused with words; the cast saturates.
+        // Larger values are refused later with an error; the cast saturates.
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -232,11 +225,10 @@ impl Settings {
         (samples(self.history_s, HISTORY), samples(self.window_s, HORIZON))
     }
 
-    /// The network of a direct predictor, for so many inputs and outputs of the model and its history and horizon
-    /// \[samples\].
+    /// Network of a direct predictor with `(history, horizon)` in samples.
     ///
     /// # Errors
-    /// If a setting is not for it, or its sizes cannot be.
+    /// If an option does not apply or the sizes are invalid.
     pub fn perceptron(
         &self,
         inputs: usize,
@@ -276,10 +268,10 @@ impl Settings {
         Ok(network)
     }
 
-    /// The perceptron of a control-affine network for so many inputs and outputs of the model.
+    /// Perceptron of a control-affine network.
     ///
     /// # Errors
-    /// If a setting is not for it, or its sizes cannot be.
+    /// If an option does not apply or the sizes are invalid.
     pub fn control_affine(&self, inputs: usize, outputs: usize) -> Result<Perceptron, TrainError> {
         for (what, given) in [
             ("feedback", !self.feedback),
@@ -307,7 +299,7 @@ impl Settings {
         };
         network.check().map_err(|error| TrainError::Network { error: error.to_string() })?;
         if self.ensemble {
-            // The mean of all restarts is one network, with the units of all of them side by side.
+            // The average of all restarts is one network with the units of all of them.
             if layers == 0 {
                 return Err(setting("layers", &layers, "1 or more for an ensemble"));
             }
@@ -326,10 +318,10 @@ impl Settings {
         Ok(network)
     }
 
-    /// The recurrent network for so many inputs and outputs of the model.
+    /// Recurrent network.
     ///
     /// # Errors
-    /// If its sizes cannot be.
+    /// If the sizes are invalid.
     pub fn network(&self, inputs: usize, outputs: usize) -> Result<Network, TrainError> {
         let hidden = self.hidden;
         let cell = match self.cell {
@@ -361,10 +353,10 @@ impl Settings {
         Ok(network)
     }
 
-    /// Whether the numbers can be.
+    /// Checks the ranges of all numbers.
     ///
     /// # Errors
-    /// If one cannot, with what is needed.
+    /// The first invalid option.
     pub fn check(&self, outputs: usize) -> Result<(), TrainError> {
         for (what, value) in [("epochs", self.epochs), ("batch", self.batch), ("restarts", self.restarts)] {
             if value == 0 {
@@ -419,7 +411,7 @@ impl Settings {
             && (weights.len() != outputs || !weights.iter().all(usable) || weights.iter().all(|w| *w == 0.0))
         {
             let value = format!("{weights:?}");
-            return Err(TrainError::Setting {
+            return Err(TrainError::InvalidOption {
                 what: "channel_weights",
                 value,
                 needed: "one number for each output, none negative and not all zero",
@@ -429,12 +421,12 @@ impl Settings {
     }
 }
 
-/// History and horizon of a direct predictor where the settings say nothing \[samples\].
+/// Default history and horizon of a direct predictor \[samples\].
 const HISTORY: usize = 40;
-/// What is needed of a setting that control-affine networks have.
+/// Requirement for options of control-affine networks.
 const OF_AFFINE: &str = "left out: it is for control-affine networks";
 const HORIZON: usize = 20;
 
 fn setting(what: &'static str, value: &dyn Display, needed: &'static str) -> TrainError {
-    TrainError::Setting { what, value: value.to_string(), needed }
+    TrainError::InvalidOption { what, value: value.to_string(), needed }
 }

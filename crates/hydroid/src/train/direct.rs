@@ -1,13 +1,13 @@
-//! A direct predictor over a chunk of windows, forward and back.
+//! Forward and backward pass of direct predictors.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::{Batch, Perceptron};
 use hydroid_core::model::recurrent::{Base, Scaling};
 
-use super::chain::Chain;
+use super::chained_rollout::ChainedRollout;
 use super::windows::{ScaledRun, Shape, Window};
 
-/// Windows side by side, one in each lane, gathered from the runs as they come: nothing is copied for those that wait.
+/// Windows of a direct predictor in parallel lanes, gathered from the runs in place.
 ///
 /// With the scaled outputs `z` and inputs `m`, the history `p` and the horizon `H`
 /// ([`Direct`](hydroid_core::model::direct::Direct)), a window at the origin `o` is
@@ -17,34 +17,34 @@ use super::windows::{ScaledRun, Shape, Window};
 /// L                  = sum over k = 1 .. H, outputs i:  w_i (p_{o+k,i} - measured_{o+k,i})^2
 /// ```
 ///
-/// `base` is nothing, `z_o`, or what equations say from `o` on, which stands with the runs
-/// ([`Below`](super::below::Below)): the weights do not move it. A measurement that is missing in the history is held from the one before it, or taken from the one after it. A length
-/// beyond `H` is chained as a session does it; the way back is for one horizon alone.
+/// `base` is zero, `z_o`, or the rollout of equations from `o` ([`BaseRollout`](super::base_rollout::BaseRollout)). A missing
+/// measurement in the history is held, or taken from the next one at the start. A length beyond `H` is chained as in a
+/// session; the gradient is of the first horizon only.
 #[derive(Clone, Debug)]
-pub(super) struct Ahead<T> {
+pub(super) struct DirectBatch<T> {
     shape: Shape,
     horizon: usize,
     base: Kind,
-    /// Size of what the network gives, in scaled outputs.
+    /// `correction_scale / output_scale`.
     ratio: Vec<T>,
     batch: Batch<T>,
     windows: Vec<Window>,
-    /// Outputs of the history of each window, missing ones filled, `history x outputs x lanes`.
+    /// Outputs of the history of each window without gaps, `history x outputs x lanes`.
     past: Vec<T>,
     /// `p_{o+1} ..`, each `outputs x lanes`.
     predicted: Vec<T>,
 }
 
-/// What the network adds to.
+/// Base of the predictor.
 #[derive(Clone, Debug)]
 enum Kind {
     Nothing,
     Hold,
-    /// Equations, beyond the first horizon those that go on from what was predicted.
-    Equations(Box<Chain>),
+    /// Equations; beyond the first horizon they continue from the predictions.
+    Equations(Box<ChainedRollout>),
 }
 
-impl<T: Scalar> Ahead<T> {
+impl<T: Scalar> DirectBatch<T> {
     pub(super) fn new(
         network: &Perceptron,
         horizon: usize,
@@ -59,7 +59,7 @@ impl<T: Scalar> Ahead<T> {
             Base::Nothing => Kind::Nothing,
             Base::Hold => Kind::Hold,
             Base::Equations(equations) => {
-                Kind::Equations(Box::new(Chain::new(equations, scaling, batch.lanes())))
+                Kind::Equations(Box::new(ChainedRollout::new(equations, scaling, batch.lanes())))
             }
         };
         let ratio = scaling.correction_scale.iter().zip(&scaling.output_scale).map(|(c, s)| T::of(c / s));
@@ -75,7 +75,7 @@ impl<T: Scalar> Ahead<T> {
         }
     }
 
-    pub(super) fn walk(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
+    pub(super) fn forward(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
         self.windows.clear();
         self.windows.extend_from_slice(windows);
         self.fill(runs);
@@ -87,7 +87,7 @@ impl<T: Scalar> Ahead<T> {
         }
     }
 
-    /// The outputs of the histories.
+    /// Fills the histories of the outputs.
     fn fill(&mut self, runs: &[ScaledRun<T>]) {
         let (n, lanes, steps) = (self.shape.outputs, self.batch.lanes(), self.shape.wash_out + 1);
         for (lane, window) in self.windows.iter().enumerate() {
@@ -95,7 +95,7 @@ impl<T: Scalar> Ahead<T> {
             let seen = &runs[window.run].outputs[from..from + steps * n];
             for i in 0..n {
                 let column = || seen[i..].iter().step_by(n);
-                // A window has measured each output once at least.
+                // Each output is measured at least once in a window.
                 let mut last = column().copied().find(|z| !z.is_nan()).unwrap_or(T::zero());
                 for (k, &z) in column().enumerate() {
                     if !z.is_nan() {
@@ -107,7 +107,7 @@ impl<T: Scalar> Ahead<T> {
         }
     }
 
-    /// What the network reads to predict from `first` samples after the origins on.
+    /// Gathers the inputs of the network for predictions from `first` samples after the origins.
     fn read(&mut self, runs: &[ScaledRun<T>], first: usize) {
         let Shape { outputs: n, inputs: m, wash_out, length, .. } = self.shape;
         let lanes = self.batch.lanes();
@@ -119,7 +119,7 @@ impl<T: Scalar> Ahead<T> {
         }
         for (lane, window) in self.windows.iter().enumerate() {
             let inputs = &runs[window.run].inputs;
-            // Behind the last command that is given it is held.
+            // The last command is held beyond the window.
             let end = window.origin + length - 1;
             let begin = window.origin + first - wash_out;
             for (k, into) in commands.chunks_exact_mut((m * lanes).max(1)).enumerate() {
@@ -131,7 +131,7 @@ impl<T: Scalar> Ahead<T> {
         }
     }
 
-    /// What the network adds to, in the place of predictions from `first` samples after the origins on.
+    /// Writes the base of the predictions from `first` samples after the origins.
     fn stand(&mut self, runs: &[ScaledRun<T>], first: usize) {
         let lanes = self.batch.lanes();
         let row = self.shape.outputs * lanes;
@@ -145,10 +145,10 @@ impl<T: Scalar> Ahead<T> {
             Kind::Hold => after.chunks_exact_mut(row).for_each(|into| into.copy_from_slice(present)),
             Kind::Equations(_) if first == 0 => {
                 for (lane, window) in self.windows.iter().enumerate() {
-                    // Windows are of runs that have been looked through with these equations.
-                    let Some(below) = &runs[window.run].below else { continue };
+                    // Windows exist only in runs with rollouts of these equations.
+                    let Some(base_rollout) = &runs[window.run].base_rollout else { continue };
                     for (into, &e) in
-                        after.iter_mut().skip(lane).step_by(lanes).zip(below.ahead(window.origin))
+                        after.iter_mut().skip(lane).step_by(lanes).zip(base_rollout.ahead(window.origin))
                     {
                         *into = e;
                     }
@@ -156,12 +156,12 @@ impl<T: Scalar> Ahead<T> {
             }
             Kind::Equations(chain) => {
                 let before = &before[(first - self.horizon) * row..];
-                chain.go_on(runs, &self.windows, first, before, after);
+                chain.continue_from(runs, &self.windows, first, before, after);
             }
         }
     }
 
-    /// Predictions from what the network gives.
+    /// Adds the output of the network to the base.
     fn predict(&mut self, first: usize) {
         let (n, lanes) = (self.shape.outputs, self.batch.lanes());
         let row = n * lanes;
@@ -188,7 +188,7 @@ impl<T: Scalar> Ahead<T> {
         }
     }
 
-    pub(super) fn leaves(&self, most: f64) -> bool {
+    pub(super) fn exceeds(&self, most: f64) -> bool {
         let most = T::of(most);
         let mut rows = self.predicted.chunks_exact(self.batch.lanes());
         rows.any(|row| row[..self.windows.len()].iter().any(|z| z.is_nan() || z.abs() > most))

@@ -1,4 +1,4 @@
-//! Equations below a direct predictor beyond its first horizon: they go on from what was predicted.
+//! Rollouts of the base equations of a direct predictor beyond its first horizon.
 
 use std::sync::Arc;
 
@@ -8,22 +8,22 @@ use hydroid_core::model::sparse::Equations;
 
 use super::windows::{ScaledRun, Window};
 
-/// The equations' state in each lane, in double precision and in their own units. It is for judging alone: the way back is for one
-/// horizon, over which [`Below`](super::below::Below) knows what they say.
+/// State of the equations in each lane, in double precision and physical units. Used for validation only: the gradient is
+/// of the first horizon, for which [`BaseRollout`](super::base_rollout::BaseRollout) has the values.
 #[derive(Clone, Debug)]
-pub(super) struct Chain {
+pub(super) struct ChainedRollout {
     equations: Arc<Equations>,
     mean: Vec<f64>,
     scale: Vec<f64>,
     lanes: usize,
-    /// Where the horizon of the moment begins in each lane.
+    /// State at the start of the present horizon, for each lane.
     states: Vec<f64>,
-    /// On its way through a horizon.
+    /// State within the horizon.
     now: Vec<f64>,
     scratch: Vec<f64>,
 }
 
-impl Chain {
+impl ChainedRollout {
     pub(super) fn new(equations: &Arc<Equations>, scaling: &Scaling, lanes: usize) -> Self {
         let len = equations.state_len();
         Self {
@@ -37,9 +37,9 @@ impl Chain {
         }
     }
 
-    /// What equations say from `first` samples after the origins on, into the rows of `after`; `before` are the predictions of
-    /// the horizon that ends there.
-    pub(super) fn go_on<T: Scalar>(
+    /// Writes the rollout from `first` samples after the origins to `after`; `before` are the predictions of the horizon
+    /// that ends there.
+    pub(super) fn continue_from<T: Scalar>(
         &mut self,
         runs: &[ScaledRun<T>],
         windows: &[Window],
@@ -54,12 +54,12 @@ impl Chain {
             let run = &runs[window.run];
             let state = &mut self.states[lane * len..(lane + 1) * len];
             if first == horizon
-                && let Some(below) = &run.below
+                && let Some(base_rollout) = &run.base_rollout
             {
-                state.copy_from_slice(below.state(window.origin));
+                state.copy_from_slice(base_rollout.state(window.origin));
             }
             let command = |k: usize| &run.commands[(window.origin + k) * m..(window.origin + k + 1) * m];
-            // What they remember is of the predictions.
+            // The signal memory follows the predictions.
             for (j, z) in before.chunks_exact(row).enumerate() {
                 self.equations.wait(state, command(first - horizon + j), &mut self.scratch);
                 for i in 0..n {

@@ -13,7 +13,7 @@ use hydroid_core::model::direct::Perceptron;
 /// is averaged out; what the data make of all of them is not.
 ///
 /// Source: L. K. Hansen and P. Salamon, *Neural network ensembles*, IEEE PAMI, 1990.
-pub(super) fn mean(models: &[ControlAffine]) -> Option<ControlAffine> {
+pub(super) fn weight_average(models: &[ControlAffine]) -> Option<ControlAffine> {
     let first = models.first()?;
     let (count, deep) = (models.len(), first.network.hidden.len());
     if deep == 0 {
@@ -86,7 +86,7 @@ mod tests {
     fn f_and_g_of_the_mean_are_the_means() {
         for hidden in [&[4][..], &[4, 3]] {
             let models: Vec<ControlAffine> = (0..3).map(|seed| network(hidden, seed)).collect();
-            let mean = mean(&models).unwrap();
+            let mean = weight_average(&models).unwrap();
             assert_eq!(mean.check(), Ok(()));
             assert!((mean.effectors[1].time_constant_s - 0.1 * 6.0_f64.cbrt()).abs() < 1e-12);
             let at = |model: &ControlAffine| {
@@ -104,6 +104,6 @@ mod tests {
                 }
             }
         }
-        assert_eq!(mean(&[]), None);
+        assert_eq!(weight_average(&[]), None);
     }
 }

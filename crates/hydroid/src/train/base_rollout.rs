@@ -1,4 +1,4 @@
-//! What equations say of the horizon that begins at each sample of a run. It does not depend on the weights, and is made once.
+//! Rollouts of the base equations of a direct predictor. They do not depend on the weights and are computed once.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::Scaling;
@@ -7,29 +7,28 @@ use rayon::prelude::*;
 
 use crate::log::Trajectory;
 
-/// Rollouts of equations along a run.
+/// Rollouts of equations from each sample of a run.
 ///
-/// At the sample `k` they begin from what was measured, or from the value that was measured last where one is missing, with
-/// what the equations remember (lags, past values) walked along the samples before, as a session walks. It takes `H` times
-/// the memory of the outputs themselves, in the precision of the training: 17 MB of single precision for two hours of three
-/// outputs at 10 Hz and 20 steps.
+/// The rollout at sample `k` starts from the measurement (a missing value is held) and the signal memory (lags, past values)
+/// of the run so far. The memory is `H` times that of the outputs, in the precision of the training: 17 MB in single
+/// precision for two hours of three outputs at 10 Hz and 20 steps.
 #[derive(Clone, Debug)]
-pub(super) struct Below<T> {
-    /// `e_{k+1} .. e_{k+H}` of each sample, scaled, `samples x H x outputs`: NaN where the past is not known; behind the end of
-    /// the run the last one stands.
+pub(super) struct BaseRollout<T> {
+    /// Scaled `e_{k+1} .. e_{k+H}` of each sample, `samples x H x outputs`: NaN while the signal memory is incomplete; the
+    /// last value is held beyond the end of the run.
     ahead: Vec<T>,
-    /// Numbers of a sample: `H x outputs`.
+    /// Row length: `H x outputs`.
     row: usize,
-    /// State of the equations at each sample, `samples x state`: outputs, then what they remember.
+    /// State of the equations at each sample, `samples x state`: outputs, then signal memory.
     states: Vec<f64>,
     state: usize,
 }
 
-impl<T: Scalar> Below<T> {
-    /// Along a run, for a horizon.
+impl<T: Scalar> BaseRollout<T> {
+    /// Rollouts along a run over `horizon` samples.
     ///
     /// # Errors
-    /// The time \[s\] from which they run away within the horizon: no network could correct that.
+    /// The time \[s\] from which the equations diverge within the horizon.
     pub(super) fn new(
         equations: &Equations,
         run: &Trajectory,
@@ -37,7 +36,7 @@ impl<T: Scalar> Below<T> {
         horizon: usize,
     ) -> Result<Self, f64> {
         let (n, state) = (equations.outputs(), equations.state_len());
-        let states = walk(equations, run);
+        let states = forward(equations, run);
         let row = horizon * n;
         let mut ahead = vec![T::nan(); run.len() * row];
         let first = equations.warm_up() - 1;
@@ -53,22 +52,22 @@ impl<T: Scalar> Below<T> {
                 }
             }
         });
-        let below = Self { ahead, row, states, state };
+        let base_rollout = Self { ahead, row, states, state };
         let runs_away = |&k: &usize| {
             let given = k..(k + horizon).min(run.len() - 1);
-            let known = below.states[k * state..(k + 1) * state].iter().all(|x| x.is_finite());
+            let known = base_rollout.states[k * state..(k + 1) * state].iter().all(|x| x.is_finite());
             known
-                && !below.knows(k)
+                && !base_rollout.is_known(k)
                 && given.into_iter().all(|j| run.inputs.row(j).iter().all(|c| c.is_finite()))
         };
         match (first..run.len()).find(runs_away) {
             Some(k) => Err(run.t0 + k as f64 * run.dt),
-            None => Ok(below),
+            None => Ok(base_rollout),
         }
     }
 
-    /// Whether it is known what they say from a sample on.
-    pub(super) fn knows(&self, k: usize) -> bool {
+    /// Whether the rollout from a sample is finite.
+    pub(super) fn is_known(&self, k: usize) -> bool {
         self.ahead(k).iter().all(|e| e.is_finite())
     }
 
@@ -83,8 +82,8 @@ impl<T: Scalar> Below<T> {
     }
 }
 
-/// The state of equations at each sample of a run.
-fn walk(equations: &Equations, run: &Trajectory) -> Vec<f64> {
+/// State of the equations at each sample of a run.
+fn forward(equations: &Equations, run: &Trajectory) -> Vec<f64> {
     let (n, len) = (equations.outputs(), equations.state_len());
     let mut now = vec![f64::NAN; len];
     let mut scratch = vec![0.0; equations.scratch()];
