@@ -10,13 +10,13 @@ use core::panic::PanicInfo;
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanPlant, LearnablePlant, Tuning};
-use hydroid_core::control::cem::{Cost, Planner, PlannerSettings};
+use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{
-    AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
+    AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationOptions,
 };
-use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, Walker};
+use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, TimedReference};
 use hydroid_core::model::recurrent::{
-    Base, Cell, Network, Recurrent, RecurrentSession, Rollout, Scaling, StateFilter,
+    BaseModel, Cell, Network, Recurrent, RecurrentSession, Rollout, Scaling, StateFilter,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::model::{PlantModel, PlantSession};
@@ -62,13 +62,13 @@ fn steer(u: f64) -> f64 {
     let vessel = VesselParams::hydrofoil();
     let Ok(model) = AffinePlant::new(&vessel) else { return f64::NAN };
     let limits = AffinePlant::limits(&vessel);
-    let settings = FeedbackLinearizationSettings::new(1.5);
+    let settings = FeedbackLinearizationOptions::new(1.5);
     let Ok(mut law) = FeedbackLinearization::new(model, &limits, 0.1, settings) else { return f64::NAN };
     let Ok(path) = Path::circle([0.0; 2], 20.0, Side::Starboard, 0.0) else { return f64::NAN };
     let Ok(profile) = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)) else { return f64::NAN };
     let mut command = [0.0; 2];
     let estimate = Estimate { eta: [20.0, 0.0, 1.5], nu: [u, 0.0, 0.0], actuators: &[] };
-    law.command(&estimate, &Walker::new(&profile).reference(&path, &profile), &mut command);
+    law.command(&estimate, &TimedReference::new(&profile).reference(&path, &profile), &mut command);
     command[0]
 }
 
@@ -77,11 +77,11 @@ fn plan(u: f64) -> f64 {
     let vessel = VesselParams::hydrofoil();
     let Ok(model) = PlantModel::new(&vessel, 0.1) else { return f64::NAN };
     let limits = AffinePlant::limits(&vessel);
-    let (settings, cost) = (PlannerSettings::new(1), Cost::tracking(2));
+    let (settings, cost) = (PlannerOptions::new(1), Cost::tracking(2));
     let Ok(mut planner) = Planner::new(settings, cost, &limits, 3, 0.1, 5.0) else { return f64::NAN };
     let Ok(path) = Path::circle([0.0; 2], 20.0, Side::Starboard, 0.0) else { return f64::NAN };
     let Ok(profile) = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)) else { return f64::NAN };
-    let references = [Walker::new(&profile).reference(&path, &profile); 20];
+    let references = [TimedReference::new(&profile).reference(&path, &profile); 20];
     let mut session = PlantSession::new(&model);
     session.observe(&[u, 0.0, 0.0]);
     let mut command = [0.0; 2];
@@ -114,7 +114,7 @@ fn recurrent(rd: f64) -> f64 {
             input_scale: one(),
             correction_scale: one(),
         },
-        base: Base::Nothing,
+        base: BaseModel::Nothing,
         feedback: false,
         wash_out: 10,
         state_filter: Some(StateFilter { process: 1e-4, initial: 1.0, noise: one() }),

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use divan::Bencher;
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{
-    Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Scaling, StateFilter,
+    BaseModel, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Scaling,
+    StateFilter,
 };
 use hydroid_core::predict::{Predictor, Workspace};
 
@@ -93,7 +94,7 @@ fn session(name: &str, feedback: bool, filtered: bool) -> RecurrentSession {
         network,
         weights: numbers(network.weights()),
         scaling,
-        base: Base::Nothing,
+        base: BaseModel::Nothing,
         feedback,
         wash_out: 100,
         state_filter: filtered.then_some(filter),

@@ -6,15 +6,15 @@ mod written;
 use std::sync::Arc;
 
 use divan::{Bencher, black_box};
-use hydroid_core::control::cem::{Cost, Planner, PlannerSettings};
+use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{
-    AffineEquations, AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings,
-    Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings, HeadingGains,
-    LearnedCorrection, LearnedCorrectionSettings, SpeedGains,
+    AdaptiveAugmentation, AdaptiveAugmentationOptions, AffineEquations, AffinePlant, Autopilot,
+    AutopilotOptions, Backstepping, BacksteppingOptions, Controller, Estimate, FeedbackLinearization,
+    FeedbackLinearizationOptions, HeadingGains, SpeedGains,
 };
-use hydroid_core::guidance::{LineOfSightSettings, Path, Reference, Side};
+use hydroid_core::guidance::{LineOfSightOptions, Path, Reference, Side};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
-use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, RecurrentSession, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
 use hydroid_core::predict::Predictor;
 use hydroid_core::vessel::VesselParams;
@@ -54,7 +54,7 @@ fn run(bencher: Bencher, controller: &mut dyn Controller) {
 
 #[divan::bench(args = MODELS, sample_size = 1_000)]
 fn feedback_linearization(bencher: Bencher, name: &str) {
-    let (vessel, settings) = (vessel(name), FeedbackLinearizationSettings::new(1.5));
+    let (vessel, settings) = (vessel(name), FeedbackLinearizationOptions::new(1.5));
     let limits = AffinePlant::limits(&vessel);
     if name.ends_with("plant") {
         let plant = AffinePlant::new(&vessel).expect("built in");
@@ -66,7 +66,7 @@ fn feedback_linearization(bencher: Bencher, name: &str) {
 
 #[divan::bench(args = MODELS, sample_size = 1_000)]
 fn backstepping(bencher: Bencher, name: &str) {
-    let (vessel, settings) = (vessel(name), BacksteppingSettings::new(1.5));
+    let (vessel, settings) = (vessel(name), BacksteppingOptions::new(1.5));
     let limits = AffinePlant::limits(&vessel);
     if name.ends_with("plant") {
         let plant = AffinePlant::new(&vessel).expect("built in");
@@ -81,16 +81,16 @@ fn backstepping(bencher: Bencher, name: &str) {
 fn learned_correction(bencher: Bencher) {
     let vessel = VesselParams::simple();
     let plant = AffinePlant::new(&vessel).expect("built in");
-    let (limits, settings) = (AffinePlant::limits(&vessel), FeedbackLinearizationSettings::new(1.5));
+    let (limits, settings) = (AffinePlant::limits(&vessel), FeedbackLinearizationOptions::new(1.5));
     let base = FeedbackLinearization::new(plant, &limits, 0.1, settings).expect("possible");
-    let settings = LearnedCorrectionSettings::default();
-    run(bencher, &mut LearnedCorrection::new(base, settings, 1).expect("possible"));
+    let settings = AdaptiveAugmentationOptions::default();
+    run(bencher, &mut AdaptiveAugmentation::new(base, settings, 1).expect("possible"));
 }
 
 #[divan::bench(sample_size = 1_000)]
 fn autopilot(bencher: Bencher) {
-    let settings = AutopilotSettings {
-        line_of_sight: LineOfSightSettings { lookahead: 5.0, integral: 0.1 },
+    let settings = AutopilotOptions {
+        line_of_sight: LineOfSightOptions { lookahead: 5.0, integral: 0.1 },
         heading: HeadingGains::nomoto(1.2, 0.6, 1.0, 1.0, 2.0),
         speed: SpeedGains { proportional: 40.0, integral: 5.0, drag: [20.0, 18.0] },
         steerage: 0.3,
@@ -123,18 +123,24 @@ fn session(name: &str) -> Box<dyn Predictor> {
         Box::new(RecurrentSession::new(Arc::new(model)).expect("parts that fit"))
     };
     match name {
-        "LSTM" => recurrent(Cell::Lstm { hidden: 18, projection: Some(3) }, Base::Nothing, false),
-        "GRU" => recurrent(Cell::Gru { hidden: 18 }, Base::Nothing, false),
+        "LSTM" => recurrent(Cell::Lstm { hidden: 18, projection: Some(3) }, BaseModel::Nothing, false),
+        "GRU" => recurrent(Cell::Gru { hidden: 18 }, BaseModel::Nothing, false),
         "GRU on equations" => {
-            let base = Base::Equations(Arc::new(one_step("simple")));
+            let base = BaseModel::Equations(Arc::new(one_step("simple")));
             recurrent(Cell::Gru { hidden: 18 }, base, true)
         }
         "direct" => {
             let (inputs, outputs) = Direct::lengths(4, 20, 3, 2);
             let network = Perceptron { inputs, hidden: vec![256; 3], outputs };
             let weights = (0..network.weights()).map(|k| 0.1 * number(k)).collect();
-            let model =
-                Direct { network, weights, scaling: scaling(), history: 4, horizon: 20, base: Base::Nothing };
+            let model = Direct {
+                network,
+                weights,
+                scaling: scaling(),
+                history: 4,
+                horizon: 20,
+                base: BaseModel::Nothing,
+            };
             Box::new(DirectSession::new(Arc::new(model)).expect("parts that fit"))
         }
         name => Box::new(EquationsSession::new(Arc::new(one_step(name)))),
@@ -171,7 +177,7 @@ fn begin(session: &mut dyn Predictor) {
 fn plans(bencher: Bencher, session: &dyn Predictor) {
     let limits = AffinePlant::limits(&VesselParams::hydrofoil());
     // What is drawn alone: steps downhill are 49 candidates each.
-    let settings = PlannerSettings { descents: 0, ..PlannerSettings::new(1) };
+    let settings = PlannerOptions { gauss_newton_steps: 0, ..PlannerOptions::new(1) };
     let mut planner = Planner::new(settings, Cost::tracking(2), &limits, 3, 0.1, 5.0).expect("possible");
     let path = Path::circle([0.0, 0.0], 20.0, Side::Starboard, 0.0).expect("a circle");
     let at = |k: u32| Reference::new(0.24 * f64::from(k), &path.at(0.24 * f64::from(k)), 2.4, 0.0);

@@ -9,7 +9,7 @@ use divan::counter::ItemsCount;
 use hydroid_core::adapt::{DirectReadOut, ReadOutSettings};
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::{Batch, Direct, DirectSession, Perceptron};
-use hydroid_core::model::recurrent::{Base, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
 
 fn main() {
@@ -67,7 +67,14 @@ fn model() -> Arc<Direct> {
         correction_scale: vec![1.0; 3],
     };
     let weights = numbers(network.weights());
-    Arc::new(Direct { network, weights, scaling, history: HISTORY, horizon: HORIZON, base: Base::Nothing })
+    Arc::new(Direct {
+        network,
+        weights,
+        scaling,
+        history: HISTORY,
+        horizon: HORIZON,
+        base: BaseModel::Nothing,
+    })
 }
 
 /// A whole sample of a session whose read-out learns, observed and advanced: 257 weights for each of 60 numbers.

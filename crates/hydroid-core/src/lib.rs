@@ -13,6 +13,7 @@ extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
+pub mod actuator;
 pub mod adapt;
 pub mod control;
 pub mod guidance;

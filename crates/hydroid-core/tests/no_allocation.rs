@@ -10,7 +10,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use hydroid_core::adapt::guard::{Guard, GuardSettings};
+use hydroid_core::actuator::Map;
+use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::kalman::{
     KalmanEquations, KalmanNetwork, KalmanPlant, LearnableEquations, LearnablePlant, Memory, Rehearsal,
     Tuning,
@@ -19,20 +20,20 @@ use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, Outcome, ReadOutSettings,
     RecursiveEquations, Settings,
 };
-use hydroid_core::control::Map;
-use hydroid_core::control::cem::{Cost, Planner, PlannerSettings};
+use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{
-    AffineEquations, AffineNetwork, AffinePlant, Autopilot, AutopilotSettings, Backstepping,
-    BacksteppingSettings, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
-    HeadingGains, LearnedCorrection, LearnedCorrectionSettings, SpeedGains,
+    AdaptiveAugmentation, AdaptiveAugmentationOptions, AffineEquations, AffineNetwork, AffinePlant,
+    Autopilot, AutopilotOptions, Backstepping, BacksteppingOptions, Controller, Estimate,
+    FeedbackLinearization, FeedbackLinearizationOptions, HeadingGains, SpeedGains,
 };
 use hydroid_core::guidance::{
-    Follower, LineOfSight, LineOfSightSettings, Path, Reference, Side, SpeedLimits, SpeedProfile, Walker,
+    LineOfSight, LineOfSightOptions, Path, PathReference, Reference, Side, SpeedLimits, SpeedProfile,
+    TimedReference,
 };
 use hydroid_core::model::affine::{ControlAffine, ControlAffineSession, Effector};
 use hydroid_core::model::direct::{Batch, Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
-    Base, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
+    BaseModel, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
     StateFilter, Tape,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
@@ -91,7 +92,7 @@ fn guarded(equations: &Equations, settings: &Settings) -> Guard {
     let learner = || -> Box<dyn Adapter> {
         Box::new(RecursiveEquations::new(equations, &[(-1.0, 1.0); 5], settings).unwrap())
     };
-    let settings = GuardSettings { horizon: 4, stride: 1, keep: 2, ..GuardSettings::new(0.1) };
+    let settings = GuardOptions { horizon: 4, stride: 1, keep: 2, ..GuardOptions::new(0.1) };
     Guard::new(learner(), [learner(), learner()], &[(-1.0, 1.0); 5], &[0.01; 3], settings).unwrap()
 }
 
@@ -136,10 +137,10 @@ fn recurrent_sessions(equations: &Arc<Equations>) -> Vec<Box<dyn Predictor>> {
     ] {
         let filter = StateFilter { process: 1e-4, initial: 1.0, noise: vec![0.1; 3] };
         for (base, feedback, state_filter) in [
-            (Base::Nothing, false, None),
-            (Base::Nothing, false, Some(filter)),
-            (Base::Hold, true, None),
-            (Base::Equations(equations.clone()), true, None),
+            (BaseModel::Nothing, false, None),
+            (BaseModel::Nothing, false, Some(filter)),
+            (BaseModel::Hold, true, None),
+            (BaseModel::Equations(equations.clone()), true, None),
         ] {
             let network = Network { cell, inputs: if feedback { 5 } else { 2 }, outputs: 3, read_out: true };
             derivatives_allocate_nothing(network);
@@ -196,7 +197,7 @@ fn learning_networks_allocate_nothing() {
         };
         let uniform = Tuning::uniform(weights.len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
         let tuning = Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, memory, ..uniform };
-        let (base, state_filter) = (Base::Nothing, None);
+        let (base, state_filter) = (BaseModel::Nothing, None);
         let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter };
         let (windows, samples, initial_state) = (2, 10, 0.1);
         let rehearsal = Rehearsal { windows, samples, every: 2, initial_state, noise_factor: 1.0 };
@@ -227,10 +228,9 @@ fn controllers() -> Vec<Box<dyn Controller>> {
     let plant = || AffinePlant::new(&vessel).unwrap();
     let equations =
         || AffineEquations::new(&written::equations(&vessel, written::Force::Hidden), [0, 1, 2]).unwrap();
-    let linearized =
-        FeedbackLinearizationSettings { integral: 0.2, ..FeedbackLinearizationSettings::new(1.5) };
-    let autopilot = AutopilotSettings {
-        line_of_sight: LineOfSightSettings { lookahead: 5.0, integral: 0.1 },
+    let linearized = FeedbackLinearizationOptions { integral: 0.2, ..FeedbackLinearizationOptions::new(1.5) };
+    let autopilot = AutopilotOptions {
+        line_of_sight: LineOfSightOptions { lookahead: 5.0, integral: 0.1 },
         heading: HeadingGains::nomoto(1.2, 0.6, 1.0, 1.0, 2.0),
         speed: SpeedGains { proportional: 40.0, integral: 5.0, drag: [20.0, 18.0] },
         steerage: 0.3,
@@ -248,13 +248,13 @@ fn controllers() -> Vec<Box<dyn Controller>> {
             )
             .unwrap(),
         ),
-        Box::new(Backstepping::new(plant(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
-        Box::new(Backstepping::new(equations(), &limits, 0.1, BacksteppingSettings::new(1.5)).unwrap()),
+        Box::new(Backstepping::new(plant(), &limits, 0.1, BacksteppingOptions::new(1.5)).unwrap()),
+        Box::new(Backstepping::new(equations(), &limits, 0.1, BacksteppingOptions::new(1.5)).unwrap()),
         Box::new(Autopilot::new(&limits, 0.1, autopilot).unwrap()),
         Box::new(
-            LearnedCorrection::new(
+            AdaptiveAugmentation::new(
                 FeedbackLinearization::new(plant(), &limits, 0.1, linearized).unwrap(),
-                LearnedCorrectionSettings { window_s: 0.3, ..LearnedCorrectionSettings::default() },
+                AdaptiveAugmentationOptions { window_s: 0.3, ..AdaptiveAugmentationOptions::default() },
                 1,
             )
             .unwrap(),
@@ -266,17 +266,17 @@ fn controllers() -> Vec<Box<dyn Controller>> {
 fn steering_allocates_nothing() {
     let path = Path::lawn_mower([0.0, 0.0], 0.3, 30.0, 20.0, 3, 8.0, Side::Port).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)).unwrap();
-    let settings = LineOfSightSettings { lookahead: 5.0, integral: 0.1 };
+    let settings = LineOfSightOptions { lookahead: 5.0, integral: 0.1 };
     for mut controller in controllers() {
-        let (mut walker, mut follower) = (Walker::new(&profile), Follower::new(0.0, 5.0));
+        let (mut walker, mut follower) = (TimedReference::new(&profile), PathReference::new(0.0, 5.0));
         let mut sight = LineOfSight::new(settings).unwrap();
         let mut command = [0.0; 2];
         let count = allocations(|| {
             for k in 0..100 {
                 let x = 0.1 * f64::from(k);
                 walker.advance(&profile, 0.1);
-                let foot = follower.foot(&path, [x, 0.2]);
-                sight.aim(&foot.pose, [x, 0.2], [1.0, 0.0], 0.1);
+                let foot = follower.project(&path, [x, 0.2]);
+                sight.update(&foot.pose, [x, 0.2], [1.0, 0.0], 0.1);
                 let measured = [if k % 7 == 0 { f64::NAN } else { 20.0 }, f64::NAN];
                 let nu = [if k % 11 == 0 { f64::NAN } else { 0.1 * x }, 0.0, 0.01];
                 let estimate = Estimate { eta: [x, 0.2, 0.3], nu, actuators: &measured };
@@ -296,7 +296,7 @@ fn updating_allocates_nothing() {
     let vessel = VesselParams::simple();
     let equations = written::equations(&vessel, written::Force::Measured);
     let model = AffineEquations::new(&equations, [0, 1, 2]).unwrap();
-    let settings = FeedbackLinearizationSettings::new(1.5);
+    let settings = FeedbackLinearizationOptions::new(1.5);
     let mut law = FeedbackLinearization::new(model, &AffinePlant::limits(&vessel), 0.1, settings).unwrap();
     let good = equations.coefficients().to_vec();
     let bad: Vec<f64> = good.iter().map(|c| -c).collect();
@@ -311,7 +311,7 @@ fn updating_allocates_nothing() {
 /// Plans on a session, with time and without.
 fn planning_allocates_nothing(session: &dyn Predictor) {
     let limits = AffinePlant::limits(&VesselParams::hydrofoil());
-    let settings = PlannerSettings { candidates: 12, elites: 4, iterations: 2, ..PlannerSettings::new(1) };
+    let settings = PlannerOptions { candidates: 12, elites: 4, iterations: 2, ..PlannerOptions::new(1) };
     let mut planner = Planner::new(settings, Cost::tracking(2), &limits, 3, 0.1, 5.0).unwrap();
     let path = Path::circle([0.0, 0.0], 20.0, Side::Port, 0.0).unwrap();
     let references = [Reference::new(1.0, &path.at(1.0), 2.0, 0.0); 20];
@@ -353,7 +353,7 @@ fn recurrent_batches_allocate_nothing(cell: Cell) {
 }
 
 /// Predicts four samples at once from three; with a batch of its network on the way.
-fn direct(base: Base) -> Arc<Direct> {
+fn direct(base: BaseModel) -> Arc<Direct> {
     let (inputs, outputs) = Direct::lengths(3, 4, 3, 2);
     let network = Perceptron { inputs, hidden: vec![7, 5], outputs };
     let weights = vec![0.1; network.weights()];
@@ -378,7 +378,7 @@ fn direct(base: Base) -> Arc<Direct> {
 }
 
 /// Its last layer learns.
-fn read_out(base: Base) -> DirectReadOut {
+fn read_out(base: BaseModel) -> DirectReadOut {
     let settings = ReadOutSettings { forgetting: 0.99, information: 0.1, leak: true, noise_rate: 0.01 };
     DirectReadOut::new(direct(base), &settings).unwrap()
 }
@@ -433,7 +433,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(adapter.clone());
     learning_allocates_nothing(filtered(&equations));
     learning_networks_allocate_nothing();
-    learning_allocates_nothing(read_out(Base::Hold));
+    learning_allocates_nothing(read_out(BaseModel::Hold));
     learning_allocates_nothing(guarded(&equations, &settings));
     let hydrofoil = PlantModel::new(&VesselParams::hydrofoil(), 0.1).unwrap();
     learning_allocates_nothing(vessel(&hydrofoil));
@@ -449,16 +449,16 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
     let below = Arc::new(recalling.clone());
     let [on_plain, on_recalling] =
-        [&equations, &recalling].map(|equations| Base::Equations(Arc::new(equations.clone())));
+        [&equations, &recalling].map(|equations| BaseModel::Equations(Arc::new(equations.clone())));
     learning_allocates_nothing(read_out(on_recalling.clone()));
     let sessions: [Box<dyn Predictor>; 17] = [
         Box::new(ControlAffineSession::new(affine_network()).unwrap()),
-        Box::new(DirectSession::new(direct(Base::Hold)).unwrap()),
+        Box::new(DirectSession::new(direct(BaseModel::Hold)).unwrap()),
         Box::new(DirectSession::new(direct(on_plain)).unwrap()),
         Box::new(DirectSession::new(direct(on_recalling.clone())).unwrap()),
         Box::new(read_out(on_recalling)),
-        Box::new(read_out(Base::Hold)),
-        read_out(Base::Hold).fork(),
+        Box::new(read_out(BaseModel::Hold)),
+        read_out(BaseModel::Hold).fork(),
         vessel(&hydrofoil).fork(),
         Box::new(vessel(&hydrofoil)),
         Box::new(PlantSession::new(&hydrofoil)),

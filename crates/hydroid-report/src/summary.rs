@@ -1,6 +1,6 @@
 //! The first screen: what was found, from what, and whether it is any good.
 
-use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::recurrent::BaseModel;
 use maud::{Markup, html};
 
 use super::number::{self, duration, ratio};
@@ -227,14 +227,14 @@ fn model(candidate: &Candidate) -> &'static str {
         (Body::Equations(_), None) => "Sparse equations of motion",
         (Body::Equations(_), Some(_)) => "Sparse equations of motion that keep learning on the way",
         (Body::Recurrent(recurrent), _) => match recurrent.base {
-            Base::Equations(_) => "A recurrent network on top of equations of motion",
-            Base::Nothing | Base::Hold => "A recurrent network",
+            BaseModel::Equations(_) => "A recurrent network on top of equations of motion",
+            BaseModel::Nothing | BaseModel::Hold => "A recurrent network",
         },
         (Body::Direct(direct), _) => match direct.base {
-            Base::Equations(_) => {
+            BaseModel::Equations(_) => {
                 "A feed-forward network that predicts many steps at once on top of equations of motion"
             }
-            Base::Nothing | Base::Hold => "A feed-forward network that predicts many steps at once",
+            BaseModel::Nothing | BaseModel::Hold => "A feed-forward network that predicts many steps at once",
         },
         (Body::Affine(_), _) => "A feed-forward network of the rates that is affine in its inputs",
         (Body::Plant(_), _) => "A vessel with given parameters",

@@ -29,7 +29,7 @@ use hydroid::model::{self, Body, NamedTensor, weights_from_torch};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Tuning};
 use hydroid_core::model::recurrent::{
-    Base, Blocks, Cell, Layout, Network, Packed, Recurrent, RecurrentSession, Scaling, StateFilter,
+    BaseModel, Blocks, Cell, Layout, Network, Packed, Recurrent, RecurrentSession, Scaling, StateFilter,
 };
 use hydroid_core::predict::{Predictor, Workspace};
 use safetensors::SafeTensors;
@@ -268,6 +268,6 @@ fn network(path: impl AsRef<str>) -> Result<Recurrent, Failure> {
         input_scale: of("norm.input_std")?,
         correction_scale: of("norm.output_std")?,
     };
-    let (base, feedback, wash_out) = (Base::Nothing, false, 100);
+    let (base, feedback, wash_out) = (BaseModel::Nothing, false, 100);
     Ok(Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter: None })
 }

@@ -27,7 +27,7 @@ use hydroid::faults::Faults;
 use hydroid::log::Trajectory;
 use hydroid::model::{self, Body, Model};
 use hydroid_core::adapt::Adapter;
-use hydroid_core::adapt::guard::GuardSettings;
+use hydroid_core::adapt::guard::GuardOptions;
 use hydroid_core::predict::Workspace;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -211,7 +211,7 @@ fn row(case: &Case, shore: &Trajectory) -> Result<Row, Failure> {
     let scale: Vec<f64> =
         model.description.outputs.iter().map(|port| 0.5 * (port.range.high - port.range.low)).collect();
     let floor = NOISE.iter().zip(&scale).map(|(noise, scale)| noise / scale).sum::<f64>() / 3.0;
-    let settings = GuardSettings::new(model.description.dt);
+    let settings = GuardOptions::new(model.description.dt);
     let window = settings.window;
     let with = |options: &Options| -> Result<Box<dyn Adapter>, Failure> {
         Ok(adapt::adapter(model, options, &[run])?.0)

@@ -34,8 +34,8 @@ use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
 use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
 use hydroid_core::control::{
-    AffineEquations, AffineNetwork, AffinePlant, Backstepping, BacksteppingSettings, Controller,
-    FeedbackLinearization, FeedbackLinearizationSettings, Status,
+    AffineEquations, AffineNetwork, AffinePlant, Backstepping, BacksteppingOptions, Controller,
+    FeedbackLinearization, FeedbackLinearizationOptions, Status,
 };
 use hydroid_core::model::affine::ControlAffine;
 use hydroid_core::model::sparse::{Equations, Term};
@@ -245,8 +245,8 @@ pub fn on_network(
 /// Bandwidth \[rad/s\] and damping; none for those of the law.
 pub type Gains = Option<(f64, f64)>;
 
-fn settings(ahead: f64, gains: Gains) -> FeedbackLinearizationSettings {
-    let own = FeedbackLinearizationSettings::new(ahead);
+fn settings(ahead: f64, gains: Gains) -> FeedbackLinearizationOptions {
+    let own = FeedbackLinearizationOptions::new(ahead);
     gains.map_or(own, |(omega, zeta)| own.with_bandwidth(omega, zeta))
 }
 
@@ -322,7 +322,7 @@ fn main() -> Result<(), std::num::ParseFloatError> {
         let law = on_network(&vessel, &net, task.ahead, gains);
         row("hydrofoil: control-affine network", &vessel, task, law, false);
         let stepped = affine(&vessel, &found).and_then(|model| {
-            let settings = BacksteppingSettings::new(task.ahead);
+            let settings = BacksteppingOptions::new(task.ahead);
             Backstepping::new(model, &AffinePlant::limits(&vessel), DT, settings)
                 .map_err(|error| error.to_string())
         });

@@ -10,7 +10,7 @@ use anyhow::bail;
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection};
 use hydroid::model::{self, Description, Model, Motion, Reading};
-use hydroid_core::model::recurrent::{Base, Scaling, Tensor};
+use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
 use hydroid_live::black_box::{BlackBox, is_black_box};
 use serde_json::json;
 
@@ -172,11 +172,11 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
     document
 }
 
-fn base(of: &Base) -> &'static str {
+fn base(of: &BaseModel) -> &'static str {
     match of {
-        Base::Nothing => "nothing",
-        Base::Hold => "hold",
-        Base::Equations(_) => "equations",
+        BaseModel::Nothing => "nothing",
+        BaseModel::Hold => "hold",
+        BaseModel::Equations(_) => "equations",
     }
 }
 

@@ -4,8 +4,8 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use super::channel::{Channel, Limits, Map};
 use super::error::{ControlError, at_least, positive};
+use crate::actuator::{Channel, Limits, Map};
 
 /// Seconds for which the last commands are held where there is nothing to go by.
 const HOLD_S: f64 = 1.0;
@@ -14,7 +14,7 @@ const HOLD_S: f64 = 1.0;
 ///
 /// An effort `tau_i = phi_i(a_i)` is what the motion depends on; `a_i` the position of the actuator (a force, an angle,
 /// revolutions); `c_i` its command. Over a sample of `dt` seconds the position goes from `a` to `a+ = e a + (1 - e) c`, `e
-/// = exp(-dt / T)` (`Lag`, in general), so the command after which the effort *at the end of the sample* is the wanted one
+/// = exp(-dt / T)` ([`Lag`](crate::actuator::Lag), in general), so the command after which the effort *at the end of the sample* is the wanted one
 /// is
 ///
 /// ```text
@@ -119,7 +119,7 @@ impl Actuators {
     }
 
     fn checked(index: usize, channel: &Channel, limits: Limits, dt: f64) -> Result<Actuator, ControlError> {
-        let over = channel.lag.over(dt);
+        let over = channel.lag.discretize(dt);
         let [decay, gain, offset] = over;
         if !channel.lag.is_invertible() || over.iter().any(|x| !x.is_finite()) || gain == 0.0 {
             return Err(ControlError::Lag { channel: index });
@@ -147,7 +147,7 @@ impl Actuators {
         }
         for (actuator, channel) in self.all.iter_mut().zip(channels) {
             actuator.map = channel.map;
-            [actuator.decay, actuator.gain, actuator.offset] = channel.lag.over(self.dt);
+            [actuator.decay, actuator.gain, actuator.offset] = channel.lag.discretize(self.dt);
         }
         Ok(())
     }

@@ -3,8 +3,8 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::channel::{Channel, Limits, Map};
 use super::error::ControlError;
+use crate::actuator::{Channel, Lag, Limits, Map};
 use crate::vessel::{Command, InvalidParams, Plant, RudderLaw, VesselParams};
 
 /// Motion that is affine in efforts:
@@ -63,8 +63,7 @@ impl AffinePlant {
             RudderLaw::Sine => (Map::Sine, core::f64::consts::FRAC_PI_2),
         };
         let moment = plant.actuation(&Command { pp: 0.0, rd: unit }).moment_per_speed;
-        let propeller =
-            Channel { lag: super::Lag::of_time_constant(params.propeller.lag), map: Map::Identity };
+        let propeller = Channel { lag: Lag::of_time_constant(params.propeller.lag), map: Map::Identity };
         Ok(Self { plant, channels: [propeller, Channel { map, ..Channel::default() }], moment })
     }
 

@@ -9,14 +9,14 @@ use num_traits::Float;
 /// [b_i s_i]`, what full efforts give,
 ///
 /// ```text
-/// tau = S B' (B B' + lambda^2 I)^-1 wanted,     lambda^2 = max(0, weakest^2 - sigma^2)
+/// tau = S B' (B B' + lambda^2 I)^-1 wanted,     lambda^2 = max(0, min_control_authority^2 - sigma^2)
 /// ```
 ///
 /// `sigma`, the least singular value of `B`, is the acceleration that all actuators together give in the direction in
-/// which they give least; it is returned \[m/s^2\]. Where it is `weakest` or more, `lambda` is zero and `B tau = wanted`
-/// exactly. Where it is less, what is asked for in that direction is damped: its effort stays below `|wanted| / weakest`
+/// which they give least; it is returned \[m/s^2\]. Where it is `min_control_authority` or more, `lambda` is zero and `B tau = wanted`
+/// exactly. Where it is less, what is asked for in that direction is damped: its effort stays below `|wanted| / min_control_authority`
 /// spans and dies away with `sigma` instead of growing without bound, and the other direction is touched in the order of
-/// `(weakest / sigma_max)^2`. (Damped least squares: Y. Nakamura and H. Hanafusa, *Inverse kinematic solutions with
+/// `(min_control_authority / sigma_max)^2`. (Damped least squares: Y. Nakamura and H. Hanafusa, *Inverse kinematic solutions with
 /// singularity robustness for robot manipulator control*, 1986, with the damping only near the singularity, as S.
 /// Chiaverini has it, 1997.)
 ///
@@ -26,7 +26,7 @@ pub fn allocate(
     columns: &[[f64; 2]],
     spans: &[f64],
     wanted: [f64; 2],
-    weakest: f64,
+    min_control_authority: f64,
     efforts: &mut [f64],
 ) -> f64 {
     assert!(
@@ -43,7 +43,7 @@ pub fn allocate(
     // The lesser root from the product of both, which cancellation does not spoil.
     let greater = 0.5 * (a + c) + Float::hypot(0.5 * (a - c), b);
     let lesser = if greater > 0.0 { ((a * c - b * b) / greater).max(0.0) } else { 0.0 };
-    let damping = (weakest * weakest - lesser).max(0.0);
+    let damping = (min_control_authority * min_control_authority - lesser).max(0.0);
     let (a, c) = (a + damping, c + damping);
     let determinant = a * c - b * b;
     let [p, q] = wanted;

@@ -3,11 +3,11 @@
 use num_traits::Float;
 
 use super::actuators::Actuators;
-use super::channel::{Channel, Limits};
 use super::error::{ControlError, at_least, positive};
 use super::status::Status;
 use super::{Controller, Estimate};
-use crate::guidance::{LineOfSight, LineOfSightSettings, Reference};
+use crate::actuator::{Channel, Limits};
+use crate::guidance::{LineOfSight, LineOfSightOptions, Reference};
 use crate::vessel::kinematics::{pose_rate, wrap};
 
 /// Gains of the heading, in units of the rudder's command.
@@ -62,9 +62,9 @@ pub struct SpeedGains {
 
 /// How the autopilot is set.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AutopilotSettings {
+pub struct AutopilotOptions {
     /// Of the guidance.
-    pub line_of_sight: LineOfSightSettings,
+    pub line_of_sight: LineOfSightOptions,
     /// Of the rudder.
     pub heading: HeadingGains,
     /// Of the propeller.
@@ -81,7 +81,7 @@ pub struct AutopilotSettings {
 /// # Law
 ///
 /// With `psi_d` and `r_d` of the integral line of sight ([`LineOfSight`]) for the foot of the vessel on its path (a
-/// reference by a [`Follower`](crate::guidance::Follower)), `e_psi = psi_d - psi` within half a turn, `e_u = U_d - u`:
+/// reference by a [`PathReference`](crate::guidance::PathReference)), `e_psi = psi_d - psi` within half a turn, `e_u = U_d - u`:
 ///
 /// ```text
 /// rudder    = (speed / u)^exponent (K_turn r_d + K_p e_psi + K_i integral(e_psi) + K_d (r_d - r))
@@ -106,7 +106,7 @@ pub struct AutopilotSettings {
 /// there is no steering: [`Status::Singular`].
 #[derive(Clone, Debug)]
 pub struct Autopilot {
-    settings: AutopilotSettings,
+    settings: AutopilotOptions,
     sight: LineOfSight,
     actuators: Actuators,
     heading: f64,
@@ -118,8 +118,8 @@ impl Autopilot {
     ///
     /// # Errors
     /// If settings or limits are not possible.
-    pub fn new(limits: &[Limits; 2], dt: f64, settings: AutopilotSettings) -> Result<Self, ControlError> {
-        let AutopilotSettings { line_of_sight, heading, speed, steerage, tolerance } = settings;
+    pub fn new(limits: &[Limits; 2], dt: f64, settings: AutopilotOptions) -> Result<Self, ControlError> {
+        let AutopilotOptions { line_of_sight, heading, speed, steerage, tolerance } = settings;
         positive("the proportional gain of the heading", heading.proportional)?;
         at_least("the integral gain of the heading", heading.integral, 0.0)?;
         at_least("the derivative gain of the heading", heading.derivative, 0.0)?;
@@ -161,12 +161,12 @@ impl Controller for Autopilot {
             self.actuators.hold(command);
             return Status::Blind;
         }
-        let AutopilotSettings { heading, speed, steerage, tolerance, .. } = self.settings;
+        let AutopilotOptions { heading, speed, steerage, tolerance, .. } = self.settings;
         let [x, y, psi] = estimate.eta;
         let [u, _, r] = estimate.nu;
         let dt = self.actuators.dt();
         let [north, east, _] = pose_rate(psi, estimate.nu);
-        let aim = self.sight.aim(&reference.pose(), [x, y], [north, east], dt);
+        let aim = self.sight.update(&reference.pose(), [x, y], [north, east], dt);
 
         let off = wrap(aim.heading - psi);
         let scale = Float::powf(heading.speed / u.max(steerage), heading.exponent);

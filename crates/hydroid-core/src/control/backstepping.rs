@@ -3,16 +3,16 @@
 use num_traits::Float;
 
 use super::affine::Affine;
-use super::ahead::{PointAhead, shortened};
-use super::channel::Limits;
 use super::error::{ControlError, at_least, positive};
+use super::lookahead_point::{LookaheadPoint, shortened};
 use super::status::Status;
 use super::{Controller, Estimate};
+use crate::actuator::Limits;
 use crate::guidance::Reference;
 
 /// How a point ahead of a vessel is brought to its reference by backstepping.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BacksteppingSettings {
+pub struct BacksteppingOptions {
     /// Distance `l` of the point ahead of the origin \[m\]: half a length of the vessel or more.
     pub ahead: f64,
     /// `k_1` \[1/s\]: how fast a distance is closed, once the speed for it is there.
@@ -31,15 +31,15 @@ pub struct BacksteppingSettings {
     pub most: f64,
     /// The speed over that of the reference at which a distance is closed at most \[m/s\].
     pub closing_speed: f64,
-    /// See [`FeedbackLinearizationSettings::weakest`](super::FeedbackLinearizationSettings::weakest) \[m/s^2\].
-    pub weakest: f64,
+    /// See [`FeedbackLinearizationOptions::min_control_authority`](super::FeedbackLinearizationOptions::min_control_authority) \[m/s^2\].
+    pub min_control_authority: f64,
     /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
     /// Time given to actuators with a lag \[s\]: see [`Actuators`](super::Actuators).
     pub response: f64,
 }
 
-impl BacksteppingSettings {
+impl BacksteppingOptions {
     /// A point so many metres ahead, and one rate `k` = 1 /s for all: `k_1 = k_2 = k`, `q = k^2`, `gamma_n = gamma_b = k^2
     /// / 10`.
     pub fn new(ahead: f64) -> Self {
@@ -52,7 +52,7 @@ impl BacksteppingSettings {
             body: 0.0,
             most: 0.3,
             closing_speed: 1.0,
-            weakest: 0.05,
+            min_control_authority: 0.05,
             tolerance: 2.0,
             response: 0.0,
         }
@@ -96,7 +96,7 @@ impl BacksteppingSettings {
 ///
 /// # Tuning
 ///
-/// One rate `k` for all ([`BacksteppingSettings::with_rate`]): `k_p = 2 k^2`, `k_d = 2 k`, a damping of 0.7; `k` below
+/// One rate `k` for all ([`BacksteppingOptions::with_rate`]): `k_p = 2 k^2`, `k_d = 2 k`, a damping of 0.7; `k` below
 /// about `0.2 / h` for samples of `h` seconds and below what actuators can follow. The disturbances are learned within
 /// some `10 / k` seconds; faster is more noise in the command.
 ///
@@ -107,8 +107,8 @@ impl BacksteppingSettings {
 /// by what was missing, and never believed to be larger than `most`.
 #[derive(Clone, Debug)]
 pub struct Backstepping<M> {
-    point: PointAhead<M>,
-    settings: BacksteppingSettings,
+    point: LookaheadPoint<M>,
+    settings: BacksteppingOptions,
     weather: [f64; 2],
     body: [f64; 2],
 }
@@ -122,7 +122,7 @@ impl<M: Affine> Backstepping<M> {
         model: M,
         limits: &[Limits],
         dt: f64,
-        settings: BacksteppingSettings,
+        settings: BacksteppingOptions,
     ) -> Result<Self, ControlError> {
         positive("the gain of the position", settings.position)?;
         positive("the gain of the velocity", settings.velocity)?;
@@ -132,8 +132,8 @@ impl<M: Affine> Backstepping<M> {
         at_least("the largest disturbance", settings.most, 0.0)?;
         positive("the closing speed", settings.closing_speed)?;
         positive("the tolerance", settings.tolerance)?;
-        let BacksteppingSettings { ahead, weakest, response, .. } = settings;
-        let point = PointAhead::new(model, limits, dt, response, ahead, weakest)?;
+        let BacksteppingOptions { ahead, min_control_authority, response, .. } = settings;
+        let point = LookaheadPoint::new(model, limits, dt, response, ahead, min_control_authority)?;
         Ok(Self { point, settings, weather: [0.0; 2], body: [0.0; 2] })
     }
 
@@ -179,7 +179,7 @@ impl<M: Affine> Controller for Backstepping<M> {
         if !(estimate.is_finite() && reference.is_finite()) {
             return self.point.hold(command);
         }
-        let BacksteppingSettings { position: k_1, velocity: k_2, weight, most, .. } = self.settings;
+        let BacksteppingOptions { position: k_1, velocity: k_2, weight, most, .. } = self.settings;
         let error = self.point.error(estimate, reference);
         // k_1 z_1, kept to the closing speed. Where it is cut short it does not change with z_1 either.
         let asked = error.position.map(|e| -k_1 * e);
@@ -198,7 +198,7 @@ impl<M: Affine> Controller for Backstepping<M> {
         });
         let (mut status, missing) = self.point.accelerate(estimate, wanted, command);
 
-        let BacksteppingSettings { weather, body, .. } = self.settings;
+        let BacksteppingOptions { weather, body, .. } = self.settings;
         // What is missing makes z_2 grow by itself, within 1 / k_2 to missing / k_2: that much of it is no disturbance.
         let told: [f64; 2] = core::array::from_fn(|i| z_2[i] - missing[i] / k_2);
         if !cut && told.iter().all(|x| x.is_finite()) {

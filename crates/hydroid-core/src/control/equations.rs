@@ -4,11 +4,11 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::affine::{Affine, Motion};
-use super::channel::{Channel, Lag};
-use super::split::{Split, split};
+use super::affine_form::{AffineForm, affine_form};
+use crate::actuator::{Channel, Lag};
 use crate::model::sparse::{Equations, Program};
 
-pub use super::split::NotAffine;
+pub use super::affine_form::NotAffine;
 
 /// Identified [`Equations`] in the form `d nu/dt = f(nu) + sum_i g_i(nu) phi_i(a_i)`.
 ///
@@ -75,9 +75,9 @@ impl AffineEquations {
     /// # Errors
     /// If they are not affine in known maps of their commands: [`NotAffine`].
     pub fn new(equations: &Equations, motion: [usize; 3]) -> Result<Self, NotAffine> {
-        let Split { parts, terms, channels, measured } = split(equations, motion)?;
+        let AffineForm { parts, terms, channels, measured } = affine_form(equations, motion)?;
         let program = Program::new(&terms, 3).map_err(NotAffine::Program)?;
-        let entry = |part: &super::split::Part| Entry {
+        let entry = |part: &super::affine_form::Part| Entry {
             row: part.row,
             channel: part.channel,
             slot: program.slot(part.term),

@@ -1,16 +1,16 @@
 //! Feedback linearization of a point ahead of the vessel.
 
 use super::affine::Affine;
-use super::ahead::{PointAhead, shortened};
-use super::channel::Limits;
 use super::error::{ControlError, at_least, positive};
+use super::lookahead_point::{LookaheadPoint, shortened};
 use super::status::Status;
 use super::{Controller, Estimate};
+use crate::actuator::Limits;
 use crate::guidance::Reference;
 
 /// How a point ahead of a vessel is brought to its reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FeedbackLinearizationSettings {
+pub struct FeedbackLinearizationOptions {
     /// Distance `l` of the point ahead of the origin \[m\]: half a length of the vessel or more. The heading follows
     /// within about `l / U` seconds.
     pub ahead: f64,
@@ -24,14 +24,14 @@ pub struct FeedbackLinearizationSettings {
     pub closing_speed: f64,
     /// Where all actuators together give less than this acceleration in some direction, the status is
     /// [`Status::Singular`], and what is asked for there is damped \[m/s^2\].
-    pub weakest: f64,
+    pub min_control_authority: f64,
     /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
     /// Time given to actuators with a lag \[s\]: see [`Actuators`](super::Actuators).
     pub response: f64,
 }
 
-impl FeedbackLinearizationSettings {
+impl FeedbackLinearizationOptions {
     /// A point so many metres ahead, its error like that of a damped oscillator: `k_p = omega^2`, `k_d = 2 zeta omega`
     /// with `omega` = 1.5 rad/s and `zeta` = 0.7; no integral.
     pub fn new(ahead: f64) -> Self {
@@ -41,7 +41,7 @@ impl FeedbackLinearizationSettings {
             derivative: 0.0,
             integral: 0.0,
             closing_speed: 1.0,
-            weakest: 0.05,
+            min_control_authority: 0.05,
             tolerance: 2.0,
             response: 0.0,
         }
@@ -100,8 +100,8 @@ impl FeedbackLinearizationSettings {
 ///   Astrom and T. Hagglund, *Advanced PID Control*, 2006, section 3.5).
 #[derive(Clone, Debug)]
 pub struct FeedbackLinearization<M> {
-    point: PointAhead<M>,
-    settings: FeedbackLinearizationSettings,
+    point: LookaheadPoint<M>,
+    settings: FeedbackLinearizationOptions,
     integral: [f64; 2],
 }
 
@@ -114,7 +114,7 @@ impl<M: Affine> FeedbackLinearization<M> {
         model: M,
         limits: &[Limits],
         dt: f64,
-        settings: FeedbackLinearizationSettings,
+        settings: FeedbackLinearizationOptions,
     ) -> Result<Self, ControlError> {
         positive("the proportional gain", settings.proportional)?;
         positive("the derivative gain", settings.derivative)?;
@@ -128,8 +128,8 @@ impl<M: Affine> FeedbackLinearization<M> {
         }
         positive("the closing speed", settings.closing_speed)?;
         positive("the tolerance", settings.tolerance)?;
-        let FeedbackLinearizationSettings { ahead, weakest, response, .. } = settings;
-        let point = PointAhead::new(model, limits, dt, response, ahead, weakest)?;
+        let FeedbackLinearizationOptions { ahead, min_control_authority, response, .. } = settings;
+        let point = LookaheadPoint::new(model, limits, dt, response, ahead, min_control_authority)?;
         Ok(Self { point, settings, integral: [0.0; 2] })
     }
 
@@ -188,7 +188,7 @@ impl<M: Affine> FeedbackLinearization<M> {
         disturbance: [f64; 2],
         command: &mut [f64],
     ) -> (Status, [f64; 2]) {
-        let FeedbackLinearizationSettings { proportional, derivative, integral, .. } = self.settings;
+        let FeedbackLinearizationOptions { proportional, derivative, integral, .. } = self.settings;
         let error = self.point.error(estimate, reference);
         // A speed, so that far away the vessel comes at the closing speed, whatever the distance.
         let closing =

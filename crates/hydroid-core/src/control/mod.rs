@@ -6,38 +6,37 @@
 //!   ([`AffinePlant`]), identified equations ([`AffineEquations`]) and control-affine networks ([`AffineNetwork`]).
 //! - [`FeedbackLinearization`] and [`Backstepping`] of a point ahead of the vessel; [`Autopilot`], which has no model, to
 //!   compare with.
-//! - [`LearnedCorrection`]: feedback linearization and a network that learns under way what its model misses.
+//! - [`AdaptiveAugmentation`]: feedback linearization and a network that learns under way what its model misses.
 //! - [`cem`]: plans over a horizon, on any predictor.
-//! - [`Actuators`]: limits and rate limits of the commands, and the lag of what follows them, inverted ([`Channel`],
-//!   [`Map`], [`Lag`], [`Limits`]).
+//! - [`Actuators`]: limits and rate limits of the commands, and the lag of what follows them, inverted (see
+//!   [`actuator`](crate::actuator)).
 //! - [`allocate`]: the actuators' efforts that give a wanted acceleration, also where the vessel can hardly give it.
 
 mod actuators;
+mod adaptive_augmentation;
 mod affine;
-mod ahead;
+mod affine_form;
 mod allocate;
 mod autopilot;
 mod backstepping;
 pub mod cem;
-mod channel;
 mod equations;
 mod error;
 mod feedback_linearization;
-mod learned;
+mod lookahead_point;
 mod network;
-mod split;
+mod noise;
 mod status;
 
 pub use actuators::{Actuators, Applied};
+pub use adaptive_augmentation::{AdaptiveAugmentation, AdaptiveAugmentationOptions};
 pub use affine::{Affine, AffinePlant, Motion};
 pub use allocate::allocate;
-pub use autopilot::{Autopilot, AutopilotSettings, HeadingGains, SpeedGains};
-pub use backstepping::{Backstepping, BacksteppingSettings};
-pub use channel::{Channel, Lag, Limits, Map};
+pub use autopilot::{Autopilot, AutopilotOptions, HeadingGains, SpeedGains};
+pub use backstepping::{Backstepping, BacksteppingOptions};
 pub use equations::{AffineEquations, NotAffine};
 pub use error::ControlError;
-pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationSettings};
-pub use learned::{LearnedCorrection, LearnedCorrectionSettings};
+pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationOptions};
 pub use network::AffineNetwork;
 pub use status::Status;
 

@@ -5,8 +5,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::affine::{Affine, Motion};
-use super::channel::{Channel, Lag};
 use super::error::ControlError;
+use crate::actuator::{Channel, Lag};
 use crate::model::affine::{ControlAffine, Field};
 
 /// A [`ControlAffine`] network of `u`, `v` and `r` in the form `d nu/dt = f(nu) + sum_i g_i(nu) phi_i(a_i)`.

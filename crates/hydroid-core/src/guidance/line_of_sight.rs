@@ -7,7 +7,7 @@ use super::piece::Pose;
 
 /// How a vessel is brought onto its path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LineOfSightSettings {
+pub struct LineOfSightOptions {
     /// Look-ahead distance `Delta` \[m\]: two to five lengths of the vessel, and more than its speed times the time that
     /// its heading takes to follow. Short is sharp, and overshoots where the heading is slow.
     pub lookahead: f64,
@@ -40,13 +40,13 @@ pub struct LineOfSightSettings {
 /// faster than the vessel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineOfSight {
-    settings: LineOfSightSettings,
+    settings: LineOfSightOptions,
     integral: f64,
 }
 
 /// Where the bow shall point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Aim {
+pub struct HeadingReference {
     /// Heading `psi_d` \[rad\], within a quarter of a turn of the path's course; not wrapped.
     pub heading: f64,
     /// Its rate \[rad/s\]: of the vessel as it moves now, along the path as it turns here.
@@ -60,7 +60,7 @@ impl LineOfSight {
     ///
     /// # Errors
     /// If the look-ahead distance is not positive, or the integral gain negative or not finite.
-    pub fn new(settings: LineOfSightSettings) -> Result<Self, PathError> {
+    pub fn new(settings: LineOfSightOptions) -> Result<Self, PathError> {
         positive("the look-ahead distance", settings.lookahead)?;
         if !(settings.integral.is_finite() && settings.integral >= 0.0) {
             return Err(PathError::NotPositive {
@@ -83,8 +83,14 @@ impl LineOfSight {
 
     /// The aim of a vessel at `position` \[m\] that moves over ground with `velocity` \[m/s\] (both north, east), where
     /// `pose` is the foot of its position on the path; then the integral moves on by `dt` seconds.
-    pub fn aim(&mut self, pose: &Pose, position: [f64; 2], velocity: [f64; 2], dt: f64) -> Aim {
-        let LineOfSightSettings { lookahead, integral: sigma } = self.settings;
+    pub fn update(
+        &mut self,
+        pose: &Pose,
+        position: [f64; 2],
+        velocity: [f64; 2],
+        dt: f64,
+    ) -> HeadingReference {
+        let LineOfSightOptions { lookahead, integral: sigma } = self.settings;
         let e = pose.cross_track(position);
         let off = e + sigma * self.integral;
         let square = lookahead * lookahead + off * off;
@@ -100,6 +106,6 @@ impl LineOfSight {
         if grows.is_finite() {
             self.integral += grows * dt;
         }
-        Aim { heading: pose.course - Float::atan(off / lookahead), rate, cross_track: e }
+        HeadingReference { heading: pose.course - Float::atan(off / lookahead), rate, cross_track: e }
     }
 }

@@ -3,20 +3,20 @@
 //! - [`Path`]: straight legs and arcs in the north-east frame, by arc length: circles, legs with corners, way-points with
 //!   turning circles, lawn-mowers.
 //! - [`SpeedProfile`]: how fast along it, with what the vessel can do in turns and between them ([`SpeedLimits`]).
-//! - [`Reference`]: the point on the path that a controller follows, with its velocity and acceleration; a [`Walker`]
-//!   moves it with time, a [`Follower`] with the vessel.
+//! - [`Reference`]: the point on the path that a controller follows, with its velocity and acceleration; a [`TimedReference`]
+//!   moves it with time, a [`PathReference`] with the vessel.
 //! - [`LineOfSight`]: the heading that brings a vessel onto the path, with look-ahead and integral action against drift.
 //!
 //! Frames and signs as everywhere: `x` north, `y` east, courses clockwise from north, curvature positive to starboard (a
 //! path of positive curvature turns right), cross-track error positive to starboard of the path. Metres, radians, seconds.
 //!
 //! ```
-//! use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, Walker};
+//! use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, TimedReference};
 //!
 //! let path = Path::lawn_mower([0.0, 0.0], 0.0, 100.0, 40.0, 4, 15.0, Side::Starboard)?;
 //! let limits = SpeedLimits { lateral_acceleration: 0.2, ..SpeedLimits::cruise(4.0) };
 //! let profile = SpeedProfile::new(&path, &limits)?;
-//! let mut walker = Walker::new(&profile);
+//! let mut walker = TimedReference::new(&profile);
 //! let mut slowest = f64::INFINITY;
 //! while !walker.is_done(&profile) {
 //!     slowest = slowest.min(walker.reference(&path, &profile).speed);
@@ -36,9 +36,9 @@ mod shapes;
 mod speed;
 
 pub use error::PathError;
-pub use line_of_sight::{Aim, LineOfSight, LineOfSightSettings};
-pub use path::{Foot, Path};
+pub use line_of_sight::{HeadingReference, LineOfSight, LineOfSightOptions};
+pub use path::{Path, Projection};
 pub use piece::{Piece, Pose};
-pub use reference::{Follower, Reference, Walker};
+pub use reference::{PathReference, Reference, TimedReference};
 pub use shapes::Side;
 pub use speed::{SpeedLimits, SpeedProfile};

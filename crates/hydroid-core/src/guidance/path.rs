@@ -27,7 +27,7 @@ pub struct Path {
 
 /// The place on a path that is nearest to a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Foot {
+pub struct Projection {
     /// Arc length \[m\]; on a closed path it counts on from lap to lap.
     pub s: f64,
     /// The place with its tangent.
@@ -112,7 +112,7 @@ impl Path {
     ///
     /// A path may pass a point more than once (the legs of a lawn-mower do so nearly): what is nearest of all is not
     /// what the vessel has come to. Looking around where it was cannot jump.
-    pub fn foot(&self, point: [f64; 2], near: f64, reach: f64) -> Foot {
+    pub fn project(&self, point: [f64; 2], near: f64, reach: f64) -> Projection {
         // NaN, and less than nothing, are nothing.
         let reach = reach.max(0.0);
         // Not more than one lap: every place once.
@@ -156,6 +156,6 @@ impl Path {
         }
         let s = best.map_or(near, |(s, _)| s);
         let pose = self.at(s);
-        Foot { s, pose, cross_track: pose.cross_track(point) }
+        Projection { s, pose, cross_track: pose.cross_track(point) }
     }
 }

@@ -2,7 +2,7 @@
 
 use num_traits::Float;
 
-use super::path::{Foot, Path};
+use super::path::{Path, Projection};
 use super::piece::Pose;
 use super::speed::SpeedProfile;
 
@@ -62,7 +62,7 @@ impl Reference {
 ///
 /// It moves exactly as the profile says, in closed form: its place does not depend on the steps in which time passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Walker {
+pub struct TimedReference {
     /// Arc length at which the present lap began \[m\].
     lap: f64,
     phase: usize,
@@ -71,7 +71,7 @@ pub struct Walker {
     speed: f64,
 }
 
-impl Walker {
+impl TimedReference {
     /// At the start of a path.
     pub fn new(profile: &SpeedProfile) -> Self {
         Self {
@@ -138,12 +138,12 @@ impl Walker {
 /// A profile that starts at rest asks for no speed at its start, and a follower would stay there: give
 /// [`SpeedLimits::start`](super::SpeedLimits::start) a speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Follower {
+pub struct PathReference {
     s: f64,
     reach: f64,
 }
 
-impl Follower {
+impl PathReference {
     /// From arc length `s` on; the vessel is looked for up to `reach` metres along the path from where it was last: more
     /// than it moves between two samples, less than what lies between two passes at the same place.
     pub const fn new(s: f64, reach: f64) -> Self {
@@ -152,18 +152,18 @@ impl Follower {
 
     /// The foot of a position \[m\], which the next one is looked for around. A position that is no number changes
     /// nothing.
-    pub fn foot(&mut self, path: &Path, position: [f64; 2]) -> Foot {
+    pub fn project(&mut self, path: &Path, position: [f64; 2]) -> Projection {
         if position.iter().all(|x| x.is_finite()) {
-            let foot = path.foot(position, self.s, self.reach);
+            let foot = path.project(position, self.s, self.reach);
             self.s = foot.s;
             return foot;
         }
-        Foot { s: self.s, pose: path.at(self.s), cross_track: f64::NAN }
+        Projection { s: self.s, pose: path.at(self.s), cross_track: f64::NAN }
     }
 
     /// The foot of a position with the motion that the profile has there.
     pub fn reference(&mut self, path: &Path, profile: &SpeedProfile, position: [f64; 2]) -> Reference {
-        let foot = self.foot(path, position);
+        let foot = self.project(path, position);
         let (speed, rate) = profile.at(foot.s);
         Reference::new(foot.s, &foot.pose, speed, rate)
     }

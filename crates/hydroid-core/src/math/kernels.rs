@@ -11,7 +11,7 @@ use super::vectors::Vectors;
 use crate::adapt::kalman::reduced::structure;
 use crate::adapt::kalman::{full, reduced, triangle};
 use crate::math;
-use crate::model::direct::{batch, through};
+use crate::model::direct::{batch, forward_pass};
 use crate::model::recurrent::batch::cells;
 use crate::model::recurrent::single::{linearization, packed, products};
 
@@ -43,8 +43,8 @@ kernels! {
     each: math::Each<'_, Self> => ();
     direct_forward: batch::Forwards<'_, Self> => ();
     direct_back: batch::Backs<'_, Self> => ();
-    direct_step: through::Step<'_, Self> => ();
-    direct_read_out: through::ReadOut<'_, Self> => ();
+    direct_step: forward_pass::Step<'_, Self> => ();
+    direct_read_out: forward_pass::ReadOut<'_, Self> => ();
     cells_forward: cells::Forwards<'_, Self> => ();
     cells_back: cells::Backs<'_, Self> => ();
     step: packed::Step<'_, Self> => ();

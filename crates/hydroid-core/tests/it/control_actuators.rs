@@ -1,6 +1,7 @@
 //! Actuators against their own differential equation, limits against everything; allocation against its definition.
 
-use hydroid_core::control::{Actuators, Channel, ControlError, Lag, Limits, Map, Status, allocate};
+use hydroid_core::actuator::{Channel, Lag, Limits, Map};
+use hydroid_core::control::{Actuators, ControlError, Status, allocate};
 use hydroid_core::vessel::rk4;
 use proptest::prelude::*;
 
@@ -91,18 +92,18 @@ proptest! {
     #[test]
     fn allocated_efforts_give_what_is_wanted_or_stay_small(
         columns in prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64), 2..6), spans in prop::collection::vec(0.1..5.0f64, 6),
-        wanted in (-2.0..2.0f64, -2.0..2.0f64), weakest in 0.01..0.5f64,
+        wanted in (-2.0..2.0f64, -2.0..2.0f64), min_control_authority in 0.01..0.5f64,
     ) {
         let columns: Vec<[f64; 2]> = columns.into_iter().map(|(x, y)| [x, y]).collect();
         let spans = &spans[..columns.len()];
         let wanted = [wanted.0, wanted.1];
         let mut efforts = vec![0.0; columns.len()];
-        let sigma = allocate(&columns, spans, wanted, weakest, &mut efforts);
+        let sigma = allocate(&columns, spans, wanted, min_control_authority, &mut efforts);
         let sum = |i: usize| columns.iter().zip(&efforts).map(|(b, tau)| b[i] * tau).sum::<f64>();
         let size = wanted[0].hypot(wanted[1]);
         let shares = efforts.iter().zip(spans).map(|(tau, span)| (tau / span).powi(2)).sum::<f64>().sqrt();
-        prop_assert!(shares <= size / weakest.max(sigma) * (1.0 + 1e-9), "{shares}");
-        if sigma >= weakest {
+        prop_assert!(shares <= size / min_control_authority.max(sigma) * (1.0 + 1e-9), "{shares}");
+        if sigma >= min_control_authority {
             prop_assert!((sum(0) - wanted[0]).abs() < 1e-9 && (sum(1) - wanted[1]).abs() < 1e-9);
             // Of all that give it the smallest: no move along the null space makes it smaller.
             if columns.len() == 3 {

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use hydroid_core::control::{Affine, AffineNetwork, Lag, Map, Motion};
+use hydroid_core::actuator::{Lag, Map};
+use hydroid_core::control::{Affine, AffineNetwork, Motion};
 use hydroid_core::model::affine::{ControlAffine, ControlAffineSession, Effector};
 use hydroid_core::model::direct::Perceptron;
 use hydroid_core::model::recurrent::Scaling;

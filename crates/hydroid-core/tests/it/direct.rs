@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::{Batch, Direct, DirectError, DirectSession, Perceptron};
-use hydroid_core::model::recurrent::{Base, RecurrentError, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, RecurrentError, Scaling};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
@@ -114,7 +114,7 @@ proptest! {
     }
 }
 
-fn model(history: usize, horizon: usize, base: Base) -> Direct {
+fn model(history: usize, horizon: usize, base: BaseModel) -> Direct {
     let (inputs, outputs) = Direct::lengths(history, horizon, 2, 2);
     let network = Perceptron { inputs, hidden: vec![9, 7], outputs };
     let scaling = Scaling {
@@ -131,7 +131,7 @@ fn model(history: usize, horizon: usize, base: Base) -> Direct {
 const PAST: usize = 2;
 
 /// Of two outputs and two inputs, with a lag and past values of an output and of an input.
-fn equations() -> Base {
+fn equations() -> BaseModel {
     let signals = vec![
         Signal::Lag { input: 2, time_constant_s: Real(0.2) },
         Signal::Past { variable: 0, samples: 2 },
@@ -140,12 +140,14 @@ fn equations() -> Base {
     let terms: Vec<Term> =
         [&[0][..], &[1], &[0, 1], &[3], &[4], &[5], &[6]].iter().map(|v| Term::monomial(v)).collect();
     let coefficients = vec![-0.8, 0.1, -0.3, 0.2, 0.09, -0.1, 0.3, 0.2, -1.1, 0.1, 0.5, 0.01, 0.1, -0.2];
-    Base::Equations(Arc::new(Equations::with_signals(terms, coefficients, 2, 2, signals, 0.1, 2).unwrap()))
+    BaseModel::Equations(Arc::new(
+        Equations::with_signals(terms, coefficients, 2, 2, signals, 0.1, 2).unwrap(),
+    ))
 }
 
 fn every_model() -> Vec<Direct> {
     let sizes = [(1, 1), (1, 3), (4, 6), (6, 2), (3, 3)];
-    let on = |(p, h)| [Base::Nothing, Base::Hold, equations()].map(|base| model(p, h, base));
+    let on = |(p, h)| [BaseModel::Nothing, BaseModel::Hold, equations()].map(|base| model(p, h, base));
     sizes.into_iter().flat_map(on).collect()
 }
 
@@ -154,7 +156,7 @@ fn base(model: &Direct, outputs: &[[f64; 2]], passed: &[[f64; 2]], given: &[[f64
     let Some(equations) = model.equations() else {
         let s = &model.scaling;
         let present = outputs[outputs.len() - 1];
-        let base = if model.base == Base::Hold { present } else { [s.output_mean[0], s.output_mean[1]] };
+        let base = if model.base == BaseModel::Hold { present } else { [s.output_mean[0], s.output_mean[1]] };
         return vec![base; given.len()];
     };
     let (mut state, mut scratch) = (vec![f64::NAN; equations.state_len()], vec![0.0; equations.scratch()]);
@@ -283,7 +285,7 @@ fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
 /// An output that is first measured late stands for its past from then on.
 #[test]
 fn what_was_never_measured_is_waited_for() {
-    let model = model(4, 3, Base::Nothing);
+    let model = model(4, 3, BaseModel::Nothing);
     let mut session = session(&model);
     for k in 0..9 {
         session.observe(&[measured(k)[0], f64::NAN]);
@@ -341,7 +343,7 @@ fn without_a_correction_it_is_the_equations() {
 #[test]
 fn what_runs_away_is_held_while_it_walks() {
     let steep = Equations::new(vec![Term::monomial(&[0, 0, 0])], vec![1e9, 0.0], 2, 2, 0.1, 4).unwrap();
-    let model = model(3, 4, Base::Equations(Arc::new(steep)));
+    let model = model(3, 4, BaseModel::Equations(Arc::new(steep)));
     let mut session = session(&model);
     for k in 0..8 {
         let y = if k == 4 { [f64::NAN; 2] } else { [1e3, 0.1] };
@@ -366,11 +368,11 @@ fn what_runs_away_is_held_while_it_walks() {
 #[test]
 fn models_that_cannot_be_are_refused() {
     let refused = |change: fn(&mut Direct)| {
-        let mut model = model(4, 3, Base::Nothing);
+        let mut model = model(4, 3, BaseModel::Nothing);
         change(&mut model);
         model.check().unwrap_err()
     };
-    assert_eq!(model(4, 3, Base::Hold).check(), Ok(()));
+    assert_eq!(model(4, 3, BaseModel::Hold).check(), Ok(()));
     assert_eq!(refused(|m| m.history = 0), DirectError::Span { what: "history", given: 0 });
     assert_eq!(refused(|m| m.history = 5), DirectError::Length { what: "reads", network: 20, model: 24 });
     assert_eq!(
@@ -382,7 +384,7 @@ fn models_that_cannot_be_are_refused() {
     assert!(matches!(refused(|m| m.weights.truncate(5)), DirectError::Numbers(_)));
     let alien = |m: &mut Direct| {
         let other = Equations::new(vec![Term::monomial(&[0])], vec![0.1; 3], 3, 2, 0.1, 1).unwrap();
-        m.base = Base::Equations(Arc::new(other));
+        m.base = BaseModel::Equations(Arc::new(other));
     };
     let error = DirectError::Numbers(RecurrentError::Equations { equations: (2, 3), model: (2, 2) });
     assert_eq!(refused(alien), error);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::networks::{pretrained, rows};
 use hydroid_core::adapt::Adapter;
-use hydroid_core::adapt::guard::{Action, Expert, Guard, GuardSettings};
+use hydroid_core::adapt::guard::{Action, Expert, Guard, GuardOptions};
 use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
 use hydroid_core::predict::{Predictor, Workspace};
 
@@ -49,7 +49,7 @@ fn network(weights: f64, noise: f64) -> Box<dyn Adapter> {
 
 fn guarded(weights: f64, noise: f64) -> Guard {
     let companions = [network(0.0, 1.0), network(0.0, 1.0)];
-    Guard::new(network(weights, noise), companions, &RANGES, &NOISE, GuardSettings::new(0.1)).unwrap()
+    Guard::new(network(weights, noise), companions, &RANGES, &NOISE, GuardOptions::new(0.1)).unwrap()
 }
 
 /// Error of the prediction over 20 samples from each, as the guard has errors but against the truth; and the events' names.
@@ -192,13 +192,13 @@ fn what_was_saved_goes_on_to_the_same_bits() {
 
 #[test]
 fn what_does_not_fit_together_is_refused() {
-    let make = |ranges: &[(f64, f64)], noise: &[f64], settings: GuardSettings| {
+    let make = |ranges: &[(f64, f64)], noise: &[f64], settings: GuardOptions| {
         Guard::new(network(0.02, 3.0), [network(0.0, 1.0), network(0.0, 1.0)], ranges, noise, settings).err()
     };
-    let settings = GuardSettings::new(0.1);
+    let settings = GuardOptions::new(0.1);
     assert!(make(&RANGES[..4], &NOISE, settings.clone()).is_some());
     assert!(make(&RANGES, &[0.01, 0.0, 0.01], settings.clone()).is_some());
-    assert!(make(&RANGES, &NOISE, GuardSettings { stride: 0, ..settings.clone() }).is_some());
-    assert!(make(&RANGES, &NOISE, GuardSettings { factor: f64::NAN, ..settings.clone() }).is_some());
+    assert!(make(&RANGES, &NOISE, GuardOptions { stride: 0, ..settings.clone() }).is_some());
+    assert!(make(&RANGES, &NOISE, GuardOptions { factor: f64::NAN, ..settings.clone() }).is_some());
     assert!(make(&RANGES, &NOISE, settings).is_none());
 }

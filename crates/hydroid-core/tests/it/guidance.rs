@@ -3,8 +3,8 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use hydroid_core::guidance::{
-    Follower, LineOfSight, LineOfSightSettings, Path, PathError, Piece, Reference, Side, SpeedLimits,
-    SpeedProfile, Walker,
+    LineOfSight, LineOfSightOptions, Path, PathError, PathReference, Piece, Reference, Side, SpeedLimits,
+    SpeedProfile, TimedReference,
 };
 use hydroid_core::vessel::kinematics::wrap;
 use proptest::prelude::*;
@@ -73,7 +73,7 @@ proptest! {
         let pose = path.at(s);
         let point = [pose.position[0] - off * pose.course.sin(), pose.position[1] + off * pose.course.cos()];
         let reach = 1.5;
-        let foot = path.foot(point, s + 0.4, reach);
+        let foot = path.project(point, s + 0.4, reach);
         prop_assert!((foot.s - s).abs() < 1e-6, "{} instead of {s}", foot.s);
         prop_assert!((foot.cross_track - off).abs() < 1e-9);
     }
@@ -83,7 +83,7 @@ proptest! {
         path in paths(), near in -0.2..1.2f64, x in -90.0..90.0f64, y in -90.0..90.0f64, reach in 1.0..200.0f64,
     ) {
         let near = near * path.length();
-        let foot = path.foot([x, y], near, reach);
+        let foot = path.project([x, y], near, reach);
         let least = distance(foot.pose.position, [x, y]);
         let reach = if path.is_closed() { reach.min(0.5 * path.length()) } else { reach };
         prop_assert!((foot.s - near).abs() <= reach + 1e-9);
@@ -127,7 +127,7 @@ proptest! {
         let profile = SpeedProfile::new(&path, &limits).unwrap();
         let h = 1e-3;
         let at = |t: f64| -> Reference {
-            let mut walker = Walker::new(&profile);
+            let mut walker = TimedReference::new(&profile);
             walker.advance(&profile, t);
             walker.reference(&path, &profile)
         };
@@ -155,7 +155,7 @@ proptest! {
     fn a_walker_does_not_depend_on_its_steps(path in paths(), cruise in 0.5..6.0f64, t in 0.0..200.0f64, steps in 1u32..50) {
         let limits = SpeedLimits { lateral_acceleration: 0.3, start: 0.0, ..SpeedLimits::cruise(cruise) };
         let profile = SpeedProfile::new(&path, &limits).unwrap();
-        let (mut one, mut many) = (Walker::new(&profile), Walker::new(&profile));
+        let (mut one, mut many) = (TimedReference::new(&profile), TimedReference::new(&profile));
         one.advance(&profile, t);
         for _ in 0..steps {
             many.advance(&profile, t / f64::from(steps));
@@ -168,22 +168,22 @@ proptest! {
         radius in 8.0..60.0f64, side in side(), off in -4.0..4.0f64, heading in -3.0..3.0f64, integral in 0.0..0.5f64,
     ) {
         let path = Path::circle([0.0, 0.0], radius, side, 0.3).unwrap();
-        let settings = LineOfSightSettings { lookahead: 6.0, integral };
+        let settings = LineOfSightOptions { lookahead: 6.0, integral };
         let velocity = [1.7 * heading.cos(), 1.7 * heading.sin()];
         let pose = path.at(5.0);
         let from = [pose.position[0] - off * pose.course.sin(), pose.position[1] + off * pose.course.cos()];
         let mut guidance = LineOfSight::new(settings).unwrap();
         // So that there is an integral.
         for _ in 0..30 {
-            guidance.aim(&pose, from, [0.0, 0.0], 0.1);
+            guidance.update(&pose, from, [0.0, 0.0], 0.1);
         }
         let h = 1e-5;
-        let mut follower = Follower::new(5.0, 5.0);
-        let foot = follower.foot(&path, from);
-        let now = guidance.aim(&foot.pose, from, velocity, h);
+        let mut follower = PathReference::new(5.0, 5.0);
+        let foot = follower.project(&path, from);
+        let now = guidance.update(&foot.pose, from, velocity, h);
         let later = [from[0] + h * velocity[0], from[1] + h * velocity[1]];
-        let foot = follower.foot(&path, later);
-        let next = guidance.aim(&foot.pose, later, velocity, h);
+        let foot = follower.project(&path, later);
+        let next = guidance.update(&foot.pose, later, velocity, h);
         prop_assert!((wrap(next.heading - now.heading) / h - now.rate).abs() < 1e-3);
     }
 }
@@ -222,7 +222,7 @@ fn a_lawn_mower_has_the_legs_and_turns_that_were_asked_for() {
     // Four legs, 30 m apart, to the east; the fourth comes back to the line of the start.
     assert!(distance(path.at(path.length()).position, [0.0, 90.0]) < 1e-9);
     assert!(wrap(path.at(path.length()).course - PI).abs() < 1e-9);
-    let second = path.foot([25.0, 30.0], 50.0 + 10.0 * PI + 10.0 + 25.0, 10.0);
+    let second = path.project([25.0, 30.0], 50.0 + 10.0 * PI + 10.0 + 25.0, 10.0);
     assert!(second.cross_track.abs() < 1e-9, "the second leg lies 30 m to starboard of the first");
     // Legs as close as two radii: semicircles.
     let close = Path::lawn_mower([0.0, 0.0], 0.0, 50.0, 20.0, 2, 10.0, Side::Port).unwrap();
@@ -263,8 +263,8 @@ fn what_cannot_be_a_path_is_told() {
         assert!(matches!(SpeedProfile::new(&path, &limits), Err(PathError::NotPositive { .. })));
     }
     for settings in [
-        LineOfSightSettings { lookahead: 0.0, integral: 0.0 },
-        LineOfSightSettings { lookahead: 1.0, integral: -1.0 },
+        LineOfSightOptions { lookahead: 0.0, integral: 0.0 },
+        LineOfSightOptions { lookahead: 1.0, integral: -1.0 },
     ] {
         assert!(LineOfSight::new(settings).is_err());
     }
@@ -289,7 +289,7 @@ fn the_time_from_rest_to_rest_is_that_of_the_text_book() {
     let peak = (2.0 * 0.5 * 0.25 * 100.0 / 0.75f64).sqrt();
     assert!((fast.duration() - (peak / 0.5 + peak / 0.25)).abs() < 1e-9);
     // The walker gets there at that time, and stays.
-    let mut walker = Walker::new(&fast);
+    let mut walker = TimedReference::new(&fast);
     walker.advance(&fast, fast.duration() - 1e-3);
     assert!(!walker.is_done(&fast));
     walker.advance(&fast, 10.0);
@@ -311,12 +311,12 @@ fn integral_action_takes_the_drift_away() {
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();
     let (speed, drift, lookahead) = (1.5, 0.4, 8.0);
     let sail = |integral: f64| {
-        let mut guidance = LineOfSight::new(LineOfSightSettings { lookahead, integral }).unwrap();
-        let mut follower = Follower::new(0.0, 20.0);
+        let mut guidance = LineOfSight::new(LineOfSightOptions { lookahead, integral }).unwrap();
+        let mut follower = PathReference::new(0.0, 20.0);
         let (mut position, mut velocity) = ([0.0, 5.0], [speed, drift]);
         for _ in 0..5_000 {
-            let foot = follower.foot(&path, position);
-            let aim = guidance.aim(&foot.pose, position, velocity, 0.1);
+            let foot = follower.project(&path, position);
+            let aim = guidance.update(&foot.pose, position, velocity, 0.1);
             velocity = [speed * aim.heading.cos(), speed * aim.heading.sin() + drift];
             position = [position[0] + 0.1 * velocity[0], position[1] + 0.1 * velocity[1]];
         }
@@ -333,11 +333,11 @@ fn integral_action_takes_the_drift_away() {
 fn a_follower_stays_on_its_own_leg() {
     // Legs 4 m apart, a vessel 3 m off its own: nearer to the next one.
     let path = Path::lawn_mower([0.0, 0.0], 0.0, 60.0, 4.0, 3, 2.0, Side::Starboard).unwrap();
-    let mut follower = Follower::new(0.0, 3.0);
+    let mut follower = PathReference::new(0.0, 3.0);
     for k in 0..50 {
-        let foot = follower.foot(&path, [f64::from(k), 3.0]);
+        let foot = follower.project(&path, [f64::from(k), 3.0]);
         assert!((foot.s - f64::from(k)).abs() < 1e-9 && (foot.cross_track - 3.0).abs() < 1e-9);
     }
-    let lost = follower.foot(&path, [f64::NAN, 0.0]);
+    let lost = follower.project(&path, [f64::NAN, 0.0]);
     assert!((lost.s - 49.0).abs() < 1e-9 && lost.cross_track.is_nan());
 }

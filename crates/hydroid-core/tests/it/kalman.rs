@@ -6,7 +6,7 @@ use hydroid_core::adapt::kalman::{
     Correction, Filter, KalmanNetwork, Learnable, LearnableNetwork, Tuning, TuningError,
 };
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
-use hydroid_core::model::recurrent::{Base, Linearization, Network, Packed, Recurrent, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Linearization, Network, Packed, Recurrent, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
@@ -145,7 +145,7 @@ fn weights_that_are_sure_stay() {
     }
 }
 
-fn session(network: Network, base: Base, feedback: bool) -> KalmanNetwork<f64> {
+fn session(network: Network, base: BaseModel, feedback: bool) -> KalmanNetwork<f64> {
     let (n, m) = (network.outputs, 2);
     let network = Network { inputs: if feedback { m + n } else { m }, ..network };
     let scaling = Scaling {
@@ -153,7 +153,7 @@ fn session(network: Network, base: Base, feedback: bool) -> KalmanNetwork<f64> {
         output_scale: vec![2.0; n],
         input_mean: vec![0.1; m],
         input_scale: vec![1.5; m],
-        correction_scale: vec![if matches!(base, Base::Hold) { 0.2 } else { 2.0 }; n],
+        correction_scale: vec![if matches!(base, BaseModel::Hold) { 0.2 } else { 2.0 }; n],
     };
     let weights = weights(network, 0.6);
     let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter: None };
@@ -162,9 +162,9 @@ fn session(network: Network, base: Base, feedback: bool) -> KalmanNetwork<f64> {
 
 fn formulations() -> [KalmanNetwork<f64>; 3] {
     [
-        session(cells()[2], Base::Nothing, false),
-        session(cells()[0], Base::Nothing, true),
-        session(cells()[3], Base::Hold, true),
+        session(cells()[2], BaseModel::Nothing, false),
+        session(cells()[0], BaseModel::Nothing, true),
+        session(cells()[3], BaseModel::Hold, true),
     ]
 }
 
@@ -233,7 +233,7 @@ fn memory_goes_on_to_the_last_bit_and_forks_predict_alike() {
 
 #[test]
 fn frozen_it_filters_the_state_and_keeps_its_weights() {
-    let mut session = session(cells()[2], Base::Nothing, false);
+    let mut session = session(cells()[2], BaseModel::Nothing, false);
     session.freeze(true);
     let given = session.weights().to_vec();
     let mut open = session.clone();

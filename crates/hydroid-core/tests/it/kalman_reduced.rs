@@ -8,7 +8,7 @@ use hydroid_core::adapt::kalman::{
     Correction, Filter, KalmanNetwork, Learnable, LearnableNetwork, Memory, Tuning, TuningError,
 };
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Base, Linearization, Network, Packed, Recurrent, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Linearization, Network, Packed, Recurrent, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
@@ -313,7 +313,7 @@ fn weights_that_are_sure_stay() {
 fn session<T: Scalar>(
     memory: Memory,
     which: usize,
-    base: Base,
+    base: BaseModel,
     feedback: bool,
     noisy: bool,
 ) -> KalmanNetwork<T> {
@@ -325,7 +325,7 @@ fn session<T: Scalar>(
         output_scale: vec![2.0; n],
         input_mean: vec![0.1; m],
         input_scale: vec![1.5; m],
-        correction_scale: vec![if matches!(base, Base::Hold) { 0.2 } else { 2.0 }; n],
+        correction_scale: vec![if matches!(base, BaseModel::Hold) { 0.2 } else { 2.0 }; n],
     };
     let weights = weights(network, 0.6);
     let mut tuning = Tuning { memory, ..tuning(network) };
@@ -358,17 +358,23 @@ fn errors_fall<T: Scalar>(mut session: KalmanNetwork<T>, what: &str) {
 #[test]
 fn errors_fall_while_it_learns() {
     for memory in ALL {
-        errors_fall(session::<f64>(memory, 2, Base::Nothing, false, true), &format!("{memory:?}"));
-        errors_fall(session::<f64>(memory, 0, Base::Nothing, true, true), &format!("{memory:?}, feedback"));
-        errors_fall(session::<f64>(memory, 3, Base::Hold, true, true), &format!("{memory:?}, hold"));
-        errors_fall(session::<f32>(memory, 2, Base::Nothing, false, true), &format!("{memory:?}, single"));
+        errors_fall(session::<f64>(memory, 2, BaseModel::Nothing, false, true), &format!("{memory:?}"));
+        errors_fall(
+            session::<f64>(memory, 0, BaseModel::Nothing, true, true),
+            &format!("{memory:?}, feedback"),
+        );
+        errors_fall(session::<f64>(memory, 3, BaseModel::Hold, true, true), &format!("{memory:?}, hold"));
+        errors_fall(
+            session::<f32>(memory, 2, BaseModel::Nothing, false, true),
+            &format!("{memory:?}, single"),
+        );
     }
 }
 
 #[test]
 fn memory_goes_on_to_the_last_bit() {
     for memory in ALL {
-        let mut session = session::<f64>(memory, 0, Base::Nothing, false, true);
+        let mut session = session::<f64>(memory, 0, BaseModel::Nothing, false, true);
         let n = session.outputs();
         for k in 0..30 {
             session.observe(&sample(k, n).1);
@@ -423,7 +429,7 @@ fn single_precision_lasts() {
 fn deviations_ahead_are_those_of_the_full_filter() {
     let memories = [Memory::Full, Memory::Blocks { group: usize::MAX }];
     let mut deviations = memories.map(|memory| {
-        let mut session = session::<f64>(memory, 2, Base::Nothing, false, false);
+        let mut session = session::<f64>(memory, 2, BaseModel::Nothing, false, false);
         let n = session.outputs();
         for k in 0..30 {
             session.observe(&sample(k, n).1);
@@ -449,7 +455,7 @@ fn nonsense_is_refused_or_survived() {
         assert!(matches!(refused, Some(TuningError::Number(_))), "{memory:?}");
     }
     for memory in ALL {
-        let mut session = session::<f64>(memory, 2, Base::Nothing, false, true);
+        let mut session = session::<f64>(memory, 2, BaseModel::Nothing, false, true);
         session.advance(&[0.1, 0.2]);
         session.observe(&[1e300; 3]);
         session.advance(&[f64::NAN, 1e300]);

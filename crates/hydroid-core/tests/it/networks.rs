@@ -1,7 +1,7 @@
 //! The networks of an independent implementation (PyTorch, f64): files under `/tests/golden/networks`.
 
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling};
 use safetensors::SafeTensors;
 use serde_json::Value;
 
@@ -68,7 +68,7 @@ pub(crate) fn pretrained(name: &str) -> (Recurrent, Vec<f64>) {
     let sigma = [0.01, 0.01, 1.0_f64.to_radians()];
     let noise = sigma.iter().zip(&scaling.output_scale).map(|(s, scale)| (s / scale).powi(2)).collect();
     let weights = weights_of(&network, &bytes);
-    let (base, feedback, wash_out) = (Base::Nothing, false, 100);
+    let (base, feedback, wash_out) = (BaseModel::Nothing, false, 100);
     (Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter: None }, noise)
 }
 

@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::guard::{Guard, GuardSettings};
+use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::{Adapter, DirectReadOut, Outcome, ReadOutError, ReadOutSettings, Rejection};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
-use hydroid_core::model::recurrent::{Base, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Scaling};
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
@@ -15,16 +15,18 @@ const SETTINGS: ReadOutSettings =
     ReadOutSettings { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
 
 fn model(history: usize, horizon: usize, hold: bool, hidden: &[usize]) -> Direct {
-    on(if hold { Base::Hold } else { Base::Nothing }, history, horizon, hidden)
+    on(if hold { BaseModel::Hold } else { BaseModel::Nothing }, history, horizon, hidden)
 }
 
 /// Of two outputs and two inputs, with a lag and past values of an output.
-fn equations() -> Base {
+fn equations() -> BaseModel {
     let signals =
         vec![Signal::Lag { input: 2, time_constant_s: Real(0.2) }, Signal::Past { variable: 0, samples: 2 }];
     let terms: Vec<Term> = [0, 1, 3, 4, 5].map(|v| Term::monomial(&[v])).to_vec();
     let coefficients = vec![-0.8, 0.1, 0.2, 0.09, -0.1, 0.2, -1.1, 0.5, 0.01, 0.1];
-    Base::Equations(Arc::new(Equations::with_signals(terms, coefficients, 2, 2, signals, 0.1, 2).unwrap()))
+    BaseModel::Equations(Arc::new(
+        Equations::with_signals(terms, coefficients, 2, 2, signals, 0.1, 2).unwrap(),
+    ))
 }
 
 /// What the model adds to over the horizon of the window that ended at `k`, step by step: equations are walked from the
@@ -32,9 +34,9 @@ fn equations() -> Base {
 fn base(model: &Direct, k: usize) -> Vec<[f64; 2]> {
     let mut e: Vec<[f64; 2]> = Vec::new();
     match &model.base {
-        Base::Nothing => e.resize(model.horizon, [0, 1].map(|c| model.scaling.output_mean[c])),
-        Base::Hold => e.resize(model.horizon, measured(k)),
-        Base::Equations(equations) => {
+        BaseModel::Nothing => e.resize(model.horizon, [0, 1].map(|c| model.scaling.output_mean[c])),
+        BaseModel::Hold => e.resize(model.horizon, measured(k)),
+        BaseModel::Equations(equations) => {
             let (mut state, mut scratch) =
                 (vec![f64::NAN; equations.state_len()], vec![0.0; equations.scratch()]);
             for j in 0..k + model.horizon {
@@ -51,7 +53,7 @@ fn base(model: &Direct, k: usize) -> Vec<[f64; 2]> {
     e
 }
 
-fn on(base: Base, history: usize, horizon: usize, hidden: &[usize]) -> Direct {
+fn on(base: BaseModel, history: usize, horizon: usize, hidden: &[usize]) -> Direct {
     let (inputs, outputs) = Direct::lengths(history, horizon, 2, 2);
     let network = Perceptron { inputs, hidden: hidden.to_vec(), outputs };
     let weights = (0..network.weights()).map(|k| 0.6 * (0.7 * k as f64 + 0.3).sin()).collect();
@@ -168,10 +170,10 @@ fn regressor(model: &Direct, k: usize) -> Vec<f64> {
 #[test]
 fn every_step_learns_as_if_it_were_alone() {
     for (p, h, below, hidden) in [
-        (1, 1, Base::Nothing, vec![5]),
-        (4, 6, Base::Hold, vec![7, 5]),
-        (3, 4, Base::Nothing, vec![6, 4, 5]),
-        (2, 3, Base::Hold, vec![]),
+        (1, 1, BaseModel::Nothing, vec![5]),
+        (4, 6, BaseModel::Hold, vec![7, 5]),
+        (3, 4, BaseModel::Nothing, vec![6, 4, 5]),
+        (2, 3, BaseModel::Hold, vec![]),
         (4, 6, equations(), vec![7, 5]),
         (3, 1, equations(), vec![]),
     ] {
@@ -467,7 +469,7 @@ fn a_guard_stands_around_it_with_companions_that_do_not_learn() {
     let guard = || {
         let learner = Box::new(DirectReadOut::new(Arc::clone(&model), &SETTINGS).unwrap());
         let ranges = [(-1.0, 3.0), (-1.5, 0.5), (0.0, 20.0), (-0.5, 0.5)];
-        let settings = GuardSettings { horizon: 4, stride: 1, keep: 10, ..GuardSettings::new(0.1) };
+        let settings = GuardOptions { horizon: 4, stride: 1, keep: 10, ..GuardOptions::new(0.1) };
         Guard::new(learner, [companion(), companion()], &ranges, &[0.02, 0.02], settings).unwrap()
     };
     let (mut first, mut second) = (guard(), guard());

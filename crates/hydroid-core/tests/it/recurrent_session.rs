@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use hydroid_core::model::recurrent::{
-    Base, Cell, Network, Packed, Part, Recurrent, RecurrentError, RecurrentSession, Scaling, StateFilter,
+    BaseModel, Cell, Network, Packed, Part, Recurrent, RecurrentError, RecurrentSession, Scaling, StateFilter,
 };
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -35,11 +35,11 @@ fn equations() -> Equations {
     Equations::with_signals(terms, coefficients, 2, 2, signals, 0.1, 2).unwrap()
 }
 
-fn bases() -> [Base; 3] {
-    [Base::Nothing, Base::Hold, Base::Equations(Arc::new(equations()))]
+fn bases() -> [BaseModel; 3] {
+    [BaseModel::Nothing, BaseModel::Hold, BaseModel::Equations(Arc::new(equations()))]
 }
 
-fn model(cell: Cell, base: Base, feedback: bool) -> Recurrent {
+fn model(cell: Cell, base: BaseModel, feedback: bool) -> Recurrent {
     let network = Network { cell, inputs: if feedback { 4 } else { 2 }, outputs: 2, read_out: true };
     let scaling = Scaling {
         output_mean: vec![1.0, -0.5],
@@ -86,7 +86,7 @@ struct Plain<'a> {
 
 impl<'a> Plain<'a> {
     fn new(model: &'a Recurrent, y: [f64; 2]) -> Self {
-        let memory = if let Base::Equations(e) = &model.base { e.state_len() - 2 } else { 0 };
+        let memory = if let BaseModel::Equations(e) = &model.base { e.state_len() - 2 } else { 0 };
         let front = y.into_iter().chain(vec![f64::NAN; memory]).collect();
         Self { model, h: vec![0.0; model.network.state_len()], front }
     }
@@ -102,9 +102,9 @@ impl<'a> Plain<'a> {
         let mut g = [0.0; 2];
         packed.output(&self.h, &mut g);
         match &model.base {
-            Base::Nothing => self.front[..2].copy_from_slice(&s.output_mean),
-            Base::Hold => {}
-            Base::Equations(e) => e.step(&mut self.front, &c, &mut vec![0.0; e.scratch()]),
+            BaseModel::Nothing => self.front[..2].copy_from_slice(&s.output_mean),
+            BaseModel::Hold => {}
+            BaseModel::Equations(e) => e.step(&mut self.front, &c, &mut vec![0.0; e.scratch()]),
         }
         for i in 0..2 {
             self.front[i] += s.correction_scale[i] * g[i];
@@ -203,7 +203,7 @@ fn before_every_output_was_measured_models_of_increments_wait() {
         session.observe(&[1.5, f64::NAN]);
         session.advance(&command(0));
         session.output(&mut y);
-        let free = !model.feedback && matches!(model.base, Base::Nothing);
+        let free = !model.feedback && matches!(model.base, BaseModel::Nothing);
         if free {
             assert!(y.iter().all(|y| y.is_finite()), "inputs are all that this network needs");
             continue;
@@ -224,10 +224,10 @@ fn before_every_output_was_measured_models_of_increments_wait() {
 #[test]
 fn a_rollout_that_blows_up_gives_numbers_that_are_not_finite() {
     for mut model in every_model() {
-        if let Base::Equations(_) = model.base {
+        if let BaseModel::Equations(_) = model.base {
             let terms = vec![Term::monomial(&[0, 0, 0]), Term::monomial(&[1])];
             let unstable = Equations::new(terms, vec![1e3, 1.0, 1.0, 1e3], 2, 2, 0.1, 1).unwrap();
-            model.base = Base::Equations(Arc::new(unstable));
+            model.base = BaseModel::Equations(Arc::new(unstable));
         }
         let mut session = session(&model);
         session.observe(&[1e3, -1e3]);
@@ -237,7 +237,7 @@ fn a_rollout_that_blows_up_gives_numbers_that_are_not_finite() {
         assert!(y.iter().any(|y| !y.is_finite()));
         let commands: Vec<f64> = (0..100).flat_map(command).collect();
         session.rollout(&commands, &mut Workspace::new(), &mut y);
-        assert_eq!(matches!(model.base, Base::Equations(_)), y.iter().any(|y| !y.is_finite()));
+        assert_eq!(matches!(model.base, BaseModel::Equations(_)), y.iter().any(|y| !y.is_finite()));
         // A command that is not a number spoils what follows only until measurements come again.
         session.advance(&[f64::NAN, 0.0]);
         for k in 0..4 {
@@ -259,13 +259,13 @@ fn warm_up_is_the_wash_out_and_a_sample_or_what_the_equations_need() {
     assert_eq!(session(&model).warm_up(), equations().warm_up());
     model.wash_out = 0;
     assert_eq!(session(&model).warm_up(), equations().warm_up());
-    model.base = Base::Hold;
+    model.base = BaseModel::Hold;
     assert_eq!(session(&model).warm_up(), 1);
 }
 
 #[test]
 fn parts_that_contradict_one_another_are_refused() {
-    let good = model(Cell::Gru { hidden: 3 }, Base::Nothing, false);
+    let good = model(Cell::Gru { hidden: 3 }, BaseModel::Nothing, false);
     assert_eq!(good.check(), Ok(()));
     let refused = |change: &dyn Fn(&mut Recurrent)| {
         let mut model = good.clone();
@@ -290,7 +290,7 @@ fn parts_that_contradict_one_another_are_refused() {
     );
     let alien = Equations::new(vec![Term::monomial(&[0])], vec![1.0], 1, 2, 0.1, 1).unwrap();
     assert_eq!(
-        refused(&|m| m.base = Base::Equations(Arc::new(alien.clone()))),
+        refused(&|m| m.base = BaseModel::Equations(Arc::new(alien.clone()))),
         RecurrentError::Equations { equations: (2, 1), model: (2, 2) }
     );
     let filter =
@@ -304,7 +304,7 @@ fn parts_that_contradict_one_another_are_refused() {
     assert_eq!(refused(&|m| m.state_filter = filter(0.0, 1.0, &[1.0, 0.0])), number(Part::FilterNoise, 1));
     assert_eq!(refused(&|m| m.state_filter = filter(0.0, 1.0, &[1.0])), length(Part::FilterNoise, 2, 1));
     assert_eq!(
-        refused(&|m| (m.base, m.state_filter) = (Base::Hold, filter(0.0, 1.0, &[1.0, 1.0]))),
+        refused(&|m| (m.base, m.state_filter) = (BaseModel::Hold, filter(0.0, 1.0, &[1.0, 1.0]))),
         RecurrentError::Filter
     );
     let large = |m: &mut Recurrent| {

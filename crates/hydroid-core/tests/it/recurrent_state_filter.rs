@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use hydroid_core::model::recurrent::{
-    Base, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
+    BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
 };
 use hydroid_core::predict::{Predictor, Workspace};
 
@@ -105,7 +105,7 @@ fn outputs_may_be_more_than_the_state_has_numbers() {
             correction_scale: ones,
         };
         let state_filter = Some(StateFilter { process: 1e-3, initial: 1.0, noise: vec![0.01; 3] });
-        let (base, feedback) = (Base::Nothing, false);
+        let (base, feedback) = (BaseModel::Nothing, false);
         let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1, state_filter };
         // It follows measurements of the network itself, begun elsewhere.
         let open = Recurrent { state_filter: None, ..model.clone() };

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Rehearsal, Tuning};
-use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
 
 const NETWORK: Network = Network { cell: Cell::Gru { hidden: 6 }, inputs: 2, outputs: 2, read_out: true };
@@ -24,7 +24,7 @@ fn model(weights: Vec<f64>) -> Arc<Recurrent> {
         input_scale: ones.clone(),
         correction_scale: ones,
     };
-    let (base, feedback, wash_out, state_filter) = (Base::Nothing, false, 20, None);
+    let (base, feedback, wash_out, state_filter) = (BaseModel::Nothing, false, 20, None);
     Arc::new(Recurrent { network: NETWORK, weights, scaling, base, feedback, wash_out, state_filter })
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::{Adapter, Health, Innovation, Outcome};
 use hydroid_core::model::direct::{Batch, Direct, DirectError, DirectSession};
-use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::predict::{Predictor, Workspace};
 
 /// How it learns.
@@ -90,7 +90,7 @@ impl Replay {
         for (w, &k) in ends.iter().enumerate() {
             for i in 0..h * n {
                 let c = i % n;
-                let base = if self.model.base == Base::Hold { self.outputs[k * n + c] } else { 0.0 };
+                let base = if self.model.base == BaseModel::Hold { self.outputs[k * n + c] } else { 0.0 };
                 #[expect(clippy::cast_possible_truncation, reason = "single precision is enough for steps")]
                 let unit = (s.output_scale[c] / s.correction_scale[c]) as f32;
                 let target = unit * (self.outputs[(k + 1) * n + i] - base);

@@ -1,9 +1,9 @@
 //! The guard around whatever learns: the same model from shore, twice, with a filter on its state alone.
 
 use hydroid_core::adapt::Adapter;
-use hydroid_core::adapt::guard::{Guard, GuardSettings};
+use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::kalman::Memory;
-use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::recurrent::BaseModel;
 
 use super::kalman::{Kalman, LEAST_NOISE};
 use super::{AdaptError, Options, Used, learner, read_out};
@@ -20,7 +20,7 @@ const STATE_FILTER_PROCESS_PER_S: f64 = 1e-3;
 pub(super) fn guard(
     model: &Model,
     options: &Options,
-    settings: &GuardSettings,
+    settings: &GuardOptions,
     runs: &[&Trajectory],
 ) -> Result<(Box<dyn Adapter>, Used), AdaptError> {
     let (adapter, used) = learner(model, options, runs)?;
@@ -57,7 +57,7 @@ fn sure(model: &Model, options: &Options) -> Kalman {
         ..options.kalman.clone()
     };
     match &model.body {
-        Body::Recurrent(network) if network.feedback || network.base != Base::Nothing => {
+        Body::Recurrent(network) if network.feedback || network.base != BaseModel::Nothing => {
             // Measurements enter as its inputs.
             Kalman { state_variance: SURE, state_noise_per_s: SURE, ..sure }
         }
@@ -82,6 +82,6 @@ impl Options {
     /// The same under guard, for a model.
     #[must_use]
     pub fn guarded(self, model: &Model) -> Self {
-        Self { guard: Some(GuardSettings::new(model.description.dt)), ..self }
+        Self { guard: Some(GuardOptions::new(model.description.dt)), ..self }
     }
 }

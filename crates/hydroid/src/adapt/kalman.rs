@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Rehearsal, Tuning};
-use hydroid_core::model::recurrent::{Base, Blocks, Layout, Packed, Recurrent, StateFilter};
+use hydroid_core::model::recurrent::{BaseModel, Blocks, Layout, Packed, Recurrent, StateFilter};
 use serde::{Deserialize, Serialize};
 
 use super::AdaptError;
@@ -283,7 +283,7 @@ pub(super) fn adapter(
 /// The model with a filter on its state alone; none for those whose state a measurement enters otherwise.
 pub(super) fn filtered(model: &Model, noise: &[f64]) -> Option<Model> {
     let Body::Recurrent(network) = &model.body else { return None };
-    if network.feedback || network.base != Base::Nothing {
+    if network.feedback || network.base != BaseModel::Nothing {
         return None;
     }
     let variance = |(std, scale): (&f64, &f64)| (std / scale).powi(2);
@@ -319,7 +319,7 @@ mod tests {
             correction_scale: vec![1.0],
         };
         let weights = vec![0.1; network.weights()];
-        let (base, wash_out) = (Base::Nothing, 0);
+        let (base, wash_out) = (BaseModel::Nothing, 0);
         let model =
             Recurrent { network, weights, scaling, base, feedback: false, wash_out, state_filter: None };
         let options = Kalman { gate_factor: 4.0, ..Kalman::default() };

@@ -25,7 +25,7 @@ use watch::Watched;
 
 pub use events::Happened;
 pub use hydroid_core::adapt::Gate;
-pub use hydroid_core::adapt::guard::GuardSettings;
+pub use hydroid_core::adapt::guard::GuardOptions;
 pub use hydroid_core::adapt::kalman::Memory;
 pub use kalman::{Kalman, Rehearse, UsedKalman, Which};
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
@@ -57,7 +57,7 @@ pub struct Options {
     /// [`Kalman::of_plants`].
     pub kalman: Kalman,
     /// Whether, and how, what is learned is guarded.
-    pub guard: Option<GuardSettings>,
+    pub guard: Option<GuardOptions>,
     /// Horizons and origins.
     #[serde(skip)]
     pub evaluate: evaluate::Options,

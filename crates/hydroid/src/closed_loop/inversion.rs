@@ -3,10 +3,8 @@
 use std::sync::Arc;
 
 use hydroid_core::adapt::kalman::LearnablePlant;
-use hydroid_core::control::{
-    Affine, AffineEquations, AffineNetwork, AffinePlant, Backstepping, Channel, ControlError, Controller,
-    Estimate, FeedbackLinearization, LearnedCorrection, Motion, Status,
-};
+use hydroid_core::actuator::Channel;
+use hydroid_core::control::{Affine, AffineEquations, AffineNetwork, AffinePlant, Backstepping, ControlError, Controller, Estimate, FeedbackLinearization, AdaptiveAugmentation, Motion, Status};
 use hydroid_core::model::PlantModel;
 use hydroid_core::model::sparse::Equations;
 use hydroid_core::vessel::{Numbers, VesselParams};
@@ -121,7 +119,7 @@ impl InvertingLaw for FeedbackLinearization<InvertibleModel> {
     }
 }
 
-impl InvertingLaw for LearnedCorrection<InvertibleModel> {
+impl InvertingLaw for AdaptiveAugmentation<InvertibleModel> {
     fn model(&self) -> &InvertibleModel {
         self.base().model()
     }

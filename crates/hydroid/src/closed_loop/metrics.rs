@@ -132,7 +132,7 @@ fn violations(run: &Run) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use hydroid_core::control::Limits;
+    use hydroid_core::actuator::Limits;
     use hydroid_core::guidance::{Pose, Reference};
     use hydroid_core::vessel::State;
 

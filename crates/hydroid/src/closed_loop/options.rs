@@ -3,11 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use hydroid_core::control::cem::{Cost, Planner, PlannerSettings};
-use hydroid_core::control::{
-    AffinePlant, Autopilot, AutopilotSettings, Backstepping, BacksteppingSettings, FeedbackLinearization,
-    FeedbackLinearizationSettings, LearnedCorrection, LearnedCorrectionSettings, Limits,
-};
+use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
+use hydroid_core::actuator::Limits;
+use hydroid_core::control::{AffinePlant, Autopilot, AutopilotOptions, Backstepping, BacksteppingOptions, FeedbackLinearization, FeedbackLinearizationOptions, AdaptiveAugmentation, AdaptiveAugmentationOptions};
 use hydroid_core::vessel::VesselParams;
 use serde::Serialize;
 
@@ -72,17 +70,17 @@ pub struct ControllerOptions {
     pub integral: f64,
     /// Adaptive network that corrects the model error of the feedback linearization, initialized from the run's seed; `None`
     /// for no correction.
-    pub learned: Option<LearnedCorrectionSettings>,
+    pub learned: Option<AdaptiveAugmentationOptions>,
     /// Rate of the backstepping \[1/s\]; `None` for the default.
     pub rate: Option<f64>,
     /// Cross-entropy planner; its seed is the run's seed.
-    pub planner: PlannerSettings,
+    pub planner: PlannerOptions,
     /// Cost of the planner.
     pub cost: Cost,
     /// Computing time of a plan; `None` for no limit.
     pub budget: Option<Duration>,
     /// Gains of the autopilot ([`tune_autopilot`](super::tune_autopilot)).
-    pub autopilot: Option<AutopilotSettings>,
+    pub autopilot: Option<AutopilotOptions>,
     /// Nominal vessel: names and limits of the commands, measured channels.
     pub vessel: VesselParams,
     /// Command limits.
@@ -108,7 +106,7 @@ impl ControllerOptions {
             integral: 0.0,
             learned: None,
             rate: None,
-            planner: PlannerSettings::new(0),
+            planner: PlannerOptions::new(0),
             cost: Cost::tracking(2),
             budget: None,
             autopilot: None,
@@ -136,27 +134,27 @@ impl ControllerOptions {
         };
         match self.method {
             ControlMethod::FeedbackLinearization => {
-                let settings = FeedbackLinearizationSettings {
+                let settings = FeedbackLinearizationOptions {
                     tolerance: self.tolerance,
-                    ..FeedbackLinearizationSettings::new(self.lead)
+                    ..FeedbackLinearizationOptions::new(self.lead)
                 };
                 let settings =
                     self.bandwidth.map_or(settings, |[omega, zeta]| settings.with_bandwidth(omega, zeta));
-                let settings = FeedbackLinearizationSettings { integral: self.integral, ..settings };
+                let settings = FeedbackLinearizationOptions { integral: self.integral, ..settings };
                 let inverse = InvertibleModel::of(model, channels.motion, law)?;
                 let law = FeedbackLinearization::new(inverse, &self.limits, self.dt_s, settings)?;
                 match self.learned {
                     Some(learned) => {
-                        let law = LearnedCorrection::new(law, learned, seed)?;
+                        let law = AdaptiveAugmentation::new(law, learned, seed)?;
                         self.inverted(law, channels, model, session()?)
                     }
                     None => self.inverted(law, channels, model, session()?),
                 }
             }
             ControlMethod::Backstepping => {
-                let settings = BacksteppingSettings {
+                let settings = BacksteppingOptions {
                     tolerance: self.tolerance,
-                    ..BacksteppingSettings::new(self.lead)
+                    ..BacksteppingOptions::new(self.lead)
                 };
                 let settings = self.rate.map_or(settings, |rate| settings.with_rate(rate));
                 let inverse = InvertibleModel::of(model, channels.motion, law)?;
@@ -168,7 +166,7 @@ impl ControllerOptions {
                     let why = "its outputs do not begin with u, v, r; identify with --outputs u,v,r";
                     return Err(ClosedLoopError::Channels(String::from(why)));
                 }
-                let settings = PlannerSettings { seed, ..self.planner };
+                let settings = PlannerOptions { seed, ..self.planner };
                 let cost = Cost { ahead: self.lead, ..self.cost.clone() };
                 let outputs = channels.len();
                 let planner = Planner::new(settings, cost, &self.limits, outputs, self.dt_s, self.tolerance)?;
@@ -201,7 +199,7 @@ impl ControllerOptions {
             return Err(ClosedLoopError::UnexpectedModel);
         }
         let gains = self.autopilot.ok_or(ClosedLoopError::Untunable)?;
-        let gains = AutopilotSettings { tolerance: self.tolerance, ..gains };
+        let gains = AutopilotOptions { tolerance: self.tolerance, ..gains };
         let controller = Autopilot::new(&self.limits, self.dt_s, gains)?;
         Ok(Box::new(ControlLaw { controller, lead: 0.0, timing: Timing::Path, force: false }))
     }

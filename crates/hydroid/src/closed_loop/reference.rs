@@ -1,6 +1,6 @@
 //! Generation of the reference and of its preview.
 
-use hydroid_core::guidance::{Follower, Reference, Walker};
+use hydroid_core::guidance::{PathReference, Reference, TimedReference};
 use serde::Serialize;
 
 use super::track::Track;
@@ -23,22 +23,22 @@ const SEARCH_RANGE_M: f64 = 6.0;
 pub(super) struct ReferenceGenerator<'a> {
     track: &'a Track,
     timing: Timing,
-    walker: Walker,
-    follower: Follower,
+    walker: TimedReference,
+    follower: PathReference,
     /// Arc length of the vessel's projection on the path \[m\].
     s: f64,
 }
 
 impl<'a> ReferenceGenerator<'a> {
     pub(super) fn new(track: &'a Track, timing: Timing) -> Self {
-        let (walker, follower) = (Walker::new(&track.profile), Follower::new(0.0, SEARCH_RANGE_M));
+        let (walker, follower) = (TimedReference::new(&track.profile), PathReference::new(0.0, SEARCH_RANGE_M));
         Self { track, timing, walker, follower, s: 0.0 }
     }
 
     /// Reference for a controlled point at `point`, and the cross-track error \[m\], positive to starboard.
     pub(super) fn update(&mut self, point: [f64; 2]) -> (Reference, f64) {
         let Track { path, profile } = self.track;
-        let foot = self.follower.foot(path, point);
+        let foot = self.follower.project(path, point);
         self.s = foot.s;
         let reference = match self.timing {
             Timing::Clock => self.walker.reference(path, profile),

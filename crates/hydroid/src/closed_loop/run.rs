@@ -2,7 +2,8 @@
 
 use std::time::Instant;
 
-use hydroid_core::control::{Limits, Status};
+use hydroid_core::actuator::Limits;
+use hydroid_core::control::Status;
 use hydroid_core::guidance::Reference;
 use hydroid_core::vessel::{Command, State, VesselParams};
 use rand_distr::{Distribution as _, StandardNormal};

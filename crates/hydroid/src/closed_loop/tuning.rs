@@ -1,7 +1,7 @@
 //! Tuning of the autopilot by grid search on separate runs.
 
-use hydroid_core::control::{AutopilotSettings, HeadingGains, SpeedGains};
-use hydroid_core::guidance::LineOfSightSettings;
+use hydroid_core::control::{AutopilotOptions, HeadingGains, SpeedGains};
+use hydroid_core::guidance::LineOfSightOptions;
 use hydroid_core::vessel::{Command, Plant};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -59,7 +59,7 @@ pub struct TunedAutopilot {
     pub nomoto: [f64; 2],
     /// Gains of the best point.
     #[serde(skip)]
-    pub settings: AutopilotSettings,
+    pub settings: AutopilotOptions,
 }
 
 /// Tunes the autopilot for a scenario at a cruising speed.
@@ -103,8 +103,8 @@ pub fn tune_autopilot(
     let settings = |tuning: &GridPoint| {
         let [gain, time] = nomoto;
         let heading = HeadingGains::nomoto(gain, time, tuning.omega, ZETA, cruise);
-        AutopilotSettings {
-            line_of_sight: LineOfSightSettings { lookahead: tuning.lookahead, integral: tuning.sigma },
+        AutopilotOptions {
+            line_of_sight: LineOfSightOptions { lookahead: tuning.lookahead, integral: tuning.sigma },
             // At low frequencies the vessel's own damping exceeds the required one.
             heading: HeadingGains {
                 exponent: tuning.exponent,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use hydroid_core::control::Map;
+use hydroid_core::actuator::Map;
 use hydroid_core::model::sparse::Equations;
 use serde::{Deserialize, Serialize};
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hydroid_core::adapt::{BlendedEquations, RecursiveEquations, Settings, SettingsError};
-use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::model::sparse::Equations;
 
 use super::{Body, Description, Learning, Model};
@@ -62,8 +62,8 @@ impl Model {
             Body::Equations(_) | Body::Affine(_) | Body::Plant(_) => return None,
         };
         match base {
-            Base::Equations(equations) => Some(self.motion(equations)),
-            Base::Nothing | Base::Hold => None,
+            BaseModel::Equations(equations) => Some(self.motion(equations)),
+            BaseModel::Nothing | BaseModel::Hold => None,
         }
     }
 }

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use hydroid_core::control::Map;
+use hydroid_core::actuator::Map;
 use hydroid_core::model::affine::ControlAffine;
 use hydroid_core::model::direct::{Direct, Perceptron};
-use hydroid_core::model::recurrent::{Base, Recurrent, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Recurrent, Scaling};
 
 use super::recurrent::cell_text;
 use super::{Body, Model};
@@ -101,9 +101,9 @@ fn recurrent_text(recurrent: &Recurrent, dt: f64) -> Vec<String> {
         "sees the inputs alone"
     }));
     lines.push(String::from(match recurrent.base {
-        Base::Nothing => "gives the next outputs themselves",
-        Base::Hold => "gives the increments of the outputs",
-        Base::Equations(_) => "gives what equations of motion miss over a sample (a grey box)",
+        BaseModel::Nothing => "gives the next outputs themselves",
+        BaseModel::Hold => "gives the increments of the outputs",
+        BaseModel::Equations(_) => "gives what equations of motion miss over a sample (a grey box)",
     }));
     lines.push(format!(
         "wash-out: {} samples, {:.3} s, before its hidden state is worth something",
@@ -137,9 +137,9 @@ fn direct_text(direct: &Direct, dt: f64) -> Vec<String> {
             direct.horizon,
             seconds(direct.horizon),
             match direct.base {
-                Base::Nothing => "",
-                Base::Hold => ", as differences to the present outputs",
-                Base::Equations(_) =>
+                BaseModel::Nothing => "",
+                BaseModel::Hold => ", as differences to the present outputs",
+                BaseModel::Equations(_) =>
                     ", as what equations of motion miss from the present sample on (a grey box)",
             }
         ),

@@ -1,8 +1,8 @@
 //! Control-affine networks: forward integration and backward pass.
 
-use hydroid_core::control::Map;
+use hydroid_core::actuator::{Map, rk4_first_stage};
 use hydroid_core::math::Scalar;
-use hydroid_core::model::affine::{Effector, first_stage};
+use hydroid_core::model::affine::Effector;
 use hydroid_core::model::direct::{Batch, Perceptron};
 use hydroid_core::model::recurrent::Scaling;
 
@@ -182,7 +182,7 @@ impl<T: Scalar> Affine<T> {
             let ((whole, whole_slope), (half, half_slope)) = (of(1.0), of(0.5));
             let mean = -(-inverse).exp_m1() / inverse;
             let (first, first_slope) =
-                (first_stage(inverse), 6.0 * (mean - whole) - 4.0 * half_slope - whole_slope);
+                (rk4_first_stage(inverse), 6.0 * (mean - whole) - 4.0 * half_slope - whole_slope);
             let (map, unit) = (self.parts.maps[i], self.parts.units[i]);
             for (lane, window) in self.windows.iter().enumerate() {
                 let command = |k: usize| runs[window.run].commands[k * m + i];

@@ -1,7 +1,7 @@
 //! Base of a recurrent network: one step forward and backward for windows in parallel lanes.
 
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Base, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Scaling};
 use hydroid_core::model::sparse::Equations;
 
 /// Step of the central differences, in scaled units.
@@ -50,12 +50,12 @@ struct EquationsStep {
 
 impl BaseStep {
     /// Base for `lanes` windows; `steps` is the number of recorded steps.
-    pub(super) fn new(base: &Base, scaling: &Scaling, lanes: usize, steps: usize) -> Self {
+    pub(super) fn new(base: &BaseModel, scaling: &Scaling, lanes: usize, steps: usize) -> Self {
         let ratio = scaling.correction_scale.iter().zip(&scaling.output_scale).map(|(c, s)| c / s).collect();
         let kind = match base {
-            Base::Nothing => Kind::Nothing,
-            Base::Hold => Kind::Hold,
-            Base::Equations(equations) => {
+            BaseModel::Nothing => Kind::Nothing,
+            BaseModel::Hold => Kind::Hold,
+            BaseModel::Equations(equations) => {
                 let n = equations.outputs();
                 Kind::Equations(Box::new(EquationsStep {
                     mean: scaling.output_mean.clone(),

@@ -1,7 +1,7 @@
 //! Backpropagation through time (BPTT) of recurrent networks.
 
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Base, Network, Scaling, Tape};
+use hydroid_core::model::recurrent::{BaseModel, Network, Scaling, Tape};
 
 use super::base::BaseStep;
 use super::windows::{ScaledRun, Shape, Window};
@@ -49,7 +49,7 @@ impl<T: Scalar> Bptt<T> {
     /// Buffers for at most `size` windows; `back` reserves memory for [`backward`](Self::backward).
     pub(super) fn new(
         network: &Network,
-        base: &Base,
+        base: &BaseModel,
         scaling: &Scaling,
         feedback: bool,
         shape: Shape,

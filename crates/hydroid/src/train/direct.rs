@@ -2,7 +2,7 @@
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::{Batch, Perceptron};
-use hydroid_core::model::recurrent::{Base, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Scaling};
 
 use super::chained_rollout::ChainedRollout;
 use super::windows::{ScaledRun, Shape, Window};
@@ -48,7 +48,7 @@ impl<T: Scalar> DirectBatch<T> {
     pub(super) fn new(
         network: &Perceptron,
         horizon: usize,
-        base: &Base,
+        base: &BaseModel,
         scaling: &Scaling,
         shape: Shape,
         size: usize,
@@ -56,9 +56,9 @@ impl<T: Scalar> DirectBatch<T> {
         let batch = Batch::new(network, size);
         let row = shape.outputs * batch.lanes();
         let base = match base {
-            Base::Nothing => Kind::Nothing,
-            Base::Hold => Kind::Hold,
-            Base::Equations(equations) => {
+            BaseModel::Nothing => Kind::Nothing,
+            BaseModel::Hold => Kind::Hold,
+            BaseModel::Equations(equations) => {
                 Kind::Equations(Box::new(ChainedRollout::new(equations, scaling, batch.lanes())))
             }
         };

@@ -3,7 +3,7 @@
 use hydroid_core::math::Scalar;
 use hydroid_core::model::affine::ControlAffine;
 use hydroid_core::model::direct::{Direct, Perceptron};
-use hydroid_core::model::recurrent::{Base, Network, Recurrent, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Network, Recurrent, Scaling};
 use rand_chacha::ChaCha8Rng;
 
 use super::affine::{self, Affine};
@@ -17,9 +17,9 @@ use super::{TrainedNetwork, init};
 #[derive(Clone, Debug)]
 pub(super) enum Architecture {
     /// Recurrent network, its base, and whether outputs are fed back.
-    Recurrent { network: Network, base: Base, feedback: bool },
+    Recurrent { network: Network, base: BaseModel, feedback: bool },
     /// Direct predictor, its horizon and its base.
-    Direct { network: Perceptron, horizon: usize, base: Base },
+    Direct { network: Perceptron, horizon: usize, base: BaseModel },
     /// Control-affine network; the logarithms of its time constants follow its weights.
     Affine(affine::Parts),
 }

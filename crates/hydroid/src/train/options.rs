@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use hydroid_core::control::Map;
+use hydroid_core::actuator::Map;
 use hydroid_core::model::direct::{Direct, DirectError, Perceptron};
 use hydroid_core::model::recurrent::{Cell, Network, NetworkError};
 use serde::{Deserialize, Serialize};
@@ -44,7 +44,7 @@ impl CellKind {
     }
 }
 
-/// Base of the network; see [`Base`](hydroid_core::model::recurrent::Base).
+/// Base of the network; see [`Base`](hydroid_core::model::recurrent::BaseModel).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BaseKind {

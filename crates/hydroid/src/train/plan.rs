@@ -3,9 +3,9 @@
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use hydroid_core::control::Map;
+use hydroid_core::actuator::Map;
 use hydroid_core::math::Scalar;
-use hydroid_core::model::recurrent::{Base, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Scaling};
 use hydroid_core::model::sparse::Equations;
 
 use super::base_rollout::BaseRollout;
@@ -48,13 +48,13 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, options: &TrainOptions) -> Result<P
     let (runs, validation) = (scaled(job.runs)?, scaled(job.validation)?);
     let correction = match &net {
         // The output of a control-affine network is a rate of order range per second.
-        Architecture::Direct { base: Base::Nothing, .. } | Architecture::Affine(_) => None,
+        Architecture::Direct { base: BaseModel::Nothing, .. } | Architecture::Affine(_) => None,
         // Typical change over half of the horizon.
-        Architecture::Direct { base: Base::Hold, horizon, .. } => {
+        Architecture::Direct { base: BaseModel::Hold, horizon, .. } => {
             let share = 0.5 * *horizon as f64;
             Some(scaling::increments(job.runs).into_iter().map(|size| share.max(1.0) * size).collect())
         }
-        Architecture::Direct { base: Base::Equations(_), .. } => Some(scaling::missed(&runs, &scaling)),
+        Architecture::Direct { base: BaseModel::Equations(_), .. } => Some(scaling::missed(&runs, &scaling)),
         Architecture::Recurrent { base, .. } => correction(job, base),
     };
     if let Some(correction) = correction {
@@ -76,7 +76,7 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, options: &TrainOptions) -> Result<P
         wash_out,
         length,
         measured: match &net {
-            Architecture::Recurrent { base, feedback, .. } => *feedback || !matches!(base, Base::Nothing),
+            Architecture::Recurrent { base, feedback, .. } => *feedback || !matches!(base, BaseModel::Nothing),
             Architecture::Direct { .. } | Architecture::Affine(_) => true,
         },
     };
@@ -109,7 +109,7 @@ fn scaled_run<T: Scalar>(
     scaling: &Scaling,
 ) -> Result<ScaledRun<T>, TrainError> {
     let mut scaled = ScaledRun::new(run, scaling);
-    if let Architecture::Direct { base: Base::Equations(equations), horizon, .. } = net {
+    if let Architecture::Direct { base: BaseModel::Equations(equations), horizon, .. } = net {
         let base_rollout = BaseRollout::new(equations, run, scaling, *horizon).map_err(|t| TrainError::Equations {
             reason: format!(
                 "from the sample at {t:.3} s of run '{}' on they run away within the horizon: choose base = \"hold\" or \"nothing\", or a shorter window_s",
@@ -181,11 +181,11 @@ fn check_sines(job: &Job<'_>, options: &TrainOptions) -> Result<(), TrainError> 
 }
 
 /// Scale of the correction of a recurrent network with a base.
-fn correction(job: &Job<'_>, base: &Base) -> Option<Vec<f64>> {
+fn correction(job: &Job<'_>, base: &BaseModel) -> Option<Vec<f64>> {
     match base {
-        Base::Nothing => None,
-        Base::Hold => Some(scaling::increments(job.runs)),
-        Base::Equations(equations) => Some(scaling::residuals(job.runs, equations)),
+        BaseModel::Nothing => None,
+        BaseModel::Hold => Some(scaling::increments(job.runs)),
+        BaseModel::Equations(equations) => Some(scaling::residuals(job.runs, equations)),
     }
 }
 
@@ -222,11 +222,11 @@ fn differ(a: f64, b: f64) -> bool {
     ratio.is_nan() || (ratio - 1.0).abs() > 1e-6
 }
 
-fn base(job: &Job<'_>, options: &TrainOptions) -> Result<Base, TrainError> {
+fn base(job: &Job<'_>, options: &TrainOptions) -> Result<BaseModel, TrainError> {
     let wrong = |reason: String| Err(TrainError::Equations { reason });
     let equations = match (options.base, &job.equations) {
-        (BaseKind::Nothing, _) => return Ok(Base::Nothing),
-        (BaseKind::Hold, _) => return Ok(Base::Hold),
+        (BaseKind::Nothing, _) => return Ok(BaseModel::Nothing),
+        (BaseKind::Hold, _) => return Ok(BaseModel::Hold),
         (BaseKind::Equations, None) => return wrong(String::from("none are given")),
         (BaseKind::Equations, Some(equations)) => equations,
     };
@@ -239,7 +239,7 @@ fn base(job: &Job<'_>, options: &TrainOptions) -> Result<Base, TrainError> {
         let (a, b) = (equations.dt(), job.runs[0].dt);
         return wrong(format!("they are for samples of {a} s, the runs have {b} s"));
     }
-    Ok(Base::Equations(Arc::<Equations>::clone(equations)))
+    Ok(BaseModel::Equations(Arc::<Equations>::clone(equations)))
 }
 
 /// Time in samples, or the default limited by the longest run.
@@ -253,7 +253,7 @@ fn samples(job: &Job<'_>, seconds: Option<f64>, (most, share): (usize, usize)) -
 }
 
 /// Samples of wash-out, at least the warm-up of the base.
-fn wash_out(job: &Job<'_>, options: &TrainOptions, base: &Base) -> usize {
-    let least = if let Base::Equations(equations) = base { equations.warm_up() } else { 1 };
+fn wash_out(job: &Job<'_>, options: &TrainOptions, base: &BaseModel) -> usize {
+    let least = if let BaseModel::Equations(equations) = base { equations.warm_up() } else { 1 };
     samples(job, options.wash_out_s, WASH_OUT).max(least)
 }

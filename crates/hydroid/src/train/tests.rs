@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use hydroid_core::control::Map;
+use hydroid_core::actuator::Map;
 use hydroid_core::model::affine::ControlAffineSession;
-use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
@@ -394,6 +394,6 @@ fn bases_are_what_was_asked_for() {
             assert!(correction / scale <= ratio && correction / scale >= 1e-3, "{base:?}");
         }
         let Architecture::Recurrent { base: made, .. } = &plan.net else { panic!("no recurrent network") };
-        assert_eq!(matches!(made, Base::Nothing), base == BaseKind::Nothing);
+        assert_eq!(matches!(made, BaseModel::Nothing), base == BaseKind::Nothing);
     }
 }

@@ -53,7 +53,8 @@ pub(super) fn weight_average(models: &[ControlAffine]) -> Option<ControlAffine> 
 mod tests {
     use std::sync::Arc;
 
-    use hydroid_core::control::{Affine as _, AffineNetwork, Map, Motion};
+    use hydroid_core::actuator::Map;
+    use hydroid_core::control::{Affine as _, AffineNetwork, Motion};
     use hydroid_core::model::affine::Effector;
     use hydroid_core::model::recurrent::Scaling;
 

@@ -10,8 +10,9 @@ use hydroid::closed_loop::{
 };
 use hydroid::model::Model;
 use hydroid::progress::silent;
-use hydroid_core::control::cem::PlannerSettings;
-use hydroid_core::control::{Limits, Status};
+use hydroid_core::control::cem::PlannerOptions;
+use hydroid_core::actuator::Limits;
+use hydroid_core::control::Status;
 use hydroid_core::vessel::VesselParams;
 use proptest::prelude::*;
 
@@ -176,7 +177,7 @@ fn controllers_use_the_adapted_model() {
     let scenario = circle(&vessel, 15.0, 1.5);
     for kind in [ControlMethod::FeedbackLinearization, ControlMethod::CrossEntropy] {
         let mut control = by(kind, &vessel, &wrong);
-        control.planner = PlannerSettings { candidates: 40, elites: 6, iterations: 2, ..control.planner };
+        control.planner = PlannerOptions { candidates: 40, elites: 6, iterations: 2, ..control.planner };
         let frozen = Metrics::of(&simulated(&control, &scenario, &Conditions::calm(1)), 40.0);
         let model = control.model.clone().unwrap();
         let options = adapt::Options {
@@ -307,7 +308,7 @@ proptest! {
             control = by(kind, &vessel, &vessel);
         }
         control.limits = scenario.limits;
-        control.planner = PlannerSettings { candidates: 20, elites: 4, iterations: 2, horizon: 10, ..control.planner };
+        control.planner = PlannerOptions { candidates: 20, elites: 4, iterations: 2, horizon: 10, ..control.planner };
         let conditions = Conditions {
             seed, noise: 1.0, current: current.into(), mass, delay_s: 0.1 * delay as f64,
             wind: Wind { force: wind.into(), gust: 20.0, gust_s: 3.0 },
@@ -319,11 +320,11 @@ proptest! {
 }
 
 /// Untuned gains.
-fn gains(scenario: &Scenario) -> hydroid_core::control::AutopilotSettings {
-    use hydroid_core::control::{AutopilotSettings, HeadingGains, SpeedGains};
-    use hydroid_core::guidance::LineOfSightSettings;
-    AutopilotSettings {
-        line_of_sight: LineOfSightSettings { lookahead: 4.0, integral: 0.1 },
+fn gains(scenario: &Scenario) -> hydroid_core::control::AutopilotOptions {
+    use hydroid_core::control::{AutopilotOptions, HeadingGains, SpeedGains};
+    use hydroid_core::guidance::LineOfSightOptions;
+    AutopilotOptions {
+        line_of_sight: LineOfSightOptions { lookahead: 4.0, integral: 0.1 },
         heading: HeadingGains::nomoto(1.0, 0.5, 1.0, 1.0, 1.5),
         speed: SpeedGains { proportional: 60.0, integral: 8.0, drag: [20.0, 18.0] },
         steerage: 0.2,

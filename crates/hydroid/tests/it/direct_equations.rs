@@ -15,7 +15,7 @@ use hydroid::model::{Body, Model, Reading, decode, encode};
 use hydroid::progress::silent;
 use hydroid::train::{BaseKind, CellKind, Job, TrainError, TrainOptions, Trained, TrainedNetwork, train};
 use hydroid_core::model::direct::{Direct, DirectSession};
-use hydroid_core::model::recurrent::Base;
+use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::predict::Predictor;
 
@@ -153,7 +153,7 @@ fn it_takes_the_equations_of_the_job_into_its_file() {
     });
     let Body::Equations(equations) = &below.body else { panic!("no equations") };
     let Body::Direct(direct) = &model.body else { panic!("no direct predictor") };
-    assert_eq!(direct.base, Base::Equations(Arc::clone(equations)));
+    assert_eq!(direct.base, BaseModel::Equations(Arc::clone(equations)));
     let text = model.network_text().join("\n");
     assert!(text.contains("a grey box"), "{text}");
     let motion = model.base_equations().unwrap();

@@ -10,7 +10,7 @@ use hydroid::model::{
     Body, Description, Members, Model, ModelError, NamedTensor, Port, Provenance, Reading, decode,
     weights_from_torch, write,
 };
-use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, Scaling, StateFilter};
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling, StateFilter};
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::Workspace;
 use proptest::prelude::*;
@@ -23,7 +23,7 @@ use crate::networks::{NAMES, golden_json, golden_path, numbers, read};
 const DT: f64 = 0.1;
 
 /// A model around a network, its channels scaled by nothing.
-fn model(network: Network, weights: Vec<f64>, base: Base, feedback: bool) -> Model {
+fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -> Model {
     let outputs = network.outputs;
     let inputs = network.inputs - if feedback { outputs } else { 0 };
     let port = |name: String| Port {
@@ -32,7 +32,7 @@ fn model(network: Network, weights: Vec<f64>, base: Base, feedback: bool) -> Mod
         visited: None,
         noise: None,
     };
-    let state_filter = (base == Base::Nothing && !feedback).then(|| StateFilter {
+    let state_filter = (base == BaseModel::Nothing && !feedback).then(|| StateFilter {
         process: 1.0 / 3.0,
         initial: 0.1,
         noise: vec![0.2; outputs],
@@ -94,7 +94,9 @@ fn models() -> Vec<Model> {
                 DT,
                 2,
             );
-            for base in [Base::Nothing, Base::Hold, Base::Equations(Arc::new(equations.unwrap()))] {
+            for base in
+                [BaseModel::Nothing, BaseModel::Hold, BaseModel::Equations(Arc::new(equations.unwrap()))]
+            {
                 all.push(model(network, some_weights(&network), base, feedback));
             }
         }
@@ -319,7 +321,7 @@ proptest! {
             _ => Cell::Vanilla { hidden, layers },
         };
         let network = Network { cell, inputs, outputs, read_out: true };
-        let model = model(network, some_weights(&network), Base::Nothing, false);
+        let model = model(network, some_weights(&network), BaseModel::Nothing, false);
         prop_assert!(model.recurrent().unwrap().state_filter.is_some());
         used(&decoded(&bytes(&model)).unwrap());
     }
@@ -330,9 +332,9 @@ proptest! {
 fn a_state_filter_of_a_large_network_is_refused() {
     let network =
         Network { cell: Cell::Vanilla { hidden: 9, layers: 60 }, inputs: 1, outputs: 1, read_out: true };
-    let told = refusal(&bytes(&model(network, some_weights(&network), Base::Nothing, false)));
+    let told = refusal(&bytes(&model(network, some_weights(&network), BaseModel::Nothing, false)));
     assert!(told.contains("at most 512 numbers in the state, not 540"), "{told}");
-    assert!(decoded(&bytes(&model(network, some_weights(&network), Base::Hold, false))).is_ok());
+    assert!(decoded(&bytes(&model(network, some_weights(&network), BaseModel::Hold, false))).is_ok());
 }
 
 /// Files that PyTorch wrote become models that give PyTorch's outputs, and what is written of these models holds the very
@@ -356,7 +358,7 @@ fn weights_travel_from_pytorch_and_back() {
             parts.iter().map(|(name, shape, values)| NamedTensor { name, shape, values }).collect();
         let network = crate::networks::network(name);
         let weights = weights_from_torch(&network, &named).unwrap();
-        let model = model(network, weights, Base::Nothing, false);
+        let model = model(network, weights, BaseModel::Nothing, false);
         let written = bytes(&model);
         let again = decoded(&written).unwrap();
         let outputs = rollout(&again, &numbers(&golden["sequence"]["input"]));

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use hydroid::evaluate::DesignRange;
 use hydroid::log::Channel;
 use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading, read, write};
-use hydroid_core::model::recurrent::{Base, Cell, Network, Recurrent, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling};
 use hydroid_core::predict::Workspace;
 
 fn python() -> Option<String> {
@@ -49,7 +49,7 @@ fn model(network: Network) -> Model {
             input_scale: vec![3.0; inputs],
             correction_scale: vec![2.0; outputs],
         },
-        base: Base::Nothing,
+        base: BaseModel::Nothing,
         feedback: false,
         wash_out: 1,
         state_filter: None,

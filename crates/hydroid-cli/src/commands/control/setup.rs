@@ -9,8 +9,8 @@ use hydroid::closed_loop::{
     Wind,
 };
 use hydroid::model::Model;
-use hydroid_core::control::LearnedCorrectionSettings;
-use hydroid_core::control::cem::PlannerSettings;
+use hydroid_core::control::AdaptiveAugmentationOptions;
+use hydroid_core::control::cem::PlannerOptions;
 use hydroid_core::vessel::VesselParams;
 use serde_json::{Value, json};
 
@@ -179,7 +179,7 @@ pub(super) fn steering(
     );
     steering.bandwidth = Some(given.bandwidth.map_or([1.5, 0.7], |bandwidth| bandwidth.0));
     steering.integral = given.integral.unwrap_or(0.0);
-    steering.learned = given.learned.then(LearnedCorrectionSettings::default);
+    steering.learned = given.learned.then(AdaptiveAugmentationOptions::default);
     steering.rate = Some(given.rate.unwrap_or(1.0));
     if let (ControlMethod::CrossEntropy, Some(TimingKind::Foot)) = (kind, given.reference) {
         steering.timing = Timing::Path;
@@ -192,18 +192,18 @@ pub(super) fn steering(
         candidates.saturating_mul(horizon) <= MOST_DRAWN,
         "--candidates {candidates} of --horizon {horizon} samples are more than a plan has room for: together (one times the other) they may be {MOST_DRAWN}; give fewer of either"
     );
-    let descents = given.descents.unwrap_or(usual.descents);
+    let descents = given.descents.unwrap_or(usual.gauss_newton_steps);
     ensure!(
-        descents == 0 || horizon.saturating_mul(scene.limits.len()) <= PlannerSettings::MOST_DOWNHILL,
+        descents == 0 || horizon.saturating_mul(scene.limits.len()) <= PlannerOptions::MAX_GAUSS_NEWTON_COMMANDS,
         "--horizon {horizon}: steps downhill solve for all commands of a plan, {} at the most; give a shorter horizon, or --descents 0",
-        PlannerSettings::MOST_DOWNHILL
+        PlannerOptions::MAX_GAUSS_NEWTON_COMMANDS
     );
-    steering.planner = PlannerSettings {
+    steering.planner = PlannerOptions {
         horizon,
         candidates,
         elites: (candidates / 10).max(2),
         iterations: given.iterations.unwrap_or(usual.iterations),
-        descents,
+        gauss_newton_steps: descents,
         ..usual
     };
     [steering.cost.position, steering.cost.heading, steering.cost.speed] = prices(given);
@@ -260,7 +260,7 @@ pub(super) fn told(args: &Control, steering: &ControllerOptions) -> Value {
             told["horizon"] = json!(p.horizon);
             told["candidates"] = json!(p.candidates);
             told["iterations"] = json!(p.iterations);
-            told["descents"] = json!(p.descents);
+            told["descents"] = json!(p.gauss_newton_steps);
             told["prices"] = json!(prices(&args.helm));
         }
         ControlMethod::Autopilot => {}

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use super::bound::Allowed;
 use super::event::{Cause, Expert};
-use super::settings::GuardSettings;
+use super::settings::GuardOptions;
 use super::trial::Tested;
 use crate::adapt::memory::{Reader, Writer};
 
@@ -27,7 +27,7 @@ const AGAIN: f64 = 1.1;
 /// does what it has never done, all records are bad, and the one that learns gets better first.
 const SPRINT: f64 = 0.7;
 
-/// How much is added to [`caution`](GuardSettings::caution) where predictions that stood far off have cost all of the account, and
+/// How much is added to [`caution`](GuardOptions::caution) where predictions that stood far off have cost all of the account, and
 /// in how many windows that is forgotten.
 const ONCE_BURNT: f64 = 2.0;
 const FORGIVEN: f64 = 10.0;
@@ -106,7 +106,7 @@ pub(super) struct Choice {
 
 impl Choice {
     /// `floor` is the noise of a measurement, as errors are measured.
-    pub(super) fn new(settings: &GuardSettings, floor: f64) -> Self {
+    pub(super) fn new(settings: &GuardOptions, floor: f64) -> Self {
         let account = vec![0.0; settings.window.div_ceil(settings.stride)];
         let mut choice = Self {
             active: Expert::Learner,

@@ -41,7 +41,7 @@ pub struct Event {
 }
 
 /// Errors are means over the outputs of the absolute difference from what was measured, each in half the width of its design
-/// range, over [`horizon`](super::GuardSettings::horizon) samples.
+/// range, over [`horizon`](super::GuardOptions::horizon) samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// An output farther off than anything that was usual: not used.

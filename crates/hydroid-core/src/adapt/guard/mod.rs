@@ -3,7 +3,7 @@
 //! A [`Guard`] is an [`Adapter`] around another one, the learner. It walks two more along: the model from shore as it is,
 //! its state filtered (*frozen*), and the learner as it was when it was last found good (*snapshot*). What is measured
 //! goes through sensors first (`sensor`): what was not measured at all is not learned from. Every
-//! [`stride`](GuardSettings::stride) samples a shadow test (`trial`) rolls out what the three would have predicted a horizon
+//! [`stride`](GuardOptions::stride) samples a shadow test (`trial`) rolls out what the three would have predicted a horizon
 //! `H` ago, and what the learner would with the weights that it has now, under the commands that came, and compares with
 //! what was measured. By these errors
 //!
@@ -45,7 +45,7 @@ use sensor::{Sensor, Verdict};
 use trial::Trial;
 
 pub use event::{Action, Cause, Event, Expert};
-pub use settings::GuardSettings;
+pub use settings::GuardOptions;
 
 /// Distances from the design range, in its width, at which learning stops and at which it goes on.
 const OUTSIDE: f64 = 0.5;
@@ -87,7 +87,7 @@ pub struct Guard {
     learner: Box<dyn Adapter>,
     kept: Box<dyn Adapter>,
     frozen: Box<dyn Adapter>,
-    settings: GuardSettings,
+    settings: GuardOptions,
     ranges: Vec<(f64, f64)>,
     sensors: Vec<Sensor>,
     bound: Bound,
@@ -139,7 +139,7 @@ impl Guard {
         [frozen, kept]: [Box<dyn Adapter>; 2],
         ranges: &[(f64, f64)],
         noise: &[f64],
-        settings: GuardSettings,
+        settings: GuardOptions,
     ) -> Result<Self, GuardError> {
         let (n, m) = (learner.outputs(), learner.inputs());
         if !settings.is_sound() {

@@ -3,7 +3,7 @@
 mod track;
 
 use super::event::Expert;
-use super::settings::GuardSettings;
+use super::settings::GuardOptions;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use track::{APART, SAME, Track};
 
@@ -68,9 +68,9 @@ pub(super) enum Verdict {
 /// smooth), while a jump is the sensor's noise and little else. Of those who expect something the one with the least jump counts:
 /// beside the models that is who expects that the vessel goes on as it moved, and who expects that nothing changes (models that are told nothing
 /// may be anywhere at once, a vessel is not). A jump of
-/// more than [`reject`](GuardSettings::reject) `s` beside none in what was measured before is a spike (a vessel has inertia, and does not stand still before it
+/// more than [`reject`](GuardOptions::reject) `s` beside none in what was measured before is a spike (a vessel has inertia, and does not stand still before it
 /// jumps), and so are the measurements that follow as long as they are so far off, but for one that jumps back most of the way;
-/// after [`patience`](GuardSettings::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
+/// after [`patience`](GuardOptions::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
 /// next, but for noise, and not by half as much more or less than the first. Where the first jump was such as vessels make when they take off
 /// (below [`SURE`]), all of them must be the same; where it was not huge, most must find that, and nobody less than half of it left,
 /// and in the mean they must be off by [`SAME`] deviations of the noise.
@@ -144,7 +144,7 @@ impl Sensor {
         &mut self,
         value: f64,
         expected: [f64; EXPECTED],
-        settings: &GuardSettings,
+        settings: &GuardOptions,
     ) -> Verdict {
         let verdict = self.judged(value, expected, settings);
         let used = matches!(
@@ -158,7 +158,7 @@ impl Sensor {
         verdict
     }
 
-    fn judged(&mut self, value: f64, expected: [f64; EXPECTED], settings: &GuardSettings) -> Verdict {
+    fn judged(&mut self, value: f64, expected: [f64; EXPECTED], settings: &GuardOptions) -> Verdict {
         if !value.is_finite() {
             self.cut();
             return Verdict::Missing;
@@ -198,7 +198,7 @@ impl Sensor {
         innovations: [f64; EXPECTED + 1],
         before: [f64; 2],
         warm: bool,
-        settings: &GuardSettings,
+        settings: &GuardOptions,
     ) -> Verdict {
         let goes_on = self.streak > 0;
         let (mut jump, mut same) = (f64::NAN, false);
@@ -253,7 +253,7 @@ impl Sensor {
 
     /// The first of a series. Those that follow are judged by where the models were off before, and not by the last one before, which may have
     /// been a small spike.
-    fn begin(&mut self, usual: f64, settings: &GuardSettings) {
+    fn begin(&mut self, usual: f64, settings: &GuardOptions) {
         let mut least = f64::INFINITY;
         let mut from_it = false;
         for (at, track) in self.tracks.iter_mut().enumerate() {
@@ -282,7 +282,7 @@ impl Sensor {
     }
 
     /// One more that is far off.
-    fn go_on(&mut self, deviations: f64, before: f64, settings: &GuardSettings) -> Verdict {
+    fn go_on(&mut self, deviations: f64, before: f64, settings: &GuardOptions) -> Verdict {
         self.streak += 1;
         // Three that go farther one after the other, by steps that are alike, are no spikes.
         let alike = before * self.step > 0.0 && self.step.abs() <= ALONE * before.abs();
@@ -341,7 +341,7 @@ impl Sensor {
 
     /// Repetitions from which on the sensor is stuck. One that never repeats itself, because its noise does not, has no need to
     /// do it twice.
-    fn limit(&self, settings: &GuardSettings) -> usize {
+    fn limit(&self, settings: &GuardOptions) -> usize {
         if self.longest == 0 { 2 } else { settings.repeats.max(self.longest.saturating_mul(3)) }
     }
 

@@ -4,7 +4,7 @@
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-pub struct GuardSettings {
+pub struct GuardOptions {
     /// `H`: how far ahead predictions are judged \[samples\].
     pub horizon: usize,
     /// Samples between two tests.
@@ -32,7 +32,7 @@ pub struct GuardSettings {
     pub sensors: bool,
 }
 
-impl GuardSettings {
+impl GuardOptions {
     /// For samples of `dt` seconds: predictions over 2 s judged five times in that time, a guarantee over 30 s.
     pub fn new(dt: f64) -> Self {
         // Casts saturate, and NaN is 0.

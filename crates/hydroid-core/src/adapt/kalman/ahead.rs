@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::model::recurrent::{Base, Gradient, Linearization, Recurrent, RecurrentSession};
+use crate::model::recurrent::{BaseModel, Gradient, Linearization, Recurrent, RecurrentSession};
 use crate::predict::Predictor;
 
 /// Gradients of predictions, by going back through a rollout.
@@ -60,7 +60,7 @@ impl Ahead {
     /// for networks on equations.
     pub(super) fn walk(&mut self, session: &RecurrentSession, commands: &[f64]) -> bool {
         let (model, packed) = (session.model(), session.packed());
-        if matches!(model.base, Base::Equations(_)) {
+        if matches!(model.base, BaseModel::Equations(_)) {
             return false;
         }
         let count = commands.len() / model.inputs().max(1);
@@ -75,7 +75,8 @@ impl Ahead {
             step.step(packed, &mut self.hidden, &self.x);
             packed.output(&self.hidden, &mut self.wanted[..self.y.len()]);
             for (i, y) in self.y.iter_mut().enumerate() {
-                let base = if matches!(model.base, Base::Hold) { *y } else { model.scaling.output_mean[i] };
+                let base =
+                    if matches!(model.base, BaseModel::Hold) { *y } else { model.scaling.output_mean[i] };
                 *y = base + model.scaling.correction_scale[i] * self.wanted[i];
             }
         }
@@ -103,7 +104,7 @@ impl Ahead {
             step.output_transposed_times(packed, &self.wanted, q, into);
             add(&mut self.state, &self.more_state);
             add(&mut self.weights, &self.more_weights);
-            if !matches!(model.base, Base::Hold) {
+            if !matches!(model.base, BaseModel::Hold) {
                 self.outputs.fill(0.0);
             }
             let into = Gradient {

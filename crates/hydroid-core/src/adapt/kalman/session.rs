@@ -14,7 +14,7 @@ use super::tuning::{Tuning, TuningError};
 use crate::adapt::memory::{Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Outcome, Rejection};
 use crate::math::Scalar;
-use crate::model::recurrent::{Base, Packed, Recurrent, RecurrentError, RecurrentSession};
+use crate::model::recurrent::{BaseModel, Packed, Recurrent, RecurrentError, RecurrentSession};
 use crate::predict::{Predictor, Workspace};
 
 /// Why a model cannot learn so.
@@ -132,7 +132,7 @@ impl<T: Scalar> KalmanNetwork<T> {
     /// Whether what it gives is the outputs, from inputs alone.
     fn is_plain(&self) -> bool {
         let model = self.session.model();
-        matches!(model.base, Base::Nothing) && !model.feedback
+        matches!(model.base, BaseModel::Nothing) && !model.feedback
     }
 
     /// Takes state and weights of the filter into use.
@@ -228,12 +228,12 @@ impl<T: Scalar> Predictor for KalmanNetwork<T> {
             *into = T::of(x);
         }
         match &self.session.model().base {
-            Base::Nothing => self.base.copy_from_slice(&self.session.model().scaling.output_mean),
-            Base::Hold => self.session.output(&mut self.base),
-            Base::Equations(_) => {}
+            BaseModel::Nothing => self.base.copy_from_slice(&self.session.model().scaling.output_mean),
+            BaseModel::Hold => self.session.output(&mut self.base),
+            BaseModel::Equations(_) => {}
         }
         self.session.advance(c);
-        if let Base::Equations(_) = self.session.model().base {
+        if let BaseModel::Equations(_) = self.session.model().base {
             // What the equations gave: the outputs less what the network added.
             self.session.output(&mut self.base);
             self.session.correction(&mut self.z);

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use crate::adapt::memory::{Reader, Writer};
 use crate::model::direct::{Direct, Window, push};
-use crate::model::recurrent::Base;
+use crate::model::recurrent::BaseModel;
 
 /// Outputs, commands and measurements since the beginning of the oldest window: all of them share one row of samples.
 ///
@@ -106,9 +106,9 @@ impl Windows {
         for (i, (x, y)) in x.iter_mut().zip(&self.measured).enumerate() {
             let c = i % n;
             let base = match model.base {
-                Base::Nothing => s.output_mean[c],
-                Base::Hold => self.outputs[(p - 1) * n + c],
-                Base::Equations(_) => of_equations[i],
+                BaseModel::Nothing => s.output_mean[c],
+                BaseModel::Hold => self.outputs[(p - 1) * n + c],
+                BaseModel::Equations(_) => of_equations[i],
             };
             *x = (y - base) / s.correction_scale[c] - *x;
         }

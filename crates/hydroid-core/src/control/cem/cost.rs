@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use crate::control::channel::Limits;
+use crate::actuator::Limits;
 use crate::control::error::{ControlError, at_least};
 use crate::guidance::Reference;
 
@@ -105,7 +105,7 @@ impl Cost {
 
     /// Of one candidate. `y` are its predicted outputs (`u, v, r` first), row by row; `last` the command before;
     /// `references` where to be after each of its samples.
-    pub(super) fn of(&self, moment: &Moment<'_>, y: &[f64], commands: &[f64]) -> f64 {
+    pub(super) fn of(&self, moment: &PlanningProblem<'_>, y: &[f64], commands: &[f64]) -> f64 {
         let mut sum = 0.0;
         let known = self.residuals(moment, y, commands, |residual| sum += residual * residual);
         // What is not told by any price may still be no number.
@@ -125,12 +125,12 @@ impl Cost {
     /// the sum of the last pose, which is no number where something on the way was none.
     pub(super) fn residuals(
         &self,
-        moment: &Moment<'_>,
+        moment: &PlanningProblem<'_>,
         y: &[f64],
         commands: &[f64],
         mut each: impl FnMut(f64),
     ) -> f64 {
-        let Moment { pose, nu, outputs, last, limits, references, dt } = *moment;
+        let PlanningProblem { pose, nu, outputs, last, limits, references, dt } = *moment;
         let inputs = limits.len();
         let [position, heading, speed] = [self.position, self.heading, self.speed].map(Float::sqrt);
         let ([mut north, mut east, mut psi], mut before) = (pose, nu);
@@ -175,7 +175,7 @@ impl Cost {
 
 /// All that is the same for every candidate of a plan.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Moment<'a> {
+pub(super) struct PlanningProblem<'a> {
     /// `[x, y, psi]`.
     pub(super) pose: [f64; 3],
     /// `[u, v, r]` as the model has them.

@@ -6,12 +6,10 @@
 //! learned until this sample.
 
 mod cost;
-mod descent;
-mod noise;
+mod gauss_newton;
+mod options;
 mod planner;
-mod settings;
 
 pub use cost::{Cost, SoftLimit};
-pub(super) use noise::Noise;
+pub use options::PlannerOptions;
 pub use planner::{Plan, Planner};
-pub use settings::PlannerSettings;

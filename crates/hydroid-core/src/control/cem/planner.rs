@@ -5,12 +5,12 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use super::cost::{Cost, Moment};
-use super::descent::Descent;
-use super::noise::Noise;
-use super::settings::PlannerSettings;
-use crate::control::channel::Limits;
+use super::cost::{Cost, PlanningProblem};
+use super::gauss_newton::GaussNewton;
+use super::options::PlannerOptions;
+use crate::actuator::{Limits, clamp_to_limits};
 use crate::control::error::{ControlError, positive};
+use crate::control::noise::Noise;
 use crate::control::status::Status;
 use crate::guidance::Reference;
 use crate::predict::{BATCH, Predictor, Workspace};
@@ -29,7 +29,7 @@ use crate::predict::{BATCH, Predictor, Workspace};
 ///
 /// Among the candidates are always the mean itself and the best of all so far; what is commanded is the first row of the
 /// best. The next sample starts from that plan, shifted by one sample with its last row repeated, and from the first
-/// deviations. From the best of the last iteration `descents` Gauss-Newton steps go on downhill (derivatives by differences,
+/// deviations. From the best of the last iteration `gauss_newton_steps` Gauss-Newton steps go on downhill (derivatives by differences,
 /// damped, within limits): what was drawn is near an optimum, and noisy.
 ///
 /// Source: R. Y. Rubinstein and D. P. Kroese, *The Cross-Entropy Method*, 2004; P.-T. de Boer et al., *A tutorial on the
@@ -51,7 +51,7 @@ use crate::predict::{BATCH, Predictor, Workspace};
 /// shifted plan is commanded, and the status is [`Status::Blind`].
 #[derive(Clone, Debug)]
 pub struct Planner {
-    settings: PlannerSettings,
+    settings: PlannerOptions,
     cost: Cost,
     limits: Vec<Limits>,
     dt: f64,
@@ -60,7 +60,7 @@ pub struct Planner {
     outputs: usize,
     correlation: f64,
     noise: Noise,
-    descent: Descent,
+    gauss_newton: GaussNewton,
     /// Samples since it last knew where it was.
     blind: usize,
     last: Vec<f64>,
@@ -97,7 +97,7 @@ impl Planner {
     /// # Errors
     /// If settings, prices or limits are not possible.
     pub fn new(
-        settings: PlannerSettings,
+        settings: PlannerOptions,
         cost: Cost,
         limits: &[Limits],
         outputs: usize,
@@ -126,11 +126,12 @@ impl Planner {
         let len = settings.horizon * limits.len();
         let correlation =
             if settings.correlation_s > 0.0 { Float::exp(-dt / settings.correlation_s) } else { 0.0 };
-        let descent = Descent::new(&cost, settings.horizon, limits.len(), settings.descents > 0);
+        let gauss_newton =
+            GaussNewton::new(&cost, settings.horizon, limits.len(), settings.gauss_newton_steps > 0);
         let mut planner = Self {
             settings,
             cost,
-            descent,
+            gauss_newton,
             limits: limits.to_vec(),
             dt,
             tolerance,
@@ -209,7 +210,7 @@ impl Planner {
             for row in self.plan.chunks_exact_mut(inputs) {
                 row.iter_mut().zip(&self.limits).for_each(|(c, to)| *c = 0.0_f64.clamp(to.low, to.high));
             }
-            feasible(&mut self.plan, &self.last, &self.limits, self.dt);
+            clamp_to_limits(&mut self.plan, &self.last, &self.limits, self.dt);
         }
         command.copy_from_slice(&self.plan[..inputs]);
         if plan.cost.is_finite() {
@@ -223,7 +224,7 @@ impl Planner {
     fn shift(&mut self) {
         // The last row stays where it is, and so is there twice.
         self.plan.copy_within(self.limits.len().., 0);
-        feasible(&mut self.plan, &self.last, &self.limits, self.dt);
+        clamp_to_limits(&mut self.plan, &self.last, &self.limits, self.dt);
     }
 
     fn search(
@@ -235,13 +236,13 @@ impl Planner {
         plan: &mut Plan,
     ) {
         let (inputs, len) = (self.limits.len(), self.plan.len());
-        let PlannerSettings { candidates, iterations, deviation, .. } = self.settings;
+        let PlannerOptions { candidates, iterations, deviation, .. } = self.settings;
         self.mean.copy_from_slice(&self.plan);
         for (s, k) in self.deviation.iter_mut().zip(0..) {
             let limits = &self.limits[k % inputs];
             *s = deviation * 0.5 * (limits.high - limits.low);
         }
-        let moment = Moment {
+        let moment = PlanningProblem {
             pose,
             nu: [self.now[0], self.now[1], self.now[2]],
             outputs: self.outputs,
@@ -290,11 +291,11 @@ impl Planner {
                 return;
             }
         }
-        for _ in 0..self.settings.descents {
+        for _ in 0..self.settings.gauss_newton_steps {
             if !plan.cost.is_finite() {
                 return;
             }
-            let (tried, cost) = self.descent.step(
+            let (tried, cost) = self.gauss_newton.step(
                 (session, &mut self.work),
                 &self.cost,
                 &moment,
@@ -332,27 +333,13 @@ impl Planner {
     }
 }
 
-/// Brings a sequence within limits and, from the command before it on, within rate limits.
-pub(super) fn feasible(sequence: &mut [f64], last: &[f64], limits: &[Limits], dt: f64) {
-    let inputs = limits.len();
-    for (i, limits) in limits.iter().enumerate() {
-        let (mut before, change) = (last[i], limits.rate * dt);
-        for at in (i..sequence.len()).step_by(inputs) {
-            let low = (before - change).max(limits.low);
-            let high = (before + change).min(limits.high);
-            sequence[at] = sequence[at].clamp(low, high);
-            before = sequence[at];
-        }
-    }
-}
-
 /// Candidates of an iteration: the mean, the best so far, and what is drawn around the mean.
 fn draw(
     noise: &mut Noise,
     correlation: f64,
     [mean, deviation, best]: [&[f64]; 3],
     known: bool,
-    moment: &Moment<'_>,
+    moment: &PlanningProblem<'_>,
     candidates: &mut [f64],
 ) {
     let (inputs, len) = (moment.limits.len(), mean.len());
@@ -371,13 +358,13 @@ fn draw(
                 }
             }
         }
-        feasible(candidate, moment.last, moment.limits, moment.dt);
+        clamp_to_limits(candidate, moment.last, moment.limits, moment.dt);
     }
 }
 
 /// Moves mean and deviations to the elites.
 fn learn(
-    settings: &PlannerSettings,
+    settings: &PlannerOptions,
     limits: &[Limits],
     candidates: &[f64],
     costs: &[f64],
@@ -385,7 +372,7 @@ fn learn(
     [mean, deviation]: [&mut [f64]; 2],
 ) {
     let (inputs, len) = (limits.len(), mean.len());
-    let PlannerSettings { elites, momentum, least_deviation, .. } = *settings;
+    let PlannerOptions { elites, momentum, least_deviation, .. } = *settings;
     // Equal costs in the order of the candidates: the same elites whatever the order was before.
     let by_cost = |a: &usize, b: &usize| costs[*a].total_cmp(&costs[*b]).then(a.cmp(b));
     order.select_nth_unstable_by(elites - 1, by_cost);

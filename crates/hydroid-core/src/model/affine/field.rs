@@ -3,31 +3,19 @@
 use num_traits::Float;
 
 use super::model::ControlAffine;
-use crate::model::direct::Through;
+use crate::actuator::{lag_step, rk4_first_stage};
+use crate::model::direct::ForwardPass;
 
 /// A network's way from outputs to rates.
 #[derive(Clone, Debug)]
 pub(crate) struct Field {
-    through: Through,
+    forward: ForwardPass,
     outputs: usize,
     inputs: usize,
     /// What half a sample leaves of a difference to the command, of each actuator.
     halves: alloc::vec::Vec<f64>,
-    /// What the first stage of a sample sees of that difference ([`first_stage`]).
+    /// What the first stage of a sample sees of that difference ([`rk4_first_stage`]).
     firsts: alloc::vec::Vec<f64>,
-}
-
-/// What the first stage of RK4 sees of an actuator's difference to its command, for a sample of `samples` time constants.
-///
-/// ```text
-/// w + 4 exp(-x/2) + exp(-x) = 6 (1 - exp(-x)) / x
-/// ```
-///
-/// so that the four stages together see the mean over the sample. Seen where it was, an actuator that is fast against a sample
-/// would come a sixth of a sample late; of a slow one `w` is 1 to the fourth order of `x`, as RK4 is.
-pub fn first_stage(samples: f64) -> f64 {
-    let mean = -Float::exp_m1(-samples) / samples;
-    6.0 * mean - 4.0 * Float::exp(-0.5 * samples) - Float::exp(-samples)
 }
 
 impl Field {
@@ -35,30 +23,30 @@ impl Field {
         let half = |t: f64| Float::exp(-0.5 * model.dt / t);
         let lags = || model.effectors.iter().map(|effector| effector.time_constant_s);
         Self {
-            through: Through::new(&model.network),
+            forward: ForwardPass::new(&model.network),
             outputs: model.outputs(),
             inputs: model.inputs(),
             halves: lags().map(half).collect(),
-            firsts: lags().map(|t| first_stage(model.dt / t)).collect(),
+            firsts: lags().map(|t| rk4_first_stage(model.dt / t)).collect(),
         }
     }
 
     /// Numbers of scratch that a step needs.
     pub(crate) fn scratch(&self) -> usize {
         let (n, m) = (self.outputs, self.inputs);
-        n + self.through.hidden() + n * (1 + m) + 3 * n + m
+        n + self.forward.hidden() + n * (1 + m) + 3 * n + m
     }
 
     /// `N(z)` at outputs `y`: `n (1 + m)` numbers, in the scratch.
     pub(crate) fn evaluate<'a>(&self, model: &ControlAffine, y: &[f64], scratch: &'a mut [f64]) -> &'a [f64] {
         let (z, rest) = scratch.split_at_mut(self.outputs);
-        let (hidden, g) = rest.split_at_mut(self.through.hidden());
+        let (hidden, g) = rest.split_at_mut(self.forward.hidden());
         for (i, z) in z.iter_mut().enumerate() {
             *z = (y[i] - model.scaling.output_mean[i]) / model.scaling.output_scale[i];
         }
         let g = &mut g[..self.outputs * (1 + self.inputs)];
-        let read_out = self.through.read_out(&model.weights);
-        self.through.evaluate([&model.weights, read_out], z, hidden, g);
+        let read_out = self.forward.read_out(&model.weights);
+        self.forward.evaluate([&model.weights, read_out], z, hidden, g);
         g
     }
 
@@ -75,7 +63,7 @@ impl Field {
     /// Actuators half a sample on; one that is not known yet (NaN) is at rest under its first command.
     fn half(&self, a: &mut [f64], c: &[f64]) {
         for ((a, &c), half) in a.iter_mut().zip(c).zip(&self.halves) {
-            *a = if a.is_nan() { c } else { c + (*a - c) * half };
+            *a = lag_step(*a, c, *half);
         }
     }
 

@@ -7,6 +7,5 @@ mod model;
 mod session;
 
 pub(crate) use field::Field;
-pub use field::first_stage;
 pub use model::{ControlAffine, ControlAffineError, Effector};
 pub use session::ControlAffineSession;

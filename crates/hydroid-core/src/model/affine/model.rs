@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 use core::fmt;
 
-use crate::control::Map;
+use crate::actuator::Map;
 use crate::model::direct::Perceptron;
 use crate::model::recurrent::{NetworkError, Part, RecurrentError, Scaling};
 
@@ -31,7 +31,7 @@ pub struct Effector {
 /// ```
 ///
 /// over a sample `dt` by one step of RK4, the commands held and the lags exact, whose first stage sees actuators where the mean
-/// over the sample is that of theirs ([`first_stage`](super::first_stage)). Whatever its weights, it is affine in the
+/// over the sample is that of theirs ([`rk4_first_stage`](crate::actuator::rk4_first_stage)). Whatever its weights, it is affine in the
 /// efforts `phi_i(a_i)`: that is its structure, not what it has learned.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControlAffine {

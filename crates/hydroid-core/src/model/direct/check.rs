@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::model::Direct;
-use crate::model::recurrent::{Base, NetworkError, Part, RecurrentError};
+use crate::model::recurrent::{BaseModel, NetworkError, Part, RecurrentError};
 
 /// Why a direct predictor cannot be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +85,7 @@ impl Direct {
         ] {
             part.check(numbers, expected).map_err(DirectError::Numbers)?;
         }
-        if let Base::Equations(equations) = &self.base
+        if let BaseModel::Equations(equations) = &self.base
             && (equations.inputs(), equations.outputs()) != (m, n)
         {
             let equations = (equations.inputs(), equations.outputs());

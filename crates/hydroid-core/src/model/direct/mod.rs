@@ -1,21 +1,21 @@
 //! The direct predictor: a feed-forward network from the past of a run and the commands to come to all outputs of a
 //! horizon at once; one window at a time in a [`DirectSession`], many side by side in a [`Batch`].
 
+mod base_rollout;
 pub(crate) mod batch;
 mod batch_rollout;
-mod below;
 mod check;
-mod forward;
+pub(crate) mod forward_pass;
 mod model;
 mod perceptron;
+mod rollout;
 mod session;
-pub(crate) mod through;
 mod window;
 
 pub use batch::Batch;
 pub use check::DirectError;
+pub(crate) use forward_pass::ForwardPass;
 pub use model::Direct;
 pub use perceptron::Perceptron;
 pub use session::DirectSession;
-pub(crate) use through::Through;
 pub(crate) use window::{Window, push};

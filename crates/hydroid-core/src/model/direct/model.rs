@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::perceptron::Perceptron;
-use crate::model::recurrent::{Base, Scaling};
+use crate::model::recurrent::{BaseModel, Scaling};
 
 /// A direct predictor: all outputs of a horizon of `H` samples at once, from a history of `p` samples and the commands of
 /// both.
@@ -39,7 +39,7 @@ pub struct Direct {
     /// Samples that it predicts at once: `H`.
     pub horizon: usize,
     /// What it adds to: nothing (it gives the outputs themselves), the present outputs, or a rollout of equations.
-    pub base: Base,
+    pub base: BaseModel,
 }
 
 impl Direct {
@@ -65,9 +65,9 @@ impl Direct {
     pub(super) fn output_of(&self, output: usize, present: f64, of_equations: f64, g: f64) -> f64 {
         let s = &self.scaling;
         let base = match self.base {
-            Base::Nothing => s.output_mean[output],
-            Base::Hold => s.output_mean[output] + present * s.output_scale[output],
-            Base::Equations(_) => of_equations,
+            BaseModel::Nothing => s.output_mean[output],
+            BaseModel::Hold => s.output_mean[output] + present * s.output_scale[output],
+            BaseModel::Equations(_) => of_equations,
         };
         base + s.correction_scale[output] * g
     }

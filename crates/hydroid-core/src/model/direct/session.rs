@@ -5,11 +5,11 @@ use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::base_rollout::BaseRollout;
 use super::batch_rollout::BatchRollout;
-use super::below::Below;
 use super::check::DirectError;
+use super::forward_pass::ForwardPass;
 use super::model::Direct;
-use super::through::Through;
 use super::window::{Window, push};
 use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
@@ -24,7 +24,7 @@ use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 #[derive(Clone, Debug)]
 pub struct DirectSession {
     model: Arc<Direct>,
-    through: Through,
+    forward: ForwardPass,
     window: Window,
     /// Outputs and commands that have passed, in their own units.
     past: Vec<f64>,
@@ -46,15 +46,15 @@ impl DirectSession {
     pub fn new(model: Arc<Direct>) -> Result<Self, DirectError> {
         model.check()?;
         let window = Window::of(&model);
-        let through = Through::new(&model.network);
-        let scratch = vec![0.0; through.scratch(&model)];
+        let forward = ForwardPass::new(&model.network);
+        let scratch = vec![0.0; forward.scratch(&model)];
         Ok(Self {
             past: vec![f64::NAN; window.past()],
             below: vec![f64::NAN; model.below()],
             own: Vec::new(),
             next: vec![0.0; window.n],
             model,
-            through,
+            forward,
             window,
             scratch,
         })
@@ -78,13 +78,13 @@ impl DirectSession {
     /// The same with a read-out of its own, which travels in snapshots.
     pub(crate) fn with_own_read_out(model: Arc<Direct>) -> Result<Self, DirectError> {
         let mut session = Self::new(model)?;
-        session.own = session.through.read_out(&session.model.weights).to_vec();
+        session.own = session.forward.read_out(&session.model.weights).to_vec();
         Ok(session)
     }
 
     /// Weights of the last layer: its matrix row by row, then its bias.
     pub(crate) fn read_out(&self) -> &[f64] {
-        if self.own.is_empty() { self.through.read_out(&self.model.weights) } else { &self.own }
+        if self.own.is_empty() { self.forward.read_out(&self.model.weights) } else { &self.own }
     }
 
     /// The same, to go on from others; nothing where the session has none of its own.
@@ -111,29 +111,29 @@ impl DirectSession {
         commands: &[f64],
         into: &mut [f64],
     ) {
-        Below::begin(&self.model, present, memory, &mut self.scratch).roll(commands, into);
+        BaseRollout::begin(&self.model, present, memory, &mut self.scratch).roll(commands, into);
     }
 
     /// How many numbers the last layer reads.
     pub(crate) fn features(&self) -> usize {
-        self.through.features()
+        self.forward.features()
     }
 
     /// What the last layer reads of a window of outputs and commands, in their own units; of commands that are not given the
     /// last one stands.
     pub(crate) fn look(&mut self, outputs: &[f64], passed: &[f64], ahead: &[f64], into: &mut [f64]) {
-        self.through.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
+        self.forward.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
     }
 
     /// The same of the window that ends now.
     pub(crate) fn look_ahead(&mut self, ahead: &[f64], into: &mut [f64]) {
         let (outputs, passed) = self.past.split_at(self.window.outputs());
-        self.through.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
+        self.forward.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
     }
 
     /// The read-out of features: all that the network gives.
     pub(crate) fn give(&self, features: &[f64], into: &mut [f64]) {
-        self.through.give(self.read_out(), features, into);
+        self.forward.give(self.read_out(), features, into);
     }
 
     /// Whether something of the past is not known.
@@ -180,10 +180,10 @@ impl Predictor for DirectSession {
         let Window { n, p, .. } = self.window;
         self.next.copy_from_slice(&self.past[(p - 1) * n..p * n]);
         if !self.is_waiting() {
-            let Self { model, through, past, below, own, scratch, next, .. } = self;
-            let read_out = if own.is_empty() { through.read_out(&model.weights) } else { own };
+            let Self { model, forward, past, below, own, scratch, next, .. } = self;
+            let read_out = if own.is_empty() { forward.read_out(&model.weights) } else { own };
             let memory = below.get(n..).unwrap_or_default();
-            through.roll((model, read_out), (past, memory), c, scratch, next);
+            forward.roll((model, read_out), (past, memory), c, scratch, next);
         }
         if let Some(equations) = self.model.equations() {
             let present = &self.past[(p - 1) * n..p * n];
@@ -207,7 +207,7 @@ impl Predictor for DirectSession {
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         rollout_steps(commands, self.window.m, y, self.window.n);
         let scratch = work.take(self.scratch.len());
-        self.through.roll((&self.model, self.read_out()), (&self.past, self.memory()), commands, scratch, y);
+        self.forward.roll((&self.model, self.read_out()), (&self.past, self.memory()), commands, scratch, y);
     }
 
     fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {

@@ -5,7 +5,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::batch::Rollout;
-use super::model::{Base, Recurrent};
+use super::model::{BaseModel, Recurrent};
 use super::session::RecurrentSession;
 use crate::model::sparse;
 
@@ -31,8 +31,8 @@ impl BatchRollout {
     pub(super) fn new(session: &RecurrentSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
         let equations = match &model.base {
-            Base::Equations(equations) => Some(sparse::BatchRollout::new(equations, sequences)?),
-            Base::Nothing | Base::Hold => None,
+            BaseModel::Equations(equations) => Some(sparse::BatchRollout::new(equations, sequences)?),
+            BaseModel::Nothing | BaseModel::Hold => None,
         };
         let outputs = vec![0.0; if equations.is_some() { 0 } else { model.outputs() * sequences }];
         Some(Self { sequences, network: Rollout::new(&model.network, sequences), equations, outputs, model })
@@ -96,12 +96,12 @@ impl BatchRollout {
             }
             network.step();
             let y_now = match (&model.base, equations.as_mut()) {
-                (Base::Equations(below), Some(equations)) => {
+                (BaseModel::Equations(below), Some(equations)) => {
                     equations.step(below, count, command);
                     equations.outputs_mut(n, count)
                 }
                 (base, _) => {
-                    if matches!(base, Base::Nothing) {
+                    if matches!(base, BaseModel::Nothing) {
                         let rows = outputs.chunks_exact_mut(count).zip(&scaling.output_mean);
                         rows.for_each(|(row, &mean)| row.fill(mean));
                     }

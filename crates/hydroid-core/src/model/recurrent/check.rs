@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::model::{Base, Recurrent, StateFilter};
+use super::model::{BaseModel, Recurrent, StateFilter};
 use super::network::NetworkError;
 
 /// A part of a recurrent model that holds numbers.
@@ -176,14 +176,14 @@ impl Recurrent {
         Part::InputMean.check(&scaling.input_mean, inputs)?;
         Part::InputScale.check(&scaling.input_scale, inputs)?;
         Part::CorrectionScale.check(&scaling.correction_scale, outputs)?;
-        if let Base::Equations(equations) = &self.base
+        if let BaseModel::Equations(equations) = &self.base
             && (equations.inputs(), equations.outputs()) != (inputs, outputs)
         {
             let equations = (equations.inputs(), equations.outputs());
             return Err(RecurrentError::Equations { equations, model: (inputs, outputs) });
         }
         if let Some(filter) = &self.state_filter {
-            if self.feedback || !matches!(self.base, Base::Nothing) {
+            if self.feedback || !matches!(self.base, BaseModel::Nothing) {
                 return Err(RecurrentError::Filter);
             }
             for (what, given) in [("numbers in the state", self.network.state_len()), ("outputs", outputs)] {

@@ -17,7 +17,7 @@ mod vanilla;
 pub use batch::{LANES, Rollout, Tape};
 pub use check::{Part, RecurrentError};
 pub use layout::{GateRow, LayerLayout, Layout};
-pub use model::{Base, Recurrent, Scaling, StateFilter};
+pub use model::{BaseModel, Recurrent, Scaling, StateFilter};
 pub use network::{Cell, Network, NetworkError, Tensor};
 pub use session::RecurrentSession;
 pub use single::{Blocks, Change, Gradient, LayerPartials, Linearization, Packed};

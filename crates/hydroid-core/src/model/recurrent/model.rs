@@ -8,7 +8,7 @@ use crate::model::sparse::Equations;
 
 /// What the network corrects.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Base {
+pub enum BaseModel {
     /// Nothing: it gives the next outputs themselves.
     Nothing,
     /// The present outputs: it gives their increments.
@@ -57,7 +57,7 @@ pub struct Recurrent {
     /// How channels are scaled.
     pub scaling: Scaling,
     /// What it corrects.
-    pub base: Base,
+    pub base: BaseModel,
     /// Whether it sees its outputs.
     pub feedback: bool,
     /// Samples that it must have walked before its hidden state is worth something: an origin needs as many before it, and
@@ -83,7 +83,7 @@ pub struct Recurrent {
 /// What is measured before the first sample of a run has passed is not used: the state from which a run starts is none
 /// that the network was ever read out from.
 ///
-/// For networks that give the outputs themselves ([`Base::Nothing`]) from inputs alone. Where a measurement also enters
+/// For networks that give the outputs themselves ([`BaseModel::Nothing`]) from inputs alone. Where a measurement also enters
 /// by feedback or by the base, its noise is in the prediction as well as in what the prediction is compared with,
 /// which this filter knows nothing of: [`Recurrent::check`] refuses.
 #[derive(Clone, Debug, PartialEq)]

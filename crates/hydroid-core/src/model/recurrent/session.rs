@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 
 use super::batch_rollout::BatchRollout;
 use super::check::RecurrentError;
-use super::model::{Base, Recurrent, Scaling};
+use super::model::{BaseModel, Recurrent, Scaling};
 use super::single::Packed;
 use super::state_filter::Covariance;
 use crate::model::persistence::take_measured;
@@ -104,7 +104,7 @@ impl RecurrentSession {
 
     /// Whether it waits for outputs that were never measured.
     pub(crate) fn is_waiting(&self) -> bool {
-        let needs_outputs = self.model.feedback || !matches!(self.model.base, Base::Nothing);
+        let needs_outputs = self.model.feedback || !matches!(self.model.base, BaseModel::Nothing);
         needs_outputs && self.state[..self.model.outputs()].iter().any(|y| y.is_nan())
     }
 
@@ -142,12 +142,12 @@ impl RecurrentSession {
 
 /// Numbers in front of the network's state.
 fn front_len(model: &Recurrent) -> usize {
-    if let Base::Equations(equations) = &model.base { equations.state_len() } else { model.outputs() }
+    if let BaseModel::Equations(equations) = &model.base { equations.state_len() } else { model.outputs() }
 }
 
 /// Room for what the network reads and gives, and for the steps of network and equations, or two rows of outputs.
 fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
-    let base = if let Base::Equations(equations) = &model.base { equations.scratch() } else { 0 };
+    let base = if let BaseModel::Equations(equations) = &model.base { equations.scratch() } else { 0 };
     model.network.inputs + model.outputs() + base.max(weights.scratch()).max(model.outputs())
 }
 
@@ -184,9 +184,9 @@ fn step(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], 
     weights.step(hidden, x, rest);
     weights.output(hidden, correction);
     match &model.base {
-        Base::Nothing => front.copy_from_slice(&model.scaling.output_mean),
-        Base::Hold => {}
-        Base::Equations(equations) => equations.step(front, c, rest),
+        BaseModel::Nothing => front.copy_from_slice(&model.scaling.output_mean),
+        BaseModel::Hold => {}
+        BaseModel::Equations(equations) => equations.step(front, c, rest),
     }
     for i in 0..outputs {
         front[i] += model.scaling.correction_scale[i] * correction[i];
@@ -201,7 +201,7 @@ fn wait(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], 
         model.scale(front, c, x);
         weights.step(hidden, x, rest);
     }
-    if let Base::Equations(equations) = &model.base {
+    if let BaseModel::Equations(equations) = &model.base {
         equations.wait(front, c, scratch);
     }
 }
@@ -216,7 +216,8 @@ impl Predictor for RecurrentSession {
     }
 
     fn warm_up(&self) -> usize {
-        let base = if let Base::Equations(equations) = &self.model.base { equations.warm_up() } else { 1 };
+        let base =
+            if let BaseModel::Equations(equations) = &self.model.base { equations.warm_up() } else { 1 };
         // Walked, not seen: the sample at which predictions begin comes on top.
         self.model.wash_out.saturating_add(1).max(base)
     }

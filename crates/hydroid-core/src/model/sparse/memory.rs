@@ -4,7 +4,8 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use super::signal::{Signal, lagged};
+use super::signal::Signal;
+use crate::actuator::lag_step;
 
 /// Layout: behind the outputs of a state stand the lag states, then for each variable of which the past is
 /// asked its values 1, 2, .. samples ago.
@@ -109,7 +110,7 @@ impl Memory {
     ) {
         for (lag, &a) in self.lags.iter().zip(&state[self.outputs..]) {
             let decay = [1.0, lag.half, lag.whole][halves];
-            slots[lag.slot] = lagged(a, c[lag.input], decay);
+            slots[lag.slot] = lag_step(a, c[lag.input], decay);
         }
         for past in self.pasts.iter().filter(|past| !past.held) {
             let to = if past.to < self.outputs { before[past.to] } else { state[past.to] };
@@ -121,7 +122,7 @@ impl Memory {
     #[inline]
     pub(super) fn decay(&self, state: &mut [f64], c: &[f64]) {
         for (lag, a) in self.lags.iter().zip(&mut state[self.outputs..]) {
-            *a = lagged(*a, c[lag.input], lag.whole);
+            *a = lag_step(*a, c[lag.input], lag.whole);
         }
     }
 

@@ -7,6 +7,7 @@ use alloc::vec::Vec;
 use num_traits::Float;
 
 use super::shape::Real;
+use crate::actuator::lag_step;
 
 /// A variable beyond outputs and inputs. Signals come after these in the order of variables, in the order
 /// in which a model lists them.
@@ -87,7 +88,7 @@ impl Signal {
                 let mut state = f64::NAN;
                 for &command in source {
                     values.push(state);
-                    state = lagged(state, command, decay);
+                    state = lag_step(state, command, decay);
                 }
             }
             Self::Past { samples, .. } => {
@@ -112,13 +113,6 @@ impl Signal {
             Self::Past { variable, samples } => usize::from(variable) < outputs + inputs && samples > 0,
         }
     }
-}
-
-/// A lag state after a time in which it decays by `decay` towards the held command. At the start of a run,
-/// where it is not known (NaN), the actuator is taken to be at rest under its first command.
-#[inline]
-pub(super) fn lagged(state: f64, command: f64, decay: f64) -> f64 {
-    if state.is_nan() { command } else { command + (state - command) * decay }
 }
 
 /// Rounded to a millisecond, for names.

@@ -1,10 +1,11 @@
 //! The autopilot in closed loop on the true plants.
 
+use hydroid_core::actuator::Limits;
 use hydroid_core::control::{
-    AffinePlant, Autopilot, AutopilotSettings, Controller, Estimate, HeadingGains, Limits, SpeedGains, Status,
+    AffinePlant, Autopilot, AutopilotOptions, Controller, Estimate, HeadingGains, SpeedGains, Status,
 };
 use hydroid_core::guidance::{
-    Follower, LineOfSightSettings, Path, Reference, Side, SpeedLimits, SpeedProfile,
+    LineOfSightOptions, Path, PathReference, Reference, Side, SpeedLimits, SpeedProfile,
 };
 use hydroid_core::vessel::{State, VesselParams};
 use proptest::prelude::*;
@@ -12,9 +13,9 @@ use proptest::prelude::*;
 use crate::controllers::helm::{DT, Moment, Mover, Sea, rms, sail};
 
 /// The simple vessel at 1.5 m/s: `N = u RD`, so that `K = 1.5 / 82.88` and `T = 41.4 / 82.88`.
-fn settings(integral: f64) -> AutopilotSettings {
-    AutopilotSettings {
-        line_of_sight: LineOfSightSettings { lookahead: 5.0, integral },
+fn settings(integral: f64) -> AutopilotOptions {
+    AutopilotOptions {
+        line_of_sight: LineOfSightOptions { lookahead: 5.0, integral },
         heading: HeadingGains::nomoto(1.5 / 82.88, 41.4 / 82.88, 1.0, 1.2, 1.5),
         speed: SpeedGains { proportional: 40.0, integral: 8.0, drag: [77.55, 0.0] },
         steerage: 0.3,
@@ -27,7 +28,7 @@ fn sailed(
     speed: f64,
     wind: [f64; 2],
     noise: f64,
-    law: AutopilotSettings,
+    law: AutopilotOptions,
     start: State,
 ) -> Vec<Moment> {
     let vessel = VesselParams::simple();
@@ -43,7 +44,7 @@ fn sailed(
         force: false,
     };
     let mut controller = Autopilot::new(&AffinePlant::limits(&vessel), DT, law).unwrap();
-    sail(&sea, &mut controller, Mover::Vessel(Follower::new(0.0, 6.0)), start, 0.0)
+    sail(&sea, &mut controller, Mover::Vessel(PathReference::new(0.0, 6.0)), start, 0.0)
 }
 
 /// `T s^2 + (1 + K K_d) s + K K_p` has the poles that were asked for.
@@ -106,15 +107,15 @@ fn what_cannot_be_reached_does_not_wind_up() {
         Autopilot::new(
             &AffinePlant::limits(&vessel),
             DT,
-            AutopilotSettings { steerage: 0.0, ..settings(0.1) }
+            AutopilotOptions { steerage: 0.0, ..settings(0.1) }
         )
         .is_err()
     );
-    let blind = LineOfSightSettings { lookahead: -1.0, integral: 0.0 };
+    let blind = LineOfSightOptions { lookahead: -1.0, integral: 0.0 };
     let told = Autopilot::new(
         &AffinePlant::limits(&vessel),
         DT,
-        AutopilotSettings { line_of_sight: blind, ..settings(0.1) },
+        AutopilotOptions { line_of_sight: blind, ..settings(0.1) },
     );
     assert!(told.unwrap_err().to_string().starts_with("the look-ahead distance"));
 }
@@ -141,7 +142,7 @@ proptest! {
         };
         let mut last = [0.0; 2];
         let start = State { x, y, psi, u, ..State::REST };
-        for moment in sail(&sea, &mut controller, Mover::Vessel(Follower::new(0.0, 6.0)), start, 0.0) {
+        for moment in sail(&sea, &mut controller, Mover::Vessel(PathReference::new(0.0, 6.0)), start, 0.0) {
             for i in 0..2 {
                 prop_assert!((limits[i].low..=limits[i].high).contains(&moment.command[i]));
                 prop_assert!((moment.command[i] - last[i]).abs() <= limits[i].rate * DT * (1.0 + 1e-9));

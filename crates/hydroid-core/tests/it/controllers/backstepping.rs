@@ -1,17 +1,18 @@
 //! Backstepping in closed loop on the true plants: against its Lyapunov function, the disturbances that were put in, and the other law.
 
+use hydroid_core::actuator::Limits;
 use hydroid_core::control::{
-    Affine, AffineEquations, AffinePlant, Backstepping, BacksteppingSettings, Controller, Estimate,
-    FeedbackLinearization, FeedbackLinearizationSettings, Limits, Status,
+    Affine, AffineEquations, AffinePlant, Backstepping, BacksteppingOptions, Controller, Estimate,
+    FeedbackLinearization, FeedbackLinearizationOptions, Status,
 };
-use hydroid_core::guidance::{Path, Reference, Side, SpeedLimits, SpeedProfile, Walker};
+use hydroid_core::guidance::{Path, Reference, Side, SpeedLimits, SpeedProfile, TimedReference};
 use hydroid_core::vessel::{State, VesselParams};
 use proptest::prelude::*;
 
 use crate::controllers::helm::{DT, Moment, Mover, Sea, rms, sail, under_way};
 use crate::controllers::written::{Force, equations};
 
-fn law<M: Affine>(model: M, vessel: &VesselParams, settings: BacksteppingSettings) -> Backstepping<M> {
+fn law<M: Affine>(model: M, vessel: &VesselParams, settings: BacksteppingOptions) -> Backstepping<M> {
     Backstepping::new(model, &AffinePlant::limits(vessel), DT, settings).unwrap()
 }
 
@@ -26,10 +27,10 @@ fn windy(controller: &mut dyn Controller, vessel: &VesselParams, wind: [f64; 2],
     let sea =
         Sea { vessel, path: &path, profile: &profile, duration_s: 300.0, noise, seed: 5, wind, force: false };
     let start = under_way(vessel, &path, &profile, 1.0, 0.5);
-    sail(&sea, controller, Mover::Clock(Walker::new(&profile)), start, 1.0)
+    sail(&sea, controller, Mover::Clock(TimedReference::new(&profile)), start, 1.0)
 }
 
-const FIXED: BacksteppingSettings = BacksteppingSettings {
+const FIXED: BacksteppingOptions = BacksteppingOptions {
     ahead: 1.0,
     position: 1.0,
     velocity: 1.0,
@@ -38,7 +39,7 @@ const FIXED: BacksteppingSettings = BacksteppingSettings {
     body: 0.0,
     most: 0.3,
     closing_speed: 1.0,
-    weakest: 0.05,
+    min_control_authority: 0.05,
     tolerance: 2.0,
     response: 0.0,
 };
@@ -53,9 +54,9 @@ proptest! {
         (x, y, psi) in (-0.3..0.3f64, -0.3..0.3f64, -0.3..0.3f64), (u, v, r) in (1.0..2.0f64, -0.1..0.1f64, -0.1..0.1f64),
     ) {
         let vessel = VesselParams::simple();
-        let settings = BacksteppingSettings { position: k_1, velocity: k_2, weight: q, closing_speed: 1e3, ..FIXED };
-        let same = FeedbackLinearizationSettings {
-            proportional: q + k_1 * k_2, derivative: k_1 + k_2, closing_speed: 1e3, ..FeedbackLinearizationSettings::new(1.0)
+        let settings = BacksteppingOptions { position: k_1, velocity: k_2, weight: q, closing_speed: 1e3, ..FIXED };
+        let same = FeedbackLinearizationOptions {
+            proportional: q + k_1 * k_2, derivative: k_1 + k_2, closing_speed: 1e3, ..FeedbackLinearizationOptions::new(1.0)
         };
         let mut other = FeedbackLinearization::new(plant(&vessel), &AffinePlant::limits(&vessel), DT, same).unwrap();
         let estimate = Estimate { eta: [x, y, psi], nu: [u, v, r], actuators: &[70.0, f64::NAN] };
@@ -82,13 +83,13 @@ proptest! {
             Limits::between([-130.0 * tight, 350.0 * tight]).with_rate(200.0 * rate),
             Limits::between([-0.5 * tight, 0.4 * tight]).with_rate(rate),
         ];
-        let settings = BacksteppingSettings::new(1.5);
+        let settings = BacksteppingOptions::new(1.5);
         let mut controller = Backstepping::new(plant(&vessel), &limits, DT, settings).unwrap();
         let sea = Sea {
             vessel: &vessel, path: &path, profile: &profile, duration_s: 40.0, noise: 1.0, seed, wind: [0.05, -0.02], force: false,
         };
         let mut last = [0.0; 2];
-        for moment in sail(&sea, &mut controller, Mover::Clock(Walker::new(&profile)), State { x, y, psi, u, ..State::REST }, 1.5) {
+        for moment in sail(&sea, &mut controller, Mover::Clock(TimedReference::new(&profile)), State { x, y, psi, u, ..State::REST }, 1.5) {
             for i in 0..2 {
                 prop_assert!((limits[i].low..=limits[i].high).contains(&moment.command[i]));
                 prop_assert!((moment.command[i] - last[i]).abs() <= limits[i].rate * DT * (1.0 + 1e-9));
@@ -111,7 +112,7 @@ fn wind_on_a_circle_is_learned() {
     let without =
         rms(&windy(&mut law(plant(&vessel), &vessel, FIXED), &vessel, wind, 0.0), 150.0, |m| m.error);
     assert!((0.3..0.8).contains(&(without / size)), "k_p = 2: {without} m for {size} m/s^2");
-    let mut learning = law(plant(&vessel), &vessel, BacksteppingSettings::new(1.0));
+    let mut learning = law(plant(&vessel), &vessel, BacksteppingOptions::new(1.0));
     let with = rms(&windy(&mut learning, &vessel, wind, 0.0), 200.0, |m| m.error);
     assert!(with < 0.02 * without, "{with} beside {without}");
     let [north, east] = learning.weather();
@@ -128,11 +129,11 @@ fn a_wrong_model_on_a_circle_is_learned_too() {
     heavy.rigid_body.i_z *= 1.2;
     heavy.drag.linear[0][0] *= 1.2;
     heavy.drag.linear[2][2] *= 1.2;
-    let error = |settings: BacksteppingSettings, from: f64| {
+    let error = |settings: BacksteppingOptions, from: f64| {
         rms(&windy(&mut law(plant(&vessel), &vessel, settings), &heavy, [0.0; 2], 0.0), from, |m| m.error)
     };
-    let (without, with) = (error(FIXED, 150.0), error(BacksteppingSettings::new(1.0), 200.0));
-    let weather_alone = error(BacksteppingSettings { body: 0.0, ..BacksteppingSettings::new(1.0) }, 200.0);
+    let (without, with) = (error(FIXED, 150.0), error(BacksteppingOptions::new(1.0), 200.0));
+    let weather_alone = error(BacksteppingOptions { body: 0.0, ..BacksteppingOptions::new(1.0) }, 200.0);
     println!(
         "without {without:.4} m, with {with:.6} m, with the part for weather alone {weather_alone:.4} m"
     );
@@ -159,16 +160,16 @@ fn the_lyapunov_function_falls() {
         force: false,
     };
     let slow = FIXED.with_rate(0.4);
-    let settings = BacksteppingSettings { weather: 0.0, body: 0.0, ..slow };
+    let settings = BacksteppingOptions { weather: 0.0, body: 0.0, ..slow };
     let start = under_way(&vessel, &path, &profile, 1.0, 0.8);
     let run = sail(
         &sea,
         &mut law(plant(&vessel), &vessel, settings),
-        Mover::Clock(Walker::new(&profile)),
+        Mover::Clock(TimedReference::new(&profile)),
         start,
         1.0,
     );
-    let mut walker = Walker::new(&profile);
+    let mut walker = TimedReference::new(&profile);
     let mut values = Vec::new();
     for moment in &run {
         let (reference, s) = (walker.reference(&path, &profile), moment.state);
@@ -198,7 +199,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
         let path = Path::circle([0.0, 0.0], radius, Side::Starboard, 0.0).unwrap();
         let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(speed)).unwrap();
         let model = AffineEquations::new(&equations(&vessel, Force::Hidden), [0, 1, 2]).unwrap();
-        let mut controller = law(model, &vessel, BacksteppingSettings::new(1.5));
+        let mut controller = law(model, &vessel, BacksteppingOptions::new(1.5));
         let sea = Sea {
             vessel: &vessel,
             path: &path,
@@ -210,7 +211,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
             force: false,
         };
         let start = under_way(&vessel, &path, &profile, 1.5, 0.5);
-        let run = sail(&sea, &mut controller, Mover::Clock(Walker::new(&profile)), start, 1.5);
+        let run = sail(&sea, &mut controller, Mover::Clock(TimedReference::new(&profile)), start, 1.5);
         // Half a turn until the two disturbances are told apart.
         let error = rms(&run, 100.0, |m| m.error);
         println!("{speed} m/s: {error:.4} m");
@@ -227,14 +228,14 @@ fn what_cannot_be_is_told_and_what_cannot_be_seen_is_held() {
             .unwrap_err()
     };
     assert_eq!(
-        make(BacksteppingSettings { weather: -1.0, ..FIXED }).to_string(),
+        make(BacksteppingOptions { weather: -1.0, ..FIXED }).to_string(),
         "the rate at which weather is learned is -1: 0 or more is needed"
     );
     assert_eq!(
-        make(BacksteppingSettings { position: 0.0, ..FIXED }).to_string(),
+        make(BacksteppingOptions { position: 0.0, ..FIXED }).to_string(),
         "the gain of the position is 0: a finite number greater than 0 is needed"
     );
-    let mut controller = law(plant(&vessel), &vessel, BacksteppingSettings::new(1.0));
+    let mut controller = law(plant(&vessel), &vessel, BacksteppingOptions::new(1.0));
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
     let reference = Reference::new(1.2, &path.at(1.2), 1.5, 0.0);
     let (mut command, mut held) = ([0.0; 2], [0.0; 2]);

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::guard::{Guard, GuardSettings};
+use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
 use hydroid_core::adapt::{Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, ReadOutSettings};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
-    Base, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
+    BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::model::{PlantModel, PlantSession};
@@ -66,7 +66,7 @@ fn scaling() -> Scaling {
     }
 }
 
-fn network(cell: Cell, base: Base, feedback: bool, state_filter: Option<StateFilter>) -> Arc<Recurrent> {
+fn network(cell: Cell, base: BaseModel, feedback: bool, state_filter: Option<StateFilter>) -> Arc<Recurrent> {
     let read_out = !matches!(cell, Cell::Lstm { .. });
     let network = Network { cell, inputs: if feedback { 5 } else { 2 }, outputs: 3, read_out };
     let weights = (0..network.weights()).map(|k| 0.4 * wild(k)).collect();
@@ -106,13 +106,13 @@ fn of_recurrent_networks() {
         Cell::Vanilla { hidden: 6, layers: 2 },
     ] {
         for (base, feedback, state_filter) in [
-            (Base::Nothing, false, None),
-            (Base::Nothing, false, Some(filter.clone())),
-            (Base::Nothing, true, None),
-            (Base::Hold, false, None),
-            (Base::Hold, true, None),
-            (Base::Equations(Arc::clone(&below)), false, None),
-            (Base::Equations(Arc::clone(&below)), true, None),
+            (BaseModel::Nothing, false, None),
+            (BaseModel::Nothing, false, Some(filter.clone())),
+            (BaseModel::Nothing, true, None),
+            (BaseModel::Hold, false, None),
+            (BaseModel::Hold, true, None),
+            (BaseModel::Equations(Arc::clone(&below)), false, None),
+            (BaseModel::Equations(Arc::clone(&below)), true, None),
         ] {
             let mut session = RecurrentSession::new(network(cell, base, feedback, state_filter)).unwrap();
             let mut work = side_by_side(&session, 9);
@@ -125,8 +125,8 @@ fn of_recurrent_networks() {
 /// Over a horizon, over less of it, over more than two.
 #[test]
 fn of_direct_predictors() {
-    let below = Base::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
-    for base in [Base::Nothing, Base::Hold, below] {
+    let below = BaseModel::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
+    for base in [BaseModel::Nothing, BaseModel::Hold, below] {
         let (inputs, outputs) = Direct::lengths(3, 7, 3, 2);
         let network = Perceptron { inputs, hidden: vec![20, 9], outputs };
         let weights = (0..network.weights()).map(|k| 0.3 * wild(k)).collect();
@@ -143,13 +143,13 @@ fn of_direct_predictors() {
 /// With the last layer of the moment, and through a guard.
 #[test]
 fn of_direct_predictors_that_learn() {
-    let below = Base::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
-    for base in [Base::Hold, below] {
+    let below = BaseModel::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
+    for base in [BaseModel::Hold, below] {
         direct_predictors_that_learn(base);
     }
 }
 
-fn direct_predictors_that_learn(base: Base) {
+fn direct_predictors_that_learn(base: BaseModel) {
     let (inputs, outputs) = Direct::lengths(3, 7, 3, 2);
     let network = Perceptron { inputs, hidden: vec![20, 9], outputs };
     let weights: Vec<f64> = (0..network.weights()).map(|k| 0.3 * wild(k)).collect();
@@ -168,7 +168,7 @@ fn direct_predictors_that_learn(base: Base) {
 
     let companion =
         || -> Box<dyn Adapter> { Box::new(DirectReadOut::companion(Arc::clone(&model), &settings).unwrap()) };
-    let guarded = GuardSettings { horizon: 4, stride: 1, keep: 2, ..GuardSettings::new(0.1) };
+    let guarded = GuardOptions { horizon: 4, stride: 1, keep: 2, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
     let companions = [companion(), companion()];
     let mut guard = Guard::new(Box::new(learner()), companions, &ranges, &[0.01; 3], guarded).unwrap();
@@ -183,7 +183,7 @@ fn direct_predictors_that_learn(base: Base) {
 /// draws towards the model from shore.
 #[test]
 fn of_sessions_that_learn() {
-    let model = network(Cell::Gru { hidden: 5 }, Base::Nothing, false, None);
+    let model = network(Cell::Gru { hidden: 5 }, BaseModel::Nothing, false, None);
     let learner = |learns: bool| -> Box<dyn Adapter> {
         let deviation = if learns { 0.1 } else { 0.0 };
         let tuning = Tuning::uniform(model.weights.len(), deviation, 0.0, (1.0, 1e-4), &[0.01; 3]);
@@ -196,7 +196,7 @@ fn of_sessions_that_learn() {
     agree(learned.as_ref(), &mut work, 15);
     agree(learned.fork().as_ref(), &mut work, 15);
 
-    let settings = GuardSettings { horizon: 4, stride: 1, keep: 2, ..GuardSettings::new(0.1) };
+    let settings = GuardOptions { horizon: 4, stride: 1, keep: 2, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
     let companions = [learner(false), learner(false)];
     let mut guard = Guard::new(learner(true), companions, &ranges, &[0.01; 3], settings).unwrap();
@@ -228,12 +228,12 @@ fn of_others_one_by_one() {
     let past = vec![Signal::Past { variable: 0, samples: 2 }];
     let terms = vec![Term::monomial(&[5])];
     let below = Arc::new(Equations::with_signals(terms, vec![0.1, 0.0, 0.0], 3, 2, past, DT, 1).unwrap());
-    let on_past = network(Cell::Gru { hidden: 3 }, Base::Equations(Arc::clone(&below)), true, None);
-    let plain = network(Cell::Gru { hidden: 3 }, Base::Nothing, false, None);
+    let on_past = network(Cell::Gru { hidden: 3 }, BaseModel::Equations(Arc::clone(&below)), true, None);
+    let plain = network(Cell::Gru { hidden: 3 }, BaseModel::Nothing, false, None);
     let (inputs, outputs) = Direct::lengths(3, 4, 3, 2);
     let perceptron = Perceptron { inputs, hidden: vec![6], outputs };
     let weights = (0..perceptron.weights()).map(|k| 0.3 * wild(k)).collect();
-    let base = Base::Equations(Arc::clone(&below));
+    let base = BaseModel::Equations(Arc::clone(&below));
     let direct = Direct { network: perceptron, weights, scaling: scaling(), history: 3, horizon: 4, base };
     let sessions: [Box<dyn Predictor>; 5] = [
         Box::new(EquationsSession::new(below)),

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use hydroid_core::control::cem::{Cost, Planner, PlannerSettings, SoftLimit};
-use hydroid_core::control::{AffinePlant, Limits, Status};
-use hydroid_core::guidance::{Path, Reference, Side, SpeedLimits, SpeedProfile, Walker};
+use hydroid_core::actuator::Limits;
+use hydroid_core::control::cem::{Cost, Planner, PlannerOptions, SoftLimit};
+use hydroid_core::control::{AffinePlant, Status};
+use hydroid_core::guidance::{Path, Reference, Side, SpeedLimits, SpeedProfile, TimedReference};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::model::{PlantModel, PlantSession};
 use hydroid_core::predict::{BATCH, Predictor, Workspace};
@@ -48,7 +49,7 @@ fn quadratic() -> Cost {
     }
 }
 
-fn planner(settings: PlannerSettings, cost: Cost, limits: &[Limits]) -> Planner {
+fn planner(settings: PlannerOptions, cost: Cost, limits: &[Limits]) -> Planner {
     Planner::new(settings, cost, limits, 3, DT, 5.0).unwrap()
 }
 
@@ -102,8 +103,8 @@ fn optimum(horizon: usize, target: f64) -> f64 {
 #[test]
 fn the_plan_is_the_optimum_of_a_linear_vessel() {
     let best = optimum(20, 1.0);
-    let cost = |iterations: usize, descents: usize, seed: u64| {
-        let settings = PlannerSettings { iterations, descents, ..PlannerSettings::new(seed) };
+    let cost = |iterations: usize, gauss_newton_steps: usize, seed: u64| {
+        let settings = PlannerOptions { iterations, gauss_newton_steps, ..PlannerOptions::new(seed) };
         let mut planner = planner(settings, quadratic(), &WIDE);
         let (session, mut command) = (linear(), [0.0; 2]);
         planner.command(&session, [0.0; 3], &[at_speed(1.0); 20], &mut || false, &mut command).cost
@@ -126,7 +127,7 @@ fn the_plan_is_the_optimum_of_a_linear_vessel() {
 fn a_seed_says_all_and_time_ends_a_search_with_the_best_so_far() {
     let session = linear();
     let run = |seed: u64, chunks: usize| {
-        let mut planner = planner(PlannerSettings::new(seed), quadratic(), &WIDE);
+        let mut planner = planner(PlannerOptions::new(seed), quadratic(), &WIDE);
         let (mut command, mut asked) = ([0.0; 2], 0);
         let mut stop = || {
             asked += 1;
@@ -155,7 +156,7 @@ fn the_shifted_plan_is_where_the_next_search_starts() {
     let mut session = linear();
     let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
     // A search that has converged: nothing that is drawn by a deviation of a hundredth of a percent betters it by much.
-    let settings = PlannerSettings { iterations: 60, least_deviation: 1e-4, ..PlannerSettings::new(1) };
+    let settings = PlannerOptions { iterations: 60, least_deviation: 1e-4, ..PlannerOptions::new(1) };
     let mut planner = planner(settings, quadratic(), &WIDE);
     // Faster from sample to sample, so that the commands of the plan differ from row to row.
     let ramp =
@@ -196,7 +197,7 @@ fn soft_limits_are_kept_where_they_are_dear() {
     let top = |weight: f64| {
         let limit = SoftLimit { output: 0, range: [-1.0, 0.3], weight };
         let cost = Cost { soft_limits: vec![limit], ..quadratic() };
-        let settings = PlannerSettings { iterations: 20, ..PlannerSettings::new(2) };
+        let settings = PlannerOptions { iterations: 20, ..PlannerOptions::new(2) };
         let mut planner = planner(settings, cost, &WIDE);
         let (mut work, mut command, mut y) = (Workspace::new(), [0.0; 2], [0.0; 60]);
         planner.command(&session, [0.0; 3], &[at_speed(1.0); 20], &mut || false, &mut command);
@@ -212,17 +213,17 @@ fn soft_limits_are_kept_where_they_are_dear() {
 fn a_step_downhill_keeps_to_limits_and_is_never_worse() {
     let session = linear();
     let narrow = [Limits::between([-0.5, 0.6]).with_rate(2.0), Limits::between([-1.0, 1.0])];
-    let run = |descents: usize| {
-        let settings = PlannerSettings { iterations: 2, descents, ..PlannerSettings::new(5) };
+    let run = |gauss_newton_steps: usize| {
+        let settings = PlannerOptions { iterations: 2, gauss_newton_steps, ..PlannerOptions::new(5) };
         let mut planner = planner(settings, quadratic(), &narrow);
         let mut command = [0.0; 2];
         let plan = planner.command(&session, [0.0; 3], &[at_speed(1.0); 20], &mut || false, &mut command);
         (plan.cost, planner.plan().iter().step_by(2).copied().collect::<Vec<f64>>())
     };
     let mut before = f64::INFINITY;
-    for descents in 0..5 {
-        let (cost, speeds) = run(descents);
-        println!("{descents} steps: {cost:.6}");
+    for gauss_newton_steps in 0..5 {
+        let (cost, speeds) = run(gauss_newton_steps);
+        println!("{gauss_newton_steps} steps: {cost:.6}");
         assert!(cost <= before);
         before = cost;
         let changes = speeds.windows(2).map(|pair| (pair[1] - pair[0]).abs());
@@ -246,7 +247,7 @@ fn it_is_the_course_over_ground_that_is_priced() {
         let mut session = EquationsSession::new(Arc::clone(&equations));
         session.observe(&[(1.0 - v * v).sqrt(), v, 0.0]);
         let cost = Cost { position: 0.0, ..Cost::tracking(2) };
-        let mut planner = planner(PlannerSettings::new(3), cost, &WIDE);
+        let mut planner = planner(PlannerOptions::new(3), cost, &WIDE);
         let mut command = [0.0; 2];
         let pose = [0.0, 0.0, heading];
         (planner.command(&session, pose, &[at_speed(1.0); 20], &mut || false, &mut command).cost, command)
@@ -272,19 +273,24 @@ fn the_hydrofoil_is_steered_by_plans() {
 }
 
 /// Root mean square distance from the reference on a circle, with so many steps downhill \[m\].
-fn circled(speed: f64, radius: f64, descents: usize) -> f64 {
+fn circled(speed: f64, radius: f64, gauss_newton_steps: usize) -> f64 {
     let vessel = VesselParams::hydrofoil();
     let limits = AffinePlant::limits(&vessel).map(|l| l.with_rate(2.0 * (l.high - l.low)));
     let model = PlantModel::new(&vessel, DT).unwrap();
     let path = Path::circle([0.0, 0.0], radius, Side::Starboard, 0.0).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(speed)).unwrap();
-    let settings =
-        PlannerSettings { candidates: 60, elites: 8, iterations: 3, descents, ..PlannerSettings::new(7) };
+    let settings = PlannerOptions {
+        candidates: 60,
+        elites: 8,
+        iterations: 3,
+        gauss_newton_steps,
+        ..PlannerOptions::new(7)
+    };
     let mut planner = planner(settings, Cost::tracking(2), &limits);
     let mut session = PlantSession::new(&model);
     let mut state = under_way(&vessel, &path, &profile, 0.0, 0.5);
     let plant = Plant::new(&vessel).unwrap();
-    let (mut walker, mut command) = (Walker::new(&profile), [0.0; 2]);
+    let (mut walker, mut command) = (TimedReference::new(&profile), [0.0; 2]);
     let (mut squares, mut count) = (0.0, 0.0);
     for k in 0..160 {
         session.observe(&state.nu());
@@ -322,7 +328,7 @@ proptest! {
         seen in prop::collection::vec(prop_oneof![4 => -3.0..3.0f64, 1 => Just(f64::NAN), 1 => -1e200..1e200f64], 12),
     ) {
         let limits = [Limits::between([low, low + wide]).with_rate(rate), Limits::between([-0.5, 0.4]).with_rate(rate)];
-        let settings = PlannerSettings { candidates: 60, elites: 6, iterations: 2, horizon: 6, ..PlannerSettings::new(seed) };
+        let settings = PlannerOptions { candidates: 60, elites: 6, iterations: 2, horizon: 6, ..PlannerOptions::new(seed) };
         let mut planner = planner(settings, Cost::tracking(2), &limits);
         let mut session = PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap());
         session.observe(&[1.0, 0.0, 0.0]);
@@ -349,13 +355,13 @@ proptest! {
 fn settings_that_cannot_be_are_told() {
     let make =
         |settings, cost| Planner::new(settings, cost, &WIDE, 3, DT, 1.0).map(|_| ()).unwrap_err().to_string();
-    let good = PlannerSettings::new(0);
+    let good = PlannerOptions::new(0);
     assert_eq!(
-        make(PlannerSettings { elites: 400, ..good }, quadratic()),
+        make(PlannerOptions { elites: 400, ..good }, quadratic()),
         "the number of candidates is 350: 2 more than elites are needed"
     );
     assert_eq!(
-        make(PlannerSettings { momentum: 1.0, ..good }, quadratic()),
+        make(PlannerOptions { momentum: 1.0, ..good }, quadratic()),
         "the momentum is 1: 0 or more and less than 1 is needed"
     );
     assert_eq!(

@@ -1,9 +1,10 @@
 //! Equations taken apart for control: against the vessels that they were written from, and what is refused.
 
 use crate::controllers::written::{Force, equations};
+use hydroid_core::actuator::{Lag, Limits, Map};
 use hydroid_core::control::{
-    Affine, AffineEquations, AffinePlant, Backstepping, BacksteppingSettings, ControlError, Controller,
-    Estimate, FeedbackLinearization, FeedbackLinearizationSettings, Lag, Limits, Map, Motion, NotAffine,
+    Affine, AffineEquations, AffinePlant, Backstepping, BacksteppingOptions, ControlError, Controller,
+    Estimate, FeedbackLinearization, FeedbackLinearizationOptions, Motion, NotAffine,
 };
 use hydroid_core::guidance::{Path, Reference, Side};
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Jacobian, Real, Shape, Signal, Term};
@@ -67,7 +68,7 @@ proptest! {
 #[test]
 fn commands_do_not_depend_on_how_the_model_is_written() {
     for vessel in &vessels() {
-        let settings = FeedbackLinearizationSettings::new(1.2);
+        let settings = FeedbackLinearizationOptions::new(1.2);
         let limits = AffinePlant::limits(vessel);
         let of = |force| AffineEquations::new(&equations(vessel, force), [0, 1, 2]).unwrap();
         let mut laws: Vec<Box<dyn Controller>> = vec![
@@ -125,7 +126,7 @@ fn coefficients_that_were_learned_are_used() {
         AffineEquations::new(&before, [0, 1, 2]).unwrap(),
         &limits,
         0.1,
-        FeedbackLinearizationSettings::new(1.0),
+        FeedbackLinearizationOptions::new(1.0),
     )
     .unwrap();
     law.update(|model| model.set_coefficients(after.coefficients())).unwrap();
@@ -147,13 +148,13 @@ fn coefficients_that_are_refused_change_nothing() {
     unstable[3 * after.terms().len()..].iter_mut().for_each(|c| *c = -*c);
     let model = || AffineEquations::new(&before, [0, 1, 2]).unwrap();
     let limits = AffinePlant::limits(&vessel);
-    let settings = FeedbackLinearizationSettings::new(1.0);
+    let settings = FeedbackLinearizationOptions::new(1.0);
     let make = || FeedbackLinearization::new(model(), &limits, 0.1, settings).unwrap();
     let (mut law, mut untouched) = (make(), make());
     let refused = law.update(|model| model.set_coefficients(&unstable));
     assert_eq!(refused, Err(ControlError::Lag { channel: 0 }));
     assert_eq!(*law.model(), model());
-    let mut stepping = Backstepping::new(model(), &limits, 0.1, BacksteppingSettings::new(1.0)).unwrap();
+    let mut stepping = Backstepping::new(model(), &limits, 0.1, BacksteppingOptions::new(1.0)).unwrap();
     stepping.update(|model| model.set_coefficients(&unstable)).unwrap_err();
     assert_eq!(*stepping.model(), model());
     let path = Path::circle([0.0, 0.0], 10.0, Side::Starboard, 0.0).unwrap();
@@ -282,7 +283,7 @@ fn signed_squares_are_recognised() {
     assert_eq!(motion.g, [[2.0, 0.0, 0.0], [0.0, 0.1 * 2.25, 2.25]]);
     let limits = [Limits::between([-3.0, 3.0]), Limits::between([-0.6, 0.6])];
     let mut law =
-        FeedbackLinearization::new(affine, &limits, 0.1, FeedbackLinearizationSettings::new(0.5)).unwrap();
+        FeedbackLinearization::new(affine, &limits, 0.1, FeedbackLinearizationOptions::new(0.5)).unwrap();
     let estimate = Estimate { eta: [-0.5, 0.0, 0.0], nu: [1.5, 0.0, 0.0], actuators: &[] };
     let reference = Reference {
         s: 0.0,

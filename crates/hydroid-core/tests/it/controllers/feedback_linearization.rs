@@ -2,18 +2,21 @@
 
 use crate::controllers::helm::{DT, Moment, Mover, Sea, rms, sail, under_way};
 use crate::controllers::written::{Force, equations};
+use hydroid_core::actuator::Limits;
 use hydroid_core::control::{
     Affine, AffineEquations, AffinePlant, ControlError, Controller, Estimate, FeedbackLinearization,
-    FeedbackLinearizationSettings, Limits, Status,
+    FeedbackLinearizationOptions, Status,
 };
-use hydroid_core::guidance::{Follower, Path, Reference, Side, SpeedLimits, SpeedProfile, Walker};
+use hydroid_core::guidance::{
+    Path, PathReference, Reference, Side, SpeedLimits, SpeedProfile, TimedReference,
+};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 use proptest::prelude::*;
 
 fn law<M: Affine>(
     model: M,
     vessel: &VesselParams,
-    settings: FeedbackLinearizationSettings,
+    settings: FeedbackLinearizationOptions,
 ) -> FeedbackLinearization<M> {
     FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings).unwrap()
 }
@@ -42,7 +45,7 @@ fn circle(
         force: false,
     };
     let start = under_way(vessel, &path, &profile, ahead, 0.5);
-    sail(&sea, controller, Mover::Clock(Walker::new(&profile)), start, ahead)
+    sail(&sea, controller, Mover::Clock(TimedReference::new(&profile)), start, ahead)
 }
 
 fn median(mut values: [f64; 3]) -> f64 {
@@ -60,11 +63,11 @@ fn the_simple_vessel_tracks_its_circle_as_an_independent_implementation_does() {
         assert!(run.iter().all(|m| m.t < 5.0 || noise > 0.0 || m.status == Status::Tracking));
         rms(&run, 40.0, |m| m.error)
     };
-    let reference = FeedbackLinearizationSettings::new(1.0).with_bandwidth(1.0, 1.0);
+    let reference = FeedbackLinearizationOptions::new(1.0).with_bandwidth(1.0, 1.0);
     assert!(error(reference, 0.0, 1) < 1e-6);
     let noisy = median([1, 2, 3].map(|seed| error(reference, 1.0, seed)));
     assert!((noisy - 0.0042).abs() < 0.0004, "{noisy}");
-    let ours = FeedbackLinearizationSettings::new(1.0);
+    let ours = FeedbackLinearizationOptions::new(1.0);
     assert!(error(ours, 0.0, 1) < 1e-9);
     let noisy = median([1, 2, 3].map(|seed| error(ours, 1.0, seed)));
     assert!(noisy < 0.0036, "{noisy}");
@@ -76,7 +79,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
     let vessel = VesselParams::hydrofoil();
     for (speed, radius, limit) in [(1.5, 15.0, 0.0045), (2.5, 25.0, 0.007), (4.0, 30.0, 0.0045)] {
         let model = AffineEquations::new(&equations(&vessel, Force::Hidden), [0, 1, 2]).unwrap();
-        let mut controller = law(model, &vessel, FeedbackLinearizationSettings::new(1.5));
+        let mut controller = law(model, &vessel, FeedbackLinearizationOptions::new(1.5));
         let error = |controller: &mut dyn Controller, noise, seed| {
             controller.reset();
             rms(&circle(&vessel, controller, (1.5, radius, speed), (noise, seed)), 40.0, |m| m.error)
@@ -93,7 +96,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
 fn too_high_a_bandwidth_loses_the_hydrofoil_where_it_takes_off() {
     let vessel = VesselParams::hydrofoil();
     let error = |omega| {
-        let settings = FeedbackLinearizationSettings::new(1.5).with_bandwidth(omega, 0.7);
+        let settings = FeedbackLinearizationOptions::new(1.5).with_bandwidth(omega, 0.7);
         let run = circle(&vessel, &mut law(plant(&vessel), &vessel, settings), (1.5, 25.0, 2.5), (0.0, 1));
         rms(&run, 40.0, |m| m.error)
     };
@@ -125,7 +128,7 @@ proptest! {
         };
         let estimate = Estimate { eta: [state.x, state.y, psi], nu: [u, v, r], actuators: &[] };
         let mut command = [0.0; 2];
-        let status = law(plant(&vessel), &vessel, FeedbackLinearizationSettings::new(ahead)).command(&estimate, &reference, &mut command);
+        let status = law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(ahead)).command(&estimate, &reference, &mut command);
         prop_assume!(status == Status::Tracking);
         let (h, sea) = (1e-6, Plant::new(&vessel).unwrap());
         let held = Command { pp: command[0], rd: command[1] };
@@ -152,12 +155,12 @@ proptest! {
             Limits::between([-130.0 * tight, 350.0 * tight]).with_rate(200.0 * rate),
             Limits::between([-0.5 * tight, 0.4 * tight]).with_rate(rate),
         ];
-        let settings = FeedbackLinearizationSettings { integral, ..FeedbackLinearizationSettings::new(1.5) };
+        let settings = FeedbackLinearizationOptions { integral, ..FeedbackLinearizationOptions::new(1.5) };
         let mut controller = FeedbackLinearization::new(plant(&vessel), &limits, DT, settings).unwrap();
         let sea = Sea { vessel: &vessel, path: &path, profile: &profile, duration_s: 40.0, noise: 1.0, seed, wind: [0.05, -0.02], force: false };
         let start = State { x, y, psi, u, ..State::REST };
         let mut last = [0.0; 2];
-        for moment in sail(&sea, &mut controller, Mover::Clock(Walker::new(&profile)), start, 1.5) {
+        for moment in sail(&sea, &mut controller, Mover::Clock(TimedReference::new(&profile)), start, 1.5) {
             for i in 0..2 {
                 prop_assert!((limits[i].low..=limits[i].high).contains(&moment.command[i]));
                 prop_assert!((moment.command[i] - last[i]).abs() <= limits[i].rate * DT * (1.0 + 1e-9));
@@ -181,7 +184,7 @@ fn a_lawn_mower_from_rest_is_tracked_from_the_first_metre_on_which_the_rudder_ac
         ..SpeedLimits::cruise(4.0)
     };
     let profile = SpeedProfile::new(&path, &limits).unwrap();
-    let settings = FeedbackLinearizationSettings::new(1.5);
+    let settings = FeedbackLinearizationOptions::new(1.5);
     let start = State { psi: 0.5, x: -1.5 * 0.5f64.cos(), y: -1.5 * 0.5f64.sin(), ..State::REST };
     let sea = Sea {
         vessel: &vessel,
@@ -196,7 +199,7 @@ fn a_lawn_mower_from_rest_is_tracked_from_the_first_metre_on_which_the_rudder_ac
     let run = sail(
         &sea,
         &mut law(plant(&vessel), &vessel, settings),
-        Mover::Clock(Walker::new(&profile)),
+        Mover::Clock(TimedReference::new(&profile)),
         start,
         1.5,
     );
@@ -231,10 +234,10 @@ fn a_path_is_followed_at_the_speeds_that_its_turns_allow() {
         force: true,
     };
     let start = under_way(&vessel, &path, &profile, 1.0, 3.0);
-    let mover = Mover::Vessel(Follower::new(0.0, 5.0));
+    let mover = Mover::Vessel(PathReference::new(0.0, 5.0));
     let run = sail(
         &sea,
-        &mut law(plant(&vessel), &vessel, FeedbackLinearizationSettings::new(1.0)),
+        &mut law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(1.0)),
         mover,
         start,
         1.0,
@@ -264,12 +267,12 @@ fn the_integral_takes_the_wind_away() {
         force: false,
     };
     let end = |integral: f64| {
-        let settings = FeedbackLinearizationSettings { integral, ..FeedbackLinearizationSettings::new(1.0) };
+        let settings = FeedbackLinearizationOptions { integral, ..FeedbackLinearizationOptions::new(1.0) };
         let start = under_way(&vessel, &path, &profile, 1.0, 0.0);
         let run = sail(
             &sea,
             &mut law(plant(&vessel), &vessel, settings),
-            Mover::Clock(Walker::new(&profile)),
+            Mover::Clock(TimedReference::new(&profile)),
             start,
             1.0,
         );
@@ -288,7 +291,7 @@ fn what_cannot_be_reached_does_not_wind_up() {
     let vessel = VesselParams::simple();
     let path = Path::legs(&[[0.0, 0.0], [2_000.0, 0.0]]).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)).unwrap();
-    let settings = FeedbackLinearizationSettings { integral: 0.3, ..FeedbackLinearizationSettings::new(1.0) };
+    let settings = FeedbackLinearizationOptions { integral: 0.3, ..FeedbackLinearizationOptions::new(1.0) };
     let mut controller = law(plant(&vessel), &vessel, settings);
     // Two minutes of a reference that is 30 m ahead, then one where the vessel is.
     let mut command = [0.0; 2];
@@ -310,7 +313,7 @@ fn what_cannot_be_reached_does_not_wind_up() {
 #[test]
 fn without_numbers_the_last_command_is_held() {
     let vessel = VesselParams::simple();
-    let mut controller = law(plant(&vessel), &vessel, FeedbackLinearizationSettings::new(1.0));
+    let mut controller = law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(1.0));
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
     let reference = Reference::new(1.2, &path.at(1.2), 1.5, 0.0);
     let seen = |nu| Estimate { eta: [0.0; 3], nu, actuators: &[f64::NAN, f64::NAN] };
@@ -330,13 +333,13 @@ fn settings_that_cannot_be_are_told() {
     let make = |settings| {
         FeedbackLinearization::new(plant(&vessel), &limits, DT, settings).map(|_| ()).unwrap_err().to_string()
     };
-    let good = FeedbackLinearizationSettings::new(1.0);
+    let good = FeedbackLinearizationOptions::new(1.0);
     assert_eq!(
-        make(FeedbackLinearizationSettings { ahead: 0.0, ..good }),
+        make(FeedbackLinearizationOptions { ahead: 0.0, ..good }),
         "the distance of the point ahead is 0: a finite number greater than 0 is needed"
     );
     assert_eq!(
-        make(FeedbackLinearizationSettings { integral: 99.0, ..good }),
+        make(FeedbackLinearizationOptions { integral: 99.0, ..good }),
         "the integral gain is 99: less than the product of the other two is needed for stability"
     );
     assert!(make(good.with_bandwidth(f64::NAN, 0.7)).starts_with("the proportional gain is NaN"));

@@ -2,7 +2,7 @@
 //! the pose exactly.
 
 use hydroid_core::control::{Controller, Estimate, Status};
-use hydroid_core::guidance::{Follower, Path, SpeedProfile, Walker};
+use hydroid_core::guidance::{Path, PathReference, SpeedProfile, TimedReference};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 
 pub(crate) const DT: f64 = 0.1;
@@ -27,8 +27,8 @@ impl Noise {
 
 /// How the reference moves.
 pub(crate) enum Mover {
-    Clock(Walker),
-    Vessel(Follower),
+    Clock(TimedReference),
+    Vessel(PathReference),
 }
 
 pub(crate) struct Sea<'a> {
@@ -78,7 +78,7 @@ pub(crate) fn sail(
     let sigma = sea.vessel.noise;
     let mut state = start;
     let mut run = Vec::new();
-    let mut foot = Follower::new(0.0, 5.0);
+    let mut foot = PathReference::new(0.0, 5.0);
     let mut k = 0_u32;
     while f64::from(k) * DT < sea.duration_s - 0.5 * DT {
         let nu = [
@@ -97,7 +97,7 @@ pub(crate) fn sail(
         let mut command = [0.0; 2];
         let status = controller.command(&estimate, &reference, &mut command);
         let error = (point[0] - reference.position[0]).hypot(point[1] - reference.position[1]);
-        let cross_track = foot.foot(sea.path, point).cross_track;
+        let cross_track = foot.project(sea.path, point).cross_track;
         let t = f64::from(k) * DT;
         run.push(Moment { t, state, error, cross_track, speed: reference.speed, status, command });
         k += 1;

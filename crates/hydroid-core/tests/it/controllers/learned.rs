@@ -1,10 +1,10 @@
 //! A correction that is learned under way: it has to be better than its base where the model is wrong, and no worse elsewhere.
 
 use hydroid_core::control::{
-    AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationSettings,
-    LearnedCorrection, LearnedCorrectionSettings, Status,
+    AdaptiveAugmentation, AdaptiveAugmentationOptions, AffinePlant, Controller, Estimate,
+    FeedbackLinearization, FeedbackLinearizationOptions, Status,
 };
-use hydroid_core::guidance::{Follower, Path, Side, SpeedLimits, SpeedProfile, Walker};
+use hydroid_core::guidance::{Path, PathReference, Side, SpeedLimits, SpeedProfile, TimedReference};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 
 use crate::controllers::helm::{DT, Noise, under_way};
@@ -23,7 +23,7 @@ fn mow(
     let plant = Plant::new(vessel).unwrap();
     let path = Path::lawn_mower([0.0, 0.0], 0.3, 60.0, 30.0, 6, 15.0, Side::Starboard).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
-    let (mut walker, mut foot) = (Walker::new(&profile), Follower::new(0.0, 5.0));
+    let (mut walker, mut foot) = (TimedReference::new(&profile), PathReference::new(0.0, 5.0));
     let mut noise = Noise(seed);
     let mut state = under_way(vessel, &path, &profile, AHEAD, 0.2);
     let (mut squares, mut count, mut lost, mut t) = (0.0, 0.0, 0.0, 0.0);
@@ -41,12 +41,12 @@ fn mow(
         let status = controller.command(&estimate, &walker.reference(&path, &profile), &mut command);
         if t >= from_s {
             let point = [state.x + AHEAD * cos, state.y + AHEAD * sin];
-            squares += foot.foot(&path, point).cross_track.powi(2);
+            squares += foot.project(&path, point).cross_track.powi(2);
             count += 1.0;
             lost += if status >= Status::Lost { 1.0 } else { 0.0 };
         } else {
             let point = [state.x + AHEAD * cos, state.y + AHEAD * sin];
-            foot.foot(&path, point);
+            foot.project(&path, point);
         }
         let actuation = plant.actuation(&Command { pp: command[0], rd: command[1] });
         for _ in 0..10 {
@@ -61,12 +61,12 @@ fn mow(
 
 fn base(vessel: &VesselParams) -> FeedbackLinearization<AffinePlant> {
     let model = AffinePlant::new(vessel).unwrap();
-    let settings = FeedbackLinearizationSettings::new(AHEAD);
+    let settings = FeedbackLinearizationOptions::new(AHEAD);
     FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings).unwrap()
 }
 
-fn learned(vessel: &VesselParams, seed: u64) -> LearnedCorrection<AffinePlant> {
-    LearnedCorrection::new(base(vessel), LearnedCorrectionSettings::default(), seed).unwrap()
+fn learned(vessel: &VesselParams, seed: u64) -> AdaptiveAugmentation<AffinePlant> {
+    AdaptiveAugmentation::new(base(vessel), AdaptiveAugmentationOptions::default(), seed).unwrap()
 }
 
 fn heavier(vessel: &VesselParams) -> VesselParams {
@@ -140,7 +140,7 @@ fn it_begins_as_its_base_and_can_begin_again() {
     assert_eq!(once, mow(&heavy, [0.2, 0.0], &mut law, 1, whole), "a reset forgets all");
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
-    let reference = Walker::new(&profile).reference(&path, &profile);
+    let reference = TimedReference::new(&profile).reference(&path, &profile);
     let blind = Estimate { eta: [f64::NAN; 3], nu: [1.0; 3], actuators: &[] };
     assert_eq!(law.command(&blind, &reference, &mut [0.0; 2]), Status::Blind);
     assert!(law.correction().iter().all(|b| b.is_finite()));
@@ -150,14 +150,14 @@ fn it_begins_as_its_base_and_can_begin_again() {
 fn settings_that_cannot_be_are_told() {
     let vessel = VesselParams::simple();
     let told =
-        |settings| LearnedCorrection::new(base(&vessel), settings, 0).map(|_| ()).unwrap_err().to_string();
-    let good = LearnedCorrectionSettings::default();
+        |settings| AdaptiveAugmentation::new(base(&vessel), settings, 0).map(|_| ()).unwrap_err().to_string();
+    let good = AdaptiveAugmentationOptions::default();
     assert_eq!(
-        told(LearnedCorrectionSettings { hidden: 0, ..good }),
+        told(AdaptiveAugmentationOptions { hidden: 0, ..good }),
         "the number of hidden units is 0: 1 to 64 are needed"
     );
     assert_eq!(
-        told(LearnedCorrectionSettings { noise: f64::NAN, ..good }),
+        told(AdaptiveAugmentationOptions { noise: f64::NAN, ..good }),
         "the noise of a window is NaN: a finite number greater than 0 is needed"
     );
 }

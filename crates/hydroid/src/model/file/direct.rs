@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use hydroid_core::model::direct::{Direct, Perceptron};
-use hydroid_core::model::recurrent::{Base, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, Scaling};
 use safetensors::tensor::SafeTensors;
 use serde::{Deserialize, Serialize};
 
@@ -43,7 +43,7 @@ impl Structure {
         tensors.extend(members::write(&model.members)?);
         tensors.extend(direct.equations().map(|of| equations::coefficients(of)));
         let equations = direct.equations().map(|of| Library::of(of));
-        let hold = direct.base == Base::Hold;
+        let hold = direct.base == BaseModel::Hold;
         let Direct { network, scaling, history, horizon, .. } = direct.clone();
         Ok((Self { network, scaling, history, horizon, hold, equations }, tensors))
     }
@@ -59,9 +59,9 @@ impl Structure {
         let weights = weights(&network.tensors(), tensors)?;
         let members = members::read(tensors, weights.len())?;
         let base = match (hold, equations) {
-            (false, None) => Base::Nothing,
-            (true, None) => Base::Hold,
-            (false, Some(terms)) => Base::Equations(Arc::new(terms.read(tensors, &description)?)),
+            (false, None) => BaseModel::Nothing,
+            (true, None) => BaseModel::Hold,
+            (false, Some(terms)) => BaseModel::Equations(Arc::new(terms.read(tensors, &description)?)),
             (true, Some(_)) => {
                 return Err(String::from("it adds both to the present outputs and to equations"));
             }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::model::recurrent::{Base, Network, Recurrent, Scaling, StateFilter};
+use hydroid_core::model::recurrent::{BaseModel, Network, Recurrent, Scaling, StateFilter};
 use safetensors::tensor::SafeTensors;
 use serde::{Deserialize, Serialize};
 
@@ -61,9 +61,9 @@ impl Structure {
             tensors.push(write(&tensor.name, tensor.shape(), values));
         }
         let base = match &recurrent.base {
-            Base::Nothing => BaseFields::Nothing,
-            Base::Hold => BaseFields::Hold,
-            Base::Equations(of) => {
+            BaseModel::Nothing => BaseFields::Nothing,
+            BaseModel::Hold => BaseFields::Hold,
+            BaseModel::Equations(of) => {
                 tensors.push(equations::coefficients(of));
                 BaseFields::Equations(Library::of(of))
             }
@@ -92,9 +92,11 @@ impl Structure {
         }
         let weights = weights(&network.tensors(), tensors)?;
         let base = match base {
-            BaseFields::Nothing => Base::Nothing,
-            BaseFields::Hold => Base::Hold,
-            BaseFields::Equations(terms) => Base::Equations(Arc::new(terms.read(tensors, &description)?)),
+            BaseFields::Nothing => BaseModel::Nothing,
+            BaseFields::Hold => BaseModel::Hold,
+            BaseFields::Equations(terms) => {
+                BaseModel::Equations(Arc::new(terms.read(tensors, &description)?))
+            }
         };
         let recurrent = Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter };
         let (outputs, inputs) = (description.outputs.len(), description.inputs.len());

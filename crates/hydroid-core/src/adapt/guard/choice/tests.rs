@@ -14,7 +14,7 @@ proptest! {
         errors in prop::collection::vec((0.0..0.2_f64, 0.0..3.0_f64, 0.0..3.0_f64), 300..600),
         calm in 1_usize..80,
     ) {
-        let settings = GuardSettings::new(0.1);
+        let settings = GuardOptions::new(0.1);
         let mut choice = Choice::new(&settings, FLOOR);
         let delay = settings.horizon / settings.stride;
         let count = settings.window.div_ceil(settings.stride);
@@ -48,7 +48,7 @@ proptest! {
         share in 0.0..1.0_f64,
         more in 0.0..1.0_f64,
     ) {
-        let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+        let mut choice = Choice::new(&GuardOptions::new(0.1), FLOOR);
         for (learner, shore, changed) in errors {
             let far = [learner, learner, shore];
             let excess = learner - 1.2 * shore;
@@ -72,7 +72,7 @@ proptest! {
 
 #[test]
 fn who_has_changed_its_mind_is_not_believed_far_off_for_a_horizon() {
-    let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut choice = Choice::new(&GuardOptions::new(0.1), FLOOR);
     let mut free_after = |changed: f64| {
         let far = [0.005, 0.005, 0.1];
         let revised = [changed, 0.0, 0.0];
@@ -98,7 +98,7 @@ fn who_has_changed_its_mind_is_not_believed_far_off_for_a_horizon() {
 
 #[test]
 fn who_owes_is_near_for_nothing_until_it_is_paid() {
-    let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut choice = Choice::new(&GuardOptions::new(0.1), FLOOR);
     let mut owes_after = |learner: f64, shore: f64| {
         let far = [learner, learner, shore];
         let (near, now, excess) = (far, learner, learner - 1.2 * shore);
@@ -122,7 +122,7 @@ fn who_owes_is_near_for_nothing_until_it_is_paid() {
 
 #[test]
 fn who_would_have_been_right_may_be_farther_off_until_it_would_not() {
-    let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut choice = Choice::new(&GuardOptions::new(0.1), FLOOR);
     let mut stride = 0.001;
     let mut far_after = |right: Option<bool>| {
         // What it goes wrong by in a stride grows, as where it begins what the model has never seen.
@@ -142,7 +142,7 @@ fn who_would_have_been_right_may_be_farther_off_until_it_would_not() {
 /// of a stride has found it right.
 #[test]
 fn a_model_from_shore_that_is_right_again_is_not_taken_to_be_far_off() {
-    let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut choice = Choice::new(&GuardOptions::new(0.1), FLOOR);
     let mut far_after = |stride: f64| {
         let (far, near, revised) = ([0.005, 0.005, 0.2], [0.0, 0.0, stride], [0.0; 3]);
         let (now, excess, beyond) = (0.005, 0.0, 0.0);
@@ -157,7 +157,7 @@ fn a_model_from_shore_that_is_right_again_is_not_taken_to_be_far_off() {
 
 #[test]
 fn who_says_that_a_model_that_is_right_will_be_wrong_has_to_earn_it() {
-    let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut choice = Choice::new(&GuardOptions::new(0.1), FLOOR);
     let mut far_after = |right: Option<bool>| {
         let (far, near, revised) = ([0.005, 0.005, 0.05], [0.0, 0.0, 0.02], [0.0; 3]);
         let (now, excess, beyond) = (0.005, 0.0, 0.0);
@@ -173,7 +173,7 @@ fn who_says_that_a_model_that_is_right_will_be_wrong_has_to_earn_it() {
 
 #[test]
 fn a_learner_that_is_lost_is_rescued_and_one_that_is_late_is_not() {
-    let mut choice = Choice::new(&GuardSettings::new(0.1), FLOOR);
+    let mut choice = Choice::new(&GuardOptions::new(0.1), FLOOR);
     let mut rescued_after = |learner: f64, tests: usize| {
         (0..tests).position(|_| {
             let far = [learner, 0.05, 0.04];

@@ -8,8 +8,9 @@ use num_traits::Float;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{Equations, Sparse};
+use crate::actuator::lag_step;
 use crate::model::sparse::program::Program;
-use crate::model::sparse::signal::{Signal, lagged};
+use crate::model::sparse::signal::Signal;
 
 /// Scratch memory for rollouts of one set of equations from one state under many command sequences at once.
 ///
@@ -184,7 +185,7 @@ impl BatchRollout {
             let states = &self.state[(n + index) * count..][..count];
             let slot = &mut rest[(lag.slot - 1 - n - m) * count..][..count];
             for ((now, &state), &command) in slot.iter_mut().zip(states).zip(commands) {
-                *now = lagged(state, command, lag.decays[halves]);
+                *now = lag_step(state, command, lag.decays[halves]);
             }
         }
     }

@@ -51,7 +51,7 @@ fn an_offset_of_a_vessel_that_slows_down_is_found() {
 /// other spike, and taken off is what the sensor is off by.
 #[test]
 fn an_offset_of_a_vessel_that_slows_down_fast_is_found() {
-    let settings = GuardSettings::new(0.1);
+    let settings = GuardOptions::new(0.1);
     let mut sensor = Sensor::new(0.01);
     let slow = |k: u64| wave(k) - 0.15 * k.saturating_sub(240).min(20) as f64;
     let all = (0..300).map(|k| {

@@ -6,13 +6,13 @@ use num_traits::Float;
 /// pseudorandom number generators*, 2014), two at a time by G. E. P. Box and M. E. Muller, 1958. The same on every machine
 /// but for the last digits of logarithm and cosine.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::control) struct Noise {
+pub(super) struct Noise {
     state: u64,
     spare: Option<f64>,
 }
 
 impl Noise {
-    pub(in crate::control) const fn new(seed: u64) -> Self {
+    pub(super) const fn new(seed: u64) -> Self {
         Self { state: seed, spare: None }
     }
 
@@ -26,7 +26,7 @@ impl Noise {
         1.0 - bits as f64 / 9_007_199_254_740_992.0
     }
 
-    pub(in crate::control) fn normal(&mut self) -> f64 {
+    pub(super) fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
         }

@@ -14,14 +14,14 @@ use crate::math::{Scalar, functions, product, slices};
 
 /// The way through a [`Perceptron`], one input at a time.
 #[derive(Clone, Debug)]
-pub(crate) struct Through {
+pub(crate) struct ForwardPass {
     layers: Arc<[Layer]>,
     /// Longest hidden layer.
     widest: usize,
     arch: Arch,
 }
 
-impl Through {
+impl ForwardPass {
     pub(crate) fn new(network: &Perceptron) -> Self {
         let widest = network.hidden.iter().copied().max().unwrap_or(0);
         Self { layers: network.layers().into(), widest, arch: Arch::new() }
@@ -51,7 +51,7 @@ impl Through {
         hidden: &mut [T],
         g: &mut [T],
     ) {
-        T::direct_step(self.arch, Step { through: self, weights, read_out, x, hidden, g });
+        T::direct_step(self.arch, Step { forward: self, weights, read_out, x, hidden, g });
     }
 
     /// What the last layer reads, given `x`.
@@ -72,7 +72,7 @@ impl Through {
 
 /// What is compiled for the processor.
 pub struct Step<'a, T> {
-    through: &'a Through,
+    forward: &'a ForwardPass,
     weights: &'a [T],
     read_out: &'a [T],
     x: &'a [T],
@@ -85,7 +85,7 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Through { layers, widest, .. } = self.through;
+        let ForwardPass { layers, widest, .. } = self.forward;
         let Some((last, inner)) = layers.split_last() else { return };
         let (mut here, mut there) = self.hidden.split_at_mut(*widest);
         for (l, layer) in inner.iter().enumerate() {

@@ -5,7 +5,7 @@ use alloc::string::String;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::channel::{Channel, Lag, Map};
+use crate::actuator::{Channel, Lag, Map};
 use crate::model::sparse::{Equations, Factor, ProgramError, Shape, Signal, Term};
 
 /// Why equations cannot be written as `f(nu) + sum g_i(nu) phi_i(a_i)`.
@@ -104,14 +104,14 @@ impl core::error::Error for NotAffine {}
 pub(super) struct Part {
     pub(super) row: usize,
     pub(super) channel: Option<usize>,
-    /// Which of [`Split::terms`] it multiplies.
+    /// Which of [`AffineForm::terms`] it multiplies.
     pub(super) term: usize,
     /// Where it stands in the table of coefficients.
     pub(super) place: usize,
 }
 
 /// Equations taken apart.
-pub(super) struct Split {
+pub(super) struct AffineForm {
     pub(super) parts: Vec<Part>,
     /// Terms in `u`, `v`, `r` alone, which are variables 0, 1, 2.
     pub(super) terms: Vec<Term>,
@@ -127,7 +127,7 @@ struct Way {
     of: Option<(u16, Map)>,
 }
 
-pub(super) fn split(equations: &Equations, motion: [usize; 3]) -> Result<Split, NotAffine> {
+pub(super) fn affine_form(equations: &Equations, motion: [usize; 3]) -> Result<AffineForm, NotAffine> {
     let (outputs, inputs) = (equations.outputs(), equations.inputs());
     let distinct = motion[0] != motion[1] && motion[1] != motion[2] && motion[0] != motion[2];
     if !distinct || motion.iter().any(|&output| output >= outputs) {
@@ -154,7 +154,7 @@ pub(super) fn split(equations: &Equations, motion: [usize; 3]) -> Result<Split, 
     }
 
     let mut ways = vec![Way::default(); inputs];
-    let mut found = Split { parts: Vec::new(), terms: Vec::new(), channels: Vec::new(), measured };
+    let mut found = AffineForm { parts: Vec::new(), terms: Vec::new(), channels: Vec::new(), measured };
     for (row, &output) in motion.iter().enumerate() {
         for (j, term) in equations.terms().iter().enumerate() {
             if equations.coefficient(output, j) == 0.0 {

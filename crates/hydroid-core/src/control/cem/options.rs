@@ -4,7 +4,7 @@ use crate::control::error::{ControlError, positive};
 
 /// How plans are looked for. The defaults are those of a boat with samples of 0.1 s.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlannerSettings {
+pub struct PlannerOptions {
     /// Samples that a plan looks ahead.
     pub horizon: usize,
     /// Candidates in each iteration.
@@ -22,14 +22,14 @@ pub struct PlannerSettings {
     /// Time in which drawn commands are correlated \[s\]: noise that changes its sign with every sample moves no vessel.
     pub correlation_s: f64,
     /// Gauss-Newton steps from the best candidate at the most; 0 for what was drawn alone.
-    pub descents: usize,
+    pub gauss_newton_steps: usize,
     /// Seed of what is drawn.
     pub seed: u64,
 }
 
-impl PlannerSettings {
+impl PlannerOptions {
     /// Commands of a plan, samples times inputs, that steps downhill can solve for: their work grows with the cube.
-    pub const MOST_DOWNHILL: usize = 400;
+    pub const MAX_GAUSS_NEWTON_COMMANDS: usize = 400;
 
     /// 20 samples ahead, 350 candidates, 35 elites, 5 iterations, and 2 steps downhill.
     pub const fn new(seed: u64) -> Self {
@@ -42,7 +42,7 @@ impl PlannerSettings {
             deviation: 0.5,
             least_deviation: 0.02,
             correlation_s: 0.5,
-            descents: 2,
+            gauss_newton_steps: 2,
             seed,
         }
     }

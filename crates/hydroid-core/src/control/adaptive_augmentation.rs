@@ -6,9 +6,9 @@ use alloc::vec::Vec;
 use num_traits::Float;
 
 use super::affine::Affine;
-use super::ahead::shortened;
 use super::error::{ControlError, positive};
 use super::feedback_linearization::FeedbackLinearization;
+use super::lookahead_point::shortened;
 use super::status::Status;
 use super::{Controller, Estimate};
 use crate::adapt::kalman::{Filter, Learnable, LearnableNetwork, Tuning};
@@ -26,9 +26,9 @@ const KEPT: f64 = 0.95;
 /// nothing to learn stays below it.
 const EVIDENCE: f64 = 4.0;
 
-/// How a [`LearnedCorrection`] learns. The defaults are those of a boat of some metres.
+/// How a [`AdaptiveAugmentation`] learns. The defaults are those of a boat of some metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LearnedCorrectionSettings {
+pub struct AdaptiveAugmentationOptions {
     /// Hidden units of the network.
     pub hidden: usize,
     /// Time over which an acceleration is measured, and after which the network learns and gives the next correction \[s\].
@@ -45,7 +45,7 @@ pub struct LearnedCorrectionSettings {
     pub nu: [f64; 3],
 }
 
-impl Default for LearnedCorrectionSettings {
+impl Default for AdaptiveAugmentationOptions {
     fn default() -> Self {
         Self {
             hidden: 6,
@@ -101,9 +101,9 @@ impl Default for LearnedCorrectionSettings {
 /// Commands at their limits are no disturbance (what they could not do is known), but nothing that is learned makes a vessel do
 /// more than it can. Where the base is lost, it is lost.
 #[derive(Clone, Debug)]
-pub struct LearnedCorrection<M> {
+pub struct AdaptiveAugmentation<M> {
     base: FeedbackLinearization<M>,
-    settings: LearnedCorrectionSettings,
+    settings: AdaptiveAugmentationOptions,
     filter: Filter<f64, LearnableNetwork<f64>>,
     /// First weights.
     first: Vec<f64>,
@@ -129,17 +129,17 @@ struct Window {
     heading: [f64; 2],
 }
 
-impl<M: Affine> LearnedCorrection<M> {
+impl<M: Affine> AdaptiveAugmentation<M> {
     /// Around a base; `seed` is that of the network's first weights.
     ///
     /// # Errors
     /// If a setting is not possible.
     pub fn new(
         base: FeedbackLinearization<M>,
-        settings: LearnedCorrectionSettings,
+        settings: AdaptiveAugmentationOptions,
         seed: u64,
     ) -> Result<Self, ControlError> {
-        let LearnedCorrectionSettings { hidden, window_s, scale, most, noise, memory_s, nu } = settings;
+        let AdaptiveAugmentationOptions { hidden, window_s, scale, most, noise, memory_s, nu } = settings;
         for (what, value) in [
             ("the window", window_s),
             ("the size of what a model may miss", scale),
@@ -232,7 +232,7 @@ impl<M: Affine> LearnedCorrection<M> {
         let square = |[a, b]: [f64; 2]| a * a + b * b;
         let left = [missed[0] - self.foretold[0], missed[1] - self.foretold[1]];
         let saved = KEPT * self.saved + square(missed) - square(left);
-        let LearnedCorrectionSettings { scale, most, nu: sizes, .. } = self.settings;
+        let AdaptiveAugmentationOptions { scale, most, nu: sizes, .. } = self.settings;
         let z = missed.map(|b| b / scale);
         if self.filter.has_moved() && z.iter().all(|z| z.is_finite()) {
             self.filter.observe(&z);
@@ -263,7 +263,7 @@ impl<M: Affine> LearnedCorrection<M> {
     }
 }
 
-impl<M: Affine> Controller for LearnedCorrection<M> {
+impl<M: Affine> Controller for AdaptiveAugmentation<M> {
     fn inputs(&self) -> usize {
         self.base.inputs()
     }
@@ -304,7 +304,7 @@ impl<M: Affine> Controller for LearnedCorrection<M> {
 
 /// First weights: small, different and the same for a seed; nothing in the read-out.
 fn first_weights(network: &Network, seed: u64) -> Vec<f64> {
-    let mut noise = super::cem::Noise::new(seed);
+    let mut noise = super::noise::Noise::new(seed);
     let Cell::Vanilla { hidden, .. } = network.cell else { return Vec::new() };
     let size = 1.0 / Float::sqrt((hidden + INPUTS) as f64);
     let mut weights: Vec<f64> = (0..network.weights()).map(|_| size * noise.normal()).collect();

@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use super::cost::{Cost, Moment};
-use super::planner::feasible;
+use super::cost::{Cost, PlanningProblem};
+use crate::actuator::clamp_to_limits;
 use crate::predict::{BATCH, Predictor, Workspace};
 
 /// How far each command is moved for a derivative, in shares of half of its range.
@@ -35,7 +35,7 @@ const LEAST: f64 = 1e-9;
 /// optimization*, L4DC 2020; K. Levenberg, 1944, and D. W. Marquardt, 1963 (the damping); D. P. Bertsekas, *Projected Newton
 /// methods for optimization problems with simple constraints*, 1982.
 #[derive(Clone, Debug)]
-pub(super) struct Descent {
+pub(super) struct GaussNewton {
     /// Commands of a plan.
     len: usize,
     /// Residuals of a plan at the most.
@@ -51,7 +51,7 @@ pub(super) struct Descent {
     candidates: Vec<f64>,
 }
 
-impl Descent {
+impl GaussNewton {
     /// For plans of so many samples and inputs; without memory where it is not `used`.
     pub(super) fn new(cost: &Cost, horizon: usize, inputs: usize, used: bool) -> Self {
         let len = if used { horizon * inputs } else { 0 };
@@ -75,7 +75,7 @@ impl Descent {
         &mut self,
         (session, work): (&dyn Predictor, &mut Workspace),
         cost: &Cost,
-        moment: &Moment<'_>,
+        moment: &PlanningProblem<'_>,
         (plan, mut best): (&mut [f64], f64),
         y: &mut [f64],
     ) -> (usize, f64) {
@@ -94,7 +94,7 @@ impl Descent {
             for (at, to) in candidate.iter_mut().enumerate() {
                 *to = plan[at] + half(moment, at, moment.limits.len()) * self.step[at];
             }
-            feasible(candidate, moment.last, moment.limits, moment.dt);
+            clamp_to_limits(candidate, moment.last, moment.limits, moment.dt);
             count += 1;
         }
         let tried = self.len + 1 + count;
@@ -119,7 +119,7 @@ impl Descent {
         &mut self,
         (session, work): (&dyn Predictor, &mut Workspace),
         cost: &Cost,
-        moment: &Moment<'_>,
+        moment: &PlanningProblem<'_>,
         plan: &[f64],
         y: &mut [f64],
     ) -> bool {
@@ -176,7 +176,7 @@ impl Descent {
     }
 
     /// Which commands may move: not those at a limit beyond which it goes downhill.
-    fn hold(&mut self, moment: &Moment<'_>, plan: &[f64]) {
+    fn hold(&mut self, moment: &PlanningProblem<'_>, plan: &[f64]) {
         let inputs = moment.limits.len();
         for (at, free) in self.free.iter_mut().enumerate() {
             let (limits, uphill) = (&moment.limits[at % inputs], self.gradient[at]);
@@ -225,13 +225,13 @@ impl Descent {
 }
 
 /// Half of the range of a command of a plan.
-fn half(moment: &Moment<'_>, at: usize, inputs: usize) -> f64 {
+fn half(moment: &PlanningProblem<'_>, at: usize, inputs: usize) -> f64 {
     let limits = &moment.limits[at % inputs];
     0.5 * (limits.high - limits.low)
 }
 
 /// What a command is moved by for its derivative: into its range.
-fn moved(moment: &Moment<'_>, plan: &[f64], at: usize, inputs: usize) -> f64 {
+fn moved(moment: &PlanningProblem<'_>, plan: &[f64], at: usize, inputs: usize) -> f64 {
     let size = SHARE * half(moment, at, inputs);
     if plan[at] + size > moment.limits[at % inputs].high { -size } else { size }
 }

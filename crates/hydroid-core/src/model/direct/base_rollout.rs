@@ -3,15 +3,15 @@
 use alloc::sync::Arc;
 
 use super::model::Direct;
-use crate::model::recurrent::Base;
+use crate::model::recurrent::BaseModel;
 use crate::model::sparse::Equations;
 
 impl Direct {
     /// The equations that it adds to; none over another base.
     pub fn equations(&self) -> Option<&Arc<Equations>> {
         match &self.base {
-            Base::Equations(equations) => Some(equations),
-            Base::Nothing | Base::Hold => None,
+            BaseModel::Equations(equations) => Some(equations),
+            BaseModel::Nothing | BaseModel::Hold => None,
         }
     }
 
@@ -22,7 +22,7 @@ impl Direct {
 }
 
 /// What a rollout on equations works with: two states and their scratch, all empty without equations.
-pub(super) struct Below<'a> {
+pub(super) struct BaseRollout<'a> {
     equations: Option<&'a Equations>,
     /// At the end of the window: the present outputs, then what the equations remember.
     start: &'a mut [f64],
@@ -31,7 +31,7 @@ pub(super) struct Below<'a> {
     scratch: &'a mut [f64],
 }
 
-impl<'a> Below<'a> {
+impl<'a> BaseRollout<'a> {
     /// Numbers that it needs.
     pub(super) fn scratch(model: &Direct) -> usize {
         2 * model.below() + model.equations().map_or(0, |equations| equations.scratch())

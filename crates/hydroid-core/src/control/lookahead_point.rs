@@ -9,9 +9,9 @@ use super::Estimate;
 use super::actuators::Actuators;
 use super::affine::{Affine, Motion, check_count};
 use super::allocate::allocate;
-use super::channel::Limits;
 use super::error::{ControlError, positive};
 use super::status::Status;
+use crate::actuator::Limits;
 use crate::guidance::Reference;
 
 /// A point `l` metres ahead of the origin on a model, and the commands that accelerate it.
@@ -26,7 +26,7 @@ use crate::guidance::Reference;
 /// underactuated. What remains is the heading, which follows the point like a trailer: `d psi/dt = (U sin(chi - psi) - v)
 /// / l` for a point that moves with `U` in direction `chi`.
 #[derive(Clone, Debug)]
-pub(super) struct PointAhead<M> {
+pub(super) struct LookaheadPoint<M> {
     model: M,
     /// The model before an update that may be refused; none before the first one, which allocates it.
     before: Option<M>,
@@ -36,7 +36,7 @@ pub(super) struct PointAhead<M> {
     spans: Vec<f64>,
     efforts: Vec<f64>,
     distance: f64,
-    weakest: f64,
+    min_control_authority: f64,
 }
 
 /// Where the point is to be, seen from where it is.
@@ -54,18 +54,18 @@ impl PointError {
     }
 }
 
-impl<M: Affine> PointAhead<M> {
-    /// `distance` metres ahead; `weakest` \[m/s^2\] as [`allocate`] has it.
+impl<M: Affine> LookaheadPoint<M> {
+    /// `distance` metres ahead; `min_control_authority` \[m/s^2\] as [`allocate`] has it.
     pub(super) fn new(
         model: M,
         limits: &[Limits],
         dt: f64,
         response: f64,
         distance: f64,
-        weakest: f64,
+        min_control_authority: f64,
     ) -> Result<Self, ControlError> {
         positive("the distance of the point ahead", distance)?;
-        positive("the weakest acceleration", weakest)?;
+        positive("the min_control_authority acceleration", min_control_authority)?;
         check_count(model.channels(), limits)?;
         let inputs = limits.len();
         let actuators = Actuators::new(model.channels(), limits, dt, response)?;
@@ -79,7 +79,7 @@ impl<M: Affine> PointAhead<M> {
             spans,
             efforts: vec![0.0; inputs],
             distance,
-            weakest,
+            min_control_authority,
         })
     }
 
@@ -171,7 +171,7 @@ impl<M: Affine> PointAhead<M> {
             north * cos + east * sin - (f_u - r * (v + l * r)),
             east * cos - north * sin - (f_v + l * f_r + u * r),
         ];
-        let sigma = allocate(&self.columns, &self.spans, body, self.weakest, &mut self.efforts);
+        let sigma = allocate(&self.columns, &self.spans, body, self.min_control_authority, &mut self.efforts);
         let applied = self.actuators.apply(&self.efforts, command);
         let mut missing = [-body[0], -body[1]];
         for (i, column) in self.columns.iter().enumerate() {
@@ -187,7 +187,7 @@ impl<M: Affine> PointAhead<M> {
             status = status.and(Status::Saturated);
         }
         // NaN, of a model that blows up, is no strength either.
-        if sigma.is_nan() || sigma < self.weakest {
+        if sigma.is_nan() || sigma < self.min_control_authority {
             status = status.and(Status::Singular);
         }
         (status, [x * cos - y * sin, x * sin + y * cos])

@@ -1,14 +1,14 @@
 //! A window through a direct predictor, and rollouts that chain windows.
 
-use super::below::Below;
+use super::base_rollout::BaseRollout;
+use super::forward_pass::ForwardPass;
 use super::model::Direct;
-use super::through::Through;
 use super::window::Window;
 
-impl Through {
+impl ForwardPass {
     /// Numbers that a rollout needs.
     pub(super) fn scratch(&self, model: &Direct) -> usize {
-        model.network.inputs + model.network.outputs + self.hidden() + Below::scratch(model)
+        model.network.inputs + model.network.outputs + self.hidden() + BaseRollout::scratch(model)
     }
 
     /// What the last layer reads of a window: outputs, commands that have passed, commands to come; of those that are not given
@@ -48,7 +48,7 @@ impl Through {
         let (hidden, rest) = rest.split_at_mut(self.hidden());
         let (g, rest) = rest.split_at_mut(model.network.outputs);
         w.scale_past(model, past, x);
-        let mut below = Below::begin(model, &past[(w.p - 1) * w.n..w.p * w.n], memory, rest);
+        let mut below = BaseRollout::begin(model, &past[(w.p - 1) * w.n..w.p * w.n], memory, rest);
         let total = y.len() / w.n;
         let blocks = y.chunks_mut(w.h * w.n);
         let mut first = 0;
