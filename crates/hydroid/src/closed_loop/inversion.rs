@@ -2,9 +2,12 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::kalman::LearnablePlant;
 use hydroid_core::actuator::Channel;
-use hydroid_core::control::{Affine, AffineEquations, AffineNetwork, AffinePlant, Backstepping, ControlError, Controller, Estimate, FeedbackLinearization, AdaptiveAugmentation, Motion, Status};
+use hydroid_core::adapt::kalman::LearnablePlant;
+use hydroid_core::control::{
+    AdaptiveAugmentation, Affine, AffineEquations, AffineNetwork, AffinePlant, Backstepping, ControlError,
+    Controller, Estimate, FeedbackLinearization, Motion, Status,
+};
 use hydroid_core::model::PlantModel;
 use hydroid_core::model::sparse::Equations;
 use hydroid_core::vessel::{Numbers, VesselParams};

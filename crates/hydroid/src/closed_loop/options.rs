@@ -3,9 +3,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::actuator::Limits;
-use hydroid_core::control::{AffinePlant, Autopilot, AutopilotOptions, Backstepping, BacksteppingOptions, FeedbackLinearization, FeedbackLinearizationOptions, AdaptiveAugmentation, AdaptiveAugmentationOptions};
+use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
+use hydroid_core::control::{
+    AdaptiveAugmentation, AdaptiveAugmentationOptions, AffinePlant, Autopilot, AutopilotOptions,
+    Backstepping, BacksteppingOptions, FeedbackLinearization, FeedbackLinearizationOptions,
+};
 use hydroid_core::vessel::VesselParams;
 use serde::Serialize;
 
@@ -152,10 +155,8 @@ impl ControllerOptions {
                 }
             }
             ControlMethod::Backstepping => {
-                let settings = BacksteppingOptions {
-                    tolerance: self.tolerance,
-                    ..BacksteppingOptions::new(self.lead)
-                };
+                let settings =
+                    BacksteppingOptions { tolerance: self.tolerance, ..BacksteppingOptions::new(self.lead) };
                 let settings = self.rate.map_or(settings, |rate| settings.with_rate(rate));
                 let inverse = InvertibleModel::of(model, channels.motion, law)?;
                 let law = Backstepping::new(inverse, &self.limits, self.dt_s, settings)?;

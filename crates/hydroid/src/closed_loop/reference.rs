@@ -31,7 +31,8 @@ pub(super) struct ReferenceGenerator<'a> {
 
 impl<'a> ReferenceGenerator<'a> {
     pub(super) fn new(track: &'a Track, timing: Timing) -> Self {
-        let (walker, follower) = (TimedReference::new(&track.profile), PathReference::new(0.0, SEARCH_RANGE_M));
+        let (walker, follower) =
+            (TimedReference::new(&track.profile), PathReference::new(0.0, SEARCH_RANGE_M));
         Self { track, timing, walker, follower, s: 0.0 }
     }
 

@@ -10,9 +10,9 @@ use hydroid::closed_loop::{
 };
 use hydroid::model::Model;
 use hydroid::progress::silent;
-use hydroid_core::control::cem::PlannerOptions;
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::Status;
+use hydroid_core::control::cem::PlannerOptions;
 use hydroid_core::vessel::VesselParams;
 use proptest::prelude::*;
 

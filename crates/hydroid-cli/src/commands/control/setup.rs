@@ -194,7 +194,8 @@ pub(super) fn steering(
     );
     let descents = given.descents.unwrap_or(usual.gauss_newton_steps);
     ensure!(
-        descents == 0 || horizon.saturating_mul(scene.limits.len()) <= PlannerOptions::MAX_GAUSS_NEWTON_COMMANDS,
+        descents == 0
+            || horizon.saturating_mul(scene.limits.len()) <= PlannerOptions::MAX_GAUSS_NEWTON_COMMANDS,
         "--horizon {horizon}: steps downhill solve for all commands of a plan, {} at the most; give a shorter horizon, or --descents 0",
         PlannerOptions::MAX_GAUSS_NEWTON_COMMANDS
     );
