@@ -76,7 +76,9 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, options: &TrainOptions) -> Result<P
         wash_out,
         length,
         measured: match &net {
-            Architecture::Recurrent { base, feedback, .. } => *feedback || !matches!(base, BaseModel::Nothing),
+            Architecture::Recurrent { base, feedback, .. } => {
+                *feedback || !matches!(base, BaseModel::Nothing)
+            }
             Architecture::Direct { .. } | Architecture::Affine(_) => true,
         },
     };
