@@ -2,13 +2,13 @@
 //! as a term must be printed as one that reads the same.
 #![no_main]
 
-use hydroid::sindy::expression::Vocabulary;
+use hydroid::sindy::expression::ExpressionParser;
 
 libfuzzer_sys::fuzz_target!(|text: &str| {
-    let mut words = Vocabulary::new(["u", "v", "r", "n", "delta", "wind_x", "a.b [c]"], 3, 0.1);
-    let _ = words.constraint(text);
-    if let Ok(term) = words.term(text) {
-        let name = term.name(&words.names());
-        assert_eq!(words.term(&name), Ok(term), "{name}");
+    let mut parser = ExpressionParser::new(["u", "v", "r", "n", "delta", "wind_x", "a.b [c]"], 3, 0.1);
+    let _ = parser.constraint(text);
+    if let Ok(term) = parser.term(text) {
+        let name = term.name(&parser.names());
+        assert_eq!(parser.term(&name), Ok(term), "{name}");
     }
 });

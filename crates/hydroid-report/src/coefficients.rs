@@ -7,13 +7,13 @@ use super::formula::{in_mode, variable};
 use super::number;
 use super::page::{cell, nothing, table};
 use hydroid::model::Modes;
-use hydroid::sindy::Found;
+use hydroid::sindy::SearchResult;
 
 /// A term that fewer members of the ensemble have than this is marked.
 const DOUBTFUL: f64 = 0.5;
 
 /// What the tables below are.
-pub(super) fn about(found: &Found) -> Markup {
+pub(super) fn about(found: &SearchResult) -> Markup {
     let members = found.ensemble.as_ref().map(|ensemble| ensemble.members.len());
     html! {
         p.small {

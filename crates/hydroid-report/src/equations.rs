@@ -13,7 +13,7 @@ use super::{hidden, number};
 use hydroid::identify::Candidate;
 use hydroid::log::Trajectory;
 use hydroid::model::{Mode, Modes, Motion};
-use hydroid::sindy::Found;
+use hydroid::sindy::SearchResult;
 
 /// Width of a line of the text to copy.
 const LINE: usize = 92;
@@ -24,7 +24,7 @@ pub(super) struct Sparse<'a> {
     /// The candidate.
     pub(super) candidate: &'a Candidate,
     /// The search that found its equations.
-    pub(super) found: &'a Found,
+    pub(super) found: &'a SearchResult,
     /// The equations as people read them.
     pub(super) motion: Motion<'a>,
 }

@@ -29,13 +29,13 @@ pub(super) fn stairs(front: &[(f64, f64)], end: f64) -> Vec<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroid::sindy::{Library, Optimizer, Regression};
+    use hydroid::sindy::{Library, Optimizer, RegressionForm};
 
     #[test]
     fn the_front_falls() {
         let trial = |terms, score| Trial {
             structure: Library::polynomial(1).into(),
-            regression: Regression::Central,
+            regression: RegressionForm::Central,
             optimizer: Optimizer::Stepwise(0.01),
             ridge: 0.0,
             terms,

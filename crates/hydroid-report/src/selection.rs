@@ -10,7 +10,7 @@ use super::page::{Section, cell, columns, figure, notes, nothing, table};
 use super::{ReportError, Subject, network, style};
 use hydroid::identify::Candidate;
 use hydroid::log::Note;
-use hydroid::sindy::{Criterion, Found, Optimizer, Regression, Trial};
+use hydroid::sindy::{Criterion, SearchResult, Optimizer, RegressionForm, Trial};
 
 /// The front of the least errors.
 const FRONT: Stroke = Stroke { colour: style::MUTED, width: 1.4, dash: Dash::Solid };
@@ -36,7 +36,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
     Ok(Section::new(id, heading, body))
 }
 
-fn choice(candidate: &Candidate, found: &Found) -> Result<Markup, ReportError> {
+fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportError> {
     let dt = candidate.model.description.dt;
     if found.trials.is_empty() {
         return Ok(nothing("No settings were tried."));
@@ -56,16 +56,16 @@ fn choice(candidate: &Candidate, found: &Found) -> Result<Markup, ReportError> {
             "Taken was the simplest of those that are within one standard error of the best, and whose rollouts stay bounded if one near the best does. "
             "The test runs had no say. "
             (by_output(candidate, found))
-            @if let Some(text) = found.refinement.in_words(dt) { "The coefficients were " (text) ". " }
+            @if let Some(text) = found.refinement.describe(dt) { "The coefficients were " (text) ". " }
             (number::count(found.trials.len())) " settings were tried"
             @if diverged > 0 { ", of which " (number::count(diverged)) " diverged" }
             "; the chosen regression has " (number::count(usize::try_from(rows).unwrap_or(usize::MAX))) " rows"
             @if skipped > 0 { " (" (number::count(usize::try_from(skipped).unwrap_or(usize::MAX))) " left out for missing samples)" }
             " and a library of condition number " (number::text(found.condition, 2)) "."
         }
-        @if found.screened.rollouts > 0 && found.screened.is_bounded() {
+        @if found.stability.rollouts > 0 && found.stability.is_bounded() {
             p.small {
-                "Stability: " (number::count(found.screened.rollouts)) " rollouts from random states under random commands inside the training envelope all stayed bounded."
+                "Stability: " (number::count(found.stability.rollouts)) " rollouts from random states under random commands inside the training envelope all stayed bounded."
             }
         }
         (columns(&[chart, best(&found.trials, found.chosen, dt)]))
@@ -73,7 +73,7 @@ fn choice(candidate: &Candidate, found: &Found) -> Result<Markup, ReportError> {
 }
 
 /// From which settings the equations come, where not all come from the chosen ones; and what that gave.
-fn by_output(candidate: &Candidate, found: &Found) -> Markup {
+fn by_output(candidate: &Candidate, found: &SearchResult) -> Markup {
     let others: Vec<(usize, &Trial)> = found
         .equations
         .iter()
@@ -198,14 +198,14 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
             [
                 trial.structure.to_string(),
                 match trial.regression {
-                    Regression::Midpoint { intervals } => {
+                    RegressionForm::Midpoint { intervals } => {
                         format!("{} s", seconds_text(intervals as f64 * dt))
                     }
-                    Regression::Central => "central".to_owned(),
-                    Regression::Weak { intervals } => {
+                    RegressionForm::Central => "central".to_owned(),
+                    RegressionForm::Weak { intervals } => {
                         format!("weak, {} s", seconds_text(intervals as f64 * dt))
                     }
-                    Regression::Smoothed { half } => {
+                    RegressionForm::Smoothed { half } => {
                         format!("smoothed, {} s", seconds_text(2.0 * half as f64 * dt))
                     }
                 },
@@ -241,14 +241,14 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
     }
 }
 
-pub(super) fn regression(regression: Regression, dt: f64) -> String {
+pub(super) fn regression(regression: RegressionForm, dt: f64) -> String {
     match regression {
-        Regression::Midpoint { intervals } => {
+        RegressionForm::Midpoint { intervals } => {
             format!("increments, {} s", seconds_text(intervals as f64 * dt))
         }
-        Regression::Central => "central differences".to_owned(),
-        Regression::Weak { intervals } => format!("weak form, {} s", seconds_text(intervals as f64 * dt)),
-        Regression::Smoothed { half } => {
+        RegressionForm::Central => "central differences".to_owned(),
+        RegressionForm::Weak { intervals } => format!("weak form, {} s", seconds_text(intervals as f64 * dt)),
+        RegressionForm::Smoothed { half } => {
             format!("smoothed differences, {} s", seconds_text(2.0 * half as f64 * dt))
         }
     }

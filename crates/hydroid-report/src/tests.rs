@@ -306,7 +306,7 @@ fn runs_of_another_vessel_are_refused() {
 }
 
 /// The search behind a candidate, to spoil it.
-fn found_mut(candidate: &mut Candidate) -> &mut hydroid::sindy::Found {
+fn found_mut(candidate: &mut Candidate) -> &mut hydroid::sindy::SearchResult {
     match &mut candidate.training {
         hydroid::identify::Training::Equations(found) | hydroid::identify::Training::Recursive(found) => {
             std::sync::Arc::make_mut(found)

@@ -26,13 +26,13 @@ use hydroid::evaluate::{Against, DesignRange, Evaluation, Options, Origin, evalu
 use hydroid::identify::ranges;
 use hydroid::log::Trajectory;
 use hydroid::progress::silent;
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables};
 
 /// Differences of the recipe.
-pub const DIFFERENCES: [(&str, Regression); 3] = [
-    ("central", Regression::Central),
-    ("smoothed, 11", Regression::Smoothed { half: 5 }),
-    ("smoothed, 51", Regression::Smoothed { half: 25 }),
+pub const DIFFERENCES: [(&str, RegressionForm); 3] = [
+    ("central", RegressionForm::Central),
+    ("smoothed, 11", RegressionForm::Smoothed { half: 5 }),
+    ("smoothed, 51", RegressionForm::Smoothed { half: 25 }),
 ];
 /// Thresholds of the recipe.
 pub const THRESHOLDS: [f64; 8] = [0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5];
@@ -136,7 +136,7 @@ pub fn recipe(
     train: &Trajectory,
     test: &Trajectory,
     degrees: &[u8],
-    differences: &[(&'static str, Regression)],
+    differences: &[(&'static str, RegressionForm)],
     thresholds: &[f64],
 ) -> Result<Vec<Row>, StudyError> {
     let ranges = ranges(&[train]);
@@ -146,7 +146,7 @@ pub fn recipe(
         for &(difference, regression) in differences {
             for (unit, scale) in UNITS {
                 let scaling = Scaling::Variables(vec![1.0, 1.0, 1.0, scale, 1.0]);
-                let prepared = Prepared::new(&[train], terms.clone(), regression, &scaling)?;
+                let prepared = LinearRegression::new(&[train], terms.clone(), regression, &scaling)?;
                 for &threshold in thresholds {
                     let options = FitOptions {
                         optimizer: Optimizer::Stlsq(threshold),

@@ -3,8 +3,8 @@
 use divan::{Bencher, counter::ItemsCount};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::sindy::{
-    BLOCK_ROWS, Bagging, Constraints, Criterion, FitOptions, Loss, Optimizer, Preparation, Prepared,
-    Regression, Streaming, Triangle, assemble, assemble_with,
+    BLOCK_ROWS, BootstrapOptions, Constraints, Criterion, FitOptions, Loss, Optimizer, RegressionOptions, LinearRegression,
+    RegressionForm, AssemblyOptions, QrFactor, assemble, assemble_with,
 };
 use hydroid_core::model::sparse::{Program, Term};
 
@@ -68,11 +68,11 @@ fn evaluate_library_50_terms(bencher: Bencher, samples: usize) {
 fn fold_in_53_columns(bencher: Bencher, samples: usize) {
     let block: Vec<f64> = (0..53 * BLOCK_ROWS).map(|i| (i as f64).sin()).collect();
     bencher.counter(ItemsCount::new(samples)).bench_local(|| {
-        let mut triangle = Triangle::new(53);
+        let mut triangle = QrFactor::new(53);
         let mut work = block.clone();
         for _ in 0..samples.div_ceil(BLOCK_ROWS) {
             work.copy_from_slice(&block);
-            triangle.absorb(&mut work, BLOCK_ROWS);
+            triangle.append_rows(&mut work, BLOCK_ROWS);
         }
         triangle
     });
@@ -84,7 +84,7 @@ fn regression_50_terms_3_outputs(bencher: Bencher, (samples, intervals): (usize,
     let run = run(samples, 3, 2);
     bencher
         .counter(ItemsCount::new(samples))
-        .bench_local(|| assemble(&program, &[&run], Regression::Midpoint { intervals }));
+        .bench_local(|| assemble(&program, &[&run], RegressionForm::Midpoint { intervals }));
 }
 
 #[divan::bench(args = [(72_000, 40), (1_000_000, 40), (1_000_000, 200)])]
@@ -93,40 +93,40 @@ fn weak_form_50_terms_3_outputs(bencher: Bencher, (samples, intervals): (usize, 
     let run = run(samples, 3, 2);
     bencher
         .counter(ItemsCount::new(samples))
-        .bench_local(|| assemble(&program, &[&run], Regression::Weak { intervals }));
+        .bench_local(|| assemble(&program, &[&run], RegressionForm::Weak { intervals }));
 }
 
 #[divan::bench(args = [72_000, 1_000_000])]
 fn regression_in_24_groups(bencher: Bencher, samples: usize) {
     let program = Program::new(&fifty_terms(), 5).unwrap();
     let run = run(samples, 3, 2);
-    let streaming = Streaming { groups: 24, ..Streaming::default() };
+    let streaming = AssemblyOptions { groups: 24, ..AssemblyOptions::default() };
     bencher
         .counter(ItemsCount::new(samples))
-        .bench_local(|| assemble_with(&program, &[&run], Regression::default(), &streaming));
+        .bench_local(|| assemble_with(&program, &[&run], RegressionForm::default(), &streaming));
 }
 
 /// Several rounds of streaming, with the residuals' sizes counted.
 #[divan::bench]
 fn huber_1_000_000_samples(bencher: Bencher) {
     let run = run(1_000_000, 3, 2);
-    let preparation = Preparation { loss: Loss::Huber(1.345), ..Preparation::default() };
+    let preparation = RegressionOptions { loss: Loss::Huber(1.345), ..RegressionOptions::default() };
     bencher.bench_local(|| {
-        Prepared::with(&[&run], fifty_terms(), Regression::default(), &preparation).unwrap().rows()
+        LinearRegression::with(&[&run], fifty_terms(), RegressionForm::default(), &preparation).unwrap().rows()
     });
 }
 
-/// A hundred bags of 50 terms and 3 outputs, whatever the number of samples.
+/// A hundred resamples of 50 terms and 3 outputs, whatever the number of samples.
 #[divan::bench]
 fn ensemble_of_100(bencher: Bencher) {
     let run = run(20_000, 3, 2);
-    let preparation = Preparation { groups: 24, ..Preparation::default() };
-    let prepared = Prepared::with(&[&run], fifty_terms(), Regression::default(), &preparation).unwrap();
+    let preparation = RegressionOptions { groups: 24, ..RegressionOptions::default() };
+    let prepared = LinearRegression::with(&[&run], fifty_terms(), RegressionForm::default(), &preparation).unwrap();
     let options = FitOptions {
         optimizer: Optimizer::Criterion(Criterion::Bic),
         ridge: 1e-6,
         substeps: 1,
         constraints: Constraints::default(),
     };
-    bencher.bench_local(|| prepared.ensemble(&options, &Bagging::default()).unwrap());
+    bencher.bench_local(|| prepared.ensemble(&options, &BootstrapOptions::default()).unwrap());
 }

@@ -21,7 +21,7 @@ use hydroid::evaluate::{Evaluation, Options, evaluate};
 use hydroid::identify::ranges;
 use hydroid::log::{self, PrepareOptions, Selection, Table, Trajectory};
 use hydroid::progress::silent;
-use hydroid::sindy::{BLOCK_ROWS, Triangle};
+use hydroid::sindy::{BLOCK_ROWS, QrFactor};
 use hydroid_core::model::sparse::Term;
 use hydroid_core::predict::{Predictor, Workspace, rollout_steps};
 
@@ -162,7 +162,7 @@ impl Ridge {
         let (n, m) = (runs[0].outputs.width(), runs[0].inputs.width());
         let terms = terms(u16::try_from(n).unwrap(), u16::try_from(m).unwrap());
         let width = terms.len() + n;
-        let mut triangle = Triangle::new(width);
+        let mut triangle = QrFactor::new(width);
         let mut rows: Vec<Vec<f64>> = Vec::new();
         for run in runs {
             for k in 0..run.len() - 1 {
@@ -182,7 +182,7 @@ impl Ridge {
                     block[j * BLOCK_ROWS + i] = *value;
                 }
             }
-            triangle.absorb(&mut block, rows.len());
+            triangle.append_rows(&mut block, rows.len());
         }
         // A column's norm is its RMS times the root of the rows: lambda for each row on a column of unit RMS.
         let weights: Vec<f64> = (0..width)

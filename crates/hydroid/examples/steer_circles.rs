@@ -32,7 +32,7 @@ use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables};
 use hydroid_core::control::{
     AffineEquations, AffineNetwork, AffinePlant, Backstepping, BacksteppingOptions, Controller,
     FeedbackLinearization, FeedbackLinearizationOptions, Status,
@@ -168,7 +168,7 @@ fn learned(vessel: &VesselParams, train_s: f64, method: Method, sindy: SindySett
 
 /// A polynomial with thresholded or eliminated terms, forces in 100 N. Terms with more than one effort (a command, or the
 /// propeller's force) are left out: no law could invert them.
-pub fn polynomial(data: &Trajectory, degree: u8, regression: Regression, optimizer: Optimizer) -> Equations {
+pub fn polynomial(data: &Trajectory, degree: u8, regression: RegressionForm, optimizer: Optimizer) -> Equations {
     let efforts = |term: &Term| {
         let factors = term.factors().iter().filter(|f| usize::from(f.variable) >= MOTION.len());
         factors.map(|f| f.shape.degree()).sum::<i32>()
@@ -178,7 +178,7 @@ pub fn polynomial(data: &Trajectory, degree: u8, regression: Regression, optimiz
     let mut scales = vec![1.0; data.outputs.width() + 2];
     scales[MOTION.len()..=data.outputs.width()].fill(100.0);
     let scaling = Scaling::Variables(scales);
-    let prepared = Prepared::new(&[data], terms, regression, &scaling).expect("enough rows for a polynomial");
+    let prepared = LinearRegression::new(&[data], terms, regression, &scaling).expect("enough rows for a polynomial");
     let options = FitOptions { optimizer, ridge: 0.0, substeps: 1, constraints: Constraints::default() };
     prepared.fit(&options).expect("nothing constrains it").equations
 }
@@ -187,7 +187,7 @@ pub fn polynomial(data: &Trajectory, degree: u8, regression: Regression, optimiz
 /// samples.
 pub fn with_measured_force(train_s: f64) -> Equations {
     let data = run(&VesselParams::simple(), &WITH_FORCE, train_s, 0);
-    polynomial(&data, 2, Regression::Weak { intervals: 20 }, Optimizer::Stepwise(0.01))
+    polynomial(&data, 2, RegressionForm::Weak { intervals: 20 }, Optimizer::Stepwise(0.01))
 }
 
 /// The law on known parameters.
@@ -303,7 +303,7 @@ fn main() -> Result<(), std::num::ParseFloatError> {
         (String::from("hydrofoil: hydroid, physical terms"), identified(&vessel, train_s, &PHYSICAL)),
     ];
     for (name, regression) in
-        [("central", Regression::Central), ("smoothed 51", Regression::Smoothed { half: 25 })]
+        [("central", RegressionForm::Central), ("smoothed 51", RegressionForm::Smoothed { half: 25 })]
     {
         for degree in [2, 3] {
             for threshold in [0.0, 0.05, 0.2, 0.5] {

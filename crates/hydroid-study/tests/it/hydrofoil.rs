@@ -8,7 +8,7 @@ use hydroid::log::{Split, Trajectory};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
-use hydroid::sindy::{Lag, Schedule, Structure};
+use hydroid::sindy::{Lag, GateSpec, Structure};
 use hydroid_core::model::sparse::Shape;
 use hydroid_core::vessel::VesselParams;
 use hydroid_study::recipe::{self, DIFFERENCES, UNITS, Verdict, recipe};
@@ -67,7 +67,7 @@ fn the_hydrofoil_is_found(seed: u64, factor: f64) {
     // The plant: the propeller follows its command within 1 s, the drag changes at 2.5 m/s with slope 12.
     let [Lag { input: 0, time_constant_s }] = structure.lags[..] else { panic!("{:?}", structure.lags) };
     assert!((time_constant_s - 1.0).abs() < 0.05, "{time_constant_s} s");
-    let Some(Schedule { output: 0, gate }) = structure.gate else { panic!("{:?}", structure.gate) };
+    let Some(GateSpec { output: 0, gate }) = structure.gate else { panic!("{:?}", structure.gate) };
     assert!((gate.centre.0 - 2.5).abs() < 0.05 && (gate.slope.0 - 12.0).abs() < 2.0, "{gate:?}");
     assert_eq!((test.diverged, identified.best), (0, Some(0)));
     for horizon in [20, 100] {

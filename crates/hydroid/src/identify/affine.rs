@@ -2,7 +2,7 @@
 
 use hydroid_core::model::sparse::{Factor, Shape, Term};
 
-use crate::sindy::{Kind, Library, Variables};
+use crate::sindy::{VariableKind, Library, Variables};
 
 /// One function of a command.
 type Form = &'static [Shape];
@@ -26,9 +26,9 @@ pub(super) fn libraries(libraries: &[Library], variables: &Variables) -> Vec<Lib
     for (command, kind) in variables.inputs() {
         let forms: &[Form] = match kind {
             _ if 2 * choices.len() > MOST => &[IDENTITY],
-            Kind::Plain => &[SIGNED_SQUARE, IDENTITY],
-            Kind::Angle => &[IDENTITY, SINE],
-            Kind::Wind => &[IDENTITY],
+            VariableKind::Plain => &[SIGNED_SQUARE, IDENTITY],
+            VariableKind::Angle => &[IDENTITY, SINE],
+            VariableKind::Wind => &[IDENTITY],
         };
         choices = choices
             .iter()
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn each_library_has_one_function_of_each_command() {
-        let variables = Variables::new(vec![Kind::Plain; 3], vec![Kind::Plain, Kind::Angle]);
+        let variables = Variables::new(vec![VariableKind::Plain; 3], vec![VariableKind::Plain, VariableKind::Angle]);
         let all = [Library::marine(), Library::polynomial(2)];
         let found = libraries(&all, &variables);
         assert_eq!(found.len(), 4);

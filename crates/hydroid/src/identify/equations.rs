@@ -9,7 +9,7 @@ use crate::evaluate;
 use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::{
-    Found, Grid, Judge, Library, Optimizer, Regression, SearchError, Structure, Variables, Wanted, discover,
+    SearchResult, SearchGrid, SearchOptions, Library, Optimizer, RegressionForm, SearchError, Structure, Variables, StructureSpec, structure_search,
     search,
 };
 
@@ -30,7 +30,7 @@ fn libraries(job: &Job, run: &Trajectory) -> Result<Vec<Library>, IdentifyError>
     let mut refusal = SearchError::Empty;
     let mut good = Vec::new();
     for library in job.sindy.libraries(run)? {
-        match Structure::from(library.clone()).check(&variables) {
+        match Structure::from(library.clone()).check_size(&variables) {
             Ok(()) => good.push(library),
             Err(error) => refusal = error,
         }
@@ -43,13 +43,13 @@ pub(super) fn memoryless(
     job: &Job,
     parts: &Parts<'_>,
     progress: Progress<'_>,
-) -> Result<Arc<Found>, IdentifyError> {
+) -> Result<Arc<SearchResult>, IdentifyError> {
     let train = &parts.train;
     // Windows of a fifth of the horizon average the noise and blur no actuator.
-    let regression = Regression::Weak { intervals: intervals(0.2 * job.horizon as f64).max(4) };
+    let regression = RegressionForm::Weak { intervals: intervals(0.2 * job.horizon as f64).max(4) };
     let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
     // What is said of the vessel holds; what was found must prove itself beside equations without it.
-    let said = matches!(lags, Wanted::Given(_)) || matches!(gate, Wanted::Given(_));
+    let said = matches!(lags, StructureSpec::Fixed(_)) || matches!(gate, StructureSpec::Fixed(_));
     let all = libraries(job, train[0])?;
     // One search for each way in which commands may enter: equations put together from two could not be inverted.
     let searches: Vec<Vec<Library>> = if job.sindy.for_control {
@@ -58,11 +58,11 @@ pub(super) fn memoryless(
         vec![all]
     };
     let share = 1.0 / searches.len() as f64;
-    let mut best: Result<Arc<Found>, IdentifyError> = Err(SearchError::Empty.into());
+    let mut best: Result<Arc<SearchResult>, IdentifyError> = Err(SearchError::Empty.into());
     for (libraries, index) in searches.iter().zip(0_u32..) {
         let mut part = |f: f64| progress(share * (f64::from(index) + f));
         let structures =
-            discover(train, &reference(libraries), regression, &lags, &gate, &mut |f| part(0.3 * f))
+            structure_search(train, &reference(libraries), regression, &lags, &gate, &mut |f| part(0.3 * f))
                 .map_err(SearchError::Cancelled)?;
         match run(job, parts, libraries, &structures, !said, &mut |f| part(0.3 + 0.7 * f)) {
             Err(IdentifyError::Sindy(SearchError::Cancelled(cancelled))) => {
@@ -81,7 +81,7 @@ pub(super) fn lagged(
     job: &Job,
     parts: &Parts<'_>,
     progress: Progress<'_>,
-) -> Result<Arc<Found>, IdentifyError> {
+) -> Result<Arc<SearchResult>, IdentifyError> {
     let dt = parts.train[0].dt;
     let samples = |share: f64| u16::try_from(intervals(share * job.horizon as f64)).unwrap_or(u16::MAX);
     let pasts: Vec<Vec<u16>> = match job.sindy.past_s {
@@ -100,7 +100,7 @@ pub(super) fn whole(
     job: &Job,
     parts: &Parts<'_>,
     progress: Progress<'_>,
-) -> Result<Arc<Found>, IdentifyError> {
+) -> Result<Arc<SearchResult>, IdentifyError> {
     let run = parts.train[0];
     let share = |share: f64| intervals(share * job.horizon as f64);
     let past =
@@ -112,7 +112,7 @@ pub(super) fn whole(
         structure.past_inputs_only = true;
     }
     if !job.sindy.central_differences && job.sindy.window_s.is_none() {
-        grid.regressions = vec![Regression::Weak { intervals: share(0.2) }];
+        grid.regressions = vec![RegressionForm::Weak { intervals: share(0.2) }];
     }
     grid.optimizers = vec![Optimizer::Stepwise(0.0)];
     grid.refine = None;
@@ -120,7 +120,7 @@ pub(super) fn whole(
     let ridges = job.sindy.ridge.map_or_else(|| vec![0.1, 1.0, 10.0], |ridge| vec![ridge]);
     let mut outcome = Err(IdentifyError::Sindy(SearchError::Empty));
     for ridge in ridges {
-        outcome = searched(job, parts, &Grid { ridges: vec![ridge], ..grid.clone() }, progress);
+        outcome = searched(job, parts, &SearchGrid { ridges: vec![ridge], ..grid.clone() }, progress);
         if !matches!(outcome, Err(IdentifyError::Sindy(SearchError::AllDiverged(_)))) {
             break;
         }
@@ -135,7 +135,7 @@ fn run(
     structures: &[Structure],
     plain: bool,
     progress: Progress<'_>,
-) -> Result<Arc<Found>, IdentifyError> {
+) -> Result<Arc<SearchResult>, IdentifyError> {
     let train = &parts.train;
     let mut grid = job.sindy.grid(train, job.horizon, libraries, structures, plain);
     grid.constraints = job.sindy.rules(train[0], libraries)?;
@@ -145,18 +145,18 @@ fn run(
 fn searched(
     job: &Job,
     parts: &Parts<'_>,
-    grid: &Grid,
+    grid: &SearchGrid,
     progress: Progress<'_>,
-) -> Result<Arc<Found>, IdentifyError> {
+) -> Result<Arc<SearchResult>, IdentifyError> {
     let train = &parts.train;
     let inputs = overview::input_ranges(train);
-    let judge = Judge {
+    let judge = SearchOptions {
         validation: &parts.validation,
         outputs: &parts.visited,
         inputs: &inputs,
-        options: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick(job, parts) },
+        evaluation: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick(job, parts) },
         seed: job.seed,
-        members: job.sindy.members.0,
+        ensemble_size: job.sindy.members.0,
     };
     Ok(Arc::new(search(train, &judge, grid, progress)?))
 }

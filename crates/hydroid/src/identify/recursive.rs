@@ -9,7 +9,7 @@ use super::settings::intervals;
 use super::{IdentifyError, Job, Parts, equations};
 use crate::model::{Learning, Model};
 use crate::progress::Progress;
-use crate::sindy::{FitError, Found, Preparation, Prepared, Regression, SearchError};
+use crate::sindy::{FitError, SearchResult, RegressionOptions, LinearRegression, RegressionForm, SearchError};
 
 /// What the equations from shore are worth at each pace, in horizons. Five paces between these do no better on the
 /// development runs (a tug, a tanker) than these three, and one alone chosen by validation clearly worse.
@@ -31,10 +31,10 @@ const APART: f64 = 0.2;
 pub(super) fn learning(
     job: &Job,
     parts: &Parts<'_>,
-    sparse: Option<&Arc<Found>>,
-    describe: impl Fn(&Found, Equations) -> Model,
+    sparse: Option<&Arc<SearchResult>>,
+    describe: impl Fn(&SearchResult, Equations) -> Model,
     progress: Progress<'_>,
-) -> Result<(Arc<Found>, Model), IdentifyError> {
+) -> Result<(Arc<SearchResult>, Model), IdentifyError> {
     // Lags and modes that were found are worth more than all the terms without them.
     let hidden = sparse.filter(|found| found.trials[found.chosen].structure.parameters() > 0);
     let whole = hidden.map_or_else(|| equations::whole(job, parts, progress), |found| Ok(Arc::clone(found)));
@@ -63,13 +63,13 @@ pub(super) fn learning(
 /// The equations without the terms that the training runs say nothing of, and what they say of the others.
 fn identifiable(of: &Equations, parts: &Parts<'_>, window: usize) -> Result<(Equations, Vec<f64>), FitError> {
     // A weak form averages about as much as an increment over half of its window.
-    let regression = Regression::Weak { intervals: 2 * window };
-    let preparation = Preparation { signals: of.signals(), ..Preparation::default() };
-    let prepare = |terms| Prepared::with(&parts.train, terms, regression, &preparation);
+    let regression = RegressionForm::Weak { intervals: 2 * window };
+    let preparation = RegressionOptions { signals: of.signals(), ..RegressionOptions::default() };
+    let prepare = |terms| LinearRegression::with(&parts.train, terms, regression, &preparation);
     let lost = prepare(of.terms().to_vec())?.unidentifiable().to_vec();
     let kept: Vec<usize> = (0..of.terms().len()).filter(|j| !lost.contains(j)).collect();
     let terms: Vec<Term> = kept.iter().map(|&j| of.terms()[j].clone()).collect();
-    let root = prepare(terms.clone())?.moments(APART);
+    let root = prepare(terms.clone())?.r_factor(APART);
     let row = |i: usize| kept.iter().map(move |&j| of.coefficient(i, j));
     let coefficients = (0..of.outputs()).flat_map(row).collect();
     let (signals, dt) = (of.signals().to_vec(), of.dt());

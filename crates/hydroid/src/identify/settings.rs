@@ -8,8 +8,8 @@ use super::IdentifyError;
 use super::wording::place;
 use crate::log::Trajectory;
 use crate::sindy::{
-    Criterion, Family, Free, Grid, Lag, Library, Loss, Optimizer, Regression, Schedule, Structure, Wanted,
-    weak_from_noise,
+    Criterion, Family, RefineScope, SearchGrid, Lag, Library, Loss, Optimizer, RegressionForm, GateSpec, Structure, StructureSpec,
+    weak_form_from_noise,
 };
 
 /// Settings of the search for equations. What is not given is chosen on the validation runs.
@@ -236,10 +236,10 @@ impl SindySettings {
     ///
     /// # Errors
     /// If an input does not exist, or a time constant is not positive.
-    pub fn lags(&self, run: &Trajectory) -> Result<Wanted<Vec<Lag>>, IdentifyError> {
+    pub fn lags(&self, run: &Trajectory) -> Result<StructureSpec<Vec<Lag>>, IdentifyError> {
         let given = match &self.lag {
-            Lags::Word(Word::Auto) => return Ok(Wanted::Found),
-            Lags::Word(Word::None) => return Ok(Wanted::None),
+            Lags::Word(Word::Auto) => return Ok(StructureSpec::Search),
+            Lags::Word(Word::None) => return Ok(StructureSpec::Absent),
             Lags::Given(given) => given,
         };
         let mut lags = Vec::new();
@@ -253,21 +253,21 @@ impl SindySettings {
             }
             lags.push(Lag { input, time_constant_s });
         }
-        Ok(Wanted::Given(lags))
+        Ok(StructureSpec::Fixed(lags))
     }
 
     /// A gate that is looked for or given.
     ///
     /// # Errors
     /// If the output does not exist, a number is not one, or a mode has hardly a sample in the training runs.
-    pub fn gate(&self, training: &[&Trajectory]) -> Result<Wanted<Schedule>, IdentifyError> {
+    pub fn gate(&self, training: &[&Trajectory]) -> Result<StructureSpec<GateSpec>, IdentifyError> {
         let given = match &self.gate {
             GateSetting::Word(Word::Auto) => {
                 // A gate within a gate is for nobody to read.
                 let lists = training.first().map_or(Ok(false), |run| self.lists_gates(run))?;
-                return Ok(if lists { Wanted::None } else { Wanted::Found });
+                return Ok(if lists { StructureSpec::Absent } else { StructureSpec::Search });
             }
-            GateSetting::Word(Word::None) => return Ok(Wanted::None),
+            GateSetting::Word(Word::None) => return Ok(StructureSpec::Absent),
             GateSetting::Given(given) => given,
         };
         let GivenGate { output: name, centre, slope } = given;
@@ -279,13 +279,13 @@ impl SindySettings {
         if !(centre.is_finite() && slope.is_finite() && *slope > 0.0) {
             return Err(wrong());
         }
-        let schedule = Schedule::new(output, *centre, *slope);
-        let share = schedule.share_above(training.iter().copied());
+        let schedule = GateSpec::new(output, *centre, *slope);
+        let share = schedule.upper_mode_share(training.iter().copied());
         if !(0.01..=0.99).contains(&share) {
             let side = if share < 0.5 { "above" } else { "below" };
             return Err(IdentifyError::ModeNotVisited { gate: value(), side, share: share.min(1.0 - share) });
         }
-        Ok(Wanted::Given(schedule))
+        Ok(StructureSpec::Fixed(schedule))
     }
 
     /// The libraries of one mode to try, the simplest first.
@@ -334,19 +334,19 @@ impl SindySettings {
         libraries: &[Library],
         found: &[Structure],
         plain: bool,
-    ) -> Grid {
+    ) -> SearchGrid {
         let share = |part: f64| intervals(part * horizon as f64);
         let dt = training.first().map_or(1.0, |run| run.dt);
         let regressions = match (self.central_differences, self.window_s) {
-            (true, _) => vec![Regression::Central],
-            (false, Some(window)) => vec![Regression::Weak { intervals: intervals(window / dt) }],
+            (true, _) => vec![RegressionForm::Central],
+            (false, Some(window)) => vec![RegressionForm::Weak { intervals: intervals(window / dt) }],
             (false, None) => {
                 let mut list = vec![1, share(0.2), share(0.5), share(1.0), share(2.0)];
                 // And the shortest that averages the noise away.
-                list.extend(weak_from_noise(training).map(Regression::window));
+                list.extend(weak_form_from_noise(training).map(RegressionForm::window));
                 list.sort_unstable();
                 list.dedup();
-                list.into_iter().map(|intervals| Regression::Weak { intervals }).collect()
+                list.into_iter().map(|intervals| RegressionForm::Weak { intervals }).collect()
             }
         };
         let mut structures: Vec<Structure> =
@@ -356,7 +356,7 @@ impl SindySettings {
             structures
                 .extend(rich.map(|library| Structure { library: library.clone(), ..structure.clone() }));
         }
-        Grid {
+        SearchGrid {
             structures,
             regressions,
             optimizers: self.threshold.map_or_else(
@@ -370,10 +370,10 @@ impl SindySettings {
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
             constraints: Vec::new(),
             // What is given stays as it is given.
-            refine: (self.refine != Refine::Asked(false)).then_some(Free {
+            refine: (self.refine != Refine::Asked(false)).then_some(RefineScope {
                 lags: !matches!(self.lag, Lags::Given(_)),
                 gate: !matches!(self.gate, GateSetting::Given(_)),
-                anywhere: self.refine == Refine::Asked(true),
+                always: self.refine == Refine::Asked(true),
             }),
         }
     }

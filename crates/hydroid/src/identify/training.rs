@@ -12,23 +12,23 @@ use super::{
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, Trajectory, noise_level};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
-use crate::sindy::Found;
+use crate::sindy::SearchResult;
 use crate::train;
 
 /// How a model came about.
 #[derive(Clone, Debug)]
 pub enum Training {
     /// A search for sparse equations.
-    Equations(Arc<Found>),
+    Equations(Arc<SearchResult>),
     /// Equations with all terms of a library, which learn at several paces.
-    Recursive(Arc<Found>),
+    Recursive(Arc<SearchResult>),
     /// A network, recurrent or a direct predictor.
     Network(Arc<train::Trained>),
 }
 
 impl Training {
     /// The search for equations; none for networks.
-    pub fn found(&self) -> Option<&Arc<Found>> {
+    pub fn found(&self) -> Option<&Arc<SearchResult>> {
         match self {
             Self::Equations(found) | Self::Recursive(found) => Some(found),
             Self::Network(_) => None,
@@ -98,7 +98,7 @@ impl Training {
 
 impl Candidate {
     /// The search that found its equations; none for networks.
-    pub fn found(&self) -> Option<&Found> {
+    pub fn found(&self) -> Option<&SearchResult> {
         self.training.found().map(Arc::as_ref)
     }
 }
@@ -130,7 +130,7 @@ pub(super) fn train_by(
     // The best equations so far: what learns, and a grey box, begin with these.
     let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
     let sparse = equations.min_by(|a, b| a.score.total_cmp(&b.score)).and_then(|t| t.training.found());
-    let of_search = |found: &Found| {
+    let of_search = |found: &SearchResult| {
         serde_json::json!({
             "chosen": found.trials[found.chosen],
             "refinement": found.refinement,
@@ -138,7 +138,7 @@ pub(super) fn train_by(
             "horizon": job.horizon,
         })
     };
-    let score = |found: &Found| found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
+    let score = |found: &SearchResult| found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
     let (model, training, score) = match method {
         Method::Sindy | Method::Lagged => {
             let progress = &mut |fraction| tell(fraction, None);
@@ -155,7 +155,7 @@ pub(super) fn train_by(
             (model, Training::Equations(found), score)
         }
         Method::Recursive => {
-            let describe = |found: &Found, equations: Equations| {
+            let describe = |found: &SearchResult, equations: Equations| {
                 describe(job, parts, method, Body::Equations(Arc::new(equations)), of_search(found))
             };
             let progress = &mut |fraction| tell(fraction, None);

@@ -7,7 +7,7 @@ use super::{Candidate, SindySettings};
 use crate::evaluate::Evaluation;
 use crate::log::{Note, Trajectory};
 use crate::sindy;
-use crate::sindy::{Found, Screened};
+use crate::sindy::{SearchResult, StabilityCheck};
 
 /// How well an output is predicted at the longest horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,7 +67,7 @@ pub(super) fn spikes(training: &[&Trajectory], settings: &SindySettings) -> Opti
         return None;
     }
     let channels = training.first()?.outputs.channels();
-    let told: Vec<String> = sindy::spikes(training)
+    let told: Vec<String> = sindy::spike_share(training)
         .into_iter()
         .zip(channels)
         .filter(|(share, _)| *share > SPIKES)
@@ -148,7 +148,7 @@ pub(super) fn warnings(
 }
 
 /// What the search for equations has to say.
-fn search_warnings(found: &Found, notes: &mut Vec<Note>) {
+fn search_warnings(found: &SearchResult, notes: &mut Vec<Note>) {
     let ridges = || found.trials.iter().map(|trial| trial.ridge);
     let (largest, smallest) = (ridges().fold(0.0, f64::max), ridges().fold(f64::INFINITY, f64::min));
     if let Some(chosen) = found.trials.get(found.chosen)
@@ -163,7 +163,7 @@ fn search_warnings(found: &Found, notes: &mut Vec<Note>) {
             .with_remedy("log runs that move every input by itself; compare with --ridge 0.1"),
         );
     }
-    let Screened { rollouts, unbounded } = found.screened;
+    let StabilityCheck { rollouts, unbounded } = found.stability;
     if unbounded > 0 {
         notes.push(
             Note::warning(format!(

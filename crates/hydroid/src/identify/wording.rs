@@ -1,11 +1,11 @@
-//! What settings say in words: terms, constraints, names of channels.
+//! What settings say in parser: terms, constraints, names of channels.
 
 use hydroid_core::model::sparse::{Shape, Term};
 
 use super::{IdentifyError, SindySettings};
 use crate::log::{Channel, Trajectory};
 use crate::sindy::expression::{list, nearest};
-use crate::sindy::{Constraint, Library, Variables, Vocabulary, dissipative, is_kept};
+use crate::sindy::{Constraint, Library, Variables, ExpressionParser, dissipative, is_supported};
 
 impl SindySettings {
     /// The terms that are listed.
@@ -13,11 +13,11 @@ impl SindySettings {
     /// # Errors
     /// If a text is not a term of the outputs and inputs of a run.
     pub fn listed(&self, run: &Trajectory) -> Result<Vec<Term>, IdentifyError> {
-        let mut words = vocabulary(run);
+        let mut parser = vocabulary(run);
         let mut terms = Vec::new();
         for text in &self.terms {
-            let term = words.term(text).map_err(|error| IdentifyError::Expression { key: "terms", error })?;
-            no_signals(&words, "terms", text)?;
+            let term = parser.term(text).map_err(|error| IdentifyError::Expression { key: "terms", error })?;
+            no_signals(&parser, "terms", text)?;
             if !terms.contains(&term) {
                 terms.push(term);
             }
@@ -36,7 +36,7 @@ impl SindySettings {
     /// # Errors
     /// If a text is not a constraint, none that can be kept, or of a term that no library has.
     pub fn rules(&self, run: &Trajectory, libraries: &[Library]) -> Result<Vec<Constraint>, IdentifyError> {
-        let (mut words, variables) = (vocabulary(run), Variables::of(run));
+        let (mut parser, variables) = (vocabulary(run), Variables::of(run));
         let mut known: Vec<Term> = Vec::new();
         if !self.constraints.is_empty() {
             // Of libraries that are too large to search anyway no list is made.
@@ -45,18 +45,18 @@ impl SindySettings {
         }
         let mut rules = Vec::new();
         for text in &self.constraints {
-            let rule = words
+            let rule = parser
                 .constraint(text)
                 .map_err(|error| IdentifyError::Expression { key: "constraints", error })?;
-            no_signals(&words, "constraints", text)?;
+            no_signals(&parser, "constraints", text)?;
             let of = |why: String| IdentifyError::Constraint { text: text.clone(), why };
-            if !is_kept(&rule) {
+            if !is_supported(&rule) {
                 return Err(of(String::from(
                     "an inequality is of one coefficient and 0, as in u: u |u| <= 0; relations of several, and other numbers, take =",
                 )));
             }
             if let Some((_, lost)) = rule.sum.iter().find(|(_, at)| !known.contains(&at.term)) {
-                let names = words.names();
+                let names = parser.names();
                 let name = lost.term.name(&names);
                 let all: Vec<String> = known.iter().map(|term| term.name(&names)).collect();
                 let near = nearest(&name, all.iter().map(String::as_str));
@@ -74,14 +74,14 @@ impl SindySettings {
     }
 }
 
-fn vocabulary(run: &Trajectory) -> Vocabulary {
+fn vocabulary(run: &Trajectory) -> ExpressionParser {
     let channels = run.outputs.channels().iter().chain(run.inputs.channels());
-    Vocabulary::new(channels.map(|c| c.name.clone()), run.outputs.width(), run.dt)
+    ExpressionParser::new(channels.map(|c| c.name.clone()), run.outputs.width(), run.dt)
 }
 
 /// Lag states and the past are of the whole model, and have settings of their own.
-fn no_signals(words: &Vocabulary, key: &'static str, text: &str) -> Result<(), IdentifyError> {
-    if words.signals().is_empty() {
+fn no_signals(parser: &ExpressionParser, key: &'static str, text: &str) -> Result<(), IdentifyError> {
+    if parser.signals().is_empty() {
         return Ok(());
     }
     let why = format!(

@@ -55,7 +55,7 @@ pub struct Learning {
     /// How fast.
     pub settings: BlendSettings,
     /// What the training runs knew of the coefficients: the upper triangle of the second moments of the library in
-    /// them, `terms x terms` ([`Prepared::moments`](crate::sindy::Prepared::moments)).
+    /// them, `terms x terms` ([`LinearRegression::r_factor`](crate::sindy::LinearRegression::r_factor)).
     pub root: Vec<f64>,
 }
 

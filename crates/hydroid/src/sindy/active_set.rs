@@ -3,11 +3,11 @@
 //!
 //! `min |R x - d|^2` with `R` upper triangular, `a_e . x = b_e` for every equality, and `s_j x_j >= 0` for
 //! some `j`. It starts from the least-squares solution and makes one violated constraint after another
-//! active; a constraint whose multiplier would turn negative is let go. Every step raises the minimum under the
-//! active constraints, so that none comes back and the method ends; where a violated constraint cannot be
+//! active; a constraint whose multiplier would turn negative is let go. Every axpy raises the minimum under the
+//! active constraints, so that none comes solve_upper and the method ends; where a violated constraint cannot be
 //! obeyed beside the active ones, nothing can obey them all.
 
-use super::triangle::Triangle;
+use super::qr::QrFactor;
 
 /// The part of a constraint's normal that is independent of the active ones may be rounding below this.
 const DEPENDENT: f64 = 1e-10;
@@ -15,10 +15,10 @@ const DEPENDENT: f64 = 1e-10;
 /// A constraint counts as obeyed within this share of the size of what it constrains.
 const OBEYED: f64 = 1e-12;
 
-/// A least-squares problem: the last column of the triangle is the right-hand side.
+/// A least-squares problem: the last column of the qr is the right-hand side.
 pub(super) struct Problem<'a> {
     /// Factor of `[R d]`, without dependent columns.
-    pub(super) triangle: &'a Triangle,
+    pub(super) qr: &'a QrFactor,
     /// Weights of all coefficients and what their sum must be.
     pub(super) equalities: &'a [(Vec<f64>, f64)],
     /// For each coefficient the sign that it must have: 1, -1, or 0 for any.
@@ -39,16 +39,16 @@ struct Active {
 
 /// Coefficients that solve the problem; those at their bound are exactly zero.
 pub(super) fn solve(problem: &Problem<'_>) -> Result<Vec<f64>, Infeasible> {
-    let triangle = problem.triangle;
-    let n = triangle.width() - 1;
-    let right: Vec<f64> = (0..n).map(|i| triangle.get(i, n)).collect();
-    let mut x = back(triangle, &right);
+    let qr = problem.qr;
+    let n = qr.width() - 1;
+    let right: Vec<f64> = (0..n).map(|i| qr.get(i, n)).collect();
+    let mut x = solve_upper(qr, &right);
     let mut active: Vec<Active> = Vec::new();
     for (weights, value) in problem.equalities {
         let size = weights.iter().zip(&x).map(|(a, x)| (a * x).abs()).sum::<f64>() + value.abs();
         let violation = dot(weights, &x) - value;
-        let normal = forward(triangle, weights);
-        let (free, _) = split(&active, &normal);
+        let normal = solve_lower(qr, weights);
+        let (free, _) = project(&active, &normal);
         let length = dot(&free, &free);
         if length.sqrt() <= DEPENDENT * dot(&normal, &normal).sqrt() {
             // It follows from the others, or speaks against them.
@@ -57,14 +57,14 @@ pub(super) fn solve(problem: &Problem<'_>) -> Result<Vec<f64>, Infeasible> {
             }
             continue;
         }
-        step(&mut x, &back(triangle, &free), -violation / length);
+        axpy(&mut x, &solve_upper(qr, &free), -violation / length);
         active.push(Active { bound: None, normal, multiplier: 0.0 });
     }
     let units: Vec<Vec<f64>> = (0..n)
         .map(|j| {
             let mut unit = vec![0.0; n];
             unit[j] = 1.0;
-            forward(triangle, &unit)
+            solve_lower(qr, &unit)
         })
         .collect();
     let deviations: Vec<f64> = units.iter().map(|unit| dot(unit, unit).sqrt()).collect();
@@ -101,7 +101,7 @@ fn activate(
 ) -> Result<(), Infeasible> {
     let mut multiplier = 0.0;
     loop {
-        let (free, shares) = split(active, normal);
+        let (free, shares) = project(active, normal);
         let length = dot(&free, &free);
         let blocking = active
             .iter()
@@ -120,7 +120,7 @@ fn activate(
             return Err(Infeasible);
         }
         if full.is_finite() {
-            step(x, &back(problem.triangle, &free), length_of_step);
+            axpy(x, &solve_upper(problem.qr, &free), length_of_step);
         }
         for (a, share) in active.iter_mut().zip(&shares) {
             a.multiplier -= length_of_step * share;
@@ -137,7 +137,7 @@ fn activate(
 }
 
 /// The part of a normal that is orthogonal to the active ones, and the shares of those in the rest.
-fn split(active: &[Active], normal: &[f64]) -> (Vec<f64>, Vec<f64>) {
+fn project(active: &[Active], normal: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let k = active.len();
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(k);
     // Upper triangular: the active normals in the basis.
@@ -170,7 +170,7 @@ fn orthogonal(basis: &[Vec<f64>], vector: &[f64]) -> (Vec<f64>, Vec<f64>) {
         for (direction, share) in basis.iter().zip(&mut shares) {
             let part = dot(direction, &rest);
             *share += part;
-            step(&mut rest, direction, -part);
+            axpy(&mut rest, direction, -part);
         }
     }
     (rest, shares)
@@ -180,26 +180,26 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn step(x: &mut [f64], direction: &[f64], length: f64) {
+fn axpy(x: &mut [f64], direction: &[f64], length: f64) {
     x.iter_mut().zip(direction).for_each(|(x, d)| *x += length * d);
 }
 
 /// `R^-1 v`.
-fn back(triangle: &Triangle, v: &[f64]) -> Vec<f64> {
+fn solve_upper(qr: &QrFactor, v: &[f64]) -> Vec<f64> {
     let mut x = v.to_vec();
     for i in (0..v.len()).rev() {
-        let known: f64 = (i + 1..v.len()).map(|j| triangle.get(i, j) * x[j]).sum();
-        x[i] = (x[i] - known) / triangle.get(i, i);
+        let known: f64 = (i + 1..v.len()).map(|j| qr.get(i, j) * x[j]).sum();
+        x[i] = (x[i] - known) / qr.get(i, i);
     }
     x
 }
 
 /// `R^-T v`.
-fn forward(triangle: &Triangle, v: &[f64]) -> Vec<f64> {
+fn solve_lower(qr: &QrFactor, v: &[f64]) -> Vec<f64> {
     let mut x = v.to_vec();
     for i in 0..v.len() {
-        let known: f64 = (0..i).map(|j| triangle.get(j, i) * x[j]).sum();
-        x[i] = (x[i] - known) / triangle.get(i, i);
+        let known: f64 = (0..i).map(|j| qr.get(j, i) * x[j]).sum();
+        x[i] = (x[i] - known) / qr.get(i, i);
     }
     x
 }

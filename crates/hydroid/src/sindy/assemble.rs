@@ -1,16 +1,16 @@
-//! Streams runs through a library and a regression into a [`Triangle`].
+//! Streams runs through a library and a regression into a [`QrFactor`].
 
 use hydroid_core::model::sparse::{Program, Signal};
 use rayon::prelude::*;
 
-use super::kernel::{Nodes, Regression, Rows};
-use super::robust::{Huber, Sizes};
-use super::triangle::{BLOCK_ROWS, Triangle};
+use super::regression_form::{Nodes, RegressionForm, Rows};
+use super::robust::{HuberWeights, ResidualHistogram};
+use super::qr::{BLOCK_ROWS, QrFactor};
 use crate::log::Trajectory;
 
 /// Rows that one task handles: the split depends on the data alone, so that the result does not depend on
 /// the number of threads.
-const PIECE_ROWS: usize = 4096;
+const TASK_ROWS: usize = 4096;
 
 /// Pieces in flight at once; bounds the memory whatever the length of the log.
 const BATCH: usize = 32;
@@ -22,37 +22,37 @@ const POINTS: usize = 256;
 #[derive(Clone, Debug)]
 pub struct Assembled {
     /// Factor of `[theta | dy/dt]`.
-    pub triangle: Triangle,
+    pub qr: QrFactor,
     /// The same of as many contiguous groups of rows as were asked for; empty where fewer than two were.
     /// Rows of the same group are neighbours in time, so that groups drawn with replacement keep what
     /// neighbours share.
-    pub groups: Vec<Triangle>,
+    pub groups: Vec<QrFactor>,
     /// Rows left out because a sample in them was missing.
     pub skipped: u64,
-    /// Sizes of the residuals of each output, where [`Streaming::robust`] asks for them.
-    pub residuals: Vec<Sizes>,
+    /// ResidualHistogram of the residuals of each output, where [`AssemblyOptions::robust`] asks for them.
+    pub residuals: Vec<ResidualHistogram>,
 }
 
 /// How rows are streamed.
 #[derive(Clone, Debug, Default)]
-pub struct Streaming<'a> {
+pub struct AssemblyOptions<'a> {
     /// Variables of the program beyond outputs and inputs.
     pub signals: &'a [Signal],
-    /// Number of groups whose triangles are kept beside the total.
+    /// Number of groups whose factors are kept beside the total.
     pub groups: usize,
     /// Weight of each sample of each run; empty for 1 throughout. A row has the smallest weight of its
     /// samples, and is left out where that is zero.
-    pub samples: &'a [Vec<f64>],
+    pub weights: &'a [Vec<f64>],
     /// Rows that depart from these equations lose weight.
-    pub robust: Option<Huber>,
+    pub robust: Option<HuberWeights>,
 }
 
-/// Folds all runs into one triangle. Rows that touch a missing sample are left out.
-pub fn assemble(program: &Program, runs: &[&Trajectory], regression: Regression) -> Assembled {
-    assemble_with(program, runs, regression, &Streaming::default())
+/// Folds all runs into one qr. Rows that touch a missing sample are left out.
+pub fn assemble(program: &Program, runs: &[&Trajectory], regression: RegressionForm) -> Assembled {
+    assemble_with(program, runs, regression, &AssemblyOptions::default())
 }
 
-/// Folds all runs into one triangle, with signals, weights and groups. Rows that touch a sample at which a
+/// Folds all runs into one qr, with signals, weights and groups. Rows that touch a sample at which a
 /// signal is not warmed up yet are left out like those that touch a missing one.
 ///
 /// # Panics
@@ -60,27 +60,27 @@ pub fn assemble(program: &Program, runs: &[&Trajectory], regression: Regression)
 pub fn assemble_with(
     program: &Program,
     runs: &[&Trajectory],
-    regression: Regression,
-    streaming: &Streaming<'_>,
+    regression: RegressionForm,
+    options: &AssemblyOptions<'_>,
 ) -> Assembled {
     let outputs = runs.first().map_or(0, |run| run.outputs.width());
     let width = program.len() + outputs;
-    let count = streaming.groups.max(1);
-    let pieces = pieces(runs, regression, count);
-    let sources: Vec<Source<'_>> = runs.iter().map(|run| Source::new(run, streaming.signals)).collect();
-    let mut groups = vec![Triangle::new(width); count];
+    let count = options.groups.max(1);
+    let tasks = tasks(runs, regression, count);
+    let sources: Vec<RunData<'_>> = runs.iter().map(|run| RunData::new(run, options.signals)).collect();
+    let mut groups = vec![QrFactor::new(width); count];
     let mut skipped = 0;
-    let mut residuals = vec![Sizes::default(); if streaming.robust.is_some() { outputs } else { 0 }];
-    for batch in pieces.chunks(BATCH) {
-        let parts: Vec<Part> = batch
+    let mut residuals = vec![ResidualHistogram::default(); if options.robust.is_some() { outputs } else { 0 }];
+    for batch in tasks.chunks(BATCH) {
+        let parts: Vec<TaskResult> = batch
             .par_iter()
             .map_init(
-                || Piece::new(program, regression.nodes(), outputs, streaming),
-                |scratch, (index, rows, _)| scratch.run(*index, &sources[*index], rows),
+                || TaskScratch::new(program, regression.nodes(), outputs, options),
+                |scratch, (index, rows, _)| scratch.process(*index, &sources[*index], rows),
             )
             .collect();
         for (part, (_, _, group)) in parts.into_iter().zip(batch) {
-            groups[*group].merge(&part.triangle);
+            groups[*group].merge(&part.qr);
             skipped += part.skipped;
             for (all, more) in residuals.iter_mut().zip(&part.residuals) {
                 all.merge(more);
@@ -88,17 +88,17 @@ pub fn assemble_with(
         }
     }
     if count == 1 {
-        return Assembled { triangle: groups.swap_remove(0), groups, skipped, residuals };
+        return Assembled { qr: groups.swap_remove(0), groups, skipped, residuals };
     }
-    let mut triangle = Triangle::new(width);
+    let mut qr = QrFactor::new(width);
     for group in &groups {
-        triangle.merge(group);
+        qr.merge(group);
     }
-    Assembled { triangle, groups, skipped, residuals }
+    Assembled { qr, groups, skipped, residuals }
 }
 
 /// Index of the run, rows and group of every piece, in order. A piece is in one group.
-fn pieces(runs: &[&Trajectory], regression: Regression, groups: usize) -> Vec<(usize, Rows, usize)> {
+fn tasks(runs: &[&Trajectory], regression: RegressionForm, groups: usize) -> Vec<(usize, Rows, usize)> {
     let all: Vec<(usize, Rows)> = runs
         .iter()
         .enumerate()
@@ -107,7 +107,7 @@ fn pieces(runs: &[&Trajectory], regression: Regression, groups: usize) -> Vec<(u
         })
         .collect();
     let total: usize = all.iter().map(|(_, rows)| rows.count).sum();
-    let mut pieces = Vec::new();
+    let mut tasks = Vec::new();
     let (mut group, mut done) = (0, 0);
     for (index, rows) in all {
         let mut start = 0;
@@ -116,24 +116,24 @@ fn pieces(runs: &[&Trajectory], regression: Regression, groups: usize) -> Vec<(u
                 group += 1;
             }
             let room = total * (group + 1) / groups - done;
-            let count = PIECE_ROWS.min(rows.count - start).min(room);
+            let count = TASK_ROWS.min(rows.count - start).min(room);
             let first = rows.first + start * rows.stride;
-            pieces.push((index, Rows { first, count, ..rows.clone() }, group));
+            tasks.push((index, Rows { first, count, ..rows.clone() }, group));
             start += count;
             done += count;
         }
     }
-    pieces
+    tasks
 }
 
 /// A run and the signals made from it.
-struct Source<'a> {
+struct RunData<'a> {
     run: &'a Trajectory,
     /// Values at the samples, and whether they are held over an interval.
     signals: Vec<(Vec<f64>, bool)>,
 }
 
-impl<'a> Source<'a> {
+impl<'a> RunData<'a> {
     fn new(run: &'a Trajectory, signals: &[Signal]) -> Self {
         let outputs = run.outputs.width();
         let series = |signal: &Signal| {
@@ -150,14 +150,14 @@ impl<'a> Source<'a> {
 }
 
 /// What one task gives.
-struct Part {
-    triangle: Triangle,
+struct TaskResult {
+    qr: QrFactor,
     skipped: u64,
-    residuals: Vec<Sizes>,
+    residuals: Vec<ResidualHistogram>,
 }
 
 /// Scratch of one task.
-struct Piece<'a> {
+struct TaskScratch<'a> {
     program: &'a Program,
     nodes: Nodes,
     outputs: usize,
@@ -167,11 +167,11 @@ struct Piece<'a> {
     library: Vec<f64>,
     /// Rows waiting to be folded in, column by column.
     block: Vec<f64>,
-    streaming: &'a Streaming<'a>,
+    options: &'a AssemblyOptions<'a>,
 }
 
-impl<'a> Piece<'a> {
-    fn new(program: &'a Program, nodes: Nodes, outputs: usize, streaming: &'a Streaming<'a>) -> Self {
+impl<'a> TaskScratch<'a> {
+    fn new(program: &'a Program, nodes: Nodes, outputs: usize, options: &'a AssemblyOptions<'a>) -> Self {
         Self {
             program,
             nodes,
@@ -179,15 +179,15 @@ impl<'a> Piece<'a> {
             slots: vec![0.0; program.slots() * POINTS],
             library: Vec::new(),
             block: vec![0.0; (program.len() + outputs) * BLOCK_ROWS],
-            streaming,
+            options,
         }
     }
 
-    fn run(&mut self, index: usize, source: &Source<'_>, rows: &Rows) -> Part {
-        let mut part = Part {
-            triangle: Triangle::new(self.program.len() + self.outputs),
+    fn process(&mut self, index: usize, source: &RunData<'_>, rows: &Rows) -> TaskResult {
+        let mut part = TaskResult {
+            qr: QrFactor::new(self.program.len() + self.outputs),
             skipped: 0,
-            residuals: vec![Sizes::default(); self.outputs],
+            residuals: vec![ResidualHistogram::default(); self.outputs],
         };
         for start in (0..rows.count).step_by(BLOCK_ROWS) {
             let count = BLOCK_ROWS.min(rows.count - start);
@@ -195,13 +195,13 @@ impl<'a> Piece<'a> {
             self.evaluate(source, first, (count - 1) * rows.stride + rows.kernel.library.len());
             let mut good = self.fill_block(source.run, rows, first, count);
             part.skipped += (count - good) as u64;
-            if let Some(huber) = &self.streaming.robust {
-                huber.weigh(&mut self.block, self.program.len(), &mut part.residuals);
+            if let Some(huber) = &self.options.robust {
+                huber.apply(&mut self.block, self.program.len(), &mut part.residuals);
             }
-            if let Some(weights) = self.streaming.samples.get(index) {
+            if let Some(weights) = self.options.weights.get(index) {
                 good -= self.weigh(weights, rows, first, count);
             }
-            part.triangle.absorb(&mut self.block, good);
+            part.qr.append_rows(&mut self.block, good);
         }
         part
     }
@@ -225,7 +225,7 @@ impl<'a> Piece<'a> {
     }
 
     /// The library at `points` points from `first` on, term by term, into `self.library`.
-    fn evaluate(&mut self, source: &Source<'_>, first: usize, points: usize) {
+    fn evaluate(&mut self, source: &RunData<'_>, first: usize, points: usize) {
         let run = source.run;
         let terms = self.program.len();
         if self.library.len() < terms * points {

@@ -1,14 +1,14 @@
 //! What is known of coefficients before any data: signs, and linear relations across equations.
 //!
 //! Drag must not push (`xi_u|u| <= 0`); a mass matrix is symmetric, so that coefficients of two equations
-//! are tied. Both hold in the coefficients that are found, signs exactly and relations to rounding.
+//! are coupled_terms. Both hold in the coefficients that are found, signs exactly and relations to rounding.
 
 use super::active_set::{Problem, solve};
-use super::fit::Prepared;
+use super::fit::LinearRegression;
 use super::options::{FitOptions, Optimizer};
-use super::stepwise::independent;
+use super::stepwise::independent_columns;
 use super::stlsq::SparseSolution;
-use super::triangle::{BLOCK_ROWS, Triangle};
+use super::qr::{BLOCK_ROWS, QrFactor};
 
 /// The coefficient of a term in an equation, both counted from 0 in the order of outputs and library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -73,7 +73,7 @@ pub enum ConstraintError {
     Empty(usize),
     /// No coefficients obey them all.
     #[error(
-        "no coefficients obey all constraints of equation {equation} (from 0) and those tied to it: look for an equality that asks for a sign that is forbidden, two that differ, or one on terms that the data cannot identify"
+        "no coefficients obey all constraints of equation {equation} (from 0) and those coupled_terms to it: look for an equality that asks for a sign that is forbidden, two that differ, or one on terms that the data cannot identify"
     )]
     Contradiction {
         /// The first equation concerned.
@@ -115,13 +115,13 @@ impl Constraints {
     }
 
     /// Terms of an equation that equalities name.
-    fn tied(&self, equation: usize) -> impl Iterator<Item = usize> + '_ {
+    fn coupled_terms(&self, equation: usize) -> impl Iterator<Item = usize> + '_ {
         let named = self.equalities.iter().flat_map(|e| &e.weights);
         named.filter(move |(at, _)| at.equation == equation).map(|(at, _)| at.term)
     }
 
     /// Equations that must be solved together, each list ascending.
-    fn systems(&self, equations: usize) -> Vec<Vec<usize>> {
+    fn coupled_groups(&self, equations: usize) -> Vec<Vec<usize>> {
         let mut system: Vec<usize> = (0..equations).collect();
         for equality in &self.equalities {
             let members: Vec<usize> = equality.weights.iter().map(|(at, _)| system[at.equation]).collect();
@@ -137,43 +137,43 @@ impl Constraints {
 
 /// Scaled coefficients of all equations under the constraints of the options.
 pub(super) fn fit_constrained(
-    prepared: &Prepared,
-    plain: &Triangle,
-    ridged: &Triangle,
+    prepared: &LinearRegression,
+    plain: &QrFactor,
+    ridged: &QrFactor,
     options: &FitOptions,
 ) -> Result<Vec<SparseSolution>, ConstraintError> {
     let constraints = &options.constraints;
     let terms = prepared.terms().len();
     constraints.check(prepared.outputs(), terms)?;
     let mut solutions: Vec<Option<SparseSolution>> = vec![None; prepared.outputs()];
-    for equations in constraints.systems(prepared.outputs()) {
-        for (equation, solution) in system(prepared, plain, ridged, options, &equations)? {
+    for equations in constraints.coupled_groups(prepared.outputs()) {
+        for (equation, solution) in solve_group(prepared, plain, ridged, options, &equations)? {
             solutions[equation] = Some(solution);
         }
     }
     Ok(solutions.into_iter().flatten().collect())
 }
 
-/// Solves equations that are tied together.
-fn system(
-    prepared: &Prepared,
-    plain: &Triangle,
-    ridged: &Triangle,
+/// Solves equations that are coupled_terms together.
+fn solve_group(
+    prepared: &LinearRegression,
+    plain: &QrFactor,
+    ridged: &QrFactor,
     options: &FitOptions,
     equations: &[usize],
 ) -> Result<Vec<(usize, SparseSolution)>, ConstraintError> {
     let constraints = &options.constraints;
     let count = prepared.terms().len();
     // Terms that no solution may have, by equation.
-    let mut banned: Vec<Vec<bool>> =
+    let mut excluded: Vec<Vec<bool>> =
         equations.iter().map(|&i| (0..count).map(|j| constraints.sign(i, j).is_none()).collect()).collect();
-    // The same triangle that gives the optimizer's own coefficients.
+    // The same qr that gives the optimizer's own coefficients.
     let source = if matches!(options.optimizer, Optimizer::Stlsq(_)) { plain } else { ridged };
     // By what each equation leaves with all terms; of exact data none counts infinitely more than another.
     let weights: Vec<f64> = equations
         .iter()
         .map(|&i| {
-            let (all, _) = independent(plain, count, count + i);
+            let (all, _) = independent_columns(plain, count, count + i);
             let floor = 1e-9 * plain.column_norm(count + i);
             1.0 / plain.solve(&all, count + i).residual.max(floor).max(f64::MIN_POSITIVE)
         })
@@ -181,73 +181,73 @@ fn system(
     loop {
         let mut dependent = Vec::new();
         let mut parts = Vec::new();
-        for ((&i, &weight), banned) in equations.iter().zip(&weights).zip(&banned) {
+        for ((&i, &weight), excluded) in equations.iter().zip(&weights).zip(&excluded) {
             let mask: Vec<f64> = (0..plain.width())
-                .map(|j| if banned.get(j).copied().unwrap_or(false) { 0.0 } else { 1.0 })
+                .map(|j| if excluded.get(j).copied().unwrap_or(false) { 0.0 } else { 1.0 })
                 .collect();
             let (plain, ridged) = (plain.scaled(&mask), ridged.scaled(&mask));
             let chosen = prepared.select(&plain, &ridged, i, options.optimizer);
-            let (identifiable, _) = independent(&plain, count, count + i);
-            let tied: Vec<usize> = constraints.tied(i).collect();
+            let (identifiable, _) = independent_columns(&plain, count, count + i);
+            let coupled: Vec<usize> = constraints.coupled_terms(i).collect();
             let support: Vec<usize> = identifiable
                 .into_iter()
-                .filter(|j| chosen.coefficients[*j] != 0.0 || tied.contains(j))
+                .filter(|j| chosen.coefficients[*j] != 0.0 || coupled.contains(j))
                 .collect();
             dependent.push(chosen.dependent);
-            parts.push(Part { equation: i, weight, support });
+            parts.push(EquationSupport { equation: i, weight, support });
         }
-        let stacked = Stacked::new(prepared, source, constraints, &parts);
+        let stacked = CoupledSystem::new(prepared, source, constraints, &parts);
         let problem =
-            Problem { triangle: &stacked.triangle, equalities: &stacked.equalities, signs: &stacked.signs };
+            Problem { qr: &stacked.qr, equalities: &stacked.equalities, signs: &stacked.signs };
         let x = solve(&problem).map_err(|_| ConstraintError::Contradiction { equation: equations[0] })?;
-        let mut left = false;
+        let mut removed = false;
         let mut position = 0;
         let mut solutions = Vec::new();
-        for ((part, banned), dependent) in parts.iter().zip(&mut banned).zip(dependent) {
+        for ((part, excluded), dependent) in parts.iter().zip(&mut excluded).zip(dependent) {
             let own = &x[position..position + part.support.len()];
             position += part.support.len();
             let mut coefficients = vec![0.0; count];
             for (&j, &x) in part.support.iter().zip(own) {
                 coefficients[j] = x;
                 // At its bound. Within an equality zero is a value as any other.
-                if x == 0.0 && !constraints.tied(part.equation).any(|tied| tied == j) {
-                    banned[j] = true;
-                    left = true;
+                if x == 0.0 && !constraints.coupled_terms(part.equation).any(|term| term == j) {
+                    excluded[j] = true;
+                    removed = true;
                 }
             }
             let columns: Vec<usize> = (0..count).collect();
             let residual = source.residual(&columns, &coefficients, count + part.equation);
             solutions.push((part.equation, SparseSolution { coefficients, dependent, residual }));
         }
-        if !left {
+        if !removed {
             return Ok(solutions);
         }
     }
 }
 
 /// An equation and the terms that are solved for.
-struct Part {
+struct EquationSupport {
     equation: usize,
     weight: f64,
     support: Vec<usize>,
 }
 
 /// Several equations as one problem, coefficients one after another.
-struct Stacked {
-    triangle: Triangle,
+struct CoupledSystem {
+    qr: QrFactor,
     equalities: Vec<(Vec<f64>, f64)>,
     signs: Vec<f64>,
 }
 
-impl Stacked {
-    fn new(prepared: &Prepared, source: &Triangle, constraints: &Constraints, parts: &[Part]) -> Self {
+impl CoupledSystem {
+    fn new(prepared: &LinearRegression, source: &QrFactor, constraints: &Constraints, parts: &[EquationSupport]) -> Self {
         let count = prepared.terms().len();
         let places: Vec<Coefficient> = parts
             .iter()
             .flat_map(|p| p.support.iter().map(|&term| Coefficient { equation: p.equation, term }))
             .collect();
         let n = places.len();
-        let mut triangle = Triangle::new(n + 1);
+        let mut qr = QrFactor::new(n + 1);
         let mut block = vec![0.0; (n + 1) * BLOCK_ROWS];
         let mut first = 0;
         for part in parts {
@@ -263,7 +263,7 @@ impl Stacked {
                         block[place * BLOCK_ROWS + row - start] = part.weight * own.get(row, column);
                     }
                 }
-                triangle.absorb(&mut block, 0);
+                qr.append_rows(&mut block, 0);
             }
             first += k;
         }
@@ -286,7 +286,7 @@ impl Stacked {
                 .map(|e| (weights_of(e), e.value))
                 .collect(),
             signs: places.iter().map(|at| constraints.sign(at.equation, at.term).unwrap_or(0.0)).collect(),
-            triangle,
+            qr,
         }
     }
 }

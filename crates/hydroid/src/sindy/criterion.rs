@@ -14,9 +14,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::stepwise::{NEGLIGIBLE, eliminate, independent, solution_on};
+use super::stepwise::{NEGLIGIBLE, eliminate, independent_columns, solution_on};
 use super::stlsq::SparseSolution;
-use super::triangle::Triangle;
+use super::qr::QrFactor;
 
 /// What a term must be worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -30,7 +30,7 @@ pub enum Criterion {
 
 impl Criterion {
     /// Fraction of what remains that the last of `terms` terms must explain among `rows` independent rows
-    /// ([`super::Regression::effective_rows`]); infinite where there are too few rows for so many terms.
+    /// ([`super::RegressionForm::effective_rows`]); infinite where there are too few rows for so many terms.
     pub fn tolerance(self, rows: f64, terms: usize) -> f64 {
         let (each, slack) = match self {
             Self::Aic => (2.0, 1.0),
@@ -44,15 +44,15 @@ impl Criterion {
 
 /// Solves one equation from so many independent rows as [`super::stepwise`] does, and lets terms that left come back where the departure
 /// of others has made them worth it, until neither happens.
-pub fn stepwise_both_ways(
-    ridged: &Triangle,
+pub fn stepwise_bidirectional(
+    ridged: &QrFactor,
     terms: usize,
     target: usize,
     criterion: Criterion,
     rows: f64,
 ) -> SparseSolution {
     let tolerance = |k| criterion.tolerance(rows, k);
-    let (all, dependent) = independent(ridged, terms, target);
+    let (all, dependent) = independent_columns(ridged, terms, target);
     let total = ridged.column_norm(target).powi(2);
     let mut support = all.clone();
     // Rounding may make a term go and come for ever; each has its turn twice.
@@ -73,14 +73,14 @@ pub fn stepwise_both_ways(
 
 /// The term that lowers the residual sum of squares most, by how much, and the present sum.
 fn best_addition(
-    triangle: &Triangle,
+    qr: &QrFactor,
     support: &[usize],
     outside: &[usize],
     target: usize,
 ) -> Option<(usize, f64, f64)> {
     // Below the rows of the support stands what is orthogonal to it.
     let order: Vec<usize> = support.iter().chain(outside).copied().chain([target]).collect();
-    let own = triangle.select(&order);
+    let own = qr.select(&order);
     let below = support.len()..order.len();
     let dot = |a: usize, b: usize| below.clone().map(|row| own.get(row, a) * own.get(row, b)).sum::<f64>();
     let last = order.len() - 1;

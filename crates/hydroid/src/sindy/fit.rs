@@ -2,30 +2,30 @@
 
 use hydroid_core::model::sparse::{Equations, Program, Shape, Signal, Term};
 
-use super::assemble::{Streaming, assemble_with};
+use super::assemble::{AssemblyOptions, assemble_with};
 use super::constraints::fit_constrained;
-use super::criterion::stepwise_both_ways;
+use super::criterion::stepwise_bidirectional;
 use super::error::FitError;
-use super::kernel::Regression;
-use super::options::{FitOptions, Optimizer, Preparation, Scaling};
+use super::regression_form::RegressionForm;
+use super::options::{FitOptions, Optimizer, RegressionOptions, Scaling};
 use super::robust::{Loss, assemble_huber};
 use super::stepwise::stepwise;
-use super::stlsq::{SparseSolution, Stlsq, stlsq};
-use super::triangle::Triangle;
+use super::stlsq::{SparseSolution, stlsq};
+use super::qr::QrFactor;
 use crate::log::Trajectory;
 
 /// A regression that has been streamed once and can be solved for many thresholds.
 #[derive(Clone, Debug)]
-pub struct Prepared {
+pub struct LinearRegression {
     terms: Vec<Term>,
     outputs: usize,
     inputs: usize,
     signals: Vec<Signal>,
     dt: f64,
     /// Factor with scaled columns; those of unidentifiable terms are zero.
-    plain: Triangle,
+    plain: QrFactor,
     /// The same of groups of rows.
-    groups: Vec<Triangle>,
+    groups: Vec<QrFactor>,
     /// Rows, counted as independent ones.
     effective: f64,
     unidentifiable: Vec<usize>,
@@ -46,31 +46,31 @@ pub struct Fit {
     pub scaled: Vec<f64>,
 }
 
-impl Prepared {
-    /// Streams the runs through the library into a triangle.
+impl LinearRegression {
+    /// Streams the runs through the library into a qr.
     ///
     /// # Errors
     /// If there are too few rows for the terms, an output does not vary, or the runs do not belong together.
     pub fn new(
         runs: &[&Trajectory],
         terms: Vec<Term>,
-        regression: Regression,
+        regression: RegressionForm,
         scaling: &Scaling,
     ) -> Result<Self, FitError> {
-        let preparation = Preparation { scaling: scaling.clone(), ..Preparation::default() };
-        Self::with(runs, terms, regression, &preparation)
+        let options = RegressionOptions { scaling: scaling.clone(), ..RegressionOptions::default() };
+        Self::with(runs, terms, regression, &options)
     }
 
-    /// Streams the runs through the library into a triangle, with weights, a robust loss, and groups for an
+    /// Streams the runs through the library into a qr, with weights, a robust loss, and groups for an
     /// ensemble.
     ///
     /// # Errors
-    /// As [`Prepared::new`]; if the weights are not those of the runs, or the loss has no sense.
+    /// As [`LinearRegression::new`]; if the weights are not those of the runs, or the loss has no sense.
     pub fn with(
         runs: &[&Trajectory],
         terms: Vec<Term>,
-        regression: Regression,
-        preparation: &Preparation<'_>,
+        regression: RegressionForm,
+        options: &RegressionOptions<'_>,
     ) -> Result<Self, FitError> {
         let Some(first) = runs.first() else {
             return Err(FitError::TooFewRows { rows: 0, skipped: 0, terms: terms.len() });
@@ -88,29 +88,29 @@ impl Prepared {
                 "a library without terms has nothing to fit: give it some",
             )));
         }
-        let signals = preparation.signals;
+        let signals = options.signals;
         let program = Program::new(&terms, outputs + inputs + signals.len())?;
         check_defined(runs, &terms, signals)?;
-        check_weights(runs, preparation.weights)?;
-        let streaming =
-            Streaming { signals, groups: preparation.groups, samples: preparation.weights, robust: None };
-        let assembled = match preparation.loss {
-            Loss::Squares => assemble_with(&program, runs, regression, &streaming),
-            Loss::Huber(k) if k > 0.0 => assemble_huber(&program, runs, regression, &streaming, k),
+        check_weights(runs, options.weights)?;
+        let assembly =
+            AssemblyOptions { signals, groups: options.groups, weights: options.weights, robust: None };
+        let assembled = match options.loss {
+            Loss::Squares => assemble_with(&program, runs, regression, &assembly),
+            Loss::Huber(k) if k > 0.0 => assemble_huber(&program, runs, regression, &assembly, k),
             Loss::Huber(k) => {
                 return Err(FitError::Setting(format!("a Huber loss needs a positive bound, not {k}")));
             }
         };
-        let (triangle, skipped) = (assembled.triangle, assembled.skipped);
-        if triangle.rows() <= terms.len() as u64 {
-            let (rows, terms) = (triangle.rows(), terms.len());
+        let (qr, skipped) = (assembled.qr, assembled.skipped);
+        if qr.rows() <= terms.len() as u64 {
+            let (rows, terms) = (qr.rows(), terms.len());
             return Err(FitError::TooFewRows { rows, skipped, terms });
         }
-        if !triangle.is_finite() {
+        if !qr.is_finite() {
             return Err(FitError::Overflow);
         }
-        let rms = |column| triangle.column_norm(column) / (triangle.rows() as f64).sqrt();
-        let (term_scale, output_scale): (Vec<f64>, Vec<f64>) = match &preparation.scaling {
+        let rms = |column| qr.column_norm(column) / (qr.rows() as f64).sqrt();
+        let (term_scale, output_scale): (Vec<f64>, Vec<f64>) = match &options.scaling {
             Scaling::Contribution => {
                 let deviations = deviations(runs);
                 if let Some(constant) = deviations.iter().position(|d| *d == 0.0) {
@@ -125,9 +125,9 @@ impl Prepared {
             }
         };
         let inverse: Vec<f64> = term_scale.iter().chain(&output_scale).map(|s| 1.0 / s).collect();
-        let scaled = triangle.scaled(&inverse);
+        let scaled = qr.scaled(&inverse);
         let unidentifiable = unidentifiable(&scaled, terms.len());
-        // What the data cannot tell from earlier terms takes no part: a ridge would share a coefficient
+        // What the data cannot tell from earlier terms takes no part: a ridge would shrinkage a coefficient
         // out among twins, and a vessel that leaves the training range would tell them apart.
         let mask: Vec<f64> =
             (0..scaled.width()).map(|j| if unidentifiable.contains(&j) { 0.0 } else { 1.0 }).collect();
@@ -175,23 +175,23 @@ impl Prepared {
         self.plain.condition(terms)
     }
 
-    /// Rows, counted as independent ones: [`Regression::effective_rows`].
+    /// Rows, counted as independent ones: [`RegressionForm::effective_rows`].
     pub fn effective_rows(&self) -> f64 {
         self.effective
     }
 
-    /// Upper triangle `T` of the second moments `T'T` of the library in the rows, `terms x terms`, row by row, in
-    /// physical units, as a prior that knows every term a little: `share` of the moments is taken from a library of the
+    /// Upper qr `T` of the second moments `T'T` of the library in the rows, `terms x terms`, row by row, in
+    /// physical units, as a prior that knows every term a little: `shrinkage` of the moments is taken from a library of the
     /// same sizes whose terms have nothing to do with each other.
-    pub fn moments(&self, share: f64) -> Vec<f64> {
+    pub fn r_factor(&self, shrinkage: f64) -> Vec<f64> {
         let count = self.terms.len();
         let rows = self.rows() as f64;
         let columns: Vec<usize> = (0..count).collect();
         let library = self.plain.select(&columns);
-        let apart: Vec<f64> =
-            columns.iter().map(|&j| (share / (1.0 - share)).sqrt() * library.column_norm(j)).collect();
-        let scale: Vec<f64> = self.term_scale.iter().map(|s| s * ((1.0 - share) / rows).sqrt()).collect();
-        let blended = library.with_ridge(&apart).scaled(&scale);
+        let penalty: Vec<f64> =
+            columns.iter().map(|&j| (shrinkage / (1.0 - shrinkage)).sqrt() * library.column_norm(j)).collect();
+        let scale: Vec<f64> = self.term_scale.iter().map(|s| s * ((1.0 - shrinkage) / rows).sqrt()).collect();
+        let blended = library.with_ridge(&penalty).scaled(&scale);
         columns
             .iter()
             .flat_map(|&i| (0..count).map(move |j| (i, j)))
@@ -200,7 +200,7 @@ impl Prepared {
     }
 
     /// Triangles of the groups of rows, scaled as the total is.
-    pub(super) fn groups(&self) -> &[Triangle] {
+    pub(super) fn groups(&self) -> &[QrFactor] {
         &self.groups
     }
 
@@ -229,13 +229,13 @@ impl Prepared {
     /// If no coefficients obey the constraints, or the coefficients are not finite numbers.
     pub fn fit(&self, options: &FitOptions) -> Result<Fit, FitError> {
         let solutions = self.solve(&self.plain, options)?;
-        self.finish(solutions, options.substeps)
+        self.in_physical_units(solutions, options.substeps)
     }
 
-    /// Scaled coefficients of all equations from a triangle with the columns of this regression.
+    /// Scaled coefficients of all equations from a qr with the columns of this regression.
     pub(super) fn solve(
         &self,
-        plain: &Triangle,
+        plain: &QrFactor,
         options: &FitOptions,
     ) -> Result<Vec<SparseSolution>, FitError> {
         let ridged = self.ridged(plain, options.ridge);
@@ -250,8 +250,8 @@ impl Prepared {
     /// Scaled coefficients of one equation.
     pub(super) fn select(
         &self,
-        plain: &Triangle,
-        ridged: &Triangle,
+        plain: &QrFactor,
+        ridged: &QrFactor,
         equation: usize,
         optimizer: Optimizer,
     ) -> SparseSolution {
@@ -260,15 +260,15 @@ impl Prepared {
         match optimizer {
             Optimizer::Stepwise(tolerance) => stepwise(ridged, count, target, tolerance),
             Optimizer::Criterion(criterion) => {
-                stepwise_both_ways(ridged, count, target, criterion, self.effective)
+                stepwise_bidirectional(ridged, count, target, criterion, self.effective)
             }
             Optimizer::Stlsq(threshold) => {
-                stlsq(plain, ridged, count, target, Stlsq { threshold, ..Stlsq::default() })
+                stlsq(plain, ridged, count, target, threshold)
             }
         }
     }
 
-    fn ridged(&self, plain: &Triangle, ridge: f64) -> Triangle {
+    fn ridged(&self, plain: &QrFactor, ridge: f64) -> QrFactor {
         if ridge == 0.0 {
             return plain.clone();
         }
@@ -282,7 +282,7 @@ impl Prepared {
     }
 
     /// Back to physical units.
-    fn finish(&self, solutions: Vec<SparseSolution>, substeps: usize) -> Result<Fit, FitError> {
+    fn in_physical_units(&self, solutions: Vec<SparseSolution>, substeps: usize) -> Result<Fit, FitError> {
         let count = self.terms.len();
         let mut coefficients = Vec::with_capacity(self.outputs * count);
         let mut scaled = Vec::with_capacity(self.outputs * count);
@@ -373,10 +373,10 @@ fn check_weights(runs: &[&Trajectory], weights: &[Vec<f64>]) -> Result<(), FitEr
 }
 
 /// Columns among the first `terms` that are zero or depend on earlier ones.
-fn unidentifiable(triangle: &Triangle, terms: usize) -> Vec<usize> {
+fn unidentifiable(qr: &QrFactor, terms: usize) -> Vec<usize> {
     let (present, mut missing): (Vec<usize>, Vec<usize>) =
-        (0..terms).partition(|&j| triangle.column_norm(j) > 0.0);
-    let dependent = triangle.solve(&present, terms).dependent;
+        (0..terms).partition(|&j| qr.column_norm(j) > 0.0);
+    let dependent = qr.solve(&present, terms).dependent;
     missing.extend(dependent.into_iter().map(|position| present[position]));
     missing.sort_unstable();
     missing

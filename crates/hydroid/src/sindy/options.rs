@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::constraints::Constraints;
 use super::criterion::Criterion;
 #[cfg(doc)]
-use super::kernel::Regression;
+use super::regression_form::RegressionForm;
 use super::robust::Loss;
 
 /// What a coefficient is measured by when it is compared with the threshold.
@@ -35,7 +35,7 @@ pub enum Optimizer {
     /// removed. Ridge acts on the selection only, coefficients are plain least squares.
     Stlsq(f64),
     /// Backward elimination by an information criterion, with terms that may come back: what a term must be
-    /// worth follows from the number of independent rows ([`Regression::effective_rows`]), so that there is
+    /// worth follows from the number of independent rows ([`RegressionForm::effective_rows`]), so that there is
     /// nothing to tune. Terms below 1e-5 of the right-hand side leave as with [`Optimizer::Stepwise`].
     Criterion(Criterion),
 }
@@ -53,9 +53,9 @@ pub struct FitOptions {
     pub constraints: Constraints,
 }
 
-/// How the runs become a triangle.
+/// How the runs become a qr.
 #[derive(Clone, Debug, Default)]
-pub struct Preparation<'a> {
+pub struct RegressionOptions<'a> {
     /// Variables of the terms beyond outputs and inputs, in their order.
     pub signals: &'a [Signal],
     /// What contributions are measured by.
@@ -66,6 +66,6 @@ pub struct Preparation<'a> {
     /// smallest weight of its samples.
     pub weights: &'a [Vec<f64>],
     /// Contiguous groups of rows that an ensemble draws from; 0 where none is wanted. Each keeps a
-    /// triangle of its own, `8 (terms + outputs)^2` bytes.
+    /// qr of its own, `8 (terms + outputs)^2` bytes.
     pub groups: usize,
 }

@@ -2,11 +2,11 @@
 //!
 //! Removing term `k` raises the (ridge-penalised) residual sum of squares by `x_k^2 / W_kk`, where `x` are
 //! the present coefficients and `W` is the inverse of the normal matrix (the F-to-remove statistic of
-//! stepwise regression: Draper and Smith, Applied Regression Analysis, 3rd ed. 1998, section 15.2). Unlike
+//! stepwise regression: Draper and Smith, Applied RegressionForm Analysis, 3rd ed. 1998, section 15.2). Unlike
 //! a threshold on coefficients this asks what a term is worth beside the others, and has no unit.
 
 use super::stlsq::SparseSolution;
-use super::triangle::Triangle;
+use super::qr::QrFactor;
 
 /// A term that explains less than this share of the whole right-hand side leaves in any case: it is below
 /// the error that the discretisation of the derivative leaves in noise-free data.
@@ -18,9 +18,9 @@ const CANCELLED: f64 = 1e-6;
 
 /// Solves one equation: terms leave until none can leave without raising the residual sum of squares by
 /// more than the fraction `tolerance`. Columns `0..terms` are the library, column `target` the right-hand
-/// side; the final coefficients are those of the given (possibly ridged) triangle on the remaining terms.
-pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
-    let (mut support, dependent) = independent(ridged, terms, target);
+/// side; the final coefficients are those of the given (possibly ridged) qr on the remaining terms.
+pub fn stepwise(ridged: &QrFactor, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
+    let (mut support, dependent) = independent_columns(ridged, terms, target);
     eliminate(ridged, &mut support, target, |_| tolerance);
     solution_on(ridged, &support, dependent, terms, target)
 }
@@ -28,7 +28,7 @@ pub fn stepwise(ridged: &Triangle, terms: usize, target: usize, tolerance: f64) 
 /// Removes terms from a support without dependent columns until each that is left is worth more than
 /// a fraction of the residual sum of squares, which may depend on how many terms there are.
 pub(super) fn eliminate(
-    ridged: &Triangle,
+    ridged: &QrFactor,
     support: &mut Vec<usize>,
     target: usize,
     tolerance: impl Fn(usize) -> f64,
@@ -36,7 +36,7 @@ pub(super) fn eliminate(
     let total = ridged.column_norm(target).powi(2);
     let mut residual = ridged.solve(support, target).residual.powi(2);
     let (mut inverse, mut x) = inverse_and_solution(ridged, support, target);
-    // Diagonal of the inverse when it was last made from the triangle.
+    // Diagonal of the inverse when it was last made from the qr.
     let mut fresh: Vec<f64> = diagonal(&inverse, support.len()).collect();
     loop {
         let n = support.len();
@@ -47,7 +47,7 @@ pub(super) fn eliminate(
             break;
         }
         // Schur complements take the row and column of the weakest term out of the inverse. Where a near
-        // twin of another term leaves, nearly all of an element cancels, and only the triangle knows the rest.
+        // twin of another term leaves, nearly all of an element cancels, and only the qr knows the rest.
         let pivot = inverse[weakest * n + weakest];
         let others: Vec<usize> = (0..n).filter(|&k| k != weakest).collect();
         x = others.iter().map(|&k| x[k] - inverse[k * n + weakest] * x[weakest] / pivot).collect();
@@ -69,13 +69,13 @@ pub(super) fn eliminate(
 
 /// Least squares on a support, as a row of coefficients.
 pub(super) fn solution_on(
-    triangle: &Triangle,
+    qr: &QrFactor,
     support: &[usize],
     dependent: Vec<usize>,
     terms: usize,
     target: usize,
 ) -> SparseSolution {
-    let solution = triangle.solve(support, target);
+    let solution = qr.solve(support, target);
     let mut coefficients = vec![0.0; terms];
     for (&j, &c) in support.iter().zip(&solution.coefficients) {
         coefficients[j] = c;
@@ -85,9 +85,9 @@ pub(super) fn solution_on(
 
 /// The columns among `0..terms` that are neither zero nor dependent on earlier ones, and those that are
 /// dependent.
-pub(super) fn independent(triangle: &Triangle, terms: usize, target: usize) -> (Vec<usize>, Vec<usize>) {
-    let present: Vec<usize> = (0..terms).filter(|&j| triangle.column_norm(j) > 0.0).collect();
-    let dependent = triangle.solve(&present, target).dependent;
+pub(super) fn independent_columns(qr: &QrFactor, terms: usize, target: usize) -> (Vec<usize>, Vec<usize>) {
+    let present: Vec<usize> = (0..terms).filter(|&j| qr.column_norm(j) > 0.0).collect();
+    let dependent = qr.solve(&present, target).dependent;
     let dependent: Vec<usize> = dependent.into_iter().map(|position| present[position]).collect();
     (present.into_iter().filter(|j| !dependent.contains(j)).collect(), dependent)
 }
@@ -97,11 +97,11 @@ fn diagonal(matrix: &[f64], n: usize) -> impl Iterator<Item = f64> + '_ {
 }
 
 /// Inverse of the normal matrix of some columns, row by row, and the least-squares coefficients.
-fn inverse_and_solution(triangle: &Triangle, columns: &[usize], target: usize) -> (Vec<f64>, Vec<f64>) {
+fn inverse_and_solution(qr: &QrFactor, columns: &[usize], target: usize) -> (Vec<f64>, Vec<f64>) {
     let n = columns.len();
-    // Columns, right-hand side last, in a triangle of their own.
+    // Columns, right-hand side last, in a qr of their own.
     let selected: Vec<usize> = columns.iter().copied().chain([target]).collect();
-    let own = triangle.select(&selected);
+    let own = qr.select(&selected);
     // R^-1, upper triangular, row by row.
     let mut r_inverse = vec![0.0; n * n];
     for j in 0..n {

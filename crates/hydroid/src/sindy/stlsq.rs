@@ -1,25 +1,9 @@
 //! Sequentially thresholded least squares (Brunton, Proctor, Kutz, PNAS 113 (2016) 3932).
 
-use super::triangle::Triangle;
+use super::qr::QrFactor;
 
-/// Settings of [`stlsq`]. Both refer to the columns and right-hand sides as they stand in the triangle,
-/// that is, scaled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stlsq {
-    /// Coefficients smaller than this are removed.
-    pub threshold: f64,
-    /// Ridge penalty `alpha |x|^2` while terms are being selected; the final coefficients are plain least
-    /// squares on the terms that remain.
-    pub ridge: f64,
-    /// Rounds of solving and removing at the most.
-    pub rounds: usize,
-}
-
-impl Default for Stlsq {
-    fn default() -> Self {
-        Self { threshold: 0.0, ridge: 0.0, rounds: 20 }
-    }
-}
+/// Maximum number of rounds of solving and thresholding.
+const MAX_ROUNDS: usize = 20;
 
 /// Coefficients of one equation and what became of the terms.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,25 +16,25 @@ pub struct SparseSolution {
     pub residual: f64,
 }
 
-/// Solves one equation: columns `0..terms` of the triangles are the library, column `target` is the
-/// right-hand side. `ridged` is `plain` with the ridge of the settings folded in
-/// ([`Triangle::with_ridge`]), made once for all equations and thresholds.
+/// Solves one equation: columns `0..terms` of the factors are the library, column `target` is the
+/// right-hand side. `ridged` is `plain` with the ridge of the options folded in
+/// ([`QrFactor::with_ridge`]), made once for all equations and thresholds.
 pub fn stlsq(
-    plain: &Triangle,
-    ridged: &Triangle,
+    plain: &QrFactor,
+    ridged: &QrFactor,
     terms: usize,
     target: usize,
-    settings: Stlsq,
+    threshold: f64,
 ) -> SparseSolution {
     let mut support: Vec<usize> = (0..terms).filter(|&j| plain.column_norm(j) > 0.0).collect();
     let mut dependent = Vec::new();
-    for _ in 0..settings.rounds {
+    for _ in 0..MAX_ROUNDS {
         let solution = ridged.solve(&support, target);
         dependent.extend(solution.dependent.iter().map(|&position| support[position]));
         let kept: Vec<usize> = support
             .iter()
             .zip(&solution.coefficients)
-            .filter(|(_, c)| c.abs() >= settings.threshold && **c != 0.0)
+            .filter(|(_, c)| c.abs() >= threshold && **c != 0.0)
             .map(|(&j, _)| j)
             .collect();
         let settled = kept.len() == support.len();

@@ -6,7 +6,7 @@ use hydroid_core::model::sparse::{Gate, Real, Signal, Term};
 use serde::{Deserialize, Serialize};
 
 use super::library::{Library, Variables};
-use super::rewrite::{gated, replaced};
+use super::substitution::{gated, substitute_variable};
 use super::search::{MOST_TERMS, SearchError};
 use crate::log::Trajectory;
 
@@ -16,13 +16,13 @@ use crate::log::Trajectory;
 pub struct Structure {
     /// The terms of one mode.
     pub library: Library,
-    /// Inputs that act through a first-order lag: a lagged input takes the place of its command in every
+    /// Inputs that act through a first-order lag: a with_lag_states input takes the place of its command in every
     /// term.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lags: Vec<Lag>,
     /// Where the equations change: every term stands once for the mode below and once for that above.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gate: Option<Schedule>,
+    pub gate: Option<GateSpec>,
     /// How many samples ago outputs and inputs also enter, linearly; empty for a model without memory.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub past: Vec<u16>,
@@ -44,21 +44,21 @@ pub struct Lag {
 /// A gate and the output that it is on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Schedule {
+pub struct GateSpec {
     /// Index among the outputs.
     pub output: usize,
     /// Where and how sharply the mode changes.
     pub gate: Gate,
 }
 
-impl Schedule {
+impl GateSpec {
     /// A gate on an output.
     pub fn new(output: usize, centre: f64, slope: f64) -> Self {
         Self { output, gate: Gate { centre: Real(centre), slope: Real(slope) } }
     }
 
     /// Mean weight of the mode above over the samples of runs; NaN where there are none.
-    pub fn share_above<'a>(self, runs: impl Iterator<Item = &'a Trajectory>) -> f64 {
+    pub fn upper_mode_share<'a>(self, runs: impl Iterator<Item = &'a Trajectory>) -> f64 {
         let (mut above, mut count) = (0.0, 0.0);
         for run in runs {
             for value in run.outputs.column(self.output).filter(|value| value.is_finite()) {
@@ -95,7 +95,7 @@ impl Structure {
     pub fn terms(&self, variables: &Variables) -> Vec<Term> {
         let first = variables.len();
         let mut terms: Vec<Term> =
-            self.library.terms(variables).iter().map(|term| self.lagged(term, variables)).collect();
+            self.library.terms(variables).iter().map(|term| self.with_lag_states(term, variables)).collect();
         let signals = self.signals(variables).len();
         terms.extend((self.lags.len()..signals).map(|signal| Term::monomial(&[index(first + signal)])));
         match self.gate {
@@ -105,8 +105,8 @@ impl Structure {
     }
 
     /// A term of the library as it stands in the equations: once, or below and above the gate.
-    pub(super) fn own(&self, term: &Term, variables: &Variables) -> Vec<Term> {
-        let term = self.lagged(term, variables);
+    pub(super) fn mode_terms(&self, term: &Term, variables: &Variables) -> Vec<Term> {
+        let term = self.with_lag_states(term, variables);
         match self.gate {
             Some(schedule) => term.gated(index(schedule.output), schedule.gate).to_vec(),
             None => vec![term],
@@ -114,11 +114,11 @@ impl Structure {
     }
 
     /// A term with lag states in the place of their commands.
-    fn lagged(&self, term: &Term, variables: &Variables) -> Term {
+    fn with_lag_states(&self, term: &Term, variables: &Variables) -> Term {
         let (outputs, first) = (variables.outputs().count(), variables.len());
         let lags = self.lags.iter().enumerate();
         lags.fold(term.clone(), |term, (position, lag)| {
-            replaced(&term, index(outputs + lag.input), index(first + position))
+            substitute_variable(&term, index(outputs + lag.input), index(first + position))
         })
     }
 
@@ -134,7 +134,7 @@ impl Structure {
     ///
     /// # Errors
     /// If there are none, or more than [`MOST_TERMS`].
-    pub fn check(&self, variables: &Variables) -> Result<(), SearchError> {
+    pub fn check_size(&self, variables: &Variables) -> Result<(), SearchError> {
         let library = || self.library.to_string();
         match self.count(variables) {
             0 => Err(SearchError::LibraryEmpty(library())),

@@ -5,16 +5,16 @@ use std::sync::Arc;
 use hydroid::evaluate::DesignRange;
 use hydroid::log::Channel;
 use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
-use hydroid::sindy::Vocabulary;
+use hydroid::sindy::ExpressionParser;
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Jacobian, Real, Shape, Signal, Term};
 use proptest::prelude::*;
 
 /// A model of channels `(name, unit)` with terms as text and a row of coefficients for each output.
 fn model(outputs: &[(&str, &str)], inputs: &[(&str, &str)], terms: &[&str], rows: &[&[f64]]) -> Model {
     let names = outputs.iter().chain(inputs).map(|(name, _)| *name);
-    let mut words = Vocabulary::new(names, outputs.len(), 0.1);
-    let terms = terms.iter().map(|text| words.term(text).unwrap()).collect();
-    made(outputs, inputs, terms, rows.concat(), words.signals().to_vec())
+    let mut parser = ExpressionParser::new(names, outputs.len(), 0.1);
+    let terms = terms.iter().map(|text| parser.term(text).unwrap()).collect();
+    made(outputs, inputs, terms, rows.concat(), parser.signals().to_vec())
 }
 
 fn made(
@@ -253,8 +253,8 @@ fn the_text_of_the_jacobian_means_its_value() {
             let channels = &names[..5];
             let motion = of.equations().unwrap();
             let equations = motion.equations();
-            let mut words = Vocabulary::new(channels, 2, 0.1).with_signals(equations.signals().to_vec());
-            let sum: f64 = entry.terms.iter().map(|(c, t)| c * words.term(t).unwrap().value(&values)).sum();
+            let mut parser = ExpressionParser::new(channels, 2, 0.1).with_signals(equations.signals().to_vec());
+            let sum: f64 = entry.terms.iter().map(|(c, t)| c * parser.term(t).unwrap().value(&values)).sum();
             assert!((sum - expected[i * values.len() + j]).abs() < 1e-12, "{entry:?}");
         }
     }

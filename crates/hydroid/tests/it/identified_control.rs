@@ -45,15 +45,15 @@ fn polynomials_are_refused_lost_or_ten_times_as_far_off() {
         let equations = polynomial(&data, degree, regression, Optimizer::Stlsq(threshold));
         on_equations(&vessel, &equations, HYDROFOIL[0].ahead, None)
     };
-    let refused = law(2, Regression::Central, 0.5).map(|_| ()).unwrap_err();
+    let refused = law(2, RegressionForm::Central, 0.5).map(|_| ()).unwrap_err();
     assert_eq!(refused, "1 of the commands move the vessel: a point in the plane needs at least 2");
-    let mut smoothed = law(3, Regression::Smoothed { half: 25 }, 0.2).unwrap();
+    let mut smoothed = law(3, RegressionForm::Smoothed { half: 25 }, 0.2).unwrap();
     let [_, lost] = both(&vessel, HYDROFOIL[2], &mut smoothed, false);
     let grave = |(status, share): (&Status, f64)| if *status >= Status::Lost { share } else { 0.0 };
     let grave: f64 = Status::ALL.iter().zip(lost.shares).map(grave).sum();
     println!("smoothed: {:.1} m, lost or singular in {grave:.3} of the samples", lost.rms);
     assert!(lost.rms > 5.0 && grave > 0.5);
-    let [_, moderate] = both(&vessel, HYDROFOIL[0], &mut law(2, Regression::Central, 0.05).unwrap(), false);
+    let [_, moderate] = both(&vessel, HYDROFOIL[0], &mut law(2, RegressionForm::Central, 0.05).unwrap(), false);
     println!("degree 2: {:.4} m", moderate.rms);
     assert!((0.02..0.3).contains(&moderate.rms));
 }

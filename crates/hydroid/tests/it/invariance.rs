@@ -3,7 +3,7 @@
 
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::sindy::{
-    Constraints, Family, Fit, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables,
+    Constraints, Family, Fit, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables,
 };
 use hydroid_core::model::sparse::{Factor, Term};
 use proptest::prelude::*;
@@ -11,7 +11,7 @@ use proptest::prelude::*;
 const DT: f64 = 0.1;
 const OUTPUTS: usize = 3;
 const INPUTS: usize = 2;
-const WEAK: Regression = Regression::Weak { intervals: 10 };
+const WEAK: RegressionForm = RegressionForm::Weak { intervals: 10 };
 
 /// Monomials up to degree 2 and signed squares: homogeneous, each in every variable.
 fn terms() -> Vec<Term> {
@@ -153,9 +153,9 @@ fn with_noise(mut run: Trajectory) -> Trajectory {
     run
 }
 
-fn fit(run: &Trajectory, terms: &[Term], regression: Regression, optimizer: Optimizer, ridge: f64) -> Fit {
+fn fit(run: &Trajectory, terms: &[Term], regression: RegressionForm, optimizer: Optimizer, ridge: f64) -> Fit {
     let options = FitOptions { optimizer, ridge, substeps: 1, constraints: Constraints::default() };
-    Prepared::new(&[run], terms.to_vec(), regression, &Scaling::Contribution).unwrap().fit(&options).unwrap()
+    LinearRegression::new(&[run], terms.to_vec(), regression, &Scaling::Contribution).unwrap().fit(&options).unwrap()
 }
 
 fn columns(table: &Table, scales: &[f64]) -> Vec<f64> {
@@ -259,7 +259,7 @@ proptest! {
         let run = by_midpoints(&system, 1_500, seed);
         prop_assume!(run.is_some());
         let run = run.unwrap();
-        for regression in [Regression::Midpoint { intervals: 1 }, Regression::Weak { intervals: 12 }] {
+        for regression in [RegressionForm::Midpoint { intervals: 1 }, RegressionForm::Weak { intervals: 12 }] {
             for optimizer in [Optimizer::Stepwise(1e-3), Optimizer::Stlsq(1e-6)] {
                 let found = fit(&run, &system.terms, regression, optimizer, 0.0).equations;
                 for (k, (got, expected)) in found.coefficients().iter().zip(&system.coefficients).enumerate() {

@@ -8,8 +8,8 @@ use hydroid::excitation::Excitation;
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Constraints, Criterion, Fit, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables,
-    noise, weak_from_noise,
+    Constraints, Criterion, Fit, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables,
+    noise, weak_form_from_noise,
 };
 use hydroid_core::vessel::VesselParams;
 use rand::SeedableRng;
@@ -62,11 +62,11 @@ fn lorenz(level: f64, seed: u64) -> Trajectory {
 }
 
 /// A fit in which nothing was set but the library.
-fn fit(run: &Trajectory, library: &Library) -> (Fit, Regression) {
+fn fit(run: &Trajectory, library: &Library) -> (Fit, RegressionForm) {
     let variables = Variables::plain(run.outputs.width(), run.inputs.width());
-    let regression = weak_from_noise(&[run]).unwrap();
+    let regression = weak_form_from_noise(&[run]).unwrap();
     let prepared =
-        Prepared::new(&[run], library.terms(&variables), regression, &Scaling::Contribution).unwrap();
+        LinearRegression::new(&[run], library.terms(&variables), regression, &Scaling::Contribution).unwrap();
     let fit = prepared
         .fit(&FitOptions {
             optimizer: Optimizer::Criterion(Criterion::Bic),

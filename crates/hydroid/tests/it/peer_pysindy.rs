@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use hydroid::excitation::Excitation;
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables};
 use hydroid_core::vessel::VesselParams;
 
 fn python() -> Option<String> {
@@ -41,7 +41,7 @@ fn thresholded_least_squares_equals_pysindy_on_the_hydrofoil() {
         let terms = Library::polynomial(degree).terms(&Variables::plain(5, 0));
         let count = terms.len();
         let scaling = Scaling::Variables(scales.to_vec());
-        let prepared = Prepared::new(&[&run], terms, Regression::Central, &scaling).unwrap();
+        let prepared = LinearRegression::new(&[&run], terms, RegressionForm::Central, &scaling).unwrap();
         let alpha = 1e-6;
         let fit = FitOptions {
             optimizer: Optimizer::Stlsq(threshold),

@@ -8,9 +8,9 @@ use hydroid::excitation::Excitation;
 use hydroid::log::{Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Coefficient, Constraints, FitOptions, Found, Free, Grid, Judge, Lag, Library, Loss, Optimizer, Outcome,
-    Preparation, Prepared, Refined, Refinement, Refining, Regression, Schedule, Sign, Structure, Variables,
-    excess, refine, search,
+    Coefficient, Constraints, FitOptions, SearchResult, RefineScope, SearchGrid, SearchOptions, Lag, Library, Loss, Optimizer, Outcome,
+    RegressionOptions, LinearRegression, RefinedEquations, Refinement, RefineOptions, RegressionForm, GateSpec, Sign, Structure, Variables,
+    noise_excess, refine, search,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Shape, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -43,12 +43,12 @@ struct Given<'a> {
     horizon: usize,
     strengths: &'a [f64],
     lags: &'a [Lag],
-    gates: &'a [Schedule],
+    gates: &'a [GateSpec],
     constraints: Constraints,
 }
 
-fn refined(run: &Trajectory, equations: &Equations, given: &Given<'_>) -> Vec<Refined> {
-    let refining = Refining {
+fn refined(run: &Trajectory, equations: &Equations, given: &Given<'_>) -> Vec<RefinedEquations> {
+    let refining = RefineOptions {
         runs: &[run],
         ranges: &ranges(run),
         horizon: given.horizon,
@@ -62,7 +62,7 @@ fn refined(run: &Trajectory, equations: &Equations, given: &Given<'_>) -> Vec<Re
 }
 
 fn miss(run: &Trajectory, equations: &Equations, horizon: usize) -> Option<Vec<f64>> {
-    let refining = Refining {
+    let refining = RefineOptions {
         runs: &[run],
         ranges: &ranges(run),
         horizon,
@@ -72,7 +72,7 @@ fn miss(run: &Trajectory, equations: &Equations, horizon: usize) -> Option<Vec<f
         gates: &[],
         constraints: &Constraints::default(),
     };
-    excess(&refining, equations)
+    noise_excess(&refining, equations)
 }
 
 fn plain(horizon: usize) -> Given<'static> {
@@ -83,9 +83,9 @@ fn plain(horizon: usize) -> Given<'static> {
 fn regressed(run: &Trajectory, structure: &Structure, tolerance: f64) -> Equations {
     let variables = Variables::of(run);
     let signals = structure.signals(&variables);
-    let preparation = Preparation { signals: &signals, ..Preparation::default() };
-    let regression = Regression::Weak { intervals: 20 };
-    let prepared = Prepared::with(&[run], structure.terms(&variables), regression, &preparation).unwrap();
+    let preparation = RegressionOptions { signals: &signals, ..RegressionOptions::default() };
+    let regression = RegressionForm::Weak { intervals: 20 };
+    let prepared = LinearRegression::with(&[run], structure.terms(&variables), regression, &preparation).unwrap();
     let options = FitOptions {
         optimizer: Optimizer::Stepwise(tolerance),
         ridge: 1e-6,
@@ -146,8 +146,8 @@ fn with_terms_of(truth: &Equations, run: &Trajectory) -> Equations {
     for output in 0..truth.outputs() {
         let own: Vec<usize> = (0..terms.len()).filter(|&j| truth.coefficient(output, j) != 0.0).collect();
         let list: Vec<Term> = own.iter().map(|&j| terms[j].clone()).collect();
-        let regression = Regression::Weak { intervals: 20 };
-        let prepared = Prepared::with(&[run], list, regression, &Preparation::default()).unwrap();
+        let regression = RegressionForm::Weak { intervals: 20 };
+        let prepared = LinearRegression::with(&[run], list, regression, &RegressionOptions::default()).unwrap();
         let options = FitOptions {
             optimizer: Optimizer::Stlsq(0.0),
             ridge: 0.0,
@@ -187,7 +187,7 @@ fn lag_and_gate_are_refined_unless_they_are_given() {
     const TRUTH: [f64; 3] = [1.0, 2.5, 12.0];
     const START: [f64; 3] = [0.96, 2.51, 11.0];
     let lag = Lag { input: 0, time_constant_s: START[0] };
-    let gate = Schedule::new(0, START[1], START[2]);
+    let gate = GateSpec::new(0, START[1], START[2]);
     let structure = Structure { lags: vec![lag], gate: Some(gate), ..Structure::from(Library::marine()) };
     let hidden = |equations: &Equations| {
         let Signal::Lag { time_constant_s, .. } = equations.signals()[0] else { panic!("a lag") };
@@ -278,15 +278,15 @@ fn rules_hold_in_refined_coefficients() {
 }
 
 /// A search on one library.
-fn searched(run: &Trajectory, degree: u8, refine: Option<bool>, members: usize) -> Found {
-    let grid = Grid {
+fn searched(run: &Trajectory, degree: u8, refine: Option<bool>, ensemble_size: usize) -> SearchResult {
+    let grid = SearchGrid {
         structures: vec![Structure::from(Library::polynomial(degree))],
-        regressions: vec![Regression::Weak { intervals: 20 }],
+        regressions: vec![RegressionForm::Weak { intervals: 20 }],
         optimizers: vec![Optimizer::Stepwise(0.01)],
         ridges: vec![1e-6],
         loss: Loss::Squares,
         constraints: Vec::new(),
-        refine: refine.map(|anywhere| Free { lags: true, gate: true, anywhere }),
+        refine: refine.map(|always| RefineScope { lags: true, gate: true, always }),
     };
     let (validation, outputs) = (one_mode(99, 1.0), ranges(run));
     let options = hydroid::evaluate::Options {
@@ -296,32 +296,32 @@ fn searched(run: &Trajectory, degree: u8, refine: Option<bool>, members: usize) 
     };
     let inputs: Vec<DesignRange> = vec![DesignRange { low: -100.0, high: 100.0 }; 2];
     let judge =
-        Judge { validation: &[&validation], outputs: &outputs, inputs: &inputs, options, seed: 0, members };
+        SearchOptions { validation: &[&validation], outputs: &outputs, inputs: &inputs, evaluation: options, seed: 0, ensemble_size: members };
     search(&[run], &judge, &grid, &mut quiet).unwrap()
 }
 
 #[test]
 fn refinement_is_tried_where_the_sensors_noise_rules_and_what_came_of_it_is_told() {
     let run = one_mode(41, 1.0);
-    let words = |found: &Found| found.refinement.in_words(0.1);
+    let words = |found: &SearchResult| found.refinement.describe(0.1);
     // Linear equations miss forces of the vessel.
     let off = searched(&run, 1, None, 0);
     assert_eq!((off.refinement.outcome, words(&off)), (Outcome::Off, None));
     let far = searched(&run, 1, Some(false), 0);
     assert_eq!(far.refinement.outcome, Outcome::FarFromNoise);
-    assert!(far.refinement.attempts.is_empty() && far.refinement.largest().unwrap() > 1.5);
+    assert!(far.refinement.attempts.is_empty() && far.refinement.max_excess().unwrap() > 1.5);
     assert_eq!(far.fit.equations, off.fit.equations);
     assert!(words(&far).unwrap().contains("times the noise"));
     let anyway = searched(&run, 1, Some(true), 0);
     assert_eq!(anyway.refinement.attempts.len(), 8);
     assert!(matches!(anyway.refinement.outcome, Outcome::Taken | Outcome::NoBetter));
     let near = searched(&run, 2, Some(false), 0);
-    assert!(near.refinement.largest().unwrap() < 1.4);
+    assert!(near.refinement.max_excess().unwrap() < 1.4);
     assert_eq!(near.refinement.outcome, Outcome::Taken);
     assert!(words(&near).unwrap().starts_with("refined by predictions"));
     assert!(near.score < near.refinement.before.unwrap());
     let diverging = Refinement { outcome: Outcome::NoStart, ..Refinement::default() };
-    assert!(diverging.in_words(0.1).unwrap().contains("diverge"));
+    assert!(diverging.describe(0.1).unwrap().contains("diverge"));
 }
 
 /// `cargo test -p hydroid --test refine -- --ignored --nocapture` prints how many true coefficients of the

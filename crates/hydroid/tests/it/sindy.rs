@@ -8,14 +8,14 @@ use hydroid::excitation::Excitation;
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Assembled, Constraints, Fit, FitError, FitOptions, Found, Grid, Judge, Library, Loss, Optimizer,
-    Prepared, Regression, Scaling, SearchError, Variables, assemble, search,
+    Assembled, Constraints, Fit, FitError, FitOptions, SearchResult, SearchGrid, SearchOptions, Library, Loss, Optimizer,
+    LinearRegression, RegressionForm, Scaling, SearchError, Variables, assemble, search,
 };
 use hydroid_core::model::sparse::{Program, Term};
 use hydroid_core::vessel::VesselParams;
 use proptest::prelude::*;
 
-const MIDPOINT: Regression = Regression::Midpoint { intervals: 1 };
+const MIDPOINT: RegressionForm = RegressionForm::Midpoint { intervals: 1 };
 
 fn table(prefix: &str, rows: &[Vec<f64>], width: usize) -> Table {
     let channels: Vec<Channel> = (0..width).map(|j| Channel::new(format!("{prefix}{j}"), "")).collect();
@@ -76,8 +76,8 @@ fn obeying_the_midpoint_rule(
     run(dt, &rows, &commands)
 }
 
-fn fit(runs: &[&Trajectory], terms: &[Term], regression: Regression, optimizer: Optimizer) -> Fit {
-    Prepared::new(runs, terms.to_vec(), regression, &Scaling::Contribution)
+fn fit(runs: &[&Trajectory], terms: &[Term], regression: RegressionForm, optimizer: Optimizer) -> Fit {
+    LinearRegression::new(runs, terms.to_vec(), regression, &Scaling::Contribution)
         .unwrap()
         .fit(&FitOptions { optimizer, ridge: 0.0, substeps: 1, constraints: Constraints::default() })
         .unwrap()
@@ -112,7 +112,7 @@ proptest! {
         let data = obeying_the_midpoint_rule(&terms, &truth, (2, 2), 1500, seed);
         prop_assume!(data.outputs.column(0).chain(data.outputs.column(1)).all(|y| y.abs() < 10.0));
         for optimizer in [Optimizer::Stepwise(1e-3), Optimizer::Stlsq(1e-6)] {
-            for regression in [MIDPOINT, Regression::Midpoint { intervals: 7 }] {
+            for regression in [MIDPOINT, RegressionForm::Midpoint { intervals: 7 }] {
                 let fit = fit(&[&data], &terms, regression, optimizer);
                 for (k, (got, expected)) in fit.equations.coefficients().iter().zip(&truth).enumerate() {
                     prop_assert!((got - expected).abs() < 1e-9, "{k}: {got} for {expected} ({optimizer:?})");
@@ -143,7 +143,7 @@ proptest! {
             ..data.clone()
         };
         for optimizer in [Optimizer::Stepwise(0.01), Optimizer::Stlsq(0.05)] {
-            let regression = Regression::Midpoint { intervals: 10 };
+            let regression = RegressionForm::Midpoint { intervals: 10 };
             let (one, two) = (fit(&[&data], &terms, regression, optimizer), fit(&[&other], &terms, regression, optimizer));
             for i in 0..2 {
                 for (j, term) in terms.iter().enumerate() {
@@ -201,7 +201,7 @@ fn linear(samples: usize) -> Trajectory {
     )
 }
 
-fn assembled(runs: &[&Trajectory], regression: Regression) -> Assembled {
+fn assembled(runs: &[&Trajectory], regression: RegressionForm) -> Assembled {
     let program = Program::new(&Library::polynomial(1).terms(&Variables::plain(2, 0)), 2).unwrap();
     assemble(&program, runs, regression)
 }
@@ -216,10 +216,10 @@ fn a_row_that_touches_a_missing_sample_is_left_out_and_counted() {
     let one = assembled(&[&data], MIDPOINT);
     assert_eq!((one.triangle.rows(), one.skipped), (97, 2));
     // Rows start at 0, 1, .. 95 and use samples k .. k + 4 (stride 1 for four intervals).
-    let four = assembled(&[&data], Regression::Midpoint { intervals: 4 });
+    let four = assembled(&[&data], RegressionForm::Midpoint { intervals: 4 });
     assert_eq!((four.triangle.rows(), four.skipped), (91, 5));
     // Central differences: neighbours of the sample, and the sample itself for its library.
-    let central = assembled(&[&data], Regression::Central);
+    let central = assembled(&[&data], RegressionForm::Central);
     assert_eq!((central.triangle.rows(), central.skipped), (97, 3));
     // What is left is still exact.
     let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
@@ -238,8 +238,8 @@ fn two_runs_are_never_joined_across_their_ends() {
     second.outputs = Table::new(second.outputs.channels().to_vec(), moved);
     for (regression, rows) in [
         (MIDPOINT, 299 + 300),
-        (Regression::Midpoint { intervals: 8 }, 146 + 147),
-        (Regression::Central, 601),
+        (RegressionForm::Midpoint { intervals: 8 }, 146 + 147),
+        (RegressionForm::Central, 601),
     ] {
         let both = assembled(&[&first, &second], regression);
         let mut parts = assembled(&[&first], regression).triangle;
@@ -258,14 +258,14 @@ fn two_runs_are_never_joined_across_their_ends() {
 
 #[test]
 fn a_run_too_short_for_a_row_gives_none() {
-    for regression in [MIDPOINT, Regression::Midpoint { intervals: 20 }, Regression::Central] {
+    for regression in [MIDPOINT, RegressionForm::Midpoint { intervals: 20 }, RegressionForm::Central] {
         for samples in 0..=21 {
             let data = linear(samples);
             let expected = match regression {
-                Regression::Midpoint { intervals } if samples > intervals => {
+                RegressionForm::Midpoint { intervals } if samples > intervals => {
                     (samples - intervals - 1) / (intervals / 4).max(1) + 1
                 }
-                Regression::Central if samples >= 3 => samples,
+                RegressionForm::Central if samples >= 3 => samples,
                 _ => 0,
             };
             if samples > 0 {
@@ -274,9 +274,9 @@ fn a_run_too_short_for_a_row_gives_none() {
         }
     }
     let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
-    let refused = Prepared::new(&[&linear(4)], terms.clone(), MIDPOINT, &Scaling::Contribution);
+    let refused = LinearRegression::new(&[&linear(4)], terms.clone(), MIDPOINT, &Scaling::Contribution);
     assert_eq!(refused.unwrap_err(), FitError::TooFewRows { rows: 3, skipped: 0, terms: 3 });
-    let none = Prepared::new(&[], terms, MIDPOINT, &Scaling::Contribution);
+    let none = LinearRegression::new(&[], terms, MIDPOINT, &Scaling::Contribution);
     assert_eq!(none.unwrap_err(), FitError::TooFewRows { rows: 0, skipped: 0, terms: 3 });
 }
 
@@ -286,7 +286,7 @@ fn an_output_that_stands_still_or_was_never_measured_is_refused() {
     for (value, constant) in [(0.0, true), (0.1, true), (f64::NAN, false)] {
         let mut data = linear(50);
         data.outputs = Table::new(data.outputs.channels().to_vec(), vec![value; 50]);
-        let refused = Prepared::new(&[&data], terms.clone(), MIDPOINT, &Scaling::Contribution).unwrap_err();
+        let refused = LinearRegression::new(&[&data], terms.clone(), MIDPOINT, &Scaling::Contribution).unwrap_err();
         if constant {
             assert_eq!(refused, FitError::Constant(String::from("y0")));
         } else {
@@ -305,7 +305,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| assembled(&[&data, &other], regression).triangle)
     };
-    for regression in [MIDPOINT, Regression::Midpoint { intervals: 6 }, Regression::Central] {
+    for regression in [MIDPOINT, RegressionForm::Midpoint { intervals: 6 }, RegressionForm::Central] {
         let one = triangle(1, regression);
         for threads in [2, 3] {
             assert_eq!(triangle(threads, regression), one, "{threads} threads, {regression:?}");
@@ -345,7 +345,7 @@ fn the_residual_of_a_ridge_fit_is_that_of_the_data() {
     let mut data = linear(2_000);
     add_noise(&mut data, 0.01);
     let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
-    let prepared = Prepared::new(&[&data], terms, MIDPOINT, &Scaling::Contribution).unwrap();
+    let prepared = LinearRegression::new(&[&data], terms, MIDPOINT, &Scaling::Contribution).unwrap();
     for (optimizer, ridge) in
         [(Optimizer::Stepwise(0.01), 0.0), (Optimizer::Stepwise(0.01), 0.3), (Optimizer::Stlsq(0.01), 0.3)]
     {
@@ -366,8 +366,8 @@ fn the_residual_of_a_ridge_fit_is_that_of_the_data() {
     }
 }
 
-fn grid(degree: u8) -> Grid {
-    Grid {
+fn grid(degree: u8) -> SearchGrid {
+    SearchGrid {
         structures: vec![Library::polynomial(degree).into()],
         regressions: vec![MIDPOINT],
         optimizers: vec![Optimizer::Stepwise(0.01), Optimizer::Stepwise(0.02)],
@@ -378,10 +378,10 @@ fn grid(degree: u8) -> Grid {
     }
 }
 
-fn search_of(data: &Trajectory, grid: &Grid) -> Result<Found, SearchError> {
+fn search_of(data: &Trajectory, grid: &SearchGrid) -> Result<SearchResult, SearchError> {
     let options = evaluate::Options { horizon: 10, ..evaluate::Options::default() };
     let range = [DesignRange { low: -3.0, high: 3.0 }];
-    let judge = Judge { validation: &[data], outputs: &range, inputs: &range, options, seed: 0, members: 10 };
+    let judge = SearchOptions { validation: &[data], outputs: &range, inputs: &range, options, seed: 0, ensemble_size: 10 };
     search(&[data], &judge, grid, &mut |_| ControlFlow::Continue(()))
 }
 
@@ -405,7 +405,7 @@ fn the_search_chooses_what_predicts_and_says_what_it_tried() {
     assert!(found.trials.len() < 8, "a setting that changes nothing is not judged again");
     assert_eq!((found.rows, found.unidentifiable.len()), ((999, 0), 0));
     assert!((found.fit.equations.coefficient(0, 1) + 1.0).abs() < 0.05);
-    assert!(matches!(search_of(&data, &Grid { ridges: Vec::new(), ..grid(1) }), Err(SearchError::Empty)));
+    assert!(matches!(search_of(&data, &SearchGrid { ridges: Vec::new(), ..grid(1) }), Err(SearchError::Empty)));
 }
 
 /// `--degree 50` once asked for some hundred gigabytes.
@@ -494,7 +494,7 @@ fn the_simple_plant_with_noise_misses_nothing_and_adds_little() {
         let data = simple_plant(seed, 1.0);
         for (intervals, tolerance) in [(10, 0.005), (10, 0.01), (20, 0.005), (20, 0.01), (20, 0.02)] {
             let fit =
-                fit(&[&data], &terms, Regression::Midpoint { intervals }, Optimizer::Stepwise(tolerance));
+                fit(&[&data], &terms, RegressionForm::Midpoint { intervals }, Optimizer::Stepwise(tolerance));
             let Comparison { missing, spurious, mean_error } = compare(&fit, &truth);
             let what = format!("seed {seed}, {intervals} intervals, tolerance {tolerance}");
             assert_eq!(missing, 0, "{what}");

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use hydroid::log::{Channel, Table, Trajectory};
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, Regression, Scaling, Variables};
+use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables};
 use serde_json::Value;
 
 fn golden(name: &str) -> String {
@@ -50,14 +50,14 @@ fn simple(noisy: bool) -> Trajectory {
 /// Scaled coefficients, `[equation][term]`.
 fn scaled(
     run: &Trajectory,
-    regression: Regression,
+    regression: RegressionForm,
     scales: &[f64],
     threshold: f64,
     alpha: f64,
 ) -> Vec<Vec<f64>> {
     let terms = Library::polynomial(2).terms(&Variables::of(run));
     let count = terms.len();
-    let prepared = Prepared::new(&[run], terms, regression, &Scaling::Variables(scales.to_vec())).unwrap();
+    let prepared = LinearRegression::new(&[run], terms, regression, &Scaling::Variables(scales.to_vec())).unwrap();
     let ridge = alpha / prepared.rows() as f64;
     let fit = prepared
         .fit(&FitOptions {
@@ -97,8 +97,8 @@ fn simple_plant_coefficients_equal_pysindy_and_the_midpoint_reference() {
     let reference: Value = serde_json::from_str(&golden("simple_coefficients.json")).unwrap();
     let mut compared = 0;
     for (section, regression) in [
-        ("pysindy_finite_difference", Regression::Central),
-        ("zero_order_hold_midpoint", Regression::Midpoint { intervals: 1 }),
+        ("pysindy_finite_difference", RegressionForm::Central),
+        ("zero_order_hold_midpoint", RegressionForm::Midpoint { intervals: 1 }),
     ] {
         for (case, result) in reference["results"][section].as_object().unwrap() {
             let run = simple(result["data"] == "noisy");
@@ -138,7 +138,7 @@ fn lorenz_coefficients_equal_pysindy() {
     for (case, result) in reference["results"].as_object().unwrap() {
         let ours = scaled(
             &run,
-            Regression::Central,
+            RegressionForm::Central,
             &[1.0; 3],
             result["threshold"].as_f64().unwrap(),
             result["alpha"].as_f64().unwrap(),

@@ -1,12 +1,12 @@
 //! The streaming factor against normal equations, textbook matrices and closed forms.
 
-use hydroid::sindy::{BLOCK_ROWS, Stlsq, Triangle, stepwise, stlsq};
+use hydroid::sindy::{BLOCK_ROWS, QrFactor, stepwise, stlsq};
 use proptest::prelude::*;
 
 /// The factor of a matrix given row by row, folded in by blocks of `BLOCK_ROWS`.
-fn fold(rows: &[Vec<f64>]) -> Triangle {
+fn fold(rows: &[Vec<f64>]) -> QrFactor {
     let width = rows[0].len();
-    let mut triangle = Triangle::new(width);
+    let mut factor = QrFactor::new(width);
     for chunk in rows.chunks(BLOCK_ROWS) {
         let mut block = vec![0.0; width * BLOCK_ROWS];
         for (i, row) in chunk.iter().enumerate() {
@@ -14,9 +14,9 @@ fn fold(rows: &[Vec<f64>]) -> Triangle {
                 block[j * BLOCK_ROWS + i] = *value;
             }
         }
-        triangle.absorb(&mut block, chunk.len());
+        factor.append_rows(&mut block, chunk.len());
     }
-    triangle
+    factor
 }
 
 /// `A'A` by definition.
@@ -26,9 +26,9 @@ fn gram(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 /// `R'R`.
-fn square(triangle: &Triangle) -> Vec<Vec<f64>> {
-    let n = triangle.width();
-    let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| triangle.get(i, j)).collect()).collect();
+fn square(factor: &QrFactor) -> Vec<Vec<f64>> {
+    let n = factor.width();
+    let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| factor.get(i, j)).collect()).collect();
     gram(&rows)
 }
 
@@ -94,27 +94,27 @@ fn tall() -> impl Strategy<Value = Vec<Vec<f64>>> {
 #[test]
 fn the_textbook_factor() {
     // The example of nearly every text on QR: R = [14 21 -14; 0 175 -70; 0 0 35], up to signs of rows.
-    let triangle = fold(&matrix(&[&[12.0, -51.0, 4.0], &[6.0, 167.0, -68.0], &[-4.0, 24.0, -41.0]]));
+    let factor = fold(&matrix(&[&[12.0, -51.0, 4.0], &[6.0, 167.0, -68.0], &[-4.0, 24.0, -41.0]]));
     let expected = [[14.0, 21.0, -14.0], [0.0, 175.0, -70.0], [0.0, 0.0, 35.0]];
     for i in 0..3 {
-        let sign = triangle.get(i, i).signum();
+        let sign = factor.get(i, i).signum();
         for j in 0..3 {
-            assert!((sign * triangle.get(i, j) - expected[i][j]).abs() < 1e-12, "({i}, {j})");
+            assert!((sign * factor.get(i, j) - expected[i][j]).abs() < 1e-12, "({i}, {j})");
         }
     }
-    assert_eq!((triangle.rows(), triangle.width()), (3, 3));
-    assert!((triangle.column_norm(2) - (16.0f64 + 68.0 * 68.0 + 41.0 * 41.0).sqrt()).abs() < 1e-12);
+    assert_eq!((factor.rows(), factor.width()), (3, 3));
+    assert!((factor.column_norm(2) - (16.0f64 + 68.0 * 68.0 + 41.0 * 41.0).sqrt()).abs() < 1e-12);
 }
 
 proptest! {
     #[test]
     fn the_factor_squares_to_the_normal_matrix(rows in tall()) {
-        let triangle = fold(&rows);
-        prop_assert!(distance(&square(&triangle), &gram(&rows)) < 1e-13);
-        prop_assert_eq!(triangle.rows(), rows.len() as u64);
-        for i in 0..triangle.width() {
+        let factor = fold(&rows);
+        prop_assert!(distance(&square(&factor), &gram(&rows)) < 1e-13);
+        prop_assert_eq!(factor.rows(), rows.len() as u64);
+        for i in 0..factor.width() {
             for j in 0..i {
-                prop_assert_eq!(triangle.get(i, j), 0.0);
+                prop_assert_eq!(factor.get(i, j), 0.0);
             }
         }
     }
@@ -125,11 +125,11 @@ proptest! {
         let at = |f: f64| (f * rows.len() as f64) as usize;
         let (low, high) = (at(cuts.0.min(cuts.1)), at(cuts.0.max(cuts.1)));
         let width = rows[0].len();
-        let part = |r: &[Vec<f64>]| if r.is_empty() { Triangle::new(width) } else { fold(r) };
+        let part = |r: &[Vec<f64>]| if r.is_empty() { QrFactor::new(width) } else { fold(r) };
         let parts = [part(&rows[..low]), part(&rows[low..high]), part(&rows[high..])];
         let truth = gram(&rows);
         for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
-            let mut all = Triangle::new(width);
+            let mut all = QrFactor::new(width);
             for i in order {
                 all.merge(&parts[i]);
             }
@@ -145,14 +145,14 @@ proptest! {
 
     #[test]
     fn columns_can_be_scaled_and_picked_afterwards(rows in tall(), picks in prop::collection::vec(0usize..9, 1..9)) {
-        let triangle = fold(&rows);
-        let width = triangle.width();
+        let factor = fold(&rows);
+        let width = factor.width();
         let picks: Vec<usize> = picks.into_iter().map(|p| p % width).collect();
         let picked: Vec<Vec<f64>> = rows.iter().map(|r| picks.iter().map(|&j| r[j]).collect()).collect();
-        prop_assert!(distance(&square(&triangle.select(&picks)), &gram(&picked)) < 1e-13);
+        prop_assert!(distance(&square(&factor.select(&picks)), &gram(&picked)) < 1e-13);
         let scale: Vec<f64> = (0..width).map(|j| 0.5 + j as f64).collect();
         let scaled: Vec<Vec<f64>> = rows.iter().map(|r| r.iter().zip(&scale).map(|(x, s)| x * s).collect()).collect();
-        prop_assert!(distance(&square(&triangle.scaled(&scale)), &gram(&scaled)) < 1e-13);
+        prop_assert!(distance(&square(&factor.scaled(&scale)), &gram(&scaled)) < 1e-13);
     }
 }
 
@@ -174,24 +174,24 @@ fn exact_data_gives_back_their_coefficients() {
     for row in &mut rows {
         row.push(row.iter().zip(truth).map(|(a, x)| a * x).sum());
     }
-    let triangle = fold(&rows);
-    let solution = triangle.solve(&[0, 1, 2, 3, 4], 5);
+    let factor = fold(&rows);
+    let solution = factor.solve(&[0, 1, 2, 3, 4], 5);
     for (got, expected) in solution.coefficients.iter().zip(truth) {
         assert!((got - expected).abs() < 1e-13, "{got} for {expected}");
     }
     assert!(solution.residual < 1e-12 && solution.dependent.is_empty());
     // Without the column that is not needed; with the columns that are, the rest is residual.
-    let fewer = triangle.solve(&[0, 1, 3, 4], 5);
+    let fewer = factor.solve(&[0, 1, 3, 4], 5);
     assert!(fewer.residual < 1e-12 && (fewer.coefficients[2] - 5.0).abs() < 1e-13);
-    assert!(triangle.solve(&[0, 1], 5).residual > 1.0);
-    let none = triangle.solve(&[], 5);
-    assert!((none.residual - triangle.column_norm(5)).abs() < 1e-12);
+    assert!(factor.solve(&[0, 1], 5).residual > 1.0);
+    let none = factor.solve(&[], 5);
+    assert!((none.residual - factor.column_norm(5)).abs() < 1e-12);
 }
 
 #[test]
 fn any_subset_of_columns_is_solved_as_its_own_normal_equations() {
     let rows = wild_matrix(150, 7);
-    let triangle = fold(&rows);
+    let factor = fold(&rows);
     for subset in [vec![0], vec![5], vec![1, 4], vec![0, 2, 3], vec![0, 1, 2, 3, 4, 5]] {
         let all: Vec<Vec<f64>> =
             rows.iter().map(|r| subset.iter().chain([&6]).map(|&j| r[j]).collect()).collect();
@@ -199,7 +199,7 @@ fn any_subset_of_columns_is_solved_as_its_own_normal_equations() {
         let normal = gram(&all);
         let left: Vec<Vec<f64>> = normal[..n].iter().map(|r| r[..n].to_vec()).collect();
         let expected = solve_square(left, normal[..n].iter().map(|r| r[n]).collect());
-        let solution = triangle.solve(&subset, 6);
+        let solution = factor.solve(&subset, 6);
         for (got, expected) in solution.coefficients.iter().zip(&expected) {
             assert!((got - expected).abs() < 1e-12, "{subset:?}");
         }
@@ -233,10 +233,10 @@ fn both_optimizers_tell_what_they_left_out_as_dependent() {
     for row in &mut rows {
         row.extend([row[0] - 3.0 * row[1], 2.0 * row[0] + row[2]]);
     }
-    let triangle = fold(&rows);
+    let factor = fold(&rows);
     for solution in [
-        stlsq(&triangle, &triangle, 4, 4, Stlsq { threshold: 0.1, ..Stlsq::default() }),
-        stepwise(&triangle, 4, 4, 1e-3),
+        stlsq(&factor, &factor, 4, 4, 0.1),
+        stepwise(&factor, 4, 4, 1e-3),
     ] {
         assert_eq!(solution.dependent, [3]);
         for (got, expected) in solution.coefficients.iter().zip([2.0, 0.0, 1.0, 0.0]) {
@@ -256,10 +256,10 @@ fn backward_elimination_weighs_the_rise_of_the_residual() {
         &[0.0, 0.0, 1.0, 0.2],
         &[0.0, 0.0, 0.0, 1.0],
     ]);
-    let triangle = fold(&rows);
+    let factor = fold(&rows);
     // A total of 101.13 makes every rise below 0.00101 negligible; the rises are 0.04, 0.09 and 100.
     let support = |tolerance: f64| -> Vec<bool> {
-        stepwise(&triangle, 3, 3, tolerance).coefficients.iter().map(|c| *c != 0.0).collect()
+        stepwise(&factor, 3, 3, tolerance).coefficients.iter().map(|c| *c != 0.0).collect()
     };
     assert_eq!(support(0.03), [true, true, true]);
     assert_eq!(support(0.05), [true, true, false]);
@@ -353,20 +353,20 @@ fn backward_elimination_survives_columns_that_are_nearly_the_same() {
 #[test]
 fn a_column_that_starts_vanishingly_small_poisons_nothing() {
     for tiny in [1e-80, 1e-145, 1e-160, 1e-200, 1e-310] {
-        let mut triangle = Triangle::new(3);
+        let mut factor = QrFactor::new(3);
         let mut block = vec![0.0; 3 * BLOCK_ROWS];
         for i in 0..BLOCK_ROWS {
             (block[i], block[BLOCK_ROWS + i]) = (tiny * (i as f64 + 1.0).sin(), 1.0 + i as f64);
             block[2 * BLOCK_ROWS + i] = 3.0 * block[BLOCK_ROWS + i];
         }
-        triangle.absorb(&mut block, BLOCK_ROWS);
-        assert!(triangle.is_finite(), "{tiny:e}");
+        factor.append_rows(&mut block, BLOCK_ROWS);
+        assert!(factor.is_finite(), "{tiny:e}");
         for i in 0..BLOCK_ROWS {
             (block[i], block[BLOCK_ROWS + i]) = ((i as f64).cos(), (0.3 * i as f64).sin());
             block[2 * BLOCK_ROWS + i] = 2.0 * block[i] + 3.0 * block[BLOCK_ROWS + i];
         }
-        triangle.absorb(&mut block, BLOCK_ROWS);
-        let x = triangle.solve(&[0, 1], 2).coefficients;
+        factor.append_rows(&mut block, BLOCK_ROWS);
+        let x = factor.solve(&[0, 1], 2).coefficients;
         assert!((x[0] - 2.0).abs() < 1e-9 && (x[1] - 3.0).abs() < 1e-9, "{tiny:e}: {x:?}");
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use hydroid_core::model::sparse::Term;
 
-use super::Vocabulary;
+use super::ExpressionParser;
 use super::error::{ExpressionError, list, nearest};
 use super::scanner::Scanner;
 
@@ -40,7 +40,7 @@ pub struct Constraint {
 }
 
 impl Constraint {
-    /// In the words in which it is read; `names` are those of all variables.
+    /// In the parser in which it is read; `names` are those of all variables.
     pub fn text(&self, names: &[impl AsRef<str>]) -> String {
         let mut text = String::new();
         for (i, (factor, Coefficient { output, term })) in self.sum.iter().enumerate() {
@@ -68,9 +68,9 @@ impl Constraint {
     }
 }
 
-pub(super) fn read(words: &mut Vocabulary, scanner: &mut Scanner<'_>) -> Result<Constraint, ExpressionError> {
+pub(super) fn read(parser: &mut ExpressionParser, scanner: &mut Scanner<'_>) -> Result<Constraint, ExpressionError> {
     let mut whole = Constraint { sum: Vec::new(), relation: Relation::Equal, bound: 0.0 };
-    side(words, scanner, 1.0, &mut whole)?;
+    side(parser, scanner, 1.0, &mut whole)?;
     scanner.skip_space();
     let relations = [
         ("<=", Relation::AtMost),
@@ -82,7 +82,7 @@ pub(super) fn read(words: &mut Vocabulary, scanner: &mut Scanner<'_>) -> Result<
     let found = relations.into_iter().find(|(sign, _)| scanner.eat(sign));
     let Some((_, relation)) = found else { return Err(scanner.expected("one more factor, or <=, >= or =")) };
     whole.relation = relation;
-    side(words, scanner, -1.0, &mut whole)?;
+    side(parser, scanner, -1.0, &mut whole)?;
     whole.sum.retain(|(factor, _)| *factor != 0.0);
     // The bound stands on the right; a zero has no sign.
     whole.bound = 0.0 - whole.bound;
@@ -96,7 +96,7 @@ pub(super) fn read(words: &mut Vocabulary, scanner: &mut Scanner<'_>) -> Result<
 
 /// One side, brought to the left: numbers into the bound, coefficients into the sum.
 fn side(
-    words: &mut Vocabulary,
+    parser: &mut ExpressionParser,
     scanner: &mut Scanner<'_>,
     side: f64,
     whole: &mut Constraint,
@@ -113,19 +113,19 @@ fn side(
         }
         let sign = if negative { -1.0 } else { 1.0 };
         first = false;
-        if let Some(output) = output(words, scanner) {
-            add(words, scanner, side * sign, output, whole)?;
+        if let Some(output) = output(parser, scanner) {
+            add(parser, scanner, side * sign, output, whole)?;
             continue;
         }
-        let Some(number) = scanner.eat_number() else { return Err(no_coefficient(words, scanner)) };
+        let Some(number) = scanner.eat_number() else { return Err(no_coefficient(parser, scanner)) };
         let before = scanner.mark();
         scanner.skip_space();
         let times = scanner.eat("*");
         scanner.skip_space();
-        if let Some(output) = output(words, scanner) {
-            add(words, scanner, side * sign * number, output, whole)?;
+        if let Some(output) = output(parser, scanner) {
+            add(parser, scanner, side * sign * number, output, whole)?;
         } else if times || scanner.peek().is_some_and(char::is_alphabetic) {
-            return Err(no_coefficient(words, scanner));
+            return Err(no_coefficient(parser, scanner));
         } else {
             scanner.back_to(before);
             whole.bound += side * sign * number;
@@ -134,9 +134,9 @@ fn side(
 }
 
 /// `OUTPUT:`, if it stands here.
-fn output(words: &Vocabulary, scanner: &mut Scanner<'_>) -> Option<usize> {
+fn output(parser: &ExpressionParser, scanner: &mut Scanner<'_>) -> Option<usize> {
     let before = scanner.mark();
-    let outputs = &words.channels[..words.outputs.min(words.channels.len())];
+    let outputs = &parser.channels[..parser.outputs.min(parser.channels.len())];
     let found = scanner.eat_name(outputs);
     scanner.skip_space();
     if found.is_some() && scanner.eat(":") {
@@ -147,13 +147,13 @@ fn output(words: &Vocabulary, scanner: &mut Scanner<'_>) -> Option<usize> {
 }
 
 fn add(
-    words: &mut Vocabulary,
+    parser: &mut ExpressionParser,
     scanner: &mut Scanner<'_>,
     factor: f64,
     output: usize,
     whole: &mut Constraint,
 ) -> Result<(), ExpressionError> {
-    let coefficient = Coefficient { output, term: words.product(scanner)? };
+    let coefficient = Coefficient { output, term: parser.product(scanner)? };
     match whole.sum.iter_mut().find(|(_, known)| *known == coefficient) {
         Some((known, _)) => *known += factor,
         None => whole.sum.push((factor, coefficient)),
@@ -162,8 +162,8 @@ fn add(
 }
 
 /// Neither a number nor `OUTPUT:`.
-fn no_coefficient(words: &Vocabulary, scanner: &Scanner<'_>) -> ExpressionError {
-    let outputs = &words.channels[..words.outputs.min(words.channels.len())];
+fn no_coefficient(parser: &ExpressionParser, scanner: &Scanner<'_>) -> ExpressionError {
+    let outputs = &parser.channels[..parser.outputs.min(parser.channels.len())];
     let word = scanner.word();
     if !word.is_empty() && !outputs.iter().any(|name| name == word) {
         let near = nearest(word, outputs.iter().map(String::as_str));

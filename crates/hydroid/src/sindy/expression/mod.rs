@@ -1,4 +1,4 @@
-//! Terms and constraints as text, in the words in which `Term::name` and `Signal::name` print them.
+//! Terms and constraints as text, in the parser in which `Term::name` and `Signal::name` print them.
 
 mod constraint;
 mod error;
@@ -23,27 +23,27 @@ use scanner::Scanner;
 /// past value, `u(-0.5 s)`; times count to a millisecond.
 ///
 /// ```
-/// use hydroid::sindy::expression::Vocabulary;
+/// use hydroid::sindy::expression::ExpressionParser;
 ///
-/// let mut words = Vocabulary::new(["u", "v", "r", "n", "delta"], 3, 0.1);
-/// let term = words.term("u |u| sin(lag(delta, 1.5 s))").unwrap();
-/// assert_eq!(words.signals().len(), 1);
-/// assert_eq!(term.name(&words.names()), "u |u| sin(lag(delta, 1.5 s))");
-/// let wrong = words.term("u sin(delt)").unwrap_err();
+/// let mut parser = ExpressionParser::new(["u", "v", "r", "n", "delta"], 3, 0.1);
+/// let term = parser.term("u |u| sin(lag(delta, 1.5 s))").unwrap();
+/// assert_eq!(parser.signals().len(), 1);
+/// assert_eq!(term.name(&parser.names()), "u |u| sin(lag(delta, 1.5 s))");
+/// let wrong = parser.term("u sin(delt)").unwrap_err();
 /// assert_eq!(
 ///     wrong.to_string(),
 ///     "'u sin(delt)', character 7: there is no channel 'delt', did you mean 'delta'? There are u, v, r, n, delta"
 /// );
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Vocabulary {
+pub struct ExpressionParser {
     channels: Vec<String>,
     outputs: usize,
     dt: f64,
     signals: Vec<Signal>,
 }
 
-impl Vocabulary {
+impl ExpressionParser {
     /// Names of outputs, then inputs; how many are outputs; and the sample time \[s\], in which past values count.
     pub fn new(channels: impl IntoIterator<Item = impl Into<String>>, outputs: usize, dt: f64) -> Self {
         let channels = channels.into_iter().map(Into::into).collect();
@@ -77,7 +77,7 @@ impl Vocabulary {
     /// # Errors
     /// With the position, if the text is not a term of these channels; nothing is added then.
     pub fn term(&mut self, text: &str) -> Result<Term, ExpressionError> {
-        self.whole(text, Self::product)
+        self.parse_all(text, Self::product)
     }
 
     /// Reads a constraint on coefficients, `OUTPUT: TERM` being the coefficient of a term in the equation of an
@@ -86,10 +86,10 @@ impl Vocabulary {
     /// # Errors
     /// As [`term`](Self::term).
     pub fn constraint(&mut self, text: &str) -> Result<Constraint, ExpressionError> {
-        self.whole(text, constraint::read)
+        self.parse_all(text, constraint::read)
     }
 
-    fn whole<T>(
+    fn parse_all<T>(
         &mut self,
         text: &str,
         read: impl FnOnce(&mut Self, &mut Scanner<'_>) -> Result<T, ExpressionError>,

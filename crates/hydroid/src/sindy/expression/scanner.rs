@@ -8,7 +8,7 @@ pub(super) struct Scanner<'a> {
 }
 
 /// Whether a character can stand in a name without quoting.
-pub(super) fn is_of_name(c: char) -> bool {
+pub(super) fn is_name_char(c: char) -> bool {
     c.is_alphanumeric() || matches!(c, '_' | '.')
 }
 
@@ -73,8 +73,8 @@ impl<'a> Scanner<'a> {
         let rest = self.rest();
         let stands = |name: &str| {
             rest.strip_prefix(name).is_some_and(|after| {
-                let ends_in_word = name.chars().next_back().is_some_and(is_of_name);
-                !(name.is_empty() || ends_in_word && after.starts_with(is_of_name))
+                let ends_in_word = name.chars().next_back().is_some_and(is_name_char);
+                !(name.is_empty() || ends_in_word && after.starts_with(is_name_char))
             })
         };
         let found = (0..names.len()).filter(|&i| stands(&names[i]));
@@ -87,7 +87,7 @@ impl<'a> Scanner<'a> {
     /// What stands here up to the end of a word.
     pub(super) fn word(&self) -> &'a str {
         let rest = self.rest();
-        &rest[..rest.find(|c| !is_of_name(c)).unwrap_or(rest.len())]
+        &rest[..rest.find(|c| !is_name_char(c)).unwrap_or(rest.len())]
     }
 
     /// A finite number.
@@ -136,7 +136,7 @@ impl<'a> Scanner<'a> {
     pub(super) fn expected(&self, what: &str) -> ExpressionError {
         let found = match self.peek() {
             None => String::from("the end"),
-            Some(c) if is_of_name(c) => format!("'{}'", self.word()),
+            Some(c) if is_name_char(c) => format!("'{}'", self.word()),
             Some(c) => format!("'{c}'"),
         };
         self.error(format!("expected {what}, found {found}"), None)

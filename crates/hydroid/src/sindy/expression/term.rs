@@ -2,20 +2,20 @@
 
 use hydroid_core::model::sparse::{Factor, Gate, Real, Shape, Signal, Term};
 
-use super::Vocabulary;
+use super::ExpressionParser;
 use super::error::{ExpressionError, list, nearest};
-use super::scanner::{Scanner, is_of_name};
+use super::scanner::{Scanner, is_name_char};
 
 /// Factors at the most: what is longer is no term that anybody means.
 const MOST_FACTORS: usize = 1_000;
 
 const FACTOR: &str = "a factor such as u, u^2, |u| or sin(delta)";
 
-/// Functions of one variable, by the words for them.
+/// Functions of one variable, by the parser for them.
 const FUNCTIONS: [(&str, Shape); 4] =
     [("sin", Shape::Sin), ("cos", Shape::Cos), ("ln", Shape::Log), ("sgn", Shape::Sign)];
 
-impl Vocabulary {
+impl ExpressionParser {
     /// A product of factors, up to what cannot be one.
     pub(super) fn product(&mut self, scanner: &mut Scanner<'_>) -> Result<Term, ExpressionError> {
         let mut factors = Vec::new();
@@ -36,7 +36,7 @@ impl Vocabulary {
             } else if scanner.eat("*") || scanner.eat("·") {
                 scanner.skip_space();
                 self.factor(scanner, &mut factors)?;
-            } else if scanner.peek().is_some_and(|c| is_of_name(c) || c == '|') || self.starts_name(scanner) {
+            } else if scanner.peek().is_some_and(|c| is_name_char(c) || c == '|') || self.starts_name(scanner) {
                 self.factor(scanner, &mut factors)?;
             } else {
                 scanner.back_to(before);

@@ -5,8 +5,8 @@ use super::*;
 
 const SHIP: [&str; 6] = ["u", "v", "r", "n", "delta", "wind_x"];
 
-fn ship() -> Vocabulary {
-    Vocabulary::new(SHIP, 3, 0.1)
+fn ship() -> ExpressionParser {
+    ExpressionParser::new(SHIP, 3, 0.1)
 }
 
 fn message(text: &str) -> String {
@@ -43,22 +43,22 @@ fn terms_are_read_as_people_write_them() {
 
 #[test]
 fn signals_are_collected_once_and_only_from_what_is_right() {
-    let mut words = ship();
-    assert_eq!(words.term("lag(n, 1.5 s) |lag(n, 1.5 s)|"), Ok(Term::signed_square(6, 6)));
-    assert_eq!(words.term("u(-0.5 s) v"), Ok(Term::monomial(&[1, 7])));
-    assert_eq!(words.term("lag(n,1.5s)"), Ok(Term::monomial(&[6])));
-    assert!(words.term("lag(n, 3 s) nonsense").is_err());
+    let mut parser = ship();
+    assert_eq!(parser.term("lag(n, 1.5 s) |lag(n, 1.5 s)|"), Ok(Term::signed_square(6, 6)));
+    assert_eq!(parser.term("u(-0.5 s) v"), Ok(Term::monomial(&[1, 7])));
+    assert_eq!(parser.term("lag(n,1.5s)"), Ok(Term::monomial(&[6])));
+    assert!(parser.term("lag(n, 3 s) nonsense").is_err());
     assert_eq!(
-        words.signals(),
+        parser.signals(),
         [Signal::Lag { input: 3, time_constant_s: Real(1.5) }, Signal::Past { variable: 0, samples: 5 }]
     );
-    assert_eq!(words.names()[6..], ["lag(n, 1.5 s)", "u(-0.5 s)"]);
+    assert_eq!(parser.names()[6..], ["lag(n, 1.5 s)", "u(-0.5 s)"]);
 }
 
 #[test]
 fn names_that_are_words_or_hold_strange_characters_are_found() {
     let names = ["sin", "lag", "2nd", "a.b", "a", "speed [kn]", "Geschw. ü", "-x"];
-    let mut words = Vocabulary::new(names, 4, 0.1);
+    let mut parser = ExpressionParser::new(names, 4, 0.1);
     for (text, variables) in [
         ("sin", vec![0]),
         ("sin(-0.1 s)", vec![8]),
@@ -67,9 +67,9 @@ fn names_that_are_words_or_hold_strange_characters_are_found() {
         ("speed [kn] Geschw. ü", vec![5, 6]),
         ("a -x", vec![4, 7]),
     ] {
-        assert_eq!(words.term(text), Ok(Term::monomial(&variables)), "{text}");
+        assert_eq!(parser.term(text), Ok(Term::monomial(&variables)), "{text}");
     }
-    assert_eq!(words.term("sin(sin)"), Ok(Term::of(0, Shape::Sin)));
+    assert_eq!(parser.term("sin(sin)"), Ok(Term::of(0, Shape::Sin)));
 }
 
 #[test]
@@ -118,8 +118,8 @@ fn constraints_are_linear_in_coefficients() {
         Coefficient { output: 1, term: Term::monomial(&[0, 2]) },
         Coefficient { output: 0, term: Term::monomial(&[1, 2]) },
     );
-    let mut words = ship();
-    let mut read = |text: &str| words.constraint(text).unwrap();
+    let mut parser = ship();
+    let mut read = |text: &str| parser.constraint(text).unwrap();
     assert_eq!(
         read("u: u |u| <= 0"),
         Constraint { sum: vec![(1.0, drag.clone())], relation: Relation::AtMost, bound: 0.0 }
@@ -202,15 +202,15 @@ proptest! {
         factor in prop_oneof![Just(1.0), -1e3..1e3f64].prop_filter("not 0", |f| *f != 0.0),
         bound in -1e3..1e3f64,
     ) {
-        let mut words = Vocabulary::new(channels, 3, dt).with_signals(signals.into_iter().collect());
-        let names = words.names();
-        let before = words.clone();
-        prop_assert_eq!(&words.term(&term.name(&names)).map_err(|e| TestCaseError::fail(e.to_string()))?, &term);
+        let mut parser = ExpressionParser::new(channels, 3, dt).with_signals(signals.into_iter().collect());
+        let names = parser.names();
+        let before = parser.clone();
+        prop_assert_eq!(&parser.term(&term.name(&names)).map_err(|e| TestCaseError::fail(e.to_string()))?, &term);
         let sum = vec![(factor, Coefficient { output, term })];
         let constraint = Constraint { sum, relation: Relation::AtMost, bound };
-        let read = words.constraint(&constraint.text(&names));
+        let read = parser.constraint(&constraint.text(&names));
         prop_assert_eq!(read.map_err(|e| TestCaseError::fail(e.to_string()))?, constraint);
-        prop_assert_eq!(words, before);
+        prop_assert_eq!(parser, before);
     }
 
     #[test]
@@ -221,15 +221,15 @@ proptest! {
         ];
         let made: String = pieces.into_iter().map(|i| known[i]).collect();
         for text in [text, made] {
-            let mut words = ship();
-            let term = words.term(&text);
+            let mut parser = ship();
+            let term = parser.term(&text);
             if let Ok(term) = term {
                 // What is read can be printed and read again.
-                prop_assert_eq!(words.term(&term.name(&words.names())), Ok(term));
+                prop_assert_eq!(parser.term(&term.name(&parser.names())), Ok(term));
             }
-            if let Ok(constraint) = words.constraint(&text) {
-                let text = constraint.text(&words.names());
-                prop_assert_eq!(words.constraint(&text), Ok(constraint));
+            if let Ok(constraint) = parser.constraint(&text) {
+                let text = constraint.text(&parser.names());
+                prop_assert_eq!(parser.constraint(&text), Ok(constraint));
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use hydroid_core::model::sparse::{Factor, Shape, Term};
 
-use super::variables::{Kind, Variables};
+use super::variables::{VariableKind, Variables};
 
 /// A family of terms.
 ///
@@ -24,30 +24,30 @@ pub enum Family {
     /// The signed squares `x |x|` of every variable: quadratic drag, which acts against the motion in both
     /// directions (Fossen 2021, section 6.4), and thrust, which is quadratic in the command.
     SignedSquares,
-    /// The signed products `x |y|` of different outputs: `v |r|`, `r |v|`, cross-flow drag with the modulus
+    /// The signed for_each_monomial `x |y|` of different outputs: `v |r|`, `r |v|`, cross-flow drag with the modulus
     /// (Fedyaevsky and Sobolev 1963).
     SignedProducts,
     /// The manoeuvring terms of a surface vessel with quadratic modulus (Fedyaevsky and Sobolev 1963, Norrbin
     /// 1970; Fossen 2021, section 6.5 and chapter 9), with `u` the surge speed:
     ///
-    /// - outputs: linear (potential and skin friction), all products of two (Coriolis, centripetal and added
+    /// - outputs: linear (potential and skin friction), all for_each_monomial of two (Coriolis, centripetal and added
     ///   mass: `v r`, `u r`, `u v`), signed squares (drag), and cross terms such as `v |r|`, `r |v|` among the
     ///   outputs other than the surge speed;
-    /// - each command `c` that is not an angle: `c`, `c |c|` (thrust), `u c` and `u |c|` (thrust falls with the
+    /// - for_each_term command `c` that is not an angle: `c`, `c |c|` (thrust), `u c` and `u |c|` (thrust falls with the
     ///   advance), `u |u| c` (a force at the speed of the water);
-    /// - each command `delta` that is an angle: `sin(delta)`, `u sin(delta)`, `u |u| sin(delta)` (the lift of a
+    /// - for_each_term command `delta` that is an angle: `sin(delta)`, `u sin(delta)`, `u |u| sin(delta)` (the lift of a
     ///   rudder), and behind a propeller `c |c| sin(delta)`;
-    /// - each component of the wind: itself.
+    /// - for_each_term component of the wind: itself.
     ///
-    /// Where no output is the surge speed, each output takes its place beside commands.
+    /// Where no output is the surge speed, for_each_term output takes its place beside commands.
     Marine,
     /// Beyond [`Marine`](Self::Marine) the cubic terms of a Taylor expansion (Abkowitz 1964): monomials of
     /// degree 3 of the outputs, and of angles `s = sin(delta)` the drag `s^2`, `u s^2` and the cross
     /// couplings `v s`, `v r s`, `v s^2` and their likes. `s^3` is left out: the sine has its own.
     MarineCubic,
-    /// Sines and cosines of angles, and their products with outputs.
+    /// Sines and cosines of angles, and their for_each_monomial with outputs.
     Trigonometric,
-    /// Inputs, and their products with outputs: what acts in proportion to the motion.
+    /// Inputs, and their for_each_monomial with outputs: what acts in proportion to the motion.
     InputsTimesOutputs,
     /// Lateral motion over surge speed: `v/u` (the drift angle), `r/u`, `v r/u`, `v^2/u`, `r^2/u`, which
     /// forces that follow the angle of attack depend on. Undefined at `u = 0`: for runs that never stop. Empty where no output is the surge speed.
@@ -57,8 +57,8 @@ pub enum Family {
 }
 
 impl Family {
-    /// Number of terms, or a bound on it that is not much larger; saturates. Monomials without the constant.
-    pub(super) fn bound(&self, variables: &Variables) -> u128 {
+    /// Number of terms, or a count_bound on it that is not much larger; saturates. Monomials without the constant.
+    pub(super) fn count_bound(&self, variables: &Variables) -> u128 {
         let (n, outputs) = (variables.len() as u128, variables.outputs().count() as u128);
         let inputs = n - outputs;
         match self {
@@ -68,7 +68,7 @@ impl Family {
             Self::SignedProducts | Self::Rational => outputs * outputs + outputs,
             Self::Marine => 2 * outputs * (outputs + 1) + inputs * (2 + 3 * outputs.max(1)) + inputs * inputs,
             Self::MarineCubic => {
-                Self::Marine.bound(variables)
+                Self::Marine.count_bound(variables)
                     + monomials(outputs, 3)
                     + inputs * (1 + 3 * outputs + outputs * outputs)
             }
@@ -78,19 +78,19 @@ impl Family {
         }
     }
 
-    /// Calls `add` with each term, in any order, one perhaps more than once.
-    pub(super) fn each(&self, variables: &Variables, add: &mut impl FnMut(Term)) {
+    /// Calls `add` with for_each_term term, in any order, one perhaps more than once.
+    pub(super) fn for_each_term(&self, variables: &Variables, add: &mut impl FnMut(Term)) {
         let outputs = || variables.outputs().map(|(v, _)| v);
         match self {
             Self::Constant => add(Term::constant()),
             Self::Polynomial { degree } => {
                 let all: Vec<u16> = variables.all().map(|(v, _)| v).collect();
-                products(&all, *degree, add);
+                for_each_monomial(&all, *degree, add);
             }
             Self::SignedSquares => variables.all().for_each(|(v, _)| add(Term::signed_square(v, v))),
             Self::SignedProducts => {
                 let outputs: Vec<u16> = outputs().collect();
-                signed_products(&outputs, add);
+                for_each_signed_product(&outputs, add);
             }
             Self::Marine => marine(variables, add),
             Self::MarineCubic => {
@@ -98,7 +98,7 @@ impl Family {
                 cubic(variables, add);
             }
             Self::Trigonometric => {
-                for (angle, _) in variables.all().filter(|(_, kind)| *kind == Kind::Angle) {
+                for (angle, _) in variables.all().filter(|(_, kind)| *kind == VariableKind::Angle) {
                     for wave in [Shape::Sin, Shape::Cos].map(|shape| Term::of(angle, shape)) {
                         outputs()
                             .filter(|&y| y != angle)
@@ -116,7 +116,7 @@ impl Family {
             Self::Rational => {
                 let Some(u) = variables.surge() else { return };
                 let over_u = Term::of(u, Shape::Reciprocal);
-                products(&lateral(variables), 2, &mut |term| add(term.times(&over_u)));
+                for_each_monomial(&lateral(variables), 2, &mut |term| add(term.times(&over_u)));
             }
             Self::Listed(terms) => terms.iter().cloned().for_each(add),
         }
@@ -131,7 +131,7 @@ fn monomials(n: u128, degree: u8) -> u128 {
 }
 
 /// All monomials of degree 1 up to `degree`.
-fn products(variables: &[u16], degree: u8, add: &mut impl FnMut(Term)) {
+fn for_each_monomial(variables: &[u16], degree: u8, add: &mut impl FnMut(Term)) {
     if variables.is_empty() {
         return;
     }
@@ -149,7 +149,7 @@ fn products(variables: &[u16], degree: u8, add: &mut impl FnMut(Term)) {
 }
 
 /// `x |y|` of all different `x` and `y`.
-fn signed_products(variables: &[u16], add: &mut impl FnMut(Term)) {
+fn for_each_signed_product(variables: &[u16], add: &mut impl FnMut(Term)) {
     for &x in variables {
         variables.iter().filter(|&&y| y != x).for_each(|&y| add(Term::signed_square(x, y)));
     }
@@ -171,14 +171,14 @@ fn sine(angle: u16) -> Term {
 
 fn marine(variables: &Variables, add: &mut impl FnMut(Term)) {
     let outputs: Vec<u16> = variables.outputs().map(|(y, _)| y).collect();
-    products(&outputs, 2, add);
+    for_each_monomial(&outputs, 2, add);
     for &y in &outputs {
         add(Term::signed_square(y, y));
     }
-    signed_products(&lateral(variables), add);
+    for_each_signed_product(&lateral(variables), add);
     let advance = advance(variables);
     let of_kind = |wanted| variables.inputs().filter(move |(_, kind)| *kind == wanted).map(|(c, _)| c);
-    for c in of_kind(Kind::Plain) {
+    for c in of_kind(VariableKind::Plain) {
         let command = Term::monomial(&[c]);
         add(Term::signed_square(c, c));
         for &u in &advance {
@@ -188,26 +188,26 @@ fn marine(variables: &Variables, add: &mut impl FnMut(Term)) {
         }
         add(command);
     }
-    for delta in of_kind(Kind::Angle) {
+    for delta in of_kind(VariableKind::Angle) {
         let lift = sine(delta);
         for &u in &advance {
             add(Term::monomial(&[u]).times(&lift));
             add(Term::signed_square(u, u).times(&lift));
         }
-        of_kind(Kind::Plain).for_each(|c| add(Term::signed_square(c, c).times(&lift)));
+        of_kind(VariableKind::Plain).for_each(|c| add(Term::signed_square(c, c).times(&lift)));
         add(lift);
     }
-    of_kind(Kind::Wind).for_each(|wind| add(Term::monomial(&[wind])));
+    of_kind(VariableKind::Wind).for_each(|wind| add(Term::monomial(&[wind])));
 }
 
 fn cubic(variables: &Variables, add: &mut impl FnMut(Term)) {
     let outputs: Vec<u16> = variables.outputs().map(|(y, _)| y).collect();
-    products(&outputs, 3, add);
+    for_each_monomial(&outputs, 3, add);
     let (lateral, advance) = (lateral(variables), advance(variables));
-    for (delta, _) in variables.inputs().filter(|(_, kind)| *kind == Kind::Angle) {
+    for (delta, _) in variables.inputs().filter(|(_, kind)| *kind == VariableKind::Angle) {
         let lift = sine(delta);
         let square = Term::new(vec![Factor { variable: delta, shape: Shape::Sin }; 2]);
-        products(&lateral, 2, &mut |term| add(term.times(&lift)));
+        for_each_monomial(&lateral, 2, &mut |term| add(term.times(&lift)));
         lateral.iter().chain(&advance).for_each(|&y| add(Term::monomial(&[y]).times(&square)));
         add(square);
     }

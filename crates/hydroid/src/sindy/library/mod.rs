@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use family::Family;
 pub use text::UnknownLibrary;
-pub use variables::{Kind, Variables};
+pub use variables::{VariableKind, Variables};
 
 /// The union of some families of terms.
 ///
@@ -30,7 +30,7 @@ pub struct Library {
 }
 
 /// Up to this number of terms outside the polynomials [`Library::count`] is exact.
-const COUNTED: u128 = 20_000;
+const EXACT_COUNT_LIMIT: u128 = 20_000;
 
 impl Library {
     /// The union of families. Their order has no meaning.
@@ -86,15 +86,15 @@ impl Library {
             _ => None,
         });
         let degree = degrees.max().unwrap_or(0);
-        let polynomial = Family::Polynomial { degree }.bound(variables);
+        let polynomial = Family::Polynomial { degree }.count_bound(variables);
         let others = || self.families.iter().filter(|family| !is_polynomial(family));
-        let bound = others().fold(0u128, |sum, family| sum.saturating_add(family.bound(variables)));
-        let others = if bound > COUNTED {
+        let bound = others().fold(0u128, |sum, family| sum.saturating_add(family.count_bound(variables)));
+        let others = if bound > EXACT_COUNT_LIMIT {
             bound
         } else {
             let mut seen = HashSet::new();
             others().for_each(|family| {
-                family.each(variables, &mut |term| {
+                family.for_each_term(variables, &mut |term| {
                     if !is_monomial(&term, degree, variables) {
                         seen.insert(term);
                     }
@@ -113,8 +113,8 @@ impl Library {
     /// earlier one stays, and `n |n|` is thrust.
     pub fn terms(&self, variables: &Variables) -> Vec<Term> {
         let mut terms = Vec::new();
-        self.families.iter().for_each(|family| family.each(variables, &mut |term| terms.push(term)));
-        terms.sort_by_cached_key(place);
+        self.families.iter().for_each(|family| family.for_each_term(variables, &mut |term| terms.push(term)));
+        terms.sort_by_cached_key(order_key);
         terms.dedup();
         terms
     }
@@ -129,7 +129,7 @@ fn is_monomial(term: &Term, degree: u8, variables: &Variables) -> bool {
 }
 
 /// By what terms are ordered.
-fn place(term: &Term) -> (usize, u8, Vec<u16>, Term) {
+fn order_key(term: &Term) -> (usize, u8, Vec<u16>, Term) {
     // Each variable as often as it stands in the product: x x before x y before y y.
     let mut product = Vec::new();
     for factor in term.factors() {

@@ -101,9 +101,9 @@ fn counting_is_exact_and_the_order_of_families_has_no_meaning() {
         };
         check(all.clone());
         for a in &all {
-            let bound = a.bound(&variables);
+            let bound = a.count_bound(&variables);
             let mut made = 0;
-            a.each(&variables, &mut |_| made += 1);
+            a.for_each_term(&variables, &mut |_| made += 1);
             let distinct = Library::new(vec![a.clone()]).terms(&variables).len() as u128;
             assert!(bound >= distinct, "{a:?}: {bound} for {distinct} ({made} made)");
             for b in &all {

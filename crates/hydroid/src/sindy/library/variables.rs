@@ -5,7 +5,7 @@ use crate::log::{Channel, Trajectory};
 /// What a variable is, as far as terms depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum VariableKind {
     /// A speed, a rate, a force, a rate of rotation: anything that can stand to a power.
     #[default]
     Plain,
@@ -19,21 +19,21 @@ pub enum Kind {
 /// The variables of terms: outputs first, then inputs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Variables {
-    outputs: Vec<Kind>,
-    inputs: Vec<Kind>,
+    outputs: Vec<VariableKind>,
+    inputs: Vec<VariableKind>,
     surge: Option<u16>,
 }
 
 impl Variables {
     /// Variables of given kinds. The surge speed is taken to be the first of three or more outputs.
-    pub fn new(outputs: Vec<Kind>, inputs: Vec<Kind>) -> Self {
+    pub fn new(outputs: Vec<VariableKind>, inputs: Vec<VariableKind>) -> Self {
         let surge = (outputs.len() >= 3).then_some(0);
         Self { outputs, inputs, surge }
     }
 
     /// So many outputs and inputs of no special kind.
     pub fn plain(outputs: usize, inputs: usize) -> Self {
-        Self::new(vec![Kind::Plain; outputs], vec![Kind::Plain; inputs])
+        Self::new(vec![VariableKind::Plain; outputs], vec![VariableKind::Plain; inputs])
     }
 
     /// Those of a run. An angle is what has the unit `rad`; components of the wind are known by the names and
@@ -69,26 +69,26 @@ impl Variables {
 
     /// All variables; those beyond the 65,536 that a term can name are left out, and no program compiles with
     /// so many.
-    pub fn all(&self) -> impl Iterator<Item = (u16, Kind)> + Clone {
+    pub fn all(&self) -> impl Iterator<Item = (u16, VariableKind)> + Clone {
         (0..=u16::MAX).zip(self.outputs.iter().chain(&self.inputs).copied())
     }
 
     /// The outputs.
-    pub fn outputs(&self) -> impl Iterator<Item = (u16, Kind)> + Clone {
+    pub fn outputs(&self) -> impl Iterator<Item = (u16, VariableKind)> + Clone {
         self.all().take(self.outputs.len())
     }
 
     /// The inputs.
-    pub fn inputs(&self) -> impl Iterator<Item = (u16, Kind)> + Clone {
+    pub fn inputs(&self) -> impl Iterator<Item = (u16, VariableKind)> + Clone {
         self.all().skip(self.outputs.len())
     }
 }
 
-fn kind(channel: &Channel) -> Kind {
+fn kind(channel: &Channel) -> VariableKind {
     match (channel.unit.as_str(), channel.name.as_str()) {
-        ("rad", _) => Kind::Angle,
-        ("m^2/s^2", "wind_x" | "wind_y") => Kind::Wind,
-        _ => Kind::Plain,
+        ("rad", _) => VariableKind::Angle,
+        ("m^2/s^2", "wind_x" | "wind_y") => VariableKind::Wind,
+        _ => VariableKind::Plain,
     }
 }
 
@@ -108,9 +108,9 @@ mod tests {
         ];
         let variables = Variables::of_channels(&outputs, &inputs);
         assert_eq!(variables.surge(), Some(1));
-        let kinds: Vec<Kind> = variables.inputs().map(|(_, kind)| kind).collect();
-        assert_eq!(kinds, [Kind::Plain, Kind::Angle, Kind::Wind, Kind::Plain]);
-        assert_eq!(variables.inputs().next(), Some((2, Kind::Plain)));
+        let kinds: Vec<VariableKind> = variables.inputs().map(|(_, kind)| kind).collect();
+        assert_eq!(kinds, [VariableKind::Plain, VariableKind::Angle, VariableKind::Wind, VariableKind::Plain]);
+        assert_eq!(variables.inputs().next(), Some((2, VariableKind::Plain)));
         assert_eq!(Variables::plain(2, 1).surge(), None);
         assert_eq!(Variables::plain(3, 1).surge(), Some(0));
     }

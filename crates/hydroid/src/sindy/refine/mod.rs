@@ -1,4 +1,4 @@
-//! Coefficients, lags and gates that minimise the errors of predictions over many steps.
+//! Coefficients, lags and gates that nelder_mead the errors of predictions over many steps.
 //!
 //! A regression asks how well the equations explain derivatives. That is neither the most likely answer under noise of
 //! measurement, nor what a model is judged by. With the terms chosen, [`refine`] minimises instead
@@ -18,20 +18,20 @@
 //! The last sum holds on to the regression's estimate `p0` where the windows say little, `d_j` being the norm
 //! of the column of `p_j`.
 
-mod descent;
+mod levenberg_marquardt;
 mod outcome;
 mod parameters;
-mod windows;
+mod shooting;
 
 use hydroid_core::model::sparse::Equations;
 
-use self::descent::{Pull, Rules, descend};
+use self::levenberg_marquardt::{Prior, LinearConstraints, levenberg_marquardt};
 pub use self::outcome::{Attempt, Outcome, Refinement};
 use self::parameters::Parameters;
-use self::windows::Windows;
+use self::shooting::Windows;
 use super::constraints::Constraints;
-use super::structure::{Lag, Schedule};
-use super::window::noise;
+use super::structure::{Lag, GateSpec};
+use super::noise::noise_std;
 use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
@@ -44,35 +44,35 @@ const STRIDE: f64 = 0.5;
 const DEVIATIONS: f64 = 5.0;
 
 /// Residuals smaller than this share of the outputs are rounding.
-const FLOOR: f64 = 1e-6;
+const ROUNDING_FLOOR: f64 = 1e-6;
 
 /// What is refined, and on what.
 #[derive(Clone, Debug)]
-pub struct Refining<'a> {
+pub struct RefineOptions<'a> {
     /// Runs to learn from.
     pub runs: &'a [&'a Trajectory],
     /// Design ranges of the outputs: what leaves ten times these diverges.
     pub ranges: &'a [DesignRange],
     /// Length of a window \[samples\].
     pub horizon: usize,
-    /// Strengths of the pull towards the start, the strongest first: each descent begins where the one before ended.
+    /// Strengths of the prior towards the start, the strongest first: each descent begins where the one before ended.
     pub strengths: &'a [f64],
     /// Errors beyond so many standard deviations count linearly.
     pub huber: Option<f64>,
     /// Lags whose time constants are refined.
     pub lags: &'a [Lag],
     /// Gates whose centres and slopes are refined.
-    pub gates: &'a [Schedule],
+    pub gates: &'a [GateSpec],
     /// What the coefficients must obey.
     pub constraints: &'a Constraints,
 }
 
-/// Refined equations.
+/// RefinedEquations equations.
 #[derive(Clone, Debug)]
-pub struct Refined {
+pub struct RefinedEquations {
     /// The equations.
     pub equations: Equations,
-    /// Strength of the pull.
+    /// Strength of the prior.
     pub strength: f64,
     /// Steps of the descent.
     pub steps: usize,
@@ -86,27 +86,27 @@ pub struct Refined {
 /// # Errors
 /// If the work was interrupted.
 pub fn refine(
-    refining: &Refining<'_>,
+    options: &RefineOptions<'_>,
     equations: &Equations,
     progress: Progress<'_>,
-) -> Result<Vec<Refined>, Cancelled> {
-    let parameters = Parameters::new(equations, refining.lags, refining.gates);
+) -> Result<Vec<RefinedEquations>, Cancelled> {
+    let parameters = Parameters::new(equations, options.lags, options.gates);
     let start = parameters.start();
-    let Some(windows) = windows(refining, equations) else { return Ok(Vec::new()) };
+    let Some(windows) = windows(options, equations) else { return Ok(Vec::new()) };
     let Some(first) = windows.linearise(&parameters, &start) else { return Ok(Vec::new()) };
-    let Some(whole) = first.whole() else { return Ok(Vec::new()) };
+    let Some(merged) = first.merged() else { return Ok(Vec::new()) };
     let unit = |norm: f64| if norm > 0.0 { norm } else { 1.0 };
-    let norms = (0..parameters.len()).map(|j| unit(whole.column_norm(j))).collect();
-    let mut pull = Pull { centre: start.clone(), norms, strength: 1.0 };
-    let rules = Rules::new(refining.constraints, &parameters);
+    let norms = (0..parameters.len()).map(|j| unit(merged.column_norm(j))).collect();
+    let mut prior = Prior { centre: start.clone(), norms, strength: 1.0 };
+    let constraints = LinearConstraints::new(options.constraints, &parameters);
     let mut refined = Vec::new();
     let mut from = (start, first);
-    for (index, &strength) in refining.strengths.iter().enumerate() {
-        pull.strength = strength;
-        let share = |f: f64| (index as f64 + f) / refining.strengths.len() as f64;
-        let end = descend(&windows, &parameters, from, &pull, &rules, &mut |f| progress(share(f)))?;
+    for (index, &strength) in options.strengths.iter().enumerate() {
+        prior.strength = strength;
+        let share = |f: f64| (index as f64 + f) / options.strengths.len() as f64;
+        let end = levenberg_marquardt(&windows, &parameters, from, &prior, &constraints, &mut |f| progress(share(f)))?;
         if let Ok(equations) = parameters.equations(&end.values) {
-            refined.push(Refined {
+            refined.push(RefinedEquations {
                 equations,
                 strength,
                 steps: end.steps,
@@ -121,28 +121,28 @@ pub fn refine(
 
 /// What predictions over windows miss the measurements by (RMS), in units of the noise of the sensor of each output.
 /// Nothing comes back where they diverge, or no run is longer than a window.
-pub fn excess(refining: &Refining<'_>, equations: &Equations) -> Option<Vec<f64>> {
-    let windows = windows(refining, equations)?;
+pub fn noise_excess(options: &RefineOptions<'_>, equations: &Equations) -> Option<Vec<f64>> {
+    let windows = windows(options, equations)?;
     let share = |(start, weight): (&f64, &f64)| start / weight;
     Some(windows.start.iter().zip(&windows.weights).map(share).collect())
 }
 
 /// Windows whose errors weigh what the errors of some equations are; none where their rollouts diverge.
-fn windows<'a>(refining: &Refining<'a>, equations: &Equations) -> Option<Windows<'a>> {
+fn windows<'a>(options: &RefineOptions<'a>, equations: &Equations) -> Option<Windows<'a>> {
     // A positive number far below 2^53.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let stride = (STRIDE * refining.horizon as f64).ceil().max(1.0) as usize;
-    let sizes: Vec<f64> = refining.ranges.iter().map(|r| (r.high - r.low) / DEVIATIONS).collect();
-    let floor = |value: f64, size: &f64| value.max(FLOOR * size).max(f64::MIN_POSITIVE);
-    let sensors = noise(refining.runs);
+    let stride = (STRIDE * options.horizon as f64).ceil().max(1.0) as usize;
+    let sizes: Vec<f64> = options.ranges.iter().map(|r| (r.high - r.low) / DEVIATIONS).collect();
+    let floor = |value: f64, size: &f64| value.max(ROUNDING_FLOOR * size).max(f64::MIN_POSITIVE);
+    let sensors = noise_std(options.runs);
     let start_weights = sensors.iter().zip(&sizes).map(|(noise, size)| 1.0 / floor(*noise, size));
     let mut windows = Windows {
-        runs: refining.runs,
-        horizon: refining.horizon,
+        runs: options.runs,
+        horizon: options.horizon,
         stride,
         weights: sizes.iter().map(|size| 1.0 / floor(*size, size)).collect(),
         start: start_weights.collect(),
-        ranges: refining.ranges,
+        ranges: options.ranges,
         huber: None,
     };
     let first = windows.linearise(&Parameters::fixed(equations), &[])?;
@@ -150,6 +150,6 @@ fn windows<'a>(refining: &Refining<'a>, equations: &Equations) -> Option<Windows
         windows.weights[i] = 1.0 / floor((sum / count.max(1) as f64).sqrt(), &sizes[i]);
         windows.start[i] = windows.start[i].max(windows.weights[i]);
     }
-    windows.huber = refining.huber;
+    windows.huber = options.huber;
     Some(windows)
 }

@@ -51,18 +51,18 @@ pub struct Attempt {
 }
 
 /// A number with two digits that count, or all before the point.
-fn significant(x: f64) -> String {
+fn two_digits(x: f64) -> String {
     if x < 10.0 { format!("{x:.1}") } else { format!("{x:.0}") }
 }
 
 impl Refinement {
-    /// The largest of the outputs' excesses.
-    pub fn largest(&self) -> Option<f64> {
+    /// The max_excess of the outputs' excesses.
+    pub fn max_excess(&self) -> Option<f64> {
         self.excess.iter().flatten().copied().max_by(f64::total_cmp)
     }
 
     /// In a sentence for people, for samples of `dt` seconds; none where nobody asked.
-    pub fn in_words(&self, dt: f64) -> Option<String> {
+    pub fn describe(&self, dt: f64) -> Option<String> {
         let before = self.before.map_or_else(String::new, |before| format!(" {before:.4}"));
         let taken = self.taken.and_then(|at| self.attempts.get(at));
         Some(match (self.outcome, taken) {
@@ -72,11 +72,11 @@ impl Refinement {
             ),
             (Outcome::FarFromNoise, _) => format!(
                 "not refined: predictions miss the measurements by {} times the noise in them, so that what the equations lack rules, not the noise",
-                self.largest().map_or_else(|| String::from("many"), significant)
+                self.max_excess().map_or_else(|| String::from("many"), two_digits)
             ),
             (Outcome::Taken, Some(Attempt { horizon, strength, score: Some(score), .. })) => format!(
                 "refined by predictions over {} s: score {score:.4}, the regression's estimate{before} (pull towards it {strength})",
-                significant(*horizon as f64 * dt),
+                two_digits(*horizon as f64 * dt),
             ),
             _ => format!(
                 "not refined: in none of {} attempts better than the regression's estimate{before}",

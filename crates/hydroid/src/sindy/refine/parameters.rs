@@ -2,7 +2,7 @@
 
 use hydroid_core::model::sparse::{Equations, EquationsError, Factor, Gate, Real, Shape, Signal, Term};
 
-use crate::sindy::structure::{Lag, Schedule};
+use crate::sindy::structure::{Lag, GateSpec};
 
 /// The numbers that are refined: coefficients, then logarithms of time constants, then centre and logarithm of the slope
 /// of each gate.
@@ -18,7 +18,7 @@ pub(super) struct Parameters {
 
 impl Parameters {
     /// Of equations, with those of their lags and gates that are free.
-    pub(super) fn new(base: &Equations, lags: &[Lag], gates: &[Schedule]) -> Self {
+    pub(super) fn new(base: &Equations, lags: &[Lag], gates: &[GateSpec]) -> Self {
         let free = |signal: &Signal| match *signal {
             Signal::Lag { input, time_constant_s } => lags.iter().any(|lag| {
                 base.outputs() + lag.input == usize::from(input)
@@ -51,11 +51,11 @@ impl Parameters {
 
     /// Their number.
     pub(super) fn len(&self) -> usize {
-        self.places.len() + self.hidden()
+        self.places.len() + self.nonlinear()
     }
 
     /// Number of those that are no coefficients.
-    pub(super) fn hidden(&self) -> usize {
+    pub(super) fn nonlinear(&self) -> usize {
         self.lags.len() + 2 * self.gates.len()
     }
 
@@ -88,8 +88,8 @@ impl Parameters {
 
     /// The equations that have these values.
     pub(super) fn equations(&self, values: &[f64]) -> Result<Equations, EquationsError> {
-        let (coefficients, hidden) = values.split_at(self.places.len());
-        let (lags, gates) = hidden.split_at(self.lags.len());
+        let (coefficients, nonlinear) = values.split_at(self.places.len());
+        let (lags, gates) = nonlinear.split_at(self.lags.len());
         let mut table = self.base.coefficients().to_vec();
         for (&place, &value) in self.places.iter().zip(coefficients) {
             table[place] = value;
@@ -104,13 +104,13 @@ impl Parameters {
             .chunks_exact(2)
             .map(|pair| Gate { centre: Real(pair[0]), slope: Real(pair[1].exp()) })
             .collect();
-        let terms = self.base.terms().iter().map(|term| self.moved(term, &moved)).collect();
+        let terms = self.base.terms().iter().map(|term| self.with_gates(term, &moved)).collect();
         let b = &self.base;
         Equations::with_signals(terms, table, b.outputs(), b.inputs(), signals, b.dt(), b.substeps())
     }
 
     /// A term with the gates where they are now.
-    fn moved(&self, term: &Term, moved: &[Gate]) -> Term {
+    fn with_gates(&self, term: &Term, moved: &[Gate]) -> Term {
         if self.gates.is_empty() {
             return term.clone();
         }

@@ -1,12 +1,12 @@
 //! Settings chosen by what the equations predict.
 //!
-//! The score of a setting is the mean of two errors: of rollouts on the validation runs, and of rollouts on
+//! The score of a settings is the mean of two errors: of rollouts on the validation runs, and of rollouts on
 //! excerpts of the training runs. Validation alone is at the mercy of chance where it is short: on a log of
 //! ten minutes it chose equations that run away on the very data they were fitted to.
 
-mod decide;
+mod selection;
 mod excerpts;
-mod improve;
+mod refinement;
 
 use std::sync::Arc;
 
@@ -16,51 +16,51 @@ use serde::{Deserialize, Serialize};
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
-use crate::sindy::choose::Losses;
+use crate::sindy::parsimony::BlockLosses;
 use crate::sindy::constraints::Constraints;
 use crate::sindy::ensemble::Ensemble;
 use crate::sindy::error::FitError;
 use crate::sindy::expression::Constraint;
-use crate::sindy::fit::{Fit, Prepared};
-use crate::sindy::kernel::Regression;
+use crate::sindy::fit::{Fit, LinearRegression};
+use crate::sindy::regression_form::RegressionForm;
 use crate::sindy::library::Variables;
-use crate::sindy::options::{FitOptions, Optimizer, Preparation};
+use crate::sindy::options::{FitOptions, Optimizer, RegressionOptions};
 use crate::sindy::refine::Refinement;
 use crate::sindy::robust::Loss;
-use crate::sindy::screen::{Screen, Screened, screen};
+use crate::sindy::stability::{StabilityCheck, StabilityOptions, stability_check};
 use crate::sindy::structure::Structure;
 
 /// What to try.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Grid {
+pub struct SearchGrid {
     /// Libraries, with lags, gates and past.
     pub structures: Vec<Structure>,
     /// Regressions.
-    pub regressions: Vec<Regression>,
+    pub regressions: Vec<RegressionForm>,
     /// How terms are selected.
     pub optimizers: Vec<Optimizer>,
     /// Ridge penalties, per row, on columns of unit RMS.
     pub ridges: Vec<f64>,
     /// What residuals cost, in all trials.
     pub loss: Loss,
-    /// What the coefficients must obey, in all trials: each [is kept](super::is_kept) by the solver.
+    /// What the coefficients must obey, in all trials: each [is kept](super::is_supported) by the solver.
     pub constraints: Vec<Constraint>,
     /// What of the chosen equations is refined by predictions over many steps.
-    pub refine: Option<Free>,
+    pub refine: Option<RefineScope>,
 }
 
 /// What may move beside the coefficients when equations are refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Free {
+pub struct RefineScope {
     /// Time constants of lags: not those that are given.
     pub lags: bool,
     /// Centre and slope of a gate: not one that is given.
     pub gate: bool,
     /// Whether it is tried where predictions miss the measurements by far more than the noise, too.
-    pub anywhere: bool,
+    pub always: bool,
 }
 
-impl Grid {
+impl SearchGrid {
     /// Samples that the slowest structure needs before it predicts: given to all, so that all are judged on
     /// the same windows.
     pub fn warm_up(&self, run: &Trajectory) -> usize {
@@ -72,7 +72,7 @@ impl Grid {
 
 /// What trials are judged on.
 #[derive(Clone, Debug)]
-pub struct Judge<'a> {
+pub struct SearchOptions<'a> {
     /// Runs that nothing is fitted to.
     pub validation: &'a [&'a Trajectory],
     /// Design ranges of the outputs.
@@ -80,20 +80,20 @@ pub struct Judge<'a> {
     /// Ranges of the inputs in the training runs.
     pub inputs: &'a [DesignRange],
     /// Rollouts that are compared.
-    pub options: evaluate::Options,
+    pub evaluation: evaluate::Options,
     /// Seed of the stability screen and of the ensemble.
     pub seed: u64,
     /// Members of the ensemble that tells how sure the coefficients are; 0 for none.
-    pub members: usize,
+    pub ensemble_size: usize,
 }
 
-/// One setting that was tried.
+/// One settings that was tried.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// The library, with lags, gate and past.
     pub structure: Structure,
     /// The regression.
-    pub regression: Regression,
+    pub regression: RegressionForm,
     /// How terms were selected.
     pub optimizer: Optimizer,
     /// The ridge penalty.
@@ -113,7 +113,7 @@ pub struct Trial {
 
 /// What the search found.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct SearchResult {
     /// The chosen equations.
     pub fit: Fit,
     /// All trials, in the order of the grid.
@@ -129,10 +129,10 @@ pub struct Found {
     pub condition: f64,
     /// Terms of the chosen library that the training runs cannot tell apart or never move.
     pub unidentifiable: Vec<Term>,
-    /// Regression rows used, and left out because a sample was missing.
+    /// RegressionForm rows used, and left out because a sample was missing.
     pub rows: (u64, u64),
     /// How the equations bear states and commands that no log has.
-    pub screened: Screened,
+    pub stability: StabilityCheck,
     /// How sure the coefficients are; over the terms of `fit`.
     pub ensemble: Option<Ensemble>,
     /// Whether its coefficients are the regression's or were refined.
@@ -148,7 +148,7 @@ pub enum SearchError {
     /// The validation runs cannot be evaluated.
     #[error("the validation runs cannot be used: {0}")]
     Validation(EvaluateError),
-    /// Every setting diverged on the validation runs.
+    /// Every settings diverged on the validation runs.
     #[error(
         "all {0} settings that were tried gave equations whose rollouts diverge on the validation or the training runs, so none is offered. Give training runs that cover the speeds and commands of the validation runs, a smaller degree, or a shorter horizon"
     )]
@@ -188,164 +188,164 @@ pub fn substeps(dt: f64) -> usize {
     steps
 }
 
-/// Fits every setting of the grid to the training runs and chooses by rollouts on the validation runs and on
+/// Fits every settings of the grid to the training runs and chooses by rollouts on the validation runs and on
 /// excerpts of the training runs.
 ///
 /// # Errors
 /// If nothing could be fitted, everything diverged, or the work was interrupted.
 pub fn search(
     training: &[&Trajectory],
-    judge: &Judge<'_>,
-    grid: &Grid,
+    options: &SearchOptions<'_>,
+    grid: &SearchGrid,
     progress: Progress<'_>,
-) -> Result<Found, SearchError> {
+) -> Result<SearchResult, SearchError> {
     let run = training.first().ok_or(SearchError::Empty)?;
-    let excerpts = excerpts::excerpts(training, judge.options.horizon, grid.warm_up(run));
+    let excerpts = excerpts::excerpts(training, options.evaluation.horizon, grid.warm_up(run));
     let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
-    let mut bench = Bench { judge, excerpts: &excerpts, variables: Variables::of(run), tried: Vec::new() };
-    let mut refusal = None;
+    let mut search = Search { options, excerpts: &excerpts, variables: Variables::of(run), tried: Vec::new() };
+    let mut first_error = None;
     let pairs = grid.structures.len() * grid.regressions.len();
     for (index, (structure, &regression)) in
         grid.structures.iter().flat_map(|s| grid.regressions.iter().map(move |r| (s, r))).enumerate()
     {
-        let prepared = match bench.prepare(training, structure, regression, grid, 0) {
+        let prepared = match search.prepare(training, structure, regression, grid, 0) {
             Ok(prepared) => Arc::new(prepared),
-            // Larger libraries may be beyond these runs; the first refusal is the plainest.
+            // Larger libraries may be beyond these runs; the first first_error is the plainest.
             Err(error) => {
-                refusal.get_or_insert(error);
+                first_error.get_or_insert(error);
                 continue;
             }
         };
-        let constraints = structure.constraints(&grid.constraints, &bench.variables);
+        let constraints = structure.constraints(&grid.constraints, &search.variables);
         for (position, &ridge) in grid.ridges.iter().enumerate() {
             let done = (index as f64 + position as f64 / grid.ridges.len() as f64) / pairs as f64;
             progress::report(progress, 0.9 * done)?;
             let mut last: Option<Vec<f64>> = None;
             for &optimizer in &grid.optimizers {
-                let fit = match prepared.fit(&options(optimizer, ridge, run.dt, &constraints)) {
+                let fit = match prepared.fit(&fit_options(optimizer, ridge, run.dt, &constraints)) {
                     Ok(fit) => fit,
                     Err(error) => {
-                        refusal.get_or_insert(error.into());
+                        first_error.get_or_insert(error.into());
                         continue;
                     }
                 };
-                // A stricter setting that changes nothing need not be judged again.
+                // A stricter settings that changes nothing need not be judged again.
                 if last.as_ref() != Some(&fit.scaled) {
                     last = Some(fit.scaled.clone());
-                    let setting = Setting { structure, regression, optimizer, ridge };
-                    bench.try_out(setting, fit, Arc::clone(&prepared))?;
+                    let settings = TrialSettings { structure, regression, optimizer, ridge };
+                    search.add_trial(settings, fit, Arc::clone(&prepared))?;
                 }
             }
         }
     }
-    if bench.tried.iter().all(|tried| tried.trial.score.is_none()) {
-        return Err(match refusal {
-            Some(error) if bench.tried.is_empty() => error,
-            _ if bench.tried.is_empty() => SearchError::Empty,
-            _ => SearchError::AllDiverged(bench.tried.len()),
+    if search.tried.iter().all(|tried| tried.trial.score.is_none()) {
+        return Err(match first_error {
+            Some(error) if search.tried.is_empty() => error,
+            _ if search.tried.is_empty() => SearchError::Empty,
+            _ => SearchError::AllDiverged(search.tried.len()),
         });
     }
-    let found = bench.choose(training, grid, run.dt, &mut |f| progress(0.9 + 0.1 * f))?;
+    let found = search.select(training, grid, run.dt, &mut |f| progress(0.9 + 0.1 * f))?;
     progress::report(progress, 1.0)?;
     Ok(found)
 }
 
-fn options(optimizer: Optimizer, ridge: f64, dt: f64, constraints: &Constraints) -> FitOptions {
+fn fit_options(optimizer: Optimizer, ridge: f64, dt: f64, constraints: &Constraints) -> FitOptions {
     FitOptions { optimizer, ridge, substeps: substeps(dt), constraints: constraints.clone() }
 }
 
 /// The trials and what they are judged on.
-struct Bench<'a> {
-    judge: &'a Judge<'a>,
+struct Search<'a> {
+    options: &'a SearchOptions<'a>,
     excerpts: &'a [&'a Trajectory],
     variables: Variables,
-    tried: Vec<Tried>,
+    tried: Vec<EvaluatedTrial>,
 }
 
-/// A setting.
+/// A settings.
 #[derive(Clone, Copy)]
-struct Setting<'a> {
+struct TrialSettings<'a> {
     structure: &'a Structure,
-    regression: Regression,
+    regression: RegressionForm,
     optimizer: Optimizer,
     ridge: f64,
 }
 
 /// A trial with all that is needed to choose it.
-struct Tried {
+struct EvaluatedTrial {
     trial: Trial,
     fit: Fit,
-    losses: Losses,
-    prepared: Arc<Prepared>,
+    losses: BlockLosses,
+    prepared: Arc<LinearRegression>,
 }
 
 /// Rollouts of one model.
-struct Judged {
+struct TrialScore {
     score: f64,
     validation: f64,
     training: Option<f64>,
     diverged: usize,
-    losses: Losses,
+    losses: BlockLosses,
 }
 
-impl Bench<'_> {
+impl Search<'_> {
     fn prepare(
         &self,
         training: &[&Trajectory],
         structure: &Structure,
-        regression: Regression,
-        grid: &Grid,
+        regression: RegressionForm,
+        grid: &SearchGrid,
         groups: usize,
-    ) -> Result<Prepared, SearchError> {
-        structure.check(&self.variables)?;
+    ) -> Result<LinearRegression, SearchError> {
+        structure.check_size(&self.variables)?;
         let signals = structure.signals(&self.variables);
         let preparation =
-            Preparation { signals: &signals, loss: grid.loss, groups, ..Preparation::default() };
+            RegressionOptions { signals: &signals, loss: grid.loss, groups, ..RegressionOptions::default() };
         let terms = structure.terms(&self.variables);
-        Ok(Prepared::with(training, terms, regression, &preparation)?)
+        Ok(LinearRegression::with(training, terms, regression, &preparation)?)
     }
 
-    fn try_out(
+    fn add_trial(
         &mut self,
-        setting: Setting<'_>,
+        settings: TrialSettings<'_>,
         fit: Fit,
-        prepared: Arc<Prepared>,
+        prepared: Arc<LinearRegression>,
     ) -> Result<(), SearchError> {
-        let judged = self.judge(&fit.equations)?;
+        let judged = self.score(&fit.equations)?;
         let finite = |x: f64| x.is_finite().then_some(x);
         let trial = Trial {
-            structure: setting.structure.clone(),
-            regression: setting.regression,
-            optimizer: setting.optimizer,
-            ridge: setting.ridge,
+            structure: settings.structure.clone(),
+            regression: settings.regression,
+            optimizer: settings.optimizer,
+            ridge: settings.ridge,
             terms: fit.equations.active_terms(),
             score: finite(judged.score),
             validation: finite(judged.validation),
             training: judged.training.and_then(finite),
             diverged: judged.diverged,
         };
-        self.tried.push(Tried { trial, fit, losses: judged.losses, prepared });
+        self.tried.push(EvaluatedTrial { trial, fit, losses: judged.losses, prepared });
         Ok(())
     }
 
-    fn judge(&self, equations: &Equations) -> Result<Judged, SearchError> {
+    fn score(&self, equations: &Equations) -> Result<TrialScore, SearchError> {
         let on_validation =
-            self.evaluate(equations, self.judge.validation, self.judge.options.origin_stride)?;
+            self.evaluate(equations, self.options.validation, self.options.evaluation.origin_stride)?;
         let validation = on_validation.score();
-        let mut judged = Judged {
+        let mut judged = TrialScore {
             score: validation,
             validation,
             training: None,
             diverged: on_validation.diverged,
-            losses: Losses { validation: on_validation.blocks, training: Vec::new() },
+            losses: BlockLosses { validation: on_validation.blocks, training: Vec::new() },
         };
         // What fails on the validation runs, or cannot win any more, need not be tried on the training runs.
         let best = self.tried.iter().filter_map(|tried| tried.trial.score).fold(f64::INFINITY, f64::min);
         if !self.excerpts.is_empty() && 0.5 * validation < best {
             // As many origins as on the validation runs: more would weigh no more.
             let samples = |runs: &[&Trajectory]| runs.iter().map(|run| run.len()).sum::<usize>();
-            let ratio = samples(self.excerpts) / samples(self.judge.validation).max(1);
-            let stride = self.judge.options.origin_stride * ratio.max(1);
+            let ratio = samples(self.excerpts) / samples(self.options.validation).max(1);
+            let stride = self.options.evaluation.origin_stride * ratio.max(1);
             let on_training = self.evaluate(equations, self.excerpts, stride)?;
             judged.diverged += on_training.diverged;
             judged.training = Some(on_training.score());
@@ -361,10 +361,10 @@ impl Bench<'_> {
         runs: &[&Trajectory],
         origin_stride: usize,
     ) -> Result<Evaluation, SearchError> {
-        let options = evaluate::Options { origin_stride, ..self.judge.options.clone() };
+        let options = evaluate::Options { origin_stride, ..self.options.evaluation.clone() };
         let mut session = EquationsSession::new(Arc::new(equations.clone()));
         let silent = &mut progress::silent();
-        evaluate("sindy", &mut session, self.judge.outputs, runs, &options, silent).map_err(|error| {
+        evaluate("sindy", &mut session, self.options.outputs, runs, &options, silent).map_err(|error| {
             match error {
                 EvaluateError::Cancelled(cancelled) => SearchError::Cancelled(cancelled),
                 other => SearchError::Validation(other),
@@ -372,9 +372,9 @@ impl Bench<'_> {
         })
     }
 
-    fn screen(&self, equations: &Equations) -> Screened {
-        let steps = (5 * self.judge.options.horizon).clamp(300, 3_000);
-        let plan = Screen { rollouts: 64, steps, seed: self.judge.seed };
-        screen(equations, self.judge.outputs, self.judge.inputs, plan)
+    fn stability(&self, equations: &Equations) -> StabilityCheck {
+        let steps = (5 * self.options.evaluation.horizon).clamp(300, 3_000);
+        let plan = StabilityOptions { rollouts: 64, steps, seed: self.options.seed };
+        stability_check(equations, self.options.outputs, self.options.inputs, plan)
     }
 }

@@ -1,7 +1,7 @@
 use hydroid::log::Trajectory;
 use hydroid::sindy::{
     Coefficient, ConstraintError, Constraints, Criterion, Equality, Fit, FitError, FitOptions, Library,
-    Optimizer, Prepared, Regression, Scaling, Sign, Variables,
+    Optimizer, LinearRegression, RegressionForm, Scaling, Sign, Variables,
 };
 use proptest::prelude::*;
 
@@ -22,10 +22,10 @@ const TERMS: usize = 4;
 
 fn fit(data: &Trajectory, constraints: Constraints, optimizer: Optimizer) -> Result<Fit, FitError> {
     let library = Library::polynomial(1).without_constant();
-    let prepared = Prepared::new(
+    let prepared = LinearRegression::new(
         &[data],
         library.terms(&Variables::plain(4, 0)),
-        Regression::default(),
+        RegressionForm::default(),
         &Scaling::Contribution,
     )
     .unwrap();
@@ -220,10 +220,10 @@ proptest! {
 fn a_term_at_its_bound_leaves() {
     let data = driven(3_000, 0.1, 2);
     let library = Library::polynomial(2);
-    let prepared = Prepared::new(
+    let prepared = LinearRegression::new(
         &[&data],
         library.terms(&Variables::plain(2, 0)),
-        Regression::default(),
+        RegressionForm::default(),
         &Scaling::Contribution,
     )
     .unwrap();

@@ -1,4 +1,4 @@
-use hydroid::sindy::{BLOCK_ROWS, Criterion, Triangle, stepwise_both_ways};
+use hydroid::sindy::{BLOCK_ROWS, Criterion, QrFactor, stepwise_bidirectional};
 use proptest::prelude::*;
 
 use crate::estimate::made::{Normal, solve};
@@ -42,16 +42,16 @@ proptest! {
                 row
             })
             .collect();
-        let mut triangle = Triangle::new(columns + 1);
+        let mut triangle = QrFactor::new(columns + 1);
         let mut block = vec![0.0; (columns + 1) * BLOCK_ROWS];
         for (i, row) in rows.iter().enumerate() {
             for (j, value) in row.iter().enumerate() {
                 block[j * BLOCK_ROWS + i] = *value;
             }
         }
-        triangle.absorb(&mut block, rows.len());
+        triangle.append_rows(&mut block, rows.len());
         let n = rows.len() as f64;
-        let solution = stepwise_both_ways(&triangle, columns, columns, criterion, n);
+        let solution = stepwise_bidirectional(&triangle, columns, columns, criterion, n);
         let support: Vec<usize> = (0..columns).filter(|&j| solution.coefficients[j] != 0.0).collect();
         let (penalty, slack) = if aic { (2.0, 1.0) } else { (n.ln(), 2.0) };
         let score = |support: &[usize]| {

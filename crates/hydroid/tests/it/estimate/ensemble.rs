@@ -1,18 +1,18 @@
 use hydroid::log::Trajectory;
 use hydroid::sindy::{
-    Bagging, Coefficient, ConstraintError, Constraints, Criterion, Ensemble, Equality, FitError, FitOptions,
-    Library, Optimizer, Preparation, Prepared, Regression, Streaming, Triangle, Variables, assemble,
+    BootstrapOptions, Coefficient, ConstraintError, Constraints, Criterion, Ensemble, Equality, FitError, FitOptions,
+    Library, Optimizer, RegressionOptions, LinearRegression, RegressionForm, AssemblyOptions, QrFactor, Variables, assemble,
     assemble_with,
 };
 use hydroid_core::model::sparse::{Factor, Program, Real, Shape, Signal, Term};
 
 use crate::estimate::made::{DT, driven, options, run, table};
 
-const MIDPOINT: Regression = Regression::Midpoint { intervals: 1 };
+const MIDPOINT: RegressionForm = RegressionForm::Midpoint { intervals: 1 };
 
-fn prepared(runs: &[&Trajectory], degree: u8) -> Prepared {
-    let preparation = Preparation { groups: 24, ..Preparation::default() };
-    Prepared::with(runs, Library::polynomial(degree).terms(&Variables::plain(2, 0)), MIDPOINT, &preparation)
+fn prepared(runs: &[&Trajectory], degree: u8) -> LinearRegression {
+    let preparation = RegressionOptions { groups: 24, ..RegressionOptions::default() };
+    LinearRegression::with(runs, Library::polynomial(degree).terms(&Variables::plain(2, 0)), MIDPOINT, &preparation)
         .unwrap()
 }
 
@@ -20,12 +20,12 @@ fn prepared(runs: &[&Trajectory], degree: u8) -> Prepared {
 fn groups_are_parts_of_the_whole() {
     let (one, two) = (driven(7_001, 0.3, 1), driven(503, 0.3, 2));
     let program = Program::new(&Library::polynomial(2).terms(&Variables::plain(2, 0)), 2).unwrap();
-    for regression in [MIDPOINT, Regression::Weak { intervals: 20 }, Regression::Central] {
-        let streaming = Streaming { groups: 24, ..Streaming::default() };
+    for regression in [MIDPOINT, RegressionForm::Weak { intervals: 20 }, RegressionForm::Central] {
+        let streaming = AssemblyOptions { groups: 24, ..AssemblyOptions::default() };
         let grouped = assemble_with(&program, &[&one, &two], regression, &streaming);
         let whole = assemble(&program, &[&one, &two], regression);
         assert_eq!((grouped.groups.len(), whole.groups.len()), (24, 0));
-        let rows: Vec<u64> = grouped.groups.iter().map(Triangle::rows).collect();
+        let rows: Vec<u64> = grouped.groups.iter().map(QrFactor::rows).collect();
         assert_eq!(rows.iter().sum::<u64>(), whole.triangle.rows());
         assert!(rows.iter().max().unwrap() - rows.iter().min().unwrap() <= 1, "{rows:?}");
         for i in 0..7 {
@@ -46,8 +46,8 @@ fn intervals_cover_the_truth_and_are_as_wide_as_theory_says() {
     let (mut covered, mut width) = (0, 0.0);
     for seed in 0..seeds {
         let data = driven(samples, process, seed);
-        let bagging = Bagging { bags: 60, seed, ..Bagging::default() };
-        let ensemble = prepared(&[&data], 1).ensemble(&options(Optimizer::Stlsq(0.0)), &bagging).unwrap();
+        let bootstrap = BootstrapOptions { resamples: 60, seed, ..BootstrapOptions::default() };
+        let ensemble = prepared(&[&data], 1).ensemble(&options(Optimizer::Stlsq(0.0)), &bootstrap).unwrap();
         for (k, truth) in [(1, -1.0), (2, 1.0)] {
             covered += usize::from(ensemble.low[k] <= truth && truth <= ensemble.high[k]);
         }
@@ -73,25 +73,25 @@ fn intervals_cover_the_truth_and_are_as_wide_as_theory_says() {
 fn true_terms_are_always_included_and_junk_seldom() {
     let data = driven(6_000, 0.3, 5);
     let fit = options(Optimizer::Criterion(Criterion::Bic));
-    for leave_out in [0.0, 0.3] {
-        let bagging = Bagging { bags: 200, leave_out, ..Bagging::default() };
-        let ensemble = prepared(&[&data], 2).ensemble(&fit, &bagging).unwrap();
+    for term_dropout in [0.0, 0.3] {
+        let bootstrap = BootstrapOptions { resamples: 200, term_dropout, ..BootstrapOptions::default() };
+        let ensemble = prepared(&[&data], 2).ensemble(&fit, &bootstrap).unwrap();
         let junk = [0, 3, 4, 5].map(|k| ensemble.inclusion[k]);
         assert!(ensemble.inclusion[2] > 0.99, "{:?}", ensemble.inclusion);
         // Where the command is left out nothing tells damping from chance.
-        let least = if leave_out == 0.0 { 0.99 } else { 0.6 };
+        let least = if term_dropout == 0.0 { 0.99 } else { 0.6 };
         assert!(ensemble.inclusion[1] > least, "{:?}", ensemble.inclusion);
-        // Without a true term the junk stands in for it: bagging of the library is there to show that.
-        let most = if leave_out == 0.0 { 0.25 } else { 0.5 };
+        // Without a true term the junk stands in for it: bootstrap of the library is there to show that.
+        let most = if term_dropout == 0.0 { 0.25 } else { 0.5 };
         println!("junk {junk:?}");
         assert!(junk.iter().all(|p| *p < most), "{junk:?}");
-        if leave_out == 0.0 {
+        if term_dropout == 0.0 {
             assert!((ensemble.median[1] + 1.0).abs() < 0.06 && (ensemble.mean[2] - 1.0).abs() < 0.06);
         }
         assert!(ensemble.low.iter().zip(&ensemble.high).all(|(low, high)| low <= high));
         let without = ensemble.members.iter().filter(|member| member[2] == 0.0).count();
         // Binomial: 200 members, 30 %, six deviations of 6.5.
-        assert!(if leave_out == 0.0 { without == 0 } else { (21..=99).contains(&without) }, "{without}");
+        assert!(if term_dropout == 0.0 { without == 0 } else { (21..=99).contains(&without) }, "{without}");
     }
 }
 
@@ -100,9 +100,9 @@ fn the_same_seed_gives_the_same_numbers_on_any_number_of_threads() {
     let data = driven(9_000, 0.3, 8);
     let draw = |threads: usize, seed: u64| -> Ensemble {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let bagging = Bagging { bags: 20, seed, leave_out: 0.1, ..Bagging::default() };
+        let bootstrap = BootstrapOptions { resamples: 20, seed, term_dropout: 0.1, ..BootstrapOptions::default() };
         pool.install(|| {
-            prepared(&[&data], 2).ensemble(&options(Optimizer::Criterion(Criterion::Aic)), &bagging).unwrap()
+            prepared(&[&data], 2).ensemble(&options(Optimizer::Criterion(Criterion::Aic)), &bootstrap).unwrap()
         })
     };
     let one = draw(1, 4);
@@ -114,21 +114,21 @@ fn the_same_seed_gives_the_same_numbers_on_any_number_of_threads() {
 fn settings_out_of_range_are_refused() {
     let data = driven(500, 0.3, 8);
     let fit = options(Optimizer::Stlsq(0.0));
-    let good = Bagging::default();
-    for bagging in [
-        Bagging { bags: 0, ..good.clone() },
-        Bagging { leave_out: 1.0, ..good.clone() },
-        Bagging { quantiles: (0.9, 0.1), ..good.clone() },
-        Bagging { leave_out: f64::NAN, ..good.clone() },
+    let good = BootstrapOptions::default();
+    for bootstrap in [
+        BootstrapOptions { resamples: 0, ..good.clone() },
+        BootstrapOptions { term_dropout: 1.0, ..good.clone() },
+        BootstrapOptions { quantiles: (0.9, 0.1), ..good.clone() },
+        BootstrapOptions { term_dropout: f64::NAN, ..good.clone() },
     ] {
-        let refused = prepared(&[&data], 1).ensemble(&fit, &bagging);
-        assert!(matches!(refused, Err(FitError::Setting(_))), "{bagging:?}");
+        let refused = prepared(&[&data], 1).ensemble(&fit, &bootstrap);
+        assert!(matches!(refused, Err(FitError::Setting(_))), "{bootstrap:?}");
     }
-    let bare = Prepared::with(
+    let bare = LinearRegression::with(
         &[&data],
         Library::polynomial(1).terms(&Variables::plain(2, 0)),
         MIDPOINT,
-        &Preparation::default(),
+        &RegressionOptions::default(),
     );
     assert!(matches!(bare.unwrap().ensemble(&fit, &good), Err(FitError::Setting(_))));
 }
@@ -146,8 +146,8 @@ fn draws_on_which_a_constraint_cannot_be_kept_are_left_out_and_counted() {
         ..Constraints::default()
     };
     let fit = FitOptions { constraints, ..options(Optimizer::Stlsq(0.0)) };
-    let bagging = Bagging { bags: 60, ..Bagging::default() };
-    let ensemble = prepared(&[&data], 1).ensemble(&fit, &bagging).unwrap();
+    let bootstrap = BootstrapOptions { resamples: 60, ..BootstrapOptions::default() };
+    let ensemble = prepared(&[&data], 1).ensemble(&fit, &bootstrap).unwrap();
     // The group that moves is in a draw with probability 1 - (1 - 1/24)^24 = 0.64.
     assert!((25..55).contains(&ensemble.members.len()), "{}", ensemble.members.len());
     assert_eq!(ensemble.draws.len(), ensemble.members.len());
@@ -155,7 +155,7 @@ fn draws_on_which_a_constraint_cannot_be_kept_are_left_out_and_counted() {
     assert!(ensemble.members.iter().all(|member| (member[2] - 0.001).abs() < 1e-9));
     // Where no draw can keep it, it is told.
     data.inputs = table("c", &vec![vec![0.0]; 2_000]);
-    let refused = prepared(&[&data], 1).ensemble(&fit, &bagging);
+    let refused = prepared(&[&data], 1).ensemble(&fit, &bootstrap);
     assert!(
         matches!(refused, Err(FitError::Constraints(ConstraintError::Contradiction { .. }))),
         "{refused:?}"
@@ -165,7 +165,7 @@ fn draws_on_which_a_constraint_cannot_be_kept_are_left_out_and_counted() {
 #[test]
 fn a_library_without_terms_is_refused() {
     let data = driven(500, 0.3, 8);
-    let refused = Prepared::with(&[&data], Vec::new(), MIDPOINT, &Preparation::default());
+    let refused = LinearRegression::with(&[&data], Vec::new(), MIDPOINT, &RegressionOptions::default());
     assert!(matches!(refused, Err(FitError::Setting(_))));
 }
 
@@ -175,8 +175,8 @@ fn a_reciprocal_that_passes_its_pole_between_samples_or_behind_a_lag_is_told() {
         let rows = |values: &[f64]| (0..40).map(|k| vec![values[k % values.len()]]).collect::<Vec<_>>();
         let data = run(DT, &rows(outputs), &rows(inputs));
         let terms = vec![Term::constant(), Term::new(vec![Factor { variable, shape }])];
-        let preparation = Preparation { signals, ..Preparation::default() };
-        match Prepared::with(&[&data], terms, MIDPOINT, &preparation) {
+        let preparation = RegressionOptions { signals, ..RegressionOptions::default() };
+        match LinearRegression::with(&[&data], terms, MIDPOINT, &preparation) {
             Err(FitError::Undefined { channel, time_s, .. }) => Some((channel, time_s)),
             Err(other) => panic!("{other}"),
             Ok(_) => None,

@@ -1,6 +1,6 @@
 use hydroid::log::{Table, Trajectory};
 use hydroid::sindy::{
-    FitError, Library, Loss, Optimizer, Preparation, Prepared, Regression, Streaming, Variables,
+    FitError, Library, Loss, Optimizer, RegressionOptions, LinearRegression, RegressionForm, AssemblyOptions, Variables,
     assemble_with,
 };
 use hydroid_core::model::sparse::Program;
@@ -27,9 +27,9 @@ fn measured(run: &Trajectory, noise: f64, spike: f64, seed: u64) -> (Trajectory,
     (Trajectory { outputs: Table::new(run.outputs.channels().to_vec(), values), ..run.clone() }, weights)
 }
 
-fn error(run: &Trajectory, preparation: &Preparation<'_>) -> f64 {
-    let regression = Regression::Midpoint { intervals: 1 };
-    let prepared = Prepared::with(
+fn error(run: &Trajectory, preparation: &RegressionOptions<'_>) -> f64 {
+    let regression = RegressionForm::Midpoint { intervals: 1 };
+    let prepared = LinearRegression::with(
         &[run],
         Library::polynomial(1).terms(&Variables::plain(2, 0)),
         regression,
@@ -43,10 +43,10 @@ fn error(run: &Trajectory, preparation: &Preparation<'_>) -> f64 {
 
 #[test]
 fn spikes_hardly_move_the_coefficients() {
-    let huber = Preparation { loss: Loss::Huber(1.345), ..Preparation::default() };
+    let huber = RegressionOptions { loss: Loss::Huber(1.345), ..RegressionOptions::default() };
     for seed in 0..5 {
         let (spiked, _) = measured(&driven(20_000, 0.0, seed), 0.005, 50.0, seed);
-        let (plain, robust) = (error(&spiked, &Preparation::default()), error(&spiked, &huber));
+        let (plain, robust) = (error(&spiked, &RegressionOptions::default()), error(&spiked, &huber));
         println!("least squares {plain:.5}, Huber {robust:.5}");
         assert!(robust < 0.01 && plain > 10.0 * robust, "seed {seed}: {robust} for {plain}");
     }
@@ -55,19 +55,19 @@ fn spikes_hardly_move_the_coefficients() {
 /// On Gaussian noise it costs next to nothing, and on exact data nothing.
 #[test]
 fn without_spikes_it_is_least_squares() {
-    let huber = Preparation { loss: Loss::Huber(1.345), ..Preparation::default() };
+    let huber = RegressionOptions { loss: Loss::Huber(1.345), ..RegressionOptions::default() };
     let run = driven(20_000, 0.0, 1);
     assert!(error(&run, &huber) < 1e-9);
     let (noisy, _) = measured(&run, 0.005, 0.0, 1);
-    let (plain, robust) = (error(&noisy, &Preparation::default()), error(&noisy, &huber));
+    let (plain, robust) = (error(&noisy, &RegressionOptions::default()), error(&noisy, &huber));
     assert!((robust - plain).abs() < 1e-3, "{robust} and {plain}");
-    let nowhere = Preparation { loss: Loss::Huber(1e6), ..Preparation::default() };
+    let nowhere = RegressionOptions { loss: Loss::Huber(1e6), ..RegressionOptions::default() };
     assert_eq!(error(&noisy, &nowhere), plain, "a bound that nothing reaches changes nothing");
-    let wrong = Preparation { loss: Loss::Huber(0.0), ..Preparation::default() };
-    let refused = Prepared::with(
+    let wrong = RegressionOptions { loss: Loss::Huber(0.0), ..RegressionOptions::default() };
+    let refused = LinearRegression::with(
         &[&run],
         Library::polynomial(1).terms(&Variables::plain(2, 0)),
-        Regression::default(),
+        RegressionForm::default(),
         &wrong,
     );
     assert!(matches!(refused, Err(FitError::Setting(_))));
@@ -77,31 +77,31 @@ fn without_spikes_it_is_least_squares() {
 fn a_sample_of_weight_zero_is_as_good_as_missing() {
     let (mut spiked, weights) = measured(&driven(5_000, 0.0, 3), 0.005, 50.0, 3);
     let program = Program::new(&Library::polynomial(1).terms(&Variables::plain(2, 0)), 2).unwrap();
-    for regression in [Regression::Midpoint { intervals: 1 }, Regression::Weak { intervals: 10 }] {
+    for regression in [RegressionForm::Midpoint { intervals: 1 }, RegressionForm::Weak { intervals: 10 }] {
         let samples = [weights.clone()];
-        let streaming = Streaming { samples: &samples, ..Streaming::default() };
+        let streaming = AssemblyOptions { samples: &samples, ..AssemblyOptions::default() };
         let weighted = assemble_with(&program, &[&spiked], regression, &streaming);
         let mut missing = spiked.clone();
         let values =
             spiked.outputs.column(0).zip(&weights).map(|(y, w)| if *w == 0.0 { f64::NAN } else { y });
         missing.outputs = Table::new(spiked.outputs.channels().to_vec(), values.collect());
-        let left_out = assemble_with(&program, &[&missing], regression, &Streaming::default());
+        let left_out = assemble_with(&program, &[&missing], regression, &AssemblyOptions::default());
         assert_eq!(weighted.triangle, left_out.triangle);
         assert_eq!((weighted.skipped, left_out.skipped > 0), (0, true));
     }
     // A weight of 4 throughout is the same fit, the factor twice as large.
     let samples = [vec![4.0; spiked.len()]];
-    let streaming = Streaming { samples: &samples, ..Streaming::default() };
-    let four = assemble_with(&program, &[&spiked], Regression::default(), &streaming).triangle;
-    let one = assemble_with(&program, &[&spiked], Regression::default(), &Streaming::default()).triangle;
+    let streaming = AssemblyOptions { samples: &samples, ..AssemblyOptions::default() };
+    let four = assemble_with(&program, &[&spiked], RegressionForm::default(), &streaming).triangle;
+    let one = assemble_with(&program, &[&spiked], RegressionForm::default(), &AssemblyOptions::default()).triangle;
     assert!((four.column_norm(3) / one.column_norm(3) - 2.0).abs() < 1e-12);
     spiked.name = String::from("log7");
     for wrong in [vec![1.0; 3], vec![-1.0; spiked.len()], vec![f64::NAN; spiked.len()]] {
-        let preparation = Preparation { weights: &[wrong], ..Preparation::default() };
-        let refused = Prepared::with(
+        let preparation = RegressionOptions { weights: &[wrong], ..RegressionOptions::default() };
+        let refused = LinearRegression::with(
             &[&spiked],
             Library::polynomial(1).terms(&Variables::plain(2, 0)),
-            Regression::default(),
+            RegressionForm::default(),
             &preparation,
         );
         assert_eq!(refused.unwrap_err(), FitError::Weights(String::from("log7")));

@@ -13,7 +13,7 @@ use crate::evaluate::DesignRange;
 
 /// Random rollouts that a model must survive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Screen {
+pub struct StabilityOptions {
     /// Number of rollouts.
     pub rollouts: usize,
     /// Their length \[samples\].
@@ -24,14 +24,14 @@ pub struct Screen {
 
 /// What a screen showed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Screened {
+pub struct StabilityCheck {
     /// Rollouts made.
     pub rollouts: usize,
     /// Those that were not finite or left ten times the design range.
     pub unbounded: usize,
 }
 
-impl Screened {
+impl StabilityCheck {
     /// Whether every rollout stayed bounded.
     pub fn is_bounded(self) -> bool {
         self.unbounded == 0
@@ -41,29 +41,29 @@ impl Screened {
 /// Rolls equations out from states drawn evenly from the box of the outputs' ranges, under commands drawn
 /// from the box of the inputs' ranges and held for random times. The past before a rollout is its first
 /// command.
-pub fn screen(
+pub fn stability_check(
     equations: &Equations,
     outputs: &[DesignRange],
     inputs: &[DesignRange],
-    screen: Screen,
-) -> Screened {
+    options: StabilityOptions,
+) -> StabilityCheck {
     let equations = Arc::new(equations.clone());
-    let unbounded = (0..screen.rollouts)
+    let unbounded = (0..options.rollouts)
         .into_par_iter()
         .map_init(
             || (EquationsSession::new(Arc::clone(&equations)), Workspace::new()),
             |(session, work), index| {
-                let mut rng = ChaCha8Rng::seed_from_u64(screen.seed);
+                let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
                 rng.set_stream(index as u64);
                 let mut within =
                     |range: &DesignRange| range.low + (range.high - range.low) * rng.random::<f64>();
                 let state: Vec<f64> = outputs.iter().map(&mut within).collect();
-                let mut commands = Vec::with_capacity(screen.steps * inputs.len());
+                let mut commands = Vec::with_capacity(options.steps * inputs.len());
                 let mut held: Vec<f64> = inputs.iter().map(&mut within).collect();
-                for _ in 0..screen.steps {
+                for _ in 0..options.steps {
                     // Held for a twentieth of the rollout in the mean.
                     let change = within(&DesignRange { low: 0.0, high: 1.0 });
-                    if change * (screen.steps as f64) < 20.0 {
+                    if change * (options.steps as f64) < 20.0 {
                         held = inputs.iter().map(&mut within).collect();
                     }
                     commands.extend_from_slice(&held);
@@ -74,16 +74,16 @@ pub fn screen(
                     session.advance(&commands[..inputs.len()]);
                 }
                 session.observe(&state);
-                let mut y = vec![0.0; screen.steps * outputs.len()];
+                let mut y = vec![0.0; options.steps * outputs.len()];
                 session.rollout(&commands, work, &mut y);
-                let lost = y
+                let diverged = y
                     .chunks_exact(outputs.len())
                     .any(|row| row.iter().zip(outputs).any(|(value, range)| range.diverged(*value)));
-                usize::from(lost)
+                usize::from(diverged)
             },
         )
         .sum();
-    Screened { rollouts: screen.rollouts, unbounded }
+    StabilityCheck { rollouts: options.rollouts, unbounded }
 }
 
 #[cfg(test)]
@@ -93,25 +93,25 @@ mod tests {
 
     const RANGE: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
 
-    fn screened(coefficients: [f64; 3]) -> Screened {
+    fn check(coefficients: [f64; 3]) -> StabilityCheck {
         // y' = a y + b y^2 + c command.
         let terms = vec![Term::monomial(&[0]), Term::monomial(&[0, 0]), Term::monomial(&[1])];
         let equations = Equations::new(terms, coefficients.to_vec(), 1, 1, 0.1, 1).unwrap();
-        screen(&equations, &RANGE, &RANGE, Screen { rollouts: 64, steps: 500, seed: 7 })
+        stability_check(&equations, &RANGE, &RANGE, StabilityOptions { rollouts: 64, steps: 500, seed: 7 })
     }
 
     #[test]
     fn a_damped_vessel_stays_and_a_run_away_is_seen() {
-        assert!(screened([-1.0, 0.0, 1.0]).is_bounded());
+        assert!(check([-1.0, 0.0, 1.0]).is_bounded());
         // y' = -y + 2 y^2 runs away from every state above one half.
-        let some = screened([-1.0, 2.0, 0.0]);
+        let some = check([-1.0, 2.0, 0.0]);
         assert!((8..=24).contains(&some.unbounded), "a quarter of the states: {some:?}");
         // exp(5) over the rollout: all but states near rest.
-        assert!(screened([0.1, 0.0, 0.0]).unbounded > 50);
+        assert!(check([0.1, 0.0, 0.0]).unbounded > 50);
     }
 
     #[test]
     fn the_same_seed_draws_the_same() {
-        assert_eq!(screened([-1.0, 2.0, 0.3]), screened([-1.0, 2.0, 0.3]));
+        assert_eq!(check([-1.0, 2.0, 0.3]), check([-1.0, 2.0, 0.3]));
     }
 }

@@ -1,24 +1,24 @@
 //! Which of the trials is taken, output by output, and how sure its coefficients are.
 
-use super::improve::Candidate;
-use super::{Bench, Found, Grid, Judged, SearchError, options};
+use super::refinement::Selected;
+use super::{Search, SearchError, SearchGrid, SearchResult, TrialScore, fit_options};
 use crate::log::Trajectory;
 use crate::progress::Progress;
-use crate::sindy::choose::compose;
-use crate::sindy::ensemble::{Bagging, Ensemble};
+use crate::sindy::parsimony::combine_equations;
+use crate::sindy::ensemble::{BootstrapOptions, Ensemble};
 use crate::sindy::fit::Fit;
-use crate::sindy::rules::ties_outputs;
+use crate::sindy::structure_constraints::couples_outputs;
 
 /// Other trials whose equation of one output is tried in place of the chosen one.
-const SWAPS: usize = 12;
+const MAX_SWAPS: usize = 12;
 
 /// A model that fails the screen gives way to one that passes and is worse by this factor at the most.
-const STABLE: f64 = 1.1;
+const STABILITY_TOLERANCE: f64 = 1.1;
 
 /// Groups of rows that the ensemble draws from.
-const GROUPS: usize = 24;
+const BOOTSTRAP_BLOCKS: usize = 24;
 
-impl Bench<'_> {
+impl Search<'_> {
     /// Trials that may be taken, the preferred ones first: those that the rollouts cannot tell from the best,
     /// by simplicity, then all others by score.
     fn preference(&self) -> Vec<usize> {
@@ -29,40 +29,40 @@ impl Bench<'_> {
         // One that was given up on the way was not compared on the training runs.
         let compared =
             |i: usize| self.tried[i].losses.training.len() == self.tried[best].losses.training.len();
-        let alike = |i: usize| compared(i) && self.tried[i].losses.is_as_good_as(&self.tried[best].losses);
+        let alike = |i: usize| compared(i) && self.tried[i].losses.is_within_one_standard_error(&self.tried[best].losses);
         let (mut simple, rest): (Vec<usize>, Vec<usize>) = order.into_iter().partition(|&i| alike(i));
         simple.sort_by_key(|&i| self.tried[i].trial.terms + self.tried[i].trial.structure.parameters());
         simple.extend(rest);
         simple
     }
 
-    pub(super) fn choose(
+    pub(super) fn select(
         &self,
         training: &[&Trajectory],
-        grid: &Grid,
+        grid: &SearchGrid,
         dt: f64,
         progress: Progress<'_>,
-    ) -> Result<Found, SearchError> {
+    ) -> Result<SearchResult, SearchError> {
         let preference = self.preference();
         let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
         let best = preference.iter().map(|&i| score(i)).fold(f64::INFINITY, f64::min);
-        let bounded = |i: &&usize| self.screen(&self.tried[**i].fit.equations).is_bounded();
-        let near = preference.iter().filter(|&&i| score(i) <= STABLE * best);
-        let chosen = near.clone().find(bounded).or(near.clone().next()).copied().unwrap_or(0);
+        let bounded = |i: &&usize| self.stability(&self.tried[**i].fit.equations).is_bounded();
+        let comparable = preference.iter().filter(|&&i| score(i) <= STABILITY_TOLERANCE * best);
+        let chosen = comparable.clone().find(bounded).or(comparable.clone().next()).copied().unwrap_or(0);
         // Equations that rules tie together come from one fit.
-        let tied = grid.constraints.iter().any(ties_outputs);
-        let others: &[usize] = if tied { &[] } else { &preference };
-        let (equations, fit, score) = self.by_output(chosen, others)?;
+        let coupled = grid.constraints.iter().any(couples_outputs);
+        let others: &[usize] = if coupled { &[] } else { &preference };
+        let (equations, fit, score) = self.select_by_output(chosen, others)?;
         let ensemble = self.ensemble(training, grid, dt, &equations, &fit)?;
-        let candidate = Candidate { rows: &equations, fit, ensemble, score };
-        let (improved, refinement) = self.improve(training, grid, candidate, progress)?;
-        let Candidate { fit, ensemble, score, .. } = improved;
+        let candidate = Selected { rows: &equations, fit, ensemble, score };
+        let (refined, refinement) = self.refine_selected(training, grid, candidate, progress)?;
+        let Selected { fit, ensemble, score, .. } = refined;
         let winner = &self.tried[chosen];
         let lost = winner.prepared.unidentifiable();
         let independent: Vec<usize> =
             (0..winner.prepared.terms().len()).filter(|j| !lost.contains(j)).collect();
-        Ok(Found {
-            screened: self.screen(&fit.equations),
+        Ok(SearchResult {
+            stability: self.stability(&fit.equations),
             chosen,
             equations,
             score,
@@ -78,7 +78,7 @@ impl Bench<'_> {
 
     /// For each output in turn the equations of other trials are tried in place of the chosen one; one that
     /// does better beyond the noise, in the rollouts of the whole, stays.
-    fn by_output(&self, chosen: usize, preference: &[usize]) -> Result<(Vec<usize>, Fit, f64), SearchError> {
+    fn select_by_output(&self, chosen: usize, preference: &[usize]) -> Result<(Vec<usize>, Fit, f64), SearchError> {
         let outputs = self.variables.outputs().count();
         let mut rows = vec![chosen; outputs];
         let mut fit = self.tried[chosen].fit.clone();
@@ -86,29 +86,29 @@ impl Bench<'_> {
         let mut score = self.tried[chosen].trial.score.unwrap_or(f64::INFINITY);
         let signals = fit.equations.signals().to_vec();
         for output in 0..outputs {
-            let mut known: Vec<Vec<f64>> = vec![self.row(chosen, output)];
-            let mut best: Option<(usize, Fit, Judged)> = None;
+            let mut known: Vec<Vec<f64>> = vec![self.equation(chosen, output)];
+            let mut best: Option<(usize, Fit, TrialScore)> = None;
             for &other in preference {
-                if known.len() > SWAPS {
+                if known.len() > MAX_SWAPS {
                     break;
                 }
-                let row = self.row(other, output);
-                if self.tried[other].fit.equations.signals() != signals || known.contains(&row) {
+                let equation = self.equation(other, output);
+                if self.tried[other].fit.equations.signals() != signals || known.contains(&equation) {
                     continue;
                 }
-                known.push(row);
+                known.push(equation);
                 let mut next = rows.clone();
                 next[output] = other;
                 let fits: Vec<&Fit> = next.iter().map(|&i| &self.tried[i].fit).collect();
-                let Ok(composed) = compose(&fits) else { continue };
-                let judged = self.judge(&composed.equations)?;
+                let Ok(composed) = combine_equations(&fits) else { continue };
+                let judged = self.score(&composed.equations)?;
                 let ahead = best.as_ref().map_or(score, |(_, _, best)| best.score);
-                if judged.score < ahead && judged.losses.is_better_than(&losses) {
+                if judged.score < ahead && judged.losses.is_significantly_better(&losses) {
                     best = Some((other, composed, judged));
                 }
             }
             if let Some((other, composed, judged)) = best
-                && self.screen(&composed.equations).unbounded <= self.screen(&fit.equations).unbounded
+                && self.stability(&composed.equations).unbounded <= self.stability(&fit.equations).unbounded
             {
                 rows[output] = other;
                 (fit, losses, score) = (composed, judged.losses, judged.score);
@@ -117,7 +117,7 @@ impl Bench<'_> {
         Ok((rows, fit, score))
     }
 
-    fn row(&self, trial: usize, output: usize) -> Vec<f64> {
+    fn equation(&self, trial: usize, output: usize) -> Vec<f64> {
         let fit = &self.tried[trial].fit;
         let terms = fit.equations.terms().len();
         fit.equations.coefficients()[output * terms..(output + 1) * terms].to_vec()
@@ -127,26 +127,26 @@ impl Bench<'_> {
     fn ensemble(
         &self,
         training: &[&Trajectory],
-        grid: &Grid,
+        grid: &SearchGrid,
         dt: f64,
         rows: &[usize],
         fit: &Fit,
     ) -> Result<Option<Ensemble>, SearchError> {
-        if self.judge.members == 0 {
+        if self.options.ensemble_size == 0 {
             return Ok(None);
         }
         let terms = fit.equations.terms();
-        let bagging = Bagging { bags: self.judge.members, seed: self.judge.seed, ..Bagging::default() };
-        let mut whole = Ensemble::zero(self.judge.members, rows.len(), terms.len());
-        for (output, &row) in rows.iter().enumerate() {
-            let trial = &self.tried[row].trial;
-            let prepared = self.prepare(training, &trial.structure, trial.regression, grid, GROUPS)?;
+        let bootstrap = BootstrapOptions { resamples: self.options.ensemble_size, seed: self.options.seed, ..BootstrapOptions::default() };
+        let mut whole = Ensemble::zero(self.options.ensemble_size, rows.len(), terms.len());
+        for (output, &equation) in rows.iter().enumerate() {
+            let trial = &self.tried[equation].trial;
+            let prepared = self.prepare(training, &trial.structure, trial.regression, grid, BOOTSTRAP_BLOCKS)?;
             let constraints = trial.structure.constraints(&grid.constraints, &self.variables);
-            let options = options(trial.optimizer, trial.ridge, dt, &constraints);
-            let ensemble = prepared.ensemble(&options, &bagging)?;
+            let options = fit_options(trial.optimizer, trial.ridge, dt, &constraints);
+            let ensemble = prepared.ensemble(&options, &bootstrap)?;
             let places: Vec<Option<usize>> =
                 prepared.terms().iter().map(|term| terms.iter().position(|known| known == term)).collect();
-            whole.take_row(output, &ensemble, &places);
+            whole.replace_equation(output, &ensemble, &places);
         }
         Ok(Some(whole))
     }

@@ -1,36 +1,36 @@
 //! The Gauss-Newton descent with its damping (Levenberg, Quart. Appl. Math. 2 (1944) 164; Marquardt, J. SIAM 11 (1963)
-//! 431), a pull towards the start, and constraints.
+//! 431), a prior towards the start, and constraints.
 
 use super::parameters::Parameters;
-use super::windows::{Linear, Windows};
+use super::shooting::{Linearization, Windows};
 use crate::progress::{self, Cancelled, Progress};
 use crate::sindy::active_set::{Problem, solve};
 use crate::sindy::constraints::{Coefficient, Constraints, Equality, Sign};
-use crate::sindy::triangle::{BLOCK_ROWS, Triangle};
+use crate::sindy::qr::{BLOCK_ROWS, QrFactor};
 
 /// Steps at the most.
-const MOST_STEPS: usize = 12;
+const MAX_STEPS: usize = 12;
 
 /// Trials of a step at the most, each damped ten times more.
-const MOST_TRIALS: usize = 5;
+const MAX_TRIALS: usize = 5;
 
 /// A step that lowers the cost by less than this share is the last.
-const WORTH: f64 = 1e-4;
+const MIN_RELATIVE_DECREASE: f64 = 1e-4;
 
 /// Damping of the first step that follows a rejected one.
-const DAMPING: f64 = 1e-2;
+const INITIAL_DAMPING: f64 = 1e-2;
 
 /// What the coefficients must obey, in the order of the parameters.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Rules {
+pub(super) struct LinearConstraints {
     /// Weights of the parameters and what their sum must be.
     pub(super) equalities: Vec<(Vec<f64>, f64)>,
     /// Signs: 1, -1, or 0 for any.
     pub(super) signs: Vec<f64>,
 }
 
-impl Rules {
-    /// Constraints on equations as rules on their parameters. Coefficients that are none of these are zero.
+impl LinearConstraints {
+    /// Constraints on equations as constraints on their parameters. Coefficients that are none of these are zero.
     pub(super) fn new(constraints: &Constraints, parameters: &Parameters) -> Self {
         let place = |at: &Coefficient| {
             let place = at.equation * parameters.terms() + at.term;
@@ -55,47 +55,47 @@ impl Rules {
     }
 }
 
-/// Where a pull holds the parameters, and how strongly.
+/// Where a prior holds the parameters, and how strongly.
 #[derive(Clone, Debug)]
-pub(super) struct Pull {
+pub(super) struct Prior {
     /// The values that it pulls to.
     pub(super) centre: Vec<f64>,
-    /// Norm of the column of each parameter at the centre: the unit of a pull of strength 1.
+    /// Norm of the column of each parameter at the centre: the unit of a prior of strength 1.
     pub(super) norms: Vec<f64>,
     /// Its information, as a share of what the windows have about a parameter alone.
     pub(super) strength: f64,
 }
 
-impl Pull {
+impl Prior {
     fn cost(&self, values: &[f64]) -> f64 {
         let parts = values.iter().zip(&self.centre).zip(&self.norms);
         self.strength * parts.map(|((x, c), d)| (d * (x - c)).powi(2)).sum::<f64>()
     }
 
-    /// Values that solve the problem linearised at `values`, or none where nothing obeys the rules.
-    fn solve(&self, whole: &Triangle, values: &[f64], damping: f64, rules: &Rules) -> Option<Vec<f64>> {
+    /// Values that solve the problem linearised at `values`, or none where nothing obeys the constraints.
+    fn solve(&self, merged: &QrFactor, values: &[f64], damping: f64, constraints: &LinearConstraints) -> Option<Vec<f64>> {
         // The unknowns are the values in units of their columns' norms.
         let scaled = |x: &[f64]| x.iter().zip(&self.norms).map(|(x, d)| d * x).collect::<Vec<f64>>();
         let inverse: Vec<f64> = self.norms.iter().map(|d| 1.0 / d).chain([1.0]).collect();
         let now = scaled(values);
-        let mut problem = whole.scaled(&inverse).moved(&now);
+        let mut problem = merged.scaled(&inverse).shift_target(&now);
         for (weight, aims) in [(self.strength, scaled(&self.centre)), (damping, now)] {
             if weight > 0.0 {
-                hold(&mut problem, weight.sqrt(), &aims);
+                append_diagonal_rows(&mut problem, weight.sqrt(), &aims);
             }
         }
-        let equalities: Vec<(Vec<f64>, f64)> = rules
+        let equalities: Vec<(Vec<f64>, f64)> = constraints
             .equalities
             .iter()
             .map(|(weights, value)| (weights.iter().zip(&inverse).map(|(a, i)| a * i).collect(), *value))
             .collect();
-        let solution = solve(&Problem { triangle: &problem, equalities: &equalities, signs: &rules.signs });
+        let solution = solve(&Problem { qr: &problem, equalities: &equalities, signs: &constraints.signs });
         Some(solution.ok()?.iter().zip(&inverse).map(|(z, i)| z * i).collect())
     }
 }
 
 /// Adds a row `weight (x_j - aims_j)` for each unknown.
-fn hold(problem: &mut Triangle, weight: f64, aims: &[f64]) {
+fn append_diagonal_rows(problem: &mut QrFactor, weight: f64, aims: &[f64]) {
     let p = aims.len();
     let mut block = vec![0.0; (p + 1) * BLOCK_ROWS];
     for start in (0..p).step_by(BLOCK_ROWS) {
@@ -104,55 +104,55 @@ fn hold(problem: &mut Triangle, weight: f64, aims: &[f64]) {
             block[j * BLOCK_ROWS + j - start] = weight;
             block[p * BLOCK_ROWS + j - start] = weight * aims[j];
         }
-        problem.absorb(&mut block, 0);
+        problem.append_rows(&mut block, 0);
     }
 }
 
 /// Where a descent ended.
 #[derive(Clone, Debug)]
-pub(super) struct End {
+pub(super) struct Minimum {
     pub(super) values: Vec<f64>,
-    pub(super) linear: Linear,
+    pub(super) linear: Linearization,
     pub(super) steps: usize,
 }
 
 /// Descends from some values.
-pub(super) fn descend(
+pub(super) fn levenberg_marquardt(
     windows: &Windows<'_>,
     parameters: &Parameters,
-    start: (Vec<f64>, Linear),
-    pull: &Pull,
-    rules: &Rules,
+    start: (Vec<f64>, Linearization),
+    prior: &Prior,
+    constraints: &LinearConstraints,
     progress: Progress<'_>,
-) -> Result<End, Cancelled> {
+) -> Result<Minimum, Cancelled> {
     let (mut values, mut linear) = start;
     let mut damping = 0.0;
     let mut steps = 0;
-    for step in 0..MOST_STEPS {
-        let Some(whole) = linear.whole() else { break };
-        let now = linear.cost + pull.cost(&values);
-        let mut moved = None;
-        for _ in 0..MOST_TRIALS {
-            progress::report(progress, step as f64 / MOST_STEPS as f64)?;
-            let tried = pull.solve(&whole, &values, damping, rules);
-            let next = tried.and_then(|tried| Some((windows.linearise(parameters, &tried)?, tried)));
+    for step in 0..MAX_STEPS {
+        let Some(merged) = linear.merged() else { break };
+        let now = linear.cost + prior.cost(&values);
+        let mut accepted = None;
+        for _ in 0..MAX_TRIALS {
+            progress::report(progress, step as f64 / MAX_STEPS as f64)?;
+            let candidate = prior.solve(&merged, &values, damping, constraints);
+            let next = candidate.and_then(|candidate| Some((windows.linearise(parameters, &candidate)?, candidate)));
             match next {
-                Some((next, tried)) if next.cost + pull.cost(&tried) < now => {
-                    moved = Some((tried, next));
+                Some((next, candidate)) if next.cost + prior.cost(&candidate) < now => {
+                    accepted = Some((candidate, next));
                     break;
                 }
                 // Divergence, or a cost that is not lower.
-                _ => damping = if damping == 0.0 { DAMPING } else { 10.0 * damping },
+                _ => damping = if damping == 0.0 { INITIAL_DAMPING } else { 10.0 * damping },
             }
         }
-        let Some((tried, next)) = moved else { break };
-        let gain = now - (next.cost + pull.cost(&tried));
-        (values, linear) = (tried, next);
+        let Some((candidate, next)) = accepted else { break };
+        let gain = now - (next.cost + prior.cost(&candidate));
+        (values, linear) = (candidate, next);
         steps += 1;
-        damping = if damping <= DAMPING { 0.0 } else { 0.1 * damping };
-        if gain < WORTH * now {
+        damping = if damping <= INITIAL_DAMPING { 0.0 } else { 0.1 * damping };
+        if gain < MIN_RELATIVE_DECREASE * now {
             break;
         }
     }
-    Ok(End { values, linear, steps })
+    Ok(Minimum { values, linear, steps })
 }

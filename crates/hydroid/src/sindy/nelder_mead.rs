@@ -7,7 +7,7 @@
 
 /// Where to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stop {
+pub struct NelderMeadOptions {
     /// When the values at the corners differ by less.
     pub spread: f64,
     /// After so many evaluations at the most.
@@ -16,11 +16,11 @@ pub struct Stop {
 
 /// The minimum near `start`, from a simplex with edges `edge` along each variable: where, and its value.
 /// A value that is not finite counts as infinitely bad.
-pub fn minimise(
+pub fn nelder_mead(
     mut f: impl FnMut(&[f64]) -> f64,
     start: &[f64],
     edge: &[f64],
-    stop: Stop,
+    stop: NelderMeadOptions,
 ) -> (Vec<f64>, f64) {
     let n = start.len();
     let mut count = 0;
@@ -90,20 +90,20 @@ pub fn minimise(
 mod tests {
     use super::*;
 
-    const STOP: Stop = Stop { spread: 1e-14, evaluations: 2_000 };
+    const STOP: NelderMeadOptions = NelderMeadOptions { spread: 1e-14, evaluations: 2_000 };
 
     #[test]
     fn the_banana_valley_ends_at_one_and_one() {
         let rosenbrock = |x: &[f64]| (1.0 - x[0]).powi(2) + 100.0 * (x[1] - x[0] * x[0]).powi(2);
-        let (x, y) = minimise(rosenbrock, &[-1.2, 1.0], &[0.3, 0.3], STOP);
+        let (x, y) = nelder_mead(rosenbrock, &[-1.2, 1.0], &[0.3, 0.3], STOP);
         assert!(y < 1e-10 && (x[0] - 1.0).abs() < 1e-4 && (x[1] - 1.0).abs() < 1e-4, "{x:?} {y}");
     }
 
     #[test]
     fn one_variable_and_none() {
-        let (x, _) = minimise(|x| (x[0] - 3.0).powi(2), &[0.0], &[1.0], STOP);
+        let (x, _) = nelder_mead(|x| (x[0] - 3.0).powi(2), &[0.0], &[1.0], STOP);
         assert!((x[0] - 3.0).abs() < 1e-6);
-        assert_eq!(minimise(|_| 7.0, &[], &[], STOP), (vec![], 7.0));
+        assert_eq!(nelder_mead(|_| 7.0, &[], &[], STOP), (vec![], 7.0));
     }
 
     #[test]
@@ -113,7 +113,7 @@ mod tests {
             calls += 1;
             if x[0] < 1.0 { f64::NAN } else { x[0] + x[1] * x[1] }
         };
-        let (x, y) = minimise(wall, &[4.0, 2.0], &[1.0, 1.0], Stop { spread: 0.0, evaluations: 200 });
+        let (x, y) = nelder_mead(wall, &[4.0, 2.0], &[1.0, 1.0], NelderMeadOptions { spread: 0.0, evaluations: 200 });
         assert!(x[0] >= 1.0 && y < 1.01, "{x:?} {y}");
         assert!(calls <= 205);
     }

@@ -8,7 +8,7 @@ use super::fit::Fit;
 /// How one model did on the windows of validation and of training runs, part by part
 /// ([`Evaluation::blocks`](crate::evaluate::Evaluation::blocks)).
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Losses {
+pub struct BlockLosses {
     /// On the validation runs.
     pub validation: Vec<f64>,
     /// On excerpts of the training runs; may be empty.
@@ -24,10 +24,10 @@ pub struct Difference {
     pub error: f64,
 }
 
-impl Losses {
+impl BlockLosses {
     /// How much larger these losses are than others on the same windows. Pairs are compared: what makes a
     /// window hard for both says nothing.
-    pub fn beyond(&self, other: &Self) -> Difference {
+    pub fn paired_difference(&self, other: &Self) -> Difference {
         let parts = [(&self.validation, &other.validation), (&self.training, &other.training)];
         let (mut mean, mut variance) = (0.0, 0.0);
         for (a, b) in parts.into_iter().filter(|(a, _)| !a.is_empty()) {
@@ -42,16 +42,16 @@ impl Losses {
     }
 
     /// Whether these losses are not larger than others by more than the noise of the comparison: one standard
-    /// error (the one-standard-error rule: Breiman et al., Classification and Regression Trees, 1984, section
+    /// error (the one-standard-error rule: Breiman et al., Classification and RegressionForm Trees, 1984, section
     /// 3.4.3).
-    pub fn is_as_good_as(&self, other: &Self) -> bool {
-        let difference = self.beyond(other);
+    pub fn is_within_one_standard_error(&self, other: &Self) -> bool {
+        let difference = self.paired_difference(other);
         difference.mean <= difference.error
     }
 
     /// Whether these losses are smaller by more than the noise.
-    pub fn is_better_than(&self, other: &Self) -> bool {
-        let difference = self.beyond(other);
+    pub fn is_significantly_better(&self, other: &Self) -> bool {
+        let difference = self.paired_difference(other);
         difference.mean < -difference.error
     }
 }
@@ -61,7 +61,7 @@ impl Losses {
 ///
 /// # Errors
 /// If the joint library is too large to compile.
-pub fn compose(rows: &[&Fit]) -> Result<Fit, EquationsError> {
+pub fn combine_equations(rows: &[&Fit]) -> Result<Fit, EquationsError> {
     let Some(first) = rows.first() else { return Err(EquationsError::Step) };
     let mut terms: Vec<Term> = Vec::new();
     for fit in rows {
@@ -95,18 +95,18 @@ pub fn compose(rows: &[&Fit]) -> Result<Fit, EquationsError> {
 mod tests {
     use super::*;
 
-    fn losses(validation: &[f64]) -> Losses {
-        Losses { validation: validation.to_vec(), training: Vec::new() }
+    fn losses(validation: &[f64]) -> BlockLosses {
+        BlockLosses { validation: validation.to_vec(), training: Vec::new() }
     }
 
     #[test]
     fn what_both_find_hard_is_not_noise() {
         let best = losses(&[0.1, 5.0, 0.2, 9.0]);
         let always_worse = losses(&[0.2, 5.1, 0.3, 9.1]);
-        assert!(!always_worse.is_as_good_as(&best) && best.is_better_than(&always_worse));
+        assert!(!always_worse.is_within_one_standard_error(&best) && best.is_significantly_better(&always_worse));
         let now_and_then = losses(&[0.2, 4.9, 0.4, 8.9]);
-        assert!(now_and_then.is_as_good_as(&best) && !best.is_better_than(&now_and_then));
-        assert!(!losses(&[0.1, f64::INFINITY, 0.2, 9.0]).is_as_good_as(&best));
+        assert!(now_and_then.is_within_one_standard_error(&best) && !best.is_significantly_better(&now_and_then));
+        assert!(!losses(&[0.1, f64::INFINITY, 0.2, 9.0]).is_within_one_standard_error(&best));
     }
 
     #[test]
@@ -118,7 +118,7 @@ mod tests {
         };
         let a = fit(vec![Term::monomial(&[0]), Term::monomial(&[1])], vec![1.0, 2.0, 3.0, 4.0]);
         let b = fit(vec![Term::monomial(&[2]), Term::monomial(&[1])], vec![5.0, 6.0, 7.0, 8.0]);
-        let both = compose(&[&a, &b]).unwrap();
+        let both = combine_equations(&[&a, &b]).unwrap();
         let names: Vec<String> = both.equations.terms().iter().map(|t| t.name(&["x", "y", "c"])).collect();
         assert_eq!(names, ["x", "y", "c"]);
         assert_eq!(both.equations.coefficients(), [1.0, 2.0, 0.0, 0.0, 8.0, 7.0]);

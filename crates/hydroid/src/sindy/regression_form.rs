@@ -22,7 +22,7 @@ pub enum Nodes {
 
 /// Weights of one kind of row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Kernel {
+pub struct RowWeights {
     /// Weights `g` of the outputs \[1/s\].
     pub outputs: Vec<f64>,
     /// Weights `w` of the library.
@@ -32,7 +32,7 @@ pub struct Kernel {
 /// The regression that the coefficients come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Regression {
+pub enum RegressionForm {
     /// Increments over `intervals` samples against the library averaged over the same intervals, each
     /// evaluated at its mid-state and its own held command. With one interval this is the zero-order-hold
     /// midpoint rule `(y_{k+1} - y_k)/dt = Xi theta((y_k + y_{k+1})/2, c_k)`, of second order in `dt` and,
@@ -67,14 +67,14 @@ pub enum Regression {
     /// library at the middle one (Savitzky and Golay, Anal. Chem. 36 (1964) 1627). Here for comparison: the
     /// left side is averaged and the right side is not, so that the full noise of one sample stands in every
     /// product of the library and pulls coefficients towards zero; and a derivative averaged over commands
-    /// that changed meets the one command of the middle. [`Regression::Weak`] averages both sides alike.
+    /// that changed meets the one command of the middle. [`RegressionForm::Weak`] averages both sides alike.
     Smoothed {
         /// Samples on either side of the middle one, at least 1.
         half: usize,
     },
 }
 
-impl Default for Regression {
+impl Default for RegressionForm {
     fn default() -> Self {
         Self::Midpoint { intervals: 1 }
     }
@@ -84,7 +84,7 @@ impl Default for Regression {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows {
     /// The weights.
-    pub kernel: Kernel,
+    pub kernel: RowWeights,
     /// Index of the first sample of the first row.
     pub first: usize,
     /// Number of rows.
@@ -93,7 +93,7 @@ pub struct Rows {
     pub stride: usize,
 }
 
-impl Regression {
+impl RegressionForm {
     /// Where the library is evaluated.
     pub fn nodes(self) -> Nodes {
         match self {
@@ -130,14 +130,14 @@ impl Regression {
     }
 
     /// The weights of a row inside a run.
-    pub fn kernel(self, dt: f64) -> Kernel {
+    pub fn kernel(self, dt: f64) -> RowWeights {
         match self {
             Self::Midpoint { .. } => {
                 let m = self.window();
                 let mut outputs = vec![0.0; m + 1];
                 outputs[0] = -1.0 / (m as f64 * dt);
                 outputs[m] = -outputs[0];
-                Kernel { outputs, library: vec![1.0 / m as f64; m] }
+                RowWeights { outputs, library: vec![1.0 / m as f64; m] }
             }
             Self::Weak { .. } => {
                 let m = self.window();
@@ -148,16 +148,16 @@ impl Regression {
                 let before = |j: usize| j.checked_sub(1).map_or(0.0, |k| library[k]);
                 let after = |j: usize| library.get(j).copied().unwrap_or(0.0);
                 let outputs = (0..=m).map(|j| (before(j) - after(j)) / dt).collect();
-                Kernel { outputs, library }
+                RowWeights { outputs, library }
             }
-            Self::Central => Kernel { outputs: vec![-0.5 / dt, 0.0, 0.5 / dt], library: vec![0.0, 1.0] },
+            Self::Central => RowWeights { outputs: vec![-0.5 / dt, 0.0, 0.5 / dt], library: vec![0.0, 1.0] },
             Self::Smoothed { .. } => {
                 let half = self.window() / 2;
                 let offset = |j: usize| j as f64 - half as f64;
                 let squares: f64 = (0..=2 * half).map(|j| offset(j).powi(2)).sum();
                 let mut library = vec![0.0; half + 1];
                 library[half] = 1.0;
-                Kernel { outputs: (0..=2 * half).map(|j| offset(j) / (squares * dt)).collect(), library }
+                RowWeights { outputs: (0..=2 * half).map(|j| offset(j) / (squares * dt)).collect(), library }
             }
         }
     }
@@ -175,7 +175,7 @@ impl Regression {
         }
         let h = 0.5 / dt;
         let end = |outputs: [f64; 3], library: &[f64], first| Rows {
-            kernel: Kernel { outputs: outputs.to_vec(), library: library.to_vec() },
+            kernel: RowWeights { outputs: outputs.to_vec(), library: library.to_vec() },
             first,
             count: 1,
             stride,

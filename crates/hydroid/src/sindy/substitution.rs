@@ -4,7 +4,7 @@ use hydroid_core::model::sparse::{Factor, Gate, Term};
 
 /// The term with the variable `to` wherever it has `from`: a lag state in the place of its command, a past
 /// value in the place of the present one.
-pub fn replaced(term: &Term, from: u16, to: u16) -> Term {
+pub fn substitute_variable(term: &Term, from: u16, to: u16) -> Term {
     let swap = |f: &Factor| if f.variable == from { Factor { variable: to, ..*f } } else { *f };
     Term::new(term.factors().iter().map(swap).collect())
 }
@@ -24,9 +24,9 @@ mod tests {
     #[test]
     fn a_replaced_variable_joins_what_is_there() {
         let thrust = Term::signed_square(1, 1).times(&Term::monomial(&[0]));
-        assert_eq!(replaced(&thrust, 1, 3), Term::signed_square(3, 3).times(&Term::monomial(&[0])));
-        assert_eq!(replaced(&Term::monomial(&[0, 1]), 1, 0), Term::monomial(&[0, 0]));
-        assert_eq!(replaced(&thrust, 2, 5), thrust);
+        assert_eq!(substitute_variable(&thrust, 1, 3), Term::signed_square(3, 3).times(&Term::monomial(&[0])));
+        assert_eq!(substitute_variable(&Term::monomial(&[0, 1]), 1, 0), Term::monomial(&[0, 0]));
+        assert_eq!(substitute_variable(&thrust, 2, 5), thrust);
     }
 
     #[test]

@@ -9,12 +9,12 @@ use super::library::Variables;
 use super::structure::Structure;
 
 /// Whether a rule can be kept by the solver: an equality, or the sign of one coefficient.
-pub fn is_kept(rule: &Constraint) -> bool {
+pub fn is_supported(rule: &Constraint) -> bool {
     rule.relation == Relation::Equal || rule.sum.len() == 1 && rule.bound == 0.0
 }
 
 /// Whether a rule ties the equations of several outputs together.
-pub fn ties_outputs(rule: &Constraint) -> bool {
+pub fn couples_outputs(rule: &Constraint) -> bool {
     rule.sum.windows(2).any(|pair| pair[0].1.output != pair[1].1.output)
 }
 
@@ -43,7 +43,7 @@ impl Structure {
         let modes = if self.gate.is_some() { 2 } else { 1 };
         for (rule, mode) in rules.iter().flat_map(|rule| (0..modes).map(move |mode| (rule, mode))) {
             let place = |(factor, at): &(f64, super::expression::Coefficient)| {
-                let own = self.own(&at.term, variables).into_iter().nth(mode)?;
+                let own = self.mode_terms(&at.term, variables).into_iter().nth(mode)?;
                 let term = terms.iter().position(|term| *term == own)?;
                 Some((Coefficient { equation: at.output, term }, *factor))
             };
@@ -67,31 +67,31 @@ impl Structure {
 
 #[cfg(test)]
 mod tests {
-    use super::super::expression::Vocabulary;
+    use super::super::expression::ExpressionParser;
     use super::super::library::Library;
-    use super::super::structure::{Lag, Schedule};
+    use super::super::structure::{Lag, GateSpec};
     use super::*;
 
     #[test]
     fn rules_follow_terms_through_lags_and_modes() {
         let variables = Variables::plain(2, 1);
-        let mut words = Vocabulary::new(["u", "r", "n"], 2, 0.1);
+        let mut parser = ExpressionParser::new(["u", "r", "n"], 2, 0.1);
         let rules: Vec<Constraint> = ["u: n >= 0", "r: u^2 <= 0", "u: r = r: u", "0 <= -2 u: u"]
             .iter()
-            .map(|text| words.constraint(text).unwrap())
+            .map(|text| parser.constraint(text).unwrap())
             .collect();
         let structure = Structure {
             lags: vec![Lag { input: 0, time_constant_s: 2.0 }],
-            gate: Some(Schedule::new(0, 1.0, 5.0)),
+            gate: Some(GateSpec::new(0, 1.0, 5.0)),
             ..Structure::from(Library::polynomial(1))
         };
         let constraints = structure.constraints(&rules, &variables);
         let names = ["u", "r", "n", "lag"];
         let terms = structure.terms(&variables);
-        let told: Vec<(String, Sign)> =
+        let found: Vec<(String, Sign)> =
             constraints.signs.iter().map(|(at, sign)| (terms[at.term].name(&names), *sign)).collect();
         assert_eq!(
-            told,
+            found,
             [
                 (String::from("below(u, 1, 5) lag"), Sign::NotNegative),
                 (String::from("above(u, 1, 5) lag"), Sign::NotNegative),
@@ -101,9 +101,9 @@ mod tests {
         );
         // In each mode by itself; the library has no u^2.
         assert_eq!(constraints.equalities.len(), 2);
-        assert!(ties_outputs(&rules[2]) && !ties_outputs(&rules[0]));
-        assert!(rules.iter().all(is_kept));
-        assert!(!is_kept(&words.constraint("u: u <= -1").unwrap()));
+        assert!(couples_outputs(&rules[2]) && !couples_outputs(&rules[0]));
+        assert!(rules.iter().all(is_supported));
+        assert!(!is_supported(&parser.constraint("u: u <= -1").unwrap()));
         assert_eq!(dissipative(&variables).len(), 4);
     }
 }

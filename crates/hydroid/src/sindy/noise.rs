@@ -1,25 +1,25 @@
-//! The window of the weak form from the noise in the data.
+//! The window of the weak form from the noise_std in the data.
 
-use super::kernel::Regression;
+use super::regression_form::RegressionForm;
 use crate::log::Trajectory;
 
-/// Share of a row's left side that noise may have. Smaller windows leave structure to chance, larger ones
+/// Share of a row's left side that noise_std may have. Smaller windows leave structure to chance, larger ones
 /// average the motion away and leave few independent rows.
 ///
-/// Chosen among 0.03 to 0.15 on Lorenz records with 10 to 20 % noise (other noise than that of the tests): at
+/// Chosen among 0.03 to 0.15 on Lorenz records with 10 to 20 % noise_std (other noise_std than that of the tests): at
 /// 10 %, 0.05 and 0.06 found the true terms in 94 to 95 of 100 records, 0.1 and 0.15 in 87 to 90. `cargo test -p
 /// hydroid --test lorenz -- --ignored --nocapture many` prints how often 0.06 does.
 pub const NOISE_SHARE: f64 = 0.06;
 
 /// Window after window, a quarter longer: finer steps change no fit.
-const STEP: f64 = 1.25;
+const GROWTH: f64 = 1.25;
 
 /// Independent windows that must fit into the runs.
-const FEWEST: usize = 20;
+const MIN_WINDOWS: usize = 20;
 
-/// Standard deviation of the white noise on each output, from third differences: they take a parabola
+/// Standard deviation of the white noise_std on each output, from third differences: they take a parabola
 /// away, and the median ignores the samples where a command stepped. Zero where there are too few samples.
-pub fn noise(runs: &[&Trajectory]) -> Vec<f64> {
+pub fn noise_std(runs: &[&Trajectory]) -> Vec<f64> {
     let width = runs.first().map_or(0, |run| run.outputs.width());
     (0..width)
         .map(|channel| {
@@ -40,19 +40,19 @@ pub fn noise(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
-/// Third differences beyond so many deviations of the noise stand for a spike.
-const SPIKE: f64 = 10.0;
+/// Third differences beyond so many deviations of the noise_std stand for a spike.
+const SPIKE_LIMIT: f64 = 10.0;
 
-/// Share of the samples of each output that stand out of their neighbours by far more than the noise does. A
+/// Share of the samples of each output that stand out of their neighbours by far more than the noise_std does. A
 /// spike stands in four third differences; a smooth motion in none.
-pub fn spikes(runs: &[&Trajectory]) -> Vec<f64> {
-    let deviations = noise(runs);
+pub fn spike_share(runs: &[&Trajectory]) -> Vec<f64> {
+    let deviations = noise_std(runs);
     deviations
         .iter()
         .enumerate()
         .map(|(channel, deviation)| {
             // The squares of 1, 3, 3, 1 add up to 20.
-            let limit = SPIKE * 20f64.sqrt() * deviation;
+            let limit = SPIKE_LIMIT * 20f64.sqrt() * deviation;
             let (mut far, mut count) = (0usize, 0usize);
             for run in runs {
                 let y: Vec<f64> = run.outputs.column(channel).collect();
@@ -67,16 +67,16 @@ pub fn spikes(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
-/// The shortest window of the weak form in whose rows the noise has at most the share [`NOISE_SHARE`] of
+/// The shortest window of the weak form in whose rows the noise_std has at most the share [`NOISE_SHARE`] of
 /// every output's left side (RMS); where none does, the one with the smallest share.
 ///
 /// `None` where the runs are too short for any window.
-pub fn weak_from_noise(runs: &[&Trajectory]) -> Option<Regression> {
-    let deviations = noise(runs);
+pub fn weak_form_from_noise(runs: &[&Trajectory]) -> Option<RegressionForm> {
+    let deviations = noise_std(runs);
     let samples: usize = runs.iter().map(|run| run.len()).sum();
     let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0).saturating_sub(1);
-    let most = (samples / FEWEST).min(longest);
-    let mut best: Option<(f64, Regression)> = None;
+    let most = (samples / MIN_WINDOWS).min(longest);
+    let mut best: Option<(f64, RegressionForm)> = None;
     let mut length = 4.0;
     loop {
         // Bounded by the number of samples.
@@ -85,23 +85,23 @@ pub fn weak_from_noise(runs: &[&Trajectory]) -> Option<Regression> {
         if intervals > most {
             return best.map(|(_, regression)| regression);
         }
-        let regression = Regression::Weak { intervals };
-        let share = largest_share(runs, &deviations, regression);
+        let regression = RegressionForm::Weak { intervals };
+        let share = max_noise_share(runs, &deviations, regression);
         if share <= NOISE_SHARE {
             return Some(regression);
         }
         if best.is_none_or(|(smallest, _)| share < smallest) {
             best = Some((share, regression));
         }
-        length *= STEP;
+        length *= GROWTH;
     }
 }
 
 /// Rows that are looked at for one window at the most.
-const ROWS: usize = 20_000;
+const MAX_ROWS: usize = 20_000;
 
 /// Noise over RMS of the rows' left side, in the worst output that moves at all.
-fn largest_share(runs: &[&Trajectory], deviations: &[f64], regression: Regression) -> f64 {
+fn max_noise_share(runs: &[&Trajectory], deviations: &[f64], regression: RegressionForm) -> f64 {
     let width = deviations.len();
     let (mut squares, mut count) = (vec![0.0; width], 0u32);
     let all: usize = runs.iter().map(|run| run.len() / regression.stride()).sum();
@@ -110,7 +110,7 @@ fn largest_share(runs: &[&Trajectory], deviations: &[f64], regression: Regressio
         for rows in regression.rows(run.len(), run.dt) {
             let weights = &rows.kernel.outputs;
             amplification = weights.iter().map(|g| g * g).sum::<f64>().sqrt();
-            for row in (0..rows.count).step_by(all.div_ceil(ROWS).max(1)) {
+            for row in (0..rows.count).step_by(all.div_ceil(MAX_ROWS).max(1)) {
                 let at = rows.first + row * rows.stride;
                 let samples = run.outputs.rows(at, at + weights.len());
                 let mut left = vec![0.0; width];

@@ -2,9 +2,9 @@
 //!
 //! A regression `A x = b` with a million rows is folded, block of rows by block of rows, into the
 //! triangular factor of `[A b]` (a sequential TSQR: Demmel, Grigori, Hoemmen, Langou, SIAM J. Sci. Comput.
-//! 34 (2012) A206). Memory is that of one small triangle; unlike with the normal equations no digit is lost
+//! 34 (2012) A206). Memory is that of one small qr; unlike with the normal equations no digit is lost
 //! to squaring the condition number. Every least-squares problem over a subset of the columns, with or
-//! without ridge, is then solved from the triangle alone.
+//! without ridge, is then solved from the qr alone.
 
 // The vector kernels must be inlined into the function that switches the CPU features on.
 #![allow(clippy::inline_always)]
@@ -16,7 +16,7 @@ pub const BLOCK_ROWS: usize = 64;
 
 /// Upper triangular factor of a tall matrix, of which only the rows so far have been seen.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Triangle {
+pub struct QrFactor {
     width: usize,
     /// Row by row, `width x width`; below the diagonal zero.
     r: Vec<f64>,
@@ -35,7 +35,7 @@ pub struct Solution {
     pub residual: f64,
 }
 
-impl Triangle {
+impl QrFactor {
     /// The factor of a matrix without rows.
     pub fn new(width: usize) -> Self {
         Self { width, r: vec![0.0; width * width], rows: 0 }
@@ -71,9 +71,9 @@ impl Triangle {
     ///
     /// # Panics
     /// If the block has not `width * BLOCK_ROWS` numbers.
-    pub fn absorb(&mut self, block: &mut [f64], rows: usize) {
+    pub fn append_rows(&mut self, block: &mut [f64], rows: usize) {
         assert_eq!(block.len(), self.width * BLOCK_ROWS, "a block is width x BLOCK_ROWS numbers");
-        Arch::new().dispatch(Absorb { r: &mut self.r, block, width: self.width });
+        Arch::new().dispatch(AppendRows { r: &mut self.r, block, width: self.width });
         self.rows += rows as u64;
     }
 
@@ -91,7 +91,7 @@ impl Triangle {
                     block[j * BLOCK_ROWS + i] = other.get(start + i, j);
                 }
             }
-            self.absorb(&mut block, 0);
+            self.append_rows(&mut block, 0);
         }
         self.rows += other.rows;
     }
@@ -123,13 +123,13 @@ impl Triangle {
 
     /// The factor of the matrix to whose last column the others are added, `x[j]` times column `j`.
     #[must_use]
-    pub fn moved(&self, x: &[f64]) -> Self {
-        let mut moved = self.clone();
+    pub fn shift_target(&self, x: &[f64]) -> Self {
+        let mut shifted = self.clone();
         let last = self.width - 1;
-        for row in moved.r.chunks_exact_mut(self.width) {
+        for row in shifted.r.chunks_exact_mut(self.width) {
             row[last] += row[..last].iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
         }
-        moved
+        shifted
     }
 
     /// The factor of some of the columns alone, in the order given.
@@ -147,7 +147,7 @@ impl Triangle {
                     column[i - start] = self.get(i, j);
                 }
             }
-            own.absorb(&mut block, 0);
+            own.append_rows(&mut block, 0);
         }
         own.rows = self.rows;
         own
@@ -275,15 +275,15 @@ impl Triangle {
     }
 }
 
-/// Householder reflections that fold a block of rows into the triangle above it. The reflector of column
-/// `j` touches row `j` of the triangle and the block, nothing else.
-struct Absorb<'a> {
+/// Householder reflections that fold a block of rows into the qr above it. The reflector of column
+/// `j` touches row `j` of the qr and the block, nothing else.
+struct AppendRows<'a> {
     r: &'a mut [f64],
     block: &'a mut [f64],
     width: usize,
 }
 
-impl WithSimd for Absorb<'_> {
+impl WithSimd for AppendRows<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! Multi-step errors of equations on windows of runs, and their derivatives, folded into triangles.
+//! Multi-step errors of equations on windows of runs, and their derivatives, folded into factors.
 
 use hydroid_core::model::sparse::{Equations, Sensitivity};
 use hydroid_core::predict::Workspace;
@@ -7,13 +7,13 @@ use rayon::prelude::*;
 use super::parameters::Parameters;
 use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
-use crate::sindy::triangle::{BLOCK_ROWS, Triangle};
+use crate::sindy::qr::{BLOCK_ROWS, QrFactor};
 
 /// Samples that one task goes through.
 const TASK_SAMPLES: usize = 1_500;
 
 /// Tasks at the most, so that memory does not grow with the runs.
-const MOST_TASKS: usize = 96;
+const MAX_TASKS: usize = 96;
 
 /// Steps of the inner search for the outputs at the start of a window: they enter almost linearly.
 const START_STEPS: usize = 2;
@@ -21,7 +21,7 @@ const START_STEPS: usize = 2;
 /// Steps of finite differences, in the sizes of parameters: central differences then have some eight digits.
 const DIFFERENCE: f64 = 1e-4;
 
-/// Warm-ups that a walk begins before its first window.
+/// Warm-ups that a process begins before its first window.
 const SETTLING: usize = 3;
 
 /// What is predicted, and what an error weighs.
@@ -43,7 +43,7 @@ pub(super) struct Windows<'a> {
 
 /// The problem around one set of parameters.
 #[derive(Clone, Debug)]
-pub(super) struct Linear {
+pub(super) struct Linearization {
     /// Sum of the loss over all errors.
     pub(super) cost: f64,
     /// Errors compared.
@@ -51,16 +51,16 @@ pub(super) struct Linear {
     /// Sum of squares of the unweighted errors of each output, and their number.
     pub(super) squares: Vec<(f64, u64)>,
     /// `[J r]` of consecutive windows, the starts of the windows eliminated.
-    pub(super) parts: Vec<Triangle>,
+    pub(super) parts: Vec<QrFactor>,
 }
 
-impl Linear {
+impl Linearization {
     /// All parts together.
-    pub(super) fn whole(&self) -> Option<Triangle> {
+    pub(super) fn merged(&self) -> Option<QrFactor> {
         let mut parts = self.parts.iter();
-        let mut whole = parts.next()?.clone();
-        parts.for_each(|part| whole.merge(part));
-        Some(whole)
+        let mut merged = parts.next()?.clone();
+        parts.for_each(|part| merged.merge(part));
+        Some(merged)
     }
 }
 
@@ -75,21 +75,21 @@ struct Task<'a> {
 impl Windows<'_> {
     /// The errors and their derivatives at some values of the parameters; none where a rollout diverges, or there are
     /// no windows. The same on any number of threads.
-    pub(super) fn linearise(&self, parameters: &Parameters, values: &[f64]) -> Option<Linear> {
+    pub(super) fn linearise(&self, parameters: &Parameters, values: &[f64]) -> Option<Linearization> {
         let equations = parameters.equations(values).ok()?;
-        let variants = variants(parameters, values)?;
-        let tool = Tool {
+        let perturbations = perturbations(parameters, values)?;
+        let linearizer = Linearizer {
             windows: self,
             short: Sensitivity::new(&equations, &[]).ok()?,
             full: Sensitivity::new(&equations, parameters.places()).ok()?,
             equations: &equations,
-            variants: &variants,
+            perturbations: &perturbations,
             width: parameters.len() + 1,
         };
         let tasks = self.tasks(equations.warm_up());
-        let parts: Vec<Option<Part>> = tasks.par_iter().map(|task| tool.walk(task)).collect();
+        let parts: Vec<Option<TaskResult>> = tasks.par_iter().map(|task| linearizer.process(task)).collect();
         let n = equations.outputs();
-        let mut linear = Linear {
+        let mut linear = Linearization {
             cost: 0.0,
             errors: 0,
             squares: vec![(0.0, 0); n],
@@ -103,14 +103,14 @@ impl Windows<'_> {
                 *sum += own;
                 *count += own_count;
             }
-            linear.parts.push(part.triangle);
+            linear.parts.push(part.qr);
         }
         (linear.errors > 0 && linear.cost.is_finite()).then_some(linear)
     }
 
     fn tasks(&self, warm_up: usize) -> Vec<Task<'_>> {
         let total: usize = self.runs.iter().map(|run| run.len()).sum();
-        let samples = TASK_SAMPLES.max(total.div_ceil(MOST_TASKS));
+        let samples = TASK_SAMPLES.max(total.div_ceil(MAX_TASKS));
         let starts = (samples / self.stride).max(1) * self.stride;
         let mut tasks = Vec::new();
         for run in self.runs {
@@ -127,34 +127,34 @@ impl Windows<'_> {
 }
 
 /// Equations with each parameter that is no coefficient a little smaller and larger, and one over the difference.
-fn variants(parameters: &Parameters, values: &[f64]) -> Option<Vec<(Equations, Equations, f64)>> {
+fn perturbations(parameters: &Parameters, values: &[f64]) -> Option<Vec<(Equations, Equations, f64)>> {
     let first = parameters.places().len();
-    let beside = |at: usize, by: f64| {
+    let perturbed = |at: usize, by: f64| {
         let mut moved = values.to_vec();
         moved[at] += by;
         parameters.equations(&moved).ok()
     };
     let one = |(i, size): (usize, f64)| {
         let by = DIFFERENCE * size;
-        Some((beside(first + i, -by)?, beside(first + i, by)?, 0.5 / by))
+        Some((perturbed(first + i, -by)?, perturbed(first + i, by)?, 0.5 / by))
     };
     parameters.sizes().into_iter().enumerate().map(one).collect()
 }
 
 /// What one task found.
-struct Part {
+struct TaskResult {
     cost: f64,
     errors: u64,
     squares: Vec<(f64, u64)>,
-    triangle: Triangle,
+    qr: QrFactor,
 }
 
-struct Tool<'a> {
+struct Linearizer<'a> {
     windows: &'a Windows<'a>,
     equations: &'a Equations,
     short: Sensitivity,
     full: Sensitivity,
-    variants: &'a [(Equations, Equations, f64)],
+    perturbations: &'a [(Equations, Equations, f64)],
     width: usize,
 }
 
@@ -162,20 +162,20 @@ struct Tool<'a> {
 struct Buffers {
     y: Vec<f64>,
     s: Vec<f64>,
-    near: Vec<f64>,
+    start_jacobian: Vec<f64>,
     matrix: Vec<f64>,
     block: Vec<f64>,
     filled: usize,
     work: Workspace,
 }
 
-impl Tool<'_> {
-    fn walk(&self, task: &Task<'_>) -> Option<Part> {
+impl Linearizer<'_> {
+    fn process(&self, task: &Task<'_>) -> Option<TaskResult> {
         let (n, h) = (self.equations.outputs(), self.windows.horizon);
         let run = task.run;
-        // Equations and their variants remember different things of the same past.
+        // Equations and their perturbations remember different things of the same past.
         let all: Vec<&Equations> = std::iter::once(self.equations)
-            .chain(self.variants.iter().flat_map(|(low, high, _)| [low, high]))
+            .chain(self.perturbations.iter().flat_map(|(low, high, _)| [low, high]))
             .collect();
         let mut states: Vec<Vec<f64>> = all.iter().map(|e| vec![f64::NAN; e.state_len()]).collect();
         let mut scratch = vec![0.0; n];
@@ -183,14 +183,14 @@ impl Tool<'_> {
         let mut buffers = Buffers {
             y: vec![0.0; (h + 1) * n],
             s: vec![0.0; (h + 1) * n * self.full.parameters()],
-            near: vec![0.0; (h + 1) * n * n],
+            start_jacobian: vec![0.0; (h + 1) * n * n],
             matrix: vec![0.0; columns * (h + 1) * n],
             block: vec![0.0; self.width * BLOCK_ROWS],
             filled: 0,
             work: Workspace::new(),
         };
         let mut part =
-            Part { cost: 0.0, errors: 0, squares: vec![(0.0, 0); n], triangle: Triangle::new(self.width) };
+            TaskResult { cost: 0.0, errors: 0, squares: vec![(0.0, 0); n], qr: QrFactor::new(self.width) };
         let from = task.first.saturating_sub(SETTLING * self.equations.warm_up());
         for k in from..task.end {
             for state in &mut states {
@@ -206,7 +206,7 @@ impl Tool<'_> {
             }
         }
         if buffers.filled > 0 {
-            part.triangle.absorb(&mut buffers.block, buffers.filled);
+            part.qr.append_rows(&mut buffers.block, buffers.filled);
         }
         Some(part)
     }
@@ -217,7 +217,7 @@ impl Tool<'_> {
         k: usize,
         states: &[Vec<f64>],
         buffers: &mut Buffers,
-        part: &mut Part,
+        part: &mut TaskResult,
     ) -> Option<()> {
         let (n, h) = (self.equations.outputs(), self.windows.horizon);
         let m = self.equations.inputs();
@@ -228,9 +228,9 @@ impl Tool<'_> {
         let measured = |j: usize, i: usize| run.outputs.row(k + j)[i];
         let mut state = states[0].clone();
         for _ in 0..START_STEPS {
-            self.short.rollout(&state, &commands, &mut buffers.work, &mut buffers.y, &mut buffers.near);
+            self.short.rollout(&state, &commands, &mut buffers.work, &mut buffers.y, &mut buffers.start_jacobian);
             self.check(&buffers.y)?;
-            let step = self.start_step(&buffers.y, &buffers.near, &state, measured);
+            let step = self.start_step(&buffers.y, &buffers.start_jacobian, &state, measured);
             state.iter_mut().zip(step).for_each(|(x, d)| *x += d);
         }
         let p = self.full.parameters();
@@ -270,7 +270,7 @@ impl Tool<'_> {
             }
         }
         part.cost += losses;
-        for (v, (low, high, inverse)) in self.variants.iter().enumerate() {
+        for (v, (low, high, inverse)) in self.perturbations.iter().enumerate() {
             for (equations, sign, own) in
                 [(low, -*inverse, &states[1 + 2 * v]), (high, *inverse, &states[2 + 2 * v])]
             {
@@ -286,7 +286,7 @@ impl Tool<'_> {
                 }
             }
         }
-        eliminate(&mut buffers.matrix, rows, n, columns);
+        householder(&mut buffers.matrix, rows, n, columns);
         // What the starts leave.
         let mut row = n;
         while row < rows {
@@ -298,7 +298,7 @@ impl Tool<'_> {
             buffers.filled += take;
             row += take;
             if buffers.filled == BLOCK_ROWS {
-                part.triangle.absorb(&mut buffers.block, BLOCK_ROWS);
+                part.qr.append_rows(&mut buffers.block, BLOCK_ROWS);
                 buffers.block.fill(0.0);
                 buffers.filled = 0;
             }
@@ -316,7 +316,7 @@ impl Tool<'_> {
     fn start_step(
         &self,
         y: &[f64],
-        near: &[f64],
+        start_jacobian: &[f64],
         state: &[f64],
         measured: impl Fn(usize, usize) -> f64,
     ) -> Vec<f64> {
@@ -336,7 +336,7 @@ impl Tool<'_> {
                 if let Some(bound) = self.windows.huber.filter(|b| j > 0 && weight * error.abs() > *b) {
                     square *= bound / (weight * error.abs());
                 }
-                let s = &near[(j * n + i) * n..][..n];
+                let s = &start_jacobian[(j * n + i) * n..][..n];
                 for a in 0..n {
                     for b in 0..n {
                         matrix[a * (n + 1) + b] += square * s[a] * s[b];
@@ -350,7 +350,7 @@ impl Tool<'_> {
 }
 
 /// Householder reflections that make the first `first` columns (column by column) upper triangular.
-fn eliminate(matrix: &mut [f64], rows: usize, first: usize, columns: usize) {
+fn householder(matrix: &mut [f64], rows: usize, first: usize, columns: usize) {
     for j in 0..first {
         let (head, tail) = matrix.split_at_mut((j + 1) * rows);
         let v = &mut head[j * rows + j..];
