@@ -3,8 +3,8 @@
 use divan::{Bencher, counter::ItemsCount};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::sindy::{
-    BLOCK_ROWS, BootstrapOptions, Constraints, Criterion, FitOptions, Loss, Optimizer, RegressionOptions, LinearRegression,
-    RegressionForm, AssemblyOptions, QrFactor, assemble, assemble_with,
+    AssemblyOptions, BLOCK_ROWS, BootstrapOptions, Constraints, Criterion, FitOptions, LinearRegression,
+    Loss, Optimizer, QrFactor, RegressionForm, RegressionOptions, assemble, assemble_with,
 };
 use hydroid_core::model::sparse::{Program, Term};
 
@@ -112,7 +112,9 @@ fn huber_1_000_000_samples(bencher: Bencher) {
     let run = run(1_000_000, 3, 2);
     let preparation = RegressionOptions { loss: Loss::Huber(1.345), ..RegressionOptions::default() };
     bencher.bench_local(|| {
-        LinearRegression::with(&[&run], fifty_terms(), RegressionForm::default(), &preparation).unwrap().rows()
+        LinearRegression::with(&[&run], fifty_terms(), RegressionForm::default(), &preparation)
+            .unwrap()
+            .rows()
     });
 }
 
@@ -121,7 +123,8 @@ fn huber_1_000_000_samples(bencher: Bencher) {
 fn ensemble_of_100(bencher: Bencher) {
     let run = run(20_000, 3, 2);
     let preparation = RegressionOptions { groups: 24, ..RegressionOptions::default() };
-    let prepared = LinearRegression::with(&[&run], fifty_terms(), RegressionForm::default(), &preparation).unwrap();
+    let prepared =
+        LinearRegression::with(&[&run], fifty_terms(), RegressionForm::default(), &preparation).unwrap();
     let options = FitOptions {
         optimizer: Optimizer::Criterion(Criterion::Bic),
         ridge: 1e-6,

@@ -168,7 +168,12 @@ fn learned(vessel: &VesselParams, train_s: f64, method: Method, sindy: SindySett
 
 /// A polynomial with thresholded or eliminated terms, forces in 100 N. Terms with more than one effort (a command, or the
 /// propeller's force) are left out: no law could invert them.
-pub fn polynomial(data: &Trajectory, degree: u8, regression: RegressionForm, optimizer: Optimizer) -> Equations {
+pub fn polynomial(
+    data: &Trajectory,
+    degree: u8,
+    regression: RegressionForm,
+    optimizer: Optimizer,
+) -> Equations {
     let efforts = |term: &Term| {
         let factors = term.factors().iter().filter(|f| usize::from(f.variable) >= MOTION.len());
         factors.map(|f| f.shape.degree()).sum::<i32>()
@@ -178,7 +183,8 @@ pub fn polynomial(data: &Trajectory, degree: u8, regression: RegressionForm, opt
     let mut scales = vec![1.0; data.outputs.width() + 2];
     scales[MOTION.len()..=data.outputs.width()].fill(100.0);
     let scaling = Scaling::Variables(scales);
-    let prepared = LinearRegression::new(&[data], terms, regression, &scaling).expect("enough rows for a polynomial");
+    let prepared =
+        LinearRegression::new(&[data], terms, regression, &scaling).expect("enough rows for a polynomial");
     let options = FitOptions { optimizer, ridge: 0.0, substeps: 1, constraints: Constraints::default() };
     prepared.fit(&options).expect("nothing constrains it").equations
 }

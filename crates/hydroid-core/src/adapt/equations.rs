@@ -33,7 +33,7 @@ struct Group {
 /// An [`Adapter`](super::Adapter) of sparse equations: what is called recursive `SINDy`.
 ///
 /// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients. The rows of the regression are increments over a
-/// window of samples against the library averaged over the same window (see `sindy::kernel` on shore: the
+/// window of samples against the library averaged over the same window (see `hydroid::sindy::RegressionForm`: the
 /// `Midpoint` rows, every quarter of a window), and each row takes one step of [`RecursiveLeastSquares`].
 /// Rows overlap, so that each counts for the share of it that is new.
 ///

@@ -2,7 +2,7 @@
 
 use hydroid_core::model::sparse::{Factor, Shape, Term};
 
-use crate::sindy::{VariableKind, Library, Variables};
+use crate::sindy::{Library, VariableKind, Variables};
 
 /// One function of a command.
 type Form = &'static [Shape];
@@ -66,7 +66,8 @@ mod tests {
 
     #[test]
     fn each_library_has_one_function_of_each_command() {
-        let variables = Variables::new(vec![VariableKind::Plain; 3], vec![VariableKind::Plain, VariableKind::Angle]);
+        let variables =
+            Variables::new(vec![VariableKind::Plain; 3], vec![VariableKind::Plain, VariableKind::Angle]);
         let all = [Library::marine(), Library::polynomial(2)];
         let found = libraries(&all, &variables);
         assert_eq!(found.len(), 4);

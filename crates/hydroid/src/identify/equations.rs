@@ -9,8 +9,8 @@ use crate::evaluate;
 use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::{
-    SearchResult, SearchGrid, SearchOptions, Library, Optimizer, RegressionForm, SearchError, Structure, Variables, StructureSpec, structure_search,
-    search,
+    Library, Optimizer, RegressionForm, SearchError, SearchGrid, SearchOptions, SearchResult, Structure,
+    StructureSpec, Variables, search, structure_search,
 };
 
 /// Rollouts that settings are compared by.

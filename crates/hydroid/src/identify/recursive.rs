@@ -9,7 +9,9 @@ use super::settings::intervals;
 use super::{IdentifyError, Job, Parts, equations};
 use crate::model::{Learning, Model};
 use crate::progress::Progress;
-use crate::sindy::{FitError, SearchResult, RegressionOptions, LinearRegression, RegressionForm, SearchError};
+use crate::sindy::{
+    FitError, LinearRegression, RegressionForm, RegressionOptions, SearchError, SearchResult,
+};
 
 /// What the equations from shore are worth at each pace, in horizons. Five paces between these do no better on the
 /// development runs (a tug, a tanker) than these three, and one alone chosen by validation clearly worse.

@@ -8,8 +8,8 @@ use super::IdentifyError;
 use super::wording::place;
 use crate::log::Trajectory;
 use crate::sindy::{
-    Criterion, Family, RefineScope, SearchGrid, Lag, Library, Loss, Optimizer, RegressionForm, GateSpec, Structure, StructureSpec,
-    weak_form_from_noise,
+    Criterion, Family, GateSpec, Lag, Library, Loss, Optimizer, RefineScope, RegressionForm, SearchGrid,
+    Structure, StructureSpec, weak_form_from_noise,
 };
 
 /// Settings of the search for equations. What is not given is chosen on the validation runs.

@@ -5,7 +5,7 @@ use hydroid_core::model::sparse::{Shape, Term};
 use super::{IdentifyError, SindySettings};
 use crate::log::{Channel, Trajectory};
 use crate::sindy::expression::{list, nearest};
-use crate::sindy::{Constraint, Library, Variables, ExpressionParser, dissipative, is_supported};
+use crate::sindy::{Constraint, ExpressionParser, Library, Variables, dissipative, is_supported};
 
 impl SindySettings {
     /// The terms that are listed.
@@ -16,7 +16,8 @@ impl SindySettings {
         let mut parser = vocabulary(run);
         let mut terms = Vec::new();
         for text in &self.terms {
-            let term = parser.term(text).map_err(|error| IdentifyError::Expression { key: "terms", error })?;
+            let term =
+                parser.term(text).map_err(|error| IdentifyError::Expression { key: "terms", error })?;
             no_signals(&parser, "terms", text)?;
             if !terms.contains(&term) {
                 terms.push(term);

@@ -47,6 +47,3 @@ pub mod line {
 }
 
 pub use trajectory::{Channel, Table, Trajectory};
-
-#[cfg(test)]
-mod tests;

@@ -3,9 +3,9 @@
 use hydroid_core::model::sparse::{Program, Signal};
 use rayon::prelude::*;
 
+use super::qr::{BLOCK_ROWS, QrFactor};
 use super::regression_form::{Nodes, RegressionForm, Rows};
 use super::robust::{HuberWeights, ResidualHistogram};
-use super::qr::{BLOCK_ROWS, QrFactor};
 use crate::log::Trajectory;
 
 /// Rows that one task handles: the split depends on the data alone, so that the result does not depend on
@@ -70,7 +70,8 @@ pub fn assemble_with(
     let sources: Vec<RunData<'_>> = runs.iter().map(|run| RunData::new(run, options.signals)).collect();
     let mut groups = vec![QrFactor::new(width); count];
     let mut skipped = 0;
-    let mut residuals = vec![ResidualHistogram::default(); if options.robust.is_some() { outputs } else { 0 }];
+    let mut residuals =
+        vec![ResidualHistogram::default(); if options.robust.is_some() { outputs } else { 0 }];
     for batch in tasks.chunks(BATCH) {
         let parts: Vec<TaskResult> = batch
             .par_iter()

@@ -6,9 +6,9 @@
 use super::active_set::{Problem, solve};
 use super::fit::LinearRegression;
 use super::options::{FitOptions, Optimizer};
+use super::qr::{BLOCK_ROWS, QrFactor};
 use super::stepwise::independent_columns;
 use super::stlsq::SparseSolution;
-use super::qr::{BLOCK_ROWS, QrFactor};
 
 /// The coefficient of a term in an equation, both counted from 0 in the order of outputs and library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -197,8 +197,7 @@ fn solve_group(
             parts.push(EquationSupport { equation: i, weight, support });
         }
         let stacked = CoupledSystem::new(prepared, source, constraints, &parts);
-        let problem =
-            Problem { qr: &stacked.qr, equalities: &stacked.equalities, signs: &stacked.signs };
+        let problem = Problem { qr: &stacked.qr, equalities: &stacked.equalities, signs: &stacked.signs };
         let x = solve(&problem).map_err(|_| ConstraintError::Contradiction { equation: equations[0] })?;
         let mut removed = false;
         let mut position = 0;
@@ -240,7 +239,12 @@ struct CoupledSystem {
 }
 
 impl CoupledSystem {
-    fn new(prepared: &LinearRegression, source: &QrFactor, constraints: &Constraints, parts: &[EquationSupport]) -> Self {
+    fn new(
+        prepared: &LinearRegression,
+        source: &QrFactor,
+        constraints: &Constraints,
+        parts: &[EquationSupport],
+    ) -> Self {
         let count = prepared.terms().len();
         let places: Vec<Coefficient> = parts
             .iter()

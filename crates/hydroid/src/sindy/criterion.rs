@@ -14,9 +14,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::qr::QrFactor;
 use super::stepwise::{NEGLIGIBLE, eliminate, independent_columns, solution_on};
 use super::stlsq::SparseSolution;
-use super::qr::QrFactor;
 
 /// What a term must be worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -149,8 +149,10 @@ impl LinearRegression {
         if !(0.0 <= low && low <= high && high <= 1.0) {
             return setting("quantiles of an interval ascend between 0 and 1");
         }
-        let results: Vec<Result<Resample, FitError>> =
-            (0..bootstrap.resamples).into_par_iter().map(|resample| self.resample(options, bootstrap, resample)).collect();
+        let results: Vec<Result<Resample, FitError>> = (0..bootstrap.resamples)
+            .into_par_iter()
+            .map(|resample| self.resample(options, bootstrap, resample))
+            .collect();
         let (mut resamples, mut first_error) = (Vec::new(), None);
         for resample in results {
             match resample {
@@ -168,11 +170,17 @@ impl LinearRegression {
         }
     }
 
-    fn resample(&self, options: &FitOptions, bootstrap: &BootstrapOptions, resample: usize) -> Result<Resample, FitError> {
+    fn resample(
+        &self,
+        options: &FitOptions,
+        bootstrap: &BootstrapOptions,
+        resample: usize,
+    ) -> Result<Resample, FitError> {
         let mut rng = ChaCha8Rng::seed_from_u64(bootstrap.seed);
         // A stream for each resample: its draws do not depend on who draws before.
         rng.set_stream(resample as u64);
-        let offered: Vec<bool> = self.terms().iter().map(|_| !chance(&mut rng, bootstrap.term_dropout)).collect();
+        let offered: Vec<bool> =
+            self.terms().iter().map(|_| !chance(&mut rng, bootstrap.term_dropout)).collect();
         let qr = self.draw(&mut rng, &offered);
         let solutions = self.solve(&qr, options)?;
         let coefficients = solutions
@@ -227,7 +235,8 @@ fn summarise(resamples: Vec<Resample>, outputs: usize, (low, high): (f64, f64)) 
     };
     for k in 0..size {
         let offered = resamples.iter().filter(|resample| resample.offered[k % terms]).count();
-        let mut values: Vec<f64> = resamples.iter().map(|resample| resample.coefficients[k]).filter(|x| *x != 0.0).collect();
+        let mut values: Vec<f64> =
+            resamples.iter().map(|resample| resample.coefficients[k]).filter(|x| *x != 0.0).collect();
         if values.is_empty() {
             continue;
         }

@@ -6,12 +6,12 @@ use super::assemble::{AssemblyOptions, assemble_with};
 use super::constraints::fit_constrained;
 use super::criterion::stepwise_bidirectional;
 use super::error::FitError;
-use super::regression_form::RegressionForm;
 use super::options::{FitOptions, Optimizer, RegressionOptions, Scaling};
+use super::qr::QrFactor;
+use super::regression_form::RegressionForm;
 use super::robust::{Loss, assemble_huber};
 use super::stepwise::stepwise;
 use super::stlsq::{SparseSolution, stlsq};
-use super::qr::QrFactor;
 use crate::log::Trajectory;
 
 /// A regression that has been streamed once and can be solved for many thresholds.
@@ -188,8 +188,10 @@ impl LinearRegression {
         let rows = self.rows() as f64;
         let columns: Vec<usize> = (0..count).collect();
         let library = self.plain.select(&columns);
-        let penalty: Vec<f64> =
-            columns.iter().map(|&j| (shrinkage / (1.0 - shrinkage)).sqrt() * library.column_norm(j)).collect();
+        let penalty: Vec<f64> = columns
+            .iter()
+            .map(|&j| (shrinkage / (1.0 - shrinkage)).sqrt() * library.column_norm(j))
+            .collect();
         let scale: Vec<f64> = self.term_scale.iter().map(|s| s * ((1.0 - shrinkage) / rows).sqrt()).collect();
         let blended = library.with_ridge(&penalty).scaled(&scale);
         columns
@@ -262,9 +264,7 @@ impl LinearRegression {
             Optimizer::Criterion(criterion) => {
                 stepwise_bidirectional(ridged, count, target, criterion, self.effective)
             }
-            Optimizer::Stlsq(threshold) => {
-                stlsq(plain, ridged, count, target, threshold)
-            }
+            Optimizer::Stlsq(threshold) => stlsq(plain, ridged, count, target, threshold),
         }
     }
 
@@ -374,8 +374,7 @@ fn check_weights(runs: &[&Trajectory], weights: &[Vec<f64>]) -> Result<(), FitEr
 
 /// Columns among the first `terms` that are zero or depend on earlier ones.
 fn unidentifiable(qr: &QrFactor, terms: usize) -> Vec<usize> {
-    let (present, mut missing): (Vec<usize>, Vec<usize>) =
-        (0..terms).partition(|&j| qr.column_norm(j) > 0.0);
+    let (present, mut missing): (Vec<usize>, Vec<usize>) = (0..terms).partition(|&j| qr.column_norm(j) > 0.0);
     let dependent = qr.solve(&present, terms).dependent;
     missing.extend(dependent.into_iter().map(|position| present[position]));
     missing.sort_unstable();

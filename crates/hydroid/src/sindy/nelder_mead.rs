@@ -113,7 +113,8 @@ mod tests {
             calls += 1;
             if x[0] < 1.0 { f64::NAN } else { x[0] + x[1] * x[1] }
         };
-        let (x, y) = nelder_mead(wall, &[4.0, 2.0], &[1.0, 1.0], NelderMeadOptions { spread: 0.0, evaluations: 200 });
+        let (x, y) =
+            nelder_mead(wall, &[4.0, 2.0], &[1.0, 1.0], NelderMeadOptions { spread: 0.0, evaluations: 200 });
         assert!(x[0] >= 1.0 && y < 1.01, "{x:?} {y}");
         assert!(calls <= 205);
     }

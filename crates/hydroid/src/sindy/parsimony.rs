@@ -103,9 +103,13 @@ mod tests {
     fn what_both_find_hard_is_not_noise() {
         let best = losses(&[0.1, 5.0, 0.2, 9.0]);
         let always_worse = losses(&[0.2, 5.1, 0.3, 9.1]);
-        assert!(!always_worse.is_within_one_standard_error(&best) && best.is_significantly_better(&always_worse));
+        assert!(
+            !always_worse.is_within_one_standard_error(&best) && best.is_significantly_better(&always_worse)
+        );
         let now_and_then = losses(&[0.2, 4.9, 0.4, 8.9]);
-        assert!(now_and_then.is_within_one_standard_error(&best) && !best.is_significantly_better(&now_and_then));
+        assert!(
+            now_and_then.is_within_one_standard_error(&best) && !best.is_significantly_better(&now_and_then)
+        );
         assert!(!losses(&[0.1, f64::INFINITY, 0.2, 9.0]).is_within_one_standard_error(&best));
     }
 

@@ -11,9 +11,9 @@ use hydroid_core::model::sparse::Program;
 use serde::{Deserialize, Serialize};
 
 use super::assemble::{Assembled, AssemblyOptions, assemble_with};
+use super::qr::{BLOCK_ROWS, QrFactor};
 use super::regression_form::RegressionForm;
 use super::stepwise::independent_columns;
-use super::qr::{BLOCK_ROWS, QrFactor};
 use crate::log::Trajectory;
 
 /// What residuals cost.
@@ -98,7 +98,9 @@ impl ResidualHistogram {
             seen >= half
         });
         // The middle of the bin.
-        middle.map_or(0.0, |(bin, _)| f64::from_bits((bin << DROPPED_BITS) + (1 << (DROPPED_BITS - 1))) / 0.6745)
+        middle.map_or(0.0, |(bin, _)| {
+            f64::from_bits((bin << DROPPED_BITS) + (1 << (DROPPED_BITS - 1))) / 0.6745
+        })
     }
 }
 

@@ -5,8 +5,8 @@
 //! stepwise regression: Draper and Smith, Applied RegressionForm Analysis, 3rd ed. 1998, section 15.2). Unlike
 //! a threshold on coefficients this asks what a term is worth beside the others, and has no unit.
 
-use super::stlsq::SparseSolution;
 use super::qr::QrFactor;
+use super::stlsq::SparseSolution;
 
 /// A term that explains less than this share of the whole right-hand side leaves in any case: it is below
 /// the error that the discretisation of the derivative leaves in noise-free data.

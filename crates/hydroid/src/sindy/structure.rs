@@ -6,8 +6,8 @@ use hydroid_core::model::sparse::{Gate, Real, Signal, Term};
 use serde::{Deserialize, Serialize};
 
 use super::library::{Library, Variables};
-use super::substitution::{gated, substitute_variable};
 use super::search::{MOST_TERMS, SearchError};
+use super::substitution::{gated, substitute_variable};
 use crate::log::Trajectory;
 
 /// A library with the hidden states and modes that its terms are made of.

@@ -69,7 +69,7 @@ impl Structure {
 mod tests {
     use super::super::expression::ExpressionParser;
     use super::super::library::Library;
-    use super::super::structure::{Lag, GateSpec};
+    use super::super::structure::{GateSpec, Lag};
     use super::*;
 
     #[test]

@@ -12,11 +12,11 @@ use hydroid_core::model::sparse::{Real, Signal};
 use rayon::prelude::*;
 
 use super::fit::LinearRegression;
-use super::regression_form::RegressionForm;
-use super::library::{VariableKind, Library, Variables};
-use super::options::RegressionOptions;
+use super::library::{Library, VariableKind, Variables};
 use super::nelder_mead::{NelderMeadOptions, nelder_mead};
-use super::structure::{Lag, GateSpec, Structure};
+use super::options::RegressionOptions;
+use super::regression_form::RegressionForm;
+use super::structure::{GateSpec, Lag, Structure};
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
 
@@ -76,7 +76,8 @@ pub fn structure_search(
     let max_time_constant = MAX_TIME_CONSTANT * regression.window() as f64 * first.dt;
     // What the shortest parts can bear; the fewer, longer parts of the refinement bear it too.
     let mean_length = some.iter().map(Trajectory::len).sum::<usize>() as f64 / some.len() as f64;
-    let max_time_constant = max_time_constant.min(MAX_WARM_UP_SHARE * mean_length * first.dt / Signal::SETTLING);
+    let max_time_constant =
+        max_time_constant.min(MAX_WARM_UP_SHARE * mean_length * first.dt / Signal::SETTLING);
     let scan = StructureCost::new(&some, Variables::of(first), regression, max_time_constant, free);
     let fine = StructureCost::new(&all, Variables::of(first), regression, max_time_constant, free);
     let mut current = Structure::from(library.clone());
@@ -141,7 +142,14 @@ impl<'a> StructureCost<'a> {
             let warm_up = if free[0] { slowest.warm_up(run.dt) } else { 0 };
             (0..run.len()).map(|k| if k < warm_up { 0.0 } else { 1.0 }).collect()
         };
-        Self { runs, variables, regression, max_time_constant, free, weights: runs.iter().map(weights).collect() }
+        Self {
+            runs,
+            variables,
+            regression,
+            max_time_constant,
+            free,
+            weights: runs.iter().map(weights).collect(),
+        }
     }
 }
 
@@ -153,7 +161,8 @@ impl StructureCost<'_> {
         let signals = structure.signals(&self.variables);
         let runs: Vec<&Trajectory> = self.runs.iter().collect();
         let terms = structure.terms(&self.variables);
-        let preparation = RegressionOptions { signals: &signals, weights: &self.weights, ..RegressionOptions::default() };
+        let preparation =
+            RegressionOptions { signals: &signals, weights: &self.weights, ..RegressionOptions::default() };
         let prepared = LinearRegression::with(&runs, terms, self.regression, &preparation).ok()?;
         Some(prepared.least_squares_rms().iter().map(|rms| rms.ln()).sum())
     }
@@ -196,7 +205,9 @@ impl StructureCost<'_> {
             sets.push(free);
         }
         let shortest = self.runs.first().map_or(1.0, |run| run.dt);
-        let time = |k: u8| shortest * (self.max_time_constant / shortest).powf(f64::from(k) / f64::from(TIME_CONSTANTS));
+        let time = |k: u8| {
+            shortest * (self.max_time_constant / shortest).powf(f64::from(k) / f64::from(TIME_CONSTANTS))
+        };
         let with = |set: &[usize], k: u8| {
             let mut structure = current.clone();
             structure.lags.extend(set.iter().map(|&input| Lag { input, time_constant_s: time(k) }));
@@ -296,7 +307,9 @@ fn subsample(runs: &[&Trajectory], most: usize) -> Vec<Trajectory> {
     }
     let every = total.div_ceil(most);
     let pieces = runs.iter().flat_map(|run| {
-        (0..run.len()).step_by(SEGMENT_SAMPLES).map(move |from| (run, from, (from + SEGMENT_SAMPLES).min(run.len())))
+        (0..run.len())
+            .step_by(SEGMENT_SAMPLES)
+            .map(move |from| (run, from, (from + SEGMENT_SAMPLES).min(run.len())))
     });
     pieces.step_by(every).map(|(run, from, to)| run.slice(from, to)).collect()
 }

@@ -24,7 +24,10 @@ mod tests {
     #[test]
     fn a_replaced_variable_joins_what_is_there() {
         let thrust = Term::signed_square(1, 1).times(&Term::monomial(&[0]));
-        assert_eq!(substitute_variable(&thrust, 1, 3), Term::signed_square(3, 3).times(&Term::monomial(&[0])));
+        assert_eq!(
+            substitute_variable(&thrust, 1, 3),
+            Term::signed_square(3, 3).times(&Term::monomial(&[0]))
+        );
         assert_eq!(substitute_variable(&Term::monomial(&[0, 1]), 1, 0), Term::monomial(&[0, 0]));
         assert_eq!(substitute_variable(&thrust, 2, 5), thrust);
     }

@@ -253,7 +253,8 @@ fn the_text_of_the_jacobian_means_its_value() {
             let channels = &names[..5];
             let motion = of.equations().unwrap();
             let equations = motion.equations();
-            let mut parser = ExpressionParser::new(channels, 2, 0.1).with_signals(equations.signals().to_vec());
+            let mut parser =
+                ExpressionParser::new(channels, 2, 0.1).with_signals(equations.signals().to_vec());
             let sum: f64 = entry.terms.iter().map(|(c, t)| c * parser.term(t).unwrap().value(&values)).sum();
             assert!((sum - expected[i * values.len() + j]).abs() < 1e-12, "{entry:?}");
         }

@@ -4,7 +4,7 @@ use crate::steer_circles::{
     HYDROFOIL, MOTION, PHYSICAL, SIMPLE, both, identified, on_equations, on_plant, polynomial, run,
     with_measured_force,
 };
-use hydroid::sindy::{Optimizer, Regression};
+use hydroid::sindy::{Optimizer, RegressionForm};
 use hydroid_core::control::Status;
 use hydroid_core::vessel::VesselParams;
 
@@ -53,7 +53,8 @@ fn polynomials_are_refused_lost_or_ten_times_as_far_off() {
     let grave: f64 = Status::ALL.iter().zip(lost.shares).map(grave).sum();
     println!("smoothed: {:.1} m, lost or singular in {grave:.3} of the samples", lost.rms);
     assert!(lost.rms > 5.0 && grave > 0.5);
-    let [_, moderate] = both(&vessel, HYDROFOIL[0], &mut law(2, RegressionForm::Central, 0.05).unwrap(), false);
+    let [_, moderate] =
+        both(&vessel, HYDROFOIL[0], &mut law(2, RegressionForm::Central, 0.05).unwrap(), false);
     println!("degree 2: {:.4} m", moderate.rms);
     assert!((0.02..0.3).contains(&moderate.rms));
 }

@@ -3,7 +3,8 @@
 
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::sindy::{
-    Constraints, Family, Fit, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables,
+    Constraints, Family, Fit, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling,
+    Variables,
 };
 use hydroid_core::model::sparse::{Factor, Term};
 use proptest::prelude::*;
@@ -153,9 +154,18 @@ fn with_noise(mut run: Trajectory) -> Trajectory {
     run
 }
 
-fn fit(run: &Trajectory, terms: &[Term], regression: RegressionForm, optimizer: Optimizer, ridge: f64) -> Fit {
+fn fit(
+    run: &Trajectory,
+    terms: &[Term],
+    regression: RegressionForm,
+    optimizer: Optimizer,
+    ridge: f64,
+) -> Fit {
     let options = FitOptions { optimizer, ridge, substeps: 1, constraints: Constraints::default() };
-    LinearRegression::new(&[run], terms.to_vec(), regression, &Scaling::Contribution).unwrap().fit(&options).unwrap()
+    LinearRegression::new(&[run], terms.to_vec(), regression, &Scaling::Contribution)
+        .unwrap()
+        .fit(&options)
+        .unwrap()
 }
 
 fn columns(table: &Table, scales: &[f64]) -> Vec<f64> {

@@ -1,5 +1,5 @@
-//! The Lorenz system under measurement noise, and the simple plant with the same settings: the window follows
-//! from the noise, the terms from the information criterion, nothing else is set.
+//! The Lorenz system under measurement noise_std, and the simple plant with the same settings: the window follows
+//! from the noise_std, the terms from the information criterion, nothing else is set.
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -8,8 +8,8 @@ use hydroid::excitation::Excitation;
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Constraints, Criterion, Fit, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables,
-    noise, weak_form_from_noise,
+    Constraints, Criterion, Fit, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling,
+    Variables, noise_std, weak_form_from_noise,
 };
 use hydroid_core::vessel::VesselParams;
 use rand::SeedableRng;
@@ -166,8 +166,8 @@ fn the_simple_plant_is_found_with_the_settings_of_lorenz() {
 #[test]
 fn noise_is_told_from_motion() {
     for level in [0.01, 0.05, 0.1] {
-        let clean = noise(&[&lorenz(0.0, 0)]);
-        let told = noise(&[&lorenz(level, 3)]);
+        let clean = noise_std(&[&lorenz(0.0, 0)]);
+        let told = noise_std(&[&lorenz(level, 3)]);
         // Deviations of the golden run, computed with NumPy.
         for (i, deviation) in [7.4036, 8.5346, 8.5648].into_iter().enumerate() {
             assert!(clean[i] < 1e-3 * deviation, "{}", clean[i]);

@@ -7,16 +7,20 @@ mod equations;
 mod estimate;
 mod evaluate;
 mod evaluate_sessions;
+mod expression;
 mod identified_control;
 mod identify_networks;
 mod invariance;
 mod judged;
+mod library;
+mod log;
 mod lorenz;
 mod methods;
 mod model_file;
 mod network_file;
 mod peer_pysindy;
 mod peer_torch;
+mod qr;
 mod real_ships;
 mod refine;
 mod simulate_input;
@@ -27,7 +31,6 @@ mod train;
 mod train_direct;
 mod train_evaluate;
 mod train_refit;
-mod triangle;
 mod vessel;
 
 #[path = "../../../hydroid-core/tests/it/networks.rs"]

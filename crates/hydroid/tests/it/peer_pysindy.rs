@@ -9,7 +9,9 @@ use std::process::{Command, Stdio};
 use hydroid::excitation::Excitation;
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables};
+use hydroid::sindy::{
+    Constraints, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling, Variables,
+};
 use hydroid_core::vessel::VesselParams;
 
 fn python() -> Option<String> {

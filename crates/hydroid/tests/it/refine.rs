@@ -8,9 +8,9 @@ use hydroid::excitation::Excitation;
 use hydroid::log::{Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Coefficient, Constraints, FitOptions, SearchResult, RefineScope, SearchGrid, SearchOptions, Lag, Library, Loss, Optimizer, Outcome,
-    RegressionOptions, LinearRegression, RefinedEquations, Refinement, RefineOptions, RegressionForm, GateSpec, Sign, Structure, Variables,
-    noise_excess, refine, search,
+    Coefficient, Constraints, FitOptions, GateSpec, Lag, Library, LinearRegression, Loss, Optimizer, Outcome,
+    RefineOptions, RefineScope, RefinedEquations, Refinement, RegressionForm, RegressionOptions, SearchGrid,
+    SearchOptions, SearchResult, Sign, Structure, Variables, noise_excess, refine, search,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Shape, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -85,7 +85,8 @@ fn regressed(run: &Trajectory, structure: &Structure, tolerance: f64) -> Equatio
     let signals = structure.signals(&variables);
     let preparation = RegressionOptions { signals: &signals, ..RegressionOptions::default() };
     let regression = RegressionForm::Weak { intervals: 20 };
-    let prepared = LinearRegression::with(&[run], structure.terms(&variables), regression, &preparation).unwrap();
+    let prepared =
+        LinearRegression::with(&[run], structure.terms(&variables), regression, &preparation).unwrap();
     let options = FitOptions {
         optimizer: Optimizer::Stepwise(tolerance),
         ridge: 1e-6,
@@ -147,7 +148,8 @@ fn with_terms_of(truth: &Equations, run: &Trajectory) -> Equations {
         let own: Vec<usize> = (0..terms.len()).filter(|&j| truth.coefficient(output, j) != 0.0).collect();
         let list: Vec<Term> = own.iter().map(|&j| terms[j].clone()).collect();
         let regression = RegressionForm::Weak { intervals: 20 };
-        let prepared = LinearRegression::with(&[run], list, regression, &RegressionOptions::default()).unwrap();
+        let prepared =
+            LinearRegression::with(&[run], list, regression, &RegressionOptions::default()).unwrap();
         let options = FitOptions {
             optimizer: Optimizer::Stlsq(0.0),
             ridge: 0.0,
@@ -295,8 +297,14 @@ fn searched(run: &Trajectory, degree: u8, refine: Option<bool>, ensemble_size: u
         ..hydroid::evaluate::Options::default()
     };
     let inputs: Vec<DesignRange> = vec![DesignRange { low: -100.0, high: 100.0 }; 2];
-    let judge =
-        SearchOptions { validation: &[&validation], outputs: &outputs, inputs: &inputs, evaluation: options, seed: 0, ensemble_size: members };
+    let judge = SearchOptions {
+        validation: &[&validation],
+        outputs: &outputs,
+        inputs: &inputs,
+        evaluation: options,
+        seed: 0,
+        ensemble_size,
+    };
     search(&[run], &judge, &grid, &mut quiet).unwrap()
 }
 

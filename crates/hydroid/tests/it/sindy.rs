@@ -8,8 +8,9 @@ use hydroid::excitation::Excitation;
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Assembled, Constraints, Fit, FitError, FitOptions, SearchResult, SearchGrid, SearchOptions, Library, Loss, Optimizer,
-    LinearRegression, RegressionForm, Scaling, SearchError, Variables, assemble, search,
+    Assembled, Constraints, Fit, FitError, FitOptions, Library, LinearRegression, Loss, Optimizer,
+    RegressionForm, Scaling, SearchError, SearchGrid, SearchOptions, SearchResult, Variables, assemble,
+    search,
 };
 use hydroid_core::model::sparse::{Program, Term};
 use hydroid_core::vessel::VesselParams;
@@ -214,13 +215,13 @@ fn a_row_that_touches_a_missing_sample_is_left_out_and_counted() {
     data.outputs = Table::new(data.outputs.channels().to_vec(), values);
     // Increments 49 and 50 have sample 50 at an end.
     let one = assembled(&[&data], MIDPOINT);
-    assert_eq!((one.triangle.rows(), one.skipped), (97, 2));
+    assert_eq!((one.qr.rows(), one.skipped), (97, 2));
     // Rows start at 0, 1, .. 95 and use samples k .. k + 4 (stride 1 for four intervals).
     let four = assembled(&[&data], RegressionForm::Midpoint { intervals: 4 });
-    assert_eq!((four.triangle.rows(), four.skipped), (91, 5));
+    assert_eq!((four.qr.rows(), four.skipped), (91, 5));
     // Central differences: neighbours of the sample, and the sample itself for its library.
     let central = assembled(&[&data], RegressionForm::Central);
-    assert_eq!((central.triangle.rows(), central.skipped), (97, 3));
+    assert_eq!((central.qr.rows(), central.skipped), (97, 3));
     // What is left is still exact.
     let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
     let fit = fit(&[&data], &terms, MIDPOINT, Optimizer::Stlsq(0.0));
@@ -242,17 +243,17 @@ fn two_runs_are_never_joined_across_their_ends() {
         (RegressionForm::Central, 601),
     ] {
         let both = assembled(&[&first, &second], regression);
-        let mut parts = assembled(&[&first], regression).triangle;
-        parts.merge(&assembled(&[&second], regression).triangle);
-        assert_eq!(both.triangle.rows(), rows);
+        let mut parts = assembled(&[&first], regression).qr;
+        parts.merge(&assembled(&[&second], regression).qr);
+        assert_eq!(both.qr.rows(), rows);
         for i in 0..4 {
             for j in i..4 {
-                let (a, b) = (both.triangle.get(i, j), parts.get(i, j));
+                let (a, b) = (both.qr.get(i, j), parts.get(i, j));
                 assert!((a.abs() - b.abs()).abs() < 1e-10, "({i}, {j}): {a} and {b}");
             }
         }
         // y' = -y + c in both, but for a constant: y - 10 in the second.
-        assert!(both.triangle.column_norm(3) < 60.0, "{}", both.triangle.column_norm(3));
+        assert!(both.qr.column_norm(3) < 60.0, "{}", both.qr.column_norm(3));
     }
 }
 
@@ -269,7 +270,7 @@ fn a_run_too_short_for_a_row_gives_none() {
                 _ => 0,
             };
             if samples > 0 {
-                assert_eq!(assembled(&[&data], regression).triangle.rows(), expected as u64);
+                assert_eq!(assembled(&[&data], regression).qr.rows(), expected as u64);
             }
         }
     }
@@ -286,7 +287,8 @@ fn an_output_that_stands_still_or_was_never_measured_is_refused() {
     for (value, constant) in [(0.0, true), (0.1, true), (f64::NAN, false)] {
         let mut data = linear(50);
         data.outputs = Table::new(data.outputs.channels().to_vec(), vec![value; 50]);
-        let refused = LinearRegression::new(&[&data], terms.clone(), MIDPOINT, &Scaling::Contribution).unwrap_err();
+        let refused =
+            LinearRegression::new(&[&data], terms.clone(), MIDPOINT, &Scaling::Contribution).unwrap_err();
         if constant {
             assert_eq!(refused, FitError::Constant(String::from("y0")));
         } else {
@@ -303,7 +305,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
     let other = linear(5_000);
     let triangle = |threads: usize, regression| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| assembled(&[&data, &other], regression).triangle)
+        pool.install(|| assembled(&[&data, &other], regression).qr)
     };
     for regression in [MIDPOINT, RegressionForm::Midpoint { intervals: 6 }, RegressionForm::Central] {
         let one = triangle(1, regression);
@@ -381,7 +383,14 @@ fn grid(degree: u8) -> SearchGrid {
 fn search_of(data: &Trajectory, grid: &SearchGrid) -> Result<SearchResult, SearchError> {
     let options = evaluate::Options { horizon: 10, ..evaluate::Options::default() };
     let range = [DesignRange { low: -3.0, high: 3.0 }];
-    let judge = SearchOptions { validation: &[data], outputs: &range, inputs: &range, options, seed: 0, ensemble_size: 10 };
+    let judge = SearchOptions {
+        validation: &[data],
+        outputs: &range,
+        inputs: &range,
+        evaluation: options,
+        seed: 0,
+        ensemble_size: 10,
+    };
     search(&[data], &judge, grid, &mut |_| ControlFlow::Continue(()))
 }
 
@@ -401,11 +410,14 @@ fn the_search_chooses_what_predicts_and_says_what_it_tried() {
     assert!(
         (ensemble.low[decay]..=ensemble.high[decay]).contains(&found.fit.equations.coefficient(0, decay))
     );
-    assert!(ensemble.inclusion[decay] == 1.0 && found.screened.is_bounded());
+    assert!(ensemble.inclusion[decay] == 1.0 && found.stability.is_bounded());
     assert!(found.trials.len() < 8, "a setting that changes nothing is not judged again");
     assert_eq!((found.rows, found.unidentifiable.len()), ((999, 0), 0));
     assert!((found.fit.equations.coefficient(0, 1) + 1.0).abs() < 0.05);
-    assert!(matches!(search_of(&data, &SearchGrid { ridges: Vec::new(), ..grid(1) }), Err(SearchError::Empty)));
+    assert!(matches!(
+        search_of(&data, &SearchGrid { ridges: Vec::new(), ..grid(1) }),
+        Err(SearchError::Empty)
+    ));
 }
 
 /// `--degree 50` once asked for some hundred gigabytes.

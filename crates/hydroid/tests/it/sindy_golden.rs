@@ -4,7 +4,9 @@
 use std::path::PathBuf;
 
 use hydroid::log::{Channel, Table, Trajectory};
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables};
+use hydroid::sindy::{
+    Constraints, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling, Variables,
+};
 use serde_json::Value;
 
 fn golden(name: &str) -> String {
@@ -57,7 +59,8 @@ fn scaled(
 ) -> Vec<Vec<f64>> {
     let terms = Library::polynomial(2).terms(&Variables::of(run));
     let count = terms.len();
-    let prepared = LinearRegression::new(&[run], terms, regression, &Scaling::Variables(scales.to_vec())).unwrap();
+    let prepared =
+        LinearRegression::new(&[run], terms, regression, &Scaling::Variables(scales.to_vec())).unwrap();
     let ridge = alpha / prepared.rows() as f64;
     let fit = prepared
         .fit(&FitOptions {

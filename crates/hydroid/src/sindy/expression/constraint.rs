@@ -68,7 +68,10 @@ impl Constraint {
     }
 }
 
-pub(super) fn read(parser: &mut ExpressionParser, scanner: &mut Scanner<'_>) -> Result<Constraint, ExpressionError> {
+pub(super) fn read(
+    parser: &mut ExpressionParser,
+    scanner: &mut Scanner<'_>,
+) -> Result<Constraint, ExpressionError> {
     let mut whole = Constraint { sum: Vec::new(), relation: Relation::Equal, bound: 0.0 };
     side(parser, scanner, 1.0, &mut whole)?;
     scanner.skip_space();

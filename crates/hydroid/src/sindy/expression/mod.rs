@@ -106,6 +106,3 @@ impl ExpressionParser {
         done
     }
 }
-
-#[cfg(test)]
-mod tests;

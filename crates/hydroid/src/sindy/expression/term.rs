@@ -36,7 +36,8 @@ impl ExpressionParser {
             } else if scanner.eat("*") || scanner.eat("·") {
                 scanner.skip_space();
                 self.factor(scanner, &mut factors)?;
-            } else if scanner.peek().is_some_and(|c| is_name_char(c) || c == '|') || self.starts_name(scanner) {
+            } else if scanner.peek().is_some_and(|c| is_name_char(c) || c == '|') || self.starts_name(scanner)
+            {
                 self.factor(scanner, &mut factors)?;
             } else {
                 scanner.back_to(before);

@@ -157,6 +157,3 @@ fn order_key(term: &Term) -> (usize, u8, Vec<u16>, Term) {
     };
     (product.len(), class, product, term.clone())
 }
-
-#[cfg(test)]
-mod tests;

@@ -109,7 +109,10 @@ mod tests {
         let variables = Variables::of_channels(&outputs, &inputs);
         assert_eq!(variables.surge(), Some(1));
         let kinds: Vec<VariableKind> = variables.inputs().map(|(_, kind)| kind).collect();
-        assert_eq!(kinds, [VariableKind::Plain, VariableKind::Angle, VariableKind::Wind, VariableKind::Plain]);
+        assert_eq!(
+            kinds,
+            [VariableKind::Plain, VariableKind::Angle, VariableKind::Wind, VariableKind::Plain]
+        );
         assert_eq!(variables.inputs().next(), Some((2, VariableKind::Plain)));
         assert_eq!(Variables::plain(2, 1).surge(), None);
         assert_eq!(Variables::plain(3, 1).surge(), Some(0));

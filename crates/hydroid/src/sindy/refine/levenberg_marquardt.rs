@@ -73,7 +73,13 @@ impl Prior {
     }
 
     /// Values that solve the problem linearised at `values`, or none where nothing obeys the constraints.
-    fn solve(&self, merged: &QrFactor, values: &[f64], damping: f64, constraints: &LinearConstraints) -> Option<Vec<f64>> {
+    fn solve(
+        &self,
+        merged: &QrFactor,
+        values: &[f64],
+        damping: f64,
+        constraints: &LinearConstraints,
+    ) -> Option<Vec<f64>> {
         // The unknowns are the values in units of their columns' norms.
         let scaled = |x: &[f64]| x.iter().zip(&self.norms).map(|(x, d)| d * x).collect::<Vec<f64>>();
         let inverse: Vec<f64> = self.norms.iter().map(|d| 1.0 / d).chain([1.0]).collect();
@@ -135,7 +141,8 @@ pub(super) fn levenberg_marquardt(
         for _ in 0..MAX_TRIALS {
             progress::report(progress, step as f64 / MAX_STEPS as f64)?;
             let candidate = prior.solve(&merged, &values, damping, constraints);
-            let next = candidate.and_then(|candidate| Some((windows.linearise(parameters, &candidate)?, candidate)));
+            let next =
+                candidate.and_then(|candidate| Some((windows.linearise(parameters, &candidate)?, candidate)));
             match next {
                 Some((next, candidate)) if next.cost + prior.cost(&candidate) < now => {
                     accepted = Some((candidate, next));

@@ -25,13 +25,13 @@ mod shooting;
 
 use hydroid_core::model::sparse::Equations;
 
-use self::levenberg_marquardt::{Prior, LinearConstraints, levenberg_marquardt};
+use self::levenberg_marquardt::{LinearConstraints, Prior, levenberg_marquardt};
 pub use self::outcome::{Attempt, Outcome, Refinement};
 use self::parameters::Parameters;
 use self::shooting::Windows;
 use super::constraints::Constraints;
-use super::structure::{Lag, GateSpec};
 use super::noise::noise_std;
+use super::structure::{GateSpec, Lag};
 use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
@@ -104,7 +104,9 @@ pub fn refine(
     for (index, &strength) in options.strengths.iter().enumerate() {
         prior.strength = strength;
         let share = |f: f64| (index as f64 + f) / options.strengths.len() as f64;
-        let end = levenberg_marquardt(&windows, &parameters, from, &prior, &constraints, &mut |f| progress(share(f)))?;
+        let end = levenberg_marquardt(&windows, &parameters, from, &prior, &constraints, &mut |f| {
+            progress(share(f))
+        })?;
         if let Ok(equations) = parameters.equations(&end.values) {
             refined.push(RefinedEquations {
                 equations,

@@ -2,7 +2,7 @@
 
 use hydroid_core::model::sparse::{Equations, EquationsError, Factor, Gate, Real, Shape, Signal, Term};
 
-use crate::sindy::structure::{Lag, GateSpec};
+use crate::sindy::structure::{GateSpec, Lag};
 
 /// The numbers that are refined: coefficients, then logarithms of time constants, then centre and logarithm of the slope
 /// of each gate.

@@ -228,7 +228,13 @@ impl Linearizer<'_> {
         let measured = |j: usize, i: usize| run.outputs.row(k + j)[i];
         let mut state = states[0].clone();
         for _ in 0..START_STEPS {
-            self.short.rollout(&state, &commands, &mut buffers.work, &mut buffers.y, &mut buffers.start_jacobian);
+            self.short.rollout(
+                &state,
+                &commands,
+                &mut buffers.work,
+                &mut buffers.y,
+                &mut buffers.start_jacobian,
+            );
             self.check(&buffers.y)?;
             let step = self.start_step(&buffers.y, &buffers.start_jacobian, &state, measured);
             state.iter_mut().zip(step).for_each(|(x, d)| *x += d);

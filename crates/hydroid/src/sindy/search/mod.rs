@@ -4,9 +4,9 @@
 //! excerpts of the training runs. Validation alone is at the mercy of chance where it is short: on a log of
 //! ten minutes it chose equations that run away on the very data they were fitted to.
 
-mod selection;
 mod excerpts;
 mod refinement;
+mod selection;
 
 use std::sync::Arc;
 
@@ -16,16 +16,16 @@ use serde::{Deserialize, Serialize};
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
-use crate::sindy::parsimony::BlockLosses;
 use crate::sindy::constraints::Constraints;
 use crate::sindy::ensemble::Ensemble;
 use crate::sindy::error::FitError;
 use crate::sindy::expression::Constraint;
 use crate::sindy::fit::{Fit, LinearRegression};
-use crate::sindy::regression_form::RegressionForm;
 use crate::sindy::library::Variables;
 use crate::sindy::options::{FitOptions, Optimizer, RegressionOptions};
+use crate::sindy::parsimony::BlockLosses;
 use crate::sindy::refine::Refinement;
+use crate::sindy::regression_form::RegressionForm;
 use crate::sindy::robust::Loss;
 use crate::sindy::stability::{StabilityCheck, StabilityOptions, stability_check};
 use crate::sindy::structure::Structure;
@@ -202,7 +202,8 @@ pub fn search(
     let run = training.first().ok_or(SearchError::Empty)?;
     let excerpts = excerpts::excerpts(training, options.evaluation.horizon, grid.warm_up(run));
     let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
-    let mut search = Search { options, excerpts: &excerpts, variables: Variables::of(run), tried: Vec::new() };
+    let mut search =
+        Search { options, excerpts: &excerpts, variables: Variables::of(run), tried: Vec::new() };
     let mut first_error = None;
     let pairs = grid.structures.len() * grid.regressions.len();
     for (index, (structure, &regression)) in

@@ -1,14 +1,16 @@
 //! The chosen equations refined by their predictions, if that makes these better.
 
-use super::{Search, SearchGrid, SearchError};
+use super::{Search, SearchError, SearchGrid};
 use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::constraints::{Coefficient, Constraints, Equality};
 use crate::sindy::ensemble::Ensemble;
 use crate::sindy::fit::Fit;
-use crate::sindy::refine::{Attempt, Outcome, RefinedEquations, Refinement, RefineOptions, noise_excess, refine};
+use crate::sindy::refine::{
+    Attempt, Outcome, RefineOptions, RefinedEquations, Refinement, noise_excess, refine,
+};
 use crate::sindy::robust::Loss;
-use crate::sindy::structure::{Lag, GateSpec};
+use crate::sindy::structure::{GateSpec, Lag};
 
 /// Lengths of the windows, in horizons: what the model is judged on, and shorter ones, which hold less of the starts' and
 /// of other errors. On ten records of the hydrofoil each was taken at times.
@@ -75,7 +77,9 @@ impl Search<'_> {
             };
             if refinement.excess.is_none() {
                 refinement.excess = noise_excess(&options, &selected.fit.equations);
-                if refinement.max_excess().is_some_and(|noise_excess| noise_excess > MAX_NOISE_EXCESS) && !scope.always {
+                if refinement.max_excess().is_some_and(|noise_excess| noise_excess > MAX_NOISE_EXCESS)
+                    && !scope.always
+                {
                     refinement.outcome = Outcome::FarFromNoise;
                     return Ok((selected, refinement));
                 }
@@ -89,7 +93,8 @@ impl Search<'_> {
                     steps: refined.steps,
                     score: judged.score.is_finite().then_some(judged.score),
                 });
-                if judged.score < selected.score && self.stability(&refined.equations).unbounded <= unbounded {
+                if judged.score < selected.score && self.stability(&refined.equations).unbounded <= unbounded
+                {
                     selected.score = judged.score;
                     refinement.taken = Some(refinement.attempts.len() - 1);
                     best = Some(refined);

@@ -4,9 +4,9 @@ use super::refinement::Selected;
 use super::{Search, SearchError, SearchGrid, SearchResult, TrialScore, fit_options};
 use crate::log::Trajectory;
 use crate::progress::Progress;
-use crate::sindy::parsimony::combine_equations;
 use crate::sindy::ensemble::{BootstrapOptions, Ensemble};
 use crate::sindy::fit::Fit;
+use crate::sindy::parsimony::combine_equations;
 use crate::sindy::structure_constraints::couples_outputs;
 
 /// Other trials whose equation of one output is tried in place of the chosen one.
@@ -29,7 +29,9 @@ impl Search<'_> {
         // One that was given up on the way was not compared on the training runs.
         let compared =
             |i: usize| self.tried[i].losses.training.len() == self.tried[best].losses.training.len();
-        let alike = |i: usize| compared(i) && self.tried[i].losses.is_within_one_standard_error(&self.tried[best].losses);
+        let alike = |i: usize| {
+            compared(i) && self.tried[i].losses.is_within_one_standard_error(&self.tried[best].losses)
+        };
         let (mut simple, rest): (Vec<usize>, Vec<usize>) = order.into_iter().partition(|&i| alike(i));
         simple.sort_by_key(|&i| self.tried[i].trial.terms + self.tried[i].trial.structure.parameters());
         simple.extend(rest);
@@ -78,7 +80,11 @@ impl Search<'_> {
 
     /// For each output in turn the equations of other trials are tried in place of the chosen one; one that
     /// does better beyond the noise, in the rollouts of the whole, stays.
-    fn select_by_output(&self, chosen: usize, preference: &[usize]) -> Result<(Vec<usize>, Fit, f64), SearchError> {
+    fn select_by_output(
+        &self,
+        chosen: usize,
+        preference: &[usize],
+    ) -> Result<(Vec<usize>, Fit, f64), SearchError> {
         let outputs = self.variables.outputs().count();
         let mut rows = vec![chosen; outputs];
         let mut fit = self.tried[chosen].fit.clone();
@@ -136,11 +142,16 @@ impl Search<'_> {
             return Ok(None);
         }
         let terms = fit.equations.terms();
-        let bootstrap = BootstrapOptions { resamples: self.options.ensemble_size, seed: self.options.seed, ..BootstrapOptions::default() };
+        let bootstrap = BootstrapOptions {
+            resamples: self.options.ensemble_size,
+            seed: self.options.seed,
+            ..BootstrapOptions::default()
+        };
         let mut whole = Ensemble::zero(self.options.ensemble_size, rows.len(), terms.len());
         for (output, &equation) in rows.iter().enumerate() {
             let trial = &self.tried[equation].trial;
-            let prepared = self.prepare(training, &trial.structure, trial.regression, grid, BOOTSTRAP_BLOCKS)?;
+            let prepared =
+                self.prepare(training, &trial.structure, trial.regression, grid, BOOTSTRAP_BLOCKS)?;
             let constraints = trial.structure.constraints(&grid.constraints, &self.variables);
             let options = fit_options(trial.optimizer, trial.ridge, dt, &constraints);
             let ensemble = prepared.ensemble(&options, &bootstrap)?;

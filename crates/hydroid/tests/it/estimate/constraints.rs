@@ -1,7 +1,7 @@
 use hydroid::log::Trajectory;
 use hydroid::sindy::{
     Coefficient, ConstraintError, Constraints, Criterion, Equality, Fit, FitError, FitOptions, Library,
-    Optimizer, LinearRegression, RegressionForm, Scaling, Sign, Variables,
+    LinearRegression, Optimizer, RegressionForm, Scaling, Sign, Variables,
 };
 use proptest::prelude::*;
 

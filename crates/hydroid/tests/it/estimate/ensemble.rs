@@ -1,8 +1,8 @@
 use hydroid::log::Trajectory;
 use hydroid::sindy::{
-    BootstrapOptions, Coefficient, ConstraintError, Constraints, Criterion, Ensemble, Equality, FitError, FitOptions,
-    Library, Optimizer, RegressionOptions, LinearRegression, RegressionForm, AssemblyOptions, QrFactor, Variables, assemble,
-    assemble_with,
+    AssemblyOptions, BootstrapOptions, Coefficient, ConstraintError, Constraints, Criterion, Ensemble,
+    Equality, FitError, FitOptions, Library, LinearRegression, Optimizer, QrFactor, RegressionForm,
+    RegressionOptions, Variables, assemble, assemble_with,
 };
 use hydroid_core::model::sparse::{Factor, Program, Real, Shape, Signal, Term};
 
@@ -12,8 +12,13 @@ const MIDPOINT: RegressionForm = RegressionForm::Midpoint { intervals: 1 };
 
 fn prepared(runs: &[&Trajectory], degree: u8) -> LinearRegression {
     let preparation = RegressionOptions { groups: 24, ..RegressionOptions::default() };
-    LinearRegression::with(runs, Library::polynomial(degree).terms(&Variables::plain(2, 0)), MIDPOINT, &preparation)
-        .unwrap()
+    LinearRegression::with(
+        runs,
+        Library::polynomial(degree).terms(&Variables::plain(2, 0)),
+        MIDPOINT,
+        &preparation,
+    )
+    .unwrap()
 }
 
 #[test]
@@ -26,12 +31,12 @@ fn groups_are_parts_of_the_whole() {
         let whole = assemble(&program, &[&one, &two], regression);
         assert_eq!((grouped.groups.len(), whole.groups.len()), (24, 0));
         let rows: Vec<u64> = grouped.groups.iter().map(QrFactor::rows).collect();
-        assert_eq!(rows.iter().sum::<u64>(), whole.triangle.rows());
+        assert_eq!(rows.iter().sum::<u64>(), whole.qr.rows());
         assert!(rows.iter().max().unwrap() - rows.iter().min().unwrap() <= 1, "{rows:?}");
         for i in 0..7 {
             for j in i..7 {
-                let (a, b) = (grouped.triangle.get(i, j).abs(), whole.triangle.get(i, j).abs());
-                assert!((a - b).abs() < 1e-9 * whole.triangle.column_norm(j), "({i}, {j}): {a} and {b}");
+                let (a, b) = (grouped.qr.get(i, j).abs(), whole.qr.get(i, j).abs());
+                assert!((a - b).abs() < 1e-9 * whole.qr.column_norm(j), "({i}, {j}): {a} and {b}");
             }
         }
     }
@@ -100,9 +105,12 @@ fn the_same_seed_gives_the_same_numbers_on_any_number_of_threads() {
     let data = driven(9_000, 0.3, 8);
     let draw = |threads: usize, seed: u64| -> Ensemble {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let bootstrap = BootstrapOptions { resamples: 20, seed, term_dropout: 0.1, ..BootstrapOptions::default() };
+        let bootstrap =
+            BootstrapOptions { resamples: 20, seed, term_dropout: 0.1, ..BootstrapOptions::default() };
         pool.install(|| {
-            prepared(&[&data], 2).ensemble(&options(Optimizer::Criterion(Criterion::Aic)), &bootstrap).unwrap()
+            prepared(&[&data], 2)
+                .ensemble(&options(Optimizer::Criterion(Criterion::Aic)), &bootstrap)
+                .unwrap()
         })
     };
     let one = draw(1, 4);

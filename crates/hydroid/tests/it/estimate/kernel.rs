@@ -1,4 +1,4 @@
-use hydroid::sindy::{RowWeights, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables};
+use hydroid::sindy::{Library, LinearRegression, Optimizer, RegressionForm, RowWeights, Scaling, Variables};
 
 use crate::estimate::made::{driven, options, run};
 
@@ -84,8 +84,13 @@ fn data_that_obey_the_midpoint_rule_satisfy_the_weak_form_exactly() {
     let data = driven(600, 0.0, 1);
     for intervals in [1, 6, 13, 64] {
         let terms = Library::polynomial(2).terms(&Variables::plain(2, 0));
-        let prepared =
-            LinearRegression::new(&[&data], terms, RegressionForm::Weak { intervals }, &Scaling::Contribution).unwrap();
+        let prepared = LinearRegression::new(
+            &[&data],
+            terms,
+            RegressionForm::Weak { intervals },
+            &Scaling::Contribution,
+        )
+        .unwrap();
         let fit = prepared.fit(&options(Optimizer::Stepwise(1e-3))).unwrap();
         for (got, expected) in fit.equations.coefficients().iter().zip([0.0, -1.0, 1.0, 0.0, 0.0, 0.0]) {
             assert!((got - expected).abs() < 1e-10, "{intervals}: {got} for {expected}");
@@ -103,7 +108,8 @@ fn the_weak_form_is_of_second_order() {
         let terms = vec![Library::polynomial(2).terms(&Variables::plain(1, 0))[2].clone()];
         let regression = RegressionForm::Weak { intervals: samples / 10 };
         let prepared =
-            LinearRegression::new(&[&run(dt, &rows, &[])], terms, regression, &Scaling::Contribution).unwrap();
+            LinearRegression::new(&[&run(dt, &rows, &[])], terms, regression, &Scaling::Contribution)
+                .unwrap();
         prepared.fit(&options(Optimizer::Stlsq(0.0))).unwrap().equations.coefficient(0, 0) + 1.0
     };
     for samples in [80, 160, 320] {

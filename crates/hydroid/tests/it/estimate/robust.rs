@@ -1,7 +1,7 @@
 use hydroid::log::{Table, Trajectory};
 use hydroid::sindy::{
-    FitError, Library, Loss, Optimizer, RegressionOptions, LinearRegression, RegressionForm, AssemblyOptions, Variables,
-    assemble_with,
+    AssemblyOptions, FitError, Library, LinearRegression, Loss, Optimizer, RegressionForm, RegressionOptions,
+    Variables, assemble_with,
 };
 use hydroid_core::model::sparse::Program;
 
@@ -79,21 +79,21 @@ fn a_sample_of_weight_zero_is_as_good_as_missing() {
     let program = Program::new(&Library::polynomial(1).terms(&Variables::plain(2, 0)), 2).unwrap();
     for regression in [RegressionForm::Midpoint { intervals: 1 }, RegressionForm::Weak { intervals: 10 }] {
         let samples = [weights.clone()];
-        let streaming = AssemblyOptions { samples: &samples, ..AssemblyOptions::default() };
+        let streaming = AssemblyOptions { weights: &samples, ..AssemblyOptions::default() };
         let weighted = assemble_with(&program, &[&spiked], regression, &streaming);
         let mut missing = spiked.clone();
         let values =
             spiked.outputs.column(0).zip(&weights).map(|(y, w)| if *w == 0.0 { f64::NAN } else { y });
         missing.outputs = Table::new(spiked.outputs.channels().to_vec(), values.collect());
         let left_out = assemble_with(&program, &[&missing], regression, &AssemblyOptions::default());
-        assert_eq!(weighted.triangle, left_out.triangle);
+        assert_eq!(weighted.qr, left_out.qr);
         assert_eq!((weighted.skipped, left_out.skipped > 0), (0, true));
     }
     // A weight of 4 throughout is the same fit, the factor twice as large.
     let samples = [vec![4.0; spiked.len()]];
-    let streaming = AssemblyOptions { samples: &samples, ..AssemblyOptions::default() };
-    let four = assemble_with(&program, &[&spiked], RegressionForm::default(), &streaming).triangle;
-    let one = assemble_with(&program, &[&spiked], RegressionForm::default(), &AssemblyOptions::default()).triangle;
+    let streaming = AssemblyOptions { weights: &samples, ..AssemblyOptions::default() };
+    let four = assemble_with(&program, &[&spiked], RegressionForm::default(), &streaming).qr;
+    let one = assemble_with(&program, &[&spiked], RegressionForm::default(), &AssemblyOptions::default()).qr;
     assert!((four.column_norm(3) / one.column_norm(3) - 2.0).abs() < 1e-12);
     spiked.name = String::from("log7");
     for wrong in [vec![1.0; 3], vec![-1.0; spiked.len()], vec![f64::NAN; spiked.len()]] {

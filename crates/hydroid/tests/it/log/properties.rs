@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 
-use super::super::{CommandTiming, InputDelay, PrepareOptions, Selection, inspect, prepare, read_from};
 use super::{log, table};
+use hydroid::log::{CommandTiming, InputDelay, PrepareOptions, Selection, inspect, prepare, read_from};
 
 /// A cell as logs have them, good and bad.
 fn cell() -> impl Strategy<Value = String> {

@@ -1,7 +1,7 @@
 //! What happens to a log on its way to runs.
 
-use super::super::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Trajectory, prepare};
 use super::{error_of, has_note, input, log, log_as, output, prepared, prepared_with, table};
+use hydroid::log::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Trajectory, prepare};
 
 fn u(k: usize) -> String {
     format!("{}", (k % 7) as f64 * 0.1)

@@ -17,7 +17,7 @@ mod real_logs;
 mod rules;
 mod towed;
 
-use super::{LogError, PrepareOptions, Prepared, RawLog, Selection, prepare, read_from};
+use hydroid::log::{LogError, PrepareOptions, Prepared, RawLog, Selection, prepare, read_from};
 
 /// A log from its text.
 fn log(text: &str) -> RawLog {

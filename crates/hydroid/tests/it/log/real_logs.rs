@@ -3,8 +3,8 @@
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use super::super::inspect::Confidence;
-use super::super::{Inspection, PrepareOptions, RawLog, Selection, inspect, prepare, read};
+use hydroid::log::inspect::Confidence;
+use hydroid::log::{Inspection, PrepareOptions, RawLog, Selection, inspect, prepare, read};
 
 fn data(file: &str) -> Option<PathBuf> {
     let found = std::env::var_os("HYDROID_DATA").map(|d| PathBuf::from(d).join(file));
@@ -75,11 +75,11 @@ fn only_the_two_random_runs_that_end_under_tow_are_shortened() {
     files.sort();
     let logs: Vec<RawLog> = files.iter().map(|f| read(f).unwrap()).collect();
     let p = prepare(&logs, &esso(), &PrepareOptions::default()).unwrap();
-    let rows: Vec<usize> = p.runs.iter().map(crate::log::Trajectory::len).collect();
+    let rows: Vec<usize> = p.runs.iter().map(hydroid::log::Trajectory::len).collect();
     assert_eq!(rows, [8073, 6717, 6077, 6936, 6564, 5684]);
     let kept =
         prepare(&logs, &esso(), &PrepareOptions { keep_towed: true, ..PrepareOptions::default() }).unwrap();
-    assert_eq!(kept.runs.iter().map(crate::log::Trajectory::len).sum::<usize>(), 40_908);
+    assert_eq!(kept.runs.iter().map(hydroid::log::Trajectory::len).sum::<usize>(), 40_908);
 }
 
 #[test]

@@ -1,7 +1,8 @@
-use hydroid_core::model::sparse::{Factor, Gate, Real, Shape};
-use proptest::prelude::*;
+//! Terms and constraints as text.
 
-use super::*;
+use hydroid::sindy::expression::{Coefficient, Constraint, ExpressionParser, Relation};
+use hydroid_core::model::sparse::{Factor, Gate, Real, Shape, Signal, Term};
+use proptest::prelude::*;
 
 const SHIP: [&str; 6] = ["u", "v", "r", "n", "delta", "wind_x"];
 

@@ -234,10 +234,7 @@ fn both_optimizers_tell_what_they_left_out_as_dependent() {
         row.extend([row[0] - 3.0 * row[1], 2.0 * row[0] + row[2]]);
     }
     let factor = fold(&rows);
-    for solution in [
-        stlsq(&factor, &factor, 4, 4, 0.1),
-        stepwise(&factor, 4, 4, 1e-3),
-    ] {
+    for solution in [stlsq(&factor, &factor, 4, 4, 0.1), stepwise(&factor, 4, 4, 1e-3)] {
         assert_eq!(solution.dependent, [3]);
         for (got, expected) in solution.coefficients.iter().zip([2.0, 0.0, 1.0, 0.0]) {
             assert!((got - expected).abs() < 1e-12);

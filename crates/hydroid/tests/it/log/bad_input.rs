@@ -1,7 +1,7 @@
 //! The lines of "Bad input" that concern logs: each has its own message with place and remedy.
 
-use super::super::{LogError, PrepareOptions, Selection, prepare, read};
 use super::{error, error_of, has_note, log, log_as, prepared, table};
+use hydroid::log::{LogError, PrepareOptions, Selection, prepare, read};
 
 fn u(k: usize) -> String {
     format!("{}", (k % 7) as f64 * 0.1)

@@ -1,7 +1,7 @@
 //! What a CSV file may look like.
 
-use super::super::{LogError, read, read_from};
 use super::{error_of, log};
+use hydroid::log::{LogError, read, read_from};
 
 fn read_error(text: &[u8]) -> String {
     error_of(read_from(text, "log.csv"))

@@ -1,7 +1,7 @@
 //! The clocks of real loggers: dates, no time at all, milliseconds, rows written twice.
 
-use super::super::{PrepareOptions, Selection, prepare};
 use super::{error, error_of, has_note, log, output, prepared, prepared_with};
+use hydroid::log::{PrepareOptions, Selection, prepare};
 
 /// A log whose times are these.
 fn timed(header: &str, times: &[&str]) -> String {

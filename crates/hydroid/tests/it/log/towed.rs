@@ -1,7 +1,7 @@
 //! Ends of a log at which somebody else moves the vessel.
 
-use super::super::PrepareOptions;
 use super::{has_note, log, output, prepared, prepared_with, table};
+use hydroid::log::PrepareOptions;
 
 /// Rows at 10 Hz: 30 s before, 100 s under command, 40 s after.
 const BEFORE: usize = 300;
@@ -103,8 +103,8 @@ fn what_is_no_velocity_tells_of_no_tow() {
     let text = table(ROWS, speed(|t| if t < 15.0 { 0.1 } else { 0.6 }), command);
     for (unit, rows) in [("rad", ROWS), ("m/s", AFTER)] {
         let log = log(&text.replacen("u [m/s]", &format!("psi [{unit}]"), 1));
-        let selection = super::super::Selection::of("psi", "n").unwrap();
-        let p = super::super::prepare(&[log], &selection, &PrepareOptions::default()).unwrap();
+        let selection = hydroid::log::Selection::of("psi", "n").unwrap();
+        let p = hydroid::log::prepare(&[log], &selection, &PrepareOptions::default()).unwrap();
         assert_eq!(p.runs[0].len(), rows, "{unit}");
     }
 }
@@ -116,8 +116,8 @@ fn wind_is_no_command() {
     for k in 0..ROWS {
         text += &format!("{:.1},{},{},2,0.5\n", k as f64 * 0.1, u(k), command(k));
     }
-    let mut selection = super::super::Selection::of("u", "n").unwrap();
+    let mut selection = hydroid::log::Selection::of("u", "n").unwrap();
     selection.wind = Some("wind,from".parse().unwrap());
-    let p = super::super::prepare(&[log(&text)], &selection, &PrepareOptions::default()).unwrap();
+    let p = hydroid::log::prepare(&[log(&text)], &selection, &PrepareOptions::default()).unwrap();
     assert_eq!(p.runs[0].len(), AFTER);
 }

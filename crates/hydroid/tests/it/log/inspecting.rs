@@ -1,11 +1,11 @@
 //! What `inspect` finds in logs made to hold it.
 
-use super::super::inspect::Confidence;
-use super::super::{CommandTiming, InputDelay, Inspection, LogError, PrepareOptions, RawLog, Selection};
 use super::{log, table};
+use hydroid::log::inspect::Confidence;
+use hydroid::log::{CommandTiming, InputDelay, Inspection, LogError, PrepareOptions, RawLog, Selection};
 
 fn inspect(log: &RawLog, selection: &Selection) -> Result<Inspection, LogError> {
-    super::super::inspect(log, selection, &PrepareOptions::default())
+    hydroid::log::inspect(log, selection, &PrepareOptions::default())
 }
 
 /// Numbers from -0.5 to 0.5, the same every time.
@@ -131,7 +131,7 @@ fn a_log_that_cannot_be_prepared_is_looked_at_all_the_same() {
 #[test]
 fn a_log_that_is_read_as_it_should_be_is_not_warned_of() {
     let looked_at = |text: &str, options: &PrepareOptions| {
-        super::super::inspect(&log(text), &Selection::of("u", "n").unwrap(), options).unwrap()
+        hydroid::log::inspect(&log(text), &Selection::of("u", "n").unwrap(), options).unwrap()
     };
     let advised = |found: &Inspection, part: &str| {
         found.notes.iter().any(|n| n.remedy.as_ref().is_some_and(|r| r.contains(part)))
@@ -212,7 +212,7 @@ fn a_log_without_a_time_column_says_so() {
     let found = inspect(&log("when,speed\n0,1\n1,2\n2,1\n"), &Selection::default()).unwrap();
     assert!(found.notes.iter().any(|n| n.message.contains("no time column")), "{:?}", found.notes);
     let options = PrepareOptions { dt: Some(0.5), ..PrepareOptions::default() };
-    let found = super::super::inspect(&log(text), &Selection::default(), &options).unwrap();
+    let found = hydroid::log::inspect(&log(text), &Selection::default(), &options).unwrap();
     assert_eq!((found.duration_s, found.clock.unwrap().step_s), (Some(1.0), 0.5));
 }
 
