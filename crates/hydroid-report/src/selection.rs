@@ -10,7 +10,7 @@ use super::page::{Section, cell, columns, figure, notes, nothing, table};
 use super::{ReportError, Subject, network, style};
 use hydroid::identify::Candidate;
 use hydroid::log::Note;
-use hydroid::sindy::{Criterion, SearchResult, Optimizer, RegressionForm, Trial};
+use hydroid::sindy::{Criterion, Optimizer, RegressionForm, SearchResult, Trial};
 
 /// The front of the least errors.
 const FRONT: Stroke = Stroke { colour: style::MUTED, width: 1.4, dash: Dash::Solid };

@@ -26,7 +26,9 @@ use hydroid::evaluate::{Against, DesignRange, Evaluation, Options, Origin, evalu
 use hydroid::identify::ranges;
 use hydroid::log::Trajectory;
 use hydroid::progress::silent;
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables};
+use hydroid::sindy::{
+    Constraints, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling, Variables,
+};
 
 /// Differences of the recipe.
 pub const DIFFERENCES: [(&str, RegressionForm); 3] = [

@@ -32,7 +32,9 @@ use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, LinearRegression, RegressionForm, Scaling, Variables};
+use hydroid::sindy::{
+    Constraints, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling, Variables,
+};
 use hydroid_core::control::{
     AffineEquations, AffineNetwork, AffinePlant, Backstepping, BacksteppingOptions, Controller,
     FeedbackLinearization, FeedbackLinearizationOptions, Status,

@@ -345,7 +345,7 @@ fn show(folder: &Path, identified: &Identified) {
             candidate.train_seconds
         );
         let refinement = candidate.found().map(|found| &found.refinement);
-        if let Some(text) = refinement.and_then(|refinement| refinement.in_words(model.description.dt)) {
+        if let Some(text) = refinement.and_then(|refinement| refinement.describe(model.description.dt)) {
             outln!("  coefficients {text}");
         }
         // Where a model that learns starts from is for `inspect`: it has all terms, and they do not stay.

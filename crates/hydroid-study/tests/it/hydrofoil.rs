@@ -8,7 +8,7 @@ use hydroid::log::{Split, Trajectory};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
-use hydroid::sindy::{Lag, GateSpec, Structure};
+use hydroid::sindy::{GateSpec, Lag, Structure};
 use hydroid_core::model::sparse::Shape;
 use hydroid_core::vessel::VesselParams;
 use hydroid_study::recipe::{self, DIFFERENCES, UNITS, Verdict, recipe};
