@@ -92,7 +92,7 @@ fn guarded(equations: &Equations, settings: &Settings) -> Guard {
     let learner = || -> Box<dyn Adapter> {
         Box::new(RecursiveEquations::new(equations, &[(-1.0, 1.0); 5], settings).unwrap())
     };
-    let settings = GuardOptions { horizon: 4, stride: 1, keep: 2, ..GuardOptions::new(0.1) };
+    let settings = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
     Guard::new(learner(), [learner(), learner()], &[(-1.0, 1.0); 5], &[0.01; 3], settings).unwrap()
 }
 

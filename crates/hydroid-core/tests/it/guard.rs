@@ -152,7 +152,7 @@ fn weights_that_were_never_any_good_are_given_back() {
     // A learner that trusts every sample to the last digit, and its weights not at all.
     let mut guard = guarded(30.0, 1e-3);
     let (_, events) = errors(&mut guard, &log[..1600]);
-    assert!(events.contains(&"rolled_back") || guard.active() != Expert::Learner, "{events:?}");
+    assert!(events.contains(&"rolled_back") || guard.active() != Expert::Adapted, "{events:?}");
     assert!(guard.weights().iter().all(|w| w.is_finite()));
     assert_eq!(guard.weights().len(), model.weights.len());
 }

@@ -469,7 +469,8 @@ fn a_guard_stands_around_it_with_companions_that_do_not_learn() {
     let guard = || {
         let learner = Box::new(DirectReadOut::new(Arc::clone(&model), &SETTINGS).unwrap());
         let ranges = [(-1.0, 3.0), (-1.5, 0.5), (0.0, 20.0), (-0.5, 0.5)];
-        let settings = GuardOptions { horizon: 4, stride: 1, keep: 10, ..GuardOptions::new(0.1) };
+        let settings =
+            GuardOptions { horizon: 4, stride: 1, snapshot_interval: 10, ..GuardOptions::new(0.1) };
         Guard::new(learner, [companion(), companion()], &ranges, &[0.02, 0.02], settings).unwrap()
     };
     let (mut first, mut second) = (guard(), guard());

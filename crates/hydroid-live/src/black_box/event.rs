@@ -24,7 +24,7 @@ pub(super) fn encode(action: &Action) -> [f64; WORDS] {
         }
         Action::RolledBack { to, errors: [learner, better] } => [9.0, expert(to), learner, better, 0.0],
         Action::Restarted => [10.0, 0.0, 0.0, 0.0, 0.0],
-        Action::Kept { error } => [11.0, error, 0.0, 0.0, 0.0],
+        Action::SnapshotTaken { error } => [11.0, error, 0.0, 0.0, 0.0],
     }
 }
 
@@ -48,7 +48,7 @@ pub(super) fn decode(words: &[f64]) -> Option<Action> {
         8 => Action::Switched { to: expert(a)?, cause: *CAUSES.get(count(b))?, errors: [c, d] },
         9 => Action::RolledBack { to: expert(a)?, errors: [b, c] },
         10 => Action::Restarted,
-        11 => Action::Kept { error: a },
+        11 => Action::SnapshotTaken { error: a },
         _ => return None,
     })
 }

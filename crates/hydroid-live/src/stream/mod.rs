@@ -299,7 +299,8 @@ impl Stream {
             Outcome::Waiting | Outcome::Accepted | Outcome::RolledBack => {}
         }
         if let Some(guard) = self.session.adapter().guard() {
-            let happened = guard.events().iter().filter(|event| !matches!(event.action, Action::Kept { .. }));
+            let happened =
+                guard.events().iter().filter(|event| !matches!(event.action, Action::SnapshotTaken { .. }));
             for event in happened {
                 say(&mut self.note, format_args!("{}", Worded { action: &event.action, names: &self.names }));
             }

@@ -83,7 +83,7 @@ impl fmt::Display for Worded<'_> {
                 to.name()
             ),
             Action::Restarted => write!(f, "the covariance was not sound and starts again"),
-            Action::Kept { error } => write!(f, "a snapshot was taken (error {error:.4})"),
+            Action::SnapshotTaken { error } => write!(f, "a snapshot was taken (error {error:.4})"),
         }
     }
 }

@@ -118,7 +118,8 @@ impl<'a> Watched<'a> {
             };
             self.counts.touched += usize::from(guard.events().iter().any(|event| touches(&event.action)));
             self.counts.predicted_by[guard.active().index()] += 1;
-            let said = guard.events().iter().filter(|event| !matches!(event.action, Action::Kept { .. }));
+            let said =
+                guard.events().iter().filter(|event| !matches!(event.action, Action::SnapshotTaken { .. }));
             self.events.extend(said);
         }
         match self.adapter.outcome() {

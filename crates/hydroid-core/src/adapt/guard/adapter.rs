@@ -1,9 +1,9 @@
-//! A guard as an [`Adapter`]: three models that walk side by side, and one that answers.
+//! A guard as an [`Adapter`]: three models follow the run, and one of them predicts.
 
 use alloc::boxed::Box;
 
 use super::Guard;
-use super::bound::{Allowed, Bounded, BoundedRollout, go_on};
+use super::deviation_bound::{BoundedRollout, Budget, GuardFork, extrapolate};
 use super::event::Expert;
 use super::sensor::Sensor;
 use crate::adapt::kalman::Rehearsal;
@@ -15,10 +15,10 @@ impl Guard {
     fn bounded(&self) -> BoundedRollout<'_> {
         BoundedRollout {
             bound: &self.bound,
-            allowed: self.choice.allowed,
+            budget: self.selector.budget,
             motion: &self.motion,
-            model: self.expert(self.choice.active),
-            reference: self.frozen.as_ref(),
+            model: self.expert(self.selector.active),
+            reference: self.reference.as_ref(),
         }
     }
 }
@@ -38,11 +38,11 @@ impl Predictor for Guard {
 
     fn reset(&mut self) {
         self.learner.reset();
-        self.kept.reset();
-        self.frozen.reset();
+        self.snapshot.reset();
+        self.reference.reset();
         self.sensors.iter_mut().for_each(Sensor::reset);
-        self.trial.reset();
-        self.choice.reset();
+        self.shadow_test.reset();
+        self.selector.reset();
         self.command.fill(f64::NAN);
         self.motion.fill([f64::NAN; 2]);
         self.events.clear();
@@ -51,47 +51,47 @@ impl Predictor for Guard {
 
     fn observe(&mut self, y: &[f64]) {
         self.events.clear();
-        let factor = if self.settings.sensors {
+        let factor = if self.options.sensors {
             self.screen(y)
         } else {
             self.measured.copy_from_slice(y);
-            self.told.copy_from_slice(y);
+            self.reference_input.copy_from_slice(y);
             1.0
         };
-        self.watch_range();
-        self.let_learn();
+        self.check_range();
+        self.update_freeze();
         if factor > 1.0 {
             self.learner.inflate(factor);
-            self.kept.inflate(factor);
-            self.frozen.inflate(factor);
+            self.snapshot.inflate(factor);
+            self.reference.inflate(factor);
         }
-        let Self { learner, kept, frozen, measured, told, .. } = self;
+        let Self { learner, snapshot, reference, measured, reference_input, .. } = self;
         learner.observe(measured);
-        kept.observe(measured);
-        frozen.observe(told);
+        snapshot.observe(measured);
+        reference.observe(reference_input);
         self.outcome = self.learner.outcome();
-        self.trial.see(&self.measured);
-        self.trial.moves(&mut self.motion);
-        if self.trial.is_due() {
+        self.shadow_test.push_measurement(&self.measured);
+        self.shadow_test.estimate_motion(&mut self.motion);
+        if self.shadow_test.is_due() {
             self.check_health();
             self.judge();
-            let experts = [self.learner.as_ref(), self.kept.as_ref(), self.frozen.as_ref()];
-            self.trial.mark(experts, self.choice.active, self.choice.allowed, &self.motion);
+            let experts = [self.learner.as_ref(), self.snapshot.as_ref(), self.reference.as_ref()];
+            self.shadow_test.store(experts, self.selector.active, self.selector.budget, &self.motion);
         }
         self.sample += 1;
     }
 
     fn advance(&mut self, c: &[f64]) {
         self.command.copy_from_slice(c);
-        self.trial.hold(c);
-        go_on(&mut self.motion);
+        self.shadow_test.push_command(c);
+        extrapolate(&mut self.motion);
         self.learner.advance(c);
-        self.kept.advance(c);
-        self.frozen.advance(c);
+        self.snapshot.advance(c);
+        self.reference.advance(c);
     }
 
     fn output(&self, y: &mut [f64]) {
-        self.expert(self.choice.active).output(y);
+        self.expert(self.selector.active).output(y);
     }
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
@@ -103,48 +103,48 @@ impl Predictor for Guard {
     }
 
     fn snapshot_len(&self) -> usize {
-        self.learner.snapshot_len() + self.frozen.snapshot_len() + Allowed::LEN + 2 * self.motion.len()
+        self.learner.snapshot_len() + self.reference.snapshot_len() + Budget::LEN + 2 * self.motion.len()
     }
 
-    /// Of the model that predicts, of the one from shore, how far they may be apart, and how the vessel moves.
+    /// Snapshots of the active model and the reference model, the budget, and the motion of the vessel.
     fn snapshot(&self, into: &mut [f64]) {
         let len = self.learner.snapshot_len();
-        self.expert(self.choice.active).snapshot(&mut into[..len]);
-        self.frozen.snapshot(&mut into[len..2 * len]);
-        let (allowed, motion) = into[2 * len..].split_at_mut(Allowed::LEN);
-        allowed.copy_from_slice(&self.choice.allowed.numbers());
+        self.expert(self.selector.active).snapshot(&mut into[..len]);
+        self.reference.snapshot(&mut into[len..2 * len]);
+        let (budget, motion) = into[2 * len..].split_at_mut(Budget::LEN);
+        budget.copy_from_slice(&self.selector.budget.numbers());
         motion.copy_from_slice(self.motion.as_flattened());
     }
 
-    /// The learner goes on from state and weights of the model that predicted, and predicts unless it was the frozen one; the
-    /// snapshot goes on from its state.
+    /// The learner takes state and weights of the active model, the snapshot its state. The learner becomes active, unless the reference
+    /// model was.
     fn restore(&mut self, from: &[f64]) {
         let len = self.learner.snapshot_len();
-        let Self { learner, kept, frozen, snapshot: [_, own], .. } = self;
+        let Self { learner, snapshot, reference, buffers: [_, own], .. } = self;
         learner.restore(&from[..len]);
-        Self::restore_state(kept.as_mut(), &from[..len], own);
-        frozen.restore(&from[len..2 * len]);
-        self.trial.reset();
-        let allowed = Allowed::of(core::array::from_fn(|i| from[2 * len + i]));
-        self.motion.as_flattened_mut().copy_from_slice(&from[2 * len + Allowed::LEN..]);
-        self.choice.active = if allowed == Allowed::NONE { Expert::Frozen } else { Expert::Learner };
-        self.choice.reset();
-        self.choice.allowed = allowed;
+        Self::restore_state(snapshot.as_mut(), &from[..len], own);
+        reference.restore(&from[len..2 * len]);
+        self.shadow_test.reset();
+        let budget = Budget::of(core::array::from_fn(|i| from[2 * len + i]));
+        self.motion.as_flattened_mut().copy_from_slice(&from[2 * len + Budget::LEN..]);
+        self.selector.active = if budget == Budget::NONE { Expert::Reference } else { Expert::Adapted };
+        self.selector.reset();
+        self.selector.budget = budget;
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
-        Box::new(Bounded {
+        Box::new(GuardFork {
             bound: self.bound.clone(),
-            allowed: self.choice.allowed,
+            budget: self.selector.budget,
             motion: self.motion.clone().into(),
-            model: self.expert(self.choice.active).fork(),
-            shore: self.frozen.fork(),
+            model: self.expert(self.selector.active).fork(),
+            reference: self.reference.fork(),
         })
     }
 }
 
 impl Adapter for Guard {
-    /// That of the learner, or that its weights went back.
+    /// The outcome of the learner, or a rollback of its weights.
     fn outcome(&self) -> Outcome {
         self.outcome
     }
@@ -153,7 +153,7 @@ impl Adapter for Guard {
         self.learner.innovations()
     }
 
-    /// What was learned, whichever model predicts.
+    /// The weights of the learner, whichever model is active.
     fn weights(&self) -> &[f64] {
         self.learner.weights()
     }
@@ -165,8 +165,8 @@ impl Adapter for Guard {
 
     fn inflate(&mut self, factor: f64) {
         self.learner.inflate(factor);
-        self.kept.inflate(factor);
-        self.frozen.inflate(factor);
+        self.snapshot.inflate(factor);
+        self.reference.inflate(factor);
     }
 
     fn restart(&mut self) {
@@ -190,12 +190,12 @@ impl Adapter for Guard {
     }
 
     fn memory_len(&self) -> usize {
-        let experts = self.learner.memory_len() + self.kept.memory_len() + self.frozen.memory_len();
+        let experts = self.learner.memory_len() + self.snapshot.memory_len() + self.reference.memory_len();
         let sensors = self.sensors.len() * Sensor::MEMORY_LEN;
         experts
             + sensors
-            + self.trial.memory_len()
-            + self.choice.memory_len()
+            + self.shadow_test.memory_len()
+            + self.selector.memory_len()
             + self.command.len()
             + 2 * self.motion.len()
             + 6
@@ -204,17 +204,17 @@ impl Adapter for Guard {
     fn save(&self, into: &mut [f64]) {
         assert_eq!(into.len(), self.memory_len(), "room for the memory");
         let mut into = Writer::new(into);
-        for expert in [&self.learner, &self.kept, &self.frozen] {
+        for expert in [&self.learner, &self.snapshot, &self.reference] {
             expert.save(into.part(expert.memory_len()));
         }
         self.sensors.iter().for_each(|sensor| sensor.save(&mut into));
-        self.trial.save(&mut into);
-        self.choice.save(&mut into);
+        self.shadow_test.save(&mut into);
+        self.selector.save(&mut into);
         into.numbers(&self.command);
         into.numbers(self.motion.as_flattened());
         // Exact up to 2^53.
         into.numbers(&[self.sample as f64]);
-        for count in [self.rest, self.keep, self.next_rest] {
+        for count in [self.pause, self.until_snapshot, self.next_pause] {
             into.count(count);
         }
         into.flag(self.outside);
@@ -224,16 +224,16 @@ impl Adapter for Guard {
     fn load(&mut self, from: &[f64]) {
         assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
         let mut from = Reader::new(from);
-        for expert in [&mut self.learner, &mut self.kept, &mut self.frozen] {
+        for expert in [&mut self.learner, &mut self.snapshot, &mut self.reference] {
             expert.load(from.part(expert.memory_len()));
         }
         self.sensors.iter_mut().for_each(|sensor| sensor.load(&mut from));
-        self.trial.load(&mut from);
-        self.choice.load(&mut from);
+        self.shadow_test.load(&mut from);
+        self.selector.load(&mut from);
         from.numbers(&mut self.command);
         from.numbers(self.motion.as_flattened_mut());
         self.sample = from.count(MOST_COUNTED) as u64;
-        for count in [&mut self.rest, &mut self.keep, &mut self.next_rest] {
+        for count in [&mut self.pause, &mut self.until_snapshot, &mut self.next_pause] {
             *count = from.count(MOST_COUNTED);
         }
         self.outside = from.flag();
@@ -249,10 +249,10 @@ impl Adapter for Guard {
         work: &mut Workspace,
         deviations: &mut [f64],
     ) {
-        let expert = match self.choice.active {
-            Expert::Learner => &mut self.learner,
-            Expert::Kept => &mut self.kept,
-            Expert::Frozen => &mut self.frozen,
+        let expert = match self.selector.active {
+            Expert::Adapted => &mut self.learner,
+            Expert::Snapshot => &mut self.snapshot,
+            Expert::Reference => &mut self.reference,
         };
         expert.deviations(commands, horizons, work, deviations);
     }

@@ -1,42 +1,42 @@
-//! What a guard did, and why.
+//! Events of a guard, with causes and values.
 
-/// Which model a prediction is made with.
+/// A model of the guard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Expert {
-    /// The one that learns.
+    /// The adapted model.
     #[default]
-    Learner,
-    /// The last good snapshot of it.
-    Kept,
-    /// The one from shore, its state filtered.
-    Frozen,
+    Adapted,
+    /// The last good snapshot of the adapted model.
+    Snapshot,
+    /// The reference model: the delivered weights with a state filter.
+    Reference,
 }
 
 impl Expert {
-    /// All, in the order in which they are preferred.
-    pub const ALL: [Self; 3] = [Self::Learner, Self::Kept, Self::Frozen];
+    /// All models, in the order of preference.
+    pub const ALL: [Self; 3] = [Self::Adapted, Self::Snapshot, Self::Reference];
 
-    /// Its place among [`ALL`](Self::ALL).
+    /// Index in [`ALL`](Self::ALL).
     pub fn index(self) -> usize {
         self as usize
     }
 
-    /// One word.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Learner => "adapted",
-            Self::Kept => "snapshot",
-            Self::Frozen => "frozen",
+            Self::Adapted => "adapted",
+            Self::Snapshot => "snapshot",
+            Self::Reference => "reference",
         }
     }
 }
 
-/// Something that a guard did.
+/// An action of a guard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
     /// Samples observed before this one, since the guard was made.
     pub sample: u64,
-    /// What.
+    /// The action.
     pub action: Action,
 }
 
@@ -44,99 +44,99 @@ pub struct Event {
 /// range, over [`horizon`](super::GuardOptions::horizon) samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
-    /// An output farther off than anything that was usual: not used.
+    /// An outlier: the measurement was not used.
     Spike {
         /// The output.
         output: usize,
-        /// The jump of its innovation, in usual deviations of that.
+        /// Jump of the innovation, in usual deviations of the jumps.
         deviations: f64,
     },
-    /// An output was used as one with so many times the noise variance.
+    /// A measurement was used with inflated noise variance.
     Inflated {
         /// The output.
         output: usize,
-        /// The jump of its innovation, in usual deviations of that.
+        /// Jump of the innovation, in usual deviations of the jumps.
         deviations: f64,
-        /// Of the variance.
+        /// Factor on the variance.
         factor: f64,
     },
-    /// An output repeats itself to the last bit: not used from here on.
+    /// A sensor repeats its value to the last bit; its measurements are not used from now on.
     Stuck {
         /// The output.
         output: usize,
-        /// How often it did.
+        /// Number of repetitions.
         repeats: usize,
     },
-    /// An output jumped and stayed off by the same: the offset is taken from it from here on.
+    /// A sensor has a constant offset, which is subtracted from now on.
     Offset {
         /// The output.
         output: usize,
-        /// In all, in its unit.
+        /// Total offset \[unit of the output\].
         offset: f64,
     },
-    /// What was taken for a fault lasted, and moves as a vessel does: it is believed.
+    /// A suspected fault was found to be motion of the vessel; its measurements are used.
     Believed {
         /// The output.
         output: usize,
-        /// The jump of its innovation, in usual deviations of that.
+        /// Jump of the innovation, in usual deviations of the jumps.
         deviations: f64,
     },
-    /// An output is used again.
+    /// Measurements of an output are used again.
     Back {
         /// The output.
         output: usize,
-        /// Samples that it was not.
+        /// Number of samples without.
         missing: usize,
     },
-    /// Command or outputs are far outside the design range: nothing is learned there.
+    /// Command or outputs are far outside the design range: learning stops.
     Outside {
         /// Outputs first, then inputs.
         channel: usize,
         /// Distance from the range, in its width.
         distance: f64,
     },
-    /// Inside again: learning goes on.
+    /// Command and outputs are inside the design range again: learning resumes.
     Inside,
-    /// Predictions are made by another model.
+    /// Another model predicts.
     Switched {
-        /// From here on.
+        /// The active model from now on.
         to: Expert,
-        /// Why.
+        /// Cause.
         cause: Cause,
-        /// Error of the model that was used, and of the one from shore.
+        /// Errors of the previous active model and of the reference model.
         errors: [f64; 2],
     },
-    /// The weights went back to those of the snapshot, or of the shore.
+    /// The weights were rolled back to the snapshot or the reference model.
     RolledBack {
-        /// Whose weights.
+        /// Source of the weights.
         to: Expert,
-        /// Record of the learner, and of the model that its weights are of now.
+        /// Records of the learner and of the source.
         errors: [f64; 2],
     },
-    /// The covariance was not sound, and is as at the start.
+    /// The covariance was unsound and has been reset.
     Restarted,
     /// A snapshot of the weights was taken.
-    Kept {
+    SnapshotTaken {
         /// Record of the learner.
         error: f64,
     },
 }
 
-/// Why another model predicts.
+/// Cause of a change of the active model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// Its predictions were better of late.
+    /// Better record.
     Record,
-    /// The one in use has just failed a test.
+    /// The active model failed a test.
     Test,
-    /// What the guarantee leaves is nearly used up.
+    /// The account of the guarantee is nearly exhausted.
     Guarantee,
-    /// The one in use gives numbers that are none.
+    /// The active model diverged.
     NotFinite,
 }
 
 impl Action {
-    /// One word for it.
+    /// Name in reports.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Spike { .. } => "spike",
@@ -150,7 +150,7 @@ impl Action {
             Self::Switched { .. } => "switched",
             Self::RolledBack { .. } => "rolled_back",
             Self::Restarted => "restarted",
-            Self::Kept { .. } => "kept",
+            Self::SnapshotTaken { .. } => "snapshot",
         }
     }
 }

@@ -1,64 +1,62 @@
-//! The guard: a learner that is watched, and predictions that are never much worse than those of the model from shore.
+//! The guard: an adapter around another one, whose predictions are never much worse than the ones of the reference model.
 //!
-//! A [`Guard`] is an [`Adapter`] around another one, the learner. It walks two more along: the model from shore as it is,
-//! its state filtered (*frozen*), and the learner as it was when it was last found good (*snapshot*). What is measured
-//! goes through sensors first (`sensor`): what was not measured at all is not learned from. Every
-//! [`stride`](GuardOptions::stride) samples a shadow test (`trial`) rolls out what the three would have predicted a horizon
-//! `H` ago, and what the learner would with the weights that it has now, under the commands that came, and compares with
-//! what was measured. By these errors
+//! A [`Guard`] is an [`Adapter`] around a learner. Three models follow the run: the learner (*adapted*), the last good snapshot of its
+//! weights (*snapshot*), and the model as it was delivered, with a state filter and constant weights (*reference*). Measurements
+//! pass through fault detection first (`sensor`). Every [`stride`](GuardOptions::stride) samples a shadow test (`shadow_test`) rolls out
+//! the three models of a horizon `H` ago, and the learner with its present weights, under the commands since, and compares with the
+//! measurements since. The errors are
 //!
 //! ```text
 //! e_k = mean over outputs and the last stride of steps of |predicted - measured| / (half the design range)
 //! ```
 //!
-//! one of the three is chosen to predict (`choice`); a learner that is lost gets the weights of a better one back.
+//! They select the model that predicts (`model_selector`); a learner that has lost too often takes the weights of a better model.
 //!
 //! **Guarantee.** Over any window of `N` tests, whatever the learner does,
 //!
 //! ```text
-//! sum e_guarded <= factor sum e_frozen + N floor         floor = mean over outputs of noise / (half the design range)
+//! sum e_guarded <= factor sum e_reference + N floor         floor = mean over outputs of noise / (half the design range)
 //! ```
 //!
-//! By two means. An answer is not farther from the frozen model's than a bound (`bound`), so that it cannot cost more,
-//! whatever will be measured; only where tests of late say that the frozen model must be the one that is off may it be farther. What
-//! is within the bound is the frozen model's as long as anything is owed.
-//! And an account over all windows that are not over yet says what bounds there may be: what has been used, with the bounds of
-//! all predictions that are under way, never exceeds what the guarantee leaves, so that from any moment on the
-//! frozen model, which adds nothing to it, ends all windows within the guarantee.
+//! Two mechanisms ensure it. A bound (`deviation_bound`) limits the deviation of an answer from the prediction of the reference model,
+//! and so its cost, whatever is measured later. Larger deviations are permitted only where recent tests show that the reference model
+//! must be wrong. An account over all windows that have not ended limits the bounds: the cost so far and the bounds of all pending
+//! predictions never exceed the account, so that from any moment on the reference model, which adds no cost, ends all windows within
+//! the guarantee. While the account is in deficit, answers within the bound are those of the reference model.
 
 mod adapter;
-mod bound;
-mod choice;
+mod deviation_bound;
 mod event;
+mod model_selector;
+mod options;
 mod sensor;
-mod settings;
-mod trial;
+mod shadow_test;
 
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
 use super::{Adapter, Health, Outcome, Rejection};
-use bound::Bound;
-use choice::Choice;
+use deviation_bound::DeviationBound;
+use model_selector::ModelSelector;
 use sensor::{Sensor, Verdict};
-use trial::Trial;
+use shadow_test::ShadowTest;
 
 pub use event::{Action, Cause, Event, Expert};
-pub use settings::GuardOptions;
+pub use options::GuardOptions;
 
-/// Distances from the design range, in its width, at which learning stops and at which it goes on.
+/// Distances from the design range, in its width, at which learning stops and resumes.
 const OUTSIDE: f64 = 0.5;
 const INSIDE: f64 = 0.4;
 
-/// Why a learner cannot be guarded so.
+/// Reasons why a guard cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GuardError {
-    /// The settings make no sense.
+    /// An option is out of range.
     Settings,
-    /// There is not one finite range, or one positive noise, for each channel.
+    /// A channel lacks a finite range or a positive noise.
     Ranges,
-    /// The models are not of one kind: their snapshots differ.
+    /// The snapshots of the models differ in length: they are not of one model.
     Models,
 }
 
@@ -74,7 +72,7 @@ impl core::fmt::Display for GuardError {
                 "the guard needs a finite design range of each channel, and the noise of each output"
             ),
             Self::Models => {
-                write!(f, "the guard needs the frozen model in the same form as the one that learns")
+                write!(f, "the guard needs the reference model in the same form as the adapted one")
             }
         }
     }
@@ -82,67 +80,66 @@ impl core::fmt::Display for GuardError {
 
 impl core::error::Error for GuardError {}
 
-/// A learner under guard; see the [module](self).
+/// A guarded adapter; see the [module](self).
 pub struct Guard {
     learner: Box<dyn Adapter>,
-    kept: Box<dyn Adapter>,
-    frozen: Box<dyn Adapter>,
-    settings: GuardOptions,
+    snapshot: Box<dyn Adapter>,
+    reference: Box<dyn Adapter>,
+    options: GuardOptions,
     ranges: Vec<(f64, f64)>,
     sensors: Vec<Sensor>,
-    bound: Bound,
-    trial: Trial,
-    choice: Choice,
+    bound: DeviationBound,
+    shadow_test: ShadowTest,
+    selector: ModelSelector,
     events: Vec<Event>,
     outcome: Outcome,
-    /// Samples observed, and those until learning goes on, until the next snapshot, and the time to rest the next time.
+    /// Samples observed; samples until learning resumes and until the next snapshot; length of the next pause.
     sample: u64,
-    rest: usize,
-    keep: usize,
-    next_rest: usize,
-    /// Whether learning has stopped outside the design range, and whether who owns the guard stopped it.
+    pause: usize,
+    until_snapshot: usize,
+    next_pause: usize,
+    /// Whether learning is stopped outside the design range, and whether it is stopped by [`Adapter::freeze`].
     outside: bool,
     stopped: bool,
-    /// What was measured, as it is used, and as the model from shore is told.
+    /// The screened measurement, and the one that the reference model observes.
     measured: Vec<f64>,
-    told: Vec<f64>,
+    reference_input: Vec<f64>,
     command: Vec<f64>,
-    /// How the vessel moves, by what was measured of it: see [`bound`].
+    /// Motion of the vessel ([`deviation_bound`]).
     motion: Vec<[f64; 2]>,
     expected: [Vec<f64>; 3],
-    snapshot: [Vec<f64>; 2],
+    buffers: [Vec<f64>; 2],
 }
 
 impl core::fmt::Debug for Guard {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let Self { settings, choice, sample, .. } = self;
-        let part = f.debug_struct("Guard").field("settings", settings).field("sample", sample).finish();
-        part.and_then(|()| write!(f, " {:?}", choice.active))
+        let Self { options, selector, sample, .. } = self;
+        let part = f.debug_struct("Guard").field("options", options).field("sample", sample).finish();
+        part.and_then(|()| write!(f, " {:?}", selector.active))
     }
 }
 
-/// A value that a sensor is stuck at, where it is nearer to what the learner expects than what the model from shore expects by itself:
-/// in water that this model does not know it goes astray within seconds if it is told nothing.
-fn nearer(value: f64, learner: f64, frozen: f64) -> f64 {
-    if (value - learner).abs() < (frozen - learner).abs() { value } else { f64::NAN }
+/// The value of a stuck sensor where it is nearer to the expectation of the learner than the expectation of the reference model, else
+/// NaN. Without measurements the reference model drifts within seconds in unknown conditions.
+fn nearer(value: f64, learner: f64, reference: f64) -> f64 {
+    if (value - learner).abs() < (reference - learner).abs() { value } else { f64::NAN }
 }
 
 impl Guard {
-    /// Guards a learner. `frozen` and `kept` are two of the same model which do not learn (their weights are not to change by
-    /// themselves); `ranges` are the design ranges `(low, high)` of outputs, then inputs, and `noise` the standard
-    /// deviation of each output's noise.
+    /// Guards a learner. `reference` and `snapshot` are two adapters of the same model with constant weights; `ranges` are the design
+    /// ranges `(low, high)` of outputs, then inputs, and `noise` the standard deviation of the noise of each output.
     ///
     /// # Errors
-    /// If these do not fit together.
+    /// If options, ranges or models do not fit together.
     pub fn new(
         learner: Box<dyn Adapter>,
-        [frozen, kept]: [Box<dyn Adapter>; 2],
+        [reference, snapshot]: [Box<dyn Adapter>; 2],
         ranges: &[(f64, f64)],
         noise: &[f64],
-        settings: GuardOptions,
+        options: GuardOptions,
     ) -> Result<Self, GuardError> {
         let (n, m) = (learner.outputs(), learner.inputs());
-        if !settings.is_sound() {
+        if !options.is_sound() {
             return Err(GuardError::Settings);
         }
         let sound = |&(low, high): &(f64, f64)| low.is_finite() && high.is_finite() && low < high;
@@ -155,7 +152,7 @@ impl Guard {
             return Err(GuardError::Ranges);
         }
         let len = learner.snapshot_len();
-        if [&frozen, &kept]
+        if [&reference, &snapshot]
             .iter()
             .any(|other| other.snapshot_len() != len || other.weights().len() != learner.weights().len())
         {
@@ -163,53 +160,52 @@ impl Guard {
         }
         let scale: Vec<f64> = ranges[..n].iter().map(|(low, high)| 0.5 * (high - low)).collect();
         let floor = noise.iter().zip(&scale).map(|(noise, scale)| noise / scale).sum::<f64>() / n as f64;
-        let bound = Bound { horizon: settings.horizon, stride: settings.stride, scale: scale.into() };
+        let bound = DeviationBound { horizon: options.horizon, stride: options.stride, scale: scale.into() };
         Ok(Self {
-            trial: Trial::new(learner.as_ref(), bound.clone(), settings.factor),
+            shadow_test: ShadowTest::new(learner.as_ref(), bound.clone(), options.factor),
             bound,
-            choice: Choice::new(&settings, floor),
+            selector: ModelSelector::new(&options, floor),
             ranges: ranges.to_vec(),
             sensors: noise.iter().map(|&noise| Sensor::new(noise)).collect(),
             events: Vec::with_capacity(4 * n + 8),
             outcome: Outcome::Waiting,
             sample: 0,
-            rest: 0,
-            keep: settings.keep,
-            next_rest: settings.record,
+            pause: 0,
+            until_snapshot: options.snapshot_interval,
+            next_pause: options.record,
             outside: false,
             stopped: false,
             measured: vec![f64::NAN; n],
-            told: vec![f64::NAN; n],
+            reference_input: vec![f64::NAN; n],
             command: vec![f64::NAN; m],
             motion: vec![[f64::NAN; 2]; n],
             expected: [vec![f64::NAN; n], vec![f64::NAN; n], vec![f64::NAN; n]],
-            snapshot: [vec![0.0; len], vec![0.0; len]],
+            buffers: [vec![0.0; len], vec![0.0; len]],
             learner,
-            kept,
-            frozen,
-            settings,
+            snapshot,
+            reference,
+            options,
         })
     }
 
-    /// What was done at the last sample.
+    /// Events of the last sample.
     pub fn events(&self) -> &[Event] {
         &self.events
     }
 
-    /// The model that predicts.
+    /// The active model, which predicts.
     pub fn active(&self) -> Expert {
-        self.choice.active
+        self.selector.active
     }
 
-    /// The weights of the model that predicts at this moment, in the layout of [`Adapter::weights`]: what a control law that
-    /// inverts the model shall go by.
+    /// The weights of the active model, in the layout of [`Adapter::weights`]. A control law that inverts the model uses these.
     pub fn active_weights(&self) -> &[f64] {
-        self.expert(self.choice.active).weights()
+        self.expert(self.selector.active).weights()
     }
 
-    /// Errors of late of each model, in the order of [`Expert::ALL`]; NaN before the first test.
+    /// Exponential means of the errors of each model, in the order of [`Expert::ALL`]; NaN before the first test.
     pub fn record(&self) -> [f64; 3] {
-        self.choice.record
+        self.selector.record
     }
 
     /// The learner.
@@ -219,21 +215,21 @@ impl Guard {
 
     fn expert(&self, expert: Expert) -> &dyn Adapter {
         match expert {
-            Expert::Learner => self.learner.as_ref(),
-            Expert::Kept => self.kept.as_ref(),
-            Expert::Frozen => self.frozen.as_ref(),
+            Expert::Adapted => self.learner.as_ref(),
+            Expert::Snapshot => self.snapshot.as_ref(),
+            Expert::Reference => self.reference.as_ref(),
         }
     }
 
-    fn note(&mut self, action: Action) {
+    fn record_event(&mut self, action: Action) {
         if self.events.len() < self.events.capacity() {
             self.events.push(Event { sample: self.sample, action });
         }
     }
 
-    /// What is used of a measurement, into `measured`; gives the factor that its noise is to be taken with.
+    /// Screens a measurement into `measured`; gives the factor by which its noise variance is inflated.
     fn screen(&mut self, y: &[f64]) -> f64 {
-        let experts = [&self.learner, &self.kept, &self.frozen];
+        let experts = [&self.learner, &self.snapshot, &self.reference];
         for (into, expert) in self.expected.iter_mut().zip(experts) {
             expert.output(into);
         }
@@ -241,13 +237,13 @@ impl Guard {
         for (i, &value) in y.iter().enumerate() {
             let sensor = &mut self.sensors[i];
             let missing = sensor.missing;
-            let [learner, kept, frozen] = [0, 1, 2].map(|expert: usize| self.expected[expert][i]);
-            let expected = [learner, kept, frozen, self.motion[i][0]];
-            let verdict = sensor.judge(value, expected, &self.settings);
+            let [learner, snapshot, reference] = [0, 1, 2].map(|expert: usize| self.expected[expert][i]);
+            let expected = [learner, snapshot, reference, self.motion[i][0]];
+            let verdict = sensor.judge(value, expected, &self.options);
             let corrected = value - sensor.offset;
             let output = i;
             let (used, action) = match verdict {
-                Verdict::Sound if missing >= self.settings.repeats => {
+                Verdict::Sound if missing >= self.options.repeats => {
                     (corrected, Some(Action::Back { output, missing }))
                 }
                 Verdict::Sound => (corrected, None),
@@ -258,7 +254,7 @@ impl Guard {
                 }
                 Verdict::Spike { deviations } => (f64::NAN, Some(Action::Spike { output, deviations })),
                 Verdict::Stuck { repeats } => {
-                    // Said once.
+                    // One event for each fault.
                     let action = (missing == 0).then_some(Action::Stuck { output, repeats });
                     (f64::NAN, action)
                 }
@@ -268,109 +264,114 @@ impl Guard {
                 }
             };
             self.measured[i] = used;
-            self.told[i] =
-                if let Verdict::Stuck { .. } = verdict { nearer(corrected, learner, frozen) } else { used };
+            self.reference_input[i] = if let Verdict::Stuck { .. } = verdict {
+                nearer(corrected, learner, reference)
+            } else {
+                used
+            };
             if let Some(action) = action {
-                self.note(action);
+                self.record_event(action);
             }
         }
         most
     }
 
-    /// Whether outputs and command are so far outside of the design range that nothing is to be learned there.
-    fn watch_range(&mut self) {
+    /// Checks whether outputs and command are too far outside the design range to learn.
+    fn check_range(&mut self) {
         let values = self.measured.iter().chain(&self.command);
         let distance = |(x, (low, high)): (&f64, &(f64, f64))| (low - x).max(x - high) / (high - low);
         let (mut channel, mut most) = (0, f64::NEG_INFINITY);
         for (i, distance) in values.zip(&self.ranges).map(distance).enumerate() {
-            // What is not known, or has no range, is not outside.
+            // Unknown values and channels without a range are not outside.
             if distance > most && distance.is_finite() {
                 (channel, most) = (i, distance);
             }
         }
         if !self.outside && most > OUTSIDE {
             self.outside = true;
-            self.note(Action::Outside { channel, distance: most });
+            self.record_event(Action::Outside { channel, distance: most });
         } else if self.outside && most < INSIDE {
             self.outside = false;
-            self.note(Action::Inside);
+            self.record_event(Action::Inside);
         }
     }
 
-    fn let_learn(&mut self) {
-        self.rest = self.rest.saturating_sub(1);
-        // What one output makes of the weights, nobody sees while another is not measured.
-        let blind = self.sensors.iter().any(|sensor| sensor.missing > self.settings.patience);
-        self.learner.freeze(self.stopped || self.outside || blind || self.rest > 0);
+    fn update_freeze(&mut self) {
+        self.pause = self.pause.saturating_sub(1);
+        // With one output missing, the effect of learning on it is not observed.
+        let blind = self.sensors.iter().any(|sensor| sensor.missing > self.options.patience);
+        self.learner.freeze(self.stopped || self.outside || blind || self.pause > 0);
     }
 
-    /// The learner's weights, and its state, become those of another model.
+    /// Sets weights and state of the learner to those of another model.
     fn roll_back(&mut self, to: Expert) {
-        let [learner, kept, frozen] = self.choice.record;
-        let better = if to == Expert::Kept { kept } else { frozen };
-        let [snapshot, _] = &mut self.snapshot;
+        let [learner, snapshot, reference] = self.selector.record;
+        let better = if to == Expert::Snapshot { snapshot } else { reference };
+        let [buffer, _] = &mut self.buffers;
         match to {
-            Expert::Kept => self.kept.snapshot(snapshot),
-            _ => self.frozen.snapshot(snapshot),
+            Expert::Snapshot => self.snapshot.snapshot(buffer),
+            _ => self.reference.snapshot(buffer),
         }
-        self.learner.restore(snapshot);
-        self.choice.forget(Expert::Learner);
-        // What led astray once may do so again: each time it waits for longer.
-        self.rest = self.next_rest;
-        self.next_rest = (2 * self.next_rest).min(4 * self.settings.window);
+        self.learner.restore(buffer);
+        self.selector.invalidate(Expert::Adapted);
+        // The pause doubles with each rollback.
+        self.pause = self.next_pause;
+        self.next_pause = (2 * self.next_pause).min(4 * self.options.window);
         self.outcome = Outcome::RolledBack;
-        self.note(Action::RolledBack { to, errors: [learner, better] });
+        self.record_event(Action::RolledBack { to, errors: [learner, better] });
     }
 
     /// Takes a snapshot of the learner's weights.
     fn take_snapshot(&mut self) {
-        self.keep = self.settings.keep;
-        self.next_rest = (self.next_rest / 2).max(self.settings.record);
-        let [snapshot, _] = &mut self.snapshot;
-        self.learner.snapshot(snapshot);
-        self.kept.restore(snapshot);
-        self.choice.forget(Expert::Kept);
-        let [learner, kept, _] = &mut self.choice.record;
-        *kept = *learner;
+        self.until_snapshot = self.options.snapshot_interval;
+        self.next_pause = (self.next_pause / 2).max(self.options.record);
+        let [buffer, _] = &mut self.buffers;
+        self.learner.snapshot(buffer);
+        self.snapshot.restore(buffer);
+        self.selector.invalidate(Expert::Snapshot);
+        let [learner, snapshot, _] = &mut self.selector.record;
+        *snapshot = *learner;
         let error = *learner;
-        self.note(Action::Kept { error });
+        self.record_event(Action::SnapshotTaken { error });
     }
 
     fn judge(&mut self) {
-        let Some(tested) = self.trial.test([self.learner.as_ref(), self.kept.as_ref()]) else { return };
-        let before = self.choice.active;
-        if let Some(cause) = self.choice.take(&tested) {
-            let errors = [tested.far[before.index()], tested.far[Expert::Frozen.index()]];
-            self.note(Action::Switched { to: self.choice.active, cause, errors });
+        let Some(tested) = self.shadow_test.test([self.learner.as_ref(), self.snapshot.as_ref()]) else {
+            return;
+        };
+        let before = self.selector.active;
+        if let Some(cause) = self.selector.update(&tested) {
+            let errors = [tested.horizon[before.index()], tested.horizon[Expert::Reference.index()]];
+            self.record_event(Action::Switched { to: self.selector.active, cause, errors });
         }
-        if let Some(to) = self.choice.rescue() {
+        if let Some(to) = self.selector.rollback_target() {
             self.roll_back(to);
         }
-        self.keep = self.keep.saturating_sub(self.settings.stride);
-        if self.keep == 0 && self.choice.deserves() {
+        self.until_snapshot = self.until_snapshot.saturating_sub(self.options.stride);
+        if self.until_snapshot == 0 && self.selector.should_snapshot() {
             self.take_snapshot();
         }
     }
 
-    /// Whether the learner is one still; a covariance that is not sound starts again.
+    /// Restarts an unsound covariance; rolls back weights that are not finite.
     fn check_health(&mut self) {
         let lost = self.outcome == Outcome::Rejected(Rejection::NotFinite);
         let Health { least_variance, sureness } = self.learner.health();
-        // Not less than: NaN is what an adapter does not know.
+        // NaN, for an unknown value, passes.
         if lost || least_variance < 0.0 || sureness < 1.0 - 1e-6 {
             self.learner.restart();
-            self.note(Action::Restarted);
+            self.record_event(Action::Restarted);
         }
         if self.learner.weights().iter().any(|w| !w.is_finite()) {
-            self.roll_back(Expert::Kept);
+            self.roll_back(Expert::Snapshot);
         }
     }
 
-    /// Puts the state of a snapshot in a model, whose weights stay as they are.
+    /// Sets the state of a model from a snapshot; its weights stay.
     fn restore_state(expert: &mut dyn Adapter, from: &[f64], own: &mut [f64]) {
         expert.snapshot(own);
-        let kept = own.len() - expert.weights().len();
-        own[..kept].copy_from_slice(&from[..kept]);
+        let state = own.len() - expert.weights().len();
+        own[..state].copy_from_slice(&from[..state]);
         expert.restore(own);
     }
 }

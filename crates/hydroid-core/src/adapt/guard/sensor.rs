@@ -1,131 +1,131 @@
-//! Whether an output was measured or only said to be.
+//! Fault detection for the sensor of one output: outliers, stuck values, offsets.
 
 mod track;
 
 use super::event::Expert;
-use super::settings::GuardOptions;
+use super::options::GuardOptions;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use track::{APART, SAME, Track};
 
-/// Who expects a value: the models, and behind them who expects that the vessel goes on as it moved.
+/// Number of expected values: of the models, then of the extrapolated motion.
 pub(super) const EXPECTED: usize = Expert::ALL.len() + 1;
 
-/// Where the expectation stands that nothing changes.
+/// Index of the track of persistence, which expects the last used value.
 const HELD: usize = EXPECTED;
 
-/// Measurements of a channel before it is judged.
+/// Number of measurements before a channel is screened.
 const WARM_UP: usize = 100;
 
-/// The first measurements of a run are not judged and tell nothing of usual jumps: models have just begun to find their states.
+/// Number of first measurements of a run that are neither screened nor learned from: the states of the models settle.
 const SETTLING: usize = 20;
 
-/// Time constant of the usual size of jumps \[measurements\].
+/// Time constant of the mean square of the jumps \[measurements\].
 const MEMORY: f64 = 200.0;
 
-/// An offset is what the first measurements with it are off by: so many of them.
+/// An offset is the mean deviation of this number of first measurements.
 const FIRST: usize = 3;
 
-/// A jump is alone where the value before it changed by less than a part of it, or its change did: one in so many.
+/// A jump is isolated where the previous change, or the previous change of the change, was smaller by this factor.
 const ALONE: f64 = 3.0;
 
-/// It is the vessel that is farther off than at first by this factor (and, if it was not far off, by more than noise).
+/// Growth of a deviation, relative to the first one, that only motion of the vessel explains (beyond noise, for a small deviation).
 const AWAY: f64 = 1.4;
 
-/// No vessel comes back by itself from a jump of more than so many usual deviations. None jumps by more than so many and stays there, whatever
-/// the models that are not told anything meanwhile make of it.
+/// A vessel does not return by itself from a jump of more than `HUGE` usual deviations. Above `SURE` deviations a lasting jump is an
+/// offset even where models drift without measurements.
 const HUGE: f64 = 13.0;
 const SURE: f64 = 20.0;
 
-/// Of those who expect something, so many are most.
+/// Number of tracks that form a majority.
 const MOST: usize = 3;
 
-/// Jumps of more than this many deviations count as this in what is usual.
+/// Jumps enter the mean square with at most this number of deviations.
 const SOUND: f64 = 4.0;
 
-/// What a sensor said.
+/// Verdict on a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
-    /// Use it.
+    /// Use the measurement.
     Sound,
-    /// Nothing was measured.
+    /// There is no measurement.
     Missing,
-    /// Use it as a noisier one.
+    /// Use the measurement with inflated noise variance.
     Inflate { deviations: f64, factor: f64 },
-    /// Not this one.
+    /// Reject an outlier.
     Spike { deviations: f64 },
-    /// It repeats itself, since so many measurements.
+    /// Reject a value that has been repeated this number of times.
     Stuck { repeats: usize },
-    /// It has an offset from now on, of so much in all: use it without.
+    /// Use the measurement without an offset of this total size.
     Offset { offset: f64 },
-    /// It is off, and moves, as a vessel does: use it.
+    /// Use the measurement: a suspected fault was motion of the vessel.
     Believed { deviations: f64 },
 }
 
-/// One output's sensor.
+/// The sensor of one output.
 ///
-/// What is judged is how far an innovation *jumps* from where they were of late, against what is usual of that, `s`, the root
-/// mean square of the jumps: how large innovations are is the filter's affair (a sluggish one has large ones, and all
-/// smooth), while a jump is the sensor's noise and little else. Of those who expect something the one with the least jump counts:
-/// beside the models that is who expects that the vessel goes on as it moved, and who expects that nothing changes (models that are told nothing
-/// may be anywhere at once, a vessel is not). A jump of
-/// more than [`reject`](GuardOptions::reject) `s` beside none in what was measured before is a spike (a vessel has inertia, and does not stand still before it
-/// jumps), and so are the measurements that follow as long as they are so far off, but for one that jumps back most of the way;
-/// after [`patience`](GuardOptions::patience) of them it is an offset of the sensor, if some model finds them off by the same from one to the
-/// next, but for noise, and not by half as much more or less than the first. Where the first jump was such as vessels make when they take off
-/// (below [`SURE`]), all of them must be the same; where it was not huge, most must find that, and nobody less than half of it left,
-/// and in the mean they must be off by [`SAME`] deviations of the noise.
-/// Above [`SURE`], it is enough that the second measurement was off as well: models that are told nothing drift, and may be anywhere.
-/// Otherwise it is the vessel after all. So is at once what was not huge and is farther off by two fifths and by more than noise.
+/// The test variable is the *jump* of the innovation from its recent mean, relative to the root mean square `s` of the jumps. The size of
+/// the innovation itself belongs to the filter (a slow filter has large, smooth innovations), while a jump is sensor noise. Innovations
+/// are computed for each expectation: the three models, the extrapolated motion, and persistence. The smallest jump counts, because
+/// models without measurements drift, and a vessel does not jump.
+///
+/// - A jump of more than [`reject`](GuardOptions::reject) `s` without a similar change of the measurement before is an outlier, and so are
+///   the following measurements at a similar distance, except one that jumps back most of the way.
+/// - After [`patience`](GuardOptions::patience) such measurements the sensor has an offset, if some expectation finds them at a constant
+///   distance (up to noise and drift, and within half of the first jump).
+/// - For a first jump below [`SURE`], all of them must agree; below [`HUGE`], a majority of expectations must agree, none may find less
+///   than half of the jump left, and their mean must exceed [`SAME`] deviations of the noise. Above [`SURE`], it suffices that the
+///   second measurement deviated as well.
+/// - Otherwise the deviation is motion of the vessel, as it is at once where a deviation below [`HUGE`] grows by two fifths and beyond noise.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
-    /// Standard deviation of its noise, in its unit.
+    /// Standard deviation of the noise \[unit of the output\].
     noise: f64,
-    /// Measurements of this run, and jumps that were found usual.
+    /// Measurements of this run, and jumps in the mean square.
     begun: usize,
     seen: usize,
     /// `s^2`.
     usual: f64,
-    /// The last value as it came, how often it was repeated, and the longest such series of the sound sensor.
+    /// The last raw value, its number of repetitions, and the longest such series of the sound sensor.
     last: f64,
     repeats: usize,
     longest: usize,
-    /// How much it changed from one value to the next, and how much before the values in series that were refused: the way back from
-    /// a spike is no jump of the vessel, beside which another spike would not be alone.
+    /// The last change of the measurement, and the change before a rejected series: a return from an outlier does not count as a change
+    /// beside which another outlier is not isolated.
     step: f64,
     calm: f64,
-    /// How much that change changed: a vessel that gathers way jumps by little, and a spike on it is alone all the same.
+    /// The last change of the change: an accelerating vessel changes smoothly, and an outlier on it is isolated all the same.
     swing: f64,
-    /// Measurements in series that were refused, and how much the first of them had changed.
+    /// Length of the rejected series, and the change at its first measurement.
     streak: usize,
     jump: f64,
-    /// By how many deviations the first of them was off; zero if what was before was not near what was expected.
+    /// Deviations of the first measurement of the series; zero if the measurement before was not near the expectation.
     first: f64,
-    /// The least of these since one was used: where spikes stand side by side the series begins again.
+    /// The smallest such value since the last used measurement: adjacent outliers restart the series.
     begun_by: f64,
-    /// Whether the second was off by half as much at least: what was a spike is not.
+    /// Whether the second measurement deviated by at least half of the first.
     lasts: bool,
-    /// The last value that was used, as it was used.
+    /// The last used value, without offset.
     held: f64,
-    /// What each model makes of them, and who expects the last value that was used.
+    /// Innovations of each expectation; persistence last.
     tracks: [Track; EXPECTED + 1],
-    /// Samples without a measurement that was used.
+    /// Number of samples since the last used measurement.
     pub(super) missing: usize,
-    /// What is taken from each measurement.
+    /// Offset that is subtracted from each measurement.
     pub(super) offset: f64,
 }
 
 impl Sensor {
-    /// A sensor that was not heard yet.
+    /// A sensor without measurements.
     pub(super) fn new(noise: f64) -> Self {
         let mut own = Self { noise, ..Self::default() };
         own.reset();
         own
     }
 
-    /// Numbers of [`save`](Self::save).
+    /// Length of the saved memory.
     pub(super) const MEMORY_LEN: usize = 17 + Track::MEMORY_LEN * (EXPECTED + 1);
 
-    /// The start of a run: what was measured last says nothing.
+    /// Starts a run: the last values are cleared.
     pub(super) fn reset(&mut self) {
         self.begun = 0;
         self.last = f64::NAN;
@@ -139,14 +139,9 @@ impl Sensor {
         self.tracks = [Track::new(); EXPECTED + 1];
     }
 
-    /// Judges a value of which the models expected so much, NaN where they expected nothing.
-    pub(super) fn judge(
-        &mut self,
-        value: f64,
-        expected: [f64; EXPECTED],
-        settings: &GuardOptions,
-    ) -> Verdict {
-        let verdict = self.judged(value, expected, settings);
+    /// Screens a value, given the expected values (NaN where there is none).
+    pub(super) fn judge(&mut self, value: f64, expected: [f64; EXPECTED], options: &GuardOptions) -> Verdict {
+        let verdict = self.judged(value, expected, options);
         let used = matches!(
             verdict,
             Verdict::Sound | Verdict::Inflate { .. } | Verdict::Offset { .. } | Verdict::Believed { .. }
@@ -158,16 +153,16 @@ impl Sensor {
         verdict
     }
 
-    fn judged(&mut self, value: f64, expected: [f64; EXPECTED], settings: &GuardOptions) -> Verdict {
+    fn judged(&mut self, value: f64, expected: [f64; EXPECTED], options: &GuardOptions) -> Verdict {
         if !value.is_finite() {
-            self.cut();
+            self.end_series();
             return Verdict::Missing;
         }
         let warm = self.seen >= WARM_UP;
         if value == self.last {
             self.repeats = self.repeats.saturating_add(1);
         } else {
-            if self.repeats < self.limit(settings) || !warm {
+            if self.repeats < self.limit(options) || !warm {
                 self.longest = self.longest.max(self.repeats);
             }
             self.repeats = 0;
@@ -176,44 +171,44 @@ impl Sensor {
         self.step = value - self.last;
         self.swing = self.step - before[0];
         self.last = value;
-        if warm && self.repeats >= self.limit(settings) {
-            self.cut();
+        if warm && self.repeats >= self.limit(options) {
+            self.end_series();
             return Verdict::Stuck { repeats: self.repeats };
         }
         let [a, b, c, d] = expected;
         let innovations = [a, b, c, d, self.held].map(|expected| value - self.offset - expected);
-        self.weigh(innovations, before, warm, settings)
+        self.classify(innovations, before, warm, options)
     }
 
-    /// Nothing is heard any more: a series of refused values ends, and what they were tells nothing of those to come.
-    fn cut(&mut self) {
+    /// Ends a series of rejections at an outage.
+    fn end_series(&mut self) {
         if self.streak > 0 {
             self.tracks.iter_mut().for_each(Track::forget);
         }
         self.streak = 0;
     }
 
-    fn weigh(
+    fn classify(
         &mut self,
         innovations: [f64; EXPECTED + 1],
         before: [f64; 2],
         warm: bool,
-        settings: &GuardOptions,
+        options: &GuardOptions,
     ) -> Verdict {
-        let goes_on = self.streak > 0;
+        let in_series = self.streak > 0;
         let (mut jump, mut same) = (f64::NAN, false);
         for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
-            track.hear(innovation, goes_on);
+            track.update(innovation, in_series);
             let own = track.jump();
             if jump.is_nan() || own.abs() < jump.abs() {
                 jump = own;
             }
-            // A model that is told nothing meanwhile may be anywhere, and excuses nothing as long as another finds the same.
-            same |= goes_on && track.is_same(self.noise);
+            // A drifting model does not matter while another finds a constant deviation.
+            same |= in_series && track.is_same(self.noise);
         }
         self.begun = self.begun.saturating_add(1);
-        // Nobody can tell; or, after a time without measurements, models may be far off, and rightly so.
-        if jump.is_nan() || self.begun <= SETTLING || (self.missing > 0 && !goes_on) {
+        // No expectation, or models that have drifted during an outage.
+        if jump.is_nan() || self.begun <= SETTLING || (self.missing > 0 && !in_series) {
             self.streak = 0;
             return Verdict::Sound;
         }
@@ -222,44 +217,44 @@ impl Sensor {
         let jumps = self.jumps();
         let back = jumps && 2.0 * deviations < self.first && deviations < HUGE * self.streak as f64;
         let remains = self.first > HUGE && !jumps;
-        // (What is neither, and less than a spike after one, is the vessel, which has gone on meanwhile.)
-        if goes_on && !back && (same || remains || deviations > settings.reject) {
-            return self.go_on(deviations, before[0], settings);
+        // A smaller deviation after an outlier is motion of the vessel during the series.
+        if in_series && !back && (same || remains || deviations > options.reject) {
+            return self.continue_series(deviations, before[0], options);
         }
-        if goes_on {
+        if in_series {
             (self.step, self.swing) = (self.calm, f64::NAN);
         }
-        if goes_on && deviations > settings.inflate {
+        if in_series && deviations > options.inflate {
             self.tracks.iter_mut().for_each(Track::settle);
         }
         self.streak = 0;
-        // (Where only what is expected jumps, it is a model that does.)
+        // Where only the expectation jumps, the model does.
         let alone = |before: f64, now: f64| before.abs() * ALONE < now.abs() && 2.0 * now.abs() > jump.abs();
         let alone = alone(before[0], self.step) || alone(before[1], self.swing);
-        let off = warm && deviations > settings.inflate;
-        if off && alone && deviations > settings.reject {
+        let off = warm && deviations > options.inflate;
+        if off && alone && deviations > options.reject {
             (self.streak, self.calm) = (1, before[0]);
             self.jump = self.leap();
-            self.begin(usual, settings);
+            self.begin_series(usual, options);
             return Verdict::Spike { deviations };
         }
         self.learn(jump, warm);
         if off && alone {
-            Verdict::Inflate { deviations, factor: num_traits::Float::powi(deviations / settings.inflate, 2) }
+            Verdict::Inflate { deviations, factor: num_traits::Float::powi(deviations / options.inflate, 2) }
         } else {
             Verdict::Sound
         }
     }
 
-    /// The first of a series. Those that follow are judged by where the models were off before, and not by the last one before, which may have
-    /// been a small spike.
-    fn begin(&mut self, usual: f64, settings: &GuardOptions) {
+    /// Starts a series. Its measurements are compared with the mean innovations before it, because the last one may have been a small
+    /// outlier.
+    fn begin_series(&mut self, usual: f64, options: &GuardOptions) {
         let mut least = f64::INFINITY;
         let mut from_it = false;
         for (at, track) in self.tracks.iter_mut().enumerate() {
             let own = track.jump();
-            // What came before must have been near what a model expected, or this is the way back to it.
-            let jumps = own.abs() > settings.reject * usual && 2.0 * track.before.abs() < own.abs();
+            // The measurement before must have been near the expectation; otherwise this jump is the return to it.
+            let jumps = own.abs() > options.reject * usual && 2.0 * track.before.abs() < own.abs();
             from_it |= jumps && at != HELD;
             track.begin();
             least = least.min(track.sum.abs());
@@ -271,20 +266,20 @@ impl Sensor {
         self.begun_by = self.first;
     }
 
-    /// How far the last value jumped beside what it had changed by before the series: a vessel that slows down goes on doing so.
+    /// Size of the last jump, less the change before the series: a decelerating vessel keeps decelerating.
     fn leap(&self) -> f64 {
         self.step.abs().min((self.step - self.calm).abs())
     }
 
-    /// Whether the last value has jumped as far as the first of a series, or not much less.
+    /// Whether the last jump is comparable with the first of the series.
     fn jumps(&self) -> bool {
         self.leap() * ALONE > self.jump
     }
 
-    /// One more that is far off.
-    fn go_on(&mut self, deviations: f64, before: f64, settings: &GuardOptions) -> Verdict {
+    /// Continues a series.
+    fn continue_series(&mut self, deviations: f64, before: f64, options: &GuardOptions) -> Verdict {
         self.streak += 1;
-        // Three that go farther one after the other, by steps that are alike, are no spikes.
+        // Three growing deviations with similar steps are motion.
         let alike = before * self.step > 0.0 && self.step.abs() <= ALONE * before.abs();
         let away = self.step * self.tracks[HELD].last > 0.0 && deviations > AWAY * self.begun_by;
         let farther = alike && away;
@@ -297,30 +292,29 @@ impl Sensor {
         }
         let mut another = self.jumps();
         let usual = num_traits::Float::sqrt(self.usual);
-        let other = f64::max(0.5 * self.first, settings.reject) * usual;
+        let other = f64::max(0.5 * self.first, options.reject) * usual;
         for track in &mut self.tracks {
             another &= track.drift.is_nan() || track.drift > other;
-            track.go_on(self.noise, self.streak <= FIRST);
+            track.continue_series(self.noise, self.streak <= FIRST);
         }
         if another {
-            // Spikes side by side: what follows is judged by what was before the first of them.
+            // Adjacent outliers: the comparison stays with the innovations before the first.
             self.streak = 1;
             self.tracks.iter_mut().for_each(Track::begin);
             (self.jump, self.first) = (self.leap().min(deviations * usual), deviations);
             self.begun_by = self.begun_by.min(deviations);
             return Verdict::Spike { deviations };
         }
-        // And a vessel that begins to turn beside a filter that does not expect it jumps by as much as a small spike does, and goes farther.
+        // The beginning of a turn looks like a small outlier, and grows.
         let small = self.first <= HUGE;
         if small && deviations > f64::max(AWAY * self.first, self.first + APART) {
             self.streak = 0;
             return Verdict::Believed { deviations };
         }
-        if self.streak < settings.patience {
+        if self.streak < options.patience {
             return Verdict::Spike { deviations };
         }
-        // Jumps are the vessel's where nobody finds all of them the same; and small ones where most do not, some model knows nothing of them
-        // any more, or they are no more than what those of one offset may differ by.
+        // Motion, where no expectation finds a constant deviation, or for small deviations, no majority.
         let sure = self.first > SURE;
         let known = || self.tracks.iter().filter(|track| track.sum.is_finite());
         let same = |track: &&Track| !track.first.is_nan() && (sure || track.spread() <= SAME * self.noise);
@@ -339,13 +333,12 @@ impl Sensor {
         Verdict::Offset { offset: self.offset }
     }
 
-    /// Repetitions from which on the sensor is stuck. One that never repeats itself, because its noise does not, has no need to
-    /// do it twice.
-    fn limit(&self, settings: &GuardOptions) -> usize {
-        if self.longest == 0 { 2 } else { settings.repeats.max(self.longest.saturating_mul(3)) }
+    /// Number of repetitions of a stuck sensor; 2 for a sensor that has never repeated a value.
+    fn limit(&self, options: &GuardOptions) -> usize {
+        if self.longest == 0 { 2 } else { options.repeats.max(self.longest.saturating_mul(3)) }
     }
 
-    /// Takes a jump into what is usual; one large one does not widen it by much.
+    /// Updates the mean square of the jumps, robustly.
     fn learn(&mut self, jump: f64, warm: bool) {
         self.seen = self.seen.saturating_add(1);
         let share = (1.0 / MEMORY).max(1.0 / self.seen as f64);

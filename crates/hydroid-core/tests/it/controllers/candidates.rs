@@ -168,7 +168,7 @@ fn direct_predictors_that_learn(base: BaseModel) {
 
     let companion =
         || -> Box<dyn Adapter> { Box::new(DirectReadOut::companion(Arc::clone(&model), &settings).unwrap()) };
-    let guarded = GuardOptions { horizon: 4, stride: 1, keep: 2, ..GuardOptions::new(0.1) };
+    let guarded = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
     let companions = [companion(), companion()];
     let mut guard = Guard::new(Box::new(learner()), companions, &ranges, &[0.01; 3], guarded).unwrap();
@@ -196,7 +196,7 @@ fn of_sessions_that_learn() {
     agree(learned.as_ref(), &mut work, 15);
     agree(learned.fork().as_ref(), &mut work, 15);
 
-    let settings = GuardOptions { horizon: 4, stride: 1, keep: 2, ..GuardOptions::new(0.1) };
+    let settings = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
     let companions = [learner(false), learner(false)];
     let mut guard = Guard::new(learner(true), companions, &ranges, &[0.01; 3], settings).unwrap();

@@ -21,10 +21,10 @@ fn noise(k: u64) -> f64 {
 
 /// Verdicts of a sensor on `count` samples: what is measured, and what the models expect.
 fn verdicts_of(sensor: &mut Sensor, count: u64, sample: impl Fn(u64) -> (f64, [f64; 3])) -> Vec<Verdict> {
-    let settings = GuardOptions::new(0.1);
+    let options = GuardOptions::new(0.1);
     let judge = |k: u64| {
         let (value, [a, b, c]) = sample(k);
-        sensor.judge(value, [a, b, c, f64::NAN], &settings)
+        sensor.judge(value, [a, b, c, f64::NAN], &options)
     };
     (0..count).map(judge).collect()
 }

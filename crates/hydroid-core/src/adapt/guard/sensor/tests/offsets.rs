@@ -51,14 +51,14 @@ fn an_offset_of_a_vessel_that_slows_down_is_found() {
 /// other spike, and taken off is what the sensor is off by.
 #[test]
 fn an_offset_of_a_vessel_that_slows_down_fast_is_found() {
-    let settings = GuardOptions::new(0.1);
+    let options = GuardOptions::new(0.1);
     let mut sensor = Sensor::new(0.01);
     let slow = |k: u64| wave(k) - 0.15 * k.saturating_sub(240).min(20) as f64;
     let all = (0..300).map(|k| {
         let value = slow(k) + 0.01 * noise(k) - if k >= 250 { 0.25 } else { 0.0 };
         let late = slow(k.saturating_sub(3));
         let lost = slow(k.min(249));
-        sensor.judge(value, [late, late, lost, slow(k)], &settings)
+        sensor.judge(value, [late, late, lost, slow(k)], &options)
     });
     let offset = found(&all.collect::<Vec<_>>()).unwrap();
     assert!((offset + 0.25).abs() < 0.03, "{offset}");

@@ -1,46 +1,46 @@
-//! What a guard is told.
+//! Options of a guard.
 
-/// Settings of a [`Guard`](super::Guard). Times are in samples, sizes in what stands beside them.
+/// Options of a [`Guard`](super::Guard). Times are in samples.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct GuardOptions {
-    /// `H`: how far ahead predictions are judged \[samples\].
+    /// Horizon `H` of the tests \[samples\].
     pub horizon: usize,
-    /// Samples between two tests.
+    /// Interval of the tests \[samples\].
     pub stride: usize,
-    /// The window of the guarantee \[samples\].
+    /// Window of the guarantee \[samples\].
     pub window: usize,
-    /// What the guarded prediction may be worse than the frozen one by, beside the noise floor: a factor.
+    /// Factor of the guarantee on the error of the reference model, beside the noise floor.
     pub factor: f64,
-    /// A model is taken to have errors of at most so many times the largest of late: the more, the oftener predictions are drawn
-    /// towards those of the model from shore.
+    /// Bound on the error of a model, in multiples of its largest recent error. A larger value projects predictions onto the reference
+    /// model more often.
     pub caution: f64,
-    /// Memory of the record by which models are chosen \[samples\].
+    /// Time constant of the records that select the model \[samples\].
     pub record: usize,
-    /// Measurements that jump by so many of the usual deviations of that count as noisier ones ..
+    /// Jump of a measurement, in usual deviations, from which on its noise variance is inflated.
     pub inflate: f64,
-    /// .. and of so many are no measurements, for as long as `patience` \[samples\].
+    /// Jump of a measurement, in usual deviations, from which on it is rejected, for at most `patience` samples.
     pub reject: f64,
-    /// See [`reject`](Self::reject). What is off by the same for so long is an offset of the sensor.
+    /// Longest series of rejections \[samples\]; a constant deviation of this length is a sensor offset.
     pub patience: usize,
-    /// A sensor that has repeated values before is stuck where it does so many times, at the least.
+    /// Least number of repetitions of a stuck sensor, for a sensor that has repeated values before.
     pub repeats: usize,
-    /// Samples between two snapshots of what was learned.
-    pub keep: usize,
-    /// Whether sensors are judged at all.
+    /// Interval of the snapshots \[samples\].
+    pub snapshot_interval: usize,
+    /// Whether sensor faults are detected.
     pub sensors: bool,
 }
 
 impl GuardOptions {
-    /// For samples of `dt` seconds: predictions over 2 s judged five times in that time, a guarantee over 30 s.
+    /// For samples of `dt` seconds: five tests over a horizon of 2 s, and a guarantee over 30 s.
     pub fn new(dt: f64) -> Self {
         // Casts saturate, and NaN is 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let samples = |time_s: f64, least: usize| (num_traits::Float::round(time_s / dt) as usize).max(least);
         let horizon = samples(2.0, 4);
         let stride = (horizon / 5).max(1);
-        // Models are tested from the samples at which others were tested.
+        // Origins coincide with tests.
         let horizon = horizon - horizon % stride;
         Self {
             horizon,
@@ -53,14 +53,15 @@ impl GuardOptions {
             reject: 6.0,
             patience: samples(0.8, 4),
             repeats: 5,
-            keep: samples(10.0, 2 * horizon),
+            snapshot_interval: samples(10.0, 2 * horizon),
             sensors: true,
         }
     }
 
-    /// Whether they make sense.
+    /// Whether all options are in range.
     pub(super) fn is_sound(&self) -> bool {
-        let positive = [self.horizon, self.stride, self.window, self.record, self.patience, self.keep];
+        let positive =
+            [self.horizon, self.stride, self.window, self.record, self.patience, self.snapshot_interval];
         positive.iter().all(|&n| n > 0)
             && self.horizon.is_multiple_of(self.stride)
             && self.window >= self.horizon
