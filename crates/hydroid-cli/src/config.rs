@@ -1,4 +1,4 @@
-//! The configuration file of `hydroid identify`.
+//! The configuration file `hydroid.toml`. `args::file` reads the sections `[adapt]` and `[control]`.
 
 use std::path::{Path, PathBuf};
 
@@ -7,13 +7,14 @@ use hydroid::identify::{GivenRanges, NetworkSettings, SindySettings};
 use hydroid::log::{ChannelSpec, CommandTiming, InputDelay, Wind};
 use hydroid::toml_file;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use crate::args::{Duration, Horizon};
 
-/// The file that is read where none is named.
+/// Default name.
 pub const DEFAULT: &str = "hydroid.toml";
 
-/// `hydroid.toml`. Everything may be left out.
+/// The sections of the file; all keys are optional.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
@@ -28,9 +29,13 @@ pub struct Config {
     pub direct: NetworkSettings,
     pub affine: NetworkSettings,
     pub ranges: GivenRanges,
+    /// Options of `hydroid adapt`, not used here.
+    pub adapt: IgnoredAny,
+    /// Options of `hydroid control`, not used here.
+    pub control: IgnoredAny,
 }
 
-/// How to read logs.
+/// Reading of logs.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Log {
@@ -45,7 +50,7 @@ pub struct Log {
     pub keep_towed: bool,
 }
 
-/// An input delay: a number of samples, or text as on the command line.
+/// An input delay: a number of samples, or the text of the command line.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 pub enum Delay {
@@ -89,7 +94,7 @@ impl<'de> Deserialize<'de> for Duration {
     }
 }
 
-/// Logs by their use; paths are relative to the file.
+/// Logs of training, validation and test; paths are relative to the file.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Split {
@@ -98,7 +103,7 @@ pub struct Split {
     pub test: Vec<PathBuf>,
 }
 
-/// Settings of the run.
+/// Options of the run.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Identify {

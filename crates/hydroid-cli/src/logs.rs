@@ -1,4 +1,4 @@
-//! Logs as the command line names them.
+//! Reading of the logs that the command line names.
 
 use std::path::{Path, PathBuf};
 
@@ -10,8 +10,7 @@ use hydroid::model::{Model, Reading};
 use crate::args::{Global, LogArgs};
 use crate::{config, ui};
 
-/// How to read logs: a base (defaults, a configuration file, or what a model says) with the command line's
-/// words over it.
+/// Options for the reading of logs: `base` (defaults, a configuration file, or those of a model), overridden by the command line.
 pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
     let mut reading = base;
     let selection = &mut reading.selection;
@@ -36,8 +35,8 @@ pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
     Ok(reading)
 }
 
-/// The reading that a configuration file asks for.
-pub fn configured(log: config::Log) -> Reading {
+/// The reading options of a configuration file.
+pub fn from_config(log: config::Log) -> Reading {
     Reading {
         selection: log::Selection {
             time: log.time,
@@ -58,31 +57,31 @@ pub fn configured(log: config::Log) -> Reading {
     }
 }
 
-/// The model at the step of the runs, if it is a vessel, which can be asked at any; all of them share one.
-pub fn at_their_step(model: Model, runs: &[Trajectory]) -> anyhow::Result<Model> {
+/// The model with the sample time of the runs. Only vessels can change it.
+pub fn with_step_of(model: Model, runs: &[Trajectory]) -> anyhow::Result<Model> {
     Ok(match runs.first() {
         Some(run) => model.at_step(run.dt)?,
         None => model,
     })
 }
 
-/// What is said before why a log cannot be used for a model.
-pub fn unusable(path: &Path, model: &Model) -> String {
+/// Context of the error that a log does not fit a model.
+pub fn cannot_use(path: &Path, model: &Model) -> String {
     if model.plant().is_some() {
         return format!("a log for the vessel {} cannot be used", path.display());
     }
-    format!("a log for {}, which steps {} s, cannot be used", path.display(), model.description.dt)
+    format!("a log for {} (sample time {} s) cannot be used", path.display(), model.description.dt)
 }
 
-/// Reads files and makes runs of them.
+/// Reads files and prepares their runs.
 pub fn prepare(files: &[PathBuf], reading: &Reading) -> Result<(Vec<RawLog>, Prepared), LogError> {
     let raw = files.iter().map(|file| log::read(file)).collect::<Result<Vec<_>, _>>()?;
     let prepared = log::prepare(&raw, &reading.selection, &reading.options)?;
     Ok((raw, prepared))
 }
 
-/// Logs that a model was trained on, and the first `seconds` of each, to be walked through.
-pub fn shore(
+/// Training logs of a model, and the first `seconds` of each, over which the filter runs.
+pub fn training_logs(
     files: &[PathBuf],
     seconds: f64,
     (path, model): (&Path, &Model),
@@ -92,8 +91,8 @@ pub fn shore(
     let mut shore = Shore::default();
     for file in files {
         let (_, prepared) =
-            prepare(std::slice::from_ref(file), reading).with_context(|| unusable(path, model))?;
-        ui::tell(&prepared.notes, global);
+            prepare(std::slice::from_ref(file), reading).with_context(|| cannot_use(path, model))?;
+        ui::print_notes(&prepared.notes, global);
         model.check(&prepared.runs)?;
         let mut left = seconds;
         for run in prepared.runs {

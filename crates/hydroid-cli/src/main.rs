@@ -2,9 +2,9 @@
 //!
 //! Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted.
 
-// A binary has no outside: `pub` says which module offers what to which.
+// In a binary, `pub` marks the interface of a module.
 #![allow(unreachable_pub)]
-// The comments of `args` are printed as help, where backticks would stand as they are.
+// Help texts come from the comments of `args`; backticks would be printed.
 #![allow(clippy::doc_markdown)]
 
 #[macro_use]
@@ -17,25 +17,28 @@ mod logs;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    let args = args::Args::parse();
+    let args = match args::Args::read() {
+        Ok(args) => args,
+        Err(error) => return failure(&error, std::env::args().any(|word| word == "--json")),
+    };
     ui::catch_interrupt();
     let json = args.global.json;
     match commands::run(args) {
         Ok(outcome) => outcome.into(),
         Err(error) if ui::interrupted() => {
-            ui::complain(&error);
+            ui::print_error(&error);
             ExitCode::from(130)
         }
-        Err(error) => {
-            if json {
-                // A program that asked for JSON gets the reason as JSON too.
-                outln!("{}", serde_json::json!({ "error": ui::explain(&error) }));
-            }
-            ui::complain(&error);
-            ExitCode::from(2)
-        }
+        Err(error) => failure(&error, json),
     }
+}
+
+/// Reports wrong input, with `--json` also as a JSON document.
+fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
+    if json {
+        outln!("{}", serde_json::json!({ "error": ui::error_text(error) }));
+    }
+    ui::print_error(error);
+    ExitCode::from(2)
 }

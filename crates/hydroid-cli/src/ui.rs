@@ -1,4 +1,4 @@
-//! What the user sees besides results: progress, notes, complaints. All of it goes to standard error.
+//! Progress, notes and errors on standard error; results on standard output.
 
 use std::io::{IsTerminal, Write as _};
 use std::ops::ControlFlow;
@@ -13,41 +13,40 @@ use crate::args::Global;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// What is to be done at an interruption by who waits for input and cannot look out for it.
+/// Action at an interruption, for threads that wait for input.
 static AT_INTERRUPT: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
 
-/// From now on the first ctrl-C (or SIGTERM, or a terminal that is closed) asks the work to stop cleanly, the
-/// second ends the program.
+/// Installs the signal handler: the first ctrl-C, SIGTERM or SIGHUP requests a clean stop, the second ends the program.
 pub fn catch_interrupt() {
-    // Without a handler ctrl-C ends the program at once; files are written atomically in either case.
+    // If the handler cannot be installed, ctrl-C ends the program at once; files are written atomically in either case.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             std::process::exit(130);
         }
-        // In a thread of its own, so that the second ctrl-C is heard.
+        // In its own thread, so that the handler receives a second ctrl-C.
         if let Some(act) = AT_INTERRUPT.lock().ok().and_then(|mut act| act.take()) {
             std::thread::spawn(act);
         }
     });
 }
 
-/// At an interruption this is done, in a thread of its own; it has to end the program.
+/// Sets the action at an interruption. It runs in its own thread and must end the program.
 pub fn at_interrupt(act: impl FnOnce() + Send + 'static) {
     if let Ok(mut place) = AT_INTERRUPT.lock() {
         *place = Some(Box::new(act));
     }
 }
 
-/// Whether ctrl-C was pressed.
+/// Whether an interruption was requested.
 pub fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
 }
 
-/// A progress bar where standard error is a terminal, silence elsewhere.
+/// A progress bar if standard error is a terminal.
 pub struct Bar(ProgressBar);
 
 impl Bar {
-    /// A bar that says what is going on.
+    /// A bar with a message.
     pub fn new(message: &'static str, global: Global) -> Self {
         if global.quiet || !std::io::stderr().is_terminal() {
             return Self(ProgressBar::hidden());
@@ -60,43 +59,43 @@ impl Bar {
         Self(bar)
     }
 
-    /// Says what is at work.
-    pub fn say(&self, words: &str) {
+    /// Replaces the message.
+    pub fn set_message(&self, message: &str) {
         if !self.0.is_hidden() {
-            self.0.set_message(words.to_owned());
+            self.0.set_message(message.to_owned());
         }
     }
 
-    /// Moves the bar to a fraction of the whole.
-    pub fn at(&self, fraction: f64) {
+    /// Sets the completed fraction, 0 to 1.
+    pub fn set_fraction(&self, fraction: f64) {
         // A fraction of 1000 steps, clamped.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         self.0.set_position((fraction.clamp(0.0, 1.0) * 1000.0) as u64);
     }
 
-    /// The callback for an identification: moves the bar, says what is at work and how it does, and passes ctrl-C on.
-    pub fn stages(&self) -> impl FnMut(&Stage<'_>) -> ControlFlow<()> {
-        let mut move_on = self.callback();
+    /// The callback of an identification: updates bar and message, and reports interruptions.
+    pub fn stage_callback(&self) -> impl FnMut(&Stage<'_>) -> ControlFlow<()> {
+        let mut update = self.callback();
         move |stage| {
             if !self.0.is_hidden() {
-                self.0.set_message(at_work(stage));
+                self.0.set_message(stage_text(stage));
             }
-            move_on(stage.fraction)
+            update(stage.fraction)
         }
     }
 
-    /// The callback for the library: moves the bar, and passes ctrl-C on.
+    /// The callback of other functions: updates the bar and reports interruptions.
     pub fn callback(&self) -> impl FnMut(f64) -> ControlFlow<()> {
         |fraction| {
-            self.at(fraction);
+            self.set_fraction(fraction);
             if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         }
     }
 }
 
 /// `lstm: epoch 12 of 200, loss 0.0123, validation 0.0456, 35 s left`.
-fn at_work(stage: &Stage<'_>) -> String {
-    let Some(method) = stage.method else { return String::from("judging") };
+fn stage_text(stage: &Stage<'_>) -> String {
+    let Some(method) = stage.method else { return String::from("evaluating") };
     let Some(status) = stage.training else { return String::from(method.name()) };
     let figure = |name: &str, x: f64| if x.is_finite() { format!(", {name} {x:.4}") } else { String::new() };
     format!(
@@ -116,8 +115,8 @@ impl Drop for Bar {
     }
 }
 
-/// Tells notes.
-pub fn tell(notes: &[Note], global: Global) {
+/// Prints notes and warnings with their remedies.
+pub fn print_notes(notes: &[Note], global: Global) {
     for note in notes {
         if global.quiet && note.severity == Severity::Info {
             continue;
@@ -133,13 +132,13 @@ pub fn tell(notes: &[Note], global: Global) {
     }
 }
 
-/// Tells an error.
-pub fn complain(error: &anyhow::Error) {
-    eprintln!("error: {}", explain(error));
+/// Prints an error.
+pub fn print_error(error: &anyhow::Error) {
+    eprintln!("error: {}", error_text(error));
 }
 
-/// An error with its causes, none of them told twice: many messages hold the words of their cause.
-pub fn explain(error: &anyhow::Error) -> String {
+/// An error with its causes; a cause whose text is already in the message is left out.
+pub fn error_text(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
         if text.is_empty() {
@@ -151,7 +150,7 @@ pub fn explain(error: &anyhow::Error) -> String {
     text
 }
 
-/// The command line, as a shell takes it again.
+/// The command line, quoted for a shell.
 pub fn command_line() -> String {
     let quoted = |word: String| {
         if word.contains([' ', '[', '*', '$', '"', '\'', ';', '&', '(', '|']) {
@@ -164,7 +163,7 @@ pub fn command_line() -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// Writes results to standard output. A reader that has seen enough (`| head`) ends the program quietly.
+/// Writes results to standard output. A closed pipe (`| head`) ends the program without an error.
 pub fn write_out(text: std::fmt::Arguments<'_>) {
     if let Err(error) = std::io::stdout().lock().write_fmt(text) {
         if error.kind() == std::io::ErrorKind::BrokenPipe {

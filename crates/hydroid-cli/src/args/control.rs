@@ -5,54 +5,54 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, ValueEnum};
 
 use super::Learner;
-use super::values::{Duration, Pair, Points};
+use super::values::{Duration, Pair, Points, Triple};
 
 /// Controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ControllerKind {
     /// Feedback linearization of a point ahead of the vessel: equations, vessels and control-affine networks
     Fl,
-    /// Backstepping of the same point, which learns constant disturbances: equations, vessels and control-affine networks
+    /// Adaptive backstepping of the same point, which rejects constant disturbances: the same models
     Backstepping,
     /// Model predictive control by the cross-entropy method: any model
     Cem,
-    /// Line of sight, PID on the heading, PI on the speed: no model. Tuned by a grid on voyages of its own first
+    /// Line of sight, PID on the heading, PI on the speed: no model; the gains are found by a grid search first
     Pid,
 }
 
 /// Tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum TaskKind {
-    /// Round and round, to starboard
+    /// A circle to starboard
     Circle,
-    /// Parallel legs to the north and back, with arcs between them
+    /// Parallel legs to the north and back, joined by arcs
     LawnMower,
-    /// From point to point, the corners cut by turning circles
+    /// From point to point, with turning circles at the corners
     Waypoints,
-    /// From point to point, with corners
+    /// From point to point, with sharp corners
     Legs,
 }
 
-/// What moves the reference of a plan.
+/// Parameter of the reference path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum TimingKind {
-    /// The clock: to be at a place at a time
-    Clock,
-    /// The vessel: the nearest place of the path, at the speed asked for there
-    Foot,
+    /// Trajectory tracking: a position for each time
+    Time,
+    /// Path following: the nearest point of the path, with the speed required there
+    Path,
 }
 
-/// Where, and how fast.
+/// The reference path and its speed.
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Task")]
 pub struct TaskArgs {
-    /// What is to be sailed
+    /// Reference path
     #[arg(long, value_enum, default_value = "circle")]
     pub task: TaskKind,
-    /// Speed on straights, and on circles [m/s]
+    /// Speed on straights and circles [m/s]
     #[arg(long, value_name = "M_S", default_value_t = 1.5, allow_negative_numbers = true)]
     pub speed: f64,
-    /// Speed in turns and over corners [m/s] (default: the same)
+    /// Speed in turns and at corners [m/s] (default: --speed)
     #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
     pub turn_speed: Option<f64>,
     /// Radius of circle and turns [m] (default: 15)
@@ -61,123 +61,118 @@ pub struct TaskArgs {
     /// Lawn-mower: length of a leg [m] (default: 60)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub leg: Option<f64>,
-    /// Lawn-mower: distance of the legs [m] (default: two radii)
+    /// Lawn-mower: distance between legs [m] (default: two radii)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub spacing: Option<f64>,
     /// Lawn-mower: number of legs (default: 4)
     #[arg(long, value_name = "N")]
     pub legs: Option<usize>,
-    /// Way-points and legs: north,east of each point [m], separated by semicolons: 0,0;60,0;60,40
+    /// Waypoints and legs: north,east of each point [m]: '0,0;60,0;60,40'
     #[arg(long, value_name = "N,E;N,E;..", allow_hyphen_values = true)]
     pub points: Option<Points>,
-    /// Largest rate of the speed asked for [m/s^2]
+    /// Largest rate of change of the reference speed [m/s^2]
     #[arg(long, value_name = "M_S2", default_value_t = 0.2, allow_negative_numbers = true)]
     pub acceleration: f64,
-    /// How long [s]: 90, 5m (default: 120 s on a circle; else half as long again as the course takes, for what follows it and
-    /// is slow)
+    /// Duration of the simulation: 90, 5m (default: 120 s on a circle, else 1.5 times the duration of the reference)
     #[arg(long, value_name = "TIME")]
     pub duration: Option<Duration>,
-    /// Where the vessel begins: metres ahead along the path, and to starboard of it
+    /// Initial position relative to the start of the path [m]: ahead, to starboard
     #[arg(long, value_name = "M,M", default_value = "0,-0.5", allow_hyphen_values = true)]
     pub start: Pair,
 }
 
-/// How it is steered.
+/// The controller and its parameters.
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Controller")]
-pub struct HelmArgs {
-    /// Which
+pub struct ControllerArgs {
+    /// Control law
     #[arg(long, value_enum)]
     pub controller: ControllerKind,
-    /// How far ahead of the vessel's origin the point is that is to be on the path [m] (default: 1.5 of fl and backstepping, 0
-    /// of cem; pid brings the origin there)
+    /// Distance of the controlled point ahead of the vessel's origin [m] (default: fl, backstepping 1.5; cem, pid 0)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub lead: Option<f64>,
-    /// Farther than this from its reference the vessel is lost [m]
+    /// Largest distance from the reference at which the vessel counts as on track [m]
     #[arg(long, value_name = "M", default_value_t = 2.0, allow_negative_numbers = true)]
     pub tolerance: f64,
-    /// Errors count, and the vessel is to be settled, from here on (default: 40 s on a circle, else 10 s; a third of the
-    /// duration at the most, and half of the time that the course takes)
+    /// Time from which errors count and the vessel must be on track (default: 40 s on a circle, else 10 s, less on short tasks)
     #[arg(long, value_name = "TIME")]
-    pub from: Option<Duration>,
-    /// fl: natural frequency [rad/s] and damping of the error (default: 1.5,0.7)
+    pub evaluate_from: Option<Duration>,
+    /// fl: natural frequency [rad/s] and damping ratio of the error dynamics (default: 1.5,0.7)
     #[arg(long, value_name = "RAD_S,ZETA")]
     pub bandwidth: Option<Pair>,
-    /// fl: gain of an integral [1/s^3] against what the model misses and what pushes steadily (default: 0; with the default
-    /// bandwidth 1 is a good one)
+    /// fl: integral gain [1/s^3] against model error and steady disturbances (default: 0; 1 suits the default bandwidth)
     #[arg(long, value_name = "PER_S3", allow_negative_numbers = true)]
     pub integral: Option<f64>,
-    /// fl: a small network around the law learns under way what its model misses, and is used while it foretells what happens
+    /// fl: a small network learns the model error online and compensates it while its predictions hold
     #[arg(long, conflicts_with = "adapt")]
-    pub learned: bool,
-    /// backstepping: the rate of all its gains [1/s] (default: 1)
+    pub adaptive_augmentation: bool,
+    /// backstepping: common rate of the gains [1/s] (default: 1)
     #[arg(long, value_name = "PER_S", allow_negative_numbers = true)]
     pub rate: Option<f64>,
-    /// cem: what moves the reference (default: clock)
+    /// cem: trajectory tracking (time) or path following (path) (default: time)
     #[arg(long, value_enum)]
     pub reference: Option<TimingKind>,
-    /// cem: samples that a plan looks ahead (default: 20)
+    /// cem: prediction horizon [samples] (default: 20)
     #[arg(long, value_name = "N")]
     pub horizon: Option<usize>,
-    /// cem: candidates in an iteration; a tenth of them are elites (default: 350)
+    /// cem: candidates per iteration; a tenth of them are elites (default: 350)
     #[arg(long, value_name = "N")]
     pub candidates: Option<usize>,
     /// cem: iterations (default: 5)
     #[arg(long, value_name = "N")]
     pub iterations: Option<usize>,
-    /// cem: Gauss-Newton steps from the best candidate; 0 for what was drawn alone (default: 2)
+    /// cem: Gauss-Newton steps from the best candidate (default: 2)
     #[arg(long, value_name = "N")]
-    pub descents: Option<usize>,
-    /// cem: prices of a metre, a radian, and 1 m/s (default: 1,0.2,0.2)
+    pub gauss_newton_steps: Option<usize>,
+    /// cem: cost weights of position error [1/m^2], heading error [1/rad^2] and speed error [s^2/m^2] (default: 1,0.2,0.2)
     #[arg(long, value_name = "M,RAD,M_S")]
-    pub prices: Option<super::values::Triple>,
-    /// cem: end a search after so many milliseconds; the best plan so far counts. The result depends on the clock then
+    pub cost_weights: Option<Triple>,
+    /// cem: time limit of a plan [ms]; the best plan found so far is used, so that the result depends on the clock
     #[arg(long, value_name = "MS", allow_negative_numbers = true)]
     pub plan_time: Option<f64>,
-    /// Time between two commands [s] (default: the model's sample time; 0.1 for vessels and pid)
+    /// Sample time of the controller [s] (default: that of the model; 0.1 for vessels and pid)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,
-    /// Commands change at most so fast: propeller, rudder, in their units per second; inf for no limit
+    /// Rate limits of propeller and rudder, in their units per second; inf: no limit
     #[arg(long, value_name = "PP,RD", default_value = "inf,inf")]
     pub rate_limits: Pair,
 }
 
-/// How the model learns.
+/// Online adaptation of the model.
 #[derive(Clone, Debug, ClapArgs)]
-#[command(next_help_heading = "Learning on the way")]
-pub struct LearnArgs {
-    /// The model learns in the loop, as with hydroid adapt, and each command is made with what it has learned so far
+#[command(next_help_heading = "Online adaptation")]
+pub struct AdaptationArgs {
+    /// Adapt the model in the loop, as hydroid adapt does
     #[arg(long)]
     pub adapt: bool,
-    /// How the model learns: equations by least squares (the default) or by the filter, direct predictors by least squares,
-    /// recurrent networks and vessels by the filter
-    #[arg(long, value_name = "HOW", value_enum, requires = "adapt")]
+    /// Method of adaptation (default: least-squares for equations and direct predictors, kalman for networks and vessels)
+    #[arg(long, value_name = "METHOD", value_enum, requires = "adapt")]
     pub learner: Option<Learner>,
-    /// No guard: whatever was learned is steered by
+    /// Switch the guard off: always use the adapted model
     #[arg(long, requires = "adapt")]
     pub no_guard: bool,
-    /// A log that the model was trained on: the learner walks through the beginning of it first. May be given again
+    /// A log that the model was trained on: the filter runs over its beginning first. May be repeated
     #[arg(long, value_name = "LOG", requires = "adapt")]
-    pub shore: Vec<PathBuf>,
-    /// How much of each of these logs
-    #[arg(long, value_name = "TIME", default_value = "200s", requires = "shore")]
-    pub shore_time: Duration,
+    pub training_log: Vec<PathBuf>,
+    /// Length of the beginning of each training log
+    #[arg(long, value_name = "TIME", default_value = "200s", requires = "training_log")]
+    pub training_time: Duration,
 }
 
-/// What the vessel meets; the controller is not told.
+/// Disturbances, noise and parameter changes of the simulated plant; the controller does not know them.
 #[derive(Clone, Debug, ClapArgs)]
-#[command(next_help_heading = "Conditions (the controller is not told)")]
-pub struct SeaArgs {
-    /// Seed of noise, gusts and plans; the same seed gives the same voyage
+#[command(next_help_heading = "Disturbances (unknown to the controller)")]
+pub struct DisturbanceArgs {
+    /// Seed of noise, gusts and plans
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
-    /// Scale of the vessel's measurement noise; 0 for none
+    /// Factor on the measurement noise of the vessel; 0: none
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
     pub noise: f64,
-    /// Current, where the water goes: north,east [m/s]
+    /// Velocity of the current: north,east [m/s]
     #[arg(long, value_name = "N,E", default_value = "0,0", allow_hyphen_values = true)]
     pub current: Pair,
-    /// Steady force of the wind on the hull: north,east [N]
+    /// Constant wind force on the hull: north,east [N]
     #[arg(long, value_name = "N,E", default_value = "0,0", allow_hyphen_values = true)]
     pub wind: Pair,
     /// Gusts: standard deviation [N] and time constant [s] of a Gauss-Markov force in each direction
@@ -186,66 +181,80 @@ pub struct SeaArgs {
     /// Factor on mass and yaw inertia: 1.2 for 20 % more
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
     pub mass: f64,
-    /// Time between a command and the moment at which it acts [s]: a whole number of samples
+    /// Input delay [s]: a whole number of samples
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     pub delay: f64,
 }
 
-/// Many voyages.
+/// Monte Carlo trials.
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Monte Carlo")]
-pub struct FleetArgs {
-    /// Sail so many times, each with its own seed and conditions
+pub struct MonteCarloArgs {
+    /// Number of trials, each with its own seed, mass, current and wind
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub runs: usize,
-    /// Mass varies by up to this share, with --runs (default: 0.2)
-    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
-    pub mass_spread: Option<f64>,
-    /// Current varies by up to this, from any direction [m/s], with --runs (default: 0.3)
+    /// Largest relative change of the mass, with --runs (default: 0.2)
+    #[arg(long, value_name = "FRACTION", allow_negative_numbers = true)]
+    pub mass_variation: Option<f64>,
+    /// Largest speed of the current, from any direction [m/s], with --runs (default: 0.3)
     #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
-    pub current_spread: Option<f64>,
-    /// Wind varies by up to this, from any direction [N], half of it in gusts, with --runs (default: 15)
+    pub current_variation: Option<f64>,
+    /// Largest wind force, from any direction [N], half of it in gusts, with --runs (default: 15)
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub wind_spread: Option<f64>,
+    pub wind_variation: Option<f64>,
 }
 
-/// Steer a vessel with a model: a controller in closed loop with the true plant, with noise, current, wind and delay
+/// Simulate a closed loop: a controller with a model, and a vessel with noise, current, wind and delay
 ///
-/// fl and backstepping invert the model: equations whose terms have one known function of each command, a control-affine
-/// network, or a vessel (a TOML file). cem plans with any model. pid has none, and is tuned by a grid on seeds of its own: what the others are to be
-/// compared with. With --adapt the model learns in the loop, under guard, and what it has learned is used at the next command.
+/// fl and backstepping invert the model: equations with one known function of each command (hydroid identify --for-control),
+/// a control-affine network, or a vessel. cem plans with any model. pid has no model and serves for comparison. With
+/// --adapt the model adapts in the loop under the guard, and each command uses the adapted model.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
-  hydroid control hydrofoil --controller fl --plant hydrofoil --speed 4 --radius 30     true parameters
-  hydroid control out/sindy.safetensors --controller backstepping --speed 2.5 --radius 25 -o steered
-  hydroid control out/gru.safetensors --controller cem --adapt --task lawn-mower --speed 4 --turn-speed 1.8 --radius 15
-  hydroid control --controller pid --task lawn-mower --speed 4 --turn-speed 1.8 --radius 15
+  hydroid control hydrofoil --controller fl --speed 4 --radius 30        model with the true parameters
+  hydroid control out/sindy.safetensors --controller backstepping --speed 2.5 --radius 25 -o run
+  hydroid control out/gru.safetensors --controller cem --adapt --task lawn-mower --speed 4 --turn-speed 1.8
+  hydroid control --controller pid --task lawn-mower --speed 4 --turn-speed 1.8
   hydroid control hydrofoil --controller fl --mass 1.2 --current 0.2,-0.2 --gusts 10,5 --delay 0.2
-  hydroid control hydrofoil --controller fl --learned --mass 1.2 --current 0,0.3 --task lawn-mower
-  hydroid control hydrofoil --controller fl --runs 1000 --json        current, wind and mass vary from run to run
+  hydroid control hydrofoil --controller fl --adaptive-augmentation --mass 1.2 --task lawn-mower
+  hydroid control hydrofoil --controller fl --runs 1000 --json           Monte Carlo
   hydroid control hydrofoil-low-speed --controller cem --task waypoints --points '0,0;40,0;40,30' --radius 10
+  hydroid control out/gru.safetensors -c boat.toml                       options from a file
 
-Exit status: 0 the vessel held its course; 1 it did not: farther from its reference than the tolerance after the time from which
-errors count, or not at the end of the path in time (of many runs: any of them), or a command beyond a limit; 2 wrong input.")]
+Configuration file (hydroid.toml in the current folder, or -c FILE): the section [control] takes every option of
+--help-advanced, with _ in place of -. The command line takes precedence. Paths are relative to the file.
+  [control]
+  controller = \"cem\"
+  task = \"waypoints\"
+  points = [[0, 0], [40, 0], [40, 30]]
+  cost_weights = [1, 0.2, 0.2]
+
+Exit status: 0 the vessel stayed on track; 1 farther from the reference than the tolerance after the start of the evaluation,
+end of the path not reached in time, or a command beyond a limit (with --runs: in any trial); 2 wrong input.")]
 pub struct Control {
-    /// The model: a .safetensors file, a vessel of your own (a TOML file), or hydrofoil, hydrofoil-low-speed, simple. None for
-    /// --controller pid
+    /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple. None for pid
     #[arg(value_name = "MODEL")]
     pub model: Option<PathBuf>,
-    /// The true plant: simple, hydrofoil, hydrofoil-low-speed, or a vessel of your own (a TOML file)
+    /// Configuration file with a section [control] (default: hydroid.toml in the current folder, if it exists)
+    #[arg(long, short, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// The true plant: simple, hydrofoil, hydrofoil-low-speed, or a vessel file (.toml)
     #[arg(long, value_name = "PLANT", default_value = "hydrofoil")]
     pub plant: String,
     /// Folder for track.csv (a log), control.json and report.html
     #[arg(long, short, value_name = "DIR")]
     pub output: Option<PathBuf>,
+    /// Print all options
+    #[arg(long)]
+    pub help_advanced: bool,
     #[command(flatten)]
-    pub helm: HelmArgs,
+    pub controller: ControllerArgs,
     #[command(flatten)]
     pub task: TaskArgs,
     #[command(flatten)]
-    pub sea: SeaArgs,
+    pub disturbances: DisturbanceArgs,
     #[command(flatten)]
-    pub learn: LearnArgs,
+    pub adaptation: AdaptationArgs,
     #[command(flatten)]
-    pub fleet: FleetArgs,
+    pub monte_carlo: MonteCarloArgs,
 }

@@ -1,42 +1,41 @@
-//! What can be said to `hydroid thesis`.
+//! Arguments of `hydroid thesis`.
 
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-/// Repeat the study that hydroid began with: simulate, learn, adapt, steer; every figure, table 1, every claim judged, one page
+/// Reproduce the thesis: simulation, identification, adaptation, control; all figures and claims on one page
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
-  hydroid thesis --quick                        the story in a minute or two: report/index.html
-  hydroid thesis                                the whole study
-  hydroid thesis fig5 fig6                      these experiments alone
-  hydroid thesis --list                         what there is
-  hydroid thesis --write-experiments mine       the experiments as files, to be edited
+  hydroid thesis --quick                        the short version, one to two minutes: report/index.html
+  hydroid thesis                                the complete study
+  hydroid thesis fig5 fig6                      only these experiments
+  hydroid thesis --list                         names of the experiments
+  hydroid thesis --write-experiments mine       experiment files for editing
   hydroid thesis --experiments mine -o mine/report
 
-What was made is kept in FOLDER/cache and used again where nothing that it depends on has changed, this program included; a
-study that was interrupted goes on where it stopped.")]
+FOLDER/cache stores the results. A result is reused if its experiment, its inputs and this program have not changed. The same
+command continues an interrupted study.")]
 pub struct Thesis {
-    /// Experiments to make (default: all)
+    /// Experiments to run (default: all)
     #[arg(value_name = "EXPERIMENT")]
     pub only: Vec<String>,
-    /// The small version: short records, few epochs, few seeds
+    /// Short version: short records, few epochs, few seeds
     #[arg(long)]
     pub quick: bool,
-    /// Folder of the page, its figures and numbers, and of what is kept
+    /// Folder of the page, its figures and data, and the cache
     #[arg(long, short, value_name = "FOLDER", default_value = "report")]
     pub output: PathBuf,
-    /// Folder with experiments, records, models and claims as files (default: those that are built in)
+    /// Folder with experiments, records, models and claims as files (default: built in)
     #[arg(long, value_name = "FOLDER")]
     pub experiments: Option<PathBuf>,
-    /// Write those that are built in to a folder and stop
+    /// Write the built-in files to a folder and exit
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["only", "quick", "experiments"])]
     pub write_experiments: Option<PathBuf>,
-    /// List the experiments and stop
+    /// List the experiments and exit
     #[arg(long)]
     pub list: bool,
-    /// Keep results without regard to the build of this program, and take those that were kept so: for work on the page, not for
-    /// figures
+    /// Reuse cached results of other builds of this program; for work on the page only
     #[arg(long)]
-    pub any_program: bool,
+    pub ignore_build: bool,
 }

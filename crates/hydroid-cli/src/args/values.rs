@@ -1,4 +1,4 @@
-//! Values that options take.
+//! Types of option values.
 
 use std::str::FromStr;
 
@@ -11,12 +11,12 @@ pub(super) fn parse_timing(text: &str) -> Result<CommandTiming, String> {
         "before" => Ok(CommandTiming::Before),
         "after" => Ok(CommandTiming::After),
         _ => Err(String::from(
-            "write before (a row's command acts from that row on) or after (it acted until that row)",
+            "write before (the command of a row acts from this row on) or after (it acted until this row)",
         )),
     }
 }
 
-/// A length of time \[s\]: `90`, `90s`, `5m`, `1.5h`.
+/// A duration, in s: `90`, `90s`, `5m`, `1.5h`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Duration(pub f64);
 
@@ -26,7 +26,7 @@ impl FromStr for Duration {
     fn from_str(text: &str) -> Result<Self, String> {
         let text = text.trim();
         let (number, unit) = match text.find(|c: char| c.is_ascii_alphabetic()) {
-            // The exponent of 1e3 is no unit.
+            // The exponent of 1e3 is not a unit.
             Some(at) if !text[at..].starts_with(['e', 'E']) => text.split_at(at),
             _ => (text, "s"),
         };
@@ -40,13 +40,13 @@ impl FromStr for Duration {
         match seconds.filter(|s| s.is_finite() && *s > 0.0) {
             Some(seconds) => Ok(Self(seconds)),
             None => Err(format!(
-                "'{text}' is no length of time: write seconds (90, 90s), minutes (5m) or hours (1h)"
+                "'{text}' is not a duration: write seconds (90, 90s), minutes (5m) or hours (1h)"
             )),
         }
     }
 }
 
-/// So many numbers, separated by commas.
+/// `N` numbers, separated by commas.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let wrong = || format!("'{text}' is not {N} numbers separated by commas");
     let all: Vec<f64> =
@@ -106,7 +106,7 @@ impl FromStr for NamedNumber {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("'{text}' is no number of a channel: write NAME=NUMBER, as in u=0.01");
+        let wrong = || format!("'{text}' is not NAME=NUMBER, as in u=0.01");
         let (name, number) = text.split_once('=').ok_or_else(wrong)?;
         Ok(Self { name: name.trim().to_owned(), number: number.trim().parse().map_err(|_| wrong())? })
     }
@@ -124,7 +124,7 @@ impl FromStr for NamedRange {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let (name, range) = text.split_once('=').ok_or_else(|| {
-            format!("'{text}' is no range: write NAME=LOW:HIGH, as in u=0:6, or u=0:12 [kn]")
+            format!("'{text}' is not a range: write NAME=LOW:HIGH, as in u=0:6, or u=0:12 [kn]")
         })?;
         Ok(Self { name: name.trim().to_owned(), range: range.parse()? })
     }
@@ -138,11 +138,11 @@ pub enum Horizon {
 }
 
 impl Horizon {
-    /// In samples of `dt` seconds; a time that is not a whole number of samples is rounded.
+    /// The horizon in samples of `dt` seconds, rounded.
     pub fn samples(self, dt: f64) -> usize {
         match self {
             Self::Samples(n) => n,
-            // Positive by parsing; larger than any log saturates, and is refused as too long.
+            // Positive by parsing; large values saturate and are refused as too long for the log.
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             Self::Seconds(s) => (s / dt).round() as usize,
         }
@@ -169,9 +169,9 @@ impl FromStr for Horizon {
 pub enum Method {
     /// Sparse equations of motion
     Sindy,
-    /// The same with outputs and inputs of some time ago
+    /// Equations with past outputs and inputs
     Lagged,
-    /// Equations that keep learning on the way
+    /// Equations with recursive adaptation
     Recursive,
     /// A recurrent network with LSTM cells
     Lstm,
@@ -179,9 +179,9 @@ pub enum Method {
     Gru,
     /// A vanilla recurrent network
     Rnn,
-    /// A feed-forward network that gives all outputs of a horizon at once
+    /// A feed-forward network that predicts all steps of a horizon at once
     Direct,
-    /// A feed-forward network of the rates, affine in the inputs: for control laws that invert it
+    /// A feed-forward network of the accelerations, affine in the inputs: for control laws that invert the model
     Affine,
 }
 
@@ -200,7 +200,7 @@ impl From<Method> for identify::Method {
     }
 }
 
-/// What the model sees before it predicts.
+/// Outputs that the model observes before the origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Origin {
     /// The measurements
@@ -209,7 +209,7 @@ pub enum Origin {
     True,
 }
 
-/// What predictions are compared with.
+/// Reference of the errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Against {
     /// The measurements

@@ -14,21 +14,23 @@ use hydroid::model::{self, Model};
 use hydroid_live::black_box::adapt_recorded;
 
 use super::{Outcome, evaluate, table};
-use crate::args::{Adapt, EquationsArgs, Global, Learner, NamedNumber, NetworksArgs};
+use crate::args::{Adapt, Global, KalmanArgs, Learner, LeastSquaresArgs, NamedNumber};
 use crate::{logs, ui};
 
 pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
-    // Said before the log is read: no log would change it.
+    // Checked before the log is read.
     adapt::adaptable(&model).with_context(|| format!("{} cannot be adapted", args.model.display()))?;
     if let Some(path) = &args.black_box.replay {
         return blackbox::replay(args, global, model, path);
     }
-    let Some(given_log) = &args.run else { bail!("a log is missing: give a file, or - for standard input") };
+    let Some(given_log) = &args.run else {
+        bail!("the log is missing: give a file, or - for standard input")
+    };
     if let (Some(path), Some(_)) = (&args.output, model.plant()) {
         ensure!(
             path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")),
-            "{}: a vessel is written as a vessel file: give -o a name that ends in .toml",
+            "{}: a vessel is written as a TOML file; give -o a name that ends in .toml",
             path.display()
         );
     }
@@ -40,31 +42,37 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let given = &args.stream;
     ensure!(
         given.horizons.is_none() && given.state.is_none() && !given.timing,
-        "--horizons, --state and --timing are of a live stream: add --stream, or give - for standard input"
+        "--horizons, --state and --timing apply to a live stream: add --stream, or give - for standard input"
     );
     let raw = log::read(given_log)?;
     let mut prepared = log::prepare(&[raw], &reading.selection, &reading.options)
-        .with_context(|| logs::unusable(&args.model, &model))?;
-    ui::tell(&prepared.notes, global);
-    let model = logs::at_their_step(model, &prepared.runs)?;
+        .with_context(|| logs::cannot_use(&args.model, &model))?;
+    ui::print_notes(&prepared.notes, global);
+    let model = logs::with_step_of(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
-    ui::tell(model.outside(&prepared.runs).as_slice(), global);
+    ui::print_notes(model.outside(&prepared.runs).as_slice(), global);
     let mut options = options(args, &model)?;
-    if let Some(faults) = &args.trust.inject {
-        Faults { seed: args.trust.seed, ..faults.clone() }
+    if let Some(faults) = &args.guard.inject {
+        Faults { seed: args.guard.seed, ..faults.clone() }
             .inject(&mut prepared.runs)
-            .context("--inject cannot be done")?;
-        // What is faulty is no measure.
+            .context("--inject does not fit the log")?;
+        // Faulty measurements are no reference for errors.
         options.evaluate.against = hydroid::evaluate::Against::Truth;
     }
-    let trust = &args.trust;
-    let shore = logs::shore(&trust.shore, trust.shore_time.0, (&args.model, &model), &reading, global)?;
+    let guard = &args.guard;
+    let training = logs::training_logs(
+        &guard.training_log,
+        guard.training_time.0,
+        (&args.model, &model),
+        &reading,
+        global,
+    )?;
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("adapting", global);
     let black_box = blackbox::settings(args)?;
     let black_box = black_box.as_ref();
-    let adapted = adapt_recorded(&model, &shore, &runs, &options, black_box, &mut bar.callback())
-        .context("the log cannot be used to adapt the model")?;
+    let adapted = adapt_recorded(&model, &training, &runs, &options, black_box, &mut bar.callback())
+        .context("the model cannot be adapted with this log")?;
     drop(bar);
     if let Some(path) = &args.output {
         model::write(&adapted.model, path)?;
@@ -73,36 +81,36 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     if global.json {
         super::print_json(report)?;
     } else {
-        show(report, args.output.as_deref());
+        print_report(report, args.output.as_deref());
     }
     let better = report.adapted.score() <= report.frozen.score();
-    ui::tell(&doubts(report), global);
+    ui::print_notes(&warnings(report), global);
     Ok(if better && report.adapted.diverged == 0 { Outcome::Done } else { Outcome::Missed })
 }
 
-/// What the command line says, for a model; what it says of models of another kind is refused.
+/// Options of the adaptation for this model. Options for other kinds of models are refused.
 fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     let mut options =
-        Options { evaluate: evaluate::options(args.judging, model.description.dt), ..Options::of(model) };
-    if !args.trust.no_guard {
+        Options { evaluate: evaluate::options(args.evaluation, model.description.dt), ..Options::of(model) };
+    if !args.guard.no_guard {
         options = options.guarded(model);
     }
     let (equations, direct) = (model.equations().is_some(), model.direct().is_some());
     ensure!(
         !direct || args.learner != Some(Learner::Kalman),
-        "--learner kalman is not for direct predictors: their last layer learns by least squares"
+        "direct predictors adapt by least squares: leave --learner kalman out"
     );
     if direct || equations && args.learner != Some(Learner::Kalman) {
         ensure!(
-            args.networks == NetworksArgs::default(),
-            "options under 'Learning by the filter' are for recurrent networks and vessels, and for equations with --learner kalman: this is a model of kind '{}'",
+            args.kalman == KalmanArgs::default(),
+            "the options of the extended Kalman filter need a recurrent network, a vessel, or equations with --learner kalman: this is a model of kind '{}'",
             model.kind()
         );
-        let given = &args.equations;
+        let given = &args.least_squares;
         if direct {
             ensure!(
                 given.window.is_none() && !given.all_terms && !given.no_gate,
-                "--window, --all-terms and --no-gate are for equations: this is a direct predictor, which learns from the steps that it predicts"
+                "--window, --all-terms and --no-gate apply to equations: this is a direct predictor"
             );
         }
         let settings = &mut options.least_squares;
@@ -118,25 +126,25 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     }
     ensure!(
         equations || args.learner != Some(Learner::LeastSquares),
-        "--learner least-squares is for equations and direct predictors: this is a model of kind '{}', which learns by the filter",
+        "--learner least-squares needs equations or a direct predictor: this is a model of kind '{}', which adapts by the extended Kalman filter",
         model.kind()
     );
     ensure!(
-        args.equations == EquationsArgs::default(),
-        "options under 'Learning by least squares' are for equations and direct predictors that learn so: this is a model of kind '{}', which is to learn by the filter",
+        args.least_squares == LeastSquaresArgs::default(),
+        "the options of recursive least squares need equations or a direct predictor without --learner kalman: this is a model of kind '{}'",
         model.kind()
     );
     if model.recurrent().is_none() {
         ensure!(
-            args.networks.weights.is_none()
-                && args.networks.gate_factor.is_none()
-                && !args.networks.single_precision,
-            "--weights, --gate-factor and --single-precision are for networks: this is a model of kind '{}'",
+            args.kalman.weights.is_none()
+                && args.kalman.gate_factor.is_none()
+                && !args.kalman.single_precision,
+            "--weights, --gate-factor and --single-precision apply to networks: this is a model of kind '{}'",
             model.kind()
         );
         options.method = Method::Kalman;
     }
-    let (given, settings) = (&args.networks, &mut options.kalman);
+    let (given, settings) = (&args.kalman, &mut options.kalman);
     for (value, into) in [
         (args.forgetting, &mut settings.forgetting_s),
         (given.noise_factor, &mut settings.noise_factor),
@@ -151,54 +159,55 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         *into = value.unwrap_or(*into);
     }
     settings.weights = given.weights.map_or(settings.weights, Into::into);
-    settings.memory = given.memory.unwrap_or(settings.memory);
+    settings.memory = given.covariance.unwrap_or(settings.memory);
     settings.single_precision = given.single_precision;
-    let rehearses = model.recurrent().is_some() && !args.trust.shore.is_empty();
-    settings.rehearsal = (rehearses && !args.trust.no_rehearsal).then(Rehearse::default);
+    let rehearses = model.recurrent().is_some() && !args.guard.training_log.is_empty();
+    settings.rehearsal = (rehearses && !args.guard.no_rehearsal).then(Rehearse::default);
     settings.noise = noise(&given.noise, model)?;
     Ok(options)
 }
 
-/// The noise of each output, where it is given.
+/// Standard deviations of the noise in the order of the outputs.
 fn noise(given: &[NamedNumber], model: &Model) -> anyhow::Result<Option<Vec<f64>>> {
     if given.is_empty() {
         return Ok(None);
     }
     let outputs: Vec<&str> =
         model.description.outputs.iter().map(|port| port.channel.name.as_str()).collect();
-    for said in given {
+    for entry in given {
         ensure!(
-            outputs.contains(&said.name.as_str()),
-            "--noise: '{}' is no output of the model, which has {}",
-            said.name,
+            outputs.contains(&entry.name.as_str()),
+            "--noise: the model has no output '{}'; its outputs are {}",
+            entry.name,
             outputs.join(", ")
         );
     }
     let of = |name: &&str| {
-        let said = given.iter().find(|said| said.name == **name);
-        said.map(|said| said.number)
-            .with_context(|| format!("--noise: '{name}' is missing: give all outputs"))
+        let entry = given.iter().find(|entry| entry.name == **name);
+        entry
+            .map(|entry| entry.number)
+            .with_context(|| format!("--noise: the output '{name}' is missing; name all outputs"))
     };
     outputs.iter().map(of).collect::<anyhow::Result<_>>().map(Some)
 }
 
-/// Events that are shown.
+/// Number of events in the text output.
 const EVENTS_SHOWN: usize = 12;
 
-/// What speaks against using what was learned.
-fn doubts(report: &Report) -> Vec<Note> {
+/// Warnings against the use of the adapted model.
+fn warnings(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
     let remedy = match report.settings {
         Used::LeastSquares(_) | Used::ReadOut(_) => {
-            "keep the model as it was; try a longer --forgetting or a larger --prior"
+            "keep the initial model; try a longer --forgetting or a larger --prior"
         }
         Used::Kalman(_) => {
-            "keep the model as it was; try a smaller --weight-variance or a larger --noise-factor"
+            "keep the initial model; try a smaller --weight-variance or a larger --noise-factor"
         }
     };
     if report.adapted.score() > report.frozen.score() {
         notes.push(
-            Note::warning("on this log the model that learned predicts worse than the one that did not")
+            Note::warning("on this log the adapted model predicts worse than the frozen model")
                 .with_remedy(remedy),
         );
     }
@@ -210,17 +219,17 @@ fn doubts(report: &Report) -> Vec<Note> {
     if !lost.is_empty() {
         notes.push(
             Note::warning(format!(
-                "with what it learned, {} {} predicted no better than by keeping the last value or the mean",
+                "adapted model: {} {} predicted no better than by persistence or the mean",
                 lost.join(", "),
                 if lost.len() == 1 { "is" } else { "are" }
             ))
-            .with_remedy("do not use this model on this vessel as it is"),
+            .with_remedy("do not use this model on this vessel"),
         );
     }
     notes
 }
 
-fn show(report: &Report, written: Option<&Path>) {
+fn print_report(report: &Report, written: Option<&Path>) {
     let table = table::side_by_side(&report.frozen, report.frozen_filtered.as_ref(), &report.adapted);
     ui::write_out(format_args!("{table}\n"));
     if !report.parameters.is_empty() {
@@ -233,14 +242,14 @@ fn show(report: &Report, written: Option<&Path>) {
     }
     let (guard, times, coverage) = (report.guard, report.us_per_sample, report.coverage);
     outln!(
-        "learned from {} rows ({} with less weight), rejected {}, rolled back {}",
+        "samples: {} used for learning ({} with reduced weight), {} rejected; {} rollbacks",
         guard.accepted + guard.inflated,
         guard.inflated,
         guard.rejected,
         guard.rolled_back
     );
     outln!(
-        "innovations inside their 80 % band: {:.0} %, 95 % band: {:.0} %",
+        "coverage of the innovations: {:.0} % in the 80 % band, {:.0} % in the 95 % band",
         100.0 * coverage.of_80,
         100.0 * coverage.of_95
     );
@@ -248,18 +257,18 @@ fn show(report: &Report, written: Option<&Path>) {
         let all = guard.predicted_by.iter().sum::<usize>() as f64;
         let [adapted, snapshot, frozen] = guard.predicted_by.map(|n| 100.0 * n as f64 / all);
         outln!(
-            "guard: predictions by the adapted model {adapted:.1} %, its snapshot {snapshot:.1} %, the frozen one {frozen:.1} %; {} samples not used as measured",
+            "guard: predictions by the adapted model {adapted:.1} %, snapshot {snapshot:.1} %, reference model {frozen:.1} %; {} samples modified",
             guard.touched
         );
         for event in report.events.iter().take(EVENTS_SHOWN) {
             outln!("  {:10.1} s  {}", event.t, event.text);
         }
         if report.events.len() > EVENTS_SHOWN {
-            outln!("  .. and {} more (--json has all)", report.events.len() - EVENTS_SHOWN);
+            outln!("  .. and {} more (all with --json)", report.events.len() - EVENTS_SHOWN);
         }
     }
     outln!(
-        "{:.1} us for a sample (median), {:.1} (99 of 100), {:.1} (longest)",
+        "time per sample: median {:.1} us, 99th percentile {:.1} us, maximum {:.1} us",
         times.median,
         times.p99,
         times.max

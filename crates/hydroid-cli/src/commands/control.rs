@@ -9,7 +9,7 @@ use anyhow::{Context, bail, ensure};
 use hydroid::atomic;
 use hydroid::closed_loop::{
     self, Conditions, ControlMethod, ControllerOptions, Metrics, MonteCarlo, Run, Scenario, Summary,
-    TunedAutopilot, monte_carlo, tune_autopilot,
+    TunedAutopilot, tune_autopilot,
 };
 use hydroid::model::{self, Model};
 use hydroid_report::Steered;
@@ -21,9 +21,9 @@ use super::simulate;
 use crate::args::{Control, Global};
 use crate::ui;
 
-/// What `--json` prints of one voyage.
+/// The JSON document: the result with controller, plant, task and conditions.
 #[derive(Serialize)]
-struct Told<'a, T> {
+struct Document<'a, T> {
     #[serde(flatten)]
     result: &'a T,
     controller: &'a Value,
@@ -34,54 +34,58 @@ struct Told<'a, T> {
 }
 
 pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
-    setup::check_meant(args)?;
+    setup::check_options(args)?;
     let vessel = simulate::vessel(&args.plant)?;
-    let kind = setup::kind(args.helm.controller);
+    let kind = setup::kind(args.controller.controller);
     let model = model(args, kind)?;
     let dt = setup::sample_time(args, model.as_ref())?;
     let model = model.map(|model| model.at_step(dt)).transpose()?;
     let (task, pace) = setup::task(&args.task)?;
-    let scene = setup::scene(args, &vessel, &task, &pace, dt)?;
+    let scene = setup::scenario(args, &vessel, &task, &pace, dt)?;
     let from_s = setup::from_s(args, &scene)?;
-    let conditions = setup::conditions(&args.sea);
+    let conditions = setup::conditions(&args.disturbances);
     let mut steering = setup::steering(args, kind, &scene)?;
-    if args.learn.adapt {
-        let Some(model) = &model else { bail!("--adapt is for controllers with a model: pid has none") };
-        steering.adapt = Some(setup::learning(&args.learn, model)?);
+    if args.adaptation.adapt {
+        let Some(model) = &model else { bail!("--adapt needs a controller with a model; pid has none") };
+        steering.adapt = Some(setup::adaptation(&args.adaptation, model)?);
         let reading = &model.description.reading;
         let of = (args.model.as_deref().unwrap_or(Path::new("")), model);
-        let shore = &args.learn.shore;
-        let shore = crate::logs::shore(shore, args.learn.shore_time.0, of, reading, global)?;
-        steering.rehearsal = shore.walked.into();
+        let files = &args.adaptation.training_log;
+        let training =
+            crate::logs::training_logs(files, args.adaptation.training_time.0, of, reading, global)?;
+        steering.rehearsal = training.walked.into();
     }
     steering.model = model.map(Arc::new);
-    // A law that cannot invert the model says so before anything is done.
+    // The controller is built before any simulation, so that a model it cannot invert is refused early.
     let mut tuned = None;
     if kind == ControlMethod::Autopilot {
-        let bar = ui::Bar::new("tuning the autopilot", global);
+        let bar = ui::Bar::new("tuning the PID", global);
         let found = tune_autopilot(&scene, pace.cruise, from_s, &mut bar.callback())?;
         steering.autopilot = Some(found.settings);
         tuned = Some(found);
     }
-    let mut controller = steering.controller(conditions.seed).context("this vessel cannot be steered so")?;
+    let mut controller = steering
+        .controller(conditions.seed)
+        .context("this controller cannot be used with this model and vessel")?;
     if let Some(folder) = &args.output {
         atomic::probe(folder)?;
     }
-    let many = (args.fleet.runs != 1).then(|| many(args, &steering, &scene, &conditions, from_s, global));
+    let many = (args.monte_carlo.runs != 1)
+        .then(|| monte_carlo(args, &steering, &scene, &conditions, from_s, global));
     let many = many.transpose()?;
-    // Of many the first is shown sample by sample.
+    // The track is that of the first trial.
     let shown = many.as_ref().and_then(|many| many.trials.first()).map_or(conditions, |o| o.conditions);
-    let bar = ui::Bar::new("steering", global);
+    let bar = ui::Bar::new("simulating the closed loop", global);
     let run = closed_loop::run(&scene, &shown, controller.as_mut(), &mut bar.callback())?;
     drop(bar);
     let metrics = Metrics::of(&run, from_s);
-    let controller = setup::told(args, &steering);
+    let controller = setup::description(args, &steering);
     let task = json!({ "path": task, "pace": pace, "duration_s": scene.duration_s, "dt_s": scene.dt_s, "tolerance_m": scene.tolerance });
     let result = match &many {
         Some(many) => serde_json::to_value(many)?,
         None => serde_json::to_value(&metrics)?,
     };
-    let told = Told {
+    let document = Document {
         result: &result,
         controller: &controller,
         tuning: tuned.as_ref(),
@@ -90,18 +94,18 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
         conditions: &conditions,
     };
     if let Some(folder) = &args.output {
-        let made = Made { args, steering: &steering, scene: &scene, run: &run, metrics: &metrics };
-        made.write(folder, many.as_ref(), tuned.as_ref(), &told)?;
+        let files = OutputFiles { args, steering: &steering, scene: &scene, run: &run, metrics: &metrics };
+        files.write(folder, many.as_ref(), tuned.as_ref(), &document)?;
     }
     if global.json {
-        super::print_json(&told)?;
+        super::print_json(&document)?;
     } else {
         if let Some(tuned) = &tuned {
-            show_tuning(tuned);
+            print_tuning(tuned);
         }
         match &many {
-            Some(many) => show_many(many),
-            None => show(&metrics),
+            Some(many) => print_trials(many),
+            None => print_metrics(&metrics),
         }
         if let Some(folder) = &args.output {
             outln!("{}: track.csv, control.json, report.html", folder.display());
@@ -114,23 +118,23 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     Ok(if sound { Outcome::Done } else { Outcome::Missed })
 }
 
-/// The model, which every controller but one needs.
+/// The model. Every controller except pid needs one.
 fn model(args: &Control, kind: ControlMethod) -> anyhow::Result<Option<Model>> {
     match (&args.model, kind) {
         (None, ControlMethod::Autopilot) => Ok(None),
         (Some(path), ControlMethod::Autopilot) => bail!(
-            "{}: pid steers without a model: leave it out, or use --controller cem, fl or backstepping",
+            "{}: pid uses no model: leave it out, or use --controller cem, fl or backstepping",
             path.display()
         ),
         (None, _) => bail!(
-            "{} steers by a model: give a .safetensors file of `hydroid identify`, a vessel (.toml), or hydrofoil, hydrofoil-low-speed, simple; or use --controller pid, which has none",
+            "the model is missing: {} needs a .safetensors file of `hydroid identify`, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple; --controller pid needs none",
             kind.name()
         ),
         (Some(path), _) => Ok(Some(model::read(path)?)),
     }
 }
 
-fn many(
+fn monte_carlo(
     args: &Control,
     steering: &ControllerOptions,
     scene: &Scenario,
@@ -138,14 +142,26 @@ fn many(
     from_s: f64,
     global: Global,
 ) -> anyhow::Result<MonteCarlo> {
-    ensure!(args.fleet.runs <= 1_000_000, "--runs {}: a million at the most", args.fleet.runs);
-    let bar = ui::Bar::new("voyages", global);
-    let spread = setup::spread(&args.fleet);
-    Ok(monte_carlo(steering, scene, conditions, &spread, args.fleet.runs, from_s, &mut bar.callback())?)
+    ensure!(
+        args.monte_carlo.runs <= 1_000_000,
+        "--runs {}: the largest number is 1000000",
+        args.monte_carlo.runs
+    );
+    let bar = ui::Bar::new("trials", global);
+    let spread = setup::variation(&args.monte_carlo);
+    Ok(closed_loop::monte_carlo(
+        steering,
+        scene,
+        conditions,
+        &spread,
+        args.monte_carlo.runs,
+        from_s,
+        &mut bar.callback(),
+    )?)
 }
 
-/// What goes into the folder.
-struct Made<'a> {
+/// Contents of the output folder.
+struct OutputFiles<'a> {
     args: &'a Control,
     steering: &'a ControllerOptions,
     scene: &'a Scenario,
@@ -153,20 +169,20 @@ struct Made<'a> {
     metrics: &'a Metrics,
 }
 
-impl Made<'_> {
+impl OutputFiles<'_> {
     fn write<T: Serialize>(
         &self,
         folder: &Path,
         fleet: Option<&MonteCarlo>,
         tuned: Option<&TunedAutopilot>,
-        told: &Told<'_, T>,
+        document: &Document<'_, T>,
     ) -> anyhow::Result<()> {
         let Self { args, steering, scene, run, metrics } = self;
         atomic::write(&folder.join("track.csv"), |out| run.write_csv(&scene.vessel, out))?;
-        let mut text = serde_json::to_string_pretty(told)?;
+        let mut text = serde_json::to_string_pretty(document)?;
         text.push('\n');
         atomic::write(&folder.join("control.json"), |out| out.write_all(text.as_bytes()))?;
-        let title = format!("ControllerOptions {}: {}", scene.vessel.name, steering.method.name());
+        let title = format!("Closed loop of {}: {}", scene.vessel.name, steering.method.name());
         let page = hydroid_report::steering(&Steered {
             title: &title,
             command: &ui::command_line(),
@@ -183,13 +199,9 @@ impl Made<'_> {
     }
 }
 
-fn show(m: &Metrics) {
-    outln!(
-        "position      {:>9.4} m    RMS distance from the reference, from {} s on",
-        m.rms_position,
-        m.from_s
-    );
-    outln!("cross-track   {:>9.4} m    RMS, at most {:.4} m", m.rms_cross_track, m.max_cross_track);
+fn print_metrics(m: &Metrics) {
+    outln!("position      {:>9.4} m    RMS distance from the reference after {} s", m.rms_position, m.from_s);
+    outln!("cross-track   {:>9.4} m    RMS, maximum {:.4} m", m.rms_cross_track, m.max_cross_track);
     outln!("speed         {:>9.4} m/s  RMS", m.rms_speed);
     match m.settled_after {
         Some(after) => outln!("settled after {after:>9.1} s"),
@@ -197,24 +209,24 @@ fn show(m: &Metrics) {
     }
     outln!("saturated     {:>9.1} %    of {:.1} s", 100.0 * m.saturated, m.duration_s);
     let (median, max) = (m.us_per_command.median, m.us_per_command.max);
-    outln!("command       {median:>9.1} us   median, {max:.1} us at most");
+    outln!("command       {median:>9.1} us   median, maximum {max:.1} us");
     let status: Vec<String> = m.status.iter().map(|(name, count)| format!("{name} {count}")).collect();
     outln!("status        {}", status.join(", "));
     if m.arrived == Some(false) {
         outln!("the end of the path was not reached");
     }
     if m.diverged {
-        outln!("the state of the vessel stopped being a number");
+        outln!("the simulation diverged: the state of the vessel is not finite");
     }
     if m.violations > 0 {
-        outln!("{} commands were outside of their limits", m.violations);
+        outln!("{} commands beyond their limits", m.violations);
     }
 }
 
-fn show_many(f: &MonteCarlo) {
-    outln!("{} voyages: {} held their course, {} diverged", f.runs, f.held, f.diverged);
+fn print_trials(f: &MonteCarlo) {
+    outln!("{} trials: {} on track, {} diverged", f.runs, f.held, f.diverged);
     outln!(
-        "commands outside of their limits: {}; samples lost without a status that says so: {}",
+        "commands beyond their limits: {}; samples off track without a status: {}",
         f.violations,
         f.undetected_losses
     );
@@ -224,14 +236,14 @@ fn show_many(f: &MonteCarlo) {
     };
     line("position [m], RMS", &f.rms_position);
     line("cross-track [m], RMS", &f.rms_cross_track);
-    line("cross-track [m], most", &f.max_cross_track);
+    line("cross-track [m], maximum", &f.max_cross_track);
     line("speed [m/s], RMS", &f.rms_speed);
 }
 
-fn show_tuning(tuned: &TunedAutopilot) {
+fn print_tuning(tuned: &TunedAutopilot) {
     let best = &tuned.best;
     outln!(
-        "tuned on {} seeds of its own, best of {}: omega {:.2} rad/s, look-ahead {:.2} m, integral {:.2} m/s, speed gain {:.1} N s/m, exponent {}; cross-track and speed error together {:.4}",
+        "tuned on {} separate seeds, best of {} candidates: omega {:.2} rad/s, look-ahead {:.2} m, integral {:.2} m/s, speed gain {:.1} N s/m, exponent {}; cross-track plus speed error {:.4}",
         tuned.seeds.len(),
         tuned.tried,
         best.omega,

@@ -7,15 +7,15 @@ use hydroid::model;
 use serde::Serialize;
 
 use super::{Outcome, table};
-use crate::args::{Against, Evaluate, Global, Judging, Origin};
+use crate::args::{Against, Evaluate, EvaluationArgs, Global, Origin};
 use crate::{logs, ui};
 
-/// What `--json` prints.
+/// The JSON document.
 #[derive(Serialize)]
-struct Judged<'a> {
+struct Document<'a> {
     #[serde(flatten)]
     evaluation: &'a Evaluation,
-    /// Only where the model has an ensemble.
+    /// For models with an ensemble.
     #[serde(skip_serializing_if = "Option::is_none")]
     band_coverage: Option<&'a BandCoverage>,
 }
@@ -24,12 +24,12 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
     let (_, prepared) =
-        logs::prepare(&args.logs, &reading).with_context(|| logs::unusable(&args.model, &model))?;
-    ui::tell(&prepared.notes, global);
-    let model = logs::at_their_step(model, &prepared.runs)?;
+        logs::prepare(&args.logs, &reading).with_context(|| logs::cannot_use(&args.model, &model))?;
+    ui::print_notes(&prepared.notes, global);
+    let model = logs::with_step_of(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
-    ui::tell(model.outside(&prepared.runs).as_slice(), global);
-    let options = options(args.judging, model.description.dt);
+    ui::print_notes(model.outside(&prepared.runs).as_slice(), global);
+    let options = options(args.evaluation, model.description.dt);
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("evaluating", global);
     let evaluation = evaluate::evaluate(
@@ -46,7 +46,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let band = evaluate::band_coverage(&model.member_sessions(), &runs, &options, &horizons);
     let verdicts = verdicts(&evaluation);
     if global.json {
-        super::print_json(&Judged { evaluation: &evaluation, band_coverage: band.as_ref() })?;
+        super::print_json(&Document { evaluation: &evaluation, band_coverage: band.as_ref() })?;
     } else {
         ui::write_out(format_args!("{}", table::errors(&evaluation)));
         if let Some(band) = &band {
@@ -59,16 +59,16 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     Ok(if sound && evaluation.diverged == 0 { Outcome::Done } else { Outcome::Missed })
 }
 
-/// What the command line says about judging, for a model that steps `dt` seconds.
-pub fn options(judging: Judging, dt: f64) -> Options {
+/// Options of the evaluation for a model with sample time `dt`.
+pub fn options(evaluation: EvaluationArgs, dt: f64) -> Options {
     Options {
-        horizon: judging.horizon.samples(dt),
-        origin_stride: judging.origin_stride,
-        origin: match judging.origin {
+        horizon: evaluation.horizon.samples(dt),
+        origin_stride: evaluation.origin_stride,
+        origin: match evaluation.origin {
             Origin::Measured => evaluate::Origin::Measured,
             Origin::True => evaluate::Origin::True,
         },
-        against: match judging.against {
+        against: match evaluation.against {
             Against::Measurement => evaluate::Against::Measurement,
             Against::Truth => evaluate::Against::Truth,
         },

@@ -13,25 +13,25 @@ use hydroid_core::vessel::VesselParams;
 use hydroid_report::Context;
 use serde_json::json;
 
-use super::leftovers::{kept, model_file, resumable, stale};
+use super::previous_output::{checkpoints, model_file, move_stale_models, with_resume_hint};
 use super::{Outcome, simulate, table};
 use crate::args::{Global, Identify, LogArgs};
 use crate::config::{self, Config};
 use crate::{logs, ui};
 
-/// Default of the longest horizon \[samples\].
+/// Default of the longest horizon, in samples.
 const HORIZON: usize = 100;
 
-/// Durations of the made-up logs \[s\]: an hour to train on, ten minutes each to validate and test on.
-const DEMO_S: [(&str, f64); 3] = [("train", 3_600.0), ("validate", 600.0), ("test", 600.0)];
+/// Durations of the simulated logs of a demonstration, in s.
+const DEMONSTRATION_S: [(&str, f64); 3] = [("train", 3_600.0), ("validate", 600.0), ("test", 600.0)];
 
 pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let existed = args.output.exists();
-    // A folder that cannot be written is better known before the work than after.
+    // Fails early if the folder cannot be written.
     atomic::probe(&args.output)?;
     identify_into(args, global).inspect_err(|_| {
         if !existed {
-            // Only an empty folder goes; what is in it, if anything, is whole.
+            // Removes the folder only if it is empty.
             let _ = std::fs::remove_dir(&args.output);
         }
     })
@@ -41,16 +41,19 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let config = match &args.config {
         Some(file) => config::read(file)?,
         None if Path::new(config::DEFAULT).exists() => {
-            ui::tell(&[Note::info(format!("settings from {} in this folder", config::DEFAULT))], global);
+            ui::print_notes(
+                &[Note::info(format!("options from {} in the current folder", config::DEFAULT))],
+                global,
+            );
             config::read(Path::new(config::DEFAULT))?
         }
         None => Config::default(),
     };
     let seed = args.seed.or(config.identify.seed).unwrap_or(0);
-    let Config { log, split, identify, mut sindy, network, lstm, gru, rnn, direct, affine, mut ranges } =
-        config;
+    let Config {
+        log, split, identify, mut sindy, network, lstm, gru, rnn, direct, affine, mut ranges, ..
+    } = config;
     let budget = args.budget.or(identify.budget).map(|budget| budget.0);
-    let checkpoints = Some(args.output.clone());
     let mut networks = Networks {
         all: network,
         lstm,
@@ -59,18 +62,18 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         direct,
         affine,
         budget_s: budget,
-        checkpoints,
+        checkpoints: Some(args.output.clone()),
         resume: args.resume,
     };
-    said_of_networks(args, &mut networks);
-    for said in &args.ranges {
-        if args.ranges.iter().filter(|other| other.name == said.name).count() > 1 {
-            bail!("--range gives '{}' twice: say which of the two it is", said.name);
+    apply_network_args(args, &mut networks);
+    for given in &args.ranges {
+        if args.ranges.iter().filter(|other| other.name == given.name).count() > 1 {
+            bail!("--range names '{}' twice: give one range for each channel", given.name);
         }
-        ranges.insert(said.name.clone(), said.range.clone());
+        ranges.insert(given.name.clone(), given.range.clone());
     }
-    let pick = |said: &[PathBuf], configured: Vec<PathBuf>| {
-        if said.is_empty() { configured } else { said.to_vec() }
+    let pick = |given: &[PathBuf], configured: Vec<PathBuf>| {
+        if given.is_empty() { configured } else { given.to_vec() }
     };
     let mut files = Files {
         note: None,
@@ -80,17 +83,17 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     };
     if files.train.is_empty() {
         if !(files.validate.is_empty() && files.test.is_empty()) {
-            bail!("there are logs to validate or test on, but none to train on: name them first");
+            bail!("training logs are missing: name them before --validate and --test");
         }
         if args.log != LogArgs::default() {
-            bail!("there are options for reading a log, but no log: name the logs first");
+            bail!("options for reading logs are given, but no log: name at least one");
         }
         files = demonstration(&args.output, seed, global)?;
     }
-    let reading = logs::reading(logs::configured(log), &args.log)?;
+    let reading = logs::reading(logs::from_config(log), &args.log)?;
     let (split, reading, notes) = files.split(&reading)?;
-    ui::tell(&notes, global);
-    said(args, &mut sindy);
+    ui::print_notes(&notes, global);
+    apply_equation_args(args, &mut sindy);
     let dt = split.train.first().map_or(1.0, |run| run.dt);
     let horizon = args.horizon.or(identify.horizon).map_or(HORIZON, |horizon| horizon.samples(dt));
     let job = Job {
@@ -105,15 +108,16 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         networks,
     };
     let bar = ui::Bar::new("identifying", global);
-    let identified = identify::identify_watched(&job, &mut bar.stages());
+    let identified = identify::identify_watched(&job, &mut bar.stage_callback());
     drop(bar);
-    let mut identified = identified.map_err(|error| resumable(error.into(), &job))?;
-    identified.warnings.extend(stale(&args.output, &job, &identified)?);
-    ui::tell(&identified.warnings, global);
-    let page = page(&files, &job, &identified, &notes).map_err(|error| resumable(error, &job))?;
-    let summary = write(&args.output, &identified, &notes, &page).map_err(|error| resumable(error, &job))?;
-    // All that they were for is written.
-    for file in kept(&job) {
+    let mut identified = identified.map_err(|error| with_resume_hint(error.into(), &job))?;
+    identified.warnings.extend(move_stale_models(&args.output, &job, &identified)?);
+    ui::print_notes(&identified.warnings, global);
+    let page = page(&files, &job, &identified, &notes).map_err(|error| with_resume_hint(error, &job))?;
+    let summary =
+        write(&args.output, &identified, &notes, &page).map_err(|error| with_resume_hint(error, &job))?;
+    // The results are written.
+    for file in checkpoints(&job) {
         let _ = std::fs::remove_file(file);
     }
     if global.json {
@@ -124,8 +128,8 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     Ok(if identified.sound() { Outcome::Done } else { Outcome::Missed })
 }
 
-/// What the command line says about networks goes before the file, for all of them.
-fn said_of_networks(args: &Identify, networks: &mut Networks) {
+/// Applies the network options of the command line, which override the file for all networks.
+fn apply_network_args(args: &Identify, networks: &mut Networks) {
     let (epochs, restarts) =
         (args.epochs.and_then(|n| usize::try_from(n).ok()), args.restarts.map(usize::from));
     let Networks { all, lstm, gru, rnn, direct, affine, .. } = networks;
@@ -135,9 +139,9 @@ fn said_of_networks(args: &Identify, networks: &mut Networks) {
     }
 }
 
-/// What the command line says about the equations goes before the file.
-fn said(args: &Identify, sindy: &mut SindySettings) {
-    // A library by name and one by degree are the same setting in two ways.
+/// Applies the options for equations, which override the file.
+fn apply_equation_args(args: &Identify, sindy: &mut SindySettings) {
+    // --library and --degree exclude each other.
     if args.library.is_some() {
         sindy.degree = None;
         sindy.signed_squares = None;
@@ -146,9 +150,9 @@ fn said(args: &Identify, sindy: &mut SindySettings) {
     }
     sindy.library = args.library.clone().or(sindy.library.take());
     sindy.degree = args.degree.or(sindy.degree);
-    for (said, setting) in [(&args.terms, &mut sindy.terms), (&args.constraints, &mut sindy.constraints)] {
-        if !said.is_empty() {
-            setting.clone_from(said);
+    for (given, setting) in [(&args.terms, &mut sindy.terms), (&args.constraints, &mut sindy.constraints)] {
+        if !given.is_empty() {
+            setting.clone_from(given);
         }
     }
     sindy.dissipative = args.dissipative.then_some(true).or(sindy.dissipative);
@@ -165,9 +169,9 @@ fn said(args: &Identify, sindy: &mut SindySettings) {
     sindy.ridge = args.ridge.or(sindy.ridge);
 }
 
-/// Log files by their use.
+/// Log files of training, validation and test.
 struct Files {
-    /// What the user should know of them.
+    /// Origin of simulated files.
     note: Option<Note>,
     train: Vec<PathBuf>,
     validate: Vec<PathBuf>,
@@ -175,7 +179,7 @@ struct Files {
 }
 
 impl Files {
-    /// Reads all files together, so that they share channels and step, and sorts the runs by use.
+    /// Reads all files together, so that they share channels and sample time, and splits the runs.
     fn split(&self, reading: &Reading) -> anyhow::Result<(Split, Reading, Vec<Note>)> {
         let all: Vec<PathBuf> = self.train.iter().chain(&self.validate).chain(&self.test).cloned().collect();
         let (raw, prepared) = logs::prepare(&all, reading)?;
@@ -185,10 +189,10 @@ impl Files {
             let inspection = log::inspect(log, &reading.selection, &reading.options)?;
             steps.extend(inspection.clock.map(|clock| clock.step_s));
             for note in inspection.notes {
-                // What the preparation told already, perhaps with another step in brackets, is not said twice.
+                // Skips notes of the preparation, which may differ in the step in brackets.
                 let start = |note: &Note| note.message.split(" (").next().unwrap_or_default().to_owned();
-                let said = notes.iter().any(|other| start(other) == start(&note));
-                if note.is_warning() && !said {
+                let known = notes.iter().any(|other| start(other) == start(&note));
+                if note.is_warning() && !known {
                     notes.push(note);
                 }
             }
@@ -209,7 +213,7 @@ impl Files {
     }
 }
 
-/// A delay in samples is one of these logs: a model keeps it in seconds, for logs of any rate.
+/// Converts an input delay from samples of these logs to seconds, so that the model holds for logs of any rate.
 fn in_seconds(delay: InputDelay, steps: &[f64]) -> anyhow::Result<InputDelay> {
     let (InputDelay::Samples(n), Some(&step)) = (delay, steps.first()) else { return Ok(delay) };
     if n == 0 {
@@ -217,19 +221,19 @@ fn in_seconds(delay: InputDelay, steps: &[f64]) -> anyhow::Result<InputDelay> {
     }
     if steps.iter().any(|other| (other / step - 1.0).abs() > 0.01) {
         bail!(
-            "the logs have different steps, so that --input-delay {n} means different times: write it in seconds, as in --input-delay 0.3s"
+            "the logs have different sample times, so that --input-delay {n} is ambiguous: write it in seconds, as in --input-delay 0.3s"
         );
     }
     Ok(InputDelay::Seconds(n as f64 * step))
 }
 
-/// Without a log: three runs of the built-in hydrofoil.
+/// Simulates three runs of the built-in hydrofoil.
 fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Files> {
     let mut files = Vec::new();
-    for (index, (name, duration_s)) in DEMO_S.into_iter().enumerate() {
+    for (index, (name, duration_s)) in DEMONSTRATION_S.into_iter().enumerate() {
         let options = Options {
             duration_s,
-            seed: seed.wrapping_mul(DEMO_S.len() as u64).wrapping_add(index as u64),
+            seed: seed.wrapping_mul(DEMONSTRATION_S.len() as u64).wrapping_add(index as u64),
             ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed)
         };
         let record = simulate::record(&options, global)?;
@@ -245,7 +249,7 @@ fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Fil
     Ok(Files { note: Some(note), train: vec![train], validate: vec![validate], test: vec![test] })
 }
 
-/// The page, as text.
+/// The report as HTML.
 fn page(files: &Files, job: &Job, identified: &Identified, notes: &[Note]) -> anyhow::Result<String> {
     let all = files.train.iter().chain(&files.validate).chain(&files.test);
     let sources: Vec<String> = all.map(|file| file.display().to_string()).collect();
@@ -264,13 +268,13 @@ fn page(files: &Files, job: &Job, identified: &Identified, notes: &[Note]) -> an
     Ok(hydroid_report::identification(identified, &job.split, &context)?)
 }
 
-/// A heading from the folder of the logs: the vessel's name more often than not.
+/// Title of the report: the folder of the logs, which often has the name of the vessel.
 fn title(sources: &[String]) -> String {
     let folder = sources.first().and_then(|source| Path::new(source).parent()?.file_name()?.to_str());
     folder.map_or_else(|| String::from("Identification"), |name| format!("Identification: {name}"))
 }
 
-/// Writes model, page and summary; gives the summary.
+/// Writes models, report and summary; returns the summary.
 fn write(
     folder: &Path,
     identified: &Identified,
@@ -314,7 +318,7 @@ fn write(
     Ok(summary)
 }
 
-/// Which design ranges were stated and which were taken from the training runs, where they decide something.
+/// Prints the design ranges if networks use them or the user gave one.
 fn show_ranges(identified: &Identified) {
     let networks = identified.candidates.iter().any(|candidate| candidate.model.is_network());
     if !networks && identified.ranges.iter().all(|range| !range.given) {
@@ -328,7 +332,7 @@ fn show_ranges(identified: &Identified) {
             channel.range.low,
             channel.range.high,
             channel.channel.unit,
-            if channel.given { "as given" } else { "of the training runs" }
+            if channel.given { "given" } else { "range of the training runs" }
         );
     }
 }
@@ -348,9 +352,9 @@ fn show(folder: &Path, identified: &Identified) {
         if let Some(text) = refinement.and_then(|refinement| refinement.describe(model.description.dt)) {
             outln!("  coefficients {text}");
         }
-        // Where a model that learns starts from is for `inspect`: it has all terms, and they do not stay.
+        // `inspect` prints the initial equations of a model that adapts: they have all terms of the library.
         if model.learning.is_some() {
-            outln!("  equations that keep learning on the way; what follows was predicted while learning");
+            outln!("  equations that adapt online; the errors below include this adaptation");
         } else {
             let equations = model.equations().map(|motion| motion.equations_text()).unwrap_or_default();
             for line in equations.into_iter().chain(model.network_text()) {
@@ -363,8 +367,8 @@ fn show(folder: &Path, identified: &Identified) {
     show_ranges(identified);
     let best = identified.best.map(|best| identified.candidates[best].model.description.name.as_str());
     match best {
-        Some(name) => outln!("\nbest on the validation runs: {name}; on the test runs it is"),
-        None => outln!("\nno model is called best; the first of them is"),
+        Some(name) => outln!("\nbest model on the validation runs: {name}; its grades on the test runs:"),
+        None => outln!("\nno best model; grades of the first model on the test runs:"),
     }
     table::show_verdicts(&identified.verdicts);
     outln!("\nwritten to {}: models, report.html, identify.json", folder.display());

@@ -20,7 +20,7 @@ use crate::{logs, ui};
 
 pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     if args.latex && global.json {
-        bail!("--latex and --json both say what to print: leave one out (--json has the LaTeX too)");
+        bail!("--latex and --json exclude each other: --json contains the LaTeX, too");
     }
     let reading = logs::reading(Reading::default(), &args.log)?;
     let mut documents = Vec::new();
@@ -53,12 +53,12 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
                 documents.push(serde_json::to_value(&inspection)?);
             } else {
                 show_log(&inspection);
-                ui::tell(&inspection.notes, global);
+                ui::print_notes(&inspection.notes, global);
             }
         }
     }
     if global.json {
-        // One file gives its document, several give a list of theirs.
+        // One file gives a document, several give a list.
         match documents.as_slice() {
             [one] => super::print_json(one)?,
             many => super::print_json(&many)?,
@@ -67,12 +67,12 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// A vessel says so by its name, a safetensors file by its name too, or by its head: eight bytes of length, then JSON.
+/// Whether a file is a vessel file or a safetensors file, by its extension or by its header (eight bytes of length, then JSON).
 fn is_model(path: &Path) -> bool {
     if path.extension().is_some_and(|e| ["safetensors", "toml"].iter().any(|of| e.eq_ignore_ascii_case(of))) {
         return true;
     }
-    // A pipe gives its bytes once: only the log reader may take them.
+    // A pipe can be read only once.
     if !path.metadata().is_ok_and(|m| m.is_file()) {
         return false;
     }
@@ -82,25 +82,25 @@ fn is_model(path: &Path) -> bool {
         && head[4..8] == [0; 4]
 }
 
-/// The equations of a model, or those that a network corrects.
+/// The equations of a model, or the base equations of a network.
 fn latex(file: &Path, model: &Model) -> anyhow::Result<String> {
     if let Some(motion) = model.equations() {
         return Ok(format!("{}{}", motion.equations_latex(), motion.units_latex()));
     }
     if model.plant().is_some() {
         bail!(
-            "{} is a vessel with given parameters: its equations are those of the plant, in the documentation of hydroid_core::vessel::Plant",
+            "{} is a vessel: its equations are in the documentation of hydroid_core::vessel::Plant",
             file.display()
         );
     }
     let Some(base) = model.base_equations() else {
         bail!(
-            "{} is a network and has no equations: `hydroid inspect` without --latex tells what it is. For equations identify with --methods sindy",
+            "{} is a network without equations: use `hydroid inspect` without --latex, or identify equations by --methods sindy",
             file.display()
         );
     };
     Ok(format!(
-        "% These equations alone are not the model: a network corrects what they predict.\n{}{}",
+        "% Base equations of the model; a network corrects their prediction.\n{}{}",
         base.equations_latex(),
         base.units_latex()
     ))
@@ -215,7 +215,7 @@ fn show_model(file: &Path, model: &Model) {
     show_network(model);
     let p = &d.provenance;
     outln!(
-        "made by hydroid {} with seed {} from {}, chosen on {}",
+        "identified by hydroid {} with seed {}; training runs {}; validation runs {}",
         p.hydroid,
         p.seed,
         p.training.join(", "),
@@ -227,12 +227,13 @@ fn show_ports(d: &Description) {
     let stated = d.stated();
     for (what, ports) in [("output", &d.outputs), ("input", &d.inputs)] {
         for port in ports {
-            // Of a range that was stated the model may have seen a part, or more.
-            let meant = if stated.contains(&port.channel.name.as_str()) { "meant" } else { "trained" };
+            // A given design range may differ from the range of the training data.
+            let kind =
+                if stated.contains(&port.channel.name.as_str()) { "design range" } else { "training range" };
             let visited =
-                port.visited.map(|seen| format!(", trained from {:.4} to {:.4}", seen.low, seen.high));
+                port.visited.map(|seen| format!(", training range {:.4} to {:.4}", seen.low, seen.high));
             outln!(
-                "{what:<7} {:<12} {:<8} {meant} from {:.4} to {:.4}{}",
+                "{what:<7} {:<12} {:<8} {kind} {:.4} to {:.4}{}",
                 port.channel.name,
                 port.channel.unit,
                 port.range.low,
@@ -267,7 +268,7 @@ fn show_network(model: &Model) {
         outln!("  {line}");
     }
     if let Some(base) = model.base_equations() {
-        show_equations("equations that it corrects", base);
+        show_equations("base equations", base);
     }
     let settings = &model.description.provenance.settings;
     let number = |key: &str| settings[key].as_f64();
@@ -288,7 +289,7 @@ fn show_log(inspection: &Inspection) {
     if let Some(clock) = &inspection.clock {
         let kind = if clock.regular { "regular" } else { "irregular" };
         outln!(
-            "clock: {kind}, step {} s (shortest {:.4}, longest {:.4}); {} longer gaps; {:.0} % of the rows repeat the one before",
+            "clock: {kind}, step {} s (shortest {:.4}, longest {:.4}); {} gaps; {:.0} % of the rows repeat the previous row",
             clock.step_s,
             clock.shortest_s,
             clock.longest_s,
@@ -335,7 +336,7 @@ fn show_log(inspection: &Inspection) {
     }
     for i in &inspection.inputs {
         outln!(
-            "  {:<12} {} levels, {:.1} moves a minute, {:.0} % of the time at a limit{}",
+            "  {:<12} {} levels, {:.1} changes per minute, {:.0} % of the time at a limit{}",
             i.name,
             i.levels,
             i.moves_per_minute,
@@ -351,9 +352,9 @@ fn show_log(inspection: &Inspection) {
 
 fn delay(d: &DelayEstimate) -> String {
     let confidence = match d.confidence {
-        Confidence::High => "sure",
-        Confidence::Low => "uncertain",
-        Confidence::None => "not to be told",
+        Confidence::High => "high confidence",
+        Confidence::Low => "low confidence",
+        Confidence::None => "not identifiable",
     };
     format!("delay about {} samples ({confidence}, {} to {})", d.samples, d.range.0, d.range.1)
 }

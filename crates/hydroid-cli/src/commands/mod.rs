@@ -1,11 +1,11 @@
-//! One file for each verb.
+//! Subcommands, one file each.
 
 mod adapt;
 mod control;
 mod evaluate;
 mod identify;
 mod inspect;
-mod leftovers;
+mod previous_output;
 mod simulate;
 mod table;
 mod thesis;
@@ -16,7 +16,7 @@ use anyhow::Context;
 
 use crate::args::{Args, Command};
 
-/// How a command that ran to its end went.
+/// Outcome of a completed command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// Done.
@@ -40,7 +40,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads.into())
             .build_global()
-            .context("the threads cannot be started")?;
+            .context("the thread pool cannot be started")?;
     }
     match args.command {
         Command::Simulate(simulate) => simulate::run(&simulate, args.global),

@@ -32,7 +32,7 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("{}-{label}-seed{}.csv", vessel.name, args.seed)));
     if global.json && path == Path::new("-") {
-        bail!("--json and -o - would both write to standard output: give the log a file with -o");
+        bail!("--json and -o - both write to standard output: name a file with -o");
     }
     let options = Options {
         duration_s,
@@ -46,7 +46,7 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     if path == Path::new("-") {
         let mut out = io::stdout().lock();
         match record.write_csv(&mut out).and_then(|()| out.flush()) {
-            // A reader that has seen enough (`| head`) is no error.
+            // A closed pipe (`| head`) is not an error.
             Err(error) if error.kind() != io::ErrorKind::BrokenPipe => return Err(error.into()),
             _ => return Ok(Outcome::Done),
         }
@@ -79,13 +79,13 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Simulates under a progress bar.
+/// Simulates with a progress bar.
 pub fn record(options: &Options, global: Global) -> anyhow::Result<Simulated> {
     let bar = ui::Bar::new("simulating", global);
     Ok(simulate::simulate(options, &mut bar.callback())?)
 }
 
-/// A plant by its name or file.
+/// A plant by its name or vessel file.
 pub fn vessel(name: &str) -> anyhow::Result<VesselParams> {
     if let Some(vessel) = simulate::built_in(name) {
         return Ok(vessel);
@@ -93,7 +93,7 @@ pub fn vessel(name: &str) -> anyhow::Result<VesselParams> {
     match name {
         file if Path::new(file).extension().is_some() => Ok(simulate::load_vessel(file)?),
         other => bail!(
-            "'{other}' is no plant: write simple, hydrofoil, hydrofoil-low-speed, or the name of a vessel file that ends in .toml (`hydroid simulate hydrofoil --print-vessel` prints one to start from)"
+            "'{other}' is not a plant: write simple, hydrofoil, hydrofoil-low-speed, or the name of a vessel file (.toml); `hydroid simulate hydrofoil --print-vessel` prints a template"
         ),
     }
 }
@@ -111,7 +111,7 @@ fn excitation(args: &Simulate, vessel: &VesselParams) -> anyhow::Result<(Excitat
         ("--speed", args.speed.is_some(), &["circle", "low-speed", "lawn-mower"]),
     ] {
         if given && !kinds.contains(&kind) {
-            bail!("{option} are for --excitation {}, not for {kind}", kinds.join(", "));
+            bail!("{option} cannot be used with --excitation {kind}: it needs {}", kinds.join(", "));
         }
     }
     let excitation = match kind {
@@ -131,7 +131,7 @@ fn excitation(args: &Simulate, vessel: &VesselParams) -> anyhow::Result<(Excitat
             return Ok((Excitation::Given(rows), String::from("commands")));
         }
         other => bail!(
-            "'{other}' is no excitation: write mixed, low-speed, lawn-mower, circle, or the name of a CSV file with time and the two commands"
+            "'{other}' is not an excitation: write mixed, low-speed, lawn-mower, circle, or the name of a CSV file with time and the two commands"
         ),
     };
     Ok((excitation, kind.to_owned()))

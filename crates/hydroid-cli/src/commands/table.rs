@@ -1,11 +1,11 @@
-//! Errors by horizon as a table for a terminal.
+//! Tables of errors by horizon.
 
 use std::fmt::Write as _;
 
 use hydroid::evaluate::{BandCoverage, Evaluation};
 use hydroid::identify::{Grade, Verdict};
 
-/// Horizons worth a row: about five from the first to the last, at round times.
+/// Horizons of the rows: the first, the last, and round times between them.
 pub fn horizons(evaluation: &Evaluation) -> Vec<usize> {
     let last = evaluation.horizons.last().copied().unwrap_or(0);
     let mut chosen: Vec<usize> = [1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0]
@@ -26,14 +26,14 @@ pub fn horizons(evaluation: &Evaluation) -> Vec<usize> {
     chosen
 }
 
-/// The table, ready to print. (Writing to a string cannot fail.)
+/// The table of one evaluation. Writing to a string cannot fail.
 pub fn errors(evaluation: &Evaluation) -> String {
     let mut text = String::new();
     let mut line = |cells: [&str; 8]| {
-        let [horizon, channel, mae, rmse, max, nrmse, r2, kept] = cells;
+        let [horizon, channel, mae, rmse, max, nrmse, r2, persistence] = cells;
         let _ = writeln!(
             text,
-            "{horizon:>10}  {channel:<16} {mae:>10} {rmse:>10} {max:>10} {nrmse:>8} {r2:>8} {kept:>12}"
+            "{horizon:>10}  {channel:<16} {mae:>10} {rmse:>10} {max:>10} {nrmse:>8} {r2:>8} {persistence:>12}"
         );
     };
     line(["horizon", "output", "MAE", "RMSE", "max", "NRMSE", "R2", "persistence"]);
@@ -58,7 +58,7 @@ pub fn errors(evaluation: &Evaluation) -> String {
     }
     let _ = writeln!(
         text,
-        "{} windows, {} diverged; origin {}, against {}; persistence: NRMSE of \"nothing changes\"",
+        "{} windows, {} diverged; origin {}, against {}; last column: NRMSE of persistence",
         evaluation.windows,
         evaluation.diverged,
         word(&evaluation.origin),
@@ -67,7 +67,7 @@ pub fn errors(evaluation: &Evaluation) -> String {
     if evaluation.runs.unused > 0 {
         let _ = writeln!(
             text,
-            "{} runs ({} samples) are too short for the horizon and were not judged",
+            "{} runs ({} samples) are shorter than the horizon and were not evaluated",
             evaluation.runs.unused, evaluation.runs.unused_samples
         );
     }
@@ -81,12 +81,12 @@ pub fn errors(evaluation: &Evaluation) -> String {
     text
 }
 
-/// How often the band of the ensemble held what came, ready to print.
+/// The table of the coverage of the ensemble band.
 pub fn band(band: &BandCoverage, evaluation: &Evaluation) -> String {
     let mut text = String::new();
     let _ = writeln!(
         text,
-        "share of points inside the {:.0} % band of {} ensemble members ({} origins):",
+        "fraction of points inside the {:.0} % band of {} ensemble members ({} origins):",
         100.0 * band.level,
         band.members,
         band.origins
@@ -101,13 +101,12 @@ pub fn band(band: &BandCoverage, evaluation: &Evaluation) -> String {
     }
     let _ = writeln!(
         text,
-        "the band is the uncertainty of the coefficients alone: not noise of sensors, waves, wind, or a wrong structure"
+        "the band covers the uncertainty of the coefficients only, not measurement noise, waves, wind or model error"
     );
     text
 }
 
-/// Evaluations of the same windows, ready to print: the model frozen, with a filter on its state where there is one, and
-/// adapted.
+/// The table of evaluations of the same windows: frozen model, frozen model with a state filter (if it has one), adapted model.
 pub fn side_by_side(frozen: &Evaluation, filtered: Option<&Evaluation>, adapted: &Evaluation) -> String {
     let mut text = String::new();
     let mut line = |horizon: &str, channel: &str, cells: &[String]| {
@@ -122,7 +121,7 @@ pub fn side_by_side(frozen: &Evaluation, filtered: Option<&Evaluation>, adapted:
             .into_iter()
             .filter_map(|(name, evaluation)| Some((name, evaluation?)))
             .collect();
-    // The first column of each figure says what it is.
+    // The first column of each measure has its name.
     let heads = |figure: &str| -> Vec<String> {
         let head = |(i, (name, _)): (usize, &(&str, _))| {
             if i == 0 { format!("{figure} {name}") } else { (*name).to_owned() }
@@ -138,8 +137,8 @@ pub fn side_by_side(frozen: &Evaluation, filtered: Option<&Evaluation>, adapted:
             let time = if c == 0 { format!("{:.4} s", horizon as f64 * frozen.dt) } else { String::new() };
             let rmse = all.iter().map(|(_, evaluation)| figure(evaluation.rmse[h][c]));
             let nrmse = all.iter().map(|(_, evaluation)| format!("{:.3}", evaluation.nrmse[h][c]));
-            let kept = format!("{:.3}", frozen.persistence.nrmse[h][c]);
-            line(&trim(&time), &name, &rmse.chain(nrmse).chain([kept]).collect::<Vec<_>>());
+            let persistence = format!("{:.3}", frozen.persistence.nrmse[h][c]);
+            line(&trim(&time), &name, &rmse.chain(nrmse).chain([persistence]).collect::<Vec<_>>());
         }
     }
     let _ = writeln!(
@@ -154,7 +153,7 @@ pub fn side_by_side(frozen: &Evaluation, filtered: Option<&Evaluation>, adapted:
     text
 }
 
-/// What each output is worth, a line each.
+/// Prints the grade of each output.
 pub fn show_verdicts(verdicts: &[Verdict]) {
     for verdict in verdicts {
         let grade = match verdict.grade {
@@ -171,7 +170,7 @@ pub fn show_verdicts(verdicts: &[Verdict]) {
     }
 }
 
-/// Three or four figures, whatever the size.
+/// A number with three or four significant digits.
 fn figure(x: f64) -> String {
     match x.abs() {
         a if a == 0.0 || (1e-3..1e4).contains(&a) => {
@@ -198,7 +197,7 @@ fn trim(time: &str) -> String {
     }
 }
 
-/// The word of the contract for an option.
+/// The name of an option in JSON.
 fn word(option: &impl serde::Serialize) -> String {
     serde_json::to_value(option).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }

@@ -14,7 +14,7 @@ use crate::ui;
 pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
     if let Some(folder) = &args.write_experiments {
         Plan::write(folder)?;
-        outln!("{}: experiments, records, models and claims as files", folder.display());
+        outln!("{}: files of experiments, records, models and claims", folder.display());
         return Ok(Outcome::Done);
     }
     let plan = match &args.experiments {
@@ -25,24 +25,24 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
         list(&plan, global)?;
         return Ok(Outcome::Done);
     }
-    let program = if args.any_program { 0 } else { hydroid_study::program() };
+    let program = if args.ignore_build { 0 } else { hydroid_study::program() };
     let clock = Instant::now();
     let bar = ui::Bar::new("study", global);
-    // Words are told from several threads; a bar is drawn by one at a time.
+    // Several threads report; the lock serializes the bar.
     let last = Mutex::new(String::new());
-    let watch = |told: &Told<'_>| {
+    let report = |told: &Told<'_>| {
         let fraction = told.done as f64 / told.of.max(1) as f64;
-        let words = format!("{}: {}", told.experiment, told.what);
+        let text = format!("{}: {}", told.experiment, told.what);
         if let Ok(mut last) = last.lock()
-            && *last != words
+            && *last != text
         {
-            bar.say(&words);
-            *last = words;
+            bar.set_message(&text);
+            *last = text;
         }
-        bar.at(fraction);
+        bar.set_fraction(fraction);
         if ui::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let summary = hydroid_study::run(&plan, &args.only, &args.output, program, &alone(args), &watch)?;
+    let summary = hydroid_study::run(&plan, &args.only, &args.output, program, &command(args), &report)?;
     drop(bar);
     if global.json {
         super::print_json(&summary)?;
@@ -52,8 +52,8 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// What makes an experiment alone, but for its name.
-fn alone(args: &Thesis) -> String {
+/// The command line that repeats one experiment, without its name.
+fn command(args: &Thesis) -> String {
     let mut command = String::from("hydroid thesis");
     if args.quick {
         command.push_str(" --quick");

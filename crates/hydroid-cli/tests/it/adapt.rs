@@ -112,7 +112,7 @@ fn equations_learn_by_the_filter_where_it_is_asked_for() {
     assert!(judged("adapted.safetensors") < 0.7 * judged(MODEL));
     // The options of the filter are understood, and a stream takes them.
     let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "--weight-variance", "0.02", "--json"];
-    let noise = ["--noise", "u=0.01,v=0.01,r=0.01,P_f=1", "--memory", "low-rank:3"];
+    let noise = ["--noise", "u=0.01,v=0.01,r=0.01,P_f=1", "--covariance", "low-rank:3"];
     let output = hydroid(at, &[&args[..], &noise].concat());
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["settings"]["weight_variance"], 0.02);

@@ -92,7 +92,8 @@ fn a_guard_survives_a_bad_day_and_says_what_it_did() {
 #[test]
 fn what_the_model_was_trained_on_is_walked_through_first() {
     let plain = report("adapt out/gru.safetensors lawn.csv --json -q");
-    let shore = report("adapt out/gru.safetensors lawn.csv --json -q --shore a.csv --shore-time 100s");
+    let shore =
+        report("adapt out/gru.safetensors lawn.csv --json -q --training-log a.csv --training-time 100s");
     assert_ne!(plain["adapted"]["rmse"], shore["adapted"]["rmse"]);
     assert_eq!(plain["frozen"]["rmse"], shore["frozen"]["rmse"]);
     assert!(shore["adapted"]["rmse"][19][0].as_f64() < shore["frozen"]["rmse"][19][0].as_f64());
@@ -102,7 +103,7 @@ fn what_the_model_was_trained_on_is_walked_through_first() {
 #[test]
 fn what_the_model_was_trained_on_is_rehearsed() {
     let error = |option: &str, output: &str| {
-        let options = format!("--shore a.csv --shore-time 20s --no-guard {option}");
+        let options = format!("--training-log a.csv --training-time 20s --no-guard {option}");
         let adapted = report(&format!("adapt out/gru.safetensors lawn.csv --json -q {options} -o {output}"));
         let judged = run(prepared(), &format!("evaluate {output} a.csv --json -q"));
         let judged: Value = serde_json::from_slice(&judged.stdout).unwrap();
@@ -123,9 +124,9 @@ fn every_way_to_learn_less_still_learns() {
     let frozen = report("adapt out/gru.safetensors lawn.csv --json -q");
     let frozen = frozen["frozen"]["rmse"][0][0].as_f64().unwrap();
     for option in [
-        "--memory blocks:1",
-        "--memory low-rank:5",
-        "--memory diagonal",
+        "--covariance blocks:1",
+        "--covariance low-rank:5",
+        "--covariance diagonal",
         "--weights read-out",
         "--single-precision",
         "--huber 3 --adaptive-noise 60 --leak 600 --forgetting 300",
@@ -143,16 +144,16 @@ fn what_makes_no_sense_is_refused() {
         ("--noise u=0.01,v=0.01,r=0.02,w=1", "'w' is no output"),
         ("--noise u=0,v=0.01,r=0.02", "standard deviation of 0"),
         ("--noise u", "NAME=NUMBER"),
-        ("--memory blocks:0", "low-rank:20"),
-        ("--memory much", "low-rank:20"),
+        ("--covariance blocks:0", "low-rank:20"),
+        ("--covariance much", "low-rank:20"),
         ("--weight-variance=-1", "initial variance"),
         ("--prior 3", "are for equations"),
         ("--forgetting 0", "forgetting"),
         ("--inject leak=u:3", "is no fault"),
         ("--inject bias=w:1", "the outputs are u, v, r"),
         ("--stream --inject spikes=0.1", "not into a stream"),
-        ("--shore nowhere.csv", "nowhere.csv"),
-        ("--no-rehearsal", "--shore"),
+        ("--training-log nowhere.csv", "nowhere.csv"),
+        ("--no-rehearsal", "--training-log"),
     ] {
         let output = run(prepared(), &format!("adapt {MODEL} lawn.csv {options}"));
         assert_eq!(output.status.code(), Some(2), "{options}");
@@ -205,7 +206,7 @@ fn a_service_that_was_killed_goes_on_to_the_same_model() {
 fn a_network_is_replayed_from_its_black_box() {
     let at = prepared();
     for (k, options) in
-        ["", " --single-precision --memory blocks:2", " --memory low-rank:5 --adaptive-noise 60"]
+        ["", " --single-precision --covariance blocks:2", " --covariance low-rank:5 --adaptive-noise 60"]
             .into_iter()
             .enumerate()
     {

@@ -94,7 +94,9 @@ fn a_vessel_learns_its_drag_and_is_written_as_a_vessel() {
 #[test]
 fn every_way_to_learn_less_still_learns() {
     let mut frozen = None;
-    for option in ["--memory blocks:1", "--memory low-rank:5", "--memory diagonal", "--huber 3 --leak 3600"] {
+    for option in
+        ["--covariance blocks:1", "--covariance low-rank:5", "--covariance diagonal", "--huber 3 --leak 3600"]
+    {
         let report =
             json(&format!("adapt given.toml a.csv --against truth --origin-stride 10 --json {option}"));
         let rmse = |part: &str| report[part]["rmse"][99][0].as_f64().unwrap();

@@ -210,7 +210,7 @@ fn a_full_disk_stops_the_noting_and_nothing_else() {
 #[test]
 fn vessels_logs_from_shore_and_faults_are_replayed_without_them() {
     ended("simulate hydrofoil --seed 5 --duration 60 -o h.csv", 0);
-    let options = "c.csv --shore a.csv --inject spikes=0.01,dropout=u:10s";
+    let options = "c.csv --training-log a.csv --inject spikes=0.01,dropout=u:10s";
     for (model, log) in [("hydrofoil", "h.csv --horizon 10"), (MODEL, options)] {
         let adapted =
             hydroid(prepared(), &format!("adapt {model} {log} -q --black-box d.box")).output().unwrap();

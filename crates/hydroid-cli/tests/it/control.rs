@@ -100,7 +100,7 @@ fn what_was_identified_steers_by_every_law_and_learns() {
     let model = "out/sindy.safetensors";
     for rest in [
         "fl",
-        "fl --learned",
+        "fl --adaptive-augmentation",
         "fl --adapt",
         "fl --adapt --learner kalman --no-guard",
         "backstepping",
@@ -203,16 +203,26 @@ fn a_correction_is_learned_under_way() {
     let at = folder.path();
     let sea = "--task lawn-mower --speed 1.5 --legs 2 --mass 1.2 --current 0,0.3 --seed 4 --json";
     let of = |law: &str| told(at, &format!("control hydrofoil --controller {law} {sea}"), 0);
-    let (base, learned) = (of("fl"), of("fl --learned"));
+    let (base, learned) = (of("fl"), of("fl --adaptive-augmentation"));
     let off = |report: &Value| report["rms_cross_track"].as_f64().unwrap();
     assert!(off(&learned) < 0.8 * off(&base), "{} beside {}", off(&learned), off(&base));
     let said = |report: &Value| report["controller"]["learned"].as_bool();
     assert_eq!((said(&base), said(&learned)), (Some(false), Some(true)));
-    assert_eq!(timeless(of("fl --learned")), timeless(learned), "the same seed, the same voyage");
+    assert_eq!(
+        timeless(of("fl --adaptive-augmentation")),
+        timeless(learned),
+        "the same seed, the same voyage"
+    );
     for (args, words) in [
-        ("control hydrofoil --controller backstepping --learned", "--learned is of --controller fl"),
-        ("control hydrofoil --controller fl --learned --adapt", "cannot be used with"),
-        ("control hydrofoil --controller fl --descents 3", "--descents is of --controller cem"),
+        (
+            "control hydrofoil --controller backstepping --adaptive-augmentation",
+            "--adaptive-augmentation is of --controller fl",
+        ),
+        ("control hydrofoil --controller fl --adaptive-augmentation --adapt", "cannot be used with"),
+        (
+            "control hydrofoil --controller fl --gauss-newton-steps 3",
+            "--gauss-newton-steps is of --controller cem",
+        ),
     ] {
         let output = hydroid(at, args);
         assert_eq!(output.status.code(), Some(2), "{args}");
@@ -279,23 +289,23 @@ fn wrong_input_is_told_with_a_remedy() {
     refused("control hydrofoil --controller fl --mass 0", "mass");
     refused("control hydrofoil --controller fl --delay=-1", "delay");
     refused("control hydrofoil --controller fl --delay 0.25", "give 0.2 or 0.3");
-    refused("control hydrofoil --controller fl --duration 30 --from 30s", "below that");
+    refused("control hydrofoil --controller fl --duration 30 --evaluate-from 30s", "below that");
     refused("control hydrofoil --controller fl --rate 2", "--rate is of --controller backstepping");
     refused("control hydrofoil --controller backstepping --bandwidth 1,1", "of --controller fl");
     refused("control hydrofoil --controller backstepping --integral 1", "of --controller fl");
     refused("control hydrofoil --controller fl --integral 5", "less than the product of the other two");
     refused("control hydrofoil --controller fl --candidates 10", "of --controller cem");
     refused("control hydrofoil --controller fl --plan-time 10", "of --controller cem");
-    refused("control hydrofoil --controller fl --wind-spread 10", "give --runs");
-    refused("control hydrofoil --controller fl --adapt --shore-time 10s", "--shore");
+    refused("control hydrofoil --controller fl --wind-variation 10", "give --runs");
+    refused("control hydrofoil --controller fl --adapt --training-time 10s", "--training-log");
     refused("control hydrofoil --controller cem --candidates 100000 --horizon 1000", "fewer of either");
-    refused("control hydrofoil --controller cem --horizon 500", "or --descents 0");
+    refused("control hydrofoil --controller cem --horizon 500", "or --gauss-newton-steps 0");
     refused("control hydrofoil --controller fl --adapt --learner least-squares", "direct predictors");
     refused("control hydrofoil --controller fl --gusts 5,0", "gusts");
     refused("control hydrofoil --controller fl --runs 0", "voyages");
-    refused("control hydrofoil --controller fl --runs 3 --mass-spread 1", "spread");
+    refused("control hydrofoil --controller fl --runs 3 --mass-variation 1", "spread");
     refused("control hydrofoil --controller fl --rate-limits 0,1", "--rate-limits");
-    refused("control hydrofoil --controller fl --reference foot", "--reference");
+    refused("control hydrofoil --controller fl --reference path", "--reference");
     refused("control hydrofoil --controller cem --candidates 1", "candidates");
     refused("control hydrofoil --controller cem --learner kalman", "--adapt");
     refused("control --controller pid --adapt", "pid has none");

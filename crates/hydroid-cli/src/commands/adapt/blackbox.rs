@@ -10,7 +10,7 @@ use hydroid_live::stream::fingerprint;
 use super::super::Outcome;
 use crate::args::{Adapt, Global};
 
-/// The black box that is asked for.
+/// Settings of the black box, if one is requested.
 pub fn settings(args: &Adapt) -> anyhow::Result<Option<Settings>> {
     let Some(path) = &args.black_box.black_box else { return Ok(None) };
     Ok(Some(Settings {
@@ -25,14 +25,14 @@ pub fn settings(args: &Adapt) -> anyhow::Result<Option<Settings>> {
 
 fn of_file(path: &Path) -> anyhow::Result<String> {
     if !path.exists() {
-        // A vessel that is built in: its name, and the version, which every box has, say which.
+        // A built-in vessel is identified by its name and by the version of the program, which the black box contains.
         return Ok(fingerprint(path.as_os_str().as_encoded_bytes()));
     }
     let file = std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
     Ok(fingerprint(&file))
 }
 
-/// Does the same again.
+/// Repeats the recorded session and compares each result bit for bit.
 pub fn replay(args: &Adapt, global: Global, model: Model, path: &Path) -> anyhow::Result<Outcome> {
     let black_box = BlackBox::read(path)?;
     let model = model.at_step(black_box.head.dt)?;
@@ -41,18 +41,18 @@ pub fn replay(args: &Adapt, global: Global, model: Model, path: &Path) -> anyhow
             outln!("{}", step.json());
         }
     })?;
-    let said = match &replayed.first {
-        None => format!("{} samples replayed, all the same", replayed.samples),
+    let summary = match &replayed.first {
+        None => format!("{} samples replayed, all identical", replayed.samples),
         Some(first) => format!(
-            "{} samples replayed, {} not the same; the first at {} s: {} was {} and is {} now",
+            "{} samples replayed, {} different; the first at {} s: {} recorded {}, replayed {}",
             replayed.samples, replayed.different, first.t, first.what, first.recorded, first.replayed
         ),
     };
-    // Standard output has the samples.
+    // With --json, standard output has the samples.
     if global.json {
-        eprintln!("{said}");
+        eprintln!("{summary}");
     } else {
-        outln!("{said}");
+        outln!("{summary}");
     }
     Ok(if replayed.first.is_none() { Outcome::Done } else { Outcome::Missed })
 }

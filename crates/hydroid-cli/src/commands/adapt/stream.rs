@@ -20,10 +20,10 @@ use super::super::Outcome;
 use crate::args::{Adapt, Against, Global, Horizon, Origin};
 use crate::ui;
 
-/// Horizons where none are asked for \[samples\].
+/// Default horizons, in samples.
 const HORIZONS: [usize; 4] = [1, 10, 50, 100];
 
-/// All that is needed to end the work, from here or from an interruption.
+/// State of the service, shared with the interruption handler.
 struct Service {
     stream: Stream,
     model: Model,
@@ -41,26 +41,32 @@ pub fn run(
     model: &Model,
     reading: Reading,
 ) -> anyhow::Result<Outcome> {
-    let judging = args.judging;
+    let judging = args.evaluation;
     ensure!(
         judging.horizon == Horizon::Samples(100)
             && judging.origin_stride == 1
             && judging.origin == Origin::Measured
             && judging.against == Against::Measurement,
-        "--horizon, --origin-stride, --origin and --against judge a log that is read as a whole; a stream has --horizons 1,10,100"
+        "--horizon, --origin-stride, --origin and --against need a complete log; a live stream has --horizons, as in --horizons 1,10,100"
     );
     let piped = log == Path::new("-");
     let name = if piped { "standard input".to_owned() } else { log.display().to_string() };
     ensure!(
-        args.trust.inject.is_none(),
-        "--inject puts faults into a log that is read as a whole, not into a stream"
+        args.guard.inject.is_none(),
+        "--inject needs a complete log and cannot be used with a live stream"
     );
     let learning = super::options(args, model)?;
     let (mut adapter, used) =
-        adapt::adapter(model, &learning, &[]).context("the model cannot learn from a stream")?;
-    let trust = &args.trust;
-    let shore = crate::logs::shore(&trust.shore, trust.shore_time.0, (&args.model, model), &reading, global)?;
-    shore.remember(adapter.as_mut());
+        adapt::adapter(model, &learning, &[]).context("the model cannot be adapted from a live stream")?;
+    let guard = &args.guard;
+    let training = crate::logs::training_logs(
+        &guard.training_log,
+        guard.training_time.0,
+        (&args.model, model),
+        &reading,
+        global,
+    )?;
+    training.remember(adapter.as_mut());
     let recorder = super::blackbox::settings(args)?.map(|settings| {
         let described = json!({ "learning": used, "reading": reading });
         Recorder::new(&settings, model, adapter.as_ref(), &learning, &described, Source::Stream(&name))
@@ -77,7 +83,7 @@ pub fn run(
         let mut settings = serde_json::to_value(&used)?;
         settings["guard"] = serde_json::to_value(&learning.guard)?;
         let file =
-            // A vessel may have no file, and takes the sample time that it is given.
+            // A built-in vessel has no file, and its sample time is an option.
             if model.plant().is_some() {
                 [model::encode(model)?, model.description.dt.to_le_bytes().to_vec()].concat()
             } else {
@@ -85,14 +91,15 @@ pub fn run(
                     .with_context(|| format!("{} cannot be read", args.model.display()))?
             };
         if let Some(t) = stream.keep_in(path, fingerprint(&file), &settings)? {
-            let note = format!("going on from {} at {t} s: lines up to then are skipped", path.display());
-            ui::tell(&[Note::info(note)], global);
+            let note =
+                format!("resuming from {} at {t} s: lines up to this time are skipped", path.display());
+            ui::print_notes(&[Note::info(note)], global);
         }
     }
     if let Some(recorder) = recorder {
         stream.record(recorder);
     }
-    // What cannot be written at the end is better known now.
+    // Fails early if the model cannot be written at the end.
     if let Some(folder) = args.output.as_ref().and_then(|path| path.parent()) {
         atomic::probe(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })?;
     }
@@ -114,14 +121,14 @@ pub fn run(
     serve(reader, &Arc::new(Mutex::new(service)))
 }
 
-/// Nothing that was in use when another thread panicked is half-done: answers are written whole.
+/// A poisoned lock is usable: answers are written whole.
 fn lock(service: &Mutex<Service>) -> MutexGuard<'_, Service> {
     service.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn serve(reader: Box<dyn BufRead>, service: &Arc<Mutex<Service>>) -> anyhow::Result<Outcome> {
     let interrupted = Arc::clone(service);
-    // Who waits for a line cannot look out for an interruption. A line that is being answered is finished first.
+    // The main thread may wait for input. The lock lets it finish the current line first.
     ui::at_interrupt(move || {
         let mut service = lock(&interrupted);
         if service.finished {
@@ -130,7 +137,7 @@ fn serve(reader: Box<dyn BufRead>, service: &Arc<Mutex<Service>>) -> anyhow::Res
         let status = match service.finish() {
             Ok(()) => 130,
             Err(error) => {
-                ui::complain(&error);
+                ui::print_error(&error);
                 2
             }
         };
@@ -146,9 +153,9 @@ fn serve(reader: Box<dyn BufRead>, service: &Arc<Mutex<Service>>) -> anyhow::Res
         let mut service = lock(service);
         let served = service.stream.serve(line, &mut out);
         let notes = service.stream.take_notes();
-        ui::tell(&notes, service.global);
+        ui::print_notes(&notes, service.global);
         match served {
-            // Nobody reads on: the end.
+            // The reader closed the pipe.
             Err(StreamError::Output(error)) if error.kind() == ErrorKind::BrokenPipe => break,
             other => other?,
         }
@@ -162,13 +169,13 @@ fn serve(reader: Box<dyn BufRead>, service: &Arc<Mutex<Service>>) -> anyhow::Res
 }
 
 impl Service {
-    /// Writes state and model, and says what came of it all.
+    /// Writes state and model, and prints the summary.
     fn finish(&mut self) -> anyhow::Result<()> {
         self.finished = true;
         self.stream.finish()?;
-        ui::tell(&self.stream.take_notes(), self.global);
+        ui::print_notes(&self.stream.take_notes(), self.global);
         if let Some(path) = &self.output {
-            // As the runs of a log that is read as a whole: without its folder.
+            // Runs of a complete log have names without the folder, too.
             let run = Path::new(&self.name)
                 .file_name()
                 .map_or(Cow::Borrowed(self.name.as_str()), |name| name.to_string_lossy());

@@ -1,4 +1,4 @@
-//! What the command line says, as the library takes it.
+//! Conversion of the arguments of `hydroid control` to the types of the library.
 
 use std::time::Duration;
 
@@ -15,7 +15,8 @@ use hydroid_core::vessel::VesselParams;
 use serde_json::{Value, json};
 
 use crate::args::{
-    Control, ControllerKind, FleetArgs, HelmArgs, LearnArgs, Learner, SeaArgs, TaskArgs, TaskKind, TimingKind,
+    AdaptationArgs, Control, ControllerArgs, ControllerKind, DisturbanceArgs, Learner, MonteCarloArgs,
+    TaskArgs, TaskKind, TimingKind,
 };
 
 pub(super) const fn kind(controller: ControllerKind) -> ControlMethod {
@@ -27,16 +28,16 @@ pub(super) const fn kind(controller: ControllerKind) -> ControlMethod {
     }
 }
 
-/// Sample time of the loop \[s\].
+/// Sample time of the loop, in s.
 pub(super) fn sample_time(args: &Control, model: Option<&Model>) -> anyhow::Result<f64> {
     let Some(model) = model.filter(|model| model.plant().is_none()) else {
-        return Ok(args.helm.dt.unwrap_or(0.1));
+        return Ok(args.controller.dt.unwrap_or(0.1));
     };
     let own = model.description.dt;
-    if let Some(dt) = args.helm.dt {
+    if let Some(dt) = args.controller.dt {
         ensure!(
             (dt / own - 1.0).abs() < 1e-3,
-            "the model steps {own} s, and commands are made as often: leave --dt {dt} out"
+            "the sample time of the model is {own} s, and the controller has the same: leave --dt {dt} out"
         );
     }
     Ok(own)
@@ -45,20 +46,17 @@ pub(super) fn sample_time(args: &Control, model: Option<&Model>) -> anyhow::Resu
 pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, SpeedOptions)> {
     let lawn = args.leg.is_some() || args.spacing.is_some() || args.legs.is_some();
     let by_points = matches!(args.task, TaskKind::Waypoints | TaskKind::Legs);
-    ensure!(
-        !lawn || args.task == TaskKind::LawnMower,
-        "--leg, --spacing and --legs are of --task lawn-mower"
-    );
-    ensure!(args.points.is_none() || by_points, "--points are of --task waypoints and legs");
+    ensure!(!lawn || args.task == TaskKind::LawnMower, "--leg, --spacing and --legs need --task lawn-mower");
+    ensure!(args.points.is_none() || by_points, "--points needs --task waypoints or --task legs");
     ensure!(
         args.radius.is_none() || args.task != TaskKind::Legs,
-        "--task legs has corners without a radius: leave --radius out, or use --task waypoints"
+        "--task legs has sharp corners: leave --radius out, or use --task waypoints"
     );
     let radius = args.radius.unwrap_or(15.0);
     let points = || match &args.points {
         Some(points) => Ok(points.0.clone()),
         None => {
-            bail!("way-points are missing: give them as --points '0,0;60,0;60,40' (north,east in metres)")
+            bail!("waypoints are missing: give them as --points '0,0;60,0;60,40' (north,east in metres)")
         }
     };
     let task = match args.task {
@@ -73,38 +71,39 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, SpeedOptions)> {
         TaskKind::Legs => Task::Waypoints { points: points()?, radius: None },
     };
     if let (Some(turn), TaskKind::Circle) = (args.turn_speed, args.task) {
-        bail!("a circle is all turn: say --speed {turn} and leave --turn-speed out");
+        bail!("--task circle has one speed: use --speed {turn} and leave --turn-speed out");
     }
     Ok((task, SpeedOptions { cruise: args.speed, turn: args.turn_speed, acceleration: args.acceleration }))
 }
 
-pub(super) fn scene(
+pub(super) fn scenario(
     args: &Control,
     vessel: &VesselParams,
     task: &Task,
     pace: &SpeedOptions,
     dt_s: f64,
 ) -> anyhow::Result<Scenario> {
-    let mut scene = Scenario::new(vessel.clone(), Track::new(task, pace)?);
+    let mut scenario = Scenario::new(vessel.clone(), Track::new(task, pace)?);
     for (limits, (rate, what)) in
-        scene.limits.iter_mut().zip(args.helm.rate_limits.0.into_iter().zip(["propeller", "rudder"]))
+        scenario.limits.iter_mut().zip(args.controller.rate_limits.0.into_iter().zip(["propeller", "rudder"]))
     {
-        ensure!(rate > 0.0, "--rate-limits: that of the {what} is {rate}, and must be greater than 0");
+        ensure!(rate > 0.0, "--rate-limits: the limit of the {what} is {rate}; it must be greater than 0");
         limits.rate = rate;
     }
-    (scene.dt_s, scene.start, scene.tolerance) = (dt_s, args.task.start.0, args.helm.tolerance);
-    scene.duration_s = args.task.duration.map_or(scene.duration_s, |duration| duration.0);
-    Ok(scene)
+    (scenario.dt_s, scenario.start, scenario.tolerance) =
+        (dt_s, args.task.start.0, args.controller.tolerance);
+    scenario.duration_s = args.task.duration.map_or(scenario.duration_s, |duration| duration.0);
+    Ok(scenario)
 }
 
-/// From when on errors count \[s\].
+/// Start of the evaluation, in s.
 pub(super) fn from_s(args: &Control, scene: &Scenario) -> anyhow::Result<f64> {
-    let from_s = args.helm.from.map_or_else(|| scene.default_from_s(), |from| from.0);
+    let from_s = args.controller.evaluate_from.map_or_else(|| scene.default_from_s(), |from| from.0);
     scene.check_from(from_s)?;
     Ok(from_s)
 }
 
-pub(super) const fn conditions(args: &SeaArgs) -> Conditions {
+pub(super) const fn conditions(args: &DisturbanceArgs) -> Conditions {
     let [gust, gust_s] = args.gusts.0;
     Conditions {
         seed: args.seed,
@@ -116,122 +115,124 @@ pub(super) const fn conditions(args: &SeaArgs) -> Conditions {
     }
 }
 
-pub(super) fn spread(args: &FleetArgs) -> Dispersion {
-    let usual = Dispersion::default();
+pub(super) fn variation(args: &MonteCarloArgs) -> Dispersion {
+    let default = Dispersion::default();
     Dispersion {
-        mass: args.mass_spread.unwrap_or(usual.mass),
-        current: args.current_spread.unwrap_or(usual.current),
-        wind: args.wind_spread.unwrap_or(usual.wind),
+        mass: args.mass_variation.unwrap_or(default.mass),
+        current: args.current_variation.unwrap_or(default.current),
+        wind: args.wind_variation.unwrap_or(default.wind),
     }
 }
 
-/// What is said of another controller than the one that steers, or of many voyages where there is one, is refused: it would
-/// change nothing.
-pub(super) fn check_meant(args: &Control) -> anyhow::Result<()> {
-    let (given, kind) = (&args.helm, args.helm.controller);
-    for (option, said, of, owner) in [
+/// Refuses options that have no effect: those of another controller, and those of Monte Carlo trials without `--runs`.
+pub(super) fn check_options(args: &Control) -> anyhow::Result<()> {
+    let (given, kind) = (&args.controller, args.controller.controller);
+    for (option, is_given, of, owner) in [
         ("--bandwidth", given.bandwidth.is_some(), ControllerKind::Fl, "fl"),
         ("--integral", given.integral.is_some(), ControllerKind::Fl, "fl"),
-        ("--learned", given.learned, ControllerKind::Fl, "fl"),
+        ("--adaptive-augmentation", given.adaptive_augmentation, ControllerKind::Fl, "fl"),
         ("--rate", given.rate.is_some(), ControllerKind::Backstepping, "backstepping"),
         ("--horizon", given.horizon.is_some(), ControllerKind::Cem, "cem"),
         ("--candidates", given.candidates.is_some(), ControllerKind::Cem, "cem"),
         ("--iterations", given.iterations.is_some(), ControllerKind::Cem, "cem"),
-        ("--descents", given.descents.is_some(), ControllerKind::Cem, "cem"),
-        ("--prices", given.prices.is_some(), ControllerKind::Cem, "cem"),
+        ("--gauss-newton-steps", given.gauss_newton_steps.is_some(), ControllerKind::Cem, "cem"),
+        ("--cost-weights", given.cost_weights.is_some(), ControllerKind::Cem, "cem"),
         ("--plan-time", given.plan_time.is_some(), ControllerKind::Cem, "cem"),
     ] {
-        ensure!(!said || kind == of, "{option} is of --controller {owner}: leave it out");
+        ensure!(!is_given || kind == of, "{option} needs --controller {owner}: leave it out");
     }
     ensure!(
-        kind == ControllerKind::Cem || given.reference.is_none_or(|timing| timing == TimingKind::Clock),
-        "--reference is of --controller cem: fl and backstepping track the clock, pid follows the path"
+        kind == ControllerKind::Cem || given.reference.is_none_or(|timing| timing == TimingKind::Time),
+        "--reference needs --controller cem: fl and backstepping track a trajectory in time, pid follows the path"
     );
-    let fleet = &args.fleet;
-    for (option, said) in [
-        ("--mass-spread", fleet.mass_spread.is_some()),
-        ("--current-spread", fleet.current_spread.is_some()),
-        ("--wind-spread", fleet.wind_spread.is_some()),
+    let monte_carlo = &args.monte_carlo;
+    for (option, is_given) in [
+        ("--mass-variation", monte_carlo.mass_variation.is_some()),
+        ("--current-variation", monte_carlo.current_variation.is_some()),
+        ("--wind-variation", monte_carlo.wind_variation.is_some()),
     ] {
         ensure!(
-            !said || fleet.runs != 1,
-            "{option} is of many voyages: give --runs, or leave it out and say what the one run meets (--mass, --current, --wind)"
+            !is_given || monte_carlo.runs != 1,
+            "{option} applies to Monte Carlo trials: add --runs, or set the value of a single run by --mass, --current, --wind"
         );
     }
     Ok(())
 }
 
-/// Numbers of all candidates of an iteration, of one command, at the most: 80 MB.
-const MOST_DRAWN: usize = 10_000_000;
+/// Largest product of candidates and horizon: 80 MB for each command.
+const MAX_SAMPLES: usize = 10_000_000;
 
 pub(super) fn steering(
     args: &Control,
     kind: ControlMethod,
     scene: &Scenario,
 ) -> anyhow::Result<ControllerOptions> {
-    let given = &args.helm;
+    let given = &args.controller;
     let mut steering = ControllerOptions::new(kind, &scene.vessel, scene.dt_s);
     (steering.limits, steering.tolerance) = (scene.limits, scene.tolerance);
     steering.lead = given.lead.unwrap_or(steering.lead);
     ensure!(
         kind != ControlMethod::Autopilot || given.lead.is_none_or(|lead| lead == 0.0),
-        "--lead: pid brings the vessel's origin on the path; leave --lead out"
+        "--lead: pid controls the vessel's origin; leave --lead out"
     );
     steering.bandwidth = Some(given.bandwidth.map_or([1.5, 0.7], |bandwidth| bandwidth.0));
     steering.integral = given.integral.unwrap_or(0.0);
-    steering.learned = given.learned.then(AdaptiveAugmentationOptions::default);
+    steering.learned = given.adaptive_augmentation.then(AdaptiveAugmentationOptions::default);
     steering.rate = Some(given.rate.unwrap_or(1.0));
-    if let (ControlMethod::CrossEntropy, Some(TimingKind::Foot)) = (kind, given.reference) {
+    if let (ControlMethod::CrossEntropy, Some(TimingKind::Path)) = (kind, given.reference) {
         steering.timing = Timing::Path;
     }
-    let usual = steering.planner;
+    let default = steering.planner;
     let (candidates, horizon) =
-        (given.candidates.unwrap_or(usual.candidates), given.horizon.unwrap_or(usual.horizon));
-    ensure!(candidates > 0, "--candidates 0: one is needed at least");
+        (given.candidates.unwrap_or(default.candidates), given.horizon.unwrap_or(default.horizon));
+    ensure!(candidates > 0, "--candidates 0: at least one candidate is needed");
     ensure!(
-        candidates.saturating_mul(horizon) <= MOST_DRAWN,
-        "--candidates {candidates} of --horizon {horizon} samples are more than a plan has room for: together (one times the other) they may be {MOST_DRAWN}; give fewer of either"
+        candidates.saturating_mul(horizon) <= MAX_SAMPLES,
+        "--candidates {candidates} times --horizon {horizon} is more than {MAX_SAMPLES}: reduce one of them"
     );
-    let descents = given.descents.unwrap_or(usual.gauss_newton_steps);
+    let gauss_newton_steps = given.gauss_newton_steps.unwrap_or(default.gauss_newton_steps);
     ensure!(
-        descents == 0
+        gauss_newton_steps == 0
             || horizon.saturating_mul(scene.limits.len()) <= PlannerOptions::MAX_GAUSS_NEWTON_COMMANDS,
-        "--horizon {horizon}: steps downhill solve for all commands of a plan, {} at the most; give a shorter horizon, or --descents 0",
+        "--horizon {horizon}: Gauss-Newton steps solve for all commands of a plan, at most {}; use a shorter horizon, or --gauss-newton-steps 0",
         PlannerOptions::MAX_GAUSS_NEWTON_COMMANDS
     );
     steering.planner = PlannerOptions {
         horizon,
         candidates,
         elites: (candidates / 10).max(2),
-        iterations: given.iterations.unwrap_or(usual.iterations),
-        gauss_newton_steps: descents,
-        ..usual
+        iterations: given.iterations.unwrap_or(default.iterations),
+        gauss_newton_steps,
+        ..default
     };
-    [steering.cost.position, steering.cost.heading, steering.cost.speed] = prices(given);
+    [steering.cost.position, steering.cost.heading, steering.cost.speed] = cost_weights(given);
     if let Some(ms) = given.plan_time {
-        ensure!(ms > 0.0 && ms < 1e6, "--plan-time {ms}: milliseconds greater than 0 are needed");
+        ensure!(
+            ms > 0.0 && ms < 1e6,
+            "--plan-time {ms}: the time limit in milliseconds must be greater than 0"
+        );
         steering.budget = Some(Duration::from_secs_f64(1e-3 * ms));
     }
     Ok(steering)
 }
 
-/// Of a metre, a radian, 1 m/s.
-fn prices(given: &HelmArgs) -> [f64; 3] {
-    given.prices.map_or([1.0, 0.2, 0.2], |prices| prices.0)
+/// Cost weights of position, heading and speed error.
+fn cost_weights(given: &ControllerArgs) -> [f64; 3] {
+    given.cost_weights.map_or([1.0, 0.2, 0.2], |weights| weights.0)
 }
 
-/// How a model learns in the loop: as `hydroid adapt` lets it, with the settings that are that command's default.
-pub(super) fn learning(args: &LearnArgs, model: &Model) -> anyhow::Result<adapt::Options> {
+/// Options of the online adaptation: the defaults of `hydroid adapt`.
+pub(super) fn adaptation(args: &AdaptationArgs, model: &Model) -> anyhow::Result<adapt::Options> {
     adapt::adaptable(model)?;
     let mut options = adapt::Options::of(model);
     let (equations, direct) = (model.equations().is_some(), model.direct().is_some());
     ensure!(
         !direct || args.learner != Some(Learner::Kalman),
-        "--learner kalman is not for direct predictors: their last layer learns by least squares; leave it out"
+        "direct predictors adapt by least squares: leave --learner kalman out"
     );
     ensure!(
         equations || direct || args.learner != Some(Learner::LeastSquares),
-        "--learner least-squares is for equations and direct predictors: this is a model of kind '{}', which learns by the filter; leave it out",
+        "--learner least-squares needs equations or a direct predictor: this is a model of kind '{}'; leave it out",
         model.kind()
     );
     if args.learner == Some(Learner::Kalman) {
@@ -240,9 +241,9 @@ pub(super) fn learning(args: &LearnArgs, model: &Model) -> anyhow::Result<adapt:
     Ok(if args.no_guard { options } else { options.guarded(model) })
 }
 
-/// The controller as `control.json` has it.
-pub(super) fn told(args: &Control, steering: &ControllerOptions) -> Value {
-    let mut told = json!({
+/// The controller in `control.json`.
+pub(super) fn description(args: &Control, steering: &ControllerOptions) -> Value {
+    let mut description = json!({
         "kind": steering.method,
         "model": args.model,
         "lead_m": steering.lead,
@@ -251,29 +252,29 @@ pub(super) fn told(args: &Control, steering: &ControllerOptions) -> Value {
     });
     match steering.method {
         ControlMethod::FeedbackLinearization => {
-            told["bandwidth"] = json!(steering.bandwidth);
-            told["integral"] = json!(steering.integral);
-            told["learned"] = json!(steering.learned.is_some());
+            description["bandwidth"] = json!(steering.bandwidth);
+            description["integral"] = json!(steering.integral);
+            description["adaptive_augmentation"] = json!(steering.learned.is_some());
         }
-        ControlMethod::Backstepping => told["rate_per_s"] = json!(steering.rate),
+        ControlMethod::Backstepping => description["rate_per_s"] = json!(steering.rate),
         ControlMethod::CrossEntropy => {
             let p = &steering.planner;
-            told["horizon"] = json!(p.horizon);
-            told["candidates"] = json!(p.candidates);
-            told["iterations"] = json!(p.iterations);
-            told["descents"] = json!(p.gauss_newton_steps);
-            told["prices"] = json!(prices(&args.helm));
+            description["horizon"] = json!(p.horizon);
+            description["candidates"] = json!(p.candidates);
+            description["iterations"] = json!(p.iterations);
+            description["gauss_newton_steps"] = json!(p.gauss_newton_steps);
+            description["cost_weights"] = json!(cost_weights(&args.controller));
         }
         ControlMethod::Autopilot => {}
     }
-    told
+    description
 }
 
-/// What the page says of controller, task and conditions.
+/// Controller, model, task and conditions for the report.
 pub(super) fn facts(args: &Control, steering: &ControllerOptions, scene: &Scenario) -> Vec<(String, String)> {
     let words = match steering.method {
         ControlMethod::FeedbackLinearization if steering.learned.is_some() => {
-            "feedback linearization of a point ahead of the vessel, with a correction that is learned under way"
+            "feedback linearization of a point ahead of the vessel, with adaptive augmentation"
         }
         ControlMethod::FeedbackLinearization => "feedback linearization of a point ahead of the vessel",
         ControlMethod::Backstepping => "backstepping of a point ahead of the vessel",
@@ -281,28 +282,28 @@ pub(super) fn facts(args: &Control, steering: &ControllerOptions, scene: &Scenar
         ControlMethod::Autopilot => "line of sight, PID on the heading, PI on the speed",
     };
     let mut facts: Vec<(String, String)> = Vec::new();
-    let mut tell = |name: &str, value: String| facts.push((name.to_owned(), value));
-    tell("Controller", words.to_owned());
+    let mut add = |name: &str, value: String| facts.push((name.to_owned(), value));
+    add("Controller", words.to_owned());
     if let (Some(model), Some(path)) = (&steering.model, &args.model) {
-        let learns = if steering.adapt.is_some() { ", which learns on the way" } else { "" };
-        tell("Model", format!("{} ({}){learns}", path.display(), model.kind()));
+        let adapted = if steering.adapt.is_some() { ", adapted online" } else { "" };
+        add("Model", format!("{} ({}){adapted}", path.display(), model.kind()));
     }
-    tell("Plant", scene.vessel.name.clone());
+    add("Plant", scene.vessel.name.clone());
     let task = match args.task.task {
         TaskKind::Circle => "circle",
         TaskKind::LawnMower => "lawn-mower",
-        TaskKind::Waypoints => "way-points",
+        TaskKind::Waypoints => "waypoints",
         TaskKind::Legs => "straight legs",
     };
     let turn = args.task.turn_speed.map(|turn| format!(", {turn} m/s in turns")).unwrap_or_default();
-    tell("Task", format!("{task}, {} m/s{turn}", args.task.speed));
-    let sea = &args.sea;
-    let [[north, east], [to_north, to_east], [gust, gust_s]] = [sea.current.0, sea.wind.0, sea.gusts.0];
-    tell(
+    add("Task", format!("{task}, {} m/s{turn}", args.task.speed));
+    let d = &args.disturbances;
+    let [[north, east], [to_north, to_east], [gust, gust_s]] = [d.current.0, d.wind.0, d.gusts.0];
+    add(
         "Conditions",
         format!(
             "noise × {}, current {north}, {east} m/s, wind {to_north}, {to_east} N, gusts {gust} N ({gust_s} s), mass × {}, delay {} s, seed {}",
-            sea.noise, sea.mass, sea.delay, sea.seed
+            d.noise, d.mass, d.delay, d.seed
         ),
     );
     facts

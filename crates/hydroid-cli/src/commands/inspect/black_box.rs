@@ -8,8 +8,8 @@ use hydroid_live::black_box::Summary;
 use crate::args::Global;
 use crate::ui;
 
-/// Events that are told one by one; `--json` has all.
-const TOLD: usize = 100;
+/// Number of events in the text output.
+const EVENTS_SHOWN: usize = 100;
 
 pub fn json(file: &Path, summary: &Summary) -> anyhow::Result<serde_json::Value> {
     let mut document = serde_json::to_value(summary)?;
@@ -22,14 +22,14 @@ pub fn show(file: &Path, summary: &Summary, global: Global) {
     let head = &summary.head;
     let [first, last] = summary.t;
     let span = if summary.samples == 0 {
-        "nothing in it yet".to_owned()
+        "empty".to_owned()
     } else {
         format!("{} samples from {first:.2} to {last:.2} s", summary.samples)
     };
     outln!("{}: black box of hydroid {}, {span}", file.display(), head.hydroid);
     if summary.stretches > 1 {
         outln!(
-            "{} stretches: the service was started anew between them, or could not write",
+            "{} segments in time: between them the service was restarted or could not write",
             summary.stretches
         );
     }
@@ -49,30 +49,32 @@ pub fn show(file: &Path, summary: &Summary, global: Global) {
     }
     let o = summary.outcomes;
     outln!(
-        "samples: {} accepted, {} with less weight, {} rejected, {} rolled back, {} waiting",
+        "samples: {} accepted, {} with reduced weight, {} rejected, {} rolled back, {} waiting",
         o.accepted,
         o.inflated,
         o.rejected,
         o.rolled_back,
         o.waiting
     );
-    let [learner, kept, shore] = summary.predicted_by;
-    if learner + kept + shore > 0 {
-        outln!("predicted by the adapted model {learner} times, its snapshot {kept}, the frozen one {shore}");
+    let [adapted, snapshot, reference] = summary.predicted_by;
+    if adapted + snapshot + reference > 0 {
+        outln!(
+            "predictions: {adapted} by the adapted model, {snapshot} by its snapshot, {reference} by the reference model"
+        );
     }
-    let known = |x: f64| if x.is_nan() { "not known".to_owned() } else { format!("{x:.4e}") };
+    let known = |x: f64| if x.is_nan() { "unknown".to_owned() } else { format!("{x:.4e}") };
     let [nis, t] = summary.largest_nis;
     let at = if nis.is_nan() { String::new() } else { format!(" at {t:.2} s") };
     outln!(
-        "health: least variance {}, least sureness {}, largest sum of squared innovations {}{at}",
+        "filter: smallest variance {}, smallest ratio S/R {}, largest normalized innovation squared {}{at}",
         known(summary.least_variance),
         known(summary.least_sureness),
         known(nis)
     );
     outln!("{}", if summary.events.is_empty() { "no events" } else { "events:" });
-    let left = summary.events.len().saturating_sub(TOLD);
+    let left = summary.events.len().saturating_sub(EVENTS_SHOWN);
     if left > 0 {
-        outln!("  {left} earlier ones: --json has them");
+        outln!("  .. {left} earlier events (all with --json)");
     }
     for event in &summary.events[left..] {
         outln!("  {:>10.2} s  {:<11} {}", event.t, event.action, event.text);
@@ -80,15 +82,15 @@ pub fn show(file: &Path, summary: &Summary, global: Global) {
     let mut notes = Vec::new();
     if summary.torn > 0 {
         notes.push(Note::info(format!(
-            "{} of {} segments left out: torn when the writing was interrupted, or damaged",
+            "{} of {} segments skipped: incomplete or damaged",
             summary.torn, head.segments
         )));
     }
     if summary.damaged {
         notes.push(
-            Note::warning("steps in the middle are damaged: what stands behind them is left out")
-                .with_remedy("copy the file anew from where it was written"),
+            Note::warning("the file is damaged: the records after the damage are skipped")
+                .with_remedy("copy the file again from its source"),
         );
     }
-    ui::tell(&notes, global);
+    ui::print_notes(&notes, global);
 }

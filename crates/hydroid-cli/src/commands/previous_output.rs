@@ -1,4 +1,4 @@
-//! What stands in the folder of -o from before: trainings that were interrupted, models of earlier jobs.
+//! Earlier contents of the output folder: checkpoints of interrupted trainings, and models of other jobs.
 
 use std::path::{Path, PathBuf};
 
@@ -7,13 +7,13 @@ use hydroid::identify::{Identified, IdentifyError, Job, Method};
 use hydroid::log::Note;
 use hydroid::train::{TrainError, refit_checkpoint};
 
-/// Where the model of a method is written.
+/// The model file of a method.
 pub fn model_file(folder: &Path, name: &str) -> PathBuf {
     folder.join(format!("{name}.safetensors"))
 }
 
-/// The model of an earlier job would pass for one of this: where a method gave none, it gets out of the way.
-pub fn stale(folder: &Path, job: &Job, identified: &Identified) -> anyhow::Result<Vec<Note>> {
+/// Renames models of an earlier job whose method gave no model in this job, so that they are not taken for its results.
+pub fn move_stale_models(folder: &Path, job: &Job, identified: &Identified) -> anyhow::Result<Vec<Note>> {
     let mut notes = Vec::new();
     for method in &job.methods {
         let file = model_file(folder, method.name());
@@ -23,10 +23,13 @@ pub fn stale(folder: &Path, job: &Job, identified: &Identified) -> anyhow::Resul
         }
         let old = file.with_extension("safetensors.old");
         std::fs::rename(&file, &old).with_context(|| {
-            format!("{} is of an earlier job and cannot be renamed: move it away", file.display())
+            format!(
+                "{} belongs to an earlier job and cannot be renamed: move it to another folder",
+                file.display()
+            )
         })?;
         notes.push(Note::info(format!(
-            "{} was of an earlier job, and this one gave no model by that method: it is now {}",
+            "{} belongs to an earlier job, and this job gave no model by that method; it was renamed to {}",
             file.display(),
             old.display()
         )));
@@ -34,24 +37,24 @@ pub fn stale(folder: &Path, job: &Job, identified: &Identified) -> anyhow::Resul
     Ok(notes)
 }
 
-/// Trainings that are kept.
-pub fn kept(job: &Job) -> impl Iterator<Item = PathBuf> {
+/// Checkpoints in the output folder.
+pub fn checkpoints(job: &Job) -> impl Iterator<Item = PathBuf> {
     let networks = job.methods.iter().copied().filter(|method| method.cell().is_some());
     let files = networks.filter_map(|method: Method| job.networks.checkpoint(method));
     files.flat_map(|file| [refit_checkpoint(&file), file]).filter(|file| file.exists())
 }
 
-/// An error after which something is there to go on from says so.
-pub fn resumable(error: anyhow::Error, job: &Job) -> anyhow::Error {
-    // Whoever insisted in vain is told what to do by the error.
-    let in_vain = matches!(
+/// Adds to an error that the training can be resumed, if a checkpoint exists.
+pub fn with_resume_hint(error: anyhow::Error, job: &Job) -> anyhow::Error {
+    // This error has its own remedy.
+    let refused = matches!(
         error.downcast_ref(),
         Some(IdentifyError::Train { error: TrainError::Checkpoint { .. }, .. })
     );
-    if in_vain || kept(job).next().is_none() {
+    if refused || checkpoints(job).next().is_none() {
         return error;
     }
     error.context(
-        "what was trained is kept up to its last epoch: the same command goes on from there (with --resume it insists)",
+        "the training was saved after its last epoch; run the same command again to continue it (--resume makes this mandatory)",
     )
 }

@@ -1,0 +1,147 @@
+//! Options of `hydroid adapt` and `hydroid control` in a TOML file.
+//!
+//! The section `[adapt]` (or `[control]`) has a key for each option of the command: the name of the option with `_` in place
+//! of `-`. The values become arguments of the command line. An option that stands on the command line replaces the key.
+
+use std::any::TypeId;
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Command};
+use hydroid::toml_file;
+use serde::Deserialize;
+
+use crate::config;
+
+/// A section of the file: values by the name of the option.
+pub type Section = BTreeMap<String, Value>;
+
+/// The value of an option.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "a number, a text, true, false, a list, or a table of these")]
+pub enum Value {
+    Flag(bool),
+    Integer(i64),
+    Number(f64),
+    Text(String),
+    List(Vec<Value>),
+    Table(BTreeMap<String, Value>),
+}
+
+/// The sections that matter here; `hydroid identify` reads the others.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Sections {
+    adapt: Section,
+    control: Section,
+}
+
+/// Arguments from a file.
+#[derive(Debug)]
+pub struct FromFile {
+    pub path: PathBuf,
+    pub verb: &'static str,
+    pub arguments: Vec<OsString>,
+}
+
+/// Reads the section of the subcommand in `matches` from the file that `--config` names, or from `hydroid.toml` in the current
+/// folder. Options that are on the command line are left out.
+pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<FromFile>> {
+    let Some((name, given)) = matches.subcommand() else { return Ok(None) };
+    let Some(verb) = ["adapt", "control"].into_iter().find(|verb| *verb == name) else { return Ok(None) };
+    // The recording of a black box contains all options of its session.
+    if verb == "adapt" && given.contains_id("replay") {
+        return Ok(None);
+    }
+    let path = match given.get_one::<PathBuf>("config") {
+        Some(path) => path.clone(),
+        None if Path::new(config::DEFAULT).exists() => PathBuf::from(config::DEFAULT),
+        None => return Ok(None),
+    };
+    let sections: Sections = toml_file::read(&path).context("the configuration file cannot be used")?;
+    let section = if verb == "adapt" { sections.adapt } else { sections.control };
+    let Some(command) = command.find_subcommand(verb) else { return Ok(None) };
+    let mut arguments = Vec::new();
+    for (key, value) in &section {
+        let place = || format!("{}, section [{verb}], key {key}", path.display());
+        let Some(arg) = option(command, key) else {
+            bail!(
+                "{}: hydroid {verb} has no option --{}; `hydroid {verb} --help-advanced` lists all of them",
+                place(),
+                key.replace('_', "-")
+            );
+        };
+        if given.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine) {
+            continue;
+        }
+        arguments.extend(words(arg, value, &path).with_context(place)?);
+    }
+    Ok((!arguments.is_empty()).then_some(FromFile { path, verb, arguments }))
+}
+
+/// The option of a command that a key names.
+fn option<'a>(command: &'a Command, key: &str) -> Option<&'a Arg> {
+    let long = key.replace('_', "-");
+    let named = |arg: &&Arg| arg.get_long() == Some(long.as_str());
+    let excluded = ["config", "help", "help-advanced", "replay"];
+    command.get_arguments().find(named).filter(|_| !excluded.contains(&long.as_str()) && !key.contains('-'))
+}
+
+/// An option and its value as words of a command line.
+fn words(arg: &Arg, value: &Value, file: &Path) -> anyhow::Result<Vec<OsString>> {
+    let long = arg.get_long().unwrap_or_default();
+    if matches!(arg.get_action(), ArgAction::SetTrue) {
+        return match value {
+            Value::Flag(true) => Ok(vec![format!("--{long}").into()]),
+            Value::Flag(false) => Ok(Vec::new()),
+            _ => bail!("write true or false"),
+        };
+    }
+    let is_path = arg.get_value_parser().type_id() == TypeId::of::<PathBuf>();
+    let word = |text: String| -> OsString {
+        let text = if is_path { beside(file, &text).into_os_string() } else { text.into() };
+        let mut word = OsString::from(format!("--{long}="));
+        word.push(text);
+        word
+    };
+    match (arg.get_action(), arg.get_value_delimiter(), value) {
+        (ArgAction::Append, None, Value::List(all)) => {
+            all.iter().map(|value| Ok(word(text(value, ",")?))).collect()
+        }
+        _ => Ok(vec![word(text(value, if nested(value) { ";" } else { "," })?)]),
+    }
+}
+
+fn beside(file: &Path, name: &str) -> PathBuf {
+    file.parent().unwrap_or(Path::new("")).join(name)
+}
+
+fn nested(value: &Value) -> bool {
+    matches!(value, Value::List(all) if all.iter().any(|value| matches!(value, Value::List(_))))
+}
+
+/// A value as the command line takes it: lists with a separator, tables as `NAME=VALUE`, a list in a list with commas.
+fn text(value: &Value, separator: &str) -> anyhow::Result<String> {
+    Ok(match value {
+        Value::Flag(_) => bail!("the option takes a value, not true or false"),
+        Value::Integer(n) => n.to_string(),
+        Value::Number(x) => x.to_string(),
+        Value::Text(text) => text.clone(),
+        Value::List(all) => {
+            let all: anyhow::Result<Vec<_>> = all.iter().map(|value| text(value, ",")).collect();
+            all?.join(separator)
+        }
+        Value::Table(all) => {
+            let mut joined = String::new();
+            for (name, value) in all {
+                let comma = if joined.is_empty() { "" } else { "," };
+                let _ = write!(joined, "{comma}{name}={}", text(value, ",")?);
+            }
+            joined
+        }
+    })
+}
