@@ -20,7 +20,7 @@ pub mod sindy;
 pub mod toml_file;
 pub mod train;
 
-/// The example in the chapter on equations.
+/// The examples of the page on the Rust API.
 #[cfg(doctest)]
-#[doc = include_str!("../../../docs/equations.md")]
-struct ChapterOnEquations;
+#[doc = include_str!("../../../docs/rust-api.md")]
+struct RustApiPage;
