@@ -36,8 +36,5 @@ mod vessel;
 #[path = "../../../hydroid-core/tests/it/networks.rs"]
 #[allow(dead_code)] // the tests of this crate use a part of it
 mod networks;
-#[path = "../../examples/ridge_baseline.rs"]
+#[path = "../../../hydroid-study/examples/ridge_baseline.rs"]
 mod ridge_baseline;
-#[path = "../../examples/steer_circles.rs"]
-#[allow(dead_code)] // the tests use a part of the example
-mod steer_circles;
