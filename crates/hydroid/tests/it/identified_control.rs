@@ -10,9 +10,11 @@ use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
-use hydroid::sindy::{Constraints, FitOptions, Library, Optimizer, Prepared, RegressionForm, Scaling, Variables};
+use hydroid::sindy::{
+    Constraints, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling, Variables,
+};
 use hydroid_core::control::{
-    AffineEquations, AffinePlant, Controller, FeedbackLinearization, FeedbackLinearizationSettings, Status,
+    AffineEquations, AffinePlant, Controller, FeedbackLinearization, FeedbackLinearizationOptions, Status,
 };
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::vessel::VesselParams;
@@ -181,7 +183,7 @@ fn polynomial(data: &Trajectory, degree: u8, regression: RegressionForm, optimiz
     let mut scales = vec![1.0; data.outputs.width() + 2];
     scales[MOTION.len()..=data.outputs.width()].fill(100.0);
     let scaling = Scaling::Variables(scales);
-    let prepared = Prepared::new(&[data], terms, regression, &scaling).unwrap();
+    let prepared = LinearRegression::new(&[data], terms, regression, &scaling).unwrap();
     let options = FitOptions { optimizer, ridge: 0.0, substeps: 1, constraints: Constraints::default() };
     prepared.fit(&options).unwrap().equations
 }
@@ -196,7 +198,7 @@ fn with_measured_force() -> Equations {
 /// The controller with known parameters.
 fn on_plant(vessel: &VesselParams, lead: f64) -> FeedbackLinearization<AffinePlant> {
     let (model, limits) = (AffinePlant::new(vessel).unwrap(), AffinePlant::limits(vessel));
-    FeedbackLinearization::new(model, &limits, DT, FeedbackLinearizationSettings::new(lead)).unwrap()
+    FeedbackLinearization::new(model, &limits, DT, FeedbackLinearizationOptions::new(lead)).unwrap()
 }
 
 /// The controller with equations, or the reason why they cannot be inverted.
@@ -206,7 +208,7 @@ fn on_equations(
     lead: f64,
 ) -> Result<FeedbackLinearization<AffineEquations>, String> {
     let model = affine(vessel, equations)?;
-    let settings = FeedbackLinearizationSettings::new(lead);
+    let settings = FeedbackLinearizationOptions::new(lead);
     FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings)
         .map_err(|error| error.to_string())
 }
