@@ -1,7 +1,10 @@
-//! The on-board part of hydroid.
+//! The on-board part of hydroid: models, adaptation, guidance and control without I/O, clock, threads, or allocation per sample.
 //!
-//! Numbers in, numbers out: no I/O, no clock, no threads, and no allocation per sample. Builds
-//! without the standard library (`default-features = false`) wherever there is an allocator.
+//! The crate builds without the standard library (`default-features = false`) where there is an allocator.
+//!
+//! Order of the modules, bottom to top; each imports only modules before it: `math` (vector kernels), `actuator` (lags, command maps,
+//! limits), `vessel` (the parametric plant), `predict` (the prediction session), `model` (equations, networks, plants over samples),
+//! `adapt` (online adaptation and its guard), `guidance` (paths and references), `control` (control laws and planning).
 //!
 //! Conventions of the whole crate: body velocities `nu = (u, v, r)`, surge and sway in m/s (forward,
 //! starboard), yaw rate in rad/s (positive to starboard, seen from above, z down); pose

@@ -1,8 +1,10 @@
-//! hydroid on shore: makes and reads logs, learns models from them and judges them.
+//! Identification, evaluation, adaptation and closed-loop simulation of vessel models from logs.
 //!
-//! The modules in the order of dependence: [`log`] knows nothing of the others; [`excitation`] makes
-//! commands and [`simulate`] turns them into logs; [`evaluate`] judges any model; [`sindy`] finds equations;
-//! [`model`] is what was found, and its file; [`identify`] is the whole way from runs to a judged model.
+//! Order of the modules, bottom to top; each imports only modules before it: `log` (runs and their files), `excitation` (command
+//! sequences), `progress`, `toml_file`, `atomic`, `fnv`, `evaluate` (multi-step errors of any model), `faults` (sensor faults),
+//! `simulate` (commands to logs), `model` (identified models and their files), `sindy` (sparse regression), `adapt` (online
+//! adaptation along a log), `train` (networks), `closed_loop` (controllers on a simulated vessel), `identify` (from runs to a judged
+//! model).
 
 pub mod adapt;
 pub mod atomic;

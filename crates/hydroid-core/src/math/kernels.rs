@@ -10,10 +10,6 @@ use pulp::Arch;
 use super::vectors::Vectors;
 use crate::adapt::kalman::reduced::structure;
 use crate::adapt::kalman::{full, reduced, triangle};
-use crate::math;
-use crate::model::direct::{batch, forward_pass};
-use crate::model::recurrent::batch::cells;
-use crate::model::recurrent::single::{linearization, packed, products};
 
 /// `name: kernel => output`: a function of that name which runs the kernel on vectors that the processor has.
 macro_rules! kernels {
@@ -40,17 +36,6 @@ macro_rules! kernels {
 }
 
 kernels! {
-    each: math::Each<'_, Self> => ();
-    direct_forward: batch::Forwards<'_, Self> => ();
-    direct_back: batch::Backs<'_, Self> => ();
-    direct_step: forward_pass::Step<'_, Self> => ();
-    direct_read_out: forward_pass::ReadOut<'_, Self> => ();
-    cells_forward: cells::Forwards<'_, Self> => ();
-    cells_back: cells::Backs<'_, Self> => ();
-    step: packed::Step<'_, Self> => ();
-    linear_step: linearization::Step<'_, Self> => ();
-    times: products::Times<'_, Self> => ();
-    output_times: products::OutputTimes<'_, Self> => ();
     triangle_pass: triangle::Part<'_, '_, Self> => ();
     triangle_quadratic: triangle::Quadratic<'_, Self> => Self;
     full_products: full::Products<'_, Self> => ();

@@ -10,6 +10,7 @@
 
 pub(crate) mod aligned;
 pub(crate) mod functions;
+pub(crate) mod kernel;
 pub(crate) mod kernels;
 pub(crate) mod product;
 pub(crate) mod rows;
@@ -19,6 +20,7 @@ pub(crate) mod vectors;
 use num_traits::Float;
 use pulp::{Arch, Simd, WithSimd};
 
+use self::kernel::{Kernel, kernels};
 use self::kernels::Kernels;
 use self::slices::{Write, vectors};
 use self::vectors::Vectors;
@@ -43,6 +45,14 @@ pub trait Scalar:
 
     /// The same number in double precision.
     fn wide(self) -> f64;
+
+    /// Runs a kernel in this precision.
+    #[doc(hidden)]
+    fn run<K: Kernel>(arch: Arch, kernel: K::Of<'_, Self>) -> K::Output<Self>;
+}
+
+kernels! {
+    ElementWise: Each;
 }
 
 impl Scalar for f32 {
@@ -54,6 +64,10 @@ impl Scalar for f32 {
     fn wide(self) -> f64 {
         f64::from(self)
     }
+
+    fn run<K: Kernel>(arch: Arch, kernel: K::Of<'_, Self>) -> K::Output<Self> {
+        K::single(arch, kernel)
+    }
 }
 
 impl Scalar for f64 {
@@ -64,23 +78,27 @@ impl Scalar for f64 {
     fn wide(self) -> f64 {
         self
     }
+
+    fn run<K: Kernel>(arch: Arch, kernel: K::Of<'_, Self>) -> K::Output<Self> {
+        K::double(arch, kernel)
+    }
 }
 
 /// `x <- e^x`, within 1.5e-7 (`f32`) or 3e-16 (`f64`) of the result; where that is below the normal numbers, of the
 /// smallest of these.
 pub fn exp<T: Scalar>(x: &mut [T]) {
-    T::each(Arch::new(), Each { x, function: Function::Exp });
+    T::run::<ElementWise>(Arch::new(), Each { x, function: Function::Exp });
 }
 
 /// `x <- tanh x`, within 2.5e-7 (`f32`) or 7e-16 (`f64`) of the result, at most 1 in size, and exactly odd.
 pub fn tanh<T: Scalar>(x: &mut [T]) {
-    T::each(Arch::new(), Each { x, function: Function::Tanh });
+    T::run::<ElementWise>(Arch::new(), Each { x, function: Function::Tanh });
 }
 
 /// `x <- 1 / (1 + e^-x)`, within 2.5e-7 (`f32`) or 5e-16 (`f64`) of the result; where that is below 1e-30 (`f32`) or
 /// 1e-290 (`f64`), of these.
 pub fn sigmoid<T: Scalar>(x: &mut [T]) {
-    T::each(Arch::new(), Each { x, function: Function::Sigmoid });
+    T::run::<ElementWise>(Arch::new(), Each { x, function: Function::Sigmoid });
 }
 
 #[derive(Clone, Copy, Debug)]

@@ -18,6 +18,7 @@ mod kalman_plant;
 mod kalman_reduced;
 mod least_squares;
 mod math;
+mod module_order;
 mod networks;
 mod plant_golden;
 mod plant_params;

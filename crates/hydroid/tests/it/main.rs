@@ -33,6 +33,8 @@ mod train_evaluate;
 mod train_refit;
 mod vessel;
 
+#[path = "../../../hydroid-core/tests/it/module_order.rs"]
+mod module_order;
 #[path = "../../../hydroid-core/tests/it/networks.rs"]
 #[allow(dead_code)] // the tests of this crate use a part of it
 mod networks;

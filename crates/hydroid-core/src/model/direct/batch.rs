@@ -14,10 +14,16 @@ use super::perceptron::{Layer, Perceptron};
 use crate::math::Scalar;
 use crate::math::aligned::Aligned;
 use crate::math::functions;
+use crate::math::kernel::kernels;
 use crate::math::product::{self, Matrix, Transposed, product, transpose};
 use crate::math::slices::{Write, vectors};
 use crate::math::vectors::Pack;
 use crate::model::recurrent::LANES;
+
+kernels! {
+    ForwardKernel: Forwards;
+    BackwardKernel: Backs;
+}
 
 /// A batch of inputs through a [`Perceptron`], and the gradient of its weights.
 ///
@@ -157,7 +163,7 @@ impl<T: Scalar> Batch<T> {
     pub fn forward(&mut self, weights: &[T]) {
         // What stands in lanes without a window may be no number, and nothing may come of it on the way back.
         clear(&mut self.hidden[0], self.lanes, self.windows);
-        T::direct_forward(self.arch, Forwards { batch: self, weights });
+        T::run::<ForwardKernel>(self.arch, Forwards { batch: self, weights });
     }
 
     /// From the output's adjoint, after [`forward`](Self::forward), to the gradient of the flat weights, which takes the
@@ -180,7 +186,7 @@ impl<T: Scalar> Batch<T> {
 
     fn back(&mut self, weights: &[T], gradient: &mut [T], input_adjoint: &mut [T]) {
         clear(&mut self.output_adjoint, self.lanes, self.windows);
-        T::direct_back(self.arch, Backs { batch: self, weights, gradient, input_adjoint });
+        T::run::<BackwardKernel>(self.arch, Backs { batch: self, weights, gradient, input_adjoint });
     }
 }
 
@@ -194,7 +200,7 @@ fn clear<T: Scalar>(rows: &mut [T], lanes: usize, windows: usize) {
 }
 
 /// What is compiled for the processor of [`Batch::forward`].
-pub struct Forwards<'a, T> {
+pub(crate) struct Forwards<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
 }
@@ -232,7 +238,7 @@ impl<T: Scalar> WithSimd for Forwards<'_, T> {
 }
 
 /// The same of [`Batch::backward`].
-pub struct Backs<'a, T> {
+pub(crate) struct Backs<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
     gradient: &'a mut [T],

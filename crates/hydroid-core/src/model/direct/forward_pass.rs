@@ -10,7 +10,7 @@ use alloc::sync::Arc;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::perceptron::{Layer, Perceptron};
-use crate::math::{Scalar, functions, product, slices};
+use crate::math::{functions, product, slices};
 
 /// The way through a [`Perceptron`], one input at a time.
 #[derive(Clone, Debug)]
@@ -38,24 +38,24 @@ impl ForwardPass {
     }
 
     /// The last layer of all weights: its matrix row by row, then its bias.
-    pub(crate) fn read_out<'a, T>(&self, weights: &'a [T]) -> &'a [T] {
+    pub(crate) fn read_out<'a>(&self, weights: &'a [f64]) -> &'a [f64] {
         &weights[self.layers.last().map_or(0, |layer| layer.at)..]
     }
 
     /// `g <- f(x)`, its first numbers alone where `g` is shorter than what the network gives; the weights of the last layer are
     /// given by themselves.
-    pub(crate) fn evaluate<T: Scalar>(
+    pub(crate) fn evaluate(
         &self,
-        [weights, read_out]: [&[T]; 2],
-        x: &[T],
-        hidden: &mut [T],
-        g: &mut [T],
+        [weights, read_out]: [&[f64]; 2],
+        x: &[f64],
+        hidden: &mut [f64],
+        g: &mut [f64],
     ) {
-        T::direct_step(self.arch, Step { forward: self, weights, read_out, x, hidden, g });
+        self.arch.dispatch(Step { forward: self, weights, read_out, x, hidden, g });
     }
 
     /// What the last layer reads, given `x`.
-    pub(super) fn look<T: Scalar>(&self, weights: &[T], x: &[T], hidden: &mut [T], into: &mut [T]) {
+    pub(super) fn look(&self, weights: &[f64], x: &[f64], hidden: &mut [f64], into: &mut [f64]) {
         self.evaluate([weights, &[]], x, hidden, &mut []);
         let inner = self.layers.len() - 1;
         // Layers write to one half and to the other in turn.
@@ -64,23 +64,23 @@ impl ForwardPass {
     }
 
     /// The last layer of what [`look`](Self::look) gives, its first numbers.
-    pub(super) fn give<T: Scalar>(&self, read_out: &[T], features: &[T], g: &mut [T]) {
+    pub(super) fn give(&self, read_out: &[f64], features: &[f64], g: &mut [f64]) {
         let Some(layer) = self.layers.last() else { return };
-        T::direct_read_out(self.arch, ReadOut { layer, weights: read_out, x: features, g });
+        self.arch.dispatch(ReadOut { layer, weights: read_out, x: features, g });
     }
 }
 
 /// What is compiled for the processor.
-pub struct Step<'a, T> {
+pub(crate) struct Step<'a> {
     forward: &'a ForwardPass,
-    weights: &'a [T],
-    read_out: &'a [T],
-    x: &'a [T],
-    hidden: &'a mut [T],
-    g: &'a mut [T],
+    weights: &'a [f64],
+    read_out: &'a [f64],
+    x: &'a [f64],
+    hidden: &'a mut [f64],
+    g: &'a mut [f64],
 }
 
-impl<T: Scalar> WithSimd for Step<'_, T> {
+impl WithSimd for Step<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -93,7 +93,7 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
             let h = &mut there[..layer.gives];
             product::affine(layer.matrix(self.weights), layer.bias(self.weights), x, h);
             let mut h = slices::Write::new(simd, h);
-            for k in slices::vectors::<S, T>(layer.gives) {
+            for k in slices::vectors::<S, f64>(layer.gives) {
                 h.set(k, functions::tanh(simd, h.get(k)));
             }
             core::mem::swap(&mut here, &mut there);
@@ -106,14 +106,14 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
 }
 
 /// The last layer by itself.
-pub struct ReadOut<'a, T> {
+pub(crate) struct ReadOut<'a> {
     layer: &'a Layer,
-    weights: &'a [T],
-    x: &'a [T],
-    g: &'a mut [T],
+    weights: &'a [f64],
+    x: &'a [f64],
+    g: &'a mut [f64],
 }
 
-impl<T: Scalar> WithSimd for ReadOut<'_, T> {
+impl WithSimd for ReadOut<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -12,8 +12,14 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::affine::{Affine, Place};
 use crate::math::Scalar;
+use crate::math::kernel::kernels;
 use crate::model::recurrent::network::{Cell, Network, Tensor};
 use crate::model::recurrent::{gru, lstm, vanilla};
+
+kernels! {
+    ForwardKernel: Forwards;
+    BackwardKernel: Backs;
+}
 
 /// The maps of a network's cell.
 #[derive(Clone, Debug)]
@@ -174,12 +180,12 @@ impl<T: Scalar> Cells<T> {
 
     /// One step of all lanes.
     pub(super) fn forward(&self, step: Forward<'_, T>) {
-        T::cells_forward(self.arch, Forwards(self, step));
+        T::run::<ForwardKernel>(self.arch, Forwards(self, step));
     }
 
     /// One step back of all lanes.
     pub(super) fn back(&mut self, step: Back<'_, T>) {
-        T::cells_back(self.arch, Backs(self, step));
+        T::run::<BackwardKernel>(self.arch, Backs(self, step));
     }
 
     #[inline(always)]
@@ -296,7 +302,7 @@ impl<T: Scalar> Cells<T> {
 }
 
 /// [`Cells::forward`] for whatever vectors there are.
-pub struct Forwards<'a, T>(&'a Cells<T>, Forward<'a, T>);
+pub(crate) struct Forwards<'a, T>(&'a Cells<T>, Forward<'a, T>);
 
 impl<T: Scalar> WithSimd for Forwards<'_, T> {
     type Output = ();
@@ -308,7 +314,7 @@ impl<T: Scalar> WithSimd for Forwards<'_, T> {
 }
 
 /// [`Cells::back`] for whatever vectors there are.
-pub struct Backs<'a, T>(&'a mut Cells<T>, Back<'a, T>);
+pub(crate) struct Backs<'a, T>(&'a mut Cells<T>, Back<'a, T>);
 
 impl<T: Scalar> WithSimd for Backs<'_, T> {
     type Output = ();

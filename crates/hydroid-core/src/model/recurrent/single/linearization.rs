@@ -15,7 +15,12 @@ use super::super::network::Cell;
 use super::super::{gru, lstm, vanilla};
 use super::packed::Packed;
 use crate::math::Scalar;
+use crate::math::kernel::kernels;
 use crate::math::rows::add_rows;
+
+kernels! {
+    StepKernel: Step;
+}
 
 /// The partials of one step, `state+ = f(state, x, weights)` and `y = g(state+, weights)`.
 ///
@@ -209,7 +214,7 @@ impl<T: Scalar> LayerPartials<T> {
 }
 
 /// A step as what [`Arch`] compiles for the processor.
-pub struct Step<'a, T> {
+pub(crate) struct Step<'a, T> {
     linear: &'a mut Linearization<T>,
     packed: &'a Packed<T>,
     state: &'a mut [T],
@@ -260,7 +265,7 @@ impl<T: Scalar> Linearization<T> {
     /// # Panics
     /// If `state` or `x` is shorter than [`Packed::step`] wants, or the network has another size.
     pub fn step(&mut self, packed: &Packed<T>, state: &mut [T], x: &[T]) {
-        T::linear_step(Arch::new(), Step { linear: self, packed, state, x });
+        T::run::<StepKernel>(Arch::new(), Step { linear: self, packed, state, x });
     }
 
     /// The same with the vectors that the processor has.

@@ -14,7 +14,12 @@ use super::super::network::{Cell, Network};
 use super::super::{gru, lstm, vanilla};
 use super::gates::Gates;
 use crate::math::Scalar;
+use crate::math::kernel::kernels;
 use crate::math::rows::product;
+
+kernels! {
+    StepKernel: Step;
+}
 
 /// A network's weights as a step of one sequence reads them fastest: the rows of the gates in blocks that are summed
 /// side by side, and biases that are always added together as one.
@@ -34,7 +39,7 @@ pub struct Packed<T> {
 }
 
 /// A step as what [`Arch`] compiles for the processor.
-pub struct Step<'a, T> {
+pub(crate) struct Step<'a, T> {
     packed: &'a Packed<T>,
     state: &'a mut [T],
     x: &'a [T],
@@ -112,7 +117,7 @@ impl<T: Scalar> Packed<T> {
     /// If a slice is shorter than documented: `state` [`Network::state_len`], `x` [`Network::inputs`], `scratch`
     /// [`scratch`](Self::scratch).
     pub fn step(&self, state: &mut [T], x: &[T], scratch: &mut [T]) {
-        T::step(Arch::new(), Step { packed: self, state, x, scratch });
+        T::run::<StepKernel>(Arch::new(), Step { packed: self, state, x, scratch });
     }
 
     /// The same with the vectors that the processor has.

@@ -10,7 +10,13 @@ use super::linearization::Linearization;
 use super::packed::Packed;
 use super::sums::Sums;
 use crate::math::Scalar;
+use crate::math::kernel::kernels;
 use crate::math::rows::add_rows;
+
+kernels! {
+    ProductKernel: Times;
+    OutputProductKernel: OutputTimes;
+}
 
 /// Changes of what a step depends on, as matrices of one or more columns, row by row. What is `None` does not change.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +38,7 @@ impl<T> Default for Change<'_, T> {
 }
 
 /// A product as what [`Arch`] compiles for the processor.
-pub struct Times<'a, T> {
+pub(crate) struct Times<'a, T> {
     linear: &'a Linearization<T>,
     packed: &'a Packed<T>,
     change: Change<'a, T>,
@@ -51,7 +57,7 @@ impl<T: Scalar> WithSimd for Times<'_, T> {
 }
 
 /// The same of the outputs.
-pub struct OutputTimes<'a, T> {
+pub(crate) struct OutputTimes<'a, T> {
     linear: &'a Linearization<T>,
     packed: &'a Packed<T>,
     change: Change<'a, T>,
@@ -90,7 +96,7 @@ impl<T: Scalar> Linearization<T> {
         out: &mut [T],
         scratch: &mut [T],
     ) {
-        T::times(Arch::new(), Times { linear: self, packed, change, columns, out, scratch });
+        T::run::<ProductKernel>(Arch::new(), Times { linear: self, packed, change, columns, out, scratch });
     }
 
     #[inline(always)]
@@ -195,7 +201,10 @@ impl<T: Scalar> Linearization<T> {
     /// # Panics
     /// If a matrix has not its rows times `columns`.
     pub fn output_times(&self, packed: &Packed<T>, change: Change<'_, T>, columns: usize, out: &mut [T]) {
-        T::output_times(Arch::new(), OutputTimes { linear: self, packed, change, columns, out });
+        T::run::<OutputProductKernel>(
+            Arch::new(),
+            OutputTimes { linear: self, packed, change, columns, out },
+        );
     }
 
     #[inline(always)]

@@ -1,0 +1,51 @@
+//! Compilation of vector kernels, once for each processor feature and precision.
+//!
+//! A generic function is compiled again in every crate and test that uses it, and a kernel three times each, for as many vector
+//! widths. Kernels are therefore called through functions that are not generic: the module that owns a kernel makes them by
+//! [`kernels!`], and generic code calls them by [`Scalar::run`], which is small.
+
+use pulp::{Arch, WithSimd};
+
+use super::Scalar;
+
+/// A kernel for both precisions.
+pub trait Kernel {
+    /// The kernel with its arguments.
+    type Of<'a, T: Scalar>: WithSimd<Output = Self::Output<T>>;
+
+    /// Its result.
+    type Output<T: Scalar>;
+
+    /// Runs the kernel in single precision on the vectors of the processor.
+    fn single(arch: Arch, kernel: Self::Of<'_, f32>) -> Self::Output<f32>;
+
+    /// Runs the kernel in double precision on the vectors of the processor.
+    fn double(arch: Arch, kernel: Self::Of<'_, f64>) -> Self::Output<f64>;
+}
+
+/// `Name: Arguments;` declares the [`Kernel`] `Name` of the type `Arguments<'_, T>`, whose result is `()`.
+macro_rules! kernels {
+    ($($name:ident: $kernel:ident;)*) => {$(
+        #[doc = concat!("Runs [`", stringify!($kernel), "`] without generics.")]
+        #[derive(Debug)]
+        pub(crate) enum $name {}
+
+        impl $crate::math::kernel::Kernel for $name {
+            type Of<'a, T: $crate::math::Scalar> = $kernel<'a, T>;
+            type Output<T: $crate::math::Scalar> = ();
+
+            // Inlined, the kernel would be compiled in the calling crate.
+            #[inline(never)]
+            fn single(arch: pulp::Arch, kernel: $kernel<'_, f32>) {
+                arch.dispatch(kernel);
+            }
+
+            #[inline(never)]
+            fn double(arch: pulp::Arch, kernel: $kernel<'_, f64>) {
+                arch.dispatch(kernel);
+            }
+        }
+    )*};
+}
+
+pub(crate) use kernels;
