@@ -36,7 +36,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 #[test]
-fn a_recorded_walk_allocates_nothing() {
+fn a_recorded_session_allocates_nothing() {
     let folder = tempfile::TempDir::new().unwrap();
     let model = boat::model();
     let options = Options::default().guarded(&model);

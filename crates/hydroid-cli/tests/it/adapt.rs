@@ -46,7 +46,7 @@ fn prepared() -> TempDir {
 const MODEL: &str = "out/sindy.safetensors";
 
 #[test]
-fn a_model_learns_along_a_log_and_is_written_with_its_history() {
+fn an_adapted_model_is_written_with_its_history() {
     let folder = prepared();
     let at = folder.path();
     let output = hydroid(at, &["adapt", MODEL, "c.csv", "-o", "adapted.safetensors", "--json"]);
@@ -88,7 +88,7 @@ fn a_model_learns_along_a_log_and_is_written_with_its_history() {
 }
 
 #[test]
-fn equations_learn_by_the_filter_where_it_is_asked_for() {
+fn equations_adapt_by_the_kalman_filter() {
     let folder = prepared();
     let at = folder.path();
     let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "-o", "adapted.safetensors", "--json"];
@@ -126,7 +126,7 @@ fn equations_learn_by_the_filter_where_it_is_asked_for() {
 }
 
 #[test]
-fn adapting_that_makes_things_worse_says_so_with_its_exit_status() {
+fn a_worse_adapted_model_has_exit_status_one() {
     let folder = prepared();
     // The vessel that it was made for, and hardly any memory: worse, if only a little.
     let args =
@@ -136,7 +136,7 @@ fn adapting_that_makes_things_worse_says_so_with_its_exit_status() {
 }
 
 #[test]
-fn wrong_input_is_told_with_a_remedy() {
+fn wrong_input_is_refused_with_a_remedy() {
     let folder = prepared();
     let at = folder.path();
     let refused = |args: &[&str], words: &str| {

@@ -28,7 +28,7 @@ fn report(args: &str) -> Value {
 }
 
 #[test]
-fn a_direct_predictor_learns_to_fly_and_is_written_with_its_history() {
+fn a_direct_predictor_adapts_to_foiling_and_is_written_with_its_history() {
     let args = format!("adapt {MODEL} lawn.csv --against truth --horizon 20 --json");
     let alone = report(&format!("{args} --no-guard -o adapted.safetensors"));
     let guarded = report(&args);
@@ -59,7 +59,7 @@ fn a_direct_predictor_learns_to_fly_and_is_written_with_its_history() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn invalid_input_is_refused() {
     for (options, words) in [
         ("--learner kalman", "by least squares"),
         ("--weight-variance 0.1", "recurrent networks"),
@@ -78,7 +78,7 @@ fn what_makes_no_sense_is_refused() {
 
 /// A kill costs nothing: answers and model are those of a service that was left alone.
 #[test]
-fn a_service_that_was_killed_goes_on_to_the_same_model() {
+fn a_killed_service_resumes_to_the_same_model() {
     let at = prepared();
     let options = "--stream --horizons 1,20 -q";
     let whole =

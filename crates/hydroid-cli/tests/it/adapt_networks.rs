@@ -28,7 +28,7 @@ fn report(args: &str) -> Value {
 }
 
 #[test]
-fn a_network_learns_to_fly_and_is_written_with_its_history() {
+fn a_network_adapts_to_foiling_and_is_written_with_its_history() {
     let report = report("adapt out/gru.safetensors lawn.csv -o adapted.safetensors --against truth --json");
     let mae = |part: &str, step: usize| report[part]["mae"][step - 1][0].as_f64().unwrap();
     for step in [1, 20, 100] {
@@ -50,7 +50,7 @@ fn a_network_learns_to_fly_and_is_written_with_its_history() {
 }
 
 #[test]
-fn the_table_has_all_three_side_by_side() {
+fn the_table_has_frozen_filtered_and_adapted_columns() {
     let output = run(prepared(), "adapt out/gru.safetensors lawn.csv -q");
     let told = text(&output.stdout);
     let head: Vec<&str> = told.lines().next().unwrap().split_whitespace().collect();
@@ -61,7 +61,7 @@ fn the_table_has_all_three_side_by_side() {
 }
 
 #[test]
-fn a_guard_survives_a_bad_day_and_says_what_it_did() {
+fn a_guard_survives_faults_and_reports_its_events() {
     let args = "adapt out/gru.safetensors lawn.csv --json -q --horizon 20 --inject spikes=0.02,stuck=r:8s@60 --seed 3";
     let error = |report: &Value| {
         // Mean over outputs and horizons of the RMSE against what was measured before the faults.
@@ -90,7 +90,7 @@ fn a_guard_survives_a_bad_day_and_says_what_it_did() {
 }
 
 #[test]
-fn what_the_model_was_trained_on_is_walked_through_first() {
+fn the_filter_runs_over_the_training_logs_first() {
     let plain = report("adapt out/gru.safetensors lawn.csv --json -q");
     let shore =
         report("adapt out/gru.safetensors lawn.csv --json -q --training-log a.csv --training-time 100s");
@@ -101,7 +101,7 @@ fn what_the_model_was_trained_on_is_walked_through_first() {
 
 /// On the water of the shore, the weights that were learned at sea: those that rehearsed it know it still.
 #[test]
-fn what_the_model_was_trained_on_is_rehearsed() {
+fn training_logs_are_rehearsed() {
     let error = |option: &str, output: &str| {
         let options = format!("--training-log a.csv --training-time 20s --no-guard {option}");
         let adapted = report(&format!("adapt out/gru.safetensors lawn.csv --json -q {options} -o {output}"));
@@ -120,7 +120,7 @@ fn what_the_model_was_trained_on_is_rehearsed() {
 }
 
 #[test]
-fn every_way_to_learn_less_still_learns() {
+fn every_reduced_covariance_adapts() {
     let frozen = report("adapt out/gru.safetensors lawn.csv --json -q");
     let frozen = frozen["frozen"]["rmse"][0][0].as_f64().unwrap();
     for option in [
@@ -138,7 +138,7 @@ fn every_way_to_learn_less_still_learns() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn invalid_input_is_refused() {
     for (options, words) in [
         ("--noise u=0.01", "'v' is missing"),
         ("--noise u=0.01,v=0.01,r=0.02,w=1", "'w' is no output"),
@@ -164,7 +164,7 @@ fn what_makes_no_sense_is_refused() {
 
 /// A kill costs nothing: answers and model are those of a service that was left alone.
 #[test]
-fn a_service_that_was_killed_goes_on_to_the_same_model() {
+fn a_killed_service_resumes_to_the_same_model() {
     let at = prepared();
     let options = "--stream --horizons 1,20 -q";
     let whole = run(at, &format!("adapt {MODEL} lawn.csv {options} -o whole.safetensors"));

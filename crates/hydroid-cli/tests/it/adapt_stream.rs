@@ -94,7 +94,7 @@ fn value(line: &str) -> Value {
 }
 
 #[test]
-fn a_streamed_log_teaches_the_same_model_as_one_that_is_read_as_a_whole() {
+fn a_streamed_log_gives_the_same_model_as_a_complete_log() {
     let at = prepared();
     done(at, &["adapt", MODEL, "c.csv", "-o", "batch.safetensors", "--json"]);
     let streamed = done(at, &["adapt", MODEL, "c.csv", "--stream", "-o", "streamed.safetensors"]);
@@ -120,7 +120,7 @@ fn a_streamed_log_teaches_the_same_model_as_one_that_is_read_as_a_whole() {
 }
 
 #[test]
-fn bands_hold_what_is_measured_under_the_commands_that_were_planned() {
+fn bands_cover_the_measurements_under_planned_commands() {
     const AHEAD: usize = 50;
     // The vessel that the model was made for: what bands know nothing of is a model that is wrong.
     let lines = lines("d.csv");
@@ -185,7 +185,7 @@ fn an_answer_comes_before_the_next_line_is_sent() {
 }
 
 #[test]
-fn a_service_that_was_killed_goes_on_to_the_same_answers_and_the_same_model() {
+fn a_killed_service_resumes_with_the_same_answers_and_model() {
     let at = prepared();
     let lines = lines("c.csv");
     let whole = done(at, &["adapt", MODEL, "c.csv", "--stream", "-o", "whole.safetensors"]);
@@ -243,7 +243,7 @@ fn an_interruption_leaves_state_and_model() {
 }
 
 #[test]
-fn what_cannot_be_served_is_told_with_a_remedy() {
+fn invalid_streams_are_refused_with_a_remedy() {
     let at = prepared();
     let refused = |args: &[&str], input: &str, words: &str| {
         let mut child = hydroid(at, args)

@@ -52,7 +52,7 @@ fn prepared() -> &'static Path {
 }
 
 #[test]
-fn a_vessel_learns_its_drag_and_is_written_as_a_vessel() {
+fn the_drag_of_a_vessel_is_estimated_and_written_to_a_vessel_file() {
     let report = json("adapt given.toml a.csv -o learned.toml --against truth --json");
     let rmse = |report: &Value, part: &str, step: usize| report[part]["rmse"][step - 1][0].as_f64().unwrap();
     for step in [10, 100] {
@@ -92,7 +92,7 @@ fn a_vessel_learns_its_drag_and_is_written_as_a_vessel() {
 }
 
 #[test]
-fn every_way_to_learn_less_still_learns() {
+fn every_reduced_covariance_adapts() {
     let mut frozen = None;
     for option in
         ["--covariance blocks:1", "--covariance low-rank:5", "--covariance diagonal", "--huber 3 --leak 3600"]
@@ -118,7 +118,7 @@ fn a_vessel_takes_the_sample_time_and_the_columns_of_the_log() {
 }
 
 #[test]
-fn a_vessel_learns_on_a_stream_and_goes_on_to_the_same_bytes() {
+fn a_vessel_on_a_stream_resumes_to_the_same_bytes() {
     let at = prepared();
     let options = "--horizons 1,20 -q";
     let whole = done(&format!("adapt hydrofoil a.csv --stream {options} -o whole.toml"));
@@ -141,7 +141,7 @@ fn a_vessel_learns_on_a_stream_and_goes_on_to_the_same_bytes() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn invalid_input_is_refused() {
     fs::write(prepared().join("broken.toml"), "name = 'x'\nmast = 3\n").unwrap();
     for (args, words) in [
         ("adapt given.toml a.csv -o learned.safetensors", "ends in .toml"),

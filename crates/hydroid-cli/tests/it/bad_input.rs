@@ -55,7 +55,7 @@ const IDENTIFY: &[&str] =
     &["identify", "bad.csv", "-o", "out", "--outputs", "u,r", "--inputs", "n_cmd,d_cmd"];
 
 #[test]
-fn a_good_log_passes_so_that_the_refusals_below_have_the_cause_they_say() {
+fn the_valid_log_passes() {
     let folder = TempDir::new().unwrap();
     write(&folder, "bad.csv", &good(400));
     let output = hydroid(folder.path(), &[IDENTIFY, &["--horizon", "20"]].concat());
@@ -187,7 +187,7 @@ fn configuration_files_with_mistakes() {
 }
 
 #[test]
-fn settings_that_make_no_sense() {
+fn invalid_settings() {
     let folder = TempDir::new().unwrap();
     write(&folder, "bad.csv", &good(400));
     for (option, words) in [
@@ -286,7 +286,7 @@ fn absurd_horizons() {
 
 /// The same samples in two parts of the split would certify what was never tested.
 #[test]
-fn a_log_that_would_judge_itself() {
+fn logs_in_two_parts_of_the_split() {
     let folder = TempDir::new().unwrap();
     write(&folder, "bad.csv", &good(400));
     write(&folder, "copy.csv", &good(400));
@@ -313,7 +313,7 @@ fn options_for_a_log_without_a_log() {
 }
 
 #[test]
-fn causes_are_told_once() {
+fn error_causes_are_printed_once() {
     let folder = TempDir::new().unwrap();
     let output = hydroid(folder.path(), &["inspect", "nowhere.safetensors"]);
     let message = String::from_utf8(output.stderr).unwrap();
@@ -321,7 +321,7 @@ fn causes_are_told_once() {
 }
 
 #[test]
-fn a_program_that_asked_for_json_gets_the_reason_as_json() {
+fn with_json_an_error_is_a_json_document() {
     let folder = TempDir::new().unwrap();
     let output = hydroid(folder.path(), &["inspect", "nowhere.csv", "--json"]);
     assert_eq!(output.status.code(), Some(2));

@@ -81,7 +81,7 @@ fn killed(args: &str, lines: usize) -> Vec<Value> {
 }
 
 #[test]
-fn a_service_that_was_killed_is_replayed_bit_for_bit_and_inspected() {
+fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
     for (name, options) in [("squares", ""), ("filter", " --learner kalman"), ("free", " --no-guard")] {
         let file = format!("{name}.box");
         let serve = format!("adapt {MODEL} - --horizons 1,20 --black-box {file}{options}");
@@ -132,7 +132,7 @@ fn a_service_that_was_killed_is_replayed_bit_for_bit_and_inspected() {
 }
 
 #[test]
-fn a_log_that_is_read_as_a_whole_is_noted_as_well() {
+fn a_complete_log_is_recorded_too() {
     let adapted = hydroid(prepared(), &format!("adapt {MODEL} c.csv --black-box log.box --json -q")).output();
     let with: Value = serde_json::from_slice(&adapted.unwrap().stdout).unwrap();
     let adapted = hydroid(prepared(), &format!("adapt {MODEL} c.csv --json -q")).output();
@@ -146,7 +146,7 @@ fn a_log_that_is_read_as_a_whole_is_noted_as_well() {
 }
 
 #[test]
-fn what_cannot_be_used_is_told_with_a_remedy() {
+fn unusable_files_are_refused_with_a_remedy() {
     let refused = |args: &str, words: &str| {
         let told = text(&ended(args, 2).stderr);
         assert!(told.contains(words) && !told.contains("panicked"), "{args}: {told}");
@@ -188,7 +188,7 @@ fn what_cannot_be_used_is_told_with_a_remedy() {
 /// A full disk does not stop a service: it is told once, and what was written before can be replayed.
 #[cfg(unix)]
 #[test]
-fn a_full_disk_stops_the_noting_and_nothing_else() {
+fn a_full_disk_stops_the_recording_only() {
     let script = format!(
         "ulimit -f 200; trap '' XFSZ; exec \"$0\" adapt {MODEL} c.csv --stream --black-box full.box --horizons 1"
     );
@@ -208,7 +208,7 @@ fn a_full_disk_stops_the_noting_and_nothing_else() {
 
 /// What went before the first sample is in the memory: logs from shore need not be there, nor those into which faults were put.
 #[test]
-fn vessels_logs_from_shore_and_faults_are_replayed_without_them() {
+fn replay_needs_no_vessel_file_training_log_or_faults() {
     ended("simulate hydrofoil --seed 5 --duration 60 -o h.csv", 0);
     let options = "c.csv --training-log a.csv --inject spikes=0.01,dropout=u:10s";
     for (model, log) in [("hydrofoil", "h.csv --horizon 10"), (MODEL, options)] {

@@ -45,7 +45,7 @@ fn is_evaluation(value: &Value, horizon: usize) {
 }
 
 #[test]
-fn from_simulation_to_judgement_on_the_hydrofoil() {
+fn the_hydrofoil_is_simulated_identified_and_evaluated() {
     let folder = TempDir::new().unwrap();
     for (seed, file, duration) in [("1", "a.csv", "900"), ("2", "b.csv", "300"), ("3", "c.csv", "300")] {
         simulate(folder.path(), "hydrofoil", seed, file, duration);
@@ -112,7 +112,7 @@ fn the_same_command_writes_the_same_bytes_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_configuration_file_says_what_the_command_line_can_say() {
+fn a_configuration_file_equals_the_command_line() {
     let folder = TempDir::new().unwrap();
     for (seed, file) in [("1", "a.csv"), ("2", "b.csv"), ("3", "c.csv")] {
         simulate(folder.path(), "simple", seed, file, "300");
@@ -158,7 +158,7 @@ fn prints_equations(folder: &Path, document: &Value) {
 }
 
 #[test]
-fn a_vessel_of_ones_own_is_a_file() {
+fn a_vessel_is_read_from_a_file() {
     let folder = TempDir::new().unwrap();
     let printed = hydroid(folder.path(), &["simulate", "simple", "--print-vessel"]);
     let toml = String::from_utf8(printed.stdout).unwrap();
@@ -171,7 +171,7 @@ fn a_vessel_of_ones_own_is_a_file() {
 }
 
 #[test]
-fn commands_from_a_file_are_sailed_again() {
+fn commands_from_a_file_repeat_a_simulation() {
     let folder = TempDir::new().unwrap();
     simulate(folder.path(), "hydrofoil", "4", "first.csv", "60");
     let args = ["simulate", "hydrofoil", "--excitation", "first.csv", "--seed", "4", "-o", "second.csv"];
@@ -216,7 +216,7 @@ fn a_delay_in_samples_means_the_same_time_on_a_log_of_another_rate() {
 }
 
 #[test]
-fn evaluate_says_when_a_model_is_of_no_use_on_a_log() {
+fn a_model_below_persistence_has_exit_status_one() {
     let folder = TempDir::new().unwrap();
     for (plant, file) in [("simple", "a.csv"), ("hydrofoil", "b.csv")] {
         simulate(folder.path(), plant, "3", file, "300");
@@ -236,7 +236,7 @@ fn evaluate_says_when_a_model_is_of_no_use_on_a_log() {
 }
 
 #[test]
-fn settings_in_this_folder_are_read_without_being_named() {
+fn hydroid_toml_in_the_current_folder_is_read() {
     let folder = TempDir::new().unwrap();
     simulate(folder.path(), "simple", "1", "a.csv", "300");
     fs::write(
@@ -255,7 +255,7 @@ fn settings_in_this_folder_are_read_without_being_named() {
 
 #[cfg(unix)]
 #[test]
-fn a_reader_that_has_seen_enough_is_no_error() {
+fn a_closed_pipe_is_not_an_error() {
     let folder = TempDir::new().unwrap();
     simulate(folder.path(), "simple", "1", "a.csv", "120");
     let program = assert_cmd::cargo::cargo_bin("hydroid");

@@ -35,7 +35,7 @@ fn timeless(mut told: Value) -> Value {
 }
 
 #[test]
-fn a_vessel_steers_itself_and_all_is_written() {
+fn a_closed_loop_writes_all_files() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     let args = "control hydrofoil --controller fl --speed 4 --radius 30 --seed 3 -o steered --json";
@@ -79,7 +79,7 @@ fn a_vessel_steers_itself_and_all_is_written() {
 }
 
 #[test]
-fn what_was_identified_steers_by_every_law_and_learns() {
+fn identified_equations_work_with_every_controller_and_adapt() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     for (seed, file) in [(0, "a.csv"), (1, "b.csv"), (2, "c.csv")] {
@@ -113,7 +113,7 @@ fn what_was_identified_steers_by_every_law_and_learns() {
 }
 
 #[test]
-fn equations_that_no_law_inverts_are_refused_with_a_remedy_and_steer_by_plans() {
+fn equations_that_cannot_be_inverted_are_refused_by_fl_and_accepted_by_cem() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     for (seed, file) in [(0, "a.csv"), (1, "b.csv"), (2, "c.csv")] {
@@ -148,7 +148,7 @@ fn equations_that_no_law_inverts_are_refused_with_a_remedy_and_steer_by_plans() 
 
 /// Tiny networks, which need not be good: they are written, read, and steered by.
 #[test]
-fn networks_are_identified_and_steered_by() {
+fn networks_are_identified_and_control_the_vessel() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     for (seed, file) in [(0, "a.csv"), (1, "b.csv"), (2, "c.csv")] {
@@ -198,7 +198,7 @@ fn networks_are_identified_and_steered_by() {
 }
 
 #[test]
-fn a_correction_is_learned_under_way() {
+fn adaptive_augmentation_reduces_the_error() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     let sea = "--task lawn-mower --speed 1.5 --legs 2 --mass 1.2 --current 0,0.3 --seed 4 --json";
@@ -231,7 +231,7 @@ fn a_correction_is_learned_under_way() {
 }
 
 #[test]
-fn pid_is_tuned_and_lawn_mowers_are_sailed() {
+fn pid_is_tuned_and_follows_lawn_mowers() {
     let folder = TempDir::new().unwrap();
     let lawn = "--task lawn-mower --leg 20 --legs 2 --radius 12 --speed 1.5";
     let report = told(folder.path(), &format!("control --plant simple --controller pid {lawn} --json"), 0);
@@ -245,7 +245,7 @@ fn pid_is_tuned_and_lawn_mowers_are_sailed() {
 }
 
 #[test]
-fn many_voyages_are_summed_up_and_one_that_fails_shows_in_the_exit_status() {
+fn trials_are_summarized_and_a_failed_trial_has_exit_status_one() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     let args = "control hydrofoil --controller fl --duration 30 --runs 6 --json -o many";
@@ -265,7 +265,7 @@ fn many_voyages_are_summed_up_and_one_that_fails_shows_in_the_exit_status() {
 }
 
 #[test]
-fn wrong_input_is_told_with_a_remedy() {
+fn wrong_input_is_refused_with_a_remedy() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     let refused = |args: &str, words: &str| {

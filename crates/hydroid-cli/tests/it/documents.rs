@@ -43,7 +43,7 @@ fn links(text: &str) -> Vec<(usize, String)> {
 }
 
 #[test]
-fn links_lead_somewhere() {
+fn links_have_targets() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"]
         .map(|name| root.join(name))

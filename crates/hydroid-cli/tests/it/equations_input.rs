@@ -65,7 +65,7 @@ fn done(folder: &TempDir, args: &[&str]) -> (String, String) {
 }
 
 #[test]
-fn settings_of_the_equations_that_cannot_be() {
+fn invalid_options_of_equations() {
     let folder = TempDir::new().unwrap();
     log(&folder, 400, |_| ());
     for (args, words) in [
@@ -120,7 +120,7 @@ fn too_few_samples_for_the_library() {
 }
 
 #[test]
-fn what_settings_say_is_in_the_equations() {
+fn the_equations_have_the_terms_of_the_options() {
     let folder = TempDir::new().unwrap();
     log(&folder, 600, |_| ());
     let terms = ["--term", "u", "--term", "r", "--term", "n_cmd", "--term", "d_cmd"];
@@ -153,7 +153,7 @@ fn what_settings_say_is_in_the_equations() {
 }
 
 #[test]
-fn inputs_that_cannot_be_told_apart_are_named() {
+fn collinear_inputs_are_reported() {
     let folder = TempDir::new().unwrap();
     log(&folder, 600, |row| row[3] = 0.5 * row[2]);
     let (message, _) = done(&folder, &["--members", "0"]);
@@ -164,7 +164,7 @@ fn inputs_that_cannot_be_told_apart_are_named() {
 }
 
 #[test]
-fn the_band_is_judged_where_there_is_an_ensemble() {
+fn band_coverage_is_reported_for_ensembles() {
     let folder = TempDir::new().unwrap();
     log(&folder, 600, |_| ());
     done(&folder, &["--members", "8", "--library", "degree 1"]);

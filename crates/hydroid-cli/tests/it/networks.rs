@@ -146,7 +146,7 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
 
 /// The direct predictor hears of its own table alone, brings the band of its restarts, and does not learn on the way.
 #[test]
-fn a_direct_predictor_is_identified_judged_and_shown() {
+fn a_direct_predictor_is_identified_evaluated_and_inspected() {
     let folder = folder();
     let path = folder.path();
     let table = "[network]\nfeedback = false\n[direct]\nhidden = 8\nlayers = 2\nhistory_s = 0.6\nwindow_s = 0.5\n\
@@ -201,7 +201,7 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_refit_is_told_of_and_leaves_no_checkpoint() {
+fn a_refit_is_reported_and_leaves_no_checkpoint() {
     let folder = folder();
     let path = folder.path();
     let config = fs::read_to_string(path.join("small.toml")).unwrap();
@@ -287,7 +287,7 @@ fn a_training_that_was_killed_goes_on_to_the_same_model() {
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_says_how_to_go_on() {
+fn ctrl_c_explains_how_to_resume() {
     let folder = folder();
     let path = folder.path();
     let args = job(&["-c", "small.toml", "--methods", "gru", "--epochs", "100000", "-o", "out"]);
@@ -314,7 +314,7 @@ fn a_time_limit_ends_the_training() {
 }
 
 #[test]
-fn what_one_method_cannot_learn_loses_no_other() {
+fn a_failed_method_keeps_the_other_methods() {
     let folder = folder();
     let path = folder.path();
     fs::write(path.join("long.toml"), "[gru]\nwindow_s = 500\n").unwrap();
@@ -349,7 +349,7 @@ fn what_one_method_cannot_learn_loses_no_other() {
 }
 
 #[test]
-fn grey_boxes_stand_on_equations_of_the_same_job() {
+fn grey_boxes_use_the_equations_of_the_same_job() {
     let folder = folder();
     let path = folder.path();
     fs::write(
@@ -388,7 +388,7 @@ fn grey_boxes_stand_on_equations_of_the_same_job() {
 }
 
 #[test]
-fn wrong_settings_are_told_with_line_and_remedy() {
+fn wrong_options_are_refused_with_line_and_remedy() {
     let folder = folder();
     let path = folder.path();
     for (text, words) in [

@@ -36,7 +36,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 /// The whole study in its small version: every claim that holds with a margin of two and more in the study holds here, every
 /// document is what it promises to be, and a second run changes nothing.
 #[test]
-fn the_small_study_tells_the_story() {
+fn the_quick_study_writes_all_results() {
     let folder = TempDir::new().unwrap();
     let output = hydroid(folder.path(), &["thesis", "--quick", "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -160,7 +160,7 @@ network = { feedback = false, base = "nothing", hidden = 6, epochs = 20 }
 
 /// Killed in the middle and run again, a study comes to the bytes of one that was not.
 #[test]
-fn a_study_that_was_killed_goes_on() {
+fn a_killed_study_resumes() {
     let folder = TempDir::new().unwrap();
     own(&folder.path().join("mine"));
     let args = ["thesis", "--experiments", "../mine"];
@@ -210,7 +210,7 @@ fn a_study_that_was_killed_goes_on() {
 }
 
 #[test]
-fn what_cannot_be_is_told_with_its_place() {
+fn invalid_values_are_refused_with_their_place() {
     let folder = TempDir::new().unwrap();
     let mine = folder.path().join("mine");
     let refused = |args: &[&str], words: &[&str]| {

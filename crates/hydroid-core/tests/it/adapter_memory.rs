@@ -101,7 +101,7 @@ fn goes_on_as_if_nothing_had_been(mut first: impl Adapter, mut second: impl Adap
 }
 
 #[test]
-fn an_adapter_goes_on_from_what_another_saved() {
+fn an_adapter_resumes_from_a_saved_state() {
     // In the warm-up, in a filling window, behind a gap, and long after.
     for at in [0, 1, 3, 9, 10, 61, 62, 97, 500] {
         goes_on_as_if_nothing_had_been(recursive(), recursive(), at);
@@ -127,7 +127,7 @@ proptest! {
 
     /// What comes from a file may be anything.
     #[test]
-    fn a_memory_of_nonsense_never_panics(seed in any::<u64>(), finite in any::<bool>()) {
+    fn an_arbitrary_saved_state_never_panics(seed in any::<u64>(), finite in any::<bool>()) {
         let mut x = seed | 1;
         let mut next = || {
             x ^= x << 13;

@@ -39,7 +39,7 @@ fn anything() -> impl Strategy<Value = f64> {
 
 proptest! {
     #[test]
-    fn the_wanted_effort_is_there_at_the_end_of_the_sample(
+    fn the_effort_is_reached_at_the_end_of_the_sample(
         map in map(), lag in lag(), dt in 0.02..0.5f64, efforts in prop::collection::vec(-0.8..0.8f64, 1..20),
     ) {
         // Wide limits: lags of many samples are inverted by commands far beyond the effort.
@@ -58,7 +58,7 @@ proptest! {
     }
 
     #[test]
-    fn commands_keep_limits_and_rates_whatever_is_asked_for(
+    fn commands_keep_limits_and_rate_limits(
         map in map(), lag in lag(), low in -2.0..0.5f64, wide in 0.05..2.0f64, rate in 0.01..20.0f64, response in 0.0..2.0f64,
         asked in prop::collection::vec((anything(), anything(), 0u8..4), 1..60),
     ) {
@@ -137,7 +137,7 @@ fn a_lag_is_inverted_in_one_sample_or_in_the_time_given() {
 }
 
 #[test]
-fn blind_commands_are_held_and_then_brought_to_rest() {
+fn without_measurements_commands_are_held_and_then_reduced_to_rest() {
     let limits = [Limits::between([-1.0, 1.0]).with_rate(0.5), Limits::between([0.2, 1.0])];
     let mut actuators = Actuators::new(&[Channel::default(); 2], &limits, 0.1, 0.0).unwrap();
     let mut command = [0.0; 2];
@@ -155,7 +155,7 @@ fn blind_commands_are_held_and_then_brought_to_rest() {
 }
 
 #[test]
-fn a_lag_that_has_learned_is_taken_over() {
+fn an_adapted_lag_replaces_the_lag_of_the_actuator() {
     let limits = [Limits::between([-100.0, 100.0])];
     let channel = |seconds| Channel { map: Map::Identity, lag: Lag::of_time_constant(seconds) };
     let mut actuators = Actuators::new(&[channel(1.0)], &limits, 0.1, 0.0).unwrap();
@@ -170,7 +170,7 @@ fn a_lag_that_has_learned_is_taken_over() {
 }
 
 #[test]
-fn what_cannot_be_commanded_is_told() {
+fn invalid_actuators_are_refused() {
     let make = |map, lag, limits| Actuators::new(&[Channel { map, lag }], &[limits], 0.1, 0.0).unwrap_err();
     let unit = Limits::between([-1.0, 1.0]);
     assert_eq!(
@@ -191,7 +191,7 @@ fn what_cannot_be_commanded_is_told() {
 }
 
 #[test]
-fn the_graver_status_is_told() {
+fn the_more_severe_status_is_reported() {
     assert_eq!(Status::Saturated.and(Status::Singular), Status::Singular);
     assert!(Status::ALL.windows(2).all(|pair| pair[0] < pair[1]));
     assert_eq!(format!("{:>9}", Status::Lost), "     lost");

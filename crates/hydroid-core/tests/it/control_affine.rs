@@ -94,14 +94,14 @@ fn farthest(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_linear_network_is_the_equations_that_say_the_same() {
+fn a_linear_network_equals_linear_equations() {
     let [equations, network] = linear([0.7, 1.5], 1);
     assert!(farthest(&network, &equations) < 1e-6, "{}", farthest(&network, &equations));
 }
 
 /// Equations see a lag at the begin of a sample where it was then: one that is much faster than a sample comes a sixth of it late.
 #[test]
-fn actuators_that_are_faster_than_a_sample_come_in_time() {
+fn fast_actuator_lags_are_integrated_within_a_sample() {
     for lags in [[0.7, 0.02], [0.05, 0.002], [0.03, 0.2]] {
         let [exact, network] = linear(lags, 200);
         let [plain, _] = linear(lags, 1);
@@ -135,7 +135,7 @@ proptest! {
 }
 
 #[test]
-fn what_cannot_be_is_told() {
+fn invalid_arguments_are_refused_with_a_reason() {
     let good = network(vec![4]);
     let told = |model: ControlAffine| ControlAffineSession::new(Arc::new(model)).unwrap_err().to_string();
     let mut wrong = good.clone();

@@ -219,7 +219,7 @@ fn close(a: &[f64], b: &[[f64; 2]]) {
 }
 
 #[test]
-fn walks_and_rolls_out_as_the_equations_say() {
+fn sessions_and_rollouts_equal_the_equations() {
     for model in every_model() {
         let mut session = session(&model);
         let (mut outputs, mut passed) = (vec![measured(0)], Vec::new());
@@ -284,7 +284,7 @@ fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
 
 /// An output that is first measured late stands for its past from then on.
 #[test]
-fn what_was_never_measured_is_waited_for() {
+fn sessions_wait_for_the_first_measurement() {
     let model = model(4, 3, BaseModel::Nothing);
     let mut session = session(&model);
     for k in 0..9 {
@@ -307,7 +307,7 @@ fn what_was_never_measured_is_waited_for() {
 
 /// A last layer of zeros adds nothing: to the last bit, and beyond the horizon as well.
 #[test]
-fn without_a_correction_it_is_the_equations() {
+fn a_zero_network_equals_its_base_equations() {
     for (p, h) in [(1, 3), (4, 6), (6, 2)] {
         let mut model = model(p, h, equations());
         let read_out = (model.network.hidden[1] + 1) * model.network.outputs;
@@ -341,7 +341,7 @@ fn without_a_correction_it_is_the_equations() {
 
 /// Equations that run away within a sample leave the last measurement in the history, and nothing that is no number.
 #[test]
-fn what_runs_away_is_held_while_it_walks() {
+fn diverging_equations_hold_the_last_measurement() {
     let steep = Equations::new(vec![Term::monomial(&[0, 0, 0])], vec![1e9, 0.0], 2, 2, 0.1, 4).unwrap();
     let model = model(3, 4, BaseModel::Equations(Arc::new(steep)));
     let mut session = session(&model);
@@ -366,7 +366,7 @@ fn what_runs_away_is_held_while_it_walks() {
 }
 
 #[test]
-fn models_that_cannot_be_are_refused() {
+fn invalid_models_are_refused() {
     let refused = |change: fn(&mut Direct)| {
         let mut model = model(4, 3, BaseModel::Nothing);
         change(&mut model);

@@ -89,7 +89,7 @@ fn mean(errors: &[f64]) -> f64 {
 }
 
 #[test]
-fn on_a_bad_day_the_guarantee_holds() {
+fn the_deviation_bound_holds_with_faults() {
     let mut log = lawn();
     // A sensor of speed that says anything now and then, one of yaw that is stuck for ten seconds, one of sway that is off.
     for (k, row) in log.iter_mut().enumerate() {
@@ -123,7 +123,7 @@ fn on_a_bad_day_the_guarantee_holds() {
 /// A speed that is stuck in the air, where the model from shore goes astray within seconds if it is told nothing. The stuck value is
 /// nearly right, and so is a model from shore that is told it.
 #[test]
-fn a_speed_that_is_stuck_in_the_air_leaves_the_guarantee_as_it_is() {
+fn a_stuck_speed_sensor_keeps_the_deviation_bound() {
     let mut log = lawn();
     let stuck = log[1850].measured[0];
     log[1851..2050].iter_mut().for_each(|row| row.measured[0] = stuck);
@@ -135,7 +135,7 @@ fn a_speed_that_is_stuck_in_the_air_leaves_the_guarantee_as_it_is() {
 }
 
 #[test]
-fn where_nothing_is_wrong_it_costs_little() {
+fn the_guard_costs_little_without_faults() {
     let log = lawn();
     let (alone, _) = errors(network(0.02, 3.0).as_mut(), &log);
     let (own, events) = errors(&mut guarded(0.02, 3.0), &log);
@@ -146,7 +146,7 @@ fn where_nothing_is_wrong_it_costs_little() {
 }
 
 #[test]
-fn weights_that_were_never_any_good_are_given_back() {
+fn diverged_weights_return_to_the_initial_weights() {
     let (model, _) = pretrained("gru");
     let log = lawn();
     // A learner that trusts every sample to the last digit, and its weights not at all.
@@ -158,7 +158,7 @@ fn weights_that_were_never_any_good_are_given_back() {
 }
 
 #[test]
-fn what_was_saved_goes_on_to_the_same_bits() {
+fn a_saved_session_resumes_bit_for_bit() {
     let mut log = lawn();
     for k in (0..SAMPLES).step_by(53) {
         log[k].measured[k % 3] += 2.0;
@@ -191,7 +191,7 @@ fn what_was_saved_goes_on_to_the_same_bits() {
 }
 
 #[test]
-fn what_does_not_fit_together_is_refused() {
+fn inconsistent_parts_are_refused() {
     let make = |ranges: &[(f64, f64)], noise: &[f64], settings: GuardOptions| {
         Guard::new(network(0.02, 3.0), [network(0.0, 1.0), network(0.0, 1.0)], ranges, noise, settings).err()
     };

@@ -79,7 +79,7 @@ proptest! {
     }
 
     #[test]
-    fn no_place_of_the_path_within_reach_is_nearer_than_the_foot(
+    fn the_projection_is_the_nearest_point_in_its_window(
         path in paths(), near in -0.2..1.2f64, x in -90.0..90.0f64, y in -90.0..90.0f64, reach in 1.0..200.0f64,
     ) {
         let near = near * path.length();
@@ -122,7 +122,7 @@ proptest! {
     }
 
     #[test]
-    fn a_walker_moves_as_its_reference_says(path in paths(), cruise in 0.5..6.0f64, end in 0.2..2.0f64) {
+    fn a_timed_reference_has_consistent_derivatives(path in paths(), cruise in 0.5..6.0f64, end in 0.2..2.0f64) {
         let limits = SpeedLimits { lateral_acceleration: 0.3, start: 0.0, end, ..SpeedLimits::cruise(cruise) };
         let profile = SpeedProfile::new(&path, &limits).unwrap();
         let h = 1e-3;
@@ -152,7 +152,7 @@ proptest! {
     }
 
     #[test]
-    fn a_walker_does_not_depend_on_its_steps(path in paths(), cruise in 0.5..6.0f64, t in 0.0..200.0f64, steps in 1u32..50) {
+    fn a_timed_reference_does_not_depend_on_its_steps(path in paths(), cruise in 0.5..6.0f64, t in 0.0..200.0f64, steps in 1u32..50) {
         let limits = SpeedLimits { lateral_acceleration: 0.3, start: 0.0, ..SpeedLimits::cruise(cruise) };
         let profile = SpeedProfile::new(&path, &limits).unwrap();
         let (mut one, mut many) = (TimedReference::new(&profile), TimedReference::new(&profile));
@@ -164,7 +164,7 @@ proptest! {
     }
 
     #[test]
-    fn the_rate_of_the_aim_is_its_derivative(
+    fn the_rate_of_the_desired_course_is_its_derivative(
         radius in 8.0..60.0f64, side in side(), off in -4.0..4.0f64, heading in -3.0..3.0f64, integral in 0.0..0.5f64,
     ) {
         let path = Path::circle([0.0, 0.0], radius, side, 0.3).unwrap();
@@ -189,7 +189,7 @@ proptest! {
 }
 
 #[test]
-fn a_circle_is_one() {
+fn a_circle_has_its_radius_and_speed() {
     let path = Path::circle([3.0, -2.0], 10.0, Side::Starboard, 0.0).unwrap();
     assert!((path.length() - 20.0 * PI).abs() < 1e-12 && path.is_closed());
     // Clockwise from its northernmost point: east first.
@@ -230,7 +230,7 @@ fn a_lawn_mower_has_the_legs_and_turns_that_were_asked_for() {
 }
 
 #[test]
-fn what_cannot_be_a_path_is_told() {
+fn invalid_paths_are_refused() {
     let radius = Path::circle([0.0; 2], -1.0, Side::Port, 0.0).unwrap_err();
     assert_eq!(radius.to_string(), "the radius of the circle must be greater than 0, and is -1");
     assert_eq!(Path::legs(&[[0.0; 2]]).unwrap_err().to_string(), "at least 2 way-points are needed");
@@ -298,7 +298,7 @@ fn the_time_from_rest_to_rest_is_that_of_the_text_book() {
 }
 
 #[test]
-fn corners_are_slow() {
+fn speed_is_reduced_at_corners() {
     let path = Path::legs(&[[0.0, 0.0], [50.0, 0.0], [50.0, 50.0]]).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits { corner: 0.5, ..SpeedLimits::cruise(3.0) }).unwrap();
     assert_eq!((profile.at(0.0).0, profile.at(50.0).0, profile.at(100.0).0), (3.0, 0.5, 3.0));
@@ -307,7 +307,7 @@ fn corners_are_slow() {
 /// A vessel whose heading is the aim, in a current across its path: without integral action it stays off by
 /// `Delta V / sqrt(U^2 - V^2)`, with it it comes back.
 #[test]
-fn integral_action_takes_the_drift_away() {
+fn integral_action_removes_the_drift() {
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();
     let (speed, drift, lookahead) = (1.5, 0.4, 8.0);
     let sail = |integral: f64| {
@@ -330,7 +330,7 @@ fn integral_action_takes_the_drift_away() {
 }
 
 #[test]
-fn a_follower_stays_on_its_own_leg() {
+fn a_path_reference_stays_on_its_leg() {
     // Legs 4 m apart, a vessel 3 m off its own: nearer to the next one.
     let path = Path::lawn_mower([0.0, 0.0], 0.0, 60.0, 4.0, 3, 2.0, Side::Starboard).unwrap();
     let mut follower = PathReference::new(0.0, 3.0);

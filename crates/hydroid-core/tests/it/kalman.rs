@@ -119,7 +119,7 @@ fn the_fused_filter_equals_the_naive_one() {
 
 /// Weights without variance and noise are left out of everything.
 #[test]
-fn weights_that_are_sure_stay() {
+fn weights_without_variance_stay() {
     let network = cells()[2];
     let given = weights(network, 0.6);
     let mut tuning = tuning(network);
@@ -170,7 +170,7 @@ fn formulations() -> [KalmanNetwork<f64>; 3] {
 
 /// What is learned must be worth something: a vessel that the model does not know is predicted better and better.
 #[test]
-fn errors_fall_while_it_learns() {
+fn errors_decrease_during_adaptation() {
     for mut session in formulations() {
         let n = session.outputs();
         let truth = |k: usize, y: &[f64]| -> Vec<f64> {
@@ -193,7 +193,7 @@ fn errors_fall_while_it_learns() {
 }
 
 #[test]
-fn memory_goes_on_to_the_last_bit_and_forks_predict_alike() {
+fn a_saved_state_resumes_bit_for_bit_and_forks_predict_the_same() {
     for mut session in formulations() {
         let n = session.outputs();
         for k in 0..30 {
@@ -267,7 +267,7 @@ fn frozen_it_filters_the_state_and_keeps_its_weights() {
 }
 
 #[test]
-fn nonsense_is_refused_or_survived() {
+fn invalid_values_are_refused_or_handled() {
     let network = cells()[2];
     let model = || LearnableNetwork::new(Packed::new(network, &weights(network, 0.6)));
     let with = |change: &dyn Fn(&mut Tuning)| {
@@ -311,7 +311,7 @@ fn nonsense_is_refused_or_survived() {
 
 /// An outlier pulls no harder than a measurement at the limit does.
 #[test]
-fn outliers_are_softened() {
+fn outliers_have_less_weight() {
     let pull = |huber: f64, by: f64| {
         let network = cells()[2];
         let given = weights(network, 0.6);

@@ -8,7 +8,7 @@ use hydroid_core::predict::{Predictor, Workspace};
 use crate::damped::{RANGES, close, command, equations, learnable, measured, session, tuning};
 
 #[test]
-fn a_vessel_whose_drag_grows_is_followed() {
+fn a_change_of_drag_is_estimated() {
     let deviations = [0.01, 0.002];
     let change = 1000;
     let y = measured(4000, deviations, |k| if k < change { 1.0 } else { 1.6 });
@@ -40,7 +40,7 @@ fn a_vessel_whose_drag_grows_is_followed() {
 
 /// Bands are right where the filter's assumptions are.
 #[test]
-fn deviations_hold_what_they_promise() {
+fn deviations_have_their_stated_coverage() {
     let deviations = [0.02, 0.004];
     let y = measured(3000, deviations, |_| 1.02);
     let model = learnable();
@@ -77,7 +77,7 @@ fn deviations_hold_what_they_promise() {
 }
 
 #[test]
-fn memory_goes_on_to_the_last_bit_and_forks_predict_alike() {
+fn a_saved_state_resumes_bit_for_bit_and_forks_predict_the_same() {
     let y = measured(120, [0.02, 0.01], |_| 1.3);
     for at in [0, 1, 2, 40] {
         let mut session = session();
@@ -124,7 +124,7 @@ fn memory_goes_on_to_the_last_bit_and_forks_predict_alike() {
 }
 
 #[test]
-fn nonsense_is_refused_or_survived() {
+fn invalid_values_are_refused_or_handled() {
     let error = LearnableEquations::new(&equations(1.0), &RANGES[..2]).unwrap_err();
     assert_eq!(error, SettingsError::Ranges);
     let none = Equations::new(vec![Term::monomial(&[0])], vec![0.0], 1, 0, 0.1, 1).unwrap();

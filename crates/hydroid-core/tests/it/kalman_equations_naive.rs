@@ -117,7 +117,7 @@ fn the_filter_equals_a_naive_one_with_finite_differences() {
 
 /// The session is that filter, fed with what the signals remember, and begun from what was measured.
 #[test]
-fn the_session_feeds_the_filter_and_speaks_in_the_units_of_the_outputs() {
+fn the_session_uses_the_units_of_the_outputs() {
     let (mut session, mut naive) = (session(), Naive::new());
     let y = measured(60, [0.02, 0.01], |_| 1.2);
     let weights = |naive: &Naive| -> Vec<f64> {

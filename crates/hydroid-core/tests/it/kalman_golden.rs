@@ -105,7 +105,7 @@ fn errors_along_the_log_are_those_of_the_reference() {
 
 /// The reference's own run in single precision differs by 0.2 % at most.
 #[test]
-fn single_precision_follows() {
+fn single_precision_is_close_to_double_precision() {
     for name in NAMES {
         let worst = worst_error::<f32>(name);
         println!("{name}: errors differ by {worst:.1e}");

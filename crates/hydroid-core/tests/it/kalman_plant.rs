@@ -133,7 +133,7 @@ fn partials_are_those_of_central_differences() {
 
 /// A step of the session, of the learner and of the plant that is simulated: one motion.
 #[test]
-fn a_model_moves_as_the_plant_is_simulated() {
+fn a_plant_model_equals_the_simulation() {
     for params in vessels() {
         let (model, plant) = (model(&params), Plant::new(&params).unwrap());
         let mut session = PlantSession::new(&model);
@@ -331,7 +331,7 @@ fn parameters_stay_those_of_a_vessel() {
 }
 
 #[test]
-fn bands_hold_what_they_promise() {
+fn bands_have_their_stated_coverage() {
     let params = VesselParams::hydrofoil();
     // Sines of large arguments: their deviation is the root of a half of their size.
     let y = measured(&params, 2100, 0.014);
@@ -368,7 +368,7 @@ fn bands_hold_what_they_promise() {
 }
 
 #[test]
-fn memory_goes_on_to_the_last_bit_and_forks_predict_alike() {
+fn a_saved_state_resumes_bit_for_bit_and_forks_predict_the_same() {
     let params = VesselParams::hydrofoil();
     let mut changed = params.clone();
     changed.rudder.gain *= 0.8;
@@ -417,7 +417,7 @@ fn memory_goes_on_to_the_last_bit_and_forks_predict_alike() {
 }
 
 #[test]
-fn nonsense_is_survived() {
+fn invalid_values_never_panic() {
     let params = VesselParams::hydrofoil();
     let y = measured(&params, 200, 0.01);
     for nonsense in [f64::INFINITY, f64::NAN, 1e200, -1e300] {

@@ -75,7 +75,7 @@ fn one_block_of_weights_without_noise_is_the_full_filter() {
 
 /// With noise, too: the time update of the precision is exact.
 #[test]
-fn as_many_directions_as_weights_are_one_block_of_them() {
+fn low_rank_with_full_rank_equals_one_block() {
     for network in [cells()[1], cells()[4]] {
         let full = Memory::LowRank { rank: network.weights() };
         go_on_alike(network, &tuning(network), [full, Memory::Blocks { group: usize::MAX }]);
@@ -271,7 +271,7 @@ fn each_structure_equals_the_naive_filter_of_its_definition() {
 }
 
 #[test]
-fn less_is_kept_of_less() {
+fn reduced_covariances_need_less_memory() {
     let network = cells()[0];
     let (n, m) = (network.state_len(), network.weights());
     let of_state = n * n + n * m;
@@ -286,7 +286,7 @@ fn less_is_kept_of_less() {
 
 /// Weights without variance and noise stay to the last bit, those with noise alone begin to move.
 #[test]
-fn weights_that_are_sure_stay() {
+fn weights_without_variance_stay() {
     let network = cells()[2];
     for memory in ALL {
         let mut tuning = Tuning { memory, leak: 0.0, ..tuning(network) };
@@ -356,7 +356,7 @@ fn errors_fall<T: Scalar>(mut session: KalmanNetwork<T>, what: &str) {
 }
 
 #[test]
-fn errors_fall_while_it_learns() {
+fn errors_decrease_during_adaptation() {
     for memory in ALL {
         errors_fall(session::<f64>(memory, 2, BaseModel::Nothing, false, true), &format!("{memory:?}"));
         errors_fall(
@@ -372,7 +372,7 @@ fn errors_fall_while_it_learns() {
 }
 
 #[test]
-fn memory_goes_on_to_the_last_bit() {
+fn a_saved_state_resumes_bit_for_bit() {
     for memory in ALL {
         let mut session = session::<f64>(memory, 0, BaseModel::Nothing, false, true);
         let n = session.outputs();
@@ -405,7 +405,7 @@ fn memory_goes_on_to_the_last_bit() {
 
 /// Over many samples rounding must not pile up, in single precision and with little noise either.
 #[test]
-fn single_precision_lasts() {
+fn single_precision_stays_stable() {
     let network = cells()[2];
     for memory in ALL {
         let given: Vec<f32> = weights(network, 0.6).iter().map(|&w| f32::of(w)).collect();
@@ -426,7 +426,7 @@ fn single_precision_lasts() {
 
 /// What is expected of predictions is that of the full filter where the covariance is.
 #[test]
-fn deviations_ahead_are_those_of_the_full_filter() {
+fn predicted_deviations_equal_the_full_filter() {
     let memories = [Memory::Full, Memory::Blocks { group: usize::MAX }];
     let mut deviations = memories.map(|memory| {
         let mut session = session::<f64>(memory, 2, BaseModel::Nothing, false, false);
@@ -447,7 +447,7 @@ fn deviations_ahead_are_those_of_the_full_filter() {
 }
 
 #[test]
-fn nonsense_is_refused_or_survived() {
+fn invalid_values_are_refused_or_handled() {
     let network = cells()[2];
     for memory in [Memory::Blocks { group: 0 }, Memory::LowRank { rank: 0 }] {
         let model = LearnableNetwork::new(Packed::new(network, &weights(network, 0.6)));

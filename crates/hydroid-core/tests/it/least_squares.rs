@@ -225,7 +225,7 @@ proptest! {
 }
 
 #[test]
-fn a_prior_that_is_a_triangle_equals_the_rows_it_stands_for() {
+fn a_triangular_prior_equals_its_rows() {
     // R = T'T against the three rows of T learned from next to nothing; no forgetting, then with it and no data.
     let root = [2.0, 0.5, -1.0, 0.0, 0.7, 0.3, 0.0, 0.0, 1.5];
     let mut shaped = RecursiveLeastSquares::with_root(&[1.0, -2.0, 0.5], 4.0, &root, true);

@@ -61,7 +61,7 @@ fn logistic(x: f64) -> f64 {
 }
 
 #[test]
-fn errors_stay_below_what_is_promised_in_single_precision() {
+fn errors_stay_below_the_bound_in_single_precision() {
     let x = singles();
     let tiny = f64::from(f32::MIN_POSITIVE);
     assert!(error::<f32>(&x, exp, f64::exp, tiny) <= 1.5e-7);
@@ -70,7 +70,7 @@ fn errors_stay_below_what_is_promised_in_single_precision() {
 }
 
 #[test]
-fn errors_stay_below_what_is_promised_in_double_precision() {
+fn errors_stay_below_the_bound_in_double_precision() {
     let x = doubles();
     assert!(error::<f64>(&x, exp, f64::exp, f64::MIN_POSITIVE) <= 3e-16);
     assert!(error::<f64>(&x, tanh, f64::tanh, f64::MIN_POSITIVE) <= 7e-16);
@@ -102,7 +102,7 @@ fn an_element_at_a_time_equals_the_slice<T: Scalar>(x: &[T], bits: fn(T) -> u64)
 }
 
 #[test]
-fn an_element_alone_gives_what_it_gives_in_a_slice() {
+fn single_elements_equal_elements_of_a_slice() {
     an_element_at_a_time_equals_the_slice(&singles(), |x: f32| x.to_bits().into());
     an_element_at_a_time_equals_the_slice(&doubles(), f64::to_bits);
 }

@@ -50,7 +50,7 @@ fn numbers_that_are_not_finite() {
 }
 
 #[test]
-fn what_must_be_positive() {
+fn parameters_that_must_be_positive() {
     for bad in [0.0, -1.0] {
         for (error, named) in [
             (refusal(|p| p.rigid_body.mass = bad), "rigid_body.mass"),
@@ -66,7 +66,7 @@ fn what_must_be_positive() {
 }
 
 #[test]
-fn what_must_not_be_negative() {
+fn parameters_that_must_not_be_negative() {
     for (error, named) in [
         (refusal(|p| p.drag.linear[2][2] = -1.0), "drag.linear[2][2]"),
         (refusal(|p| p.drag.quadratic[0][0] = -1.0), "drag.quadratic[0][0]"),

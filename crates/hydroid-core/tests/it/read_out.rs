@@ -251,7 +251,7 @@ fn bits(numbers: &[f64]) -> Vec<u64> {
 }
 
 #[test]
-fn it_goes_on_from_what_another_saved() {
+fn a_session_resumes_from_a_saved_state() {
     for (model, at) in [model(3, 4, true, &[7, 5]), on(equations(), 3, 4, &[7, 5])]
         .iter()
         .flat_map(|model| [0, 1, 3, 6, 7, 23, 30, 120].map(|at| (model, at)))
@@ -306,7 +306,7 @@ fn snapshots_of(model: &Direct) {
 
 /// Weights of an output that is not measured stay; of the other they are what they would be.
 #[test]
-fn what_was_not_measured_teaches_nothing() {
+fn missing_measurements_change_no_weights() {
     let model = model(3, 4, false, &[7, 5]);
     let settings = ReadOutSettings { leak: false, ..SETTINGS };
     let (mut whole, mut half) = (learner(&model, &settings), learner(&model, &settings));
@@ -369,7 +369,7 @@ fn each_number_has_a_band_from_its_own_errors() {
 
 /// A number that is one, and too large to learn from, is no more than missing.
 #[test]
-fn a_number_beyond_all_sense_leaves_nothing_behind() {
+fn a_huge_number_has_no_later_effect() {
     for (hold, hidden) in [(true, vec![7, 5]), (false, vec![7]), (false, vec![])] {
         for far in [1e308, -1e308, 1e200] {
             let mut adapter = learner(&model(3, 4, hold, &hidden), &SETTINGS);
@@ -438,7 +438,7 @@ fn a_last_layer_that_has_changed_is_found() {
 
 /// Many samples of little excitation: nothing grows.
 #[test]
-fn it_stays_sound_for_long() {
+fn the_filter_stays_stable_over_a_long_run() {
     let model = model(2, 3, true, &[6]);
     let mut adapter = learner(&model, &ReadOutSettings { forgetting: 0.97, ..SETTINGS });
     for k in 0..200_000 {
@@ -459,7 +459,7 @@ fn it_stays_sound_for_long() {
 }
 
 #[test]
-fn a_guard_stands_around_it_with_companions_that_do_not_learn() {
+fn a_guard_takes_frozen_companions() {
     let model = Arc::new(model(3, 4, true, &[7, 5]));
     let companion = || -> Box<dyn Adapter> {
         let mut companion = DirectReadOut::companion(Arc::clone(&model), &SETTINGS).unwrap();
@@ -497,7 +497,7 @@ fn a_guard_stands_around_it_with_companions_that_do_not_learn() {
 }
 
 #[test]
-fn settings_that_make_no_sense_are_refused() {
+fn invalid_options_are_refused_with_a_reason() {
     let model = Arc::new(model(3, 4, true, &[7]));
     for (settings, part) in [
         (ReadOutSettings { forgetting: 1.1, ..SETTINGS }, "forgetting"),
@@ -518,7 +518,7 @@ proptest! {
 
     /// What comes from a file may be anything.
     #[test]
-    fn a_memory_of_nonsense_never_panics(seed in any::<u64>(), finite in any::<bool>()) {
+    fn an_arbitrary_saved_state_never_panics(seed in any::<u64>(), finite in any::<bool>()) {
         let mut x = seed | 1;
         let mut next = || {
             x ^= x << 13;

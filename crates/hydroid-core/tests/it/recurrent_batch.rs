@@ -167,13 +167,13 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
-    fn each_lane_is_what_it_is_alone(network in network(), seed: u64, count in 1..41_usize) {
+    fn each_lane_equals_a_single_rollout(network in network(), seed: u64, count in 1..41_usize) {
         lanes_are_alone::<f64>(&network, seed, count);
         lanes_are_alone::<f32>(&network, seed, count);
     }
 
     #[test]
-    fn a_rollout_gives_the_bits_of_a_tape(network in network(), seed: u64, count in 1..41_usize) {
+    fn a_rollout_equals_a_recorded_rollout_bit_for_bit(network in network(), seed: u64, count in 1..41_usize) {
         let weights = weights::<f32>(&network, seed);
         let (mut tape, mut rollout) = (Tape::new(&network, 3, count), Rollout::new(&network, count));
         tape.load(&weights);

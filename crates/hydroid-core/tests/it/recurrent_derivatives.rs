@@ -161,7 +161,7 @@ proptest! {
 
     /// What a filter's own kernel reads: a row of the gates touches its weights and no others, by the values told.
     #[test]
-    fn rows_of_the_gates_are_as_told((network, weights, state, x) in points()) {
+    fn rows_of_the_gates_are_in_the_documented_order((network, weights, state, x) in points()) {
         let packed = Packed::new(network, &weights);
         let mut linear = Linearization::new(&packed);
         linear.step(&packed, &mut state.clone(), &x);

@@ -113,7 +113,7 @@ impl<'a> Plain<'a> {
 }
 
 #[test]
-fn walks_and_rolls_out_as_the_equations_say() {
+fn sessions_and_rollouts_equal_the_equations() {
     for model in every_model() {
         let mut session = session(&model);
         let mut plain = Plain::new(&model, measured(0));
@@ -176,7 +176,7 @@ fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
 }
 
 #[test]
-fn what_is_not_measured_is_predicted() {
+fn unmeasured_outputs_are_predicted() {
     for model in every_model() {
         let mut session = session(&model);
         session.observe(&measured(0));
@@ -196,7 +196,7 @@ fn what_is_not_measured_is_predicted() {
 
 /// Sensors that report in turns: the run starts for the model when the last of them did.
 #[test]
-fn before_every_output_was_measured_models_of_increments_wait() {
+fn models_of_increments_wait_for_a_measurement_of_all_outputs() {
     for model in every_model() {
         let mut session = session(&model);
         let mut y = [0.0; 2];
@@ -222,7 +222,7 @@ fn before_every_output_was_measured_models_of_increments_wait() {
 }
 
 #[test]
-fn a_rollout_that_blows_up_gives_numbers_that_are_not_finite() {
+fn a_diverged_rollout_is_not_finite() {
     for mut model in every_model() {
         if let BaseModel::Equations(_) = model.base {
             let terms = vec![Term::monomial(&[0, 0, 0]), Term::monomial(&[1])];

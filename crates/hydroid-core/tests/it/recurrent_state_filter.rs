@@ -134,7 +134,7 @@ fn outputs_may_be_more_than_the_state_has_numbers() {
 
 /// Numbers beyond all bounds do not end a session: it starts again.
 #[test]
-fn a_filter_that_is_lost_starts_again() {
+fn a_diverged_filter_restarts() {
     let model = Arc::new(model("lstm", true));
     let mut session = RecurrentSession::new(model).unwrap();
     let log = rows("lawn3.csv");

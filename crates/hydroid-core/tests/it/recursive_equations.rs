@@ -63,7 +63,7 @@ fn sail(plant: &Equations, samples: usize, mut each: impl FnMut(usize, [f64; 2],
 }
 
 #[test]
-fn finds_the_drag_that_grew_on_the_way_and_leaves_the_rest() {
+fn only_the_changed_drag_is_adapted() {
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
     sail(&vessel(0.6), 3000, |k, y, c| {
         adapter.observe(&[y[0] + noise(k, 0, 0.01), y[1] + noise(k, 1, 0.01)]);
@@ -79,7 +79,7 @@ fn finds_the_drag_that_grew_on_the_way_and_leaves_the_rest() {
 }
 
 #[test]
-fn all_terms_may_enter_when_asked_for() {
+fn all_terms_adapt_with_all_terms() {
     let settings = Settings { all_terms: true, prior_s: 1.0, ..settings() };
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).unwrap();
     // A current that the equations do not know.
@@ -141,7 +141,7 @@ fn a_row_is_the_increment_over_a_window_against_the_averaged_library() {
 }
 
 #[test]
-fn a_missing_value_breaks_its_window_and_nothing_else() {
+fn a_missing_value_removes_only_its_window() {
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
     let mut learned = Vec::new();
     sail(&vessel(0.3), 60, |k, mut y, c| {
@@ -165,7 +165,7 @@ fn a_missing_value_breaks_its_window_and_nothing_else() {
 
 /// Steady at last, then one spike: the gated session's coefficients hardly move.
 #[test]
-fn a_spike_is_rejected_and_a_change_is_believed() {
+fn a_spike_is_rejected_and_a_lasting_change_is_accepted() {
     let spiked = |gate| {
         let settings = Settings { gate, ..settings() };
         let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).unwrap();
@@ -216,7 +216,7 @@ fn infinite_measurements_are_rejected_and_leave_no_trace() {
 }
 
 #[test]
-fn snapshots_carry_the_weights_of_the_moment_and_frozen_learns_nothing() {
+fn snapshots_contain_the_current_weights_and_frozen_sessions_do_not_adapt() {
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
     let mut early = vec![0.0; adapter.snapshot_len()];
     let commands: Vec<f64> = (0..50).flat_map(command).collect();
@@ -254,7 +254,7 @@ fn snapshots_carry_the_weights_of_the_moment_and_frozen_learns_nothing() {
 
 /// Nothing to learn: an adapter with nothing accepted predicts to the last bit as the frozen session does.
 #[test]
-fn without_learning_it_is_the_frozen_session() {
+fn without_adaptation_the_session_equals_the_frozen_session() {
     let equations = vessel(0.3);
     let mut adapter = RecursiveEquations::new(&equations, &RANGES, &settings()).unwrap();
     adapter.freeze(true);
@@ -272,7 +272,7 @@ fn without_learning_it_is_the_frozen_session() {
 }
 
 #[test]
-fn signals_stand_in_the_rows_as_the_shore_has_them() {
+fn signals_equal_those_of_the_identification() {
     // du/dt = -a u + b lag(n) + e u(-3 samples)
     let terms = vec![Term::monomial(&[0]), Term::monomial(&[2]), Term::monomial(&[3])];
     let signals = vec![
@@ -308,7 +308,7 @@ fn signals_stand_in_the_rows_as_the_shore_has_them() {
 }
 
 #[test]
-fn settings_that_make_no_sense_are_refused() {
+fn invalid_options_are_refused_with_a_reason() {
     let new = |settings: Settings| RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).map(|_| ());
     let bad = [
         Settings { forgetting_s: 0.0, ..settings() },
@@ -346,7 +346,7 @@ fn shares(drag: f64) -> Vec<f64> {
 }
 
 #[test]
-fn a_blend_trusts_the_pace_that_predicts() {
+fn a_mixture_follows_the_best_forgetting_factor() {
     let [cautious, quick, given, none] = shares(0.9)[..] else { panic!() };
     assert!(quick > 0.8 && quick > cautious && cautious > given, "{cautious} {quick} {given} {none}");
     let [cautious, quick, given, none] = shares(0.3)[..] else { panic!() };
@@ -354,7 +354,7 @@ fn a_blend_trusts_the_pace_that_predicts() {
 }
 
 #[test]
-fn a_blend_predicts_by_one_set_of_equations_which_snapshots_carry() {
+fn a_mixture_predicts_by_one_expert_and_snapshots_contain_it() {
     let mut session = BlendedEquations::new(&vessel(0.3), &RANGES, &blend(8), None).unwrap();
     let commands: Vec<f64> = (0..40).flat_map(command).collect();
     let (mut work, mut early, mut again) = (Workspace::new(), [0.0; 80], [0.0; 80]);
@@ -379,7 +379,7 @@ fn a_blend_predicts_by_one_set_of_equations_which_snapshots_carry() {
 }
 
 #[test]
-fn a_blend_without_paces_or_with_a_singular_prior_is_refused() {
+fn a_mixture_without_experts_or_with_a_singular_prior_is_refused() {
     let none = BlendSettings { priors_s: Vec::new(), ..blend(8) };
     let made = |settings: &BlendSettings, root: Option<&[f64]>| {
         BlendedEquations::new(&vessel(0.3), &RANGES, settings, root).map(|_| ()).unwrap_err()
@@ -409,7 +409,7 @@ fn settings_whose_numbers_overflow_are_refused() {
 }
 
 #[test]
-fn a_row_without_weight_teaches_nothing() {
+fn a_row_with_weight_zero_changes_nothing() {
     // An exact model has innovations of zero; then a spike is infinitely many deviations away.
     let settings = Settings { gate: Gate { inflate: 3.0, reject: f64::INFINITY }, window: 1, ..settings() };
     let still = Equations::new(vec![Term::monomial(&[0])], vec![-1.0], 1, 0, DT, 1).unwrap();
@@ -425,7 +425,7 @@ fn a_row_without_weight_teaches_nothing() {
 }
 
 #[test]
-fn a_blend_that_a_damaged_file_asks_for_is_refused() {
+fn a_mixture_from_a_damaged_file_is_refused() {
     let made = |change: &dyn Fn(&mut BlendSettings), root: Option<&[f64]>| {
         let mut settings = blend(8);
         change(&mut settings);
@@ -484,7 +484,7 @@ fn held(sensor: f64, force: f64) -> [f64; 3] {
 }
 
 #[test]
-fn bands_hold_what_is_measured_whether_sensors_or_forces_are_noisy() {
+fn bands_cover_the_measurements_with_sensor_or_process_noise() {
     for (sensor, force) in [(0.01, 0.0), (0.0, 0.004), (0.01, 0.002)] {
         for share in held(sensor, force) {
             // The noise is uniform: a single one of 80 % has narrower tails than a normal one.
@@ -494,7 +494,7 @@ fn bands_hold_what_is_measured_whether_sensors_or_forces_are_noisy() {
 }
 
 #[test]
-fn bands_widen_with_what_is_missing_and_with_the_horizon() {
+fn bands_widen_with_missing_measurements_and_with_the_horizon() {
     let mut adapter = RecursiveEquations::new(&vessel(0.4), &RANGES, &settings()).unwrap();
     let (mut work, mut before, mut after) = (Workspace::new(), [0.0; 4], [0.0; 4]);
     let plant = vessel(0.4);

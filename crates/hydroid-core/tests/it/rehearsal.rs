@@ -99,7 +99,7 @@ fn forgotten(weights: &[f64]) -> f64 {
 }
 
 #[test]
-fn who_rehearses_keeps_the_old_water_and_learns_the_new_one() {
+fn rehearsal_keeps_the_old_regime_and_learns_the_new_regime() {
     let sea = new_water(1200);
     for memory in [Memory::Full, Memory::Blocks { group: 2 }] {
         let errors = [None, Some(REHEARSAL)].map(|rehearsal| {
@@ -121,7 +121,7 @@ fn who_rehearses_keeps_the_old_water_and_learns_the_new_one() {
 }
 
 #[test]
-fn without_windows_nothing_changes() {
+fn without_rehearsal_windows_the_filter_is_unchanged() {
     let sea = new_water(200);
     for memory in [Memory::Full, Memory::Diagonal, Memory::LowRank { rank: 3 }] {
         let weights = [None, Some(REHEARSAL)].map(|rehearsal| {
@@ -134,7 +134,7 @@ fn without_windows_nothing_changes() {
 }
 
 #[test]
-fn a_rehearsed_filter_stays_positive_and_goes_on_as_it_was_saved() {
+fn a_rehearsing_filter_stays_positive_and_resumes_from_its_saved_state() {
     let sea = new_water(400);
     for memory in [Memory::Full, Memory::Blocks { group: 2 }, Memory::Diagonal, Memory::LowRank { rank: 3 }] {
         let mut one = session(memory, Some(REHEARSAL));

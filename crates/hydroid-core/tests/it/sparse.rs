@@ -91,7 +91,7 @@ proptest! {
     }
 
     #[test]
-    fn a_block_of_points_is_the_points_one_by_one(
+    fn batched_values_equal_single_values(
         terms in library(),
         points in prop::collection::vec(point(), 1..40),
     ) {
@@ -130,7 +130,7 @@ proptest! {
     }
 
     #[test]
-    fn an_unknown_variable_is_told_with_its_term(terms in library(), at in 0usize..12, beyond in 0u16..5) {
+    fn an_unknown_variable_is_reported_with_its_term(terms in library(), at in 0usize..12, beyond in 0u16..5) {
         let at = at.min(terms.len());
         let variable = VARIABLES + beyond;
         let mut bad = terms;
@@ -278,7 +278,7 @@ fn halving_the_step_divides_the_error_by_sixteen() {
 }
 
 #[test]
-fn a_harmonic_oscillator_turns_as_it_must() {
+fn a_harmonic_oscillator_equals_its_closed_form() {
     let omega = 1.7;
     let terms = vec![Term::monomial(&[0]), Term::monomial(&[1])];
     // x' = w v, v' = -w x.
@@ -303,7 +303,7 @@ fn the_command_is_held_and_the_quadratic_drag_opposes_both_ways() {
 }
 
 #[test]
-fn equations_that_make_no_sense_are_refused() {
+fn invalid_equations_are_refused() {
     let terms = || vec![Term::monomial(&[0]), Term::monomial(&[1])];
     let new =
         |coefficients: Vec<f64>, dt, substeps| Equations::new(terms(), coefficients, 1, 1, dt, substeps);
@@ -372,7 +372,7 @@ fn a_missing_measurement_leaves_the_prediction() {
 /// Two sensors that are never read in the same sample: a state that is half unknown must not wipe out the
 /// half that is known, or the session never has a whole one.
 #[test]
-fn sensors_that_report_in_turns_still_give_a_state() {
+fn alternating_sensors_give_an_estimate() {
     let mut session = session();
     session.observe(&[1.0, f64::NAN]);
     session.advance(&[0.3]);
@@ -385,7 +385,7 @@ fn sensors_that_report_in_turns_still_give_a_state() {
 }
 
 #[test]
-fn a_rollout_is_the_repeated_advance_and_moves_nothing() {
+fn a_rollout_equals_repeated_advances_and_keeps_the_session() {
     let mut session = session();
     session.observe(&[1.0, -0.5]);
     let commands = commands(50);
@@ -432,7 +432,7 @@ fn snapshots_and_forks_predict_as_the_session_did() {
 }
 
 #[test]
-fn a_rollout_that_blows_up_gives_no_numbers_and_no_panic() {
+fn a_diverged_rollout_is_not_finite_and_does_not_panic() {
     // y' = y^2 from 100 has no solution beyond 10 ms.
     let square = Equations::new(vec![Term::monomial(&[0, 0])], vec![1.0], 1, 0, 0.1, 1).unwrap();
     let mut session = EquationsSession::new(Arc::new(square));

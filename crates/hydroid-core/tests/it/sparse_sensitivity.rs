@@ -97,6 +97,6 @@ fn derivatives_are_those_of_the_rollout() {
 }
 
 #[test]
-fn a_place_that_is_none_is_refused() {
+fn an_unknown_coefficient_index_is_refused() {
     assert!(Sensitivity::new(&equations(&coefficients()), &[20]).is_err());
 }

@@ -31,7 +31,7 @@ fn rolled(equations: Equations, start: f64, commands: &[f64]) -> Vec<f64> {
 /// `y' = a`, `T a' = c - a`: after a step of the command from `c0` to `c1`,
 /// `y = c1 t + (c0 - c1) T (1 - exp(-t/T))`.
 #[test]
-fn a_lag_is_the_exponential_that_it_stands_for() {
+fn a_lag_is_an_exponential() {
     let (t_c, dt, c0, c1) = (0.8, 0.1, -1.0, 2.0);
     for substeps in [1, 3] {
         let mut session =
@@ -94,7 +94,7 @@ fn past_inputs_are_held_and_past_outputs_interpolated() {
 }
 
 #[test]
-fn series_of_a_run_are_what_the_session_makes() {
+fn signal_series_equal_the_session() {
     let dt = 0.1;
     let commands: Vec<f64> = (0..200).map(|k| (0.2 * f64::from(k)).sin()).collect();
     for signal in [lag(1, 0.35), past(1, 4)] {
@@ -166,7 +166,7 @@ fn a_lag_follows_its_command_also_before_the_outputs_are_known() {
 }
 
 #[test]
-fn signals_of_nothing_are_refused() {
+fn invalid_signals_are_refused() {
     let make = |signal| Equations::with_signals(vec![], vec![], 1, 1, vec![past(0, 1), signal], 0.1, 1);
     for bad in [lag(0, 1.0), lag(2, 1.0), lag(1, 0.0), lag(1, f64::NAN), past(2, 1), past(0, 0)] {
         assert_eq!(make(bad).unwrap_err(), EquationsError::Signal { index: 1 }, "{bad:?}");

@@ -76,7 +76,7 @@ fn place() -> (TempDir, PathBuf) {
 }
 
 #[test]
-fn whatever_learns_does_the_same_again_and_as_it_answered() {
+fn every_adapter_is_replayed_bit_for_bit() {
     for (name, options) in learners() {
         let (_folder, path) = place();
         let mut stream = stream(&path, &options, "test").unwrap();
@@ -116,7 +116,7 @@ fn told(answer: &Value) -> &str {
 }
 
 #[test]
-fn the_ring_holds_the_last_minutes_and_no_more() {
+fn the_ring_buffer_holds_the_last_minutes() {
     let (_folder, path) = place();
     let options = adapt::Options::default().guarded(&model());
     let mut stream = stream(&path, &options, "test").unwrap();
@@ -138,7 +138,7 @@ fn the_ring_holds_the_last_minutes_and_no_more() {
 }
 
 #[test]
-fn a_kill_costs_a_second_and_a_restart_goes_on_behind_it() {
+fn a_killed_recording_loses_one_second_and_a_restart_appends() {
     let (_folder, path) = place();
     let options = adapt::Options::default().guarded(&model());
     let lines = lines(300);
@@ -171,7 +171,7 @@ fn a_kill_costs_a_second_and_a_restart_goes_on_behind_it() {
 const ROW: usize = 3 + 2 + 2 + 2 + 2 + 4 + 3 + 5 + 2 + 4 + (1 + 8 * 5) + 1;
 
 #[test]
-fn what_cannot_be_replayed_says_why() {
+fn invalid_recordings_are_refused_with_a_reason() {
     let (_folder, path) = place();
     let mut stream = stream(&path, &adapt::Options::default(), "test").unwrap();
     serve(&mut stream, &lines(200));
@@ -211,7 +211,7 @@ fn fnv(words: impl Iterator<Item = u64>) -> u64 {
 }
 
 #[test]
-fn a_bit_that_is_another_is_found_and_named() {
+fn a_replay_reports_the_first_different_bit() {
     let (_folder, path) = place();
     let mut stream = stream(&path, &adapt::Options::default(), "test").unwrap();
     serve(&mut stream, &lines(200));
@@ -252,7 +252,7 @@ fn the_settings_come_back_from_the_file() {
 
 /// A kill, or a power that fails, in the middle of a write: of steps, and of a segment that takes the place of the oldest.
 #[test]
-fn what_is_half_written_is_left_out() {
+fn incomplete_segments_are_skipped() {
     let (_folder, path) = place();
     let options = adapt::Options::default().guarded(&model());
     let mut stream = stream(&path, &options, "test").unwrap();
@@ -320,7 +320,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn a_file_that_was_cut_is_read_up_to_there(cut in 0.0..1.0f64) {
+    fn a_truncated_file_is_read_up_to_its_end(cut in 0.0..1.0f64) {
         let (bytes, whole) = recorded();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let cut = (cut * bytes.len() as f64) as usize;
@@ -336,7 +336,7 @@ proptest! {
     }
 
     #[test]
-    fn a_byte_that_was_changed_is_never_shown(at in 0.0..1.0f64, flip in 1..=255u8) {
+    fn a_changed_byte_is_detected(at in 0.0..1.0f64, flip in 1..=255u8) {
         let (bytes, whole) = recorded();
         let mut bytes = bytes.clone();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

@@ -203,7 +203,7 @@ fn lines(count: usize) -> Vec<String> {
 }
 
 #[test]
-fn a_stream_goes_on_from_its_state_wherever_it_was_killed() {
+fn a_stream_resumes_from_its_state_after_any_line() {
     let folder = tempfile::tempdir().unwrap();
     let lines = lines(400);
     let serve = |stream: &mut Stream, lines: &[String]| {
@@ -243,7 +243,7 @@ fn a_stream_goes_on_from_its_state_wherever_it_was_killed() {
 }
 
 #[test]
-fn another_state_is_refused_and_left_alone() {
+fn a_state_of_another_model_is_refused_and_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.state");
     let mut first = stream();
@@ -294,7 +294,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn anything_is_answered_and_never_panics(
+    fn arbitrary_lines_are_answered(
         object in any::<bool>(),
         lines in prop::collection::vec(nearly(), 0..30),
     ) {

@@ -76,7 +76,7 @@ fn ratios(adapted: &Evaluation, frozen: &Evaluation, horizon: usize) -> Vec<f64>
 }
 
 #[test]
-fn a_vessel_whose_drag_grows_on_the_way_is_followed_and_a_steady_one_is_left_alone() {
+fn a_change_of_drag_is_estimated_and_constant_drag_is_kept() {
     let model = simple_vessel();
     let change = 4000;
     let run = with_growing_drag(12, 1000.0, 1.6, change);
@@ -174,7 +174,7 @@ fn by_least_squares(least_squares: LeastSquares) -> Options {
 }
 
 #[test]
-fn what_cannot_be_adapted_is_refused() {
+fn invalid_adaptations_are_refused() {
     let run = record(VesselParams::simple(), 1, 120.0).to_trajectory(&OUTPUTS).unwrap();
     let part = |from, to| vec![run.slice(from, to)];
     let (train, validation, test) = (part(0, 600), part(600, 900), part(900, 1200));
@@ -204,7 +204,7 @@ fn what_cannot_be_adapted_is_refused() {
 /// The defaults were chosen with the zigzag at 10 rps (documentation of `hydroid::adapt::least_squares`), never with these: on
 /// that of 15 deg adapting gains little, on the others much; 30 s ahead it gains on one of the three alone.
 #[test]
-fn esso_learns_a_propeller_speed_that_it_never_saw() {
+fn esso_adapts_to_an_unseen_propeller_speed() {
     let Some(data) = std::env::var_os("HYDROID_DATA").map(PathBuf::from) else {
         let _ = writeln!(std::io::stderr(), "skipped: no HYDROID_DATA");
         return;

@@ -71,7 +71,7 @@ fn score(session: &mut dyn Predictor, run: &Trajectory) -> f64 {
 
 /// Chained over two horizons and a half. The run is so short that every origin is judged.
 #[test]
-fn it_learns_what_the_equations_miss_and_is_judged_as_its_session_is() {
+fn a_network_on_equations_corrects_them() {
     let whole = smooth("c", 130, 100.0);
     let trained = on(&equations(), &settings(), &whole).unwrap();
     let model = direct(&trained);

@@ -127,7 +127,7 @@ fn text_has_equations_signals_and_units() {
 
 /// A letter that is a channel's already would be read as that channel; what stands behind two gates is written out.
 #[test]
-fn letters_of_gates_are_nobody_elses() {
+fn symbols_of_gates_are_unique() {
     let terms = ["s below(s, -1, 2)", "above(z, 0, 3)", "s above(s, 1, 2) above(z, 1, 2)"];
     let of = model(&[("s", ""), ("z", "")], &[], &terms, &[&[1.0, 0.0, 2.0], &[0.0, -4.0, 0.0]]);
     assert_eq!(
@@ -145,7 +145,7 @@ fn letters_of_gates_are_nobody_elses() {
 }
 
 #[test]
-fn latex_is_what_a_paper_has() {
+fn latex_uses_the_usual_notation() {
     assert_eq!(
         ship().equations().unwrap().equations_latex(),
         r"\begin{align*}
@@ -175,7 +175,7 @@ fn latex_is_what_a_paper_has() {
 }
 
 #[test]
-fn lag_states_of_one_input_are_told_apart_and_long_equations_are_broken() {
+fn lag_states_have_separate_names_and_long_equations_are_wrapped() {
     let terms = ["lag(n, 1 s)^2", "lag(n, 2.5 s)", "u(-0.1 s)^3", "sin(n)^2", "1/u", "above(u, -1, 3)"];
     let of = model(&[("u", "")], &[("n", "")], &terms, &[&[1.0; 6]]);
     assert_eq!(

@@ -74,7 +74,7 @@ fn deviation(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_known_error_gives_its_own_figures() {
+fn a_known_error_has_its_measures() {
     let outputs = wave(60);
     let log = run("a", &outputs);
     // Constant in u, growing with the horizon in v.
@@ -143,7 +143,7 @@ fn persistence_is_its_own_baseline_to_the_bit() {
 }
 
 #[test]
-fn a_rollout_that_leaves_its_range_is_counted_told_and_left_out() {
+fn a_diverged_rollout_is_counted_and_reported() {
     let outputs = wave(100);
     // Only v, from origin 20, at horizon 3.
     let errors: [fn(usize, usize, usize) -> f64; 3] = [
@@ -172,7 +172,7 @@ fn a_rollout_that_leaves_its_range_is_counted_told_and_left_out() {
 }
 
 #[test]
-fn ten_times_the_design_range_is_the_border() {
+fn divergence_starts_at_ten_times_the_design_range() {
     let outputs = vec![vec![2.0, 0.0]; 10];
     // u is expected in 0..4: 2 +- 20.
     let inside = Oracle::new(&outputs, |_, _, c| if c == 0 { -20.0 } else { 0.0 });
@@ -185,7 +185,7 @@ fn ten_times_the_design_range_is_the_border() {
 }
 
 #[test]
-fn of_many_divergences_the_first_ten_are_told_in_order() {
+fn the_first_ten_divergences_are_listed_in_order() {
     let outputs = wave(100);
     let oracle = Oracle::new(&outputs, |_, _, _| f64::NAN);
     let result = judge(&oracle, &[&run("a", &outputs)], &options(5)).unwrap();
@@ -225,7 +225,7 @@ fn origins_start_after_the_warm_up_and_keep_their_stride() {
 }
 
 #[test]
-fn a_missing_target_says_nothing_and_a_missing_start_waits() {
+fn a_missing_target_gives_no_row_and_a_missing_start_waits() {
     let mut outputs = wave(40);
     let oracle = Oracle::new(&outputs, |origin, _, c| if c == 1 { 1e-3 * origin as f64 } else { 0.1 });
     // v is measured for the first time at sample 5, and then not at 20.
@@ -297,7 +297,7 @@ fn runs_are_judged_together_and_never_joined() {
 }
 
 #[test]
-fn a_channel_that_stands_still_has_no_scale() {
+fn a_constant_channel_has_no_scale() {
     let mut outputs = wave(40);
     for y in &mut outputs {
         y[1] = 0.3;
@@ -309,7 +309,7 @@ fn a_channel_that_stands_still_has_no_scale() {
 }
 
 #[test]
-fn what_cannot_be_evaluated_says_why() {
+fn invalid_evaluations_are_refused_with_a_reason() {
     let model = Persistence::new(2, 1);
     let log = run("a", &wave(10));
     let error = |runs: &[&Trajectory], options: &Options| judge(&model, runs, options).unwrap_err();

@@ -152,7 +152,7 @@ impl Predictor for Learner {
 
 /// A review found that a fork was walked in place of the session, and forks need not learn.
 #[test]
-fn a_session_that_learns_learns_on_the_way_and_keeps_it_for_the_next_run() {
+fn an_adapting_session_keeps_its_coefficients_for_the_next_run() {
     let ramp = |name, len: u32| {
         let channel = |c: &str| vec![Channel::new(c, "")];
         Trajectory {

@@ -43,7 +43,7 @@ fn terms_are_read_as_people_write_them() {
 }
 
 #[test]
-fn signals_are_collected_once_and_only_from_what_is_right() {
+fn signals_are_collected_once_and_only_from_valid_terms() {
     let mut parser = ship();
     assert_eq!(parser.term("lag(n, 1.5 s) |lag(n, 1.5 s)|"), Ok(Term::signed_square(6, 6)));
     assert_eq!(parser.term("u(-0.5 s) v"), Ok(Term::monomial(&[1, 7])));
@@ -74,7 +74,7 @@ fn names_that_are_words_or_hold_strange_characters_are_found() {
 }
 
 #[test]
-fn mistakes_are_told_with_their_place() {
+fn mistakes_are_reported_with_their_place() {
     for (text, expected) in [
         ("", "'', character 1: expected a factor such as u, u^2, |u| or sin(delta), found the end"),
         ("u * * v", "'u * * v', character 5: expected a factor such as u, u^2, |u| or sin(delta), found '*'"),
@@ -194,7 +194,7 @@ fn channels() -> impl Strategy<Value = Vec<String>> {
 
 proptest! {
     #[test]
-    fn what_is_printed_is_read_back(
+    fn printed_expressions_are_read_back(
         channels in channels(),
         signals in prop::collection::hash_set(signal(), 2),
         term in term(),

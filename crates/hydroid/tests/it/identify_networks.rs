@@ -81,7 +81,7 @@ fn notes(identified: &Identified) -> String {
 }
 
 #[test]
-fn a_horizon_that_no_run_holds_is_refused_for_all_methods() {
+fn a_horizon_longer_than_all_runs_is_refused_for_all_methods() {
     for (lengths, part) in [([600, 200, 300], "validation"), ([600, 300, 200], "test")] {
         for horizon in [200, 10_000_000_000, usize::MAX] {
             for method in [Method::Sindy, Method::Lagged, Method::Recursive, Method::Gru] {
@@ -98,7 +98,7 @@ fn a_horizon_that_no_run_holds_is_refused_for_all_methods() {
 
 /// The wash-out by default is an eighth of 400 samples: predictions begin at sample 50, and reach 25 further.
 #[test]
-fn whether_a_network_can_be_judged_is_known_before_it_is_trained() {
+fn runs_too_short_for_evaluation_are_refused_before_training() {
     let (enough, _) = done(&job(&[Method::Gru], [400, 200, 76], true));
     let gru = &enough.unwrap().candidates[0];
     assert_eq!((gru.training.network().unwrap().wash_out, gru.test.windows), (50, 1));
@@ -148,7 +148,7 @@ fn interrupt(job: &Job) {
 }
 
 #[test]
-fn the_same_job_goes_on_and_another_begins_anew() {
+fn the_same_job_resumes_and_another_job_restarts() {
     let whole = done(&job_without_files()).0.unwrap();
     let folder = tempfile::tempdir().unwrap();
     let (file, old) = (folder.path().join("gru.checkpoint"), folder.path().join("gru.checkpoint.old"));
@@ -192,7 +192,7 @@ fn job_without_files() -> Job {
 }
 
 #[test]
-fn insisting_on_what_is_not_there_is_an_error_before_any_search() {
+fn resume_without_a_checkpoint_is_an_error_before_the_search() {
     let folder = tempfile::tempdir().unwrap();
     let mut job = kept_job(folder.path());
     interrupt(&job);
@@ -215,7 +215,7 @@ fn insisting_on_what_is_not_there_is_an_error_before_any_search() {
 
 /// What has learned from the validation runs is not judged on them.
 #[test]
-fn validation_judges_the_network_before_a_refit() {
+fn validation_uses_the_network_before_the_refit() {
     let mut plain = job(&[Method::Gru], [600, 300, 300], true);
     plain.networks.all.epochs = Some(40);
     let mut again = plain.clone();
@@ -232,7 +232,7 @@ fn validation_judges_the_network_before_a_refit() {
 
 /// A range that was stated teaches nothing: leaving the training runs is told all the same.
 #[test]
-fn leaving_the_training_runs_is_told_whatever_ranges_were_stated() {
+fn leaving_the_training_range_is_reported_for_any_design_range() {
     let mut job = job(&[Method::Sindy], [600, 300, 300], true);
     job.ranges = [("u", "-15:15"), ("n", "-9:9")].map(|(c, r)| (c.to_owned(), r.parse().unwrap())).into();
     let model = done(&job).0.unwrap().candidates.remove(0).model;

@@ -51,7 +51,7 @@ fn order_is_that_of_pysindy() {
 }
 
 #[test]
-fn marine_is_what_the_books_have() {
+fn marine_has_the_terms_of_the_literature() {
     let (variables, names) = ship();
     assert_eq!(
         text(&Library::marine(), &variables, &names),
@@ -70,7 +70,7 @@ fn marine_is_what_the_books_have() {
 }
 
 #[test]
-fn the_other_families_are_what_they_say() {
+fn the_other_families_have_their_terms() {
     let (variables, names) = ship();
     let of = |family: Family| text(&Library::new(vec![family]), &variables, &names);
     assert_eq!(of(Family::Rational), "v/u, r/u, v^2/u, v r/u, r^2/u");
@@ -142,7 +142,7 @@ fn names_are_short_and_read_back() {
 }
 
 #[test]
-fn a_library_is_a_value_that_files_can_hold() {
+fn a_library_is_read_from_a_file() {
     let library = Library::new(all_families());
     let json = serde_json::to_string(&library).unwrap();
     assert_eq!(serde_json::from_str::<Library>(&json).unwrap(), library);

@@ -55,7 +55,7 @@ fn names(identified: &Identified) -> Vec<&str> {
 }
 
 #[test]
-fn a_steady_vessel_needs_neither_past_nor_learning() {
+fn a_constant_vessel_needs_no_lags_and_no_adaptation() {
     let (found, _) = identified(1.0, &[Method::Sindy, Method::Lagged, Method::Recursive]);
     assert_eq!(names(&found), ["sindy", "lagged", "recursive"]);
     assert_eq!(found.best, Some(0), "what is no better beyond the noise is not called best");
@@ -110,7 +110,7 @@ fn spikes_are_named_with_their_remedy() {
 
 /// A lag that is given once stood beside equations without it, which could win.
 #[test]
-fn a_lag_that_is_given_is_in_every_setting() {
+fn a_given_lag_is_in_all_candidates() {
     let part = |seed| vec![run(1.0, seed, 120.0)];
     let job = Job {
         methods: vec![Method::Sindy],
@@ -134,7 +134,7 @@ fn a_lag_that_is_given_is_in_every_setting() {
 }
 
 #[test]
-fn a_vessel_that_has_changed_is_best_followed_by_equations_that_learn() {
+fn recursive_equations_are_best_on_a_changed_vessel() {
     let (found, test) = identified(1.6, &[Method::Recursive, Method::Sindy]);
     assert_eq!(found.best, Some(0));
     let [learning, fixed] = [&found.candidates[0], &found.candidates[1]];

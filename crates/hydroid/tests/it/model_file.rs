@@ -121,7 +121,7 @@ fn not_a_model(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn what_was_written_is_read_and_written_again_the_same() {
+fn a_model_file_is_rewritten_byte_for_byte() {
     let folder = folder();
     let (first, second) = (folder.path().join("new/deep/a.safetensors"), folder.path().join("b.safetensors"));
     write(&model(), &first).unwrap();
@@ -150,7 +150,7 @@ fn numbers_in_the_head_survive_to_the_last_bit() {
 }
 
 #[test]
-fn a_file_cut_short_anywhere_is_refused() {
+fn a_truncated_file_is_refused() {
     let whole = bytes(&model());
     for length in 0..whole.len() {
         let reason = not_a_model(&whole[..length]);
@@ -163,7 +163,7 @@ fn a_file_cut_short_anywhere_is_refused() {
 }
 
 #[test]
-fn a_byte_changed_anywhere_does_no_harm() {
+fn a_changed_byte_never_panics() {
     let whole = bytes(&model());
     for at in 0..whole.len() {
         for flip in [0x01, 0x80, 0xff] {
@@ -207,7 +207,7 @@ proptest! {
     }
 
     #[test]
-    fn a_length_that_lies_is_refused(length in any::<u64>(), rest in prop::collection::vec(any::<u8>(), 0..100)) {
+    fn a_wrong_length_field_is_refused(length in any::<u64>(), rest in prop::collection::vec(any::<u8>(), 0..100)) {
         let mut bytes = length.to_le_bytes().to_vec();
         bytes.extend(rest);
         prop_assert!(decoded(&bytes).is_err());
@@ -215,7 +215,7 @@ proptest! {
 }
 
 #[test]
-fn other_things_are_told_apart() {
+fn other_files_are_recognised() {
     let folder = folder();
     let put = |name: &str, bytes: &[u8]| -> PathBuf {
         let path = folder.path().join(name);
@@ -255,7 +255,7 @@ fn other_things_are_told_apart() {
 }
 
 #[test]
-fn another_version_is_named_even_if_all_else_is_new() {
+fn another_file_version_is_reported() {
     let future = file(r#"{"version": 7, "all": "else"}"#, "x", Dtype::F64, &[0], &[]);
     assert!(matches!(decoded(&future), Err(ModelError::Version { found: 7, .. })));
     let old = with_head(|head| head["version"] = json!(0));
@@ -266,7 +266,7 @@ fn another_version_is_named_even_if_all_else_is_new() {
 }
 
 #[test]
-fn a_head_that_does_not_fit_is_refused() {
+fn an_inconsistent_header_is_refused() {
     assert!(not_a_model(&with_head(|head| head["structure"]["kind"] = json!("oracle"))).contains("oracle"));
     assert!(not_a_model(&with_head(|head| head["description"]["colour"] = json!(1))).contains("colour"));
     assert!(not_a_model(&with_head(|head| head["description"]["dt"] = json!("fast"))).contains("fast"));
@@ -314,7 +314,7 @@ fn with_members(shape: &[usize], values: &[f64], places: &[u32]) -> Vec<u8> {
 }
 
 #[test]
-fn an_ensemble_survives_and_one_that_does_not_fit_is_refused() {
+fn an_ensemble_is_read_back_and_an_inconsistent_one_is_refused() {
     // Without an ensemble, as all files once were.
     let old = decoded(&with_head(|_| ())).unwrap();
     assert!(old.members.is_empty() && old.member_sessions().is_empty());
@@ -356,7 +356,7 @@ fn a_file_stays_small() {
 }
 
 #[test]
-fn a_head_that_makes_no_sense_is_refused() {
+fn an_invalid_header_is_refused() {
     for substeps in [json!(0), json!(1_000_000_000), json!(u64::MAX)] {
         let reason = contradiction(&with_head(|head| head["structure"]["substeps"] = substeps));
         assert!(reason.contains("integration steps"), "{reason}");
@@ -404,7 +404,7 @@ fn terms_that_are_too_large_are_refused() {
 }
 
 #[test]
-fn what_cannot_be_written_leaves_nothing_behind() {
+fn a_failed_write_leaves_no_file() {
     let folder = folder();
     let blocked = folder.path().join("file");
     std::fs::write(&blocked, "there").unwrap();
@@ -436,7 +436,7 @@ fn what_cannot_be_written_leaves_nothing_behind() {
 }
 
 #[test]
-fn a_model_that_learns_keeps_its_prior() {
+fn an_adapting_model_keeps_its_prior() {
     let settings = hydroid_core::adapt::BlendSettings {
         priors_s: vec![100.0, 1.0 / 3.0],
         forgetting_s: 30.0,

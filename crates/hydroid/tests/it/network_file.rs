@@ -126,7 +126,7 @@ fn rollout(model: &Model, inputs: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn what_was_written_is_read_and_predicts_the_same() {
+fn a_model_file_is_read_back_with_the_same_predictions() {
     for model in models() {
         let file = bytes(&model);
         let again = decoded(&file).unwrap();
@@ -258,7 +258,7 @@ fn single_precision_of_pytorch_is_read() {
 }
 
 #[test]
-fn damage_does_no_harm() {
+fn damaged_files_never_panic() {
     // An LSTM on equations, one with a state filter, a GRU with feedback on equations.
     for model in [&models()[2], &models()[0], &models()[17]] {
         let whole = bytes(model);

@@ -108,7 +108,7 @@ fn the_textbook_factor() {
 
 proptest! {
     #[test]
-    fn the_factor_squares_to_the_normal_matrix(rows in tall()) {
+    fn the_factor_times_its_transpose_is_the_normal_matrix(rows in tall()) {
         let factor = fold(&rows);
         prop_assert!(distance(&square(&factor), &gram(&rows)) < 1e-13);
         prop_assert_eq!(factor.rows(), rows.len() as u64);
@@ -212,7 +212,7 @@ fn any_subset_of_columns_is_solved_as_its_own_normal_equations() {
 }
 
 #[test]
-fn a_column_that_says_nothing_new_is_reported_and_left_out() {
+fn a_dependent_column_is_reported_and_left_out() {
     let mut rows = wild_matrix(100, 3);
     for row in &mut rows {
         // A sum of two columns, a column of zeros, and the right-hand side.
@@ -228,7 +228,7 @@ fn a_column_that_says_nothing_new_is_reported_and_left_out() {
 
 /// The first round takes a dependent column out; it must still be told after the last.
 #[test]
-fn both_optimizers_tell_what_they_left_out_as_dependent() {
+fn both_optimizers_report_dependent_terms() {
     let mut rows = wild_matrix(100, 3);
     for row in &mut rows {
         row.extend([row[0] - 3.0 * row[1], 2.0 * row[0] + row[2]]);
@@ -348,7 +348,7 @@ fn backward_elimination_survives_columns_that_are_nearly_the_same() {
 /// A decaying velocity is 1e-80, its square 1e-160: the reflector of such a column once was infinite, and
 /// every coefficient became NaN and then zero.
 #[test]
-fn a_column_that_starts_vanishingly_small_poisons_nothing() {
+fn a_column_with_tiny_initial_values_is_harmless() {
     for tiny in [1e-80, 1e-145, 1e-160, 1e-200, 1e-310] {
         let mut factor = QrFactor::new(3);
         let mut block = vec![0.0; 3 * BLOCK_ROWS];

@@ -93,7 +93,7 @@ fn esso_is_a_tenth_below_the_ridge_that_validation_chooses() {
 /// Ten minutes of the hydrofoil in one log: two minutes of validation once chose equations that ran away on
 /// the very data they had been fitted to, and a good log was called of no use.
 #[test]
-fn a_short_log_is_not_at_the_mercy_of_a_short_validation() {
+fn a_short_log_has_a_robust_validation() {
     let Some(path) = data().map(|data| data.join("../reference/records/both_val.csv")) else { return };
     if !path.exists() {
         let _ = writeln!(std::io::stderr(), "skipped: no simulated records beside HYDROID_DATA");
@@ -108,7 +108,7 @@ fn a_short_log_is_not_at_the_mercy_of_a_short_validation() {
 }
 
 #[test]
-fn the_ugly_log_is_not_made_to_look_good() {
+fn the_ugly_log_is_prepared_with_warnings() {
     let Some(data) = data() else { return };
     let files = ["boat1_2_circle.csv", "boat1_2_sin.csv"].map(|file| data.join("usv-asw").join(file));
     let raw: Vec<_> = files.iter().map(|file| log::read(file).unwrap()).collect();

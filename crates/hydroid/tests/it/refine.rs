@@ -166,7 +166,7 @@ fn with_terms_of(truth: &Equations, run: &Trajectory) -> Equations {
 }
 
 #[test]
-fn exact_coefficients_stay_and_noisy_ones_come_closer() {
+fn refinement_keeps_exact_and_improves_noisy_coefficients() {
     let truth = truth();
     let clean = made_by(&truth, one_mode(7, 0.0));
     let same = refined(&clean, &truth, &plain(50)).remove(0);
@@ -309,7 +309,7 @@ fn searched(run: &Trajectory, degree: u8, refine: Option<bool>, ensemble_size: u
 }
 
 #[test]
-fn refinement_is_tried_where_the_sensors_noise_rules_and_what_came_of_it_is_told() {
+fn refinement_runs_where_noise_dominates_and_reports_its_outcome() {
     let run = one_mode(41, 1.0);
     let words = |found: &SearchResult| found.refinement.describe(0.1);
     // Linear equations miss forces of the vessel.

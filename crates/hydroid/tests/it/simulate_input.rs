@@ -53,7 +53,7 @@ fn steps_that_divide_but_for_rounding() {
 }
 
 #[test]
-fn vessels_that_cannot_be_driven() {
+fn vessels_that_cannot_be_excited() {
     let error = refused(|o| o.vessel.rigid_body.mass = -1.0);
     assert!(matches!(error, SimulateError::Vessel(_)), "{error}");
     let error = refused(|o| {
@@ -66,7 +66,7 @@ fn vessels_that_cannot_be_driven() {
 }
 
 #[test]
-fn a_step_too_long_for_the_vessel_says_so() {
+fn a_step_too_long_for_the_vessel_is_an_error() {
     let error = refused(|o| o.vessel.propeller.lag = 1e-4);
     assert!(matches!(error, SimulateError::Diverged { .. }), "{error}");
 }
@@ -125,7 +125,7 @@ fn given_commands_that_are_wrong_name_their_row() {
 }
 
 #[test]
-fn a_command_rounded_to_beyond_its_limit_is_at_its_limit() {
+fn a_command_rounded_beyond_its_limit_counts_as_at_its_limit() {
     let vessel = VesselParams::hydrofoil();
     let nine_digits = "0.523598776".parse().expect("a number");
     let commands = held(&[(0.0, command(350.000_1, nine_digits))], &vessel, 0.1, 1).expect("good rows");

@@ -231,7 +231,7 @@ fn a_row_that_touches_a_missing_sample_is_left_out_and_counted() {
 }
 
 #[test]
-fn two_runs_are_never_joined_across_their_ends() {
+fn runs_are_never_joined() {
     // The second run starts far from where the first ended: an increment across would be 100/s.
     let first = linear(300);
     let mut second = linear(301);
@@ -282,7 +282,7 @@ fn a_run_too_short_for_a_row_gives_none() {
 }
 
 #[test]
-fn an_output_that_stands_still_or_was_never_measured_is_refused() {
+fn a_constant_or_unmeasured_output_is_refused() {
     let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
     for (value, constant) in [(0.0, true), (0.1, true), (f64::NAN, false)] {
         let mut data = linear(50);
@@ -395,7 +395,7 @@ fn search_of(data: &Trajectory, grid: &SearchGrid) -> Result<SearchResult, Searc
 }
 
 #[test]
-fn the_search_chooses_what_predicts_and_says_what_it_tried() {
+fn the_search_chooses_by_prediction_error_and_lists_the_candidates() {
     let mut data = linear(1_000);
     add_noise(&mut data, 0.01);
     let mut both = grid(1);
@@ -422,7 +422,7 @@ fn the_search_chooses_what_predicts_and_says_what_it_tried() {
 
 /// `--degree 50` once asked for some hundred gigabytes.
 #[test]
-fn a_library_beyond_all_measure_is_refused_before_it_is_made() {
+fn a_huge_library_is_refused_before_it_is_built() {
     let data = linear(100);
     for degree in [100, 255] {
         let refused = search_of(&data, &grid(degree)).unwrap_err();

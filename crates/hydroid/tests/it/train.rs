@@ -103,7 +103,7 @@ fn the_bytes_do_not_depend_on_threads() {
 }
 
 #[test]
-fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
+fn an_interrupted_training_resumes_to_the_same_model() {
     let folder = tempfile::tempdir().unwrap();
     for (index, cell) in [CellKind::Lstm, CellKind::Gru].into_iter().enumerate() {
         // Long enough to be heard of several times, on a fast machine too.
@@ -191,7 +191,7 @@ fn patience_ends_a_training_that_gets_no_better() {
 }
 
 #[test]
-fn what_cannot_be_is_said() {
+fn invalid_arguments_are_refused() {
     let told = |settings: TrainOptions| {
         with(&settings, None, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
     };

@@ -113,7 +113,7 @@ fn the_bytes_do_not_depend_on_threads() {
 }
 
 #[test]
-fn an_interrupted_training_goes_on_as_if_it_had_not_been() {
+fn an_interrupted_training_resumes_to_the_same_model() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("direct.checkpoint");
     // Long enough to be heard of, on a fast machine too.
@@ -231,7 +231,7 @@ fn its_formulation_is_chosen_where_none_is_given() {
 }
 
 #[test]
-fn a_history_that_leaves_nothing_to_judge_is_refused_before_anything_is_trained() {
+fn a_history_without_windows_to_evaluate_is_refused_before_training() {
     let error = identify(&job(|s| s.history_s = Some(28.5)), &mut silent()).unwrap_err();
     assert!(matches!(error, IdentifyError::Unjudged { warm_up: 285, .. }), "{error}");
     let session = |model: &Model| model.session().warm_up();

@@ -57,7 +57,7 @@ fn settings() -> TrainOptions {
 }
 
 #[test]
-fn the_model_has_learned_from_all_runs_and_the_network_before_it_has_not() {
+fn the_refit_uses_all_runs() {
     let (before, after) = (go(&settings()), go(&TrainOptions { refit: true, ..settings() }));
     let refit = after.refit.clone().unwrap();
     assert_eq!((refit.outcome, after.before_refit()), (Outcome::Taken, &before.model));
@@ -79,7 +79,7 @@ fn the_model_has_learned_from_all_runs_and_the_network_before_it_has_not() {
 
 /// Long steps to the end: the last weights are hardly ever as good as the best on the way.
 #[test]
-fn a_refit_that_went_wrong_is_not_taken() {
+fn a_worse_refit_is_discarded() {
     let (a, b) = (run("a", 900, 1.0, 1), run("b", 500, 1.0, 2));
     let outcomes: Vec<Outcome> = (0..4)
         .map(|seed| {

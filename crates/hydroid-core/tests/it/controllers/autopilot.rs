@@ -71,7 +71,7 @@ fn a_lawn_mower_is_followed_and_its_speed_kept() {
 
 /// The integral of the line of sight takes the drift of a wind across away, that of the speed what it brakes.
 #[test]
-fn integrals_take_the_wind_away() {
+fn integral_action_rejects_the_wind() {
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();
     let start = State { u: 1.5, p_f: 116.0, ..State::REST };
     let wind = [-0.05, 0.06];
@@ -86,7 +86,7 @@ fn integrals_take_the_wind_away() {
 
 /// More speed than there is: the integral does not wind up, and the vessel slows down when it shall.
 #[test]
-fn what_cannot_be_reached_does_not_wind_up() {
+fn saturation_causes_no_windup() {
     let vessel = VesselParams::simple();
     let mut controller = Autopilot::new(&AffinePlant::limits(&vessel), DT, settings(0.1)).unwrap();
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();

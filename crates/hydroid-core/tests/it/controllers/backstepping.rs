@@ -49,7 +49,7 @@ proptest! {
 
     /// Without adaptation the two laws are one, with `k_p = q + k_1 k_2` and `k_d = k_1 + k_2`.
     #[test]
-    fn without_adaptation_it_is_the_feedback_linearization(
+    fn without_adaptation_the_law_is_feedback_linearization(
         (k_1, k_2, q) in (0.3..2.0f64, 0.3..2.0f64, 0.1..3.0f64),
         (x, y, psi) in (-0.3..0.3f64, -0.3..0.3f64, -0.3..0.3f64), (u, v, r) in (1.0..2.0f64, -0.1..0.1f64, -0.1..0.1f64),
     ) {
@@ -105,7 +105,7 @@ proptest! {
 /// A wind that is constant north and east turns round the vessel on a circle; it is learned as what it is, and the distance goes
 /// to zero. Without adaptation it leaves `a / k_p`.
 #[test]
-fn wind_on_a_circle_is_learned() {
+fn wind_on_a_circle_is_compensated() {
     let vessel = VesselParams::simple();
     let wind = [0.05f64, -0.03];
     let size = wind[0].hypot(wind[1]);
@@ -122,7 +122,7 @@ fn wind_on_a_circle_is_learned() {
 
 /// A fifth more mass and drag, and no wind: constant in the body frame of a circle, wherever it points.
 #[test]
-fn a_wrong_model_on_a_circle_is_learned_too() {
+fn model_error_on_a_circle_is_compensated() {
     let vessel = VesselParams::simple();
     let mut heavy = vessel.clone();
     heavy.rigid_body.mass *= 1.2;
@@ -220,7 +220,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
 }
 
 #[test]
-fn what_cannot_be_is_told_and_what_cannot_be_seen_is_held() {
+fn invalid_tasks_are_refused_and_missing_measurements_hold_the_command() {
     let vessel = VesselParams::simple();
     let make = |settings| {
         Backstepping::new(plant(&vessel), &AffinePlant::limits(&vessel), DT, settings)

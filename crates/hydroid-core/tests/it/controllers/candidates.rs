@@ -75,7 +75,7 @@ fn network(cell: Cell, base: BaseModel, feedback: bool, state_filter: Option<Sta
 
 /// From a session that has moved, and on equations with gates, a lag and ten integration steps in a sample.
 #[test]
-fn of_equations() {
+fn batches_of_equations_equal_single_rollouts() {
     for vessel in [VesselParams::simple(), VesselParams::hydrofoil()] {
         let mut session = EquationsSession::new(Arc::new(equations(&vessel, Force::Hidden)));
         walk(&mut session, 3);
@@ -97,7 +97,7 @@ fn of_equations() {
 
 /// Every cell over every base, also before all outputs were measured.
 #[test]
-fn of_recurrent_networks() {
+fn batches_of_recurrent_networks_equal_single_rollouts() {
     let below = Arc::new(equations(&VesselParams::simple(), Force::Hidden));
     let filter = StateFilter { process: 1e-4, initial: 1.0, noise: vec![0.1; 3] };
     for cell in [
@@ -124,7 +124,7 @@ fn of_recurrent_networks() {
 
 /// Over a horizon, over less of it, over more than two.
 #[test]
-fn of_direct_predictors() {
+fn batches_of_direct_predictors_equal_single_rollouts() {
     let below = BaseModel::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
     for base in [BaseModel::Nothing, BaseModel::Hold, below] {
         let (inputs, outputs) = Direct::lengths(3, 7, 3, 2);
@@ -142,7 +142,7 @@ fn of_direct_predictors() {
 
 /// With the last layer of the moment, and through a guard.
 #[test]
-fn of_direct_predictors_that_learn() {
+fn batches_of_adapting_direct_predictors_equal_single_rollouts() {
     let below = BaseModel::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
     for base in [BaseModel::Hold, below] {
         direct_predictors_that_learn(base);
@@ -182,7 +182,7 @@ fn direct_predictors_that_learn(base: BaseModel) {
 /// With the weights of the moment: those that a filter, or recursive least squares, has come to; also through a guard, which
 /// draws towards the model from shore.
 #[test]
-fn of_sessions_that_learn() {
+fn batches_of_adapting_sessions_equal_single_rollouts() {
     let model = network(Cell::Gru { hidden: 5 }, BaseModel::Nothing, false, None);
     let learner = |learns: bool| -> Box<dyn Adapter> {
         let deviation = if learns { 0.1 } else { 0.0 };
@@ -224,7 +224,7 @@ fn of_sessions_that_learn() {
 
 /// What cannot be rolled out side by side comes one by one, and so does a session of another model than the work's.
 #[test]
-fn of_others_one_by_one() {
+fn batches_of_other_models_equal_single_rollouts() {
     let past = vec![Signal::Past { variable: 0, samples: 2 }];
     let terms = vec![Term::monomial(&[5])];
     let below = Arc::new(Equations::with_signals(terms, vec![0.1, 0.0, 0.0], 3, 2, past, DT, 1).unwrap());

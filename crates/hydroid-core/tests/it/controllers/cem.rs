@@ -124,7 +124,7 @@ fn the_plan_is_the_optimum_of_a_linear_vessel() {
 }
 
 #[test]
-fn a_seed_says_all_and_time_ends_a_search_with_the_best_so_far() {
+fn a_plan_depends_on_its_seed_only_and_a_time_limit_returns_the_best_plan() {
     let session = linear();
     let run = |seed: u64, chunks: usize| {
         let mut planner = planner(PlannerOptions::new(seed), quadratic(), &WIDE);
@@ -192,7 +192,7 @@ fn the_shifted_plan_is_where_the_next_search_starts() {
 
 /// A limit that can be crossed is not, where that is dear.
 #[test]
-fn soft_limits_are_kept_where_they_are_dear() {
+fn soft_limits_are_kept_with_large_weights() {
     let session = linear();
     let top = |weight: f64| {
         let limit = SoftLimit { output: 0, range: [-1.0, 0.3], weight };
@@ -210,7 +210,7 @@ fn soft_limits_are_kept_where_they_are_dear() {
 
 /// Where the best is at a limit: the step stays there, and moves what may move.
 #[test]
-fn a_step_downhill_keeps_to_limits_and_is_never_worse() {
+fn a_gauss_newton_step_keeps_limits_and_never_raises_the_cost() {
     let session = linear();
     let narrow = [Limits::between([-0.5, 0.6]).with_rate(2.0), Limits::between([-1.0, 1.0])];
     let run = |gauss_newton_steps: usize| {
@@ -237,7 +237,7 @@ fn a_step_downhill_keeps_to_limits_and_is_never_worse() {
 
 /// A vessel that drifts to starboard and steers against it goes along its path: nothing of that costs anything.
 #[test]
-fn it_is_the_course_over_ground_that_is_priced() {
+fn the_cost_uses_the_course_over_ground() {
     // du/dt = dv/dt = 0, dr/dt = c_1 - r.
     let terms = vec![Term::monomial(&[2]), Term::monomial(&[3]), Term::monomial(&[4])];
     let mut coefficients = vec![0.0; 9];
@@ -263,7 +263,7 @@ fn it_is_the_course_over_ground_that_is_priced() {
 
 /// On the plants themselves as models: circles in all modes, within the lag's reach, with the state told.
 #[test]
-fn the_hydrofoil_is_steered_by_plans() {
+fn cem_controls_the_hydrofoil() {
     for (speed, radius) in [(1.5, 15.0), (4.0, 30.0)] {
         let drawn = circled(speed, radius, 0);
         let descended = circled(speed, radius, 2);
@@ -323,7 +323,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
-    fn commands_keep_their_limits_whatever_is_seen(
+    fn commands_keep_their_limits_for_any_observation(
         seed in 0u64..100, low in -3.0..0.5f64, wide in 0.1..3.0f64, rate in 0.05..10.0f64,
         seen in prop::collection::vec(prop_oneof![4 => -3.0..3.0f64, 1 => Just(f64::NAN), 1 => -1e200..1e200f64], 12),
     ) {
@@ -352,7 +352,7 @@ proptest! {
 }
 
 #[test]
-fn settings_that_cannot_be_are_told() {
+fn invalid_options_are_refused() {
     let make =
         |settings, cost| Planner::new(settings, cost, &WIDE, 3, DT, 1.0).map(|_| ()).unwrap_err().to_string();
     let good = PlannerOptions::new(0);

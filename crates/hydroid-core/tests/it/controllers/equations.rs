@@ -113,7 +113,7 @@ fn commands_do_not_depend_on_how_the_model_is_written() {
 
 /// A model that learns hands its coefficients on, the lag of a measured force among them.
 #[test]
-fn coefficients_that_were_learned_are_used() {
+fn adapted_coefficients_are_used() {
     let (vessel, mut heavy) = (VesselParams::simple(), VesselParams::simple());
     heavy.rigid_body.mass *= 1.2;
     heavy.propeller.lag = 1.7;
@@ -193,7 +193,7 @@ fn factor(variable: u16, shape: Shape) -> Factor {
 }
 
 #[test]
-fn what_is_not_affine_is_refused_with_the_term() {
+fn terms_that_are_not_affine_are_refused_by_name() {
     let lag = || vec![Signal::Lag { input: 3, time_constant_s: Real(1.0) }];
     let refused = |output, term, signals| with(output, term, signals).unwrap_err();
     assert_eq!(

@@ -93,7 +93,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
 
 /// What the documentation says of the bandwidth: in the middle of taking off, 3 rad/s are too much for samples of 0.1 s.
 #[test]
-fn too_high_a_bandwidth_loses_the_hydrofoil_where_it_takes_off() {
+fn too_high_a_bandwidth_diverges_at_take_off() {
     let vessel = VesselParams::hydrofoil();
     let error = |omega| {
         let settings = FeedbackLinearizationOptions::new(1.5).with_bandwidth(omega, 0.7);
@@ -173,7 +173,7 @@ proptest! {
 }
 
 #[test]
-fn a_lawn_mower_from_rest_is_tracked_from_the_first_metre_on_which_the_rudder_acts() {
+fn a_lawn_mower_from_rest_is_tracked() {
     let vessel = VesselParams::hydrofoil();
     let path = Path::lawn_mower([0.0, 0.0], 0.5, 80.0, 40.0, 3, 18.0, Side::Port).unwrap();
     let limits = SpeedLimits {
@@ -252,7 +252,7 @@ fn a_path_is_followed_at_the_speeds_that_its_turns_allow() {
 
 /// A constant push leaves `a / k_p`, and nothing with the integral.
 #[test]
-fn the_integral_takes_the_wind_away() {
+fn the_integral_rejects_the_wind() {
     let vessel = VesselParams::simple();
     let path = Path::legs(&[[0.0, 0.0], [500.0, 0.0]]).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
@@ -287,7 +287,7 @@ fn the_integral_takes_the_wind_away() {
 
 /// A limit that is too low for the reference winds the integral up without bound, were it not told.
 #[test]
-fn what_cannot_be_reached_does_not_wind_up() {
+fn saturation_causes_no_windup() {
     let vessel = VesselParams::simple();
     let path = Path::legs(&[[0.0, 0.0], [2_000.0, 0.0]]).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)).unwrap();
@@ -311,7 +311,7 @@ fn what_cannot_be_reached_does_not_wind_up() {
 }
 
 #[test]
-fn without_numbers_the_last_command_is_held() {
+fn measurements_that_are_not_finite_hold_the_last_command() {
     let vessel = VesselParams::simple();
     let mut controller = law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(1.0));
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
@@ -327,7 +327,7 @@ fn without_numbers_the_last_command_is_held() {
 }
 
 #[test]
-fn settings_that_cannot_be_are_told() {
+fn invalid_options_are_refused() {
     let vessel = VesselParams::simple();
     let limits = AffinePlant::limits(&vessel);
     let make = |settings| {

@@ -107,7 +107,7 @@ fn with_more_mass_and_a_current_it_is_better_than_its_base() {
 
 /// Where the model is right there is nothing to learn, and little is lost.
 #[test]
-fn with_the_right_model_it_costs_little() {
+fn with_the_true_model_the_augmentation_costs_little() {
     let vessel = VesselParams::simple();
     let mut ratios: Vec<f64> = (200..209)
         .map(|seed| {
@@ -124,7 +124,7 @@ fn with_the_right_model_it_costs_little() {
 
 /// Before it has learned anything it is its base; gaps in what is measured are none to learn from; and a reset forgets.
 #[test]
-fn it_begins_as_its_base_and_can_begin_again() {
+fn the_initial_augmentation_is_zero_and_reset_restores_it() {
     let vessel = VesselParams::simple();
     let heavy = heavier(&vessel);
     let mut law = learned(&vessel, 3);
@@ -147,7 +147,7 @@ fn it_begins_as_its_base_and_can_begin_again() {
 }
 
 #[test]
-fn settings_that_cannot_be_are_told() {
+fn invalid_options_are_refused() {
     let vessel = VesselParams::simple();
     let told =
         |settings| AdaptiveAugmentation::new(base(&vessel), settings, 0).map(|_| ()).unwrap_err().to_string();

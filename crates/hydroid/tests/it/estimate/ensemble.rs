@@ -22,7 +22,7 @@ fn prepared(runs: &[&Trajectory], degree: u8) -> LinearRegression {
 }
 
 #[test]
-fn groups_are_parts_of_the_whole() {
+fn residuals_by_group_add_up() {
     let (one, two) = (driven(7_001, 0.3, 1), driven(503, 0.3, 2));
     let program = Program::new(&Library::polynomial(2).terms(&Variables::plain(2, 0)), 2).unwrap();
     for regression in [MIDPOINT, RegressionForm::Weak { intervals: 20 }, RegressionForm::Central] {
@@ -75,7 +75,7 @@ fn intervals_cover_the_truth_and_are_as_wide_as_theory_says() {
 }
 
 #[test]
-fn true_terms_are_always_included_and_junk_seldom() {
+fn true_terms_have_inclusion_one_and_false_terms_a_low_one() {
     let data = driven(6_000, 0.3, 5);
     let fit = options(Optimizer::Criterion(Criterion::Bic));
     for term_dropout in [0.0, 0.3] {
@@ -143,7 +143,7 @@ fn settings_out_of_range_are_refused() {
 
 /// One draw without the only rows in which an input moves once failed the whole identification.
 #[test]
-fn draws_on_which_a_constraint_cannot_be_kept_are_left_out_and_counted() {
+fn infeasible_bootstrap_samples_are_skipped_and_counted() {
     let mut data = driven(2_000, 0.3, 9);
     let commands = data.inputs.column(0).enumerate();
     let commands: Vec<Vec<f64>> = commands.map(|(k, c)| vec![if k < 40 { c } else { 0.0 }]).collect();
@@ -178,7 +178,7 @@ fn a_library_without_terms_is_refused() {
 }
 
 #[test]
-fn a_reciprocal_that_passes_its_pole_between_samples_or_behind_a_lag_is_told() {
+fn a_pole_between_samples_or_behind_a_lag_is_reported() {
     let made = |outputs: &[f64], inputs: &[f64], variable: u16, shape: Shape, signals: &[Signal]| {
         let rows = |values: &[f64]| (0..40).map(|k| vec![values[k % values.len()]]).collect::<Vec<_>>();
         let data = run(DT, &rows(outputs), &rows(inputs));

@@ -54,7 +54,7 @@ fn spikes_hardly_move_the_coefficients() {
 
 /// On Gaussian noise it costs next to nothing, and on exact data nothing.
 #[test]
-fn without_spikes_it_is_least_squares() {
+fn without_outliers_the_huber_fit_is_least_squares() {
     let huber = RegressionOptions { loss: Loss::Huber(1.345), ..RegressionOptions::default() };
     let run = driven(20_000, 0.0, 1);
     assert!(error(&run, &huber) < 1e-9);
@@ -74,7 +74,7 @@ fn without_spikes_it_is_least_squares() {
 }
 
 #[test]
-fn a_sample_of_weight_zero_is_as_good_as_missing() {
+fn a_sample_with_weight_zero_equals_a_missing_sample() {
     let (mut spiked, weights) = measured(&driven(5_000, 0.0, 3), 0.005, 50.0, 3);
     let program = Program::new(&Library::polynomial(1).terms(&Variables::plain(2, 0)), 2).unwrap();
     for regression in [RegressionForm::Midpoint { intervals: 1 }, RegressionForm::Weak { intervals: 10 }] {

@@ -57,7 +57,7 @@ fn text_elsewhere_is_no_error() {
 }
 
 #[test]
-fn a_row_of_units_and_dates_get_their_own_remedy() {
+fn rows_of_units_and_dates_have_their_own_messages() {
     says(&error("t,u,n\ns,m/s,rpm\n0,1,2\n1,2,2\n2,1,3\n"), &["line 2", "`name [unit]`"]);
     let dated = "t,u,n\n03/08/2020 11:04:37,1,2\n03/08/2020 11:04:38,2,2\n";
     says(&error(dated), &["line 2", "column `t`", "as seconds"]);
@@ -161,7 +161,7 @@ fn no_time_outputs_or_inputs_to_guess() {
 }
 
 #[test]
-fn options_that_make_no_sense() {
+fn invalid_options() {
     let selection = Selection::of("u", "n").unwrap();
     let log = log(&table(20, u, n));
     for dt in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300] {

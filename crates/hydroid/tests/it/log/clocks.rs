@@ -62,7 +62,7 @@ fn a_jump_between_dates_splits_relative_to_the_first() {
 }
 
 #[test]
-fn bad_dates_tell_line_and_column() {
+fn bad_dates_are_reported_with_line_and_column() {
     let message =
         error(&timed("t", &["2020-08-03T11:04:37Z", "2020-13-03T11:04:38Z", "2020-08-03T11:04:39Z"]));
     says(

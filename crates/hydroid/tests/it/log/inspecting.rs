@@ -118,7 +118,7 @@ fn repeated_samples_and_lazy_commands_are_warned_of() {
 }
 
 #[test]
-fn a_log_that_cannot_be_prepared_is_looked_at_all_the_same() {
+fn a_log_that_cannot_be_prepared_can_be_inspected() {
     let report = found("t,u,n\n0,1,0\n2,2,0\n1,3,0\n3,4,1\n");
     assert_eq!(report.rows, 4);
     assert!(report.notes.iter().any(|n| n.message.contains("backwards")));
@@ -129,7 +129,7 @@ fn a_log_that_cannot_be_prepared_is_looked_at_all_the_same() {
 }
 
 #[test]
-fn a_log_that_is_read_as_it_should_be_is_not_warned_of() {
+fn correct_reading_options_give_no_warning() {
     let looked_at = |text: &str, options: &PrepareOptions| {
         hydroid::log::inspect(&log(text), &Selection::of("u", "n").unwrap(), options).unwrap()
     };

@@ -54,7 +54,7 @@ proptest! {
     }
 
     #[test]
-    fn preparation_never_panics_and_keeps_its_word(
+    fn preparation_never_panics_and_gives_valid_runs(
         steps in prop::collection::vec(prop_oneof![4 => Just(1.0), 2 => 0.5..2.0_f64, 1 => 0.0..100.0_f64], 1..60),
         cells in prop::collection::vec((cell(), cell(), cell()), 60),
         wild in prop::bool::weighted(0.1),

@@ -83,7 +83,7 @@ fn only_the_two_random_runs_that_end_under_tow_are_shortened() {
 }
 
 #[test]
-fn the_ugly_log_is_called_ugly() {
+fn the_problems_of_the_ugly_log_are_reported() {
     let Some(path) = data("usv-asw/boat1_2_sin.csv") else { return };
     let log = read(&path).unwrap();
     let p = prepare(std::slice::from_ref(&log), &usv(), &PrepareOptions::default()).unwrap();
@@ -99,7 +99,7 @@ fn the_ugly_log_is_called_ugly() {
 }
 
 #[test]
-fn simulated_logs_show_their_noise_and_no_delay() {
+fn the_noise_of_simulated_logs_is_estimated_and_their_delay_is_zero() {
     let Some(path) = data("../reference/records/both_train.csv") else { return };
     if !path.exists() {
         let _ = writeln!(std::io::stderr(), "skipped: no simulated record");
@@ -139,7 +139,7 @@ fn every_real_log_can_be_prepared_or_says_why() {
 }
 
 #[test]
-fn the_tanks_have_a_step_and_no_clock() {
+fn tank_logs_have_a_step_and_no_time_column() {
     let Some(path) = data("benchmarks/cascaded_tanks.csv") else { return };
     let log = read(&path).unwrap();
     let selection = Selection::of("y=yEst", "u=uEst").unwrap();

@@ -180,7 +180,7 @@ fn sensors_at_different_rates_survive() {
 }
 
 #[test]
-fn an_irregular_clock_is_resampled_and_said_so() {
+fn an_irregular_clock_is_resampled_and_reported() {
     let mut text = "t,u,n\n".to_owned();
     for k in 0..100 {
         let t = k as f64 * 0.1 + if k % 3 == 1 { 0.02 } else { 0.0 };
@@ -342,7 +342,7 @@ fn a_step_below_the_logs_is_warned_of() {
 }
 
 #[test]
-fn alternating_sensors_are_told_to_use_the_clock_of_the_slowest() {
+fn alternating_sensors_give_the_advice_to_resample() {
     for rows in [40, 41] {
         let mut text = "t,u,v,n\n".to_owned();
         for k in 0..rows {

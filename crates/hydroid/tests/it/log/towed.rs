@@ -31,7 +31,7 @@ fn speed(end: impl Fn(f64) -> f64) -> impl Fn(usize) -> String {
 }
 
 #[test]
-fn a_vessel_that_is_towed_home_is_left_there() {
+fn a_towed_end_is_removed() {
     let text = table(ROWS, speed(|t| if t < 15.0 { 0.1 } else { 0.6 }), command);
     let p = prepared(&text);
     assert_eq!((p.runs.len(), p.runs[0].len(), p.runs[0].t0), (1, AFTER, 0.0));
@@ -47,7 +47,7 @@ fn a_vessel_that_is_towed_home_is_left_there() {
 }
 
 #[test]
-fn a_vessel_that_is_pushed_off_begins_where_it_is_steered() {
+fn a_pushed_start_is_removed() {
     let end = speed(|t| (-0.1 * t).exp());
     let pushed = |k: usize| if (200..BEFORE).contains(&k) { "-0.7".to_owned() } else { end(k) };
     let p = prepared(&table(ROWS, pushed, command));
@@ -57,7 +57,7 @@ fn a_vessel_that_is_pushed_off_begins_where_it_is_steered() {
 }
 
 #[test]
-fn what_a_vessel_does_by_itself_is_kept() {
+fn uncommanded_motion_is_kept() {
     type End = fn(f64) -> f64;
     let ends: [(&str, End); 5] = [
         ("coasts", |t| (-0.1 * t).exp()),
@@ -99,7 +99,7 @@ fn what_a_vessel_does_by_itself_is_kept() {
 
 /// A heading goes on growing while a vessel turns out.
 #[test]
-fn what_is_no_velocity_tells_of_no_tow() {
+fn channels_other_than_velocities_do_not_indicate_a_tow() {
     let text = table(ROWS, speed(|t| if t < 15.0 { 0.1 } else { 0.6 }), command);
     for (unit, rows) in [("rad", ROWS), ("m/s", AFTER)] {
         let log = log(&text.replacen("u [m/s]", &format!("psi [{unit}]"), 1));
@@ -110,7 +110,7 @@ fn what_is_no_velocity_tells_of_no_tow() {
 }
 
 #[test]
-fn wind_is_no_command() {
+fn wind_is_not_a_command() {
     let mut text = "t,u [m/s],n,wind [m/s],from [rad]\n".to_owned();
     let u = speed(|t| if t < 15.0 { 0.1 } else { 0.6 });
     for k in 0..ROWS {
