@@ -12,7 +12,7 @@ use super::page::Section;
 use super::{hidden, number};
 use hydroid::identify::Candidate;
 use hydroid::log::Trajectory;
-use hydroid::model::{Mode, Modes, Motion};
+use hydroid::model::{Mode, Modes, NamedEquations};
 use hydroid::sindy::SearchResult;
 
 /// Width of a line of the text to copy.
@@ -26,7 +26,7 @@ pub(super) struct Sparse<'a> {
     /// The search that found its equations.
     pub(super) found: &'a SearchResult,
     /// The equations as people read them.
-    pub(super) motion: Motion<'a>,
+    pub(super) motion: NamedEquations<'a>,
 }
 
 impl<'a> Sparse<'a> {

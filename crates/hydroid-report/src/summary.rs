@@ -1,6 +1,5 @@
 //! The first screen: what was found, from what, and whether it is any good.
 
-use hydroid_core::model::recurrent::BaseModel;
 use maud::{Markup, html};
 
 use super::number::{self, duration, ratio};
@@ -8,7 +7,6 @@ use super::page::{Section, notes};
 use super::{Subject, runs, style};
 use hydroid::identify::{Candidate, Grade, Verdict};
 use hydroid::log::{Note, Severity, Split, Trajectory};
-use hydroid::model::Body;
 
 /// Warnings that are shown without a click.
 const SHOWN: usize = 5;
@@ -193,7 +191,7 @@ fn facts(subject: &Subject<'_>) -> Markup {
             @if let Some(candidate) = subject.candidate {
                 dt { "Model" }
                 dd {
-                    (model(candidate)) ", " (number::count(candidate.model.weights())) @if candidate.model.is_network() { " weights for " } @else { " coefficients for " }
+                    (candidate.model.title()) ", " (number::count(candidate.model.weights())) @if candidate.model.is_network() { " weights for " } @else { " coefficients for " }
                     (number::count(candidate.model.description.outputs.len())) " outputs and "
                     (number::count(candidate.model.description.inputs.len())) " inputs"
                 }
@@ -219,25 +217,6 @@ fn facts(subject: &Subject<'_>) -> Markup {
                 }
             }
         }
-    }
-}
-
-fn model(candidate: &Candidate) -> &'static str {
-    match (&candidate.model.body, &candidate.model.learning) {
-        (Body::Equations(_), None) => "Sparse equations of motion",
-        (Body::Equations(_), Some(_)) => "Sparse equations of motion that keep learning on the way",
-        (Body::Recurrent(recurrent), _) => match recurrent.base {
-            BaseModel::Equations(_) => "A recurrent network on top of equations of motion",
-            BaseModel::Nothing | BaseModel::Hold => "A recurrent network",
-        },
-        (Body::Direct(direct), _) => match direct.base {
-            BaseModel::Equations(_) => {
-                "A feed-forward network that predicts many steps at once on top of equations of motion"
-            }
-            BaseModel::Nothing | BaseModel::Hold => "A feed-forward network that predicts many steps at once",
-        },
-        (Body::Affine(_), _) => "A feed-forward network of the rates that is affine in its inputs",
-        (Body::Plant(_), _) => "A vessel with given parameters",
     }
 }
 

@@ -9,7 +9,7 @@ use std::path::Path;
 use anyhow::bail;
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection};
-use hydroid::model::{self, Description, Model, Motion, Reading};
+use hydroid::model::{self, Description, Model, NamedEquations, Reading};
 use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
 use hydroid_live::black_box::{BlackBox, is_black_box};
 use serde_json::json;
@@ -113,7 +113,7 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
         "weights": model.weights(),
         "description": model.description,
     });
-    let equations = |motion: Motion<'_>| {
+    let equations = |motion: NamedEquations<'_>| {
         json!({
             "equations": motion.equations_text(),
             "latex": motion.equations_latex(),
@@ -230,21 +230,22 @@ fn show_ports(d: &Description) {
             // A given design range may differ from the range of the training data.
             let kind =
                 if stated.contains(&port.channel.name.as_str()) { "design range" } else { "training range" };
-            let visited =
-                port.visited.map(|seen| format!(", training range {:.4} to {:.4}", seen.low, seen.high));
+            let trained = port
+                .training_range
+                .map(|seen| format!(", training range {:.4} to {:.4}", seen.low, seen.high));
             outln!(
                 "{what:<7} {:<12} {:<8} {kind} {:.4} to {:.4}{}",
                 port.channel.name,
                 port.channel.unit,
                 port.range.low,
                 port.range.high,
-                visited.unwrap_or_default()
+                trained.unwrap_or_default()
             );
         }
     }
 }
 
-fn show_equations(heading: &str, motion: Motion<'_>) {
+fn show_equations(heading: &str, motion: NamedEquations<'_>) {
     outln!("{heading}:");
     for equation in motion.equations_text() {
         outln!("  {equation}");

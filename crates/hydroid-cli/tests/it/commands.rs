@@ -230,9 +230,7 @@ fn a_model_below_persistence_has_exit_status_one() {
     let output = hydroid(folder.path(), &[&args[..], &["--horizon", "10s"]].concat());
     assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(String::from_utf8_lossy(&output.stdout).contains("NOT IDENTIFIED"));
-    assert!(
-        String::from_utf8_lossy(&output.stderr).contains("leave the range that the model was trained on")
-    );
+    assert!(String::from_utf8_lossy(&output.stderr).contains("leave the training range of the model"));
 }
 
 #[test]

@@ -119,7 +119,7 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
     let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
     for part in [
         "GRU with 4 cells",
-        "sees the inputs alone",
+        "inputs: the model's inputs only",
         "wash-out: 10 samples, 1.000 s",
         "meant from",
         ", trained from",

@@ -18,7 +18,7 @@ pub(crate) fn model() -> Model {
     let port = |name: &str, unit: &str| Port {
         channel: Channel::new(name, unit),
         range: DesignRange { low: -2.0, high: 2.0 },
-        visited: None,
+        training_range: None,
         noise: None,
     };
     let mut reading = Reading::default();

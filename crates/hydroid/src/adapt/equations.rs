@@ -15,7 +15,7 @@ use hydroid_core::predict::Predictor;
 use super::AdaptError;
 use super::kalman::{Kalman, UsedKalman, Which};
 use crate::log::Trajectory;
-use crate::model::{Model, Motion};
+use crate::model::{Model, NamedEquations};
 
 impl Kalman {
     /// For equations that learn by the filter; chosen on simulated vessels.
@@ -34,7 +34,7 @@ impl Kalman {
 /// The equations as the filter has them, its tuning, and the noise that it takes.
 fn tuned(
     model: &Model,
-    motion: &Motion<'_>,
+    motion: &NamedEquations<'_>,
     options: &Kalman,
     runs: &[&Trajectory],
 ) -> Result<(LearnableEquations, Tuning, Vec<f64>), AdaptError> {
@@ -56,7 +56,7 @@ fn tuned(
 /// does.
 pub(super) fn adapter(
     model: &Model,
-    motion: &Motion<'_>,
+    motion: &NamedEquations<'_>,
     options: &Kalman,
     runs: &[&Trajectory],
 ) -> Result<(KalmanEquations, UsedKalman), AdaptError> {
@@ -68,7 +68,7 @@ pub(super) fn adapter(
 /// The same filter on the outputs alone: of the coefficients it is sure.
 pub(super) fn filtered(
     model: &Model,
-    motion: &Motion<'_>,
+    motion: &NamedEquations<'_>,
     options: &Kalman,
     runs: &[&Trajectory],
 ) -> Result<Box<dyn Predictor>, AdaptError> {

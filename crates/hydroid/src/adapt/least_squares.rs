@@ -18,7 +18,7 @@ use hydroid_core::model::sparse::Equations;
 use serde::{Deserialize, Serialize};
 
 use super::{AdaptError, Gate};
-use crate::model::{Body, Members, Model, Motion};
+use crate::model::{Body, Members, Model, NamedEquations};
 
 /// How equations are adapted, and the last layer of direct predictors, for which the default is
 /// [`of_read_outs`](Self::of_read_outs).
@@ -101,7 +101,7 @@ pub(super) fn settings(model: &Model, options: &LeastSquares) -> Result<Settings
 /// The session that adapts equations, and the settings that it was made with.
 pub(super) fn adapter(
     model: &Model,
-    motion: &Motion<'_>,
+    motion: &NamedEquations<'_>,
     options: &LeastSquares,
 ) -> Result<(RecursiveEquations, UsedLeastSquares), AdaptError> {
     let settings = settings(model, options)?;

@@ -235,7 +235,7 @@ fn learner(
 ) -> Result<(Box<dyn Adapter>, Used), AdaptError> {
     match &model.body {
         Body::Equations(equations) => {
-            let motion = model.motion(equations);
+            let motion = model.named(equations);
             if options.method == Method::Kalman {
                 let (adapter, used) = equations::adapter(model, &motion, &options.kalman, runs)?;
                 return Ok((Box::new(adapter), Used::Kalman(used)));

@@ -5,6 +5,7 @@ use hydroid_core::guidance::PathError;
 use hydroid_core::vessel::InvalidParams;
 
 use crate::adapt::AdaptError;
+use crate::model::NotInvertible;
 
 /// Wrong input to a closed loop, or cancellation.
 #[derive(Debug, thiserror::Error)]
@@ -102,6 +103,17 @@ pub enum ClosedLoopError {
     /// Cancelled by the progress callback.
     #[error("interrupted")]
     Cancelled,
+}
+
+impl ClosedLoopError {
+    /// The model cannot be inverted by this control law.
+    pub(super) fn not_invertible(error: NotInvertible, law: &'static str) -> Self {
+        match error {
+            NotInvertible::NotAffine(why, remedy) => Self::NotAffine { law, why, remedy },
+            NotInvertible::Control(error) => Self::Control(error),
+            NotInvertible::Vessel(error) => Self::Vessel(error),
+        }
+    }
 }
 
 /// Rounds to a microsecond, so that `3 * 0.1` prints as `0.3`.

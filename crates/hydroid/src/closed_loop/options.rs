@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::channel_map::ChannelMap;
 use super::controller::{ClosedLoopController, ControlLaw};
 use super::error::ClosedLoopError;
-use super::inversion::{InvertibleModel, InvertingController, InvertingLaw};
+use super::inversion::{InvertingController, InvertingLaw};
 use super::predictive::PredictiveController;
 use super::reference::Timing;
 use super::session_model::SessionModel;
@@ -130,6 +130,7 @@ impl ControllerOptions {
             return self.autopilot();
         }
         let model = self.model.as_deref().ok_or(ClosedLoopError::NoModel { law })?;
+        let refused = |error| ClosedLoopError::not_invertible(error, law);
         let channels = ChannelMap::of(&model.description, &self.vessel)?;
         let session = || match &self.adapt {
             Some(options) => SessionModel::learning(model, options, &self.rehearsal).map(Some),
@@ -144,7 +145,7 @@ impl ControllerOptions {
                 let settings =
                     self.bandwidth.map_or(settings, |[omega, zeta]| settings.with_bandwidth(omega, zeta));
                 let settings = FeedbackLinearizationOptions { integral: self.integral, ..settings };
-                let inverse = InvertibleModel::of(model, channels.motion, law)?;
+                let inverse = model.invert(channels.motion).map_err(refused)?;
                 let law = FeedbackLinearization::new(inverse, &self.limits, self.dt_s, settings)?;
                 match self.learned {
                     Some(learned) => {
@@ -158,7 +159,7 @@ impl ControllerOptions {
                 let settings =
                     BacksteppingOptions { tolerance: self.tolerance, ..BacksteppingOptions::new(self.lead) };
                 let settings = self.rate.map_or(settings, |rate| settings.with_rate(rate));
-                let inverse = InvertibleModel::of(model, channels.motion, law)?;
+                let inverse = model.invert(channels.motion).map_err(refused)?;
                 let law = Backstepping::new(inverse, &self.limits, self.dt_s, settings)?;
                 self.inverted(law, channels, model, session()?)
             }

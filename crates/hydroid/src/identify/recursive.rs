@@ -49,7 +49,8 @@ pub(super) fn learning(
     };
     let horizon_s = job.horizon as f64 * parts.train[0].dt;
     let window = intervals(WINDOW * job.horizon as f64);
-    let (equations, root) = identifiable(&found.fit.equations, parts, window).map_err(SearchError::Fit)?;
+    let (equations, r_factor) =
+        identifiable(&found.fit.equations, parts, window).map_err(SearchError::Fit)?;
     let settings = BlendSettings {
         priors_s: PRIORS.iter().map(|prior| prior * horizon_s).collect(),
         forgetting_s: MEMORY * horizon_s,
@@ -58,7 +59,7 @@ pub(super) fn learning(
         gate: Gate::default(),
     };
     let mut model = describe(&found, equations);
-    model.learning = Some(Learning { settings, root });
+    model.learning = Some(Learning { settings, r_factor });
     Ok((found, model))
 }
 

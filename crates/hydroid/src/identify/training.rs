@@ -202,7 +202,7 @@ fn describe(
     let port = |((channel, &range), &visited): ((&Channel, &DesignRange), &DesignRange)| Port {
         channel: channel.clone(),
         range,
-        visited: parts.given.contains(&channel.name).then_some(visited),
+        training_range: parts.given.contains(&channel.name).then_some(visited),
         noise: noise(channel),
     };
     let ports = |channels: &[Channel], ranges: &[DesignRange], visited: &[DesignRange]| {

@@ -3,7 +3,7 @@
 use hydroid_core::model::sparse::Term;
 use serde::Serialize;
 
-use super::Motion;
+use super::NamedEquations;
 use super::text::{active, sum};
 
 /// Significant digits in the text of an entry; the coefficients in the list of terms are exact.
@@ -32,11 +32,11 @@ pub struct JacobianText {
     pub A: Vec<Vec<JacobianEntry>>,
     /// With respect to the inputs, at fixed signals.
     pub B: Vec<Vec<JacobianEntry>>,
-    /// With respect to signals: lag states, past values. What they are is said by [`Motion::signals_text`].
+    /// With respect to signals: lag states, past values. What they are is said by [`NamedEquations::signals_text`].
     pub signals: Vec<Vec<JacobianEntry>>,
 }
 
-impl Motion<'_> {
+impl NamedEquations<'_> {
     /// The Jacobian as text; at the kink of `|x|` the derivative is that of 0.
     pub fn jacobian_text(&self) -> JacobianText {
         let equations = self.equations;

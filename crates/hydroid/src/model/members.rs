@@ -1,29 +1,25 @@
-//! Other coefficients, or weights, that the data allow: the members of an ensemble, and the rollouts that they give.
+//! Ensembles: coefficients or weights from resampled data, whose rollouts give prediction bands.
 
-use std::sync::Arc;
-
-use hydroid_core::model::direct::{Direct, DirectSession};
-use hydroid_core::model::sparse::{Equations, EquationsSession};
 use hydroid_core::predict::Predictor;
 
-use super::{Body, Model};
+use super::Model;
 
-/// Members that a model keeps at the most: more would not move its bands, and make its file larger.
-pub const MOST_MEMBERS: usize = 50;
+/// Largest number of ensemble members.
+pub const MAX_MEMBERS: usize = 50;
 
-/// Coefficients of the members of an ensemble, at the places where any member has one.
+/// Coefficients of ensemble members, stored at the indices where any member is not zero.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Members {
-    /// Ascending, in the table of coefficients `outputs x terms`.
+    /// Ascending indices in the coefficients `outputs x terms`, or in the weights.
     places: Vec<usize>,
-    /// Member by member, one number for each place.
+    /// Values, `members x places`.
     values: Vec<f64>,
 }
 
 impl Members {
-    /// The first [`MOST_MEMBERS`] of some tables of coefficients, all of one length.
+    /// The first [`MAX_MEMBERS`] of `tables`, which have one length.
     pub fn new(tables: &[Vec<f64>]) -> Self {
-        let tables = &tables[..tables.len().min(MOST_MEMBERS)];
+        let tables = &tables[..tables.len().min(MAX_MEMBERS)];
         let count = tables.iter().map(Vec::len).min().unwrap_or(0);
         let places: Vec<usize> =
             (0..count).filter(|&place| tables.iter().any(|table| table[place] != 0.0)).collect();
@@ -31,7 +27,7 @@ impl Members {
         Self { places, values }
     }
 
-    /// From the parts in a file.
+    /// Ensemble from the parts in a file.
     pub(super) fn from_parts(places: &[u32], values: Vec<f64>, count: usize) -> Result<Self, String> {
         let places: Vec<usize> =
             places.iter().map(|&place| usize::try_from(place).unwrap_or(usize::MAX)).collect();
@@ -45,7 +41,7 @@ impl Members {
         Ok(Self { places, values })
     }
 
-    /// Places and values, as [`from_parts`](Self::from_parts) takes them.
+    /// Places and values.
     pub(super) fn parts(&self) -> (&[usize], &[f64]) {
         (&self.places, &self.values)
     }
@@ -55,66 +51,33 @@ impl Members {
         self.values.len() / self.places.len().max(1)
     }
 
-    /// Whether there are none.
+    /// Whether there are no members.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
 
-    /// Whether they are of a table of so many numbers.
+    /// Whether the places fit `count` numbers.
     pub fn fit(&self, count: usize) -> bool {
         self.places.last().is_none_or(|last| *last < count)
     }
 }
 
 impl Model {
-    /// Length of the table that members have values for.
-    fn numbers(&self) -> usize {
-        match &self.body {
-            Body::Equations(equations) => equations.coefficients().len(),
-            Body::Direct(direct) => direct.weights.len(),
-            Body::Recurrent(_) | Body::Affine(_) | Body::Plant(_) => 0,
-        }
-    }
-
-    /// A session for each member of the ensemble; none where the model has no ensemble. Their rollouts spread as
-    /// far as the coefficients are uncertain.
+    /// A session for each ensemble member; empty without an ensemble. The spread of their rollouts reflects the uncertainty
+    /// of the coefficients.
     pub fn member_sessions(&self) -> Vec<Box<dyn Predictor>> {
+        let kind = self.body.kind();
+        let count = kind.ensemble_numbers();
         let (places, values) = self.members.parts();
-        if self.learning.is_some() || self.members.is_empty() || !self.members.fit(self.numbers()) {
+        if self.learning.is_some() || self.members.is_empty() || !self.members.fit(count) {
             return Vec::new();
         }
-        let equations = match &self.body {
-            Body::Equations(equations) => equations,
-            Body::Direct(direct) => {
-                let session = |values: &[f64]| -> Option<Box<dyn Predictor>> {
-                    let mut weights = vec![0.0; direct.weights.len()];
-                    for (&place, &value) in places.iter().zip(values) {
-                        weights[place] = value;
-                    }
-                    let own = Direct { weights, ..Direct::clone(direct) };
-                    Some(Box::new(DirectSession::new(Arc::new(own)).ok()?))
-                };
-                return values.chunks_exact(places.len()).filter_map(session).collect();
-            }
-            Body::Recurrent(_) | Body::Affine(_) | Body::Plant(_) => return Vec::new(),
-        };
-        let session = |values: &[f64]| -> Option<Box<dyn Predictor>> {
-            let mut table = vec![0.0; equations.coefficients().len()];
+        let session = |values: &[f64]| {
+            let mut numbers = vec![0.0; count];
             for (&place, &value) in places.iter().zip(values) {
-                table[place] = value;
+                numbers[place] = value;
             }
-            // What compiled for the model compiles for its members.
-            let own = Equations::with_signals(
-                equations.terms().to_vec(),
-                table,
-                equations.outputs(),
-                equations.inputs(),
-                equations.signals().to_vec(),
-                equations.dt(),
-                equations.substeps(),
-            )
-            .ok()?;
-            Some(Box::new(EquationsSession::new(Arc::new(own))))
+            kind.member_session(numbers)
         };
         values.chunks_exact(places.len()).filter_map(session).collect()
     }

@@ -1,25 +1,19 @@
-//! Identified models: what they are, and their file.
+//! Models: kinds, description, sessions and files.
 
 mod file;
+mod inversion;
 mod jacobian;
+mod kinds;
 mod latex;
 mod members;
 mod modes;
-mod motion;
-mod network;
-mod plant;
-mod recurrent;
+mod named_equations;
 mod text;
+mod torch;
 mod units;
 
-use std::sync::Arc;
-
 use hydroid_core::adapt::BlendSettings;
-use hydroid_core::model::affine::{ControlAffine, ControlAffineSession};
-use hydroid_core::model::direct::{Direct, DirectSession};
-use hydroid_core::model::recurrent::{Recurrent, RecurrentSession};
-use hydroid_core::model::sparse::{Equations, EquationsSession};
-use hydroid_core::model::{PlantModel, PlantSession};
+use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 
@@ -27,39 +21,40 @@ use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
 pub use file::{ModelError, decode, encode, read, write};
+pub(crate) use inversion::{InvertibleModel, WeightMap};
 pub use jacobian::{JacobianEntry, JacobianText};
-pub use members::{MOST_MEMBERS, Members};
+pub(crate) use kinds::NotInvertible;
+pub use kinds::{Body, cell_text};
+pub use members::{MAX_MEMBERS, Members};
 pub use modes::{Mode, Modes, NamedGate};
-pub use motion::Motion;
-pub use plant::PLANT_DT_S;
-pub use recurrent::{NamedTensor, cell_text, weights_from_torch};
+pub use named_equations::NamedEquations;
+pub use torch::{NamedTensor, weights_from_torch};
 pub use units::{TermCoefficient, UnitProduct};
 
-/// A model with all that is needed to use it on another log.
+/// A model with its description.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// What the numbers mean.
+    /// Channels, preprocessing and provenance.
     pub description: Description,
-    /// The numbers.
+    /// Structure and numbers.
     pub body: Body,
-    /// Other numbers that the data allow as well; none where nobody asked for them, or where the model has
-    /// learned since.
+    /// Ensemble; empty if none was identified or the model has been adapted since.
     pub members: Members,
-    /// How its sessions learn on the way; none for a model that stays as it is.
+    /// Online adaptation of the sessions; `None` for a constant model.
     pub learning: Option<Learning>,
 }
 
-/// How a model's sessions learn on the way.
+/// Online adaptation of a model's sessions by an expert mixture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Learning {
-    /// How fast.
+    /// Options of the mixture.
     pub settings: BlendSettings,
-    /// What the training runs knew of the coefficients: the upper triangle of the second moments of the library in
-    /// them, `terms x terms` ([`LinearRegression::r_factor`](crate::sindy::LinearRegression::r_factor)).
-    pub root: Vec<f64>,
+    /// Prior information on the coefficients: the upper triangular factor `R` with `R'R = Theta'Theta` of the training runs,
+    /// `terms x terms`.
+    pub r_factor: Vec<f64>,
 }
 
-/// What the numbers of a model mean; the JSON in the head of a model file.
+/// Description of a model; the JSON in the head of a model file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Description {
@@ -71,127 +66,121 @@ pub struct Description {
     pub outputs: Vec<Port>,
     /// Inputs, in the order of the model.
     pub inputs: Vec<Port>,
-    /// How a log's columns become the model's channels, so that another log is read in the same way.
+    /// Preprocessing, so that other logs are read in the same way.
     pub reading: Reading,
-    /// Where the model comes from.
+    /// Provenance.
     pub provenance: Provenance,
 }
 
-/// How a log becomes runs.
+/// Preprocessing from a log to runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Reading {
-    /// Which columns.
+    /// Columns.
     pub selection: Selection,
-    /// On which clock, and how commands are aligned with it.
+    /// Sampling and alignment of commands.
     pub options: PrepareOptions,
 }
 
-/// A channel of a model and the range it is meant for.
+/// A channel of a model and its range.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Port {
     /// Name and unit.
     pub channel: Channel,
-    /// Range that it is meant for, if one was stated; else that of the training runs.
+    /// Design range, if stated; else the training range.
     pub range: DesignRange,
-    /// Range of the training runs, where another was stated. (Older files do not have it.)
+    /// Training range, if a design range was stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub visited: Option<DesignRange>,
-    /// Standard deviation of the white noise of an output in the training runs. (Inputs and older files do not have it.)
+    pub training_range: Option<DesignRange>,
+    /// Standard deviation of the white measurement noise of an output in the training runs; `None` for inputs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
 }
 
-/// Where a model comes from: enough to make it again.
+/// Provenance of a model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
-    /// Version of hydroid that made it.
+    /// Version of hydroid.
     pub hydroid: String,
-    /// Seed of the run.
+    /// Seed.
     pub seed: u64,
-    /// Runs that the coefficients or weights come from.
+    /// Training runs.
     pub training: Vec<String>,
-    /// Runs that settings were chosen on.
+    /// Validation runs.
     pub validation: Vec<String>,
-    /// Settings that were chosen.
+    /// Selected options.
     pub settings: serde_json::Value,
 }
 
-/// The numbers of a model, by kind.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Body {
-    /// Sparse equations of motion.
-    Equations(Arc<Equations>),
-    /// A recurrent network, on its own or on top of equations.
-    Recurrent(Arc<Recurrent>),
-    /// A feed-forward network that gives all outputs of a horizon at once.
-    Direct(Arc<Direct>),
-    /// A feed-forward network of the rates that is affine in known maps of the inputs.
-    Affine(Arc<ControlAffine>),
-    /// A vessel with given parameters.
-    Plant(Arc<PlantModel>),
-}
-
 impl Model {
-    /// The kind, as it stands in the file.
+    /// Kind of the model, as in the file.
     pub fn kind(&self) -> &'static str {
-        match self.body {
-            Body::Equations(_) if self.learning.is_some() => "recursive_equations",
-            Body::Equations(_) => "sparse_equations",
-            Body::Recurrent(_) => "recurrent",
-            Body::Direct(_) => "direct",
-            Body::Affine(_) => "control_affine",
-            Body::Plant(_) => "plant",
-        }
+        self.body.kind().name(self)
     }
 
-    /// Number of coefficients or parameters that are not zero; of a network, number of weights.
+    /// Kind of the model in words.
+    pub fn title(&self) -> &'static str {
+        self.body.kind().title(self)
+    }
+
+    /// Number of weights of a network, or of non-zero coefficients or parameters.
     pub fn weights(&self) -> usize {
-        match &self.body {
-            Body::Equations(equations) => equations.active_terms(),
-            Body::Recurrent(recurrent) => recurrent.weights.len(),
-            Body::Direct(direct) => direct.weights.len(),
-            Body::Affine(affine) => affine.weights.len() + affine.effectors.len(),
-            Body::Plant(plant) => plant.numbers().iter().filter(|number| **number != 0.0).count(),
-        }
+        self.body.kind().weights()
     }
 
     /// A session at the start of a run.
     ///
     /// # Panics
-    /// If the body is a network whose parts contradict each other, as [`Recurrent::check`] or [`Direct::check`] tells; those that were read
-    /// or trained do not.
+    /// If the body is an inconsistent network, which reading and training exclude.
     pub fn session(&self) -> Box<dyn Predictor> {
-        // Settings were checked when the model was made.
-        if let (Some(learning), Some(motion)) = (&self.learning, self.equations())
-            && let Ok(learner) = motion.blended(learning)
-        {
-            return Box::new(learner);
-        }
-        match &self.body {
-            Body::Equations(equations) => Box::new(EquationsSession::new(Arc::clone(equations))),
-            Body::Recurrent(recurrent) => match RecurrentSession::new(Arc::clone(recurrent)) {
-                Ok(session) => Box::new(session),
-                Err(error) => panic!("{error}"),
-            },
-            Body::Direct(direct) => match DirectSession::new(Arc::clone(direct)) {
-                Ok(session) => Box::new(session),
-                Err(error) => panic!("{error}"),
-            },
-            Body::Affine(affine) => match ControlAffineSession::new(Arc::clone(affine)) {
-                Ok(session) => Box::new(session),
-                Err(error) => panic!("{error}"),
-            },
-            Body::Plant(plant) => Box::new(PlantSession::new(plant)),
-        }
+        self.body.kind().session(self)
     }
 
-    /// Whether runs can be put through the model as they are.
+    /// Whether the model is a network.
+    pub fn is_network(&self) -> bool {
+        self.scaling().is_some()
+    }
+
+    /// Scaling of the channels of a network.
+    pub fn scaling(&self) -> Option<&Scaling> {
+        self.body.kind().scaling()
+    }
+
+    /// Description of a network, line by line; empty for other models.
+    pub fn network_text(&self) -> Vec<String> {
+        self.body.kind().network_text(&self.description)
+    }
+
+    /// Scaling of the channels of a network, line by line; empty for other models.
+    pub fn scaling_text(&self) -> Vec<String> {
+        let Some(s) = self.scaling() else { return Vec::new() };
+        let d = &self.description;
+        let line = |kind: &str, name: &str, mean: f64, scale: f64| {
+            let sign = if mean < 0.0 { '+' } else { '-' };
+            format!("{kind:<7} {name:<12} ({name} {sign} {:.5}) / {scale:.5}", mean.abs())
+        };
+        let outputs = d.outputs.iter().zip(s.output_mean.iter().zip(&s.output_scale));
+        let inputs = d.inputs.iter().zip(s.input_mean.iter().zip(&s.input_scale));
+        let lines = outputs.map(|(port, (&m, &k))| line("output", &port.channel.name, m, k));
+        lines.chain(inputs.map(|(port, (&m, &k))| line("input", &port.channel.name, m, k))).collect()
+    }
+
+    /// Affine form for a control law; `motion` are the indices of `u`, `v`, `r` in the outputs.
+    pub(crate) fn invert(&self, motion: [usize; 3]) -> Result<InvertibleModel, NotInvertible> {
+        self.body.kind().invert(self, motion)
+    }
+
+    /// Map from an adapter's weights to the coefficients of the affine form.
+    pub(crate) fn weight_map(&self) -> Option<WeightMap> {
+        self.body.kind().weight_map()
+    }
+
+    /// Checks that runs have the channels, units and sample time of the model.
     ///
     /// # Errors
-    /// If channels or sample time are not the model's.
+    /// The first difference.
     pub fn check(&self, runs: &[Trajectory]) -> Result<(), Mismatch> {
         let d = &self.description;
         for run in runs {
@@ -221,11 +210,10 @@ impl Model {
         Ok(())
     }
 
-    /// A warning where runs leave the range of the training runs by more than a tenth of its width: a range that was stated
-    /// teaches a model nothing. A file that has the stated range alone is taken at its word.
+    /// A warning if runs leave the training range by more than a tenth of its width.
     pub fn outside(&self, runs: &[Trajectory]) -> Option<Note> {
         let beyond = |port: &Port, values: &mut dyn Iterator<Item = f64>| {
-            let range = port.visited.unwrap_or(port.range);
+            let range = port.training_range.unwrap_or(port.range);
             let (low, high) = values.fold((f64::NAN, f64::NAN), |(a, b), x| (a.min(x), b.max(x)));
             let far = (range.low - low).max(high - range.high) > 0.1 * (range.high - range.low);
             let name = &port.channel.name;
@@ -246,16 +234,13 @@ impl Model {
             .enumerate()
             .filter_map(|(c, port)| beyond(port, &mut runs.iter().flat_map(|run| run.inputs.column(c))));
         let outside: Vec<String> = outputs.chain(inputs).collect();
-        let ports = self.description.outputs.iter().chain(&self.description.inputs);
-        let old = !self.description.stated().is_empty() && ports.clone().all(|port| port.visited.is_none());
         (!outside.is_empty()).then(|| {
             Note::warning(format!(
-                "these runs leave the range that the model {}, in {}",
-                if old { "is meant for" } else { "was trained on" },
+                "these runs leave the training range of the model in {}",
                 outside.join(", ")
             ))
             .with_remedy(
-                "it is not to be trusted there; where a channel is off by a factor, look at its unit",
+                "predictions are unreliable outside the training range; check the unit of a channel that is off by a factor",
             )
         })
     }
@@ -267,7 +252,7 @@ impl Model {
 }
 
 impl Description {
-    /// Channels whose range was stated; that of the others is the range of the training runs.
+    /// Channels with a stated design range.
     pub fn stated(&self) -> Vec<&str> {
         let given = self.provenance.settings["ranges_given"].as_array();
         given.into_iter().flatten().filter_map(serde_json::Value::as_str).collect()
@@ -279,12 +264,12 @@ impl Description {
     }
 }
 
-/// Runs that are not what a model was made for.
+/// Difference between a run and a model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Mismatch {
     /// Another sample time.
     #[error(
-        "the model steps {model} s, run '{run}' has a sample time of {given} s: resample it with --dt {model}"
+        "the model has a sample time of {model} s, and run '{run}' has {given} s: resample it with --dt {model}"
     )]
     Step {
         /// The run.

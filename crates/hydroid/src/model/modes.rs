@@ -2,7 +2,7 @@
 
 use hydroid_core::model::sparse::{Equations, Gate, Shape, Term};
 
-use super::Motion;
+use super::NamedEquations;
 use super::text::{active, significant};
 
 /// Where a term counts.
@@ -128,7 +128,7 @@ impl Modes {
     }
 }
 
-impl Motion<'_> {
+impl NamedEquations<'_> {
     /// The modes of the equations.
     pub fn modes(&self) -> Modes {
         let equations = self.equations;

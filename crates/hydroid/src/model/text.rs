@@ -2,12 +2,12 @@
 
 use hydroid_core::model::sparse::{Equations, Signal, Term};
 
-use super::{Mode, Motion};
+use super::{Mode, NamedEquations};
 
 /// Significant digits of a coefficient for people.
 const DIGITS: usize = 4;
 
-impl Motion<'_> {
+impl NamedEquations<'_> {
     /// Names of the variables that terms are of: outputs, inputs, signals.
     pub fn variable_names(&self) -> Vec<String> {
         let d = self.description;

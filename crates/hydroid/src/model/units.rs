@@ -5,7 +5,7 @@ use std::fmt;
 use hydroid_core::model::sparse::Term;
 use serde::Serialize;
 
-use super::Motion;
+use super::NamedEquations;
 use super::text::active;
 
 /// A product of powers of unit symbols, in the order in which they come up: `m/s^2`, `kn/s/N`.
@@ -123,7 +123,7 @@ impl fmt::Display for UnitProduct {
     }
 }
 
-impl Motion<'_> {
+impl NamedEquations<'_> {
     /// Units of the variables that terms are of: outputs, inputs, signals.
     pub fn variable_units(&self) -> Vec<UnitProduct> {
         let d = self.description;

@@ -28,7 +28,7 @@ fn made(
         let port = |(name, unit): &(&str, &str)| Port {
             channel: Channel::new(*name, *unit),
             range: DesignRange { low: -1.0, high: 1.0 },
-            visited: None,
+            training_range: None,
             noise: None,
         };
         channels.iter().map(port).collect()

@@ -16,7 +16,12 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::{Value, json};
 
 fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
-    Port { channel: Channel::new(name, unit), range: DesignRange { low, high }, visited: None, noise: None }
+    Port {
+        channel: Channel::new(name, unit),
+        range: DesignRange { low, high },
+        training_range: None,
+        noise: None,
+    }
 }
 
 /// Coefficients of a member: it has the fourth term of the second equation instead of the second one.
@@ -259,7 +264,12 @@ fn another_file_version_is_reported() {
     let future = file(r#"{"version": 7, "all": "else"}"#, "x", Dtype::F64, &[0], &[]);
     assert!(matches!(decoded(&future), Err(ModelError::Version { found: 7, .. })));
     let old = with_head(|head| head["version"] = json!(0));
-    assert!(matches!(decoded(&old), Err(ModelError::Version { found: 0, .. })));
+    let refused = decoded(&old).unwrap_err();
+    assert!(matches!(refused, ModelError::Older { .. }));
+    assert_eq!(
+        refused.to_string(),
+        "m.safetensors was written by an older version of hydroid; identify again"
+    );
     for version in [json!("1"), json!(-1), json!(1.0), Value::Null] {
         assert!(not_a_model(&with_head(|head| head["version"] = version)).contains("version"));
     }
@@ -445,20 +455,21 @@ fn an_adapting_model_keeps_its_prior() {
         gate: hydroid_core::adapt::Gate::default(),
     };
     let root = (0..25).map(|k| if k % 5 >= k / 5 { 1.0 / f64::from(k + 1) } else { 0.0 }).collect();
-    let mut model = Model { learning: Some(hydroid::model::Learning { settings, root }), ..model() };
+    let mut model =
+        Model { learning: Some(hydroid::model::Learning { settings, r_factor: root }), ..model() };
     for port in model.description.outputs.iter_mut().chain(&mut model.description.inputs) {
         (port.range.low, port.range.high) = (-1.0, 1.0);
     }
     assert_eq!(decoded(&bytes(&model)).unwrap(), model);
-    model.learning.as_mut().unwrap().root[0] = 0.0;
+    model.learning.as_mut().unwrap().r_factor[0] = 0.0;
     assert!(contradiction(&bytes(&model)).contains("triangle"));
-    model.learning.as_mut().unwrap().root[0] = 1e-200;
+    model.learning.as_mut().unwrap().r_factor[0] = 1e-200;
     assert!(contradiction(&bytes(&model)).contains("triangle"));
     // What would take all memory, or the numbers out of their range.
     let refused = |change: &dyn Fn(&mut hydroid_core::adapt::BlendSettings), word: &str| {
         let mut model = model.clone();
         let learning = model.learning.as_mut().unwrap();
-        learning.root[0] = 1.0;
+        learning.r_factor[0] = 1.0;
         change(&mut learning.settings);
         let message = contradiction(&bytes(&model));
         assert!(message.contains(word), "'{word}' is not in: {message}");

@@ -29,7 +29,7 @@ fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -
     let port = |name: String| Port {
         channel: Channel::new(name, "m/s"),
         range: DesignRange { low: -1.0, high: 1.0 / 3.0 },
-        visited: None,
+        training_range: None,
         noise: None,
     };
     let state_filter = (base == BaseModel::Nothing && !feedback).then(|| StateFilter {

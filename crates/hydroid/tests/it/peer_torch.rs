@@ -35,7 +35,7 @@ fn model(network: Network) -> Model {
     let port = |name: String| Port {
         channel: Channel::new(name, ""),
         range: DesignRange { low: -1.0, high: 1.0 },
-        visited: None,
+        training_range: None,
         noise: None,
     };
     let (inputs, outputs) = (network.inputs, network.outputs);

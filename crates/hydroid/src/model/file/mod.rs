@@ -1,14 +1,10 @@
 //! The model file: one safetensors file with a JSON description in its metadata.
 //!
-//! A vessel with given parameters is no such file but a TOML file, as `hydroid simulate` takes it.
+//! A vessel with given parameters is a TOML file instead, as `hydroid simulate` reads it.
 //!
-//! Reading one never runs code and never panics: every number and shape is checked before it is used.
+//! Reading never executes code and never panics: every number and shape is checked before it is used.
 
-mod affine;
-mod direct;
-mod equations;
-mod members;
-mod recurrent;
+pub(super) mod ensemble;
 mod tensors;
 
 use std::collections::HashMap;
@@ -19,20 +15,23 @@ use hydroid_core::model::PlantModelError;
 use safetensors::tensor::{SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Description, Model, plant};
+use super::kinds::{Encoded, Structure, read_vessel};
+use super::{Description, Model};
 use crate::atomic::{self, WriteError};
 use crate::simulate::VesselFileError;
+
+pub(super) use tensors::{Tensor, network_tensors, numbers, tensor, weights};
 
 /// Key of the description in the metadata of the file.
 const KEY: &str = "hydroid";
 
-/// Version of the description that this program writes and reads.
-const VERSION: u32 = 1;
+/// Version of the description.
+const VERSION: u32 = 2;
 
-/// Files larger than this are not models; guards against reading a log or a disk image into memory.
+/// Largest size of a model file \[bytes\].
 const LARGEST: u64 = 1 << 30;
 
-/// Why a model file cannot be read.
+/// Error of reading a model file.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// The file cannot be opened or read.
@@ -40,10 +39,10 @@ pub enum ModelError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
-    /// The file is not a whole safetensors file.
+    /// Not a complete safetensors file.
     #[error(
         "{} is not a hydroid model, or it is damaged or cut short ({reason}). Give a .safetensors file that `hydroid identify` wrote (if it is one, make it again), or a vessel's .toml file",
         path.display()
@@ -51,7 +50,7 @@ pub enum ModelError {
     NotAModel {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Reason.
         reason: String,
     },
     /// A safetensors file of another program.
@@ -63,34 +62,40 @@ pub enum ModelError {
         /// The file.
         path: PathBuf,
     },
-    /// The description is of a version that this program does not know.
+    /// An older format.
+    #[error("{} was written by an older version of hydroid; identify again", path.display())]
+    Older {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A newer format.
     #[error(
-        "{} was written in model format {found}; this program reads format {VERSION}. Use the version of hydroid that wrote it, or identify again",
+        "{} was written in model format {found}, and this version of hydroid reads format {VERSION}: use a newer version",
         path.display()
     )]
     Version {
         /// The file.
         path: PathBuf,
-        /// Version found.
+        /// Format of the file.
         found: u64,
     },
-    /// The description and the numbers contradict each other.
-    #[error("the model in {} contradicts itself: {reason}. Make it again with `hydroid identify`", path.display())]
+    /// Description and numbers are inconsistent.
+    #[error("the model in {} is inconsistent: {reason}. Identify again with `hydroid identify`", path.display())]
     Inconsistent {
         /// The file.
         path: PathBuf,
-        /// The contradiction.
+        /// Reason.
         reason: String,
     },
-    /// A vessel's file that is none.
+    /// Invalid vessel file.
     #[error(transparent)]
     Vessel(VesselFileError),
-    /// A vessel that cannot be a model.
+    /// Invalid vessel parameters.
     #[error("the vessel {} cannot be used as a model: {source}", path.display())]
     Plant {
         /// The file, or the name.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: PlantModelError,
     },
 }
@@ -104,21 +109,7 @@ struct Head {
     structure: Structure,
 }
 
-/// The structure that gives the tensors their meaning, by kind.
-#[derive(Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-enum Structure {
-    /// Sparse equations of motion.
-    SparseEquations(equations::Structure),
-    /// A recurrent network.
-    Recurrent(recurrent::Structure),
-    /// A direct predictor.
-    Direct(direct::Structure),
-    /// A control-affine network.
-    ControlAffine(affine::Structure),
-}
-
-/// Writes a model file, whole or not at all; of a vessel its TOML file. The same model gives the same bytes.
+/// Writes a model file atomically; a vessel as TOML. Equal models give equal bytes.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -126,25 +117,15 @@ pub fn write(model: &Model, path: &Path) -> Result<(), WriteError> {
     atomic::write(path, |out| out.write_all(&encode(model)?))
 }
 
-/// The bytes of a model's file.
+/// Content of a model's file.
 ///
 /// # Errors
-/// If the parts of the model contradict each other.
+/// If the parts of the model are inconsistent.
 pub fn encode(model: &Model) -> io::Result<Vec<u8>> {
-    let (structure, tensors) = match &model.body {
-        Body::Equations(equations) => equations::Structure::write(model, equations)
-            .map(|(structure, tensors)| (Structure::SparseEquations(structure), tensors)),
-        Body::Recurrent(recurrent) => recurrent::Structure::write(recurrent)
-            .map(|(structure, tensors)| (Structure::Recurrent(structure), tensors)),
-        Body::Direct(direct) => direct::Structure::write(model, direct)
-            .map(|(structure, tensors)| (Structure::Direct(structure), tensors)),
-        Body::Affine(affine) => affine::Structure::write(affine)
-            .map(|(structure, tensors)| (Structure::ControlAffine(structure), tensors)),
-        Body::Plant(vessel) => {
-            return plant::encode(model, vessel).map(String::into_bytes).map_err(io::Error::other);
-        }
-    }
-    .map_err(io::Error::other)?;
+    let (structure, tensors) = match model.body.kind().encode(model).map_err(io::Error::other)? {
+        Encoded::Tensors(structure, tensors) => (structure, tensors),
+        Encoded::Text(text) => return Ok(text.into_bytes()),
+    };
     let head = Head { version: VERSION, description: model.description.clone(), structure };
     let json = serde_json::to_string(&head)?;
     let views = tensors
@@ -156,13 +137,13 @@ pub fn encode(model: &Model) -> io::Result<Vec<u8>> {
     safetensors::serialize(views, Some(metadata)).map_err(io::Error::other)
 }
 
-/// Reads a model file: one that `hydroid identify` wrote, or a vessel's, which ends in `.toml`. The name of a built-in
-/// vessel ([`built_in`](crate::simulate::built_in)) stands for it.
+/// Reads a model file of `hydroid identify`, a vessel file (`.toml`), or a built-in vessel by its name
+/// ([`built_in`](crate::simulate::built_in)).
 ///
 /// # Errors
-/// If it cannot be read, is not a model, or contradicts itself.
+/// If the file cannot be read, is not a model, or is inconsistent.
 pub fn read(path: &Path) -> Result<Model, ModelError> {
-    if let Some(vessel) = plant::read(path) {
+    if let Some(vessel) = read_vessel(path) {
         return vessel;
     }
     let unreadable = |source| ModelError::Read { path: path.to_owned(), source };
@@ -184,7 +165,7 @@ pub fn read(path: &Path) -> Result<Model, ModelError> {
 /// Reads a model from the bytes of a file; `path` is for messages only.
 ///
 /// # Errors
-/// If the bytes are not a model, or contradict themselves.
+/// If the bytes are not a model, or are inconsistent.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     let not_a_model = |reason: String| ModelError::NotAModel { path: path.to_owned(), reason };
     let inconsistent = |reason: String| ModelError::Inconsistent { path: path.to_owned(), reason };
@@ -195,10 +176,11 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
         .as_ref()
         .and_then(|m| m.get(KEY))
         .ok_or_else(|| ModelError::Foreign { path: path.to_owned() })?;
-    // The version is read before the rest, which another version may have changed.
+    // The version is checked first, because other formats may differ in everything else.
     let value: serde_json::Value = serde_json::from_str(json).map_err(|e| not_a_model(e.to_string()))?;
     match value.get("version").and_then(serde_json::Value::as_u64) {
         Some(found) if found == u64::from(VERSION) => {}
+        Some(found) if found < u64::from(VERSION) => return Err(ModelError::Older { path: path.to_owned() }),
         Some(found) => return Err(ModelError::Version { path: path.to_owned(), found }),
         None => return Err(not_a_model(String::from("its description has no version"))),
     }
@@ -213,11 +195,5 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     if description.outputs.is_empty() {
         return Err(inconsistent(String::from("it has no outputs")));
     }
-    match head.structure {
-        Structure::SparseEquations(structure) => structure.read(&tensors, description),
-        Structure::Recurrent(structure) => structure.read(&tensors, description),
-        Structure::Direct(structure) => structure.read(&tensors, description),
-        Structure::ControlAffine(structure) => structure.read(&tensors, description),
-    }
-    .map_err(inconsistent)
+    head.structure.read(&tensors, description).map_err(inconsistent)
 }

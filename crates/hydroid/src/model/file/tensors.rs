@@ -1,20 +1,24 @@
-//! Numbers of a file, checked against what the head says of them.
+//! Tensors of a file, checked against the head.
 
-use hydroid_core::model::recurrent::Tensor;
+use hydroid_core::model::recurrent::Tensor as Place;
 use safetensors::tensor::{Dtype, SafeTensors};
 
-use super::super::recurrent::{NamedTensor, weights_of};
+use super::super::torch::{NamedTensor, weights_of};
 
-/// A tensor to write: name, kind of number, shape, bytes.
-pub(super) type Written = (String, Dtype, Vec<usize>, Vec<u8>);
+/// A tensor to write: name, type, shape, bytes.
+pub(in crate::model) type Tensor = (String, Dtype, Vec<usize>, Vec<u8>);
 
-/// A tensor of f64 to write.
-pub(super) fn write(name: &str, shape: Vec<usize>, values: &[f64]) -> Written {
+/// A tensor of `f64` to write.
+pub(in crate::model) fn tensor(name: &str, shape: Vec<usize>, values: &[f64]) -> Tensor {
     (name.to_owned(), Dtype::F64, shape, values.iter().flat_map(|value| value.to_le_bytes()).collect())
 }
 
-/// A tensor of f64.
-pub(super) fn numbers(tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, String> {
+/// Reads a tensor of `f64`.
+pub(in crate::model) fn numbers(
+    tensors: &SafeTensors<'_>,
+    name: &str,
+    shape: &[usize],
+) -> Result<Vec<f64>, String> {
     let tensor = tensors.tensor(name).map_err(|_| format!("tensor '{name}' is missing"))?;
     if tensor.dtype() != Dtype::F64 || tensor.shape() != shape {
         return Err(format!(
@@ -27,8 +31,16 @@ pub(super) fn numbers(tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) ->
     Ok(chunks.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
 }
 
-/// A network's weights. Files that PyTorch wrote may have them in single precision, which becomes double without loss.
-pub(super) fn weights(places: &[Tensor], tensors: &SafeTensors<'_>) -> Result<Vec<f64>, String> {
+/// Tensors of the weights of a network.
+pub(in crate::model) fn network_tensors(places: &[Place], weights: &[f64]) -> Result<Vec<Tensor>, String> {
+    let values = |place: &Place| {
+        weights.get(place.range()).ok_or_else(|| format!("the network has {} weights", weights.len()))
+    };
+    places.iter().map(|place| Ok(tensor(&place.name, place.shape(), values(place)?))).collect()
+}
+
+/// Reads the weights of a network in double or single precision.
+pub(in crate::model) fn weights(places: &[Place], tensors: &SafeTensors<'_>) -> Result<Vec<f64>, String> {
     let mut given = Vec::new();
     for place in places {
         let tensor =

@@ -6,7 +6,7 @@ use hydroid_core::model::sparse::{Gate, Shape, Signal, Term};
 
 use super::text::{active, seconds};
 use super::units::UnitProduct;
-use super::{Mode, Modes, Motion};
+use super::{Mode, Modes, NamedEquations};
 use symbol::{Symbol, magnitude, shortest, unit};
 
 /// Significant digits of a coefficient.
@@ -15,7 +15,7 @@ const DIGITS: usize = 4;
 /// Terms on a line.
 const ON_A_LINE: usize = 5;
 
-impl Motion<'_> {
+impl NamedEquations<'_> {
     /// The equations of motion as an `align*` block: one for each output, then what the signals are that stand in
     /// them, then the logistic function if they have gates. A lag state wears a hat, and its time constant
     /// where its input has several.

@@ -1,17 +1,17 @@
-//! The members of an ensemble in a file: `members` (members x places) and `member_places`, which numbers of the model they are.
+//! Ensembles in a file: tensors `members` (members x places) and `member_places`, the indices of the replaced numbers.
 
 use safetensors::tensor::{Dtype, SafeTensors};
 
-use super::super::{MOST_MEMBERS, Members};
-use super::tensors::{self, Written, numbers};
+use super::super::{MAX_MEMBERS, Members};
+use super::tensors::{Tensor, numbers, tensor};
 
-/// Tensor of the ensemble, `members x places`; a file without it has no ensemble.
+/// Tensor of the ensemble, `members x places`; optional.
 const MEMBERS: &str = "members";
-/// Tensor of the places that `members` has, counted in the table of coefficients row by row, or in the weights.
+/// Tensor of the indices of the columns of `members` in the coefficients (row by row) or weights.
 const PLACES: &str = "member_places";
 
-/// The tensors of an ensemble; none where there is none.
-pub(super) fn write(members: &Members) -> Result<Vec<Written>, String> {
+/// Tensors of an ensemble.
+pub(in crate::model) fn write(members: &Members) -> Result<Vec<Tensor>, String> {
     if members.is_empty() {
         return Ok(Vec::new());
     }
@@ -24,13 +24,13 @@ pub(super) fn write(members: &Members) -> Result<Vec<Written>, String> {
         .map_err(|e| e.to_string())?;
     let places = places.iter().flat_map(|place| place.to_le_bytes()).collect();
     Ok(vec![
-        tensors::write(MEMBERS, vec![members.len(), width], values),
+        tensor(MEMBERS, vec![members.len(), width], values),
         (PLACES.to_owned(), Dtype::U32, vec![width], places),
     ])
 }
 
-/// The ensemble of a model of `count` numbers, if the file has one.
-pub(super) fn read(tensors: &SafeTensors<'_>, count: usize) -> Result<Members, String> {
+/// The ensemble of a model with `count` numbers, if the file has one.
+pub(in crate::model) fn read(tensors: &SafeTensors<'_>, count: usize) -> Result<Members, String> {
     let (values, places) = match (tensors.tensor(MEMBERS), tensors.tensor(PLACES)) {
         (Ok(values), Ok(places)) => (values, places),
         (Err(_), Err(_)) => return Ok(Members::default()),
@@ -39,9 +39,9 @@ pub(super) fn read(tensors: &SafeTensors<'_>, count: usize) -> Result<Members, S
     let (&[members, width], &[length]) = (values.shape(), places.shape()) else {
         return Err(String::from("its ensemble is no table"));
     };
-    if places.dtype() != Dtype::U32 || length != width || !(1..=MOST_MEMBERS).contains(&members) {
+    if places.dtype() != Dtype::U32 || length != width || !(1..=MAX_MEMBERS).contains(&members) {
         return Err(format!(
-            "its ensemble has {members} members of {width} coefficients and {length} places (at most {MOST_MEMBERS} members)"
+            "its ensemble has {members} members of {width} coefficients and {length} places (at most {MAX_MEMBERS} members)"
         ));
     }
     let values = numbers(tensors, MEMBERS, &[members, width])?;

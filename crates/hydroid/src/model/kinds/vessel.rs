@@ -1,35 +1,36 @@
-//! Vessels with given parameters as models: the classical answer, beside which identified models stand.
+//! Vessels with given parameters. File: TOML.
 
 use std::path::Path;
 use std::sync::Arc;
 
-use hydroid_core::model::{PlantModel, PlantModelError};
+use hydroid_core::control::AffinePlant;
+use hydroid_core::model::{PlantModel, PlantModelError, PlantSession};
+use hydroid_core::predict::Predictor;
 use hydroid_core::vessel::{PARAMETER, VesselParams};
 
-use super::file::ModelError;
-use super::{Body, Description, Members, Model, Port, Provenance, Reading};
+use super::{Body, Encoded, InvertibleModel, Kind, NotInvertible, WeightMap};
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, ChannelSpec, PrepareOptions, Selection};
+use crate::model::{Description, Members, Model, ModelError, Port, Provenance, Reading};
 use crate::simulate::{built_in, parse_vessel, vessel_toml};
 use crate::toml_file::TomlError;
 
-/// Sample time \[s\] of a vessel until a log says another.
-pub const PLANT_DT_S: f64 = 0.1;
+/// Default sample time of a vessel \[s\].
+const VESSEL_DT_S: f64 = 0.1;
 
-/// What a line of a vessel's file begins with that says how its parameters were learned. For what reads vessels it is a
-/// comment.
-const LEARNED: &str = "# adapted: ";
+/// Prefix of a comment line in a vessel file that records an adaptation.
+const ADAPTED: &str = "# adapted: ";
 
 impl Model {
-    /// A vessel as a model with outputs `u`, `v`, `r` and its two commands as inputs. Its ranges are what it reaches under
-    /// the limits of its commands.
+    /// A vessel as a model with outputs `u`, `v` \[m/s\], `r` \[rad/s\] and its two commands as inputs. The ranges are those
+    /// that it reaches under the limits of its commands.
     ///
     /// # Errors
-    /// If the parameters describe no vessel, or it cannot step `dt_s` seconds.
+    /// If the parameters or the sample time are invalid.
     pub fn of_vessel(params: &VesselParams, dt_s: f64) -> Result<Self, PlantModelError> {
         let plant = PlantModel::new(params, dt_s)?;
         let range = |[low, high]: [f64; 2]| {
-            // A vessel that cannot turn still needs a width to be judged by.
+            // A range of zero width cannot scale errors.
             let room = if high > low { 0.0 } else { 1.0 };
             DesignRange { low: low - room, high: high + room }
         };
@@ -42,7 +43,7 @@ impl Model {
             .map(|((&(name, unit), &reached), noise)| Port {
                 channel: Channel::new(name, unit),
                 range: range(reached),
-                visited: None,
+                training_range: None,
                 noise: (noise > 0.0).then_some(noise),
             })
             .collect();
@@ -52,7 +53,7 @@ impl Model {
             .map(|command| Port {
                 channel: Channel::new(command.name.as_str(), command.unit.as_str()),
                 range: range(command.limits),
-                visited: None,
+                training_range: None,
                 noise: None,
             })
             .collect();
@@ -79,18 +80,10 @@ impl Model {
         Ok(Self { description, body, members: Members::default(), learning: None })
     }
 
-    /// The vessel; none for identified models.
-    pub fn plant(&self) -> Option<&Arc<PlantModel>> {
-        match &self.body {
-            Body::Plant(plant) => Some(plant),
-            Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Affine(_) => None,
-        }
-    }
-
-    /// A vessel can be asked at any sample time: the same one at that of a log. Other models stay as they are.
+    /// The model at another sample time; identified models are unchanged.
     ///
     /// # Errors
-    /// If it cannot step so.
+    /// If the sample time is invalid.
     pub fn at_step(self, dt_s: f64) -> Result<Self, PlantModelError> {
         let Some(plant) = self.plant() else { return Ok(self) };
         let body = Body::Plant(Arc::new(PlantModel::new(plant.params(), dt_s)?));
@@ -98,7 +91,7 @@ impl Model {
         Ok(Self { description, body, ..self })
     }
 
-    /// The parameters of a vessel, one line for each that is not zero; none for identified models.
+    /// Non-zero parameters of a vessel, line by line; empty for identified models.
     pub fn plant_text(&self) -> Vec<String> {
         let Some(plant) = self.plant() else { return Vec::new() };
         let numbers = PARAMETER.iter().zip(plant.numbers());
@@ -107,8 +100,8 @@ impl Model {
     }
 }
 
-/// A vessel by its built-in name, where no file is called so; or from a file that ends in `.toml`. None: something else.
-pub(super) fn read(path: &Path) -> Option<Result<Model, ModelError>> {
+/// Reads a vessel from a `.toml` file or by its built-in name; `None` for other files.
+pub(in crate::model) fn read(path: &Path) -> Option<Result<Model, ModelError>> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         return Some(read_file(path));
     }
@@ -117,17 +110,18 @@ pub(super) fn read(path: &Path) -> Option<Result<Model, ModelError>> {
 }
 
 fn model(params: &VesselParams, path: &Path) -> Result<Model, ModelError> {
-    Model::of_vessel(params, PLANT_DT_S).map_err(|source| ModelError::Plant { path: path.to_owned(), source })
+    Model::of_vessel(params, VESSEL_DT_S)
+        .map_err(|source| ModelError::Plant { path: path.to_owned(), source })
 }
 
 fn read_file(path: &Path) -> Result<Model, ModelError> {
     let unreadable = |source| TomlError::Read { path: path.to_owned(), source };
     let text = std::fs::read_to_string(path).map_err(|error| ModelError::Vessel(unreadable(error).into()))?;
     let mut model = model(&parse_vessel(&text, path).map_err(ModelError::Vessel)?, path)?;
-    // A comment that somebody has changed is no history.
+    // Comments that are not valid JSON are ignored.
     let history: Vec<serde_json::Value> = text
         .lines()
-        .filter_map(|line| line.strip_prefix(LEARNED))
+        .filter_map(|line| line.strip_prefix(ADAPTED))
         .filter_map(|line| serde_json::from_str(line).ok())
         .collect();
     if !history.is_empty() {
@@ -136,14 +130,40 @@ fn read_file(path: &Path) -> Result<Model, ModelError> {
     Ok(model)
 }
 
-/// The file of a vessel, with what was learned along which logs in comments at its head.
-pub(super) fn encode(model: &Model, plant: &PlantModel) -> Result<String, toml::ser::Error> {
-    let mut text = String::new();
-    if let Some(history) = model.description.provenance.settings["adapted"].as_array() {
-        text.push_str("# Parameters that were learned with `hydroid adapt`; one line for each time.\n");
-        for entry in history {
-            text.extend([LEARNED, &entry.to_string(), "\n"]);
-        }
+impl Kind for Arc<PlantModel> {
+    fn name(&self, _: &Model) -> &'static str {
+        "plant"
     }
-    Ok(text + &vessel_toml(plant.params())?)
+
+    fn title(&self, _: &Model) -> &'static str {
+        "A vessel with given parameters"
+    }
+
+    fn weights(&self) -> usize {
+        self.numbers().iter().filter(|number| **number != 0.0).count()
+    }
+
+    fn session(&self, _: &Model) -> Box<dyn Predictor> {
+        Box::new(PlantSession::new(self))
+    }
+
+    fn encode(&self, model: &Model) -> Result<Encoded, String> {
+        let mut text = String::new();
+        if let Some(history) = model.description.provenance.settings["adapted"].as_array() {
+            text.push_str("# Parameters adapted by `hydroid adapt`; one line for each adaptation.\n");
+            for entry in history {
+                text.extend([ADAPTED, &entry.to_string(), "\n"]);
+            }
+        }
+        text += &vessel_toml(self.params()).map_err(|error| error.to_string())?;
+        Ok(Encoded::Text(text))
+    }
+
+    fn invert(&self, _: &Model, _: [usize; 3]) -> Result<InvertibleModel, NotInvertible> {
+        Ok(InvertibleModel::Plant(Box::new(AffinePlant::new(self.params())?)))
+    }
+
+    fn weight_map(&self) -> Option<WeightMap> {
+        Some(WeightMap::plant(self))
+    }
 }

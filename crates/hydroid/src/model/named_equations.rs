@@ -1,0 +1,51 @@
+//! Equations of motion with the names and units of their channels, for text, LaTeX, units and Jacobian.
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::{BlendedEquations, RecursiveEquations, Settings, SettingsError};
+use hydroid_core::model::sparse::Equations;
+
+use super::{Description, Learning, Model};
+
+/// Equations of motion with the names and units of their channels; see [`Model::equations`].
+#[derive(Clone, Copy, Debug)]
+pub struct NamedEquations<'a> {
+    pub(super) description: &'a Description,
+    pub(super) equations: &'a Arc<Equations>,
+}
+
+impl NamedEquations<'_> {
+    /// The equations.
+    pub fn equations(&self) -> &Arc<Equations> {
+        self.equations
+    }
+
+    /// Session that adapts the coefficients by recursive least squares.
+    ///
+    /// # Errors
+    /// If the options do not fit the equations.
+    pub fn learner(&self, settings: &Settings) -> Result<RecursiveEquations, SettingsError> {
+        RecursiveEquations::new(self.equations, &self.description.ranges(), settings)
+    }
+
+    /// Session that adapts the coefficients with several forgetting factors (an expert mixture).
+    ///
+    /// # Errors
+    /// If the options do not fit the equations.
+    pub fn blended(&self, learning: &Learning) -> Result<BlendedEquations, SettingsError> {
+        let ranges = self.description.ranges();
+        BlendedEquations::new(self.equations, &ranges, &learning.settings, Some(&learning.r_factor))
+    }
+}
+
+impl Model {
+    /// Equations with the names and units of this model's channels.
+    pub(crate) fn named<'a>(&'a self, equations: &'a Arc<Equations>) -> NamedEquations<'a> {
+        NamedEquations { description: &self.description, equations }
+    }
+
+    /// The base equations of a grey-box network, if any.
+    pub fn base_equations(&self) -> Option<NamedEquations<'_>> {
+        self.body.kind().base_equations().map(|equations| self.named(equations))
+    }
+}
