@@ -1,4 +1,4 @@
-//! From efforts to commands: lags inverted, limits kept.
+//! Inversion of actuators: from efforts to commands within limits.
 
 use alloc::vec::Vec;
 
@@ -7,15 +7,14 @@ use num_traits::Float;
 use super::error::{ControlError, at_least, positive};
 use crate::actuator::{Channel, Limits, Map};
 
-/// Seconds for which the last commands are held where there is nothing to go by.
+/// Time for which the last commands are held without an estimate \[s\].
 const HOLD_S: f64 = 1.0;
 
 /// All actuators of a vessel.
 ///
-/// An effort `tau_i = phi_i(a_i)` is what the motion depends on; `a_i` the position of the actuator (a force, an angle,
-/// revolutions); `c_i` its command. Over a sample of `dt` seconds the position goes from `a` to `a+ = e a + (1 - e) c`, `e
-/// = exp(-dt / T)` ([`Lag`](crate::actuator::Lag), in general), so the command after which the effort *at the end of the sample* is the wanted one
-/// is
+/// The motion depends on the efforts `tau_i = phi_i(a_i)`; `a_i` is the position of an actuator (a force, an angle, revolutions) and `c_i`
+/// its command. Over a sample of `dt` seconds the position changes from `a` to `a+ = e a + (1 - e) c`, `e = exp(-dt / T)`
+/// ([`Lag`](crate::actuator::Lag), in general). The command for a wanted effort *at the end of the sample* is
 ///
 /// ```text
 /// a_w = phi^-1(tau_w)
@@ -23,18 +22,16 @@ const HOLD_S: f64 = 1.0;
 /// c   = (a_t - e a) / (1 - e),     within [low, high] and within rate dt of the last one
 /// ```
 ///
-/// `a` is what was measured, or else what the commands made of it. The inverse amplifies what is asked for by `1 / (1 -
-/// e)`, ten for a sample of a tenth of the lag: noise of the sensors comes out as commands at their limits. `response`
-/// \[s\] gives the actuator so much time instead of one sample. (To have the wanted effort in the *mean* over the sample
-/// rings: each sample undoes what the one before has overdone, by a factor of `e` only.)
+/// `a` is measured or predicted from the commands. The inverse amplifies the demand by `1 / (1 - e)`, ten for a sample of a tenth of the
+/// lag, and with it sensor noise. `response` \[s\] gives the actuator more time than one sample. (A demand on the *mean* effort over a
+/// sample would oscillate: each sample corrects the overshoot of the sample before with the factor `e` only.)
 ///
-/// Assumed: the lag is known. With a wrong one effort and motion are wrong until the feedback has settled, not for good:
-/// in equilibrium `a = c` whatever the lag.
+/// Assumption: the lag is known. With a wrong lag, effort and motion are wrong until the feedback settles; in equilibrium `a = c`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuators {
     all: Vec<Actuator>,
     dt: f64,
-    /// What is left, after a sample, of a difference to what is wanted.
+    /// Decay of the difference to the wanted position per sample.
     left: f64,
     held_s: f64,
 }
@@ -58,7 +55,7 @@ impl Actuator {
         0.0_f64.clamp(self.limits.low, self.limits.high)
     }
 
-    /// Position in the long run under a command.
+    /// Steady-state position under a command.
     fn settled(&self, command: f64) -> f64 {
         (self.gain * command + self.offset) / (1.0 - self.decay)
     }
@@ -68,7 +65,7 @@ impl Actuator {
         self.position = self.settled(self.command);
     }
 
-    /// Takes the command nearest to what is wished, and moves on; what held it back.
+    /// Applies the command nearest to the demand and steps the position.
     fn take(&mut self, wished: f64, dt: f64) -> Applied {
         let Limits { low, high, rate } = self.limits;
         let inside = wished.clamp(low, high);
@@ -80,12 +77,12 @@ impl Actuator {
     }
 }
 
-/// What became of wanted efforts.
+/// Limits that were active.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Applied {
     /// A command is at its limit.
     pub saturated: bool,
-    /// A command could not change as fast as it should.
+    /// A command is at its rate limit.
     pub rate_limited: bool,
 }
 
@@ -134,10 +131,10 @@ impl Actuators {
         }
     }
 
-    /// Takes the channels of a model that has learned; positions and commands stay.
+    /// Replaces the channels after an update of the model; positions and commands stay.
     ///
     /// # Errors
-    /// If one cannot be inverted, or there are not as many as actuators: all stays as it was.
+    /// If a channel is not invertible or their number differs; nothing changes then.
     pub fn set_channels(&mut self, channels: &[Channel]) -> Result<(), ControlError> {
         if channels.len() != self.all.len() {
             return Err(ControlError::Count { expected: channels.len(), given: self.all.len() });
@@ -152,12 +149,12 @@ impl Actuators {
         Ok(())
     }
 
-    /// How many there are.
+    /// Number of actuators.
     pub fn len(&self) -> usize {
         self.all.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no actuators.
     pub fn is_empty(&self) -> bool {
         self.all.is_empty()
     }
@@ -167,13 +164,13 @@ impl Actuators {
         self.dt
     }
 
-    /// All at rest: under the command nearest to 0, for long.
+    /// Sets all actuators to rest: settled under the command nearest to 0.
     pub fn reset(&mut self) {
         self.held_s = 0.0;
         self.all.iter_mut().for_each(Actuator::reset);
     }
 
-    /// Takes measured positions; what is not finite was not measured.
+    /// Takes measured positions; values that are not finite are missing.
     pub fn observe(&mut self, positions: &[f64]) {
         for (actuator, &position) in self.all.iter_mut().zip(positions) {
             if position.is_finite() {
@@ -182,13 +179,13 @@ impl Actuators {
         }
     }
 
-    /// The effort of an actuator now.
+    /// Present effort of an actuator.
     pub fn effort(&self, index: usize) -> f64 {
         let actuator = &self.all[index];
         actuator.map.value(actuator.position)
     }
 
-    /// Half of the range of an actuator's effort in the long run, between the limits of its command.
+    /// Half of the steady-state range of the effort of an actuator.
     pub fn span(&self, index: usize) -> f64 {
         let actuator = &self.all[index];
         let [low, high] = [actuator.limits.low, actuator.limits.high]
@@ -201,12 +198,12 @@ impl Actuators {
         self.all[index].command
     }
 
-    /// Commands for wanted efforts; then the sample is over, and [`effort`](Self::effort) is that of its end.
+    /// Commands for wanted efforts; steps the actuators, so that [`effort`](Self::effort) is the one at the end of the sample.
     ///
-    /// An effort that is no number leaves its command as it was.
+    /// An effort that is not finite leaves its command unchanged.
     ///
     /// # Panics
-    /// If `efforts` or `commands` have not as many numbers as there are actuators.
+    /// If `efforts` or `commands` have not one number for each actuator.
     pub fn apply(&mut self, efforts: &[f64], commands: &mut [f64]) -> Applied {
         assert_eq!(efforts.len(), self.all.len(), "one effort for each actuator");
         assert_eq!(commands.len(), self.all.len(), "one command for each actuator");
@@ -229,10 +226,10 @@ impl Actuators {
         all
     }
 
-    /// Commands given as they are, without lags inverted, and brought within their limits: of a law that knows no model.
+    /// Applies limits to the commands of a law without a model; lags are not inverted.
     ///
     /// # Panics
-    /// If `commands` has not as many numbers as there are actuators.
+    /// If `commands` has not one number for each actuator.
     pub fn limit(&mut self, commands: &mut [f64]) -> Applied {
         assert_eq!(commands.len(), self.all.len(), "one command for each actuator");
         self.held_s = 0.0;
@@ -247,10 +244,10 @@ impl Actuators {
         all
     }
 
-    /// Commands where there is nothing to go by: the last ones for a second, then those of rest, within their rates.
+    /// Commands without an estimate: the last ones for a second, then those of rest, within their rates.
     ///
     /// # Panics
-    /// If `commands` has not as many numbers as there are actuators.
+    /// If `commands` has not one number for each actuator.
     pub fn hold(&mut self, commands: &mut [f64]) {
         assert_eq!(commands.len(), self.all.len(), "one command for each actuator");
         // Half a sample makes up for the rounding of the sum.

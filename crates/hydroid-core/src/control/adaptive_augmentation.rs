@@ -1,4 +1,4 @@
-//! Feedback linearization with a correction that is learned under way.
+//! Adaptive augmentation of feedback linearization: a recurrent network learns the model error online.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -19,29 +19,29 @@ use crate::model::recurrent::{Cell, Network, Packed};
 /// east from what turns with the vessel.
 const INPUTS: usize = 5;
 
-/// Share of a window's evidence that is left after the next one, in what decides whether the correction is used.
-const KEPT: f64 = 0.95;
+/// Decay of the evidence per window.
+const EVIDENCE_DECAY: f64 = 0.95;
 
-/// What the correction must have saved before it is used, in squares of the noise: what noise alone makes of a network that has
-/// nothing to learn stays below it.
+/// Evidence, in squares of the noise, above which the correction is applied. The evidence of a network that has fitted noise alone
+/// stays below it.
 const EVIDENCE: f64 = 4.0;
 
-/// How a [`AdaptiveAugmentation`] learns. The defaults are those of a boat of some metres.
+/// Options of [`AdaptiveAugmentation`]. The defaults suit a boat of a few metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdaptiveAugmentationOptions {
-    /// Hidden units of the network.
+    /// Number of hidden units.
     pub hidden: usize,
-    /// Time over which an acceleration is measured, and after which the network learns and gives the next correction \[s\].
+    /// Length of the window over which an acceleration is measured \[s\]. The network learns and the correction changes once a window.
     pub window_s: f64,
-    /// Size of what the base's model may miss \[m/s^2\].
+    /// Typical size of the model error \[m/s^2\].
     pub scale: f64,
-    /// No correction is longer than this \[m/s^2\].
+    /// Largest correction \[m/s^2\].
     pub most: f64,
-    /// Size of the noise of an acceleration that is measured over a window \[m/s^2\].
+    /// Noise of an acceleration measured over a window \[m/s^2\].
     pub noise: f64,
-    /// Time after which weights have forgotten \[s\].
+    /// Time constant of forgetting of the weights \[s\].
     pub memory_s: f64,
-    /// Size of surge, sway (both \[m/s\]) and yaw rate \[rad/s\].
+    /// Typical surge, sway \[m/s\] and yaw rate \[rad/s\], which scale the input of the network.
     pub nu: [f64; 3],
 }
 
@@ -59,72 +59,72 @@ impl Default for AdaptiveAugmentationOptions {
     }
 }
 
-/// [`FeedbackLinearization`], and a recurrent network that learns under way what its model misses.
+/// [`FeedbackLinearization`] with an adaptive correction of the model error by a recurrent network.
 ///
 /// # Law
 ///
-/// The base commands an acceleration `w` of the point; where model and vessel do not agree the tracking error obeys
+/// The base law commands an acceleration `w` of the lookahead point. With a model error `b` the tracking error obeys
 ///
 /// ```text
-/// d2e/dt2 + k_d de/dt + k_p e = -b,     b = d2p/dt2 - (what the model says of the commands)
+/// d2e/dt2 + k_d de/dt + k_p e = -b,     b = d2p/dt2 - (acceleration predicted by the model)
 /// ```
 ///
-/// A small recurrent network (`tanh`, a linear read-out) gives `b^`, in the body frame, and the base commands `w - b^`. Over
-/// windows of `window_s` the mean of `b` is measured, which is what the tracking error did beyond what it should have done, and
-/// an extended Kalman filter ([`Filter`]) corrects the network's state and weights by it:
+/// A small recurrent network (`tanh`, linear read-out) estimates `b^` in the body frame, and the base law commands `w - b^`. The mean
+/// of `b` over windows of `window_s` is measured, and an extended Kalman filter ([`Filter`]) corrects state and weights of the network:
 ///
 /// ```text
 /// h   = tanh(W x + U h + c),   b^ = scale (V h + d),     x = [u v r cos psi sin psi], scaled
 /// [h; theta] <- [h; theta] + K (R(psi)' b / scale - b^ / scale)
 /// ```
 ///
-/// The read-out begins at zero: before anything is learned the law is its base. `b` does not depend on `b^` (what is commanded
-/// is in what the model says), so that learning cannot excite itself.
+/// The read-out starts at zero, so that the law starts as its base. `b` does not depend on `b^`, because the model predicts the effect of
+/// the command: learning cannot excite itself.
 ///
-/// Source: F. L. Lewis, S. Jagannathan and A. Yesildirek, *Neural Network Control of Robot Manipulators and Nonlinear Systems*,
-/// 1999 (a network for what a linearizing law misses); the filter: [`kalman`](crate::adapt::kalman).
+/// Sources: A. J. Calise, N. Hovakimyan and M. Idan, *Adaptive output feedback control of nonlinear systems using neural networks*,
+/// Automatica 37, 2001 (adaptive augmentation of a linearizing law); F. L. Lewis, S. Jagannathan and A. Yesildirek, *Neural Network
+/// Control of Robot Manipulators and Nonlinear Systems*, 1999; the filter: [`kalman`](crate::adapt::kalman).
 ///
-/// # Guard
+/// # Supervision
 ///
-/// A correction can do harm only if it is farther from what happens than nothing would be. Each window is foretold before it is
-/// learned from, and `|b|^2 - |b - b^|^2`, summed with a memory of some 20 windows, says whether that has been of use. While it
-/// has not, beyond what noise makes of it, the base alone commands, and learning goes on. No correction is longer than `most`.
+/// Each window is predicted before the network learns from it. The evidence `sum |b|^2 - |b - b^|^2`, with a memory of about 20 windows,
+/// measures the benefit of the correction. While the evidence is below the noise, the base law commands alone and learning continues.
+/// The norm of the correction is at most `most`.
 ///
 /// # Assumptions and tuning
 ///
-/// Those of the base. `noise` is that of a velocity of the point times `sqrt(2) / window_s`; a longer window has less of it and
-/// follows later. `scale` is the prior: accelerations that a wrong mass, a current or a fouled hull leave. What changes within
-/// a window is not learned.
+/// The assumptions are those of the base law. `noise` is the noise of the velocity of the point times `sqrt(2) / window_s`; a longer
+/// window reduces the noise and delays the correction. `scale` is the prior standard deviation of accelerations due to a wrong mass, a
+/// current or a fouled hull. Changes within a window are not learned.
 ///
-/// # When it fails
+/// # Failure modes
 ///
-/// Commands at their limits are no disturbance (what they could not do is known), but nothing that is learned makes a vessel do
-/// more than it can. Where the base is lost, it is lost.
+/// Saturated commands are known and do not appear as model error, but no correction extends the limits of the vessel. The correction
+/// does not help where the base law loses its reference.
 #[derive(Clone, Debug)]
 pub struct AdaptiveAugmentation<M> {
     base: FeedbackLinearization<M>,
-    settings: AdaptiveAugmentationOptions,
+    options: AdaptiveAugmentationOptions,
     filter: Filter<f64, LearnableNetwork<f64>>,
-    /// First weights.
+    /// Initial weights.
     first: Vec<f64>,
-    /// Samples of a window.
+    /// Number of samples of a window.
     samples: usize,
     window: Window,
-    /// `b^`, body frame \[m/s^2\], as the network has it now.
-    foretold: [f64; 2],
-    /// What it has saved.
-    saved: f64,
+    /// Estimate `b^` of the next window, body frame \[m/s^2\].
+    predicted: [f64; 2],
+    /// Evidence.
+    evidence: f64,
     x: Vec<f64>,
 }
 
-/// A window that is being measured.
+/// Sums over the present window.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Window {
     samples: usize,
-    /// Velocity of the point at its begin, north and east.
+    /// Velocity of the point at the start, north and east.
     begin: [f64; 2],
-    /// Sum of the accelerations that the model has told.
-    told: [f64; 2],
+    /// Sum of the accelerations predicted by the model.
+    modelled: [f64; 2],
     /// Sums of cosine and sine of the heading.
     heading: [f64; 2],
 }
@@ -136,14 +136,14 @@ impl<M: Affine> AdaptiveAugmentation<M> {
     /// If a setting is not possible.
     pub fn new(
         base: FeedbackLinearization<M>,
-        settings: AdaptiveAugmentationOptions,
+        options: AdaptiveAugmentationOptions,
         seed: u64,
     ) -> Result<Self, ControlError> {
-        let AdaptiveAugmentationOptions { hidden, window_s, scale, most, noise, memory_s, nu } = settings;
+        let AdaptiveAugmentationOptions { hidden, window_s, scale, most, noise, memory_s, nu } = options;
         for (what, value) in [
             ("the window", window_s),
-            ("the size of what a model may miss", scale),
-            ("the longest correction", most),
+            ("the size of the model error", scale),
+            ("the largest correction", most),
             ("the noise of a window", noise),
             ("the memory", memory_s),
             ("the size of surge", nu[0]),
@@ -167,7 +167,7 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         let cell = Cell::Vanilla { hidden, layers: 1 };
         let network = Network { cell, inputs: INPUTS, outputs: 2, read_out: true };
         let weights = first_weights(&network, seed);
-        // The read-out may become as large as what is missed; the other layers stay near where they begin.
+        // The read-out has the prior of the model error; the other layers stay close to their initial values.
         let read_out = weights.len() - 2 * (hidden + 1);
         let mut tuning =
             Tuning::uniform(weights.len(), 0.0, 0.0, (0.01, 1e-4), &[(noise / scale).powi(2); 2]);
@@ -183,18 +183,18 @@ impl<M: Affine> AdaptiveAugmentation<M> {
             .map_err(|_| setting(hidden as f64))?;
         Ok(Self {
             base,
-            settings,
+            options,
             filter,
             first: weights,
             samples,
             window: Window::default(),
-            foretold: [0.0; 2],
-            saved: 0.0,
+            predicted: [0.0; 2],
+            evidence: 0.0,
             x: vec![0.0; INPUTS],
         })
     }
 
-    /// The law that it corrects.
+    /// The base law.
     pub const fn base(&self) -> &FeedbackLinearization<M> {
         &self.base
     }
@@ -210,29 +210,30 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         self.base.update(change)
     }
 
-    /// Whether the correction is in use.
+    /// Whether the correction is applied.
     pub fn is_used(&self) -> bool {
-        self.saved > EVIDENCE * self.settings.noise * self.settings.noise
+        self.evidence > EVIDENCE * self.options.noise * self.options.noise
     }
 
-    /// The correction as the network has it now, in use or not: forward and to starboard \[m/s^2\].
+    /// The present correction, applied or not: forward and to starboard \[m/s^2\].
     pub const fn correction(&self) -> [f64; 2] {
-        self.foretold
+        self.predicted
     }
 
-    /// Learns from a window that is over, and foretells the next.
+    /// Learns from a finished window and predicts the next.
     fn learn(&mut self, nu: [f64; 3], velocity: [f64; 2]) {
-        let Window { samples, begin, told, heading } = self.window;
+        let Window { samples, begin, modelled, heading } = self.window;
         let count = samples as f64;
         let span = count * self.base.dt();
-        let missed: [f64; 2] = core::array::from_fn(|i| (velocity[i] - begin[i]) / span - told[i] / count);
+        let missed: [f64; 2] =
+            core::array::from_fn(|i| (velocity[i] - begin[i]) / span - modelled[i] / count);
         let length = Float::hypot(heading[0], heading[1]);
         let (cos, sin) = (heading[0] / length, heading[1] / length);
         let missed = [missed[0] * cos + missed[1] * sin, missed[1] * cos - missed[0] * sin];
         let square = |[a, b]: [f64; 2]| a * a + b * b;
-        let left = [missed[0] - self.foretold[0], missed[1] - self.foretold[1]];
-        let saved = KEPT * self.saved + square(missed) - square(left);
-        let AdaptiveAugmentationOptions { scale, most, nu: sizes, .. } = self.settings;
+        let left = [missed[0] - self.predicted[0], missed[1] - self.predicted[1]];
+        let evidence = EVIDENCE_DECAY * self.evidence + square(missed) - square(left);
+        let AdaptiveAugmentationOptions { scale, most, nu: sizes, .. } = self.options;
         let z = missed.map(|b| b / scale);
         if self.filter.has_moved() && z.iter().all(|z| z.is_finite()) {
             self.filter.observe(&z);
@@ -244,22 +245,22 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         self.filter.advance(&self.x);
         let mut given = [0.0; 2];
         self.filter.model().output(self.filter.state(), &mut given);
-        if given.iter().all(|b| b.is_finite()) && saved.is_finite() {
-            self.foretold = shortened(given.map(|b| b * scale), most);
-            self.saved = saved;
+        if given.iter().all(|b| b.is_finite()) && evidence.is_finite() {
+            self.predicted = shortened(given.map(|b| b * scale), most);
+            self.evidence = evidence;
         } else {
             self.forget();
         }
     }
 
-    /// Back to its base.
+    /// Resets network, filter and evidence.
     fn forget(&mut self) {
         let rest = core::iter::repeat_n(0.0, self.filter.state().len());
         self.filter.set(rest, self.first.iter().copied());
         self.filter.restart();
         self.filter.reset();
-        self.foretold = [0.0; 2];
-        self.saved = 0.0;
+        self.predicted = [0.0; 2];
+        self.evidence = 0.0;
     }
 }
 
@@ -277,7 +278,7 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
 
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {
         if !(estimate.is_finite() && reference.is_finite()) {
-            // What was measured so far has a gap.
+            // The window has a gap.
             self.window = Window::default();
             return self.base.command(estimate, reference, command);
         }
@@ -290,11 +291,11 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
         if self.window.samples == 0 {
             self.window.begin = velocity;
         }
-        let [x, y] = if self.is_used() { self.foretold } else { [0.0; 2] };
+        let [x, y] = if self.is_used() { self.predicted } else { [0.0; 2] };
         let disturbance = [x * cos - y * sin, x * sin + y * cos];
-        let (status, told) = self.base.command_against(estimate, reference, disturbance, command);
+        let (status, modelled) = self.base.command_against(estimate, reference, disturbance, command);
         self.window.samples += 1;
-        for (sum, value) in self.window.told.iter_mut().zip(told) {
+        for (sum, value) in self.window.modelled.iter_mut().zip(modelled) {
             *sum += value;
         }
         self.window.heading = [self.window.heading[0] + cos, self.window.heading[1] + sin];
@@ -302,7 +303,7 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
     }
 }
 
-/// First weights: small, different and the same for a seed; nothing in the read-out.
+/// Initial weights: small random numbers from the seed, and a read-out of zero.
 fn first_weights(network: &Network, seed: u64) -> Vec<f64> {
     let mut noise = super::noise::Noise::new(seed);
     let Cell::Vanilla { hidden, .. } = network.cell else { return Vec::new() };

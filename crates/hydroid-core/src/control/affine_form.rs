@@ -1,4 +1,4 @@
-//! Which terms of equations are motion, which are effort, and which are neither.
+//! Decomposition of equations into motion and efforts.
 
 use alloc::format;
 use alloc::string::String;
@@ -8,26 +8,26 @@ use alloc::vec::Vec;
 use crate::actuator::{Channel, Lag, Map};
 use crate::model::sparse::{Equations, Factor, ProgramError, Shape, Signal, Term};
 
-/// Why equations cannot be written as `f(nu) + sum g_i(nu) phi_i(a_i)`.
+/// Reasons why equations are not of the form `f(nu) + sum g_i(nu) phi_i(a_i)`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NotAffine {
-    /// The outputs that are to be `u`, `v` and `r` are not three different ones that there are.
+    /// The outputs for `u`, `v` and `r` are not three different outputs.
     Motion,
-    /// A term has a command in a way that is not one invertible function of it alone.
+    /// A term is not affine in one invertible function of a command.
     Term {
         /// The equation.
         output: usize,
         /// The term.
         term: Term,
     },
-    /// A term has past values: what they do cannot be told from what a command will do.
+    /// A term has past values, which a control law cannot invert.
     Past {
         /// The equation.
         output: usize,
         /// The term.
         term: Term,
     },
-    /// A command enters in two ways: two functions of it, or with and without its lag.
+    /// A command enters in two ways: as two functions, or with and without its lag.
     TwoWays {
         /// The equation.
         output: usize,
@@ -36,15 +36,15 @@ pub enum NotAffine {
         /// The command, from 0.
         input: usize,
     },
-    /// An output that is none of `u`, `v`, `r` is in the equations, and is no actuator: its own equation has more than
-    /// itself, one command and a constant.
+    /// An output other than `u`, `v`, `r` is in the equations and is no actuator: its own equation is not linear in itself, one command and a
+    /// constant.
     Output {
         /// The output.
         output: usize,
         /// The term that is too much; none where the command is missing.
         term: Option<Term>,
     },
-    /// Fewer than two commands have any effect on the motion.
+    /// Fewer than two commands affect the motion.
     TooFewInputs {
         /// How many have.
         given: usize,
@@ -64,7 +64,7 @@ impl NotAffine {
                 name(*output)
             ),
             Self::Past { output, term } => format!(
-                "the term {} of d{}/dt has past values, which a control law does not know how to invert: identify without them (method sindy)",
+                "the term {} of d{}/dt has past values, which a control law cannot invert: identify without them (method sindy)",
                 term.name(names),
                 name(*output)
             ),
@@ -100,30 +100,30 @@ impl core::fmt::Display for NotAffine {
 
 impl core::error::Error for NotAffine {}
 
-/// A coefficient's place in `f` or `g`.
+/// Place of a coefficient in `f` or `g`.
 pub(super) struct Part {
     pub(super) row: usize,
     pub(super) channel: Option<usize>,
-    /// Which of [`AffineForm::terms`] it multiplies.
+    /// Index in [`AffineForm::terms`].
     pub(super) term: usize,
-    /// Where it stands in the table of coefficients.
+    /// Index in the table of coefficients.
     pub(super) place: usize,
 }
 
-/// Equations taken apart.
+/// Equations in affine form.
 pub(super) struct AffineForm {
     pub(super) parts: Vec<Part>,
-    /// Terms in `u`, `v`, `r` alone, which are variables 0, 1, 2.
+    /// Terms in `u`, `v`, `r` (variables 0, 1, 2).
     pub(super) terms: Vec<Term>,
     pub(super) channels: Vec<Channel>,
-    /// Of a channel that is an output: where the coefficients of itself, of its command and of 1 stand.
+    /// For a channel that is an output: places of the coefficients of itself, its command and 1.
     pub(super) measured: Vec<Option<[Option<usize>; 3]>>,
 }
 
-/// What is known of a command so far.
+/// The way in which a command enters.
 #[derive(Clone, Copy, Default)]
 struct Way {
-    /// The variable that carries it, and how.
+    /// The variable that carries the command, and its map.
     of: Option<(u16, Map)>,
 }
 
@@ -135,7 +135,7 @@ pub(super) fn affine_form(equations: &Equations, motion: [usize; 3]) -> Result<A
     }
     let count = equations.terms().len();
     let mut measured = vec![None; inputs];
-    // Which command a variable carries.
+    // Command of each variable.
     let mut carries: Vec<Option<usize>> = vec![None; equations.variables()];
     for input in 0..inputs {
         carries[outputs + input] = Some(input);
@@ -184,7 +184,7 @@ pub(super) fn affine_form(equations: &Equations, motion: [usize; 3]) -> Result<A
                 Some(first) => {
                     let map =
                         map_of(&effort).ok_or_else(|| NotAffine::Term { output, term: term.clone() })?;
-                    // Every other variable was refused as a past one.
+                    // All other variables have been refused as past ones.
                     let input = carries[usize::from(first.variable)].unwrap_or_default();
                     let way = (first.variable, map);
                     if *ways[input].of.get_or_insert(way) != way {
@@ -210,7 +210,7 @@ pub(super) fn affine_form(equations: &Equations, motion: [usize; 3]) -> Result<A
         let lag = usize::from(variable).checked_sub(outputs + inputs).map(|index| equations.signals()[index]);
         let lag = match lag {
             Some(Signal::Lag { time_constant_s, .. }) => Lag::of_time_constant(time_constant_s.0),
-            // Of an output: from its coefficients, which may change.
+            // The lag of an output follows from its coefficients, which may change.
             _ => Lag::None,
         };
         if way.of.is_none() || usize::from(variable) >= outputs {
@@ -221,7 +221,7 @@ pub(super) fn affine_form(equations: &Equations, motion: [usize; 3]) -> Result<A
     Ok(found)
 }
 
-/// Whether the equations of motion have an output among their terms.
+/// Whether the equations of motion depend on an output.
 fn is_used(equations: &Equations, motion: [usize; 3], output: usize) -> bool {
     let Ok(variable) = u16::try_from(output) else { return true };
     let terms = || equations.terms().iter().enumerate();
@@ -230,7 +230,7 @@ fn is_used(equations: &Equations, motion: [usize; 3], output: usize) -> bool {
     })
 }
 
-/// The command that an output follows, and where the coefficients of itself, of the command and of 1 stand.
+/// The command of an actuator, and the places of the coefficients of itself, the command and 1.
 fn actuator(equations: &Equations, output: usize) -> Result<(usize, [Option<usize>; 3]), NotAffine> {
     let (outputs, inputs) = (equations.outputs(), equations.inputs());
     let count = equations.terms().len();
@@ -260,7 +260,7 @@ fn actuator(equations: &Equations, output: usize) -> Result<(usize, [Option<usiz
     command.map(|input| (input, places)).ok_or(NotAffine::Output { output, term: None })
 }
 
-/// The map that factors of an actuator are, all of them of the same one.
+/// The map of the factors of one actuator.
 fn map_of(factors: &[Factor]) -> Option<Map> {
     match factors {
         [Factor { shape: Shape::Power(1), .. }] => Some(Map::Identity),

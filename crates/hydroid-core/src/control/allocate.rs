@@ -1,27 +1,24 @@
-//! Efforts for a wanted acceleration.
+//! Control allocation.
 
 use num_traits::Float;
 
-/// The smallest efforts `tau` \[in shares of their `spans`\] with `sum_i b_i tau_i = wanted`, and how strong the vessel
-/// is.
+/// Computes the smallest efforts `tau` (relative to their `spans`) with `sum_i b_i tau_i = wanted`. Gives the control authority.
 ///
-/// `columns` are the `b_i`, accelerations \[m/s^2\] per unit of effort; `spans` what efforts there are to give. With `B =
-/// [b_i s_i]`, what full efforts give,
+/// `columns` are the `b_i`, accelerations \[m/s^2\] per unit of effort; `spans` are the ranges of the efforts. With `B = [b_i s_i]`,
 ///
 /// ```text
 /// tau = S B' (B B' + lambda^2 I)^-1 wanted,     lambda^2 = max(0, min_control_authority^2 - sigma^2)
 /// ```
 ///
-/// `sigma`, the least singular value of `B`, is the acceleration that all actuators together give in the direction in
-/// which they give least; it is returned \[m/s^2\]. Where it is `min_control_authority` or more, `lambda` is zero and `B tau = wanted`
-/// exactly. Where it is less, what is asked for in that direction is damped: its effort stays below `|wanted| / min_control_authority`
-/// spans and dies away with `sigma` instead of growing without bound, and the other direction is touched in the order of
-/// `(min_control_authority / sigma_max)^2`. (Damped least squares: Y. Nakamura and H. Hanafusa, *Inverse kinematic solutions with
-/// singularity robustness for robot manipulator control*, 1986, with the damping only near the singularity, as S.
-/// Chiaverini has it, 1997.)
+/// The control authority `sigma` \[m/s^2\] is the least singular value of `B`: the acceleration that all actuators together give in their
+/// weakest direction. For `sigma >= min_control_authority`, `lambda` is zero and `B tau = wanted` exactly. Below, the demand in the weak
+/// direction is damped: its effort stays below `|wanted| / min_control_authority` spans and vanishes with `sigma`, and the other direction
+/// changes in the order of `(min_control_authority / sigma_max)^2`. (Damped least squares: Y. Nakamura and H. Hanafusa, *Inverse
+/// kinematic solutions with singularity robustness for robot manipulator control*, 1986, with damping near the singularity alone after S.
+/// Chiaverini, 1997.)
 ///
 /// # Panics
-/// If `spans` or `efforts` have not as many numbers as there are columns.
+/// If `spans` or `efforts` have not one number for each column.
 pub fn allocate(
     columns: &[[f64; 2]],
     spans: &[f64],
@@ -40,7 +37,7 @@ pub fn allocate(
         b += square * x * y;
         c += square * y * y;
     }
-    // The lesser root from the product of both, which cancellation does not spoil.
+    // The smaller root from the product of both avoids cancellation.
     let greater = 0.5 * (a + c) + Float::hypot(0.5 * (a - c), b);
     let lesser = if greater > 0.0 { ((a * c - b * b) / greater).max(0.0) } else { 0.0 };
     let damping = (min_control_authority * min_control_authority - lesser).max(0.0);

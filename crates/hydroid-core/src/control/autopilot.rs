@@ -1,4 +1,4 @@
-//! The autopilot that a vessel has today: line of sight, heading by PID, speed by PI. No model.
+//! A conventional autopilot without a model: line of sight, heading by PID, speed by PI.
 
 use num_traits::Float;
 
@@ -10,7 +10,7 @@ use crate::actuator::{Channel, Limits};
 use crate::guidance::{LineOfSight, LineOfSightOptions, Reference};
 use crate::vessel::kinematics::{pose_rate, wrap};
 
-/// Gains of the heading, in units of the rudder's command.
+/// Gains of the heading controller, in units of the rudder command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeadingGains {
     /// Per rad of heading error.
@@ -19,12 +19,11 @@ pub struct HeadingGains {
     pub integral: f64,
     /// Per rad/s of error of the yaw rate.
     pub derivative: f64,
-    /// Per rad/s of wanted yaw rate: what a steady turn needs.
+    /// Per rad/s of wanted yaw rate (feedforward of a steady turn).
     pub turn: f64,
-    /// Speed at which these gains hold \[m/s\]; at `u` they are multiplied by `(speed / u)^exponent`.
+    /// Speed of these gains \[m/s\]; at `u` they are scaled by `(speed / u)^exponent`.
     pub speed: f64,
-    /// 1 where the rudder stands in the race of the propeller or its moment grows with the speed, 2 where it grows with
-    /// its square.
+    /// 1 for a rudder in the race of the propeller or a moment that grows with the speed, 2 for a moment that grows with its square.
     pub exponent: f64,
 }
 
@@ -49,38 +48,37 @@ impl HeadingGains {
     }
 }
 
-/// Gains of the speed, in units of the propeller's command.
+/// Gains of the speed controller, in units of the propeller command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedGains {
     /// Per m/s.
     pub proportional: f64,
     /// Per m.
     pub integral: f64,
-    /// What holds a speed: per m/s, and per (m/s)^2 times its sign.
+    /// Feedforward of the drag: per m/s, and per (m/s)^2 with the sign of the speed.
     pub drag: [f64; 2],
 }
 
-/// How the autopilot is set.
+/// Options of [`Autopilot`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AutopilotOptions {
-    /// Of the guidance.
+    /// Guidance.
     pub line_of_sight: LineOfSightOptions,
-    /// Of the rudder.
+    /// Heading controller.
     pub heading: HeadingGains,
-    /// Of the propeller.
+    /// Speed controller.
     pub speed: SpeedGains,
-    /// Below this speed there is no steering: gains grow no more, and the status is [`Status::Singular`] \[m/s\].
+    /// Least speed for steering \[m/s\]: below, gains stay constant and the status is [`Status::Singular`].
     pub steerage: f64,
-    /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
+    /// Distance from the reference above which the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
 }
 
-/// Line of sight, a PID on the heading and a PI on the speed, for commands `[propeller, rudder]`: what other laws are to
-/// be compared with.
+/// Line of sight, a PID on the heading and a PI on the speed, for commands `[propeller, rudder]`: the baseline of the model-based laws.
 ///
 /// # Law
 ///
-/// With `psi_d` and `r_d` of the integral line of sight ([`LineOfSight`]) for the foot of the vessel on its path (a
+/// With `psi_d` and `r_d` of the integral line of sight ([`LineOfSight`]) for the projection of the vessel onto its path (a
 /// reference by a [`PathReference`](crate::guidance::PathReference)), `e_psi = psi_d - psi` within half a turn, `e_u = U_d - u`:
 ///
 /// ```text
@@ -88,7 +86,7 @@ pub struct AutopilotOptions {
 /// propeller = drag_1 U_d + drag_2 U_d |U_d| + K_pu e_u + K_iu integral(e_u)
 /// ```
 ///
-/// Both integrals follow what commands at their limits did (back-calculation, K. J. Astrom and T. Hagglund, *Advanced PID
+/// Both integrals follow the limited commands (back-calculation, K. J. Astrom and T. Hagglund, *Advanced PID
 /// Control*, 2006, section 3.5). Source: T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd
 /// ed., 2021, sections 12.3 (line of sight) and 15.3 (PID autopilots).
 ///
@@ -99,14 +97,14 @@ pub struct AutopilotOptions {
 /// `omega`. Speed: `K_pu` a fraction of the mass (in newtons per m/s) over the lag of the propeller, `K_iu` an eighth of
 /// it per lag.
 ///
-/// # When it fails
+/// # Failure modes
 ///
-/// Gains hold at one speed and in one mode; sway and lags are not in it, so that it leaves the path where turns begin. A
-/// vessel whose drag falls with speed (one that takes off) oscillates where the gain of the speed is low. Without way
+/// Gains hold at one speed and in one mode. The law ignores sway and lags, so that the vessel leaves the path where turns begin. A
+/// vessel whose drag falls with speed (one that takes off) oscillates with a low gain of the speed. Without speed
 /// there is no steering: [`Status::Singular`].
 #[derive(Clone, Debug)]
 pub struct Autopilot {
-    settings: AutopilotOptions,
+    options: AutopilotOptions,
     sight: LineOfSight,
     actuators: Actuators,
     heading: f64,
@@ -114,12 +112,12 @@ pub struct Autopilot {
 }
 
 impl Autopilot {
-    /// An autopilot that is asked every `dt` seconds; `limits` of propeller and rudder.
+    /// An autopilot with samples of `dt` seconds; `limits` of propeller and rudder.
     ///
     /// # Errors
-    /// If settings or limits are not possible.
-    pub fn new(limits: &[Limits; 2], dt: f64, settings: AutopilotOptions) -> Result<Self, ControlError> {
-        let AutopilotOptions { line_of_sight, heading, speed, steerage, tolerance } = settings;
+    /// If options or limits are out of range.
+    pub fn new(limits: &[Limits; 2], dt: f64, options: AutopilotOptions) -> Result<Self, ControlError> {
+        let AutopilotOptions { line_of_sight, heading, speed, steerage, tolerance } = options;
         positive("the proportional gain of the heading", heading.proportional)?;
         at_least("the integral gain of the heading", heading.integral, 0.0)?;
         at_least("the derivative gain of the heading", heading.derivative, 0.0)?;
@@ -141,7 +139,7 @@ impl Autopilot {
             needed: "a number of 0 or more is needed",
         })?;
         let actuators = Actuators::new(&[Channel::default(); 2], limits, dt, 0.0)?;
-        Ok(Self { settings, sight, actuators, heading: 0.0, speed: 0.0 })
+        Ok(Self { options, sight, actuators, heading: 0.0, speed: 0.0 })
     }
 }
 
@@ -161,7 +159,7 @@ impl Controller for Autopilot {
             self.actuators.hold(command);
             return Status::Blind;
         }
-        let AutopilotOptions { heading, speed, steerage, tolerance, .. } = self.settings;
+        let AutopilotOptions { heading, speed, steerage, tolerance, .. } = self.options;
         let [x, y, psi] = estimate.eta;
         let [u, _, r] = estimate.nu;
         let dt = self.actuators.dt();
@@ -182,7 +180,7 @@ impl Controller for Autopilot {
         let wanted = [propeller, rudder];
         command.copy_from_slice(&wanted);
         let applied = self.actuators.limit(command);
-        // What a limit took away, as an error that would have asked for it.
+        // Back-calculation: the limited part of the command as an error.
         let taken = |i: usize, gain: f64| (command[i] - wanted[i]) / gain;
         self.speed += dt * (slow + taken(0, speed.proportional));
         self.heading += dt * (off + taken(1, scale * heading.proportional));
@@ -194,7 +192,7 @@ impl Controller for Autopilot {
         if applied.saturated {
             status = status.and(Status::Saturated);
         }
-        // Of the foot on its path: the cross-track error, and more where the foot was lost.
+        // Distance from the projection onto the path: the cross-track error, or more where the projection was lost.
         let [ahead, aside] = [x - reference.position[0], y - reference.position[1]];
         if Float::hypot(ahead, aside) > tolerance {
             status = status.and(Status::Lost);

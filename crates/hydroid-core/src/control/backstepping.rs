@@ -1,4 +1,4 @@
-//! Backstepping with adaptation of two constant disturbances, for a point ahead of the vessel.
+//! Backstepping of a lookahead point with adaptation of two constant disturbances.
 
 use num_traits::Float;
 
@@ -10,41 +10,38 @@ use super::{Controller, Estimate};
 use crate::actuator::Limits;
 use crate::guidance::Reference;
 
-/// How a point ahead of a vessel is brought to its reference by backstepping.
+/// Options of [`Backstepping`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BacksteppingOptions {
-    /// Distance `l` of the point ahead of the origin \[m\]: half a length of the vessel or more.
-    pub ahead: f64,
-    /// `k_1` \[1/s\]: how fast a distance is closed, once the speed for it is there.
+    /// Distance `l` of the lookahead point from the origin \[m\]: at least half a length of the vessel.
+    pub lookahead: f64,
+    /// `k_1` \[1/s\]: rate at which the distance is closed.
     pub position: f64,
-    /// `k_2` \[1/s\]: how fast that speed is reached.
+    /// `k_2` \[1/s\]: rate at which the closing velocity is reached.
     pub velocity: f64,
-    /// `q` \[1/s^2\]: what a distance weighs beside a velocity in the Lyapunov function.
+    /// `q` \[1/s^2\]: weight of the distance in the Lyapunov function.
     pub weight: f64,
-    /// `gamma_n` \[1/s^2\]: how fast a disturbance that is constant north and east is learned (wind, a sloping sea); 0 for
-    /// not at all.
+    /// `gamma_n` \[1/s^2\]: adaptation gain of a disturbance that is constant north and east (wind); 0 for none.
     pub weather: f64,
-    /// `gamma_b` \[1/s^2\]: how fast one that is constant ahead and to starboard is learned (a model that is wrong, a
-    /// fouled hull, a trim); 0 for not at all.
+    /// `gamma_b` \[1/s^2\]: adaptation gain of a disturbance that is constant in the body frame (model error, fouled hull, trim); 0 for none.
     pub body: f64,
-    /// Neither is believed to be larger \[m/s^2\].
+    /// Largest estimate of either disturbance \[m/s^2\].
     pub most: f64,
-    /// The speed over that of the reference at which a distance is closed at most \[m/s\].
+    /// Largest closing speed relative to the reference \[m/s\].
     pub closing_speed: f64,
     /// See [`FeedbackLinearizationOptions::min_control_authority`](super::FeedbackLinearizationOptions::min_control_authority) \[m/s^2\].
     pub min_control_authority: f64,
-    /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
+    /// Distance from the reference above which the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
-    /// Time given to actuators with a lag \[s\]: see [`Actuators`](super::Actuators).
+    /// Response time of the actuators \[s\] ([`Actuators`](super::Actuators)).
     pub response: f64,
 }
 
 impl BacksteppingOptions {
-    /// A point so many metres ahead, and one rate `k` = 1 /s for all: `k_1 = k_2 = k`, `q = k^2`, `gamma_n = gamma_b = k^2
-    /// / 10`.
-    pub fn new(ahead: f64) -> Self {
+    /// A lookahead distance \[m\], and one rate `k` = 1 /s for all gains: `k_1 = k_2 = k`, `q = k^2`, `gamma_n = gamma_b = k^2 / 10`.
+    pub fn new(lookahead: f64) -> Self {
         Self {
-            ahead,
+            lookahead,
             position: 0.0,
             velocity: 0.0,
             weight: 0.0,
@@ -59,56 +56,54 @@ impl BacksteppingOptions {
         .with_rate(1.0)
     }
 
-    /// With the gains of a rate \[1/s\].
+    /// These options with the gains of a rate \[1/s\].
     #[must_use]
     pub fn with_rate(self, k: f64) -> Self {
         Self { position: k, velocity: k, weight: k * k, weather: 0.1 * k * k, body: 0.1 * k * k, ..self }
     }
 }
 
-/// Backstepping of a point `l` metres ahead of the origin, with integral action, on any [`Affine`] model.
+/// Backstepping of a point `l` metres ahead of the origin, with adaptation, on any [`Affine`] model.
 ///
 /// # Law
 ///
-/// With the point `p` as in [`FeedbackLinearization`](super::FeedbackLinearization), `d2p/dt2 = w + b_n + R(psi) b_b`
-/// where `w` is what the efforts are allocated for, `b_n` an unknown constant acceleration north and east, and `b_b` one
-/// ahead and to starboard:
+/// With the point `p` of [`FeedbackLinearization`](super::FeedbackLinearization), `d2p/dt2 = w + b_n + R(psi) b_b`, where `w` is the
+/// allocated acceleration, `b_n` an unknown constant acceleration north and east, and `b_b` one in the body frame:
 ///
 /// ```text
 /// z_1 = p - p_d
-/// a   = dp_d/dt - k_1 z_1                                  the velocity that would close the distance
+/// a   = dp_d/dt - k_1 z_1                                  (virtual control: the velocity that closes the distance)
 /// z_2 = dp/dt - a
 /// w   = da/dt - q z_1 - k_2 z_2 - b_n^ - R(psi) b_b^
 /// db_n^/dt = gamma_n z_2,      db_b^/dt = gamma_b R(psi)' z_2
 /// ```
 ///
-/// For `V = q |z_1|^2 / 2 + |z_2|^2 / 2 + |b_n - b_n^|^2 / (2 gamma_n) + |b_b - b_b^|^2 / (2 gamma_b)` this gives `dV/dt =
-/// -q k_1 |z_1|^2 - k_2 |z_2|^2`: distance and its rate go to zero whatever the two constants are, and on a straight
-/// course as well as in a turn. (On a straight course the two cannot be told apart; their sum is what is needed.)
+/// For `V = q |z_1|^2 / 2 + |z_2|^2 / 2 + |b_n - b_n^|^2 / (2 gamma_n) + |b_b - b_b^|^2 / (2 gamma_b)` this gives `dV/dt = -q k_1 |z_1|^2 -
+/// k_2 |z_2|^2`: distance and rate converge to zero for any constants, on a straight course and in a turn. (On a straight course only the
+/// sum of both constants is observable, and only the sum is needed.)
 ///
-/// Source: M. Krstic, I. Kanellakopoulos, P. V. Kokotovic, *Nonlinear and Adaptive Control Design*, 1995, sections 2.3
-/// (integrator backstepping) and 3.2 (adaptation of constants in the last step); for marine craft T. I. Fossen, *Handbook
-/// of Marine Craft Hydrodynamics and Motion Control*, 2nd ed., 2021, chapter 16 (integrator backstepping, integral
-/// action).
+/// Sources: M. Krstic, I. Kanellakopoulos, P. V. Kokotovic, *Nonlinear and Adaptive Control Design*, 1995, sections 2.3 (integrator
+/// backstepping) and 3.2 (adaptation of constants in the last step); for marine craft T. I. Fossen, *Handbook of Marine Craft Hydrodynamics
+/// and Motion Control*, 2nd ed., 2021, chapter 16 (integrator backstepping, integral action).
 ///
-/// Without adaptation and far from all limits it is the feedback linearization with `k_p = q + k_1 k_2` and `k_d = k_1 +
-/// k_2`: the two differ in what they do against what the model does not have.
+/// Without adaptation and limits, the law equals feedback linearization with `k_p = q + k_1 k_2` and `k_d = k_1 + k_2`; the laws differ in
+/// their response to model error.
 ///
 /// # Tuning
 ///
-/// One rate `k` for all ([`BacksteppingOptions::with_rate`]): `k_p = 2 k^2`, `k_d = 2 k`, a damping of 0.7; `k` below
-/// about `0.2 / h` for samples of `h` seconds and below what actuators can follow. The disturbances are learned within
-/// some `10 / k` seconds; faster is more noise in the command.
+/// One rate `k` for all gains ([`BacksteppingOptions::with_rate`]): `k_p = 2 k^2`, `k_d = 2 k`, a damping of 0.7. `k` should stay below
+/// about `0.2 / h` for samples of `h` seconds and below the bandwidth of the actuators. The disturbances converge within about `10 / k`
+/// seconds; faster adaptation increases the noise of the command.
 ///
-/// # Assumptions, and when it fails
+/// # Assumptions and failure modes
 ///
-/// Those of [`FeedbackLinearization`](super::FeedbackLinearization). Disturbances that change faster than they are learned
-/// are attenuated only. Where commands are at their limits `z_2` says nothing of the disturbances: they are then corrected
-/// by what was missing, and never believed to be larger than `most`.
+/// As for [`FeedbackLinearization`](super::FeedbackLinearization). Disturbances that change faster than the adaptation are attenuated only.
+/// With saturated commands, `z_2` contains no information on the disturbances: the estimates are corrected by the missing acceleration and
+/// stay within `most`.
 #[derive(Clone, Debug)]
 pub struct Backstepping<M> {
     point: LookaheadPoint<M>,
-    settings: BacksteppingOptions,
+    options: BacksteppingOptions,
     weather: [f64; 2],
     body: [f64; 2],
 }
@@ -117,24 +112,24 @@ impl<M: Affine> Backstepping<M> {
     /// A controller that is asked every `dt` seconds.
     ///
     /// # Errors
-    /// If settings, limits or lags are not possible, or the model has fewer than two commands.
+    /// If options, limits or lags are not possible, or the model has fewer than two commands.
     pub fn new(
         model: M,
         limits: &[Limits],
         dt: f64,
-        settings: BacksteppingOptions,
+        options: BacksteppingOptions,
     ) -> Result<Self, ControlError> {
-        positive("the gain of the position", settings.position)?;
-        positive("the gain of the velocity", settings.velocity)?;
-        positive("the weight of the position", settings.weight)?;
-        at_least("the rate at which weather is learned", settings.weather, 0.0)?;
-        at_least("the rate at which the body's disturbance is learned", settings.body, 0.0)?;
-        at_least("the largest disturbance", settings.most, 0.0)?;
-        positive("the closing speed", settings.closing_speed)?;
-        positive("the tolerance", settings.tolerance)?;
-        let BacksteppingOptions { ahead, min_control_authority, response, .. } = settings;
-        let point = LookaheadPoint::new(model, limits, dt, response, ahead, min_control_authority)?;
-        Ok(Self { point, settings, weather: [0.0; 2], body: [0.0; 2] })
+        positive("the gain of the position", options.position)?;
+        positive("the gain of the velocity", options.velocity)?;
+        positive("the weight of the position", options.weight)?;
+        at_least("the rate at which weather is learned", options.weather, 0.0)?;
+        at_least("the rate at which the body's disturbance is learned", options.body, 0.0)?;
+        at_least("the largest disturbance", options.most, 0.0)?;
+        positive("the closing speed", options.closing_speed)?;
+        positive("the tolerance", options.tolerance)?;
+        let BacksteppingOptions { lookahead, min_control_authority, response, .. } = options;
+        let point = LookaheadPoint::new(model, limits, dt, response, lookahead, min_control_authority)?;
+        Ok(Self { point, options, weather: [0.0; 2], body: [0.0; 2] })
     }
 
     /// The model.
@@ -179,11 +174,11 @@ impl<M: Affine> Controller for Backstepping<M> {
         if !(estimate.is_finite() && reference.is_finite()) {
             return self.point.hold(command);
         }
-        let BacksteppingOptions { position: k_1, velocity: k_2, weight, most, .. } = self.settings;
+        let BacksteppingOptions { position: k_1, velocity: k_2, weight, most, .. } = self.options;
         let error = self.point.error(estimate, reference);
         // k_1 z_1, kept to the closing speed. Where it is cut short it does not change with z_1 either.
         let asked = error.position.map(|e| -k_1 * e);
-        let closing = shortened(asked, self.settings.closing_speed);
+        let closing = shortened(asked, self.options.closing_speed);
         let z_1 = closing.map(|c| c / k_1);
         let cut = closing != asked;
         let z_2: [f64; 2] = core::array::from_fn(|i| closing[i] - error.velocity[i]);
@@ -198,7 +193,7 @@ impl<M: Affine> Controller for Backstepping<M> {
         });
         let (mut status, missing) = self.point.accelerate(estimate, wanted, command);
 
-        let BacksteppingOptions { weather, body, .. } = self.settings;
+        let BacksteppingOptions { weather, body, .. } = self.options;
         // What is missing makes z_2 grow by itself, within 1 / k_2 to missing / k_2: that much of it is no disturbance.
         let told: [f64; 2] = core::array::from_fn(|i| z_2[i] - missing[i] / k_2);
         if !cut && told.iter().all(|x| x.is_finite()) {
@@ -209,7 +204,7 @@ impl<M: Affine> Controller for Backstepping<M> {
             self.weather = learn(self.weather, weather, told);
             self.body = learn(self.body, body, ahead_starboard(told));
         }
-        if error.distance() > self.settings.tolerance {
+        if error.distance() > self.options.tolerance {
             status = status.and(Status::Lost);
         }
         status

@@ -12,12 +12,10 @@ pub use super::affine_form::NotAffine;
 
 /// Identified [`Equations`] in the form `d nu/dt = f(nu) + sum_i g_i(nu) phi_i(a_i)`.
 ///
-/// Each term of the equations of motion is taken apart: factors of `u`, `v`, `r` (gates of a change of mode among them)
-/// stay, and what is left of it is nothing (then it belongs to `f`), or one and the same function `phi_i` of one actuator
-/// (to `g_i`, which is what `d f/d phi_i` of the Jacobian would be): `c`, `sin(c)`, `c |c|`. The actuator is the command
-/// itself, its hidden first-order lag ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output of its own that
-/// follows it (a measured propeller force, `d P_f/dt = a P_f + b PP + c`). All that is not so is refused: [`NotAffine`]
-/// says which term, and why.
+/// Each term of the equations of motion is a product of factors of `u`, `v`, `r` (gates included) and, for `g_i`, one function `phi_i` of
+/// one actuator: `c`, `sin(c)` or `c |c|`. The actuator is the command itself, its hidden first-order lag
+/// ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output that follows it (a measured propeller force, `d P_f/dt = a P_f + b
+/// PP + c`). [`NotAffine`] names the term that is of another form.
 #[derive(Debug, PartialEq)]
 pub struct AffineEquations {
     program: Program,

@@ -1,40 +1,40 @@
-//! Why there is no controller.
+//! Errors of controllers.
 
-/// Why a controller cannot be made.
+/// Reasons why a controller cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ControlError {
-    /// A setting is not what it must be.
+    /// An option is out of range.
     Setting {
-        /// Which.
+        /// The option.
         what: &'static str,
-        /// What was given.
+        /// Its value.
         value: f64,
-        /// What is needed.
+        /// The requirement.
         needed: &'static str,
     },
-    /// There are not as many limits as commands.
+    /// The number of limits differs from the number of commands.
     Count {
-        /// Commands.
+        /// Number of commands.
         expected: usize,
-        /// Limits.
+        /// Number of limits.
         given: usize,
     },
-    /// Two independent accelerations need two commands.
+    /// There are fewer than two commands: two independent accelerations need two.
     TooFewInputs {
         /// How many there are.
         given: usize,
     },
-    /// Limits of a command are not finite, not in order, or its rate limit is not positive.
+    /// Limits are not finite, not in order, or the rate limit is not positive.
     Limits {
         /// The command, from 0.
         channel: usize,
     },
-    /// Within the limits of a command its effect is not invertible: an angle goes beyond a quarter of a turn.
+    /// The command map is not invertible within the limits: an angle exceeds 90 degrees.
     NotInvertible {
         /// The command, from 0.
         channel: usize,
     },
-    /// A lag does not settle, or does not move with its command.
+    /// A lag is unstable or does not depend on its command.
     Lag {
         /// The command, from 0.
         channel: usize,
@@ -46,7 +46,7 @@ impl core::fmt::Display for ControlError {
         match self {
             Self::Setting { what, value, needed } => write!(f, "{what} is {value}: {needed}"),
             Self::Count { expected, given } => {
-                write!(f, "limits for {expected} commands are needed, and there are {given}")
+                write!(f, "{expected} commands need as many limits, and there are {given}")
             }
             Self::TooFewInputs { given } => {
                 write!(f, "a point in the plane needs at least 2 commands, and there are {given}")
@@ -57,11 +57,11 @@ impl core::fmt::Display for ControlError {
             ),
             Self::NotInvertible { channel } => write!(
                 f,
-                "command {channel} acts through its sine, and its limits go beyond a quarter of a turn: give narrower ones"
+                "command {channel} acts through its sine, and its limits exceed 90 degrees: give narrower ones"
             ),
             Self::Lag { channel } => write!(
                 f,
-                "what follows command {channel} does not settle, or does not move with it: its equation cannot be inverted"
+                "the lag of command {channel} is unstable or independent of the command: its equation cannot be inverted"
             ),
         }
     }

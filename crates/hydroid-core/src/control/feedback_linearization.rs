@@ -1,4 +1,4 @@
-//! Feedback linearization of a point ahead of the vessel.
+//! Feedback linearization of a lookahead point.
 
 use super::affine::Affine;
 use super::error::{ControlError, at_least, positive};
@@ -8,35 +8,34 @@ use super::{Controller, Estimate};
 use crate::actuator::Limits;
 use crate::guidance::Reference;
 
-/// How a point ahead of a vessel is brought to its reference.
+/// Options of [`FeedbackLinearization`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedbackLinearizationOptions {
-    /// Distance `l` of the point ahead of the origin \[m\]: half a length of the vessel or more. The heading follows
-    /// within about `l / U` seconds.
-    pub ahead: f64,
+    /// Distance `l` of the lookahead point from the origin \[m\]: at least half a length of the vessel. The heading follows within about `l / U`
+    /// seconds.
+    pub lookahead: f64,
     /// `k_p` \[1/s^2\].
     pub proportional: f64,
     /// `k_d` \[1/s\].
     pub derivative: f64,
-    /// `k_i` \[1/s^3\]; 0 for none. Less than `k_p k_d`, or the loop is unstable; a tenth of that is a good start.
+    /// `k_i` \[1/s^3\]; 0 for none. Stability needs `k_i < k_p k_d`; a tenth of that is a good start.
     pub integral: f64,
-    /// The speed over that of the reference at which a distance is closed at most \[m/s\].
+    /// Largest closing speed relative to the reference \[m/s\].
     pub closing_speed: f64,
-    /// Where all actuators together give less than this acceleration in some direction, the status is
-    /// [`Status::Singular`], and what is asked for there is damped \[m/s^2\].
+    /// Control authority below which the status is [`Status::Singular`] and the demand is damped \[m/s^2\] ([`allocate`](super::allocate)).
     pub min_control_authority: f64,
-    /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
+    /// Distance from the reference above which the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
-    /// Time given to actuators with a lag \[s\]: see [`Actuators`](super::Actuators).
+    /// Response time of the actuators \[s\] ([`Actuators`](super::Actuators)).
     pub response: f64,
 }
 
 impl FeedbackLinearizationOptions {
-    /// A point so many metres ahead, its error like that of a damped oscillator: `k_p = omega^2`, `k_d = 2 zeta omega`
-    /// with `omega` = 1.5 rad/s and `zeta` = 0.7; no integral.
-    pub fn new(ahead: f64) -> Self {
+    /// A lookahead distance \[m\] and a damped oscillator as error dynamics: `k_p = omega^2`, `k_d = 2 zeta omega` with `omega` = 1.5 rad/s and
+    /// `zeta` = 0.7; no integral.
+    pub fn new(lookahead: f64) -> Self {
         Self {
-            ahead,
+            lookahead,
             proportional: 0.0,
             derivative: 0.0,
             integral: 0.0,
@@ -48,7 +47,7 @@ impl FeedbackLinearizationOptions {
         .with_bandwidth(1.5, 0.7)
     }
 
-    /// With the gains of a natural frequency `omega` \[rad/s\] and a damping ratio `zeta`.
+    /// These options with the gains of a natural frequency `omega` \[rad/s\] and a damping ratio `zeta`.
     #[must_use]
     pub fn with_bandwidth(self, omega: f64, zeta: f64) -> Self {
         Self { proportional: omega * omega, derivative: 2.0 * zeta * omega, ..self }
@@ -59,8 +58,8 @@ impl FeedbackLinearizationOptions {
 ///
 /// # Law
 ///
-/// With the point `p = [x, y] + l [cos psi, sin psi]`, the error `e = p_d - p`, and `d`, `B` of the model (accelerations
-/// of the point in the body frame without efforts, and what efforts add):
+/// With the point `p = [x, y] + l [cos psi, sin psi]`, the error `e = p_d - p`, and `d`, `B` of the model (accelerations of the point in
+/// the body frame without efforts, and per unit of effort):
 ///
 /// ```text
 /// w    = d2p_d/dt2 + k_d de/dt + k_p e + k_i integral(e)
@@ -69,39 +68,37 @@ impl FeedbackLinearizationOptions {
 /// tau  = B^-1 (R(psi)' w - d),     then actuators: c_i from phi_i and their lags
 /// ```
 ///
-/// so that, where model and vessel agree, `d2e/dt2 + k_d de/dt + k_p e + k_i integral(e) = 0`. `k_p e` is kept so short
-/// that a distance is closed at `closing_speed` at most.
+/// For a perfect model the error obeys `d2e/dt2 + k_d de/dt + k_p e + k_i integral(e) = 0`. `k_p e` is limited so that the closing speed
+/// is at most `closing_speed`.
 ///
-/// Source: input-output linearization, A. Isidori, *Nonlinear Control Systems*, 3rd ed., 1995, section 5.3 (vector
-/// relative degree `[2, 2]`); for marine craft T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*,
-/// 2nd ed., 2021, chapter 16 (state feedback linearization).
+/// Sources: input-output linearization, A. Isidori, *Nonlinear Control Systems*, 3rd ed., 1995, section 5.3 (vector relative degree
+/// `[2, 2]`); for marine craft T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd ed., 2021, chapter 16
+/// (state feedback linearization).
 ///
 /// # Assumptions
 ///
-/// Pose and velocities over ground are measured; the model is affine in known maps of its commands; the vessel moves
-/// forward. The point is ahead of the one that a rudder turns the vessel about, `l > -g_v / g_r`: behind it a rudder moves
-/// the point the other way first. What the point does not show is the heading, which follows it like a trailer, and sway;
-/// both settle in forward motion if sway is damped.
+/// Pose and velocities over ground are measured; the model is affine in known maps of its commands; the vessel moves forward. The point
+/// is ahead of the pivot point of the rudder, `l > -g_v / g_r`: behind it, the rudder first moves the point the other way. The internal
+/// dynamics (heading and sway) are stable in forward motion with damped sway.
 ///
 /// # Tuning
 ///
-/// `omega` and `zeta`: an error of the model of `a` m/s^2 leaves `a / k_p` metres; white noise of `n` m/s in the velocity
-/// of the point at samples of `h` seconds makes `n sqrt(h k_d / (2 k_p))` metres; and `omega` must stay below about `0.3 /
-/// h`, and below what the actuators can follow. The integral is for what is constant north and east (wind); it is not
-/// needed to track with a good model, and slows the answer.
+/// A model error of `a` m/s^2 leaves `a / k_p` metres. White noise of `n` m/s in the velocity of the point at samples of `h` seconds
+/// leaves `n sqrt(h k_d / (2 k_p))` metres. `omega` must stay below about `0.3 / h` and below the bandwidth of the actuators. The
+/// integral compensates constant disturbances north and east (wind); a good model does not need it, and it slows the response.
 ///
-/// # When it fails
+/// # Failure modes
 ///
-/// - Without speed the rudder has no force: [`Status::Singular`], the propeller alone does what it can.
-/// - Backwards the heading is unstable: the vessel turns round. References shall move forward.
-/// - A model with errors of the size of what is asked for (a polynomial for a hydrofoil that takes off) leaves errors of
-///   the same size, and none of them shows in the status but by [`Status::Lost`].
-/// - Commands at their limits: [`Status::Saturated`]; the integral then follows what was possible (back-calculation, K. J.
-///   Astrom and T. Hagglund, *Advanced PID Control*, 2006, section 3.5).
+/// - Without speed the rudder has no force: [`Status::Singular`]; the propeller acts alone.
+/// - In reverse the heading is unstable and the vessel turns round. References must move forward.
+/// - A model error of the size of the demand (a polynomial for a hydrofoil at take-off) leaves errors of the same size, which appear in the
+///   status as [`Status::Lost`] alone.
+/// - With saturated commands ([`Status::Saturated`]) the integral follows the achieved acceleration (back-calculation, K. J. Astrom and T.
+///   Hagglund, *Advanced PID Control*, 2006, section 3.5).
 #[derive(Clone, Debug)]
 pub struct FeedbackLinearization<M> {
     point: LookaheadPoint<M>,
-    settings: FeedbackLinearizationOptions,
+    options: FeedbackLinearizationOptions,
     integral: [f64; 2],
 }
 
@@ -109,28 +106,28 @@ impl<M: Affine> FeedbackLinearization<M> {
     /// A controller that is asked every `dt` seconds.
     ///
     /// # Errors
-    /// If settings, limits or lags are not possible, or the model has fewer than two commands.
+    /// If options, limits or lags are not possible, or the model has fewer than two commands.
     pub fn new(
         model: M,
         limits: &[Limits],
         dt: f64,
-        settings: FeedbackLinearizationOptions,
+        options: FeedbackLinearizationOptions,
     ) -> Result<Self, ControlError> {
-        positive("the proportional gain", settings.proportional)?;
-        positive("the derivative gain", settings.derivative)?;
-        at_least("the integral gain", settings.integral, 0.0)?;
-        if settings.integral >= settings.proportional * settings.derivative {
+        positive("the proportional gain", options.proportional)?;
+        positive("the derivative gain", options.derivative)?;
+        at_least("the integral gain", options.integral, 0.0)?;
+        if options.integral >= options.proportional * options.derivative {
             return Err(ControlError::Setting {
                 what: "the integral gain",
-                value: settings.integral,
+                value: options.integral,
                 needed: "less than the product of the other two is needed for stability",
             });
         }
-        positive("the closing speed", settings.closing_speed)?;
-        positive("the tolerance", settings.tolerance)?;
-        let FeedbackLinearizationOptions { ahead, min_control_authority, response, .. } = settings;
-        let point = LookaheadPoint::new(model, limits, dt, response, ahead, min_control_authority)?;
-        Ok(Self { point, settings, integral: [0.0; 2] })
+        positive("the closing speed", options.closing_speed)?;
+        positive("the tolerance", options.tolerance)?;
+        let FeedbackLinearizationOptions { lookahead, min_control_authority, response, .. } = options;
+        let point = LookaheadPoint::new(model, limits, dt, response, lookahead, min_control_authority)?;
+        Ok(Self { point, options, integral: [0.0; 2] })
     }
 
     /// The model.
@@ -138,11 +135,11 @@ impl<M: Affine> FeedbackLinearization<M> {
         self.point.model()
     }
 
-    /// Lets the model change, as one that learns does; its channels are taken over. Nothing is allocated after the first
-    /// time, where a model's `clone_from` does not.
+    /// Changes the model and its channels, after an update of an adapted model. Later calls do not allocate where `clone_from` of the model does
+    /// not.
     ///
     /// # Errors
-    /// If a channel cannot be inverted any more: the model is what it was before, and so is the law.
+    /// If a channel is not invertible any more: model and law stay as they were.
     pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
     where
         M: Clone,
@@ -179,8 +176,7 @@ impl<M: Affine> FeedbackLinearization<M> {
         self.point.velocity(estimate)
     }
 
-    /// The command against an acceleration of the point that the model does not know (north, east), and the acceleration
-    /// that the model tells of it.
+    /// The command against a disturbance acceleration of the point (north, east), and the acceleration that the model predicts.
     pub(super) fn command_against(
         &mut self,
         estimate: &Estimate<'_>,
@@ -188,11 +184,11 @@ impl<M: Affine> FeedbackLinearization<M> {
         disturbance: [f64; 2],
         command: &mut [f64],
     ) -> (Status, [f64; 2]) {
-        let FeedbackLinearizationOptions { proportional, derivative, integral, .. } = self.settings;
+        let FeedbackLinearizationOptions { proportional, derivative, integral, .. } = self.options;
         let error = self.point.error(estimate, reference);
         // A speed, so that far away the vessel comes at the closing speed, whatever the distance.
         let closing =
-            shortened(error.position.map(|e| e * (proportional / derivative)), self.settings.closing_speed);
+            shortened(error.position.map(|e| e * (proportional / derivative)), self.options.closing_speed);
         let wanted: [f64; 2] = core::array::from_fn(|i| {
             reference.acceleration[i]
                 + derivative * (error.velocity[i] + closing[i])
@@ -210,7 +206,7 @@ impl<M: Affine> FeedbackLinearization<M> {
                 }
             }
         }
-        if error.distance() > self.settings.tolerance {
+        if error.distance() > self.options.tolerance {
             status = status.and(Status::Lost);
         }
         (status, [wanted[0] + missing[0], wanted[1] + missing[1]])

@@ -1,4 +1,4 @@
-//! The point ahead of the vessel, which two commands can move in any direction.
+//! The lookahead point, which two commands can accelerate in any direction.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -14,7 +14,7 @@ use super::status::Status;
 use crate::actuator::Limits;
 use crate::guidance::Reference;
 
-/// A point `l` metres ahead of the origin on a model, and the commands that accelerate it.
+/// A point `l` metres ahead of the origin of a model, and the commands that accelerate it.
 ///
 /// ```text
 /// p        = [x, y] + l [cos psi, sin psi]
@@ -22,13 +22,13 @@ use crate::guidance::Reference;
 /// d2p/dt2  = R(psi) ( d + B tau ),   d = [f_u - r (v + l r), f_v + l f_r + u r],   B_i = [g_iu, g_iv + l g_ir]
 /// ```
 ///
-/// `B` has rank 2 where the rudder has force, because `l g_ir` does not vanish: seen from this point the vessel is not
-/// underactuated. What remains is the heading, which follows the point like a trailer: `d psi/dt = (U sin(chi - psi) - v)
-/// / l` for a point that moves with `U` in direction `chi`.
+/// `B` has rank 2 where the rudder has force, because `l g_ir` does not vanish: for this point the vessel is fully actuated. The internal
+/// dynamics are the heading, which follows the point as a trailer does: `d psi/dt = (U sin(chi - psi) - v) / l` for a point with speed
+/// `U` and course `chi`.
 #[derive(Clone, Debug)]
 pub(super) struct LookaheadPoint<M> {
     model: M,
-    /// The model before an update that may be refused; none before the first one, which allocates it.
+    /// The model before an update; allocated by the first update.
     before: Option<M>,
     motion: Motion,
     actuators: Actuators,
@@ -39,12 +39,12 @@ pub(super) struct LookaheadPoint<M> {
     min_control_authority: f64,
 }
 
-/// Where the point is to be, seen from where it is.
+/// Error of the point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PointError {
-    /// Reference less point, north and east \[m\].
+    /// Reference minus point, north and east \[m\].
     pub(super) position: [f64; 2],
-    /// Its rate \[m/s\].
+    /// Rate of the position error \[m/s\].
     pub(super) velocity: [f64; 2],
 }
 
@@ -64,8 +64,8 @@ impl<M: Affine> LookaheadPoint<M> {
         distance: f64,
         min_control_authority: f64,
     ) -> Result<Self, ControlError> {
-        positive("the distance of the point ahead", distance)?;
-        positive("the min_control_authority acceleration", min_control_authority)?;
+        positive("the lookahead distance", distance)?;
+        positive("the minimum control authority", min_control_authority)?;
         check_count(model.channels(), limits)?;
         let inputs = limits.len();
         let actuators = Actuators::new(model.channels(), limits, dt, response)?;
@@ -87,7 +87,7 @@ impl<M: Affine> LookaheadPoint<M> {
         &self.model
     }
 
-    /// Lets the model change, as one that learns does: as a whole, or not at all.
+    /// Changes the model, or restores it where a channel is not invertible any more.
     pub(super) fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
     where
         M: Clone,
@@ -122,7 +122,7 @@ impl<M: Affine> LookaheadPoint<M> {
         self.actuators.reset();
     }
 
-    /// Commands for want of anything better.
+    /// Holds the last commands, then brings them to rest.
     pub(super) fn hold(&mut self, command: &mut [f64]) -> Status {
         self.actuators.hold(command);
         Status::Blind
@@ -148,8 +148,8 @@ impl<M: Affine> LookaheadPoint<M> {
         [u * cos - side * sin, u * sin + side * cos]
     }
 
-    /// Accelerates the point by `wanted` (north, east) \[m/s^2\] as far as the actuators can; and what of it is missing
-    /// then: what it will be at the end of the sample, less what was wanted.
+    /// Accelerates the point by `wanted` (north, east) \[m/s^2\] within the limits of the actuators. Gives the status, and the acceleration at
+    /// the end of the sample minus the wanted one.
     pub(super) fn accelerate(
         &mut self,
         estimate: &Estimate<'_>,
@@ -186,7 +186,7 @@ impl<M: Affine> LookaheadPoint<M> {
         if applied.saturated {
             status = status.and(Status::Saturated);
         }
-        // NaN, of a model that blows up, is no strength either.
+        // NaN, of a diverged model, is singular as well.
         if sigma.is_nan() || sigma < self.min_control_authority {
             status = status.and(Status::Singular);
         }
@@ -194,7 +194,7 @@ impl<M: Affine> LookaheadPoint<M> {
     }
 }
 
-/// A vector no longer than `most`.
+/// The vector, scaled to a norm of at most `most`.
 pub(super) fn shortened([x, y]: [f64; 2], most: f64) -> [f64; 2] {
     let length = Float::hypot(x, y);
     if length > most { [x * (most / length), y * (most / length)] } else { [x, y] }

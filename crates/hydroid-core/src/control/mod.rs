@@ -1,16 +1,13 @@
-//! Control: from an estimate of the state and a reference to a command, with a status that says how far it is to be
-//! trusted.
+//! Control laws: from an estimate of the state and a reference to a command with a status.
 //!
-//! - [`Controller`]: what every law offers; [`Estimate`] and [`Status`] are what it takes and says.
-//! - [`Affine`]: motion that a law can invert, `d nu/dt = f + sum g_i phi_i`: vessels with known parameters
-//!   ([`AffinePlant`]), identified equations ([`AffineEquations`]) and control-affine networks ([`AffineNetwork`]).
-//! - [`FeedbackLinearization`] and [`Backstepping`] of a point ahead of the vessel; [`Autopilot`], which has no model, to
-//!   compare with.
-//! - [`AdaptiveAugmentation`]: feedback linearization and a network that learns under way what its model misses.
-//! - [`cem`]: plans over a horizon, on any predictor.
-//! - [`Actuators`]: limits and rate limits of the commands, and the lag of what follows them, inverted (see
-//!   [`actuator`](crate::actuator)).
-//! - [`allocate`]: the actuators' efforts that give a wanted acceleration, also where the vessel can hardly give it.
+//! - [`Controller`]: the interface of every law; [`Estimate`] is its input, [`Status`] qualifies its command.
+//! - [`Affine`]: invertible models `d nu/dt = f + sum g_i phi_i`: vessels with known parameters ([`AffinePlant`]), identified equations
+//!   ([`AffineEquations`]) and control-affine networks ([`AffineNetwork`]).
+//! - [`FeedbackLinearization`] and [`Backstepping`] of a lookahead point; [`Autopilot`] without a model, for comparison.
+//! - [`AdaptiveAugmentation`]: feedback linearization with a network that learns the model error online.
+//! - [`cem`]: model predictive control on any predictor.
+//! - [`Actuators`]: limits and rate limits of the commands, and inversion of actuator lags (see [`actuator`](crate::actuator)).
+//! - [`allocate`]: control allocation, damped near singular configurations.
 
 mod actuators;
 mod adaptive_augmentation;
@@ -42,36 +39,34 @@ pub use status::Status;
 
 use crate::guidance::Reference;
 
-/// What is known of a vessel at a sample.
+/// Estimate of the state of a vessel at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate<'a> {
     /// Pose `[x, y, psi]`: north, east \[m\], clockwise from north \[rad\], wrapped or not.
     pub eta: [f64; 3],
     /// Body velocities `[u, v, r]` \[m/s, m/s, rad/s\].
     pub nu: [f64; 3],
-    /// What the actuators do at this moment, in the units of their commands, one number for each input: a measured force
-    /// of the propeller, an angle of the rudder. NaN where it is not measured, nothing at all where none is: the
-    /// controller then knows it from its own commands.
+    /// Measured positions of the actuators in the units of their commands, one number for each input: the force of the propeller, the
+    /// angle of the rudder. NaN where a position is not measured, empty where none is: the controller then uses its own commands.
     pub actuators: &'a [f64],
 }
 
 impl Estimate<'_> {
-    /// Whether pose and velocities are numbers.
+    /// Whether pose and velocities are finite.
     pub fn is_finite(&self) -> bool {
         self.eta.iter().chain(&self.nu).all(|x| x.is_finite())
     }
 }
 
-/// A control law on one vessel: sample by sample, from estimate and reference to the command that is held until the next
-/// sample.
+/// A control law for one vessel: from estimate and reference to the command that is held until the next sample.
 ///
-/// Nothing is allocated per sample. Commands are within their limits and rate limits whatever the estimate says; where it
-/// is no number, the last command is held for a while, and the status is [`Status::Blind`].
+/// No method allocates. Commands are within limits and rate limits for any estimate. Where the estimate is not finite, the last command
+/// is held for a while and the status is [`Status::Blind`].
 pub trait Controller {
     /// Number of commands.
     fn inputs(&self) -> usize;
 
-    /// Forgets integrals, and takes the actuators to be at rest.
+    /// Resets integrals and takes the actuators to be at rest.
     fn reset(&mut self);
 
     /// The command from this sample to the next.

@@ -1,30 +1,29 @@
-//! How a command is to be trusted.
+//! Status of a command.
 
-/// What a controller says of its command: the gravest that holds, in this order.
+/// Status of a command: the most severe condition, in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Status {
-    /// The command does what the law asks for.
+    /// The command achieves the demand of the law.
     #[default]
     Tracking,
-    /// A command could not change as fast as the law asks for.
+    /// A command is at its rate limit.
     RateLimited,
     /// A command is at its limit.
     Saturated,
-    /// The vessel is farther from its reference than the tolerance of the law.
+    /// The distance from the reference exceeds the tolerance of the law.
     Lost,
-    /// The vessel can hardly be accelerated in some direction (no rudder force at no speed): what is asked for there is
-    /// damped, and not reached.
+    /// The vessel has little control authority in some direction (no rudder force at zero speed); the demand there is damped.
     Singular,
-    /// Estimate or reference are no numbers: the last command is held for a while, then brought to rest.
+    /// Estimate or reference are not finite: the last command is held for a while, then brought to rest.
     Blind,
 }
 
 impl Status {
-    /// All of them.
+    /// All statuses.
     pub const ALL: [Self; 6] =
         [Self::Tracking, Self::RateLimited, Self::Saturated, Self::Lost, Self::Singular, Self::Blind];
 
-    /// Its name in reports.
+    /// Name in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Tracking => "tracking",
@@ -36,7 +35,7 @@ impl Status {
         }
     }
 
-    /// The graver of two.
+    /// The more severe status.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         self.max(other)

@@ -169,7 +169,7 @@ impl ControllerOptions {
                     return Err(ClosedLoopError::Channels(String::from(why)));
                 }
                 let settings = PlannerOptions { seed, ..self.planner };
-                let cost = Cost { ahead: self.lead, ..self.cost.clone() };
+                let cost = Cost { lookahead: self.lead, ..self.cost.clone() };
                 let outputs = channels.len();
                 let planner = Planner::new(settings, cost, &self.limits, outputs, self.dt_s, self.tolerance)?;
                 Ok(Box::new(PredictiveController {

@@ -1,4 +1,4 @@
-//! What a plan costs.
+//! The cost of a plan.
 
 use alloc::vec::Vec;
 
@@ -8,54 +8,52 @@ use crate::actuator::Limits;
 use crate::control::error::{ControlError, at_least};
 use crate::guidance::Reference;
 
-/// A limit on an output that plans may cross at a price.
+/// A soft limit on an output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoftLimit {
     /// The output.
     pub output: usize,
     /// Lowest and highest value \[unit of the output\].
     pub range: [f64; 2],
-    /// Price of crossing it by one unit, squared.
+    /// Cost weight of the squared excess \[1/unit^2\].
     pub weight: f64,
 }
 
-/// What a plan costs: with the pose that follows from predicted `u, v, r`, the mean over the horizon of
+/// Cost of a plan: with the pose integrated from the predicted `u, v, r`, the mean over the horizon of
 ///
 /// ```text
 /// position |p - p_d|^2 + heading 2 (1 - cos(psi + beta - psi_d)) + speed (|nu| - U_d)^2
-///   + sum_i effort_i (c_i / s_i)^2 + rate_i (dc_i / s_i)^2 + sum of weights times crossed limits squared
+///   + sum_i effort_i (c_i / s_i)^2 + rate_i (dc_i / s_i)^2 + sum of soft limits, weight times squared excess
 /// beta = asin(v / max(|nu|, U_d / 2, 0.1 m/s))
 /// ```
 ///
-/// `p` is a point `ahead` metres ahead of the origin; `psi_d` the course of the path at the reference, `U_d` its speed;
-/// `s_i` half of the range of a command, `dc_i` its change from sample to sample. `beta` is the drift: it is the course over
-/// ground that shall be the path's, as long as the vessel goes ahead. A vessel that turns, or crosses a current, has to head elsewhere, and a price on its
-/// heading would hold it off the path. A plan whose prediction is no number costs infinity. The pose is integrated by the
-/// midpoint rule: mean velocities, turned by the mean heading.
+/// `p` is the point `lookahead` metres ahead of the origin; `psi_d` and `U_d` are course and speed of the path at the reference; `s_i` is
+/// half of the range of a command and `dc_i` its change from sample to sample. `beta` is the drift angle, so that the heading term acts
+/// on the course over ground: in a turn or a cross current the heading differs from the course. The pose is integrated by the midpoint
+/// rule. A plan whose prediction is not finite has an infinite cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
-    /// Distance of the point ahead of the origin \[m\].
-    pub ahead: f64,
-    /// Price of a distance of 1 m.
+    /// Distance of the lookahead point from the origin \[m\].
+    pub lookahead: f64,
+    /// Weight of the squared distance \[1/m^2\].
     pub position: f64,
-    /// Price of a small angle of 1 rad between course over ground and path.
+    /// Weight of the squared angle between course over ground and path (small angles) \[1/rad^2\].
     pub heading: f64,
-    /// Price of 1 m/s.
+    /// Weight of the squared speed error \[s^2/m^2\].
     pub speed: f64,
-    /// Price of each command at half of its range.
+    /// Weight of each command, relative to half of its range.
     pub effort: Vec<f64>,
-    /// Price of a change of each command by half of its range in a sample.
+    /// Weight of the change of each command in a sample, relative to half of its range.
     pub rate: Vec<f64>,
-    /// Limits on outputs.
+    /// Soft limits on outputs.
     pub soft_limits: Vec<SoftLimit>,
 }
 
 impl Cost {
-    /// To be at the reference, smoothly, with so many commands: 1 for a metre, 0.2 for a radian, 0.2 for 1 m/s, 0.05 for
-    /// changes.
+    /// Weights for tracking a reference with `inputs` commands: 1 for the position, 0.2 for heading and speed, 0.05 for changes.
     pub fn tracking(inputs: usize) -> Self {
         Self {
-            ahead: 0.0,
+            lookahead: 0.0,
             position: 1.0,
             heading: 0.2,
             speed: 0.2,
@@ -67,26 +65,30 @@ impl Cost {
 
     pub(super) fn check(&self, inputs: usize, outputs: usize) -> Result<(), ControlError> {
         for (what, value) in [
-            ("the price of the position", self.position),
-            ("the price of the heading", self.heading),
-            ("the price of the speed", self.speed),
+            ("the weight of the position", self.position),
+            ("the weight of the heading", self.heading),
+            ("the weight of the speed", self.speed),
         ] {
             at_least(what, value, 0.0)?;
         }
-        if !self.ahead.is_finite() {
+        if !self.lookahead.is_finite() {
             let needed = "a number is needed";
-            return Err(ControlError::Setting { what: "the point ahead", value: self.ahead, needed });
+            return Err(ControlError::Setting {
+                what: "the lookahead distance",
+                value: self.lookahead,
+                needed,
+            });
         }
-        for prices in [&self.effort, &self.rate] {
-            if prices.len() != inputs {
-                return Err(ControlError::Count { expected: inputs, given: prices.len() });
+        for weights in [&self.effort, &self.rate] {
+            if weights.len() != inputs {
+                return Err(ControlError::Count { expected: inputs, given: weights.len() });
             }
-            for &price in prices {
-                at_least("the price of a command", price, 0.0)?;
+            for &weight in weights {
+                at_least("the weight of a command", weight, 0.0)?;
             }
         }
         for limit in &self.soft_limits {
-            at_least("the price of a limit", limit.weight, 0.0)?;
+            at_least("the weight of a limit", limit.weight, 0.0)?;
             let [low, high] = limit.range;
             // NaN is in no order.
             if !matches!(low.partial_cmp(&high), Some(core::cmp::Ordering::Less | core::cmp::Ordering::Equal))
@@ -103,12 +105,11 @@ impl Cost {
         Ok(())
     }
 
-    /// Of one candidate. `y` are its predicted outputs (`u, v, r` first), row by row; `last` the command before;
-    /// `references` where to be after each of its samples.
+    /// Cost of a candidate with predicted outputs `y` (`u, v, r` first), row by row.
     pub(super) fn of(&self, moment: &PlanningProblem<'_>, y: &[f64], commands: &[f64]) -> f64 {
         let mut sum = 0.0;
         let known = self.residuals(moment, y, commands, |residual| sum += residual * residual);
-        // What is not told by any price may still be no number.
+        // A term without weight may still be not finite.
         if sum.is_finite() && known.is_finite() {
             sum / moment.references.len() as f64
         } else {
@@ -116,13 +117,13 @@ impl Cost {
         }
     }
 
-    /// Residuals of one sample at the most.
+    /// Largest number of residuals of a sample.
     pub(super) fn residuals_of_a_sample(&self, inputs: usize) -> usize {
         4 + self.soft_limits.len() + 2 * inputs
     }
 
-    /// What the cost of a candidate is the mean square of, in an order that is the same for all candidates of a moment. Gives
-    /// the sum of the last pose, which is no number where something on the way was none.
+    /// Residuals whose mean square is the cost, in an order that is the same for all candidates. Gives the sum of the last pose, which is
+    /// not finite where the prediction is not.
     pub(super) fn residuals(
         &self,
         moment: &PlanningProblem<'_>,
@@ -143,9 +144,9 @@ impl Cost {
             psi += dt * middle[2];
             before = now;
             if self.position > 0.0 {
-                let (sin, cos) = if self.ahead == 0.0 { (0.0, 0.0) } else { Float::sin_cos(psi) };
-                each(position * (north + self.ahead * cos - reference.position[0]));
-                each(position * (east + self.ahead * sin - reference.position[1]));
+                let (sin, cos) = if self.lookahead == 0.0 { (0.0, 0.0) } else { Float::sin_cos(psi) };
+                each(position * (north + self.lookahead * cos - reference.position[0]));
+                each(position * (east + self.lookahead * sin - reference.position[1]));
             }
             let over_ground = Float::sqrt(now[0] * now[0] + now[1] * now[1]);
             if self.heading > 0.0 {
@@ -158,7 +159,7 @@ impl Cost {
             for limit in &self.soft_limits {
                 let value = row[limit.output];
                 let beyond = (limit.range[0] - value).max(value - limit.range[1]).max(0.0);
-                // A NaN is lost in the maximum.
+                // The maximum drops a NaN.
                 each(Float::sqrt(limit.weight) * beyond + 0.0 * value);
             }
             for i in 0..inputs {
@@ -173,29 +174,29 @@ impl Cost {
     }
 }
 
-/// All that is the same for every candidate of a plan.
+/// Data of a plan that all candidates share.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlanningProblem<'a> {
     /// `[x, y, psi]`.
     pub(super) pose: [f64; 3],
-    /// `[u, v, r]` as the model has them.
+    /// `[u, v, r]` of the model.
     pub(super) nu: [f64; 3],
-    /// Outputs of the model.
+    /// Number of outputs of the model.
     pub(super) outputs: usize,
-    /// The command before.
+    /// Last command.
     pub(super) last: &'a [f64],
     pub(super) limits: &'a [Limits],
-    /// Where to be after each sample of the horizon.
+    /// References after each sample of the horizon.
     pub(super) references: &'a [Reference],
     /// Sample time \[s\].
     pub(super) dt: f64,
 }
 
-/// Speed below which a vessel has no course \[m/s\].
+/// Speed below which the drift angle is not defined \[m/s\].
 const ADRIFT: f64 = 0.1;
 
-/// Angle from the heading to the course over ground, `asin(v / U)` \[rad\]; it goes to zero where the vessel does not move as
-/// fast as it shall, so that one at rest has its heading for a course.
+/// Drift angle from the heading to the course over ground, `asin(v / U)` \[rad\]. It tends to zero below half of the wanted speed, where the course
+/// is not defined.
 fn drift(v: f64, speed: f64, wanted: f64) -> f64 {
     Float::asin((v / speed.max(0.5 * wanted).max(ADRIFT)).clamp(-1.0, 1.0))
 }

@@ -1,4 +1,4 @@
-//! Steps downhill from the best candidate.
+//! Gauss-Newton refinement of the best candidate.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -9,36 +9,35 @@ use super::cost::{Cost, PlanningProblem};
 use crate::actuator::clamp_to_limits;
 use crate::predict::{BATCH, Predictor, Workspace};
 
-/// How far each command is moved for a derivative, in shares of half of its range.
+/// Step of the differences, in shares of half of the range of a command.
 const SHARE: f64 = 0.01;
 
-/// Dampings that are tried side by side, in shares of the diagonal: from a whole step to one along the gradient.
+/// Damping factors that are tried side by side: from a full step to one along the gradient.
 const DAMPINGS: [f64; 8] = [1e-6, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0];
 
-/// What keeps a command without any effect from being divided by zero, in shares of the largest entry.
+/// Regularisation of commands without effect, in shares of the largest diagonal entry.
 const LEAST: f64 = 1e-9;
 
-/// Gauss-Newton steps of a plan, on derivatives by differences.
+/// Gauss-Newton steps on a plan, with derivatives by differences.
 ///
-/// What is drawn finds where the optimum is and, in as many directions as a plan has commands, not the place itself: its noise
-/// becomes noise of the commands. The cost is a mean of squares `r_k^2`, so that from the best candidate `c` a few rollouts
-/// more are enough. With `J_ki = dr_k/dc_i`, from one rollout for each command of the plan:
+/// Random search leaves noise in every command of a plan. The cost is a mean of squares `r_k^2`, so that a few further rollouts find the
+/// optimum near the best candidate `c`. With `J_ki = dr_k/dc_i`, from one rollout for each command of the plan:
 ///
 /// ```text
 /// (J'J + lambda diag(J'J)) step = -J' r,     lambda = 1e-6 .. 100
 /// ```
 ///
-/// for all `lambda` side by side; the best of them is taken if it is better than `c`. Commands at a limit that the gradient
-/// pushes against stay there (projected Newton); what else a step brings beyond limits and rate limits is brought back.
+/// for all `lambda` side by side. The best step is taken if its cost is lower. Commands at a limit with an outward gradient are held
+/// (projected Newton); all steps are clamped to limits and rate limits.
 ///
-/// Source: H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive control via cross-entropy and gradient-based
-/// optimization*, L4DC 2020; K. Levenberg, 1944, and D. W. Marquardt, 1963 (the damping); D. P. Bertsekas, *Projected Newton
+/// Sources: H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive control via cross-entropy and gradient-based
+/// optimization*, L4DC 2020; K. Levenberg, 1944, and D. W. Marquardt, 1963 (damping); D. P. Bertsekas, *Projected Newton
 /// methods for optimization problems with simple constraints*, 1982.
 #[derive(Clone, Debug)]
 pub(super) struct GaussNewton {
-    /// Commands of a plan.
+    /// Number of commands of a plan.
     len: usize,
-    /// Residuals of a plan at the most.
+    /// Largest number of residuals of a plan.
     rows: usize,
     /// `r` first, then a column of `J` for each command.
     residuals: Vec<f64>,
@@ -52,7 +51,7 @@ pub(super) struct GaussNewton {
 }
 
 impl GaussNewton {
-    /// For plans of so many samples and inputs; without memory where it is not `used`.
+    /// Memory for plans of `horizon` samples; empty where it is not `used`.
     pub(super) fn new(cost: &Cost, horizon: usize, inputs: usize, used: bool) -> Self {
         let len = if used { horizon * inputs } else { 0 };
         let rows = horizon * cost.residuals_of_a_sample(inputs);
@@ -114,7 +113,7 @@ impl GaussNewton {
         (tried, best)
     }
 
-    /// `r` and `J` by forward differences; whether all of it is finite.
+    /// Computes `r` and `J` by forward differences; false where they are not finite.
     fn differentiate(
         &mut self,
         (session, work): (&dyn Predictor, &mut Workspace),
@@ -175,7 +174,7 @@ impl GaussNewton {
         }
     }
 
-    /// Which commands may move: not those at a limit beyond which it goes downhill.
+    /// Marks the commands that may move: all but those at a limit with an outward gradient.
     fn hold(&mut self, moment: &PlanningProblem<'_>, plan: &[f64]) {
         let inputs = moment.limits.len();
         for (at, free) in self.free.iter_mut().enumerate() {
@@ -184,7 +183,7 @@ impl GaussNewton {
         }
     }
 
-    /// The damped step, by `L L'`; whether there is one.
+    /// Solves for the damped step by a Cholesky factorization; false where there is none.
     fn solve(&mut self, damping: f64) -> bool {
         let n = self.len;
         let largest = (0..n).map(|i| self.normal[i * n + i]).fold(0.0, f64::max);
@@ -230,7 +229,7 @@ fn half(moment: &PlanningProblem<'_>, at: usize, inputs: usize) -> f64 {
     0.5 * (limits.high - limits.low)
 }
 
-/// What a command is moved by for its derivative: into its range.
+/// Change of a command for its derivative, towards the inside of its range.
 fn moved(moment: &PlanningProblem<'_>, plan: &[f64], at: usize, inputs: usize) -> f64 {
     let size = SHARE * half(moment, at, inputs);
     if plan[at] + size > moment.limits[at % inputs].high { -size } else { size }

@@ -1,37 +1,37 @@
-//! How plans are looked for.
+//! Options of the planner.
 
 use crate::control::error::{ControlError, positive};
 
-/// How plans are looked for. The defaults are those of a boat with samples of 0.1 s.
+/// Options of a [`Planner`](super::Planner). The defaults suit a boat with samples of 0.1 s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannerOptions {
-    /// Samples that a plan looks ahead.
+    /// Horizon of a plan \[samples\].
     pub horizon: usize,
-    /// Candidates in each iteration.
+    /// Number of candidates in each iteration.
     pub candidates: usize,
-    /// The best of them, which the next iteration is drawn around.
+    /// Number of elites, which define the next iteration.
     pub elites: usize,
-    /// Iterations at the most.
+    /// Largest number of iterations.
     pub iterations: usize,
-    /// What is kept of the mean and deviation of the iteration before, 0 to 1 (momentum; the smoothing of de Boer et al.).
+    /// Share of the previous mean and deviations that is kept in an update, 0 to 1 (smoothing of de Boer et al.).
     pub momentum: f64,
-    /// Deviation of the first iteration, in shares of half of the range of each command.
+    /// Initial deviation, in shares of half of the range of each command.
     pub deviation: f64,
-    /// Deviation at the least, in the same shares: so that a plan can still move.
+    /// Least deviation, in the same shares.
     pub least_deviation: f64,
-    /// Time in which drawn commands are correlated \[s\]: noise that changes its sign with every sample moves no vessel.
+    /// Correlation time of the drawn commands \[s\]. White noise changes sign too fast to move a vessel.
     pub correlation_s: f64,
-    /// Gauss-Newton steps from the best candidate at the most; 0 for what was drawn alone.
+    /// Largest number of Gauss-Newton steps from the best candidate; 0 for none.
     pub gauss_newton_steps: usize,
-    /// Seed of what is drawn.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
 impl PlannerOptions {
-    /// Commands of a plan, samples times inputs, that steps downhill can solve for: their work grows with the cube.
+    /// Largest number of commands of a plan (samples times inputs) for Gauss-Newton steps, whose work grows with its cube.
     pub const MAX_GAUSS_NEWTON_COMMANDS: usize = 400;
 
-    /// 20 samples ahead, 350 candidates, 35 elites, 5 iterations, and 2 steps downhill.
+    /// A horizon of 20 samples, 350 candidates, 35 elites, 5 iterations, and 2 Gauss-Newton steps.
     pub const fn new(seed: u64) -> Self {
         Self {
             horizon: 20,

@@ -1,4 +1,4 @@
-//! The cross-entropy method, sample by sample.
+//! The cross-entropy planner.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -15,53 +15,52 @@ use crate::control::status::Status;
 use crate::guidance::Reference;
 use crate::predict::{BATCH, Predictor, Workspace};
 
-/// Plans from sample to sample by the cross-entropy method.
+/// Model predictive control by the cross-entropy method, on any [`Predictor`].
 ///
 /// # Law
 ///
-/// Of `candidates` sequences of commands, drawn with mean `mu` and deviations `s` and brought within limits and rate
-/// limits, the `elites` with the least [`Cost`] give the next mean and deviations, `iterations` times:
+/// Each iteration draws `candidates` command sequences with mean `mu` and deviations `s`, clamps them to limits and rate limits, and
+/// moves mean and deviations to the `elites` with the least [`Cost`]:
 ///
 /// ```text
 /// c_k  = mu_k + s_k n_k,    n_k = a n_{k-1} + sqrt(1 - a^2) white,    a = exp(-dt / correlation)
 /// mu  <- m mu + (1 - m) mean(elites),    s <- m s + (1 - m) deviation(elites)
 /// ```
 ///
-/// Among the candidates are always the mean itself and the best of all so far; what is commanded is the first row of the
-/// best. The next sample starts from that plan, shifted by one sample with its last row repeated, and from the first
-/// deviations. From the best of the last iteration `gauss_newton_steps` Gauss-Newton steps go on downhill (derivatives by differences,
-/// damped, within limits): what was drawn is near an optimum, and noisy.
+/// The mean and the best sequence so far are always among the candidates. The command is the first row of the best sequence. The next
+/// sample starts from this plan, shifted by one sample with its last row repeated, and from the initial deviations.
+/// `gauss_newton_steps` damped Gauss-Newton steps (derivatives by differences, within limits) refine the best sequence.
 ///
-/// Source: R. Y. Rubinstein and D. P. Kroese, *The Cross-Entropy Method*, 2004; P.-T. de Boer et al., *A tutorial on the
+/// Sources: R. Y. Rubinstein and D. P. Kroese, *The Cross-Entropy Method*, 2004; P.-T. de Boer et al., *A tutorial on the
 /// cross-entropy method*, 2005 (smoothing); C. Pinneri et al., *Sample-efficient cross-entropy method for real-time
 /// planning*, 2020 (coloured noise, elites that are kept, shifted plans); Y. Yang et al., *Data efficient reinforcement
 /// learning for legged robots*, 2019 (on learned multi-step dynamics); H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive
-/// control via cross-entropy and gradient-based optimization*, 2020 (steps downhill from what was drawn).
+/// control via cross-entropy and gradient-based optimization*, 2020 (refinement of the best sequence).
 ///
 /// # Time
 ///
-/// A caller with a clock gives `stop`, which is asked after every 64 candidates, and between steps downhill, and ends the
-/// search; the best plan so far counts, and the shifted one at the least. Without it a plan is `candidates x horizon x
-/// iterations` predicted samples. What is drawn depends on the seed and on nothing else; a search that a clock ends depends
-/// on the clock, and has no steps downhill. Each of these is `horizon x inputs + 9` candidates.
+/// The callback `stop` is asked after every 64 candidates and after every Gauss-Newton step, and ends the search. The best sequence so
+/// far, at least the shifted plan, is then used. Without a stop, a plan takes `candidates x horizon x iterations` predicted samples, and
+/// each Gauss-Newton step `horizon x inputs + 9` further rollouts. The result depends on the seed alone; a search that a clock ends
+/// depends on the clock.
 ///
-/// # When it fails
+/// # Failure modes
 ///
-/// What lies beyond the horizon is not seen: a turn needs to be begun within it. Where no candidate has a finite cost the
-/// shifted plan is commanded, and the status is [`Status::Blind`].
+/// The planner does not see beyond the horizon: a turn must begin within it. Where no candidate has a finite cost, the shifted plan is
+/// commanded and the status is [`Status::Blind`].
 #[derive(Clone, Debug)]
 pub struct Planner {
-    settings: PlannerOptions,
+    options: PlannerOptions,
     cost: Cost,
     limits: Vec<Limits>,
     dt: f64,
-    /// Farther than this from the reference, the status is [`Status::Lost`] \[m\].
+    /// Distance from the reference above which the status is [`Status::Lost`] \[m\].
     tolerance: f64,
     outputs: usize,
     correlation: f64,
     noise: Noise,
     gauss_newton: GaussNewton,
-    /// Samples since it last knew where it was.
+    /// Number of samples without a finite cost.
     blind: usize,
     last: Vec<f64>,
     plan: Vec<f64>,
@@ -75,36 +74,36 @@ pub struct Planner {
     work: Workspace,
 }
 
-/// How long the last plan is gone on with while it is not known where the vessel is \[s\].
+/// Time for which the last plan is continued without a finite cost \[s\].
 const BLIND_S: f64 = 1.0;
 
-/// What came of a search.
+/// Result of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
-    /// Cost of the plan; infinite where none was found.
+    /// Cost of the plan; infinite where there is none.
     pub cost: f64,
-    /// Iterations that were finished.
+    /// Number of finished iterations.
     pub iterations: usize,
-    /// Candidates that were tried.
+    /// Number of rollouts.
     pub tried: usize,
-    /// How the command is to be trusted.
+    /// Status of the command.
     pub status: Status,
 }
 
 impl Planner {
-    /// A planner for a model with so many outputs (`u, v, r` first) and a sample time of `dt` seconds.
+    /// A planner for a model with `outputs` outputs (`u, v, r` first) and samples of `dt` seconds.
     ///
     /// # Errors
-    /// If settings, prices or limits are not possible.
+    /// If an option, a cost weight or a limit is out of range.
     pub fn new(
-        settings: PlannerOptions,
+        options: PlannerOptions,
         cost: Cost,
         limits: &[Limits],
         outputs: usize,
         dt: f64,
         tolerance: f64,
     ) -> Result<Self, ControlError> {
-        settings.check()?;
+        options.check()?;
         positive("the sample time", dt)?;
         positive("the tolerance", tolerance)?;
         if outputs < 3 {
@@ -123,13 +122,13 @@ impl Planner {
         if let Some(channel) = limits.iter().position(|limits| !limits.are_possible()) {
             return Err(ControlError::Limits { channel });
         }
-        let len = settings.horizon * limits.len();
+        let len = options.horizon * limits.len();
         let correlation =
-            if settings.correlation_s > 0.0 { Float::exp(-dt / settings.correlation_s) } else { 0.0 };
+            if options.correlation_s > 0.0 { Float::exp(-dt / options.correlation_s) } else { 0.0 };
         let gauss_newton =
-            GaussNewton::new(&cost, settings.horizon, limits.len(), settings.gauss_newton_steps > 0);
+            GaussNewton::new(&cost, options.horizon, limits.len(), options.gauss_newton_steps > 0);
         let mut planner = Self {
-            settings,
+            options,
             cost,
             gauss_newton,
             limits: limits.to_vec(),
@@ -137,16 +136,16 @@ impl Planner {
             tolerance,
             outputs,
             correlation,
-            noise: Noise::new(settings.seed),
+            noise: Noise::new(options.seed),
             blind: 0,
             last: vec![0.0; limits.len()],
             plan: vec![0.0; len],
             mean: vec![0.0; len],
             deviation: vec![0.0; len],
-            candidates: vec![0.0; settings.candidates * len],
-            costs: vec![f64::INFINITY; settings.candidates],
-            order: (0..settings.candidates).collect(),
-            y: vec![0.0; BATCH * settings.horizon * outputs],
+            candidates: vec![0.0; options.candidates * len],
+            costs: vec![f64::INFINITY; options.candidates],
+            order: (0..options.candidates).collect(),
+            y: vec![0.0; BATCH * options.horizon * outputs],
             now: vec![0.0; outputs],
             work: Workspace::new(),
         };
@@ -154,9 +153,9 @@ impl Planner {
         Ok(planner)
     }
 
-    /// Forgets the plan: all commands at rest. What is drawn begins again with the seed.
+    /// Resets the plan to commands at rest and the random numbers to the seed.
     pub fn reset(&mut self) {
-        self.noise = Noise::new(self.settings.seed);
+        self.noise = Noise::new(self.options.seed);
         self.blind = 0;
         for (last, limits) in self.last.iter_mut().zip(&self.limits) {
             *last = 0.0_f64.clamp(limits.low, limits.high);
@@ -171,13 +170,13 @@ impl Planner {
         &self.plan
     }
 
-    /// Samples that a plan looks ahead.
+    /// Horizon \[samples\].
     pub const fn horizon(&self) -> usize {
-        self.settings.horizon
+        self.options.horizon
     }
 
     /// Plans from `pose` (`[x, y, psi]`) and the present state of `session`; `references` are where to be after 1, 2, ..
-    /// `horizon` samples. `stop` says that time is up.
+    /// `horizon` samples. `stop` returns true when the time is up.
     ///
     /// # Panics
     /// If `session` has other numbers of outputs and inputs, there are fewer references than the horizon, or `command` has
@@ -195,7 +194,7 @@ impl Planner {
             session.outputs() == self.outputs && session.inputs() == inputs,
             "the model that it was made for"
         );
-        let references = &references[..self.settings.horizon];
+        let references = &references[..self.options.horizon];
         self.shift();
         session.output(&mut self.now);
         let seen = pose.iter().chain(&self.now).all(|x| x.is_finite())
@@ -220,9 +219,9 @@ impl Planner {
         plan
     }
 
-    /// The plan one sample later, within limits from the last command on.
+    /// Shifts the plan by one sample, within limits from the last command on.
     fn shift(&mut self) {
-        // The last row stays where it is, and so is there twice.
+        // The last row is repeated.
         self.plan.copy_within(self.limits.len().., 0);
         clamp_to_limits(&mut self.plan, &self.last, &self.limits, self.dt);
     }
@@ -236,7 +235,7 @@ impl Planner {
         plan: &mut Plan,
     ) {
         let (inputs, len) = (self.limits.len(), self.plan.len());
-        let PlannerOptions { candidates, iterations, deviation, .. } = self.settings;
+        let PlannerOptions { candidates, iterations, deviation, .. } = self.options;
         self.mean.copy_from_slice(&self.plan);
         for (s, k) in self.deviation.iter_mut().zip(0..) {
             let limits = &self.limits[k % inputs];
@@ -259,7 +258,7 @@ impl Planner {
             while first < candidates && !stopped {
                 let count = BATCH.min(candidates - first);
                 let commands = &self.candidates[first * len..(first + count) * len];
-                let rows = self.settings.horizon * self.outputs;
+                let rows = self.options.horizon * self.outputs;
                 let y = &mut self.y[..count * rows];
                 session.rollout_batch(count, commands, &mut self.work, y);
                 for k in 0..count {
@@ -280,7 +279,7 @@ impl Planner {
             }
             plan.iterations += 1;
             learn(
-                &self.settings,
+                &self.options,
                 &self.limits,
                 &self.candidates,
                 &self.costs,
@@ -291,7 +290,7 @@ impl Planner {
                 return;
             }
         }
-        for _ in 0..self.settings.gauss_newton_steps {
+        for _ in 0..self.options.gauss_newton_steps {
             if !plan.cost.is_finite() {
                 return;
             }
@@ -324,8 +323,8 @@ impl Planner {
         let (sin, cos) = Float::sin_cos(psi);
         // The reference is one sample later than the pose.
         let now = |i: usize| reference.position[i] - self.dt * reference.velocity[i];
-        let north = x + self.cost.ahead * cos - now(0);
-        let east = y + self.cost.ahead * sin - now(1);
+        let north = x + self.cost.lookahead * cos - now(0);
+        let east = y + self.cost.lookahead * sin - now(1);
         if Float::hypot(north, east) > self.tolerance {
             status = status.and(Status::Lost);
         }
@@ -333,7 +332,7 @@ impl Planner {
     }
 }
 
-/// Candidates of an iteration: the mean, the best so far, and what is drawn around the mean.
+/// Candidates of an iteration: the mean, the best sequence so far, and random sequences around the mean.
 fn draw(
     noise: &mut Noise,
     correlation: f64,
@@ -364,7 +363,7 @@ fn draw(
 
 /// Moves mean and deviations to the elites.
 fn learn(
-    settings: &PlannerOptions,
+    options: &PlannerOptions,
     limits: &[Limits],
     candidates: &[f64],
     costs: &[f64],
@@ -372,12 +371,12 @@ fn learn(
     [mean, deviation]: [&mut [f64]; 2],
 ) {
     let (inputs, len) = (limits.len(), mean.len());
-    let PlannerOptions { elites, momentum, least_deviation, .. } = *settings;
+    let PlannerOptions { elites, momentum, least_deviation, .. } = *options;
     // Equal costs in the order of the candidates: the same elites whatever the order was before.
     let by_cost = |a: &usize, b: &usize| costs[*a].total_cmp(&costs[*b]).then(a.cmp(b));
     order.select_nth_unstable_by(elites - 1, by_cost);
     let best = &mut order[..elites];
-    // Candidates that blow up teach nothing.
+    // Diverged candidates are no elites.
     let finite = best.iter().filter(|k| costs[**k].is_finite()).count();
     if finite < 2 {
         return;

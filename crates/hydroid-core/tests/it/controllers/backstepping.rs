@@ -31,7 +31,7 @@ fn windy(controller: &mut dyn Controller, vessel: &VesselParams, wind: [f64; 2],
 }
 
 const FIXED: BacksteppingOptions = BacksteppingOptions {
-    ahead: 1.0,
+    lookahead: 1.0,
     position: 1.0,
     velocity: 1.0,
     weight: 1.0,

@@ -335,7 +335,7 @@ fn invalid_options_are_refused() {
     };
     let good = FeedbackLinearizationOptions::new(1.0);
     assert_eq!(
-        make(FeedbackLinearizationOptions { ahead: 0.0, ..good }),
+        make(FeedbackLinearizationOptions { lookahead: 0.0, ..good }),
         "the distance of the point ahead is 0: a finite number greater than 0 is needed"
     );
     assert_eq!(
