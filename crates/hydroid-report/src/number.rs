@@ -50,6 +50,11 @@ pub fn plain(value: f64, significant: usize) -> String {
     if power == 0 { format!("{sign}{digits}") } else { format!("{sign}{digits}e{power}") }
 }
 
+/// A number with at most so many significant digits and without zeros at its end, for programs and people: `0.1`, `1e-7`.
+pub fn shortest(value: f64, significant: usize) -> String {
+    format!("{value:.*e}", significant.max(1) - 1).parse::<f64>().unwrap_or(value).to_string()
+}
+
 /// A number in running text and tables; what is not finite is said.
 pub fn text(value: f64, significant: usize) -> String {
     if value.is_nan() {

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::style;
+use super::{number, style};
 use hydroid::log::Note;
 
 /// One section of a page.
@@ -52,6 +52,7 @@ pub fn page(title: &str, sections: &[Section]) -> String {
                     }
                     footer { "Made by hydroid. This page is complete in itself and can be sent and kept as one file." }
                 }
+                script { (PreEscaped(style::SCRIPT)) }
             }
         }
     }
@@ -116,14 +117,15 @@ pub fn nothing(why: &str) -> Markup {
     html! { p.nothing { (why) } }
 }
 
-/// Notes as a list, each with its remedy.
+/// Notes as a list, each with its remedy. A remedy that names flags of the command is left out: the reader of a page has only
+/// the page.
 pub fn notes(notes: &[&Note]) -> Markup {
     html! {
         ul.notes {
             @for note in notes {
                 li class=[note.is_warning().then_some("warning")] {
                     (sentence(&note.message))
-                    @if let Some(remedy) = &note.remedy { " " span.remedy { (sentence(remedy)) } }
+                    @if let Some(remedy) = note.remedy.as_ref().filter(|remedy| !remedy.contains("--")) { " " span.remedy { (sentence(remedy)) } }
                 }
             }
         }
@@ -146,7 +148,7 @@ fn proper_minus(text: &str) -> String {
 /// With a capital and a full stop, as a sentence on a page has them. What starts with a name or a path
 /// keeps its first letter.
 fn sentence(text: &str) -> String {
-    let text = quoted(&proper_minus(text.trim()));
+    let text = quoted(&proper_minus(&readable(text.trim())));
     let first_word = text.split([' ', ',']).next().unwrap_or_default();
     let plain = !first_word.is_empty() && first_word.chars().all(|c| c.is_ascii_lowercase());
     let mut chars = text.chars();
@@ -158,6 +160,26 @@ fn sentence(text: &str) -> String {
         sentence.push('.');
     }
     sentence
+}
+
+/// The text with file names in place of paths, and numbers of at most five significant digits.
+pub fn readable(text: &str) -> String {
+    let word = |word: &str| {
+        let core = word.trim_matches(['\'', '`', '(', ')', ',', ';', ':']);
+        let file = core.rsplit(['/', '\\']).next().unwrap_or(core);
+        let extension = file.rsplit_once('.').map_or("", |(_, extension)| extension);
+        if file.len() < core.len() && extension.starts_with(|c: char| c.is_ascii_alphabetic()) {
+            return word.replace(core, file);
+        }
+        let digits = core.bytes().filter(u8::is_ascii_digit).count();
+        match core.parse::<f64>() {
+            Ok(x) if core.contains('.') && digits > 6 && x.is_finite() => {
+                word.replace(core, &number::shortest(x, 5))
+            }
+            _ => word.to_owned(),
+        }
+    };
+    text.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
 /// Backquotes are for terminals; a page has quotation marks.
@@ -176,6 +198,11 @@ mod tests {
         assert_eq!(sentence("a<1>.csv: cut (see --dt and -c)"), "a<1>.csv: cut (see --dt and -c).");
         assert_eq!(sentence("'u' is late!"), "'u' is late!");
         assert_eq!(sentence("`u` and `v` differ"), "‘u’ and ‘v’ differ.");
+        assert_eq!(
+            sentence("/home/me/a.csv: a step of 0.10003000000000029 s"),
+            "a.csv: a step of 0.10003 s."
+        );
+        assert_eq!(sentence("'x [m/s]' is 12345678 m/s."), "'x [m/s]' is 12345678 m/s.");
         assert_eq!(sentence(""), "");
     }
 }

@@ -1,9 +1,9 @@
-//! What it takes to make the page again.
+//! Settings with which the result can be reproduced.
 
 use maud::{Markup, html};
 
 use super::number::{self, seconds_text};
-use super::page::Section;
+use super::page::{Section, readable};
 use super::{Subject, selection};
 use hydroid::identify::Candidate;
 
@@ -28,17 +28,19 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
             tell("ridge", selection::ridge(chosen.ridge));
         }
     }
-    rows.extend(context.settings.iter().cloned());
+    rows.extend(context.settings.iter().map(|(name, value)| (name.clone(), readable(value))));
     let body = html! {
-        @if !context.command.is_empty() {
-            p { "This page is made by" }
-            pre.copy.wrap { (context.command) }
-        }
         dl.facts { @for (name, value) in &rows { dt { (name) } dd { (value) } } }
         @if !context.sources.is_empty() {
             details {
                 summary { "Files (" (context.sources.len()) ")" }
-                ul.files { @for source in &context.sources { li { (source) } } }
+                ul.files { @for source in &context.sources { li { (readable(source)) } } }
+            }
+        }
+        @if !context.command.is_empty() {
+            details {
+                summary { "Command that reproduces this page" }
+                pre.copy.wrap { (readable(&context.command)) }
             }
         }
         @if let Some(candidate) = subject.candidate { (details(candidate)) }

@@ -68,3 +68,6 @@ pub const fn grade(grade: Grade) -> (&'static str, &'static str, &'static str) {
 
 /// The style sheet of a page.
 pub const SHEET: &str = include_str!("style.css");
+
+/// The script of all pages, which shows the values of curves under the pointer.
+pub const SCRIPT: &str = include_str!("hover.js");

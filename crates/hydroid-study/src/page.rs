@@ -30,7 +30,7 @@ pub(super) fn write(
     }
     if !claims.is_empty() {
         let body = claims_table(claims, true);
-        sections.push(Section::new("claims", "Claims", body));
+        sections.push(Section::new("claims", "Claims of the thesis", body));
     }
     sections.push(Section::new("method", "Method", method(plan, done)));
     Ok(page("hydroid: a study", &sections))
@@ -40,21 +40,21 @@ fn summary(plan: &Plan, done: &[Done<'_>], claims: &[Judged]) -> Markup {
     let count = |verdict: Holds| claims.iter().filter(|claim| claim.verdict == verdict).count();
     html! {
         p.kicker { "hydroid thesis" @if plan.quick { " --quick" } }
-        h1 { "Learning how a surface vessel moves, and learning on while it sails" }
+        h1 { "Identification, online adaptation and control of a surface vessel" }
         p {
-            "The experiments of the thesis “The application of learning techniques to improve the control of surface vehicles”, repeated from simulation to its table 1, and what hydroid adds. Two vessels: a simple boat, and a hydrofoil that changes between floating and flying. Three ways to learn them: sparse equations (SINDy), a network that predicts 20 steps at once, and recurrent networks that a Kalman filter goes on teaching at sea."
+            "This study repeats the experiments of the master's thesis “The application of learning techniques to improve the control of surface vehicles” from the simulated records to its table 1, and adds comparisons of hydroid. There are two vessels: a simple boat, and a hydrofoil with a displacement mode and a flying mode. There are three kinds of model: sparse equations (SINDy), a network that predicts 20 steps at once, and recurrent networks whose weights an extended Kalman filter adapts online."
         }
         @if plan.quick {
-            p.nothing { "This is the small version: short records, few epochs, one seed. Its figures show the story, and are no measure of what the methods can do." }
+            p.nothing { "This is the small version, with short records, few epochs and one seed. Its values do not measure what the methods can do." }
         }
         @if !claims.is_empty() {
             p {
-                strong { (count(Holds::Reproduced)) " claims are reproduced, " (count(Holds::InPart)) " in part, " (count(Holds::NotReproduced)) " not." @if count(Holds::NotMeasured) > 0 { " " (count(Holds::NotMeasured)) " could not be measured." } }
-                " Each verdict follows from a bound on one figure; " a href="#claims" { "the reasons" } " stand at the end."
+                strong { (count(Holds::Reproduced)) " claims are reproduced, " (count(Holds::InPart)) " in part, " (count(Holds::NotReproduced)) " are not." @if count(Holds::NotMeasured) > 0 { " " (count(Holds::NotMeasured)) " could not be measured." } }
+                " The thesis states its claims in words; each verdict compares one measured value with bounds that hydroid has set. " a href="#claims" { "The bounds and the reasons" } " are at the end of the page."
             }
             (claims_table(claims, false))
         } @else {
-            p { (done.len()) " experiments, none of which decides a claim by itself." }
+            p { (done.len()) " experiments without a claim of the thesis." }
         }
     }
 }
@@ -73,16 +73,16 @@ fn claims_table(claims: &[Judged], reasons: bool) -> Markup {
         div.scroll tabindex="0" {
             table.claims {
                 thead { tr {
-                    th scope="col" { "claim" } th scope="col" { "measured" } th.n scope="col" { "figure" } th scope="col" { "verdict" }
+                    th scope="col" { "verdict" } th.n scope="col" { "value" } th scope="col" { "claim of the thesis" } th scope="col" { "measured quantity" }
                     @if reasons { th scope="col" { "reproduced" } th scope="col" { "in part" } th scope="col" { "because" } }
                 } }
                 tbody {
                     @for claim in claims {
                         tr {
+                            td { (verdict(claim.verdict)) }
+                            td.n { (claim.figure.map_or_else(|| number::NONE.to_owned(), |figure| number::text(figure, 3))) }
                             td.words { a href={ "#" (claim.experiment) } { (claim.claim) } }
                             td.words { (claim.measured) }
-                            td.n { (claim.figure.map_or_else(|| number::NONE.to_owned(), |figure| number::text(figure, 3))) }
-                            td { (verdict(claim.verdict)) }
                             @if reasons {
                                 td { (claim.bounds[0].words()) } td { (claim.bounds[1].words()) }
                                 td.words { (claim.because) }
@@ -133,9 +133,9 @@ fn experiment(
         (tables(true))
         @for remark in &outcome.remarks { p.nothing { (remark) } }
         p.small {
-            "Alone: " code { (command) " " (name) }
+            "Command for this experiment: " code { (command) " " (name) }
             @if !outcome.sheets.is_empty() {
-                "; numbers: "
+                "; data: "
                 @for (i, sheet) in outcome.sheets.iter().enumerate() {
                     @if i > 0 { ", " }
                     a href={ "data/" (name) "_" (sheet.name) ".csv" } { (sheet.name) ".csv" }
@@ -171,12 +171,12 @@ fn method(plan: &Plan, done: &[Done<'_>]) -> Markup {
     models.dedup();
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     html! {
-        p { "All records are simulated: Runge-Kutta in steps of 10 ms, samples of 0.1 s unless it is said otherwise, white noise of 1 cm/s, 1 cm/s and 1 deg/s on u, v and r, commands mixed of steps, ramps, chirps, triangles and binary sequences, or those of a lawn-mower in closed loop. Rollouts start from measured samples unless it is said otherwise, and are compared with the truth." }
-        p { "Equations of motion, of the networks, of the filter and of the guard, with their sources, stand in hydroid's documentation. Settings are chosen on validation records, never on those that judge." }
+        p { "All records are simulated: the integration is a Runge-Kutta method of order 4 with steps of 10 ms, and the sample time is 0.1 s unless stated otherwise. White noise has standard deviations of 1 cm/s, 1 cm/s and 1 deg/s on u, v and r. Commands are mixtures of steps, ramps, chirps, triangles and binary sequences, or those of a lawn-mower track in closed loop. Rollouts start from measured samples unless stated otherwise, and are compared with the true outputs." }
+        p { "The documentation of hydroid contains the equations of the plants, the networks, the filter and the guard, with their sources. Settings are chosen on validation records, never on test records." }
         h3 { "Models" }
         div.scroll tabindex="0" {
             table {
-                thead { tr { th scope="col" { "model" } th scope="col" { "method" } th scope="col" { "learned from" } th scope="col" { "chosen on" } th scope="col" { "seeds" } th scope="col" { "settings that are not the default" } } }
+                thead { tr { th scope="col" { "model" } th scope="col" { "method" } th scope="col" { "training record" } th scope="col" { "validation record" } th scope="col" { "seeds" } th scope="col" { "settings other than the defaults" } } }
                 tbody {
                     @for name in models {
                         @if let Some(model) = plan.models.get(name) {
@@ -192,8 +192,8 @@ fn method(plan: &Plan, done: &[Done<'_>]) -> Markup {
         }
         p.small {
             "hydroid " (env!("CARGO_PKG_VERSION")) ", " (std::env::consts::OS) " on " (std::env::consts::ARCH) ", " (threads) " cores. "
-            "Experiments, records, models and claims are files: " code { "hydroid thesis --write-experiments FOLDER" } " writes them, " code { "hydroid thesis --experiments FOLDER" } " runs what was made of them. Results are kept in "
-            code { "cache" } " beside this page and taken from there where nothing that they depend on has changed (" (plan.experiments.len()) " experiments in all)."
+            "Experiments, records, models and claims are files: " code { "hydroid thesis --write-experiments FOLDER" } " writes them, and " code { "hydroid thesis --experiments FOLDER" } " runs edited ones. Results are stored in "
+            code { "cache" } " beside this page and are reused as long as nothing that they depend on has changed (" (plan.experiments.len()) " experiments in all)."
         }
     }
 }
@@ -203,12 +203,12 @@ fn record(plan: &Plan, name: &str) -> String {
         || name.to_owned(),
         |record| {
             let Record { plant, duration_s, dt_s, seed, .. } = record;
-            format!("{name} ({plant}, {duration_s} s in samples of {dt_s} s, seed {seed})")
+            format!("{name} ({plant}, {duration_s} s, sample time {dt_s} s, seed {seed})")
         },
     )
 }
 
-/// What is said of a network or of equations beside what goes without saying, as it stands in the file.
+/// The settings of a network or of equations that differ from the defaults, as in the file.
 fn settings<T: Serialize + Default>(said: &T) -> String {
     let [said, usual] = [said, &T::default()].map(|settings| serde_json::to_value(settings).ok());
     let said = said.as_ref().and_then(Value::as_object).into_iter().flatten();

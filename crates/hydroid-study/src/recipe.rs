@@ -11,7 +11,7 @@
 //! - *collapsed*: no terms are left;
 //! - *diverges*: a rollout left ten times the range of the training data;
 //! - *lost its propeller*: no term of `du/dt` has the propeller command;
-//! - *hardly better than nothing changes*: at 100 steps, in an output, the error is more than half of that of keeping its value;
+//! - *hardly better than persistence*: at 100 steps the error of an output is more than half of that of persistence;
 //! - *works moderately*: none of these.
 
 use std::fmt;
@@ -52,8 +52,8 @@ pub enum Verdict {
     Diverges,
     /// No term of `du/dt` has the propeller command.
     LostItsPropeller,
-    /// At 100 steps the error of an output is more than half of that of keeping its value.
-    HardlyBetterThanNothingChanges,
+    /// At 100 steps the error of an output is more than half of that of persistence.
+    HardlyBetterThanPersistence,
     /// None of these.
     WorksModerately,
 }
@@ -64,7 +64,7 @@ impl fmt::Display for Verdict {
             Self::Collapsed => "collapsed",
             Self::Diverges => "diverges",
             Self::LostItsPropeller => "lost its propeller",
-            Self::HardlyBetterThanNothingChanges => "hardly better than nothing changes",
+            Self::HardlyBetterThanPersistence => "hardly better than persistence",
             Self::WorksModerately => "works moderately",
         })
     }
@@ -168,7 +168,7 @@ pub fn recipe(
                     } else if !propeller {
                         Verdict::LostItsPropeller
                     } else if found[1].iter().zip(unchanged).any(|(error, kept)| *error > 0.5 * kept) {
-                        Verdict::HardlyBetterThanNothingChanges
+                        Verdict::HardlyBetterThanPersistence
                     } else {
                         Verdict::WorksModerately
                     };

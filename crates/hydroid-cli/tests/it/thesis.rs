@@ -103,7 +103,7 @@ fn the_quick_study_writes_all_results() {
     }
     assert!(page.contains("Table 1") && !page.contains("NaN") && !page.contains("http://localhost"));
     // It opens offline: nothing is loaded from anywhere.
-    assert!(!page.contains("src=") && !page.contains("<script") && !page.contains("<link"));
+    assert!(!page.contains("src=") && page.matches("<script").count() == 1 && !page.contains("<link"));
 
     let again = hydroid(folder.path(), &["thesis", "--quick"]);
     assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));

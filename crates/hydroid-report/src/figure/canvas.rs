@@ -35,10 +35,12 @@ pub(crate) struct Canvas<'a> {
 }
 
 /// Draws a page of a width and height in pixels and gives it as an `<svg>` element for use within HTML: no
-/// ids, no namespaces, fonts from the page around. `title` is what a screen reader reads.
+/// ids, no namespaces, fonts from the page around. `title` is the text for a screen reader, `panels` the frames and ranges of
+/// the panels for the script of the page.
 pub(crate) fn draw(
     (width, height): Point,
     title: &str,
+    panels: &[String],
     paint: impl FnOnce(&mut Canvas<'_>),
 ) -> Result<String, FigureError> {
     let mut raw = String::new();
@@ -66,8 +68,10 @@ pub(crate) fn draw(
         .replace(" \"/>", "\"/>")
         .replace(">\n", ">")
         .replace("\n<", "<");
+    let panels =
+        if panels.is_empty() { String::new() } else { format!(" data-panels=\"{}\"", panels.join(";")) };
     Ok(format!(
-        "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">{}{body}",
+        "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\"{panels}>{}{body}",
         size.0, size.1, label.0, title.0
     ))
 }
@@ -80,7 +84,7 @@ fn title_attribute(element: &str) -> maud::PreEscaped<&str> {
 /// A place or length in units of the SVG. Callers clip to the page; what is not a number goes to the
 /// corner.
 #[allow(clippy::cast_possible_truncation)] // clamped far inside i32
-fn whole(x: f64) -> i32 {
+pub(crate) fn whole(x: f64) -> i32 {
     (x * FINE).round().clamp(-1e8, 1e8) as i32
 }
 

@@ -26,7 +26,16 @@ struct Placed<'a> {
 }
 
 pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
-    let scales: Vec<(Scale, Ticks)> = figure.panels.iter().map(vertical).collect();
+    let mut ranges: Vec<_> = figure.panels.iter().map(|panel| (value_range(panel), panel.height)).collect();
+    let with_ticks = |ranges: &[((f64, f64), f64)]| -> Vec<(Scale, Ticks)> {
+        figure
+            .panels
+            .iter()
+            .zip(ranges)
+            .map(|(panel, &(range, height))| vertical(panel, range, height))
+            .collect()
+    };
+    let mut scales = with_ticks(&ranges);
     let tick_width = scales
         .iter()
         .flat_map(|(_, ticks)| ticks.values.iter().map(|v| text::width(&ticks.label(*v), style::SMALL)))
@@ -34,17 +43,24 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
     let left = (tick_width + GAP + 4.0).max(34.0);
     let label_width = labels(figure).map(|l| text::width(l, style::TEXT)).fold(0.0, f64::max);
     let right = style::WIDTH - if label_width > 0.0 { (label_width + 12.0).min(LABELS) } else { 14.0 };
+    let mut x_range = horizontal(figure);
+    if figure.equal_axes {
+        for (range, height) in &mut ranges {
+            (x_range, *range, *height) = equal_scale(x_range, *range, right - left);
+        }
+        scales = with_ticks(&ranges);
+    }
     let legend = legend_rows(&figure.legend);
     let mut top = LEGEND * legend.len() as f64;
     let mut placed = Vec::with_capacity(figure.panels.len());
-    for (panel, (scale, ticks)) in figure.panels.iter().zip(scales) {
-        let frame = Frame { left, top: top + HEAD, right, bottom: top + HEAD + panel.height };
+    for ((panel, (scale, ticks)), (_, height)) in figure.panels.iter().zip(scales).zip(ranges) {
+        let frame = Frame { left, top: top + HEAD, right, bottom: top + HEAD + height };
         top = frame.bottom + 7.0;
         placed.push(Placed { panel, frame, y: Scale::new(scale.range(), frame.bottom, frame.top), ticks });
     }
-    let x = Scale::new(horizontal(figure), left, right);
+    let x = Scale::new(x_range, left, right);
     let size = (style::WIDTH, top + FOOT);
-    canvas::draw(size, &figure.title, |canvas| {
+    canvas::draw(size, &figure.title, &panel_data(figure, &placed, &x), |canvas| {
         for (row, keys) in legend.iter().enumerate() {
             draw_legend(canvas, keys, LEGEND * (row as f64 + 0.5));
         }
@@ -84,19 +100,59 @@ fn labels(figure: &Figure) -> impl Iterator<Item = &str> {
     })
 }
 
-/// The vertical scale of a panel (places still unknown) and its ticks.
-fn vertical(panel: &Panel) -> (Scale, Ticks) {
-    let range = panel.range.unwrap_or_else(|| {
+/// Largest and least height of a panel with equal axes \[px\].
+const TALLEST: f64 = 560.0;
+const SHORTEST: f64 = 140.0;
+
+/// Horizontal range, vertical range and height of a panel on which a unit is as long across as up. The wider of the two
+/// decides; the other range is widened about its middle.
+fn equal_scale(x: (f64, f64), y: (f64, f64), width: f64) -> ((f64, f64), (f64, f64), f64) {
+    let unit = ((x.1 - x.0) / width).max((y.1 - y.0) / TALLEST);
+    let height = ((y.1 - y.0) / unit).max(SHORTEST);
+    let about = |(low, high): (f64, f64), pixels: f64| {
+        let (middle, half) = (0.5 * (low + high), 0.5 * unit * pixels);
+        (middle - half, middle + half)
+    };
+    if unit > 0.0 && unit.is_finite() {
+        (about(x, width), about(y, height), height)
+    } else {
+        (x, y, SHORTEST)
+    }
+}
+
+/// Frame in units of the SVG, ranges, and whether the axes are logarithmic, of each panel, for the script of the page. None
+/// for tracks, which are not functions of the horizontal axis.
+fn panel_data(figure: &Figure, placed: &[Placed<'_>], x: &Scale) -> Vec<String> {
+    if figure.equal_axes {
+        return Vec::new();
+    }
+    let of = |panel: &Placed<'_>| {
+        let Frame { left, top, right, bottom } = panel.frame;
+        let [left, top, right, bottom] = [left, top, right, bottom].map(canvas::whole);
+        let ((x0, x1), (y0, y1)) = (x.range(), panel.y.range());
+        let (log_x, log_y) = (u8::from(figure.x_decades), u8::from(panel.panel.decades));
+        format!("{left},{top},{right},{bottom},{x0:.6e},{x1:.6e},{y0:.6e},{y1:.6e},{log_x},{log_y}")
+    };
+    placed.iter().map(of).collect()
+}
+
+/// The range of the vertical axis of a panel.
+fn value_range(panel: &Panel) -> (f64, f64) {
+    panel.range.unwrap_or_else(|| {
         let covered = cover(panel.marks.iter().flat_map(marks::heights)).unwrap_or((0.0, 1.0));
         let has_bars = panel.marks.iter().any(|m| matches!(m, Mark::Bars { .. }));
         let (low, high) = padded(covered, 0.06);
         // Bars stand on the axis.
         if has_bars && covered.0 >= 0.0 { (0.0, high) } else { (low, high) }
-    });
-    let scale = Scale::new(range, panel.height, 0.0);
+    })
+}
+
+/// The vertical scale of a panel (places still unknown) and its ticks.
+fn vertical(panel: &Panel, range: (f64, f64), height: f64) -> (Scale, Ticks) {
+    let scale = Scale::new(range, height, 0.0);
     // Labels need 17 pixels each; the count is small and positive.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let room = |pixels: f64| (panel.height / pixels).clamp(2.0, 9.0) as usize;
+    let room = |pixels: f64| (height / pixels).clamp(2.0, 9.0) as usize;
     let ticks =
         if panel.decades { scale.decades(room(17.0)) } else { scale.ticks(room(28.0), room(17.0) + 1) };
     (scale, ticks)

@@ -217,6 +217,8 @@ pub struct Figure {
     pub x_range: Option<(f64, f64)>,
     /// Whether places are logarithms to base 10, so that the axis has the numbers themselves at its ticks.
     pub x_decades: bool,
+    /// Whether a unit is as long on the vertical axes as on the horizontal one.
+    pub equal_axes: bool,
     /// Panels from top to bottom.
     pub panels: Vec<Panel>,
     /// Keys above the panels, where labels beside the lines do not do.
@@ -231,6 +233,7 @@ impl Figure {
             x_label: x_label.into(),
             x_range: None,
             x_decades: false,
+            equal_axes: false,
             panels: Vec::new(),
             legend: Vec::new(),
         }
@@ -245,6 +248,13 @@ impl Figure {
     /// The same figure with a logarithmic horizontal axis: marks hold logarithms to base 10.
     pub fn x_decades(mut self) -> Self {
         self.x_decades = true;
+        self
+    }
+
+    /// The same figure with equal axes, as for a track: ranges and heights of the panels follow from what the marks cover, or
+    /// from the stated ranges, which are widened where necessary.
+    pub fn equal_axes(mut self) -> Self {
+        self.equal_axes = true;
         self
     }
 

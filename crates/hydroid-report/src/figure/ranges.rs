@@ -54,7 +54,7 @@ pub fn range_chart(
     );
     let x = Scale::new((low, high), frame.left, frame.right);
     let hair = |colour| Stroke { colour, width: 1.0, dash: Dash::Solid };
-    canvas::draw((style::WIDTH, bottom + FOOT), title, |canvas| {
+    canvas::draw((style::WIDTH, bottom + FOOT), title, &[], |canvas| {
         let mut at = frame.left;
         for (name, colour) in parts {
             canvas.rectangle((at, 6.0), (at + 16.0, 15.0), colour.mix(1.0));

@@ -11,9 +11,6 @@ use hydroid::closed_loop::Sample;
 /// Points of a line at the most.
 const POINTS: usize = 1_500;
 
-/// Width of a frame \[px\], nearly: what is left of the figure beside ticks.
-const FRAME: f64 = 424.0;
-
 const SOLID: Dash = Dash::Solid;
 
 /// Colour and name of what a status means for the track.
@@ -66,16 +63,12 @@ pub(super) fn track(subject: &Steered<'_>) -> Figure {
         (low - margin, high + margin)
     };
     let ((left, right), (low, high)) = (range(|p| p.0), range(|p| p.1));
-    // Metres in a pixel: of the wider of the two.
-    let scale = ((right - left) / FRAME).max((high - low) / 560.0);
-    let (centre, half) = (0.5 * (left + right), 0.5 * scale * FRAME);
-    let height = ((high - low) / scale).max(140.0);
-    let (middle, tall) = (0.5 * (low + high), 0.5 * scale * height);
     let wanted = Stroke { colour: style::PERSISTENCE, width: 1.6, dash: Dash::Dashed };
-    let mut panel = Panel::new("north [m]").height(height).range(middle - tall, middle + tall);
+    let mut panel = Panel::new("north [m]").range(low, high);
     panel = panel.mark(Mark::Line(Line::new(points.clone(), wanted)));
     let mut figure = Figure::new("Track of the vessel and the path", "east [m]")
-        .x_range(centre - half, centre + half)
+        .x_range(left, right)
+        .equal_axes()
         .key(Key::Line(wanted), "path");
     for (of, (colour, name)) in KINDS.iter().enumerate() {
         let stroke = Stroke { colour: *colour, width: 1.8, dash: SOLID };

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 
 use super::ReportError;
 use super::number::{self, text};
-use super::page::{Section, cell, columns, figure, page, table};
+use super::page::{Section, cell, columns, figure, page, readable, table};
 use hydroid::closed_loop::{Metrics, MonteCarlo, Run, TunedAutopilot};
 use hydroid_core::guidance::Path;
 use hydroid_core::vessel::VesselParams;
@@ -88,7 +88,7 @@ fn summary(subject: &Steered<'_>) -> Section {
         }
         div class={ "banner " (class) } role="status" { strong { (title) } " " (words) }
         @if fleet.is_none() { (figures_table(metrics)) }
-        dl.facts { @for (name, value) in subject.facts { dt { (name) } dd { (value) } } }
+        dl.facts { @for (name, value) in subject.facts { dt { (name) } dd { (readable(value)) } } }
     };
     Section::new("summary", "Summary", body)
 }
@@ -167,8 +167,10 @@ fn commands(subject: &Steered<'_>) -> Result<Section, ReportError> {
 
 fn settings(subject: &Steered<'_>) -> Section {
     let body = html! {
-        p { "This page is made by" }
-        pre.copy.wrap { (subject.command) }
+        details {
+            summary { "Command that reproduces this page" }
+            pre.copy.wrap { (readable(subject.command)) }
+        }
         @if let Some(tuned) = subject.tuned {
             h3 { "How the autopilot was tuned" }
             p {

@@ -248,11 +248,10 @@ fn track(sailed: &Sailed) -> Figure {
     };
     let (low, high) = range(&states.iter().map(|state| state.y).collect::<Vec<_>>());
     let (south, north) = range(&states.iter().map(|state| state.x).collect::<Vec<_>>());
-    // A metre is as long across as up; the frame of a figure is some 400 px wide.
-    let height = (400.0 * (north - south + 10.0) / (high - low + 10.0)).clamp(80.0, 500.0);
-    let mut panel = Panel::new("north [m]").height(height).range(south - 5.0, north + 5.0);
-    let mut figure =
-        Figure::new("Track of the lawn-mower by mode", "east [m]").x_range(low - 5.0, high + 5.0);
+    let mut panel = Panel::new("north [m]").range(south - 5.0, north + 5.0);
+    let mut figure = Figure::new("Track of the lawn-mower by mode", "east [m]")
+        .x_range(low - 5.0, high + 5.0)
+        .equal_axes();
     for (flying, colour, word) in [(false, style::PERSISTENCE, "afloat"), (true, style::INK, "flying")] {
         let stroke = Stroke { colour, width: 1.8, ..style::MEASURED_LINE };
         panel = panel.mark(Mark::Line(Line::new(part(flying), stroke)));

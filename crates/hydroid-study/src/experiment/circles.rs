@@ -152,8 +152,12 @@ impl Circles {
                         tracks.row(row);
                     }
                 }
-                outcome.chart("circle", track(circle, &drawn), "The track of the point that is steered, with noisy velocities, from half a metre beside the circle; dashed the circle itself.");
-                outcome.chart("circle_error", distance(&drawn), "Its distance from the reference over time.");
+                outcome.chart("circle", track(circle, &drawn), "Track of the controlled point with noisy velocities. It starts half a metre beside the reference circle (dotted).");
+                outcome.chart(
+                    "circle_error",
+                    distance(&drawn),
+                    "Distance of the controlled point from its reference over time.",
+                );
             }
         }
         outcome.sheets.push(tracks);
@@ -226,12 +230,13 @@ fn track(circle: &Circle, drawn: &[Drawn]) -> Figure {
     let around = (0..=180)
         .map(|i| f64::from(2 * i).to_radians())
         .map(|angle| (circle.radius_m * angle.sin(), circle.radius_m * angle.cos()));
-    let dashed = Stroke { colour: style::AXIS, width: 1.4, dash: Dash::Dashed };
-    let mut panel = Panel::new("north [m]")
-        .height(400.0)
-        .range(-edge, edge)
-        .mark(Mark::Line(Line::new(around.collect(), dashed)));
-    let mut figure = Figure::new("Tracks on a circle", "east [m]").x_range(-edge, edge);
+    let reference = Stroke { colour: style::INK, width: 1.2, dash: Dash::Dotted };
+    let mut panel =
+        Panel::new("north [m]").range(-edge, edge).mark(Mark::Line(Line::new(around.collect(), reference)));
+    let mut figure = Figure::new("Tracks on a circle", "east [m]")
+        .x_range(-edge, edge)
+        .equal_axes()
+        .key(Key::Line(reference), "reference");
     for (word, name, points) in drawn {
         let points = points.iter().map(|[_, north, east, _]| (*east, *north)).collect();
         panel = panel.mark(Mark::Line(Line::new(points, stroke(name))));

@@ -151,11 +151,11 @@ impl Horizons {
             }
         }
         let caption = format!(
-            "{network}, trained at low speed, along lawn-mower records that fly: {} error against the truth.{}",
+            "{network}, trained at low speed, along lawn-mower records with flight: {} error against the truth.{}",
             self.error.word(),
             if all.len() > 1 {
                 format!(
-                    " Lines are medians over {} runs (seeds of training and of noise), the band is the range of the adapted.",
+                    " Lines are medians over {} runs (seeds of training and of noise); the band is the range of the adapted network.",
                     all.len()
                 )
             } else {
@@ -181,10 +181,23 @@ impl Horizons {
             outcome.measure(&format!("{name}_{output}_left_20"), left);
             outcome.measure(&format!("{name}_{output}_20"), middle(adapted, 19, c));
         }
+        let worse: Vec<&str> = OUTPUTS
+            .iter()
+            .enumerate()
+            .filter(|&(c, _)| (0..HORIZON).any(|n| middle(adapted, n, c) >= middle(frozen, n, c)))
+            .map(|(_, (output, _))| *output)
+            .collect();
+        if !worse.is_empty() {
+            outcome.remarks.push(format!(
+                "{}: the adapted error is not below the frozen one at some horizons of {}.",
+                look::title(name),
+                worse.join(", ")
+            ));
+        }
         let diverged: usize = all.iter().map(|one| one.adapted.diverged + one.frozen.diverged).sum();
         if diverged > 0 {
             outcome.remarks.push(format!(
-                "{}: {diverged} rollouts diverged, which are in no figure.",
+                "{}: {diverged} rollouts diverged and are left out of all values.",
                 look::title(name)
             ));
         }

@@ -55,6 +55,7 @@ impl Recipe {
         let mut table = Sheet::new(
             "recipe",
             &[
+                "verdict",
                 "degree",
                 "differences",
                 "force in",
@@ -67,11 +68,11 @@ impl Recipe {
                 "v [m/s]",
                 "r [rad/s]",
                 "diverged",
-                "verdict",
             ],
         );
         for row in &rows {
             let mut cells: Vec<Cell> = vec![
+                row.verdict.to_string().into(),
                 usize::from(row.degree).into(),
                 row.difference.as_str().into(),
                 row.unit.as_str().into(),
@@ -79,25 +80,20 @@ impl Recipe {
                 row.terms.into(),
             ];
             cells.extend(errors(row.errors.as_ref()));
-            cells.extend([
-                format!("{} of {}", row.diverged, row.windows).into(),
-                row.verdict.to_string().into(),
-            ]);
+            cells.push(format!("{} of {}", row.diverged, row.windows).into());
             table.row(cells);
         }
         for (learned, found) in ours.iter().zip(&found) {
             let mut cells: Vec<Cell> = vec![
+                format!("hydroid's defaults, seed {}", learned.seed).into(),
                 Cell::Nothing,
-                "hydroid".into(),
+                Cell::Nothing,
                 Cell::Nothing,
                 Cell::Nothing,
                 learned.model.weights().into(),
             ];
             cells.extend(errors(found.as_ref()));
-            cells.extend([
-                if found.is_some() { "none" } else { "some" }.into(),
-                format!("nothing set, seed {}", learned.seed).into(),
-            ]);
+            cells.push(if found.is_some() { "none" } else { "some" }.into());
             table.row(cells);
         }
         let ours_20 = median(found.iter().flatten().map(|errors| errors[0][0]).collect());
@@ -112,7 +108,7 @@ impl Recipe {
         outcome.chart(
             "sindy_hydrofoil",
             figure(&rows, ours_20),
-            "Error of u after 20 steps, of every setting of the thesis's recipe, over the threshold; crosses at the upper edge diverged or have no term left. hydroid's equations, which find the lag and the change of mode by themselves, are the line.",
+            "Error of u after 20 steps against the threshold, for every setting of the thesis. Settings that diverged or have no terms are crosses at the upper edge. The line is the error of the equations that hydroid identifies with its defaults, lag and change of mode included.",
         );
         outcome.table(
             table,
@@ -135,9 +131,10 @@ fn figure(rows: &[Row], ours: f64) -> Figure {
     let height = |row: &Row| row.errors.as_ref().map(|errors| errors[0][0].log10());
     let top = 0.6;
     let mut panel = Panel::new("error of u after 20 steps [m/s]").height(240.0).decades().range(-4.2, top);
-    let mut figure = Figure::new("The recipe of the thesis over its threshold", "threshold (leftmost: none)")
-        .x_decades()
-        .x_range(-2.9, -0.15);
+    let mut figure =
+        Figure::new("Error against the threshold, settings of the thesis", "threshold (leftmost: none)")
+            .x_decades()
+            .x_range(-2.9, -0.15);
     for (unit, sign, shift) in [("N", Sign::Ring, -0.02), ("100 N", Sign::Disc, 0.02)] {
         let of = |good: bool| {
             let some = rows.iter().filter(|row| {
@@ -161,9 +158,9 @@ fn figure(rows: &[Row], ours: f64) -> Figure {
                 radius: 4.0,
                 label: None,
             }));
-        figure = figure.key(Key::Sign(sign, colour), format!("recipe, propeller in {unit}"));
+        figure = figure.key(Key::Sign(sign, colour), format!("thesis, propeller in {unit}"));
     }
     let line = look::line("sindy");
     panel = panel.mark(Mark::Line(Line::new(vec![(-2.9, ours.log10()), (-0.15, ours.log10())], line)));
-    figure.key(Key::Line(line), "hydroid, nothing set").panel(panel)
+    figure.key(Key::Line(line), "hydroid, defaults").panel(panel)
 }
