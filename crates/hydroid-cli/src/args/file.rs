@@ -68,6 +68,9 @@ pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<Fr
     let mut arguments = Vec::new();
     for (key, value) in &section {
         let place = || format!("{}, section [{verb}], key {key}", path.display());
+        if key.contains('-') {
+            bail!("{}: write {}", place(), key.replace('-', "_"));
+        }
         let Some(arg) = option(command, key) else {
             bail!(
                 "{}: hydroid {verb} has no option --{}; `hydroid {verb} --help-advanced` lists all of them",
@@ -88,7 +91,7 @@ fn option<'a>(command: &'a Command, key: &str) -> Option<&'a Arg> {
     let long = key.replace('_', "-");
     let named = |arg: &&Arg| arg.get_long() == Some(long.as_str());
     let excluded = ["config", "help", "help-advanced", "replay"];
-    command.get_arguments().find(named).filter(|_| !excluded.contains(&long.as_str()) && !key.contains('-'))
+    command.get_arguments().find(named).filter(|_| !excluded.contains(&long.as_str()))
 }
 
 /// An option and its value as words of a command line.

@@ -1,12 +1,12 @@
 //! `hydroid adapt` from end to end.
 
-use std::fs;
 use std::path::Path;
 use std::process::Output;
 
 use assert_cmd::Command;
 use serde_json::Value;
-use tempfile::TempDir;
+
+use crate::common::{MODEL, simple_vessel, text};
 
 fn command(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::cargo_bin("hydroid").unwrap();
@@ -18,38 +18,10 @@ fn hydroid(folder: &Path, args: &[&str]) -> Output {
     command(folder, args).output().unwrap()
 }
 
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// A model of the simple vessel, and a log of the same vessel with other drag.
-fn prepared() -> TempDir {
-    let folder = TempDir::new().unwrap();
-    let at = folder.path();
-    let vessel = text(&hydroid(at, &["simulate", "simple", "--print-vessel"]).stdout);
-    fs::write(at.join("fouled.toml"), vessel.replace("77.55", "124.0").replace("162.5", "260.0")).unwrap();
-    for (plant, seed, file) in [
-        ("simple", "1", "a.csv"),
-        ("simple", "2", "b.csv"),
-        ("fouled.toml", "3", "c.csv"),
-        ("simple", "4", "d.csv"),
-    ] {
-        let args = ["simulate", plant, "--seed", seed, "--duration", "600", "-o", file];
-        assert_eq!(hydroid(at, &args).status.code(), Some(0));
-    }
-    let args = "identify a.csv --validate b.csv --test d.csv --outputs u,v,r,P_f -o out -q";
-    let identified = hydroid(at, &args.split(' ').collect::<Vec<_>>());
-    assert_eq!(identified.status.code(), Some(0), "{}", text(&identified.stderr));
-    folder
-}
-
-const MODEL: &str = "out/sindy.safetensors";
-
 #[test]
 fn an_adapted_model_is_written_with_its_history() {
-    let folder = prepared();
-    let at = folder.path();
-    let output = hydroid(at, &["adapt", MODEL, "c.csv", "-o", "adapted.safetensors", "--json"]);
+    let at = simple_vessel();
+    let output = hydroid(at, &["adapt", MODEL, "c.csv", "-o", "least_squares.safetensors", "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(report["frozen_filtered"].is_null());
@@ -71,7 +43,7 @@ fn an_adapted_model_is_written_with_its_history() {
     assert!(evaluated.as_object_mut().unwrap().remove("band_coverage").is_some());
     assert!(evaluated == report["frozen"], "the frozen model is the model");
 
-    let inspected = hydroid(at, &["inspect", "adapted.safetensors", "--json"]);
+    let inspected = hydroid(at, &["inspect", "least_squares.safetensors", "--json"]);
     let model: Value = serde_json::from_slice(&inspected.stdout).unwrap();
     let provenance = &model["description"]["provenance"];
     assert_eq!(provenance["training"][0], "a.csv");
@@ -82,16 +54,17 @@ fn an_adapted_model_is_written_with_its_history() {
     let told = hydroid(at, &["adapt", MODEL, "c.csv", "--horizon", "5s", "--forgetting", "inf"]);
     assert_eq!(told.status.code(), Some(0), "{}", text(&told.stderr));
     let table = text(&told.stdout);
-    for words in ["RMSE frozen", "adapted", "persistence", "learned from", "80 % band", "us for a sample"] {
+    for words in
+        ["RMSE frozen", "adapted", "persistence", "used for learning", "80 % band", "time per sample"]
+    {
         assert!(table.contains(words), "{words}: {table}");
     }
 }
 
 #[test]
 fn equations_adapt_by_the_kalman_filter() {
-    let folder = prepared();
-    let at = folder.path();
-    let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "-o", "adapted.safetensors", "--json"];
+    let at = simple_vessel();
+    let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "-o", "kalman.safetensors", "--json"];
     let output = hydroid(at, &args);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -100,7 +73,7 @@ fn equations_adapt_by_the_kalman_filter() {
     for part in ["frozen", "frozen_filtered"] {
         assert!(nrmse("adapted") < 0.7 * nrmse(part), "{part}: {} {}", nrmse("adapted"), nrmse(part));
     }
-    let inspected = hydroid(at, &["inspect", "adapted.safetensors", "--json"]);
+    let inspected = hydroid(at, &["inspect", "kalman.safetensors", "--json"]);
     let model: Value = serde_json::from_slice(&inspected.stdout).unwrap();
     assert_eq!(model["description"]["provenance"]["settings"]["adapted"][0]["settings"], report["settings"]);
     // What was learned is worth something on the next log.
@@ -109,7 +82,7 @@ fn equations_adapt_by_the_kalman_filter() {
         let judged: Value = serde_json::from_slice(&output.stdout).unwrap();
         judged["nrmse"][99][0].as_f64().unwrap()
     };
-    assert!(judged("adapted.safetensors") < 0.7 * judged(MODEL));
+    assert!(judged("kalman.safetensors") < 0.7 * judged(MODEL));
     // The options of the filter are understood, and a stream takes them.
     let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "--weight-variance", "0.02", "--json"];
     let noise = ["--noise", "u=0.01,v=0.01,r=0.01,P_f=1", "--covariance", "low-rank:3"];
@@ -127,18 +100,17 @@ fn equations_adapt_by_the_kalman_filter() {
 
 #[test]
 fn a_worse_adapted_model_has_exit_status_one() {
-    let folder = prepared();
+    let at = simple_vessel();
     // The vessel that it was made for, and hardly any memory: worse, if only a little.
     let args =
         ["adapt", MODEL, "b.csv", "--forgetting", "0.2", "--prior", "0.01", "--window", "0.1", "--no-gate"];
-    let output = hydroid(folder.path(), &args);
+    let output = hydroid(at, &args);
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
 }
 
 #[test]
 fn wrong_input_is_refused_with_a_remedy() {
-    let folder = prepared();
-    let at = folder.path();
+    let at = simple_vessel();
     let refused = |args: &[&str], words: &str| {
         let output = hydroid(at, args);
         assert_eq!(output.status.code(), Some(2), "{args:?}");
@@ -155,8 +127,8 @@ fn wrong_input_is_refused_with_a_remedy() {
     let kalman = |rest: [&'static str; 2]| {
         [["adapt", MODEL, "c.csv", "--learner", "kalman"].as_slice(), &rest].concat()
     };
-    refused(&kalman(["--prior", "5"]), "'Learning by least squares'");
-    refused(&kalman(["--weights", "read-out"]), "are for networks");
+    refused(&kalman(["--prior", "5"]), "the options of recursive least squares");
+    refused(&kalman(["--weights", "read-out"]), "apply to networks");
     refused(&kalman(["--huber", "0"]), "Huber's limit");
     refused(&kalman(["--noise", "u=0.1"]), "'v' is missing");
     let empty = command(at, &["adapt", MODEL, "-"]).write_stdin("").output().unwrap();

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::low_speed::{hydroid, run, text};
+use crate::common::{command, run, text};
 
 /// A small network of low speed, and a log that leaves it; made once.
 fn prepared() -> &'static Path {
@@ -63,8 +63,8 @@ fn invalid_input_is_refused() {
     for (options, words) in [
         ("--learner kalman", "by least squares"),
         ("--weight-variance 0.1", "recurrent networks"),
-        ("--window 1", "are for equations"),
-        ("--all-terms", "are for equations"),
+        ("--window 1", "apply to equations"),
+        ("--all-terms", "apply to equations"),
         ("--prior 0", "worth"),
         ("--forgetting 0", "forgetting"),
         ("--forgetting=-1", "forgetting"),
@@ -87,7 +87,7 @@ fn a_killed_service_resumes_to_the_same_model() {
     let whole = text(&whole.stdout);
     let log = fs::read_to_string(at.join("lawn.csv")).unwrap();
 
-    let mut child = hydroid(at, &format!("adapt {MODEL} - --horizons 1,20 -q --state kept.state"))
+    let mut child = command(at, &format!("adapt {MODEL} - --horizons 1,20 -q --state kept.state"))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::low_speed::{hydroid, run, text};
+use crate::common::{command, run, text};
 
 /// A small network of low speed, and a log that leaves it; made once.
 fn prepared() -> &'static Path {
@@ -141,17 +141,17 @@ fn every_reduced_covariance_adapts() {
 fn invalid_input_is_refused() {
     for (options, words) in [
         ("--noise u=0.01", "'v' is missing"),
-        ("--noise u=0.01,v=0.01,r=0.02,w=1", "'w' is no output"),
+        ("--noise u=0.01,v=0.01,r=0.02,w=1", "no output 'w'"),
         ("--noise u=0,v=0.01,r=0.02", "standard deviation of 0"),
         ("--noise u", "NAME=NUMBER"),
         ("--covariance blocks:0", "low-rank:20"),
         ("--covariance much", "low-rank:20"),
         ("--weight-variance=-1", "initial variance"),
-        ("--prior 3", "are for equations"),
+        ("--prior 3", "recursive least squares"),
         ("--forgetting 0", "forgetting"),
         ("--inject leak=u:3", "is no fault"),
         ("--inject bias=w:1", "the outputs are u, v, r"),
-        ("--stream --inject spikes=0.1", "not into a stream"),
+        ("--stream --inject spikes=0.1", "cannot be used with a live stream"),
         ("--training-log nowhere.csv", "nowhere.csv"),
         ("--no-rehearsal", "--training-log"),
     ] {
@@ -172,7 +172,7 @@ fn a_killed_service_resumes_to_the_same_model() {
     let whole = text(&whole.stdout);
     let log = fs::read_to_string(at.join("lawn.csv")).unwrap();
 
-    let mut child = hydroid(at, &format!("adapt {MODEL} - --horizons 1,20 -q --state kept.state"))
+    let mut child = command(at, &format!("adapt {MODEL} - --horizons 1,20 -q --state kept.state"))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())

@@ -4,10 +4,10 @@ use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
-use std::sync::OnceLock;
 
 use serde_json::Value;
-use tempfile::TempDir;
+
+use crate::common::{MODEL, simple_vessel, text};
 
 fn hydroid(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
@@ -21,38 +21,6 @@ fn done(folder: &Path, args: &[&str]) -> Output {
     output
 }
 
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// A model of the simple vessel, and a log of the same vessel with other drag; made once.
-fn prepared() -> &'static Path {
-    static FOLDER: OnceLock<TempDir> = OnceLock::new();
-    FOLDER
-        .get_or_init(|| {
-            let folder = TempDir::new().unwrap();
-            let at = folder.path();
-            let vessel = text(&done(at, &["simulate", "simple", "--print-vessel"]).stdout);
-            fs::write(at.join("fouled.toml"), vessel.replace("77.55", "124.0").replace("162.5", "260.0"))
-                .unwrap();
-            for (plant, seed, file) in [
-                ("simple", "1", "a.csv"),
-                ("simple", "2", "b.csv"),
-                ("fouled.toml", "3", "c.csv"),
-                ("simple", "4", "d.csv"),
-            ] {
-                done(at, &["simulate", plant, "--seed", seed, "--duration", "300", "-o", file]);
-            }
-            let args =
-                "identify a.csv --validate b.csv --test d.csv --outputs u,v,r,P_f --methods sindy -o out -q";
-            done(at, &args.split(' ').collect::<Vec<_>>());
-            folder
-        })
-        .path()
-}
-
-const MODEL: &str = "out/sindy.safetensors";
-
 /// A service that is running, and its answers.
 struct Service {
     child: Child,
@@ -61,7 +29,7 @@ struct Service {
 
 impl Service {
     fn start(args: &[&str]) -> Self {
-        let mut child = hydroid(prepared(), args)
+        let mut child = hydroid(simple_vessel(), args)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -86,7 +54,7 @@ impl Service {
 }
 
 fn lines(file: &str) -> Vec<String> {
-    fs::read_to_string(prepared().join(file)).unwrap().lines().map(str::to_owned).collect()
+    fs::read_to_string(simple_vessel().join(file)).unwrap().lines().map(str::to_owned).collect()
 }
 
 fn value(line: &str) -> Value {
@@ -95,7 +63,7 @@ fn value(line: &str) -> Value {
 
 #[test]
 fn a_streamed_log_gives_the_same_model_as_a_complete_log() {
-    let at = prepared();
+    let at = simple_vessel();
     done(at, &["adapt", MODEL, "c.csv", "-o", "batch.safetensors", "--json"]);
     let streamed = done(at, &["adapt", MODEL, "c.csv", "--stream", "-o", "streamed.safetensors"]);
     let read = |file: &str| fs::read(at.join(file)).unwrap();
@@ -140,9 +108,9 @@ fn bands_cover_the_measurements_under_planned_commands() {
         text_of += &Value::Object(sample).to_string();
         text_of.push('\n');
     }
-    fs::write(prepared().join("planned.jsonl"), text_of).unwrap();
+    fs::write(simple_vessel().join("planned.jsonl"), text_of).unwrap();
     let output =
-        done(prepared(), &["adapt", MODEL, "planned.jsonl", "--stream", "--horizons", "1,10,50", "-q"]);
+        done(simple_vessel(), &["adapt", MODEL, "planned.jsonl", "--stream", "--horizons", "1,10,50", "-q"]);
     let answers: Vec<Value> = text(&output.stdout).lines().map(value).collect();
     for (index, horizon) in [1, 10, 50].into_iter().enumerate() {
         let (mut of_80, mut of_95, mut all) = (0.0, 0.0, 0.0);
@@ -186,7 +154,7 @@ fn an_answer_comes_before_the_next_line_is_sent() {
 
 #[test]
 fn a_killed_service_resumes_with_the_same_answers_and_model() {
-    let at = prepared();
+    let at = simple_vessel();
     let lines = lines("c.csv");
     let whole = done(at, &["adapt", MODEL, "c.csv", "--stream", "-o", "whole.safetensors"]);
     let expected: Vec<String> = text(&whole.stdout).lines().map(str::to_owned).collect();
@@ -216,7 +184,7 @@ fn a_killed_service_resumes_with_the_same_answers_and_model() {
 #[cfg(unix)]
 #[test]
 fn an_interruption_leaves_state_and_model() {
-    let at = prepared();
+    let at = simple_vessel();
     for (signal, name) in [("-TERM", "term"), ("-INT", "int")] {
         let (state, model) = (format!("{name}.state"), format!("{name}.safetensors"));
         let mut service = Service::start(&["adapt", MODEL, "-", "--state", &state, "-o", &model]);
@@ -244,7 +212,7 @@ fn an_interruption_leaves_state_and_model() {
 
 #[test]
 fn invalid_streams_are_refused_with_a_remedy() {
-    let at = prepared();
+    let at = simple_vessel();
     let refused = |args: &[&str], input: &str, words: &str| {
         let mut child = hydroid(at, args)
             .stdin(Stdio::piped())

@@ -145,10 +145,10 @@ fn invalid_input_is_refused() {
     fs::write(prepared().join("broken.toml"), "name = 'x'\nmast = 3\n").unwrap();
     for (args, words) in [
         ("adapt given.toml a.csv -o learned.safetensors", "ends in .toml"),
-        ("adapt given.toml a.csv --learner least-squares", "learns by the filter"),
-        ("adapt given.toml a.csv --prior 3", "are for equations"),
-        ("adapt given.toml a.csv --single-precision", "are for networks"),
-        ("adapt given.toml a.csv --weights read-out", "are for networks"),
+        ("adapt given.toml a.csv --learner least-squares", "adapts by the extended Kalman filter"),
+        ("adapt given.toml a.csv --prior 3", "recursive least squares"),
+        ("adapt given.toml a.csv --single-precision", "apply to networks"),
+        ("adapt given.toml a.csv --weights read-out", "apply to networks"),
         ("adapt given.toml a.csv --noise u=0.01", "'v' is missing"),
         ("adapt given.toml a.csv --outputs u,v", "outputs"),
         ("adapt simple a.csv", "RD_cmd"),

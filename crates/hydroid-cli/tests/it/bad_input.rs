@@ -302,7 +302,7 @@ fn logs_in_two_parts_of_the_split() {
 fn options_for_a_log_without_a_log() {
     let folder = TempDir::new().unwrap();
     refused(folder.path(), &["identify", "-o", "out", "--inputs", "n_cmd"], &["no log"]);
-    refused(folder.path(), &["identify", "-o", "out", "--test", "a.csv"], &["none to train on"]);
+    refused(folder.path(), &["identify", "-o", "out", "--test", "a.csv"], &["training logs are missing"]);
     let both = hydroid(folder.path(), &["simulate", "simple", "--duration", "5", "-o", "-", "--json"]);
     assert_eq!(both.status.code(), Some(2));
     let document: serde_json::Value = serde_json::from_slice(&both.stdout).unwrap();

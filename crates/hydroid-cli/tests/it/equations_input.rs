@@ -175,7 +175,10 @@ fn band_coverage_is_reported_for_ensembles() {
         )
     };
     let text = String::from_utf8(evaluate(&[]).stdout).unwrap();
-    assert!(text.contains("90 % band of 8 ensemble members") && text.contains("not noise"), "{text}");
+    assert!(
+        text.contains("90 % band of 8 ensemble members") && text.contains("not measurement noise"),
+        "{text}"
+    );
     let document: serde_json::Value = serde_json::from_slice(&evaluate(&["--json"]).stdout).unwrap();
     assert_eq!(document["band_coverage"]["members"], 8);
     assert_eq!(document["band_coverage"]["share"][0].as_array().unwrap().len(), 2);

@@ -1,29 +1,12 @@
-//! The command on a hydrofoil that was logged at low speed alone, and then flies.
+//! Models of the hydrofoil that are identified at low speed and adapted while foiling.
 
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-/// The command, in a folder; arguments are parted by blanks.
-pub(crate) fn hydroid(folder: &Path, args: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
-    command.current_dir(folder).args(args.split(' '));
-    command
-}
+use crate::common::{run, text};
 
-/// The same, to its end.
-pub(crate) fn run(folder: &Path, args: &str) -> Output {
-    hydroid(folder, args).output().unwrap()
-}
-
-/// What was written, for messages.
-pub(crate) fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// Logs of low speed, one that leaves it (`lawn.csv`), and what `identify` makes with these settings (`net.toml`).
+/// Logs of low speed, a log with foiling (`lawn.csv`), and the output of `identify` with these settings (`net.toml`).
 pub(crate) fn folder(settings: &str, identify: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     let at = folder.path();

@@ -121,8 +121,8 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
         "GRU with 4 cells",
         "inputs: the model's inputs only",
         "wash-out: 10 samples, 1.000 s",
-        "meant from",
-        ", trained from",
+        "design range",
+        ", training range",
         "no state filter",
         "trained for 3 epochs",
     ] {
@@ -133,7 +133,7 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
     assert_eq!(shown["network"]["network"]["cell"], json!({"cell": "lstm", "hidden": 4}));
     assert!(shown["equations"].is_null() && shown["network"]["scaling"]["input_mean"].is_array());
     let refused = done(path, &["inspect", "out/lstm.safetensors", "--latex"], &[2]);
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("has no equations"));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("without equations"));
     let learned =
         done(path, &["adapt", "out/rnn.safetensors", "c.csv", "--horizon", "10", "--json"], &[0, 1]);
     let learned: Value = serde_json::from_slice(&learned.stdout).unwrap();
@@ -341,7 +341,7 @@ fn a_failed_method_keeps_the_other_methods() {
         told.contains("warning: no model by the method gru: no training run") && told.contains("window_s"),
         "{told}"
     );
-    assert!(told.contains("it is now out/gru.safetensors.old"), "{told}");
+    assert!(told.contains("renamed to out/gru.safetensors.old"), "{told}");
     assert_eq!(fs::read_to_string(path.join("out/gru.safetensors.old")).unwrap(), "of an earlier job");
     assert!(path.join("out/sindy.safetensors").exists() && !path.join("out/gru.safetensors").exists());
     let alone = done(path, &job(&[&rest[..], &["--methods", "gru"]].concat()), &[2]);
@@ -380,10 +380,10 @@ fn grey_boxes_use_the_equations_of_the_same_job() {
     for file in ["out/gru.safetensors", "out/direct.safetensors"] {
         let shown = done(path, &["inspect", file], &[0]);
         let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
-        assert!(shown.contains("a grey box") && shown.contains("equations that it corrects"), "{shown}");
+        assert!(shown.contains("a grey box") && shown.contains("base equations"), "{shown}");
         let latex = done(path, &["inspect", file, "--latex"], &[0]);
         let latex = String::from_utf8_lossy(&latex.stdout).into_owned();
-        assert!(latex.starts_with("% These equations alone are not the model"), "{latex}");
+        assert!(latex.starts_with("% Base equations of the model"), "{latex}");
     }
 }
 
