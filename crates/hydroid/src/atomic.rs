@@ -1,26 +1,25 @@
-//! Files that are either written whole or not at all.
+//! Atomic writing of files.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// A file could not be written; nothing half-written stays behind.
+/// Error of writing a file. No incomplete file remains.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {}: {source}; name a place in a folder that can be written", path.display())]
 pub struct WriteError {
-    /// The file that was to be written.
+    /// The file.
     pub path: PathBuf,
-    /// What the system said.
+    /// Error of the system.
     pub source: io::Error,
 }
 
-/// Writes a file through a temporary one in the same folder that takes its place when it is complete.
-/// Folders on the way are made.
+/// Writes a temporary file in the same folder and renames it to `path`. Creates missing folders.
 ///
 /// # Errors
-/// If a folder or the file cannot be written, or the content gives an error.
+/// If a folder or the file cannot be written, or `content` fails.
 pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
     let attempt = || -> io::Result<()> {
-        // A link stays one: what it points to is replaced. A device or a pipe cannot be replaced at all.
+        // The target of a link is replaced, not the link. A device or a pipe cannot be replaced.
         let resolved = path.canonicalize();
         let path = resolved.as_deref().unwrap_or(path);
         if path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir()) {
@@ -34,7 +33,7 @@ pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
         };
         std::fs::create_dir_all(folder)?;
         let mut builder = tempfile::Builder::new();
-        // A temporary file is private; what replaces it should be as readable as any other new file.
+        // Temporary files are private; the new file gets the permissions of other new files.
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
@@ -52,10 +51,10 @@ pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
     attempt().map_err(|source| WriteError { path: path.to_owned(), source })
 }
 
-/// Makes a folder and sees whether a file can be written in it, before any work is done for it.
+/// Creates a folder and checks that it is writable.
 ///
 /// # Errors
-/// If the folder cannot be made or written.
+/// If the folder cannot be created or written.
 pub fn probe(folder: &Path) -> Result<(), WriteError> {
     let attempt = || -> io::Result<()> {
         if folder.is_file() {
@@ -71,7 +70,7 @@ pub fn probe(folder: &Path) -> Result<(), WriteError> {
 mod tests {
     use super::*;
 
-    /// A review found that writing to a link or a device replaced it.
+    /// Links and devices must not be replaced.
     #[test]
     fn links_and_devices_stay_what_they_are() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,15 +1,14 @@
-//! Faults of sensors, put into a log on purpose: a user's own worst day.
+//! Sensor faults that are injected into a log.
 //!
 //! ```text
-//! spikes=0.01             one sample of an output in a hundred is anywhere within the range of the channel, and beyond
-//! dropout=u:10s           the output is not measured for so long
-//! stuck=r:5s              it repeats its last value for so long
-//! bias=v:0.2              it is off by so much (in its SI unit) from then on
-//! ..@120                  the fault begins at this time of the run [s]; else somewhere in its middle, by the seed
+//! spikes=0.01             each sample of an output is an outlier with probability 0.01
+//! dropout=u:10s           the output is missing for 10 s
+//! stuck=r:5s              the output repeats its last value for 5 s
+//! bias=v:0.2              the output has an offset (in its SI unit) from then on
+//! ..@120                  start of the fault in the run [s]; by default drawn from the seed
 //! ```
 //!
-//! Several are separated by commas, and a kind may come more than once. What was measured before becomes the truth of a run that
-//! had none, so that predictions can be judged by it.
+//! Several faults are separated by commas. Without a truth in the run, the measurements before the faults become its truth.
 
 use std::str::FromStr;
 
@@ -18,69 +17,69 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::log::{Table, Trajectory};
 
-/// A fault.
+/// A sensor fault.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
-    /// Each sample of each output, with this probability, is anything.
+    /// Outliers in all outputs.
     Spikes {
-        /// From 0 to 1.
+        /// Probability, 0 to 1.
         probability: f64,
     },
-    /// An output is not measured for a while.
+    /// Missing values.
     Dropout {
-        /// Which, and when.
+        /// Output and start.
         on: Place,
-        /// For how long \[s\].
+        /// Duration \[s\].
         duration_s: f64,
     },
-    /// An output repeats its last value for a while.
+    /// Repeated last value.
     Stuck {
-        /// Which, and when.
+        /// Output and start.
         on: Place,
-        /// For how long \[s\].
+        /// Duration \[s\].
         duration_s: f64,
     },
-    /// An output has an offset from some time on.
+    /// Constant offset.
     Bias {
-        /// Which, and when.
+        /// Output and start.
         on: Place,
-        /// In its SI unit.
+        /// Offset in the SI unit.
         offset: f64,
     },
 }
 
-/// Where a fault is.
+/// Output and start of a fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
     /// Name of the output.
     pub output: String,
-    /// Time in the run \[s\] at which it begins; somewhere in the middle four fifths if none is given.
+    /// Start in the run \[s\]; `None` to draw it from the middle four fifths.
     pub at_s: Option<f64>,
 }
 
-/// Faults and the seed of what is random about them.
+/// Faults and their seed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// In the order in which they are put in.
+    /// Faults in the order of injection.
     pub list: Vec<Fault>,
-    /// Of spikes, and of times that are not given.
+    /// Seed of spikes and of start times that are not given.
     pub seed: u64,
 }
 
-/// Faults that cannot be.
+/// Invalid fault.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FaultError {
-    /// Not one of the forms.
+    /// Unknown form.
     #[error(
         "'{0}' is no fault: write spikes=0.01, dropout=u:10s, stuck=r:5s or bias=v:0.2, each with @TIME behind it if it is to begin at that time [s]"
     )]
     Form(String),
-    /// The run has no such output.
+    /// Unknown output.
     #[error("a fault is asked for in '{output}', and the outputs are {known}")]
     Output {
-        /// Asked for.
+        /// Given output.
         output: String,
-        /// Those that there are.
+        /// Outputs of the run.
         known: String,
     },
 }
@@ -133,10 +132,10 @@ impl FromStr for Fault {
 }
 
 impl Faults {
-    /// Puts them into runs, in their order; each run has random numbers of its own.
+    /// Injects the faults into runs, in order; each run has its own random stream.
     ///
     /// # Errors
-    /// If a run has not an output that a fault is asked for in.
+    /// If a run lacks the output of a fault.
     pub fn inject(&self, runs: &mut [Trajectory]) -> Result<(), FaultError> {
         for (index, run) in runs.iter_mut().enumerate() {
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
@@ -156,7 +155,7 @@ impl Faults {
             let known = || channels.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
             let output =
                 found.ok_or_else(|| FaultError::Output { output: on.output.clone(), known: known() })?;
-            // Drawn in any case: what is given for one fault changes no other.
+            // Drawn in any case, so that a given start changes no other fault.
             let share = 0.1 + 0.8 * rng.random::<f64>();
             let at = on.at_s.map_or(share * len as f64, |at| at / run.dt);
             Ok((output, samples(at, len)))
@@ -196,7 +195,7 @@ impl Faults {
     }
 }
 
-/// A number of samples, within the run.
+/// Number of samples, limited to the run.
 fn samples(count: f64, len: usize) -> usize {
     // Casts saturate.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

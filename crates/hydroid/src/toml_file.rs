@@ -1,11 +1,11 @@
-//! TOML files whose mistakes are told with line, key and the nearest key that there is.
+//! TOML files with errors that state line, key and the nearest known key.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
-/// Why a TOML file is refused; lines are counted from 1.
+/// Error in a TOML file; lines are counted from 1.
 #[derive(Debug, thiserror::Error)]
 pub enum TomlError {
     /// The file cannot be read.
@@ -13,10 +13,10 @@ pub enum TomlError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: io::Error,
     },
-    /// A key that there is not.
+    /// Unknown key.
     #[error("{}, line {line}: unknown key {key}{}; there are {}", path.display(), nearest.as_ref().map(|n| format!(", did you mean {n}?")).unwrap_or_default(), known.join(", "))]
     UnknownKey {
         /// The file.
@@ -25,12 +25,12 @@ pub enum TomlError {
         line: usize,
         /// The key.
         key: String,
-        /// The nearest key that there is, if one is near.
+        /// Nearest known key.
         nearest: Option<String>,
-        /// The keys that there are.
+        /// Known keys.
         known: Vec<String>,
     },
-    /// A word that there is not.
+    /// Unknown value.
     #[error("{}, line {line}: '{value}' is none of the words that this key takes{}; there are {}", path.display(), nearest.as_ref().map(|n| format!(", did you mean \"{n}\"?")).unwrap_or_default(), known.join(", "))]
     UnknownValue {
         /// The file.
@@ -39,19 +39,19 @@ pub enum TomlError {
         line: usize,
         /// The word.
         value: String,
-        /// The nearest word that there is, if one is near.
+        /// Nearest known value.
         nearest: Option<String>,
-        /// The words that there are.
+        /// Known values.
         known: Vec<String>,
     },
-    /// Not TOML, a missing key, or a value of the wrong kind.
+    /// Invalid TOML, missing key, or wrong type.
     #[error("{}, line {line}: {message}", path.display())]
     Syntax {
         /// The file.
         path: PathBuf,
-        /// Where.
+        /// Position.
         line: usize,
-        /// What is wrong.
+        /// Reason.
         message: String,
     },
 }
@@ -66,7 +66,7 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, TomlError> {
     parse(&text, path)
 }
 
-/// Reads text; `path` is what messages call it.
+/// Parses text; `path` is for messages.
 ///
 /// # Errors
 /// See [`TomlError`].
@@ -79,7 +79,7 @@ fn explain(text: &str, path: &Path, error: &toml::de::Error) -> TomlError {
     let start = error.span().unwrap_or(0..0).start;
     let line = text.bytes().take(start).filter(|byte| *byte == b'\n').count() + 1;
     let message = error.message();
-    // serde says: unknown field `a`, expected one of `b`, `c`; and the same of a variant.
+    // serde reports: unknown field `a`, expected one of `b`, `c`; likewise for variants.
     for what in ["unknown field ", "unknown variant "] {
         let Some((unknown, expected)) =
             message.strip_prefix(what).and_then(|rest| rest.split_once(", expected "))
@@ -98,12 +98,12 @@ fn explain(text: &str, path: &Path, error: &toml::de::Error) -> TomlError {
     TomlError::Syntax { path, line, message: message.lines().collect::<Vec<_>>().join("; ") }
 }
 
-/// What stands between backquotes.
+/// Text between backquotes.
 fn quoted(text: &str) -> impl Iterator<Item = &str> {
     text.split('`').skip(1).step_by(2)
 }
 
-/// The candidate nearest to a misspelt word, if one is near enough to be what was meant.
+/// The candidate nearest to a misspelt word, if it is near.
 pub fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
     candidates
         .map(|candidate| (strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase()), candidate))

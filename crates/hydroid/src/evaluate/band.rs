@@ -1,4 +1,4 @@
-//! Bands around rollouts: where the rollouts of many sessions lie, and how often what happened lies between.
+//! Ensemble bands of rollouts and their coverage.
 
 use hydroid_core::predict::{Predictor, Workspace};
 use rayon::prelude::*;
@@ -12,10 +12,10 @@ const LEVEL: f64 = 0.9;
 /// Lower and upper quantile of a band.
 pub const BAND: (f64, f64) = (0.05, 0.95);
 
-/// Origins on all runs together for which [`band_coverage`] rolls the members out.
+/// Largest number of origins of [`band_coverage`].
 const ORIGINS: usize = 200;
 
-/// A band over the steps after an origin, row by row; NaN where no member has a finite value.
+/// Band over the steps after an origin, row by row; NaN without a finite member.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Band {
     /// Lower edge.
@@ -24,24 +24,23 @@ pub struct Band {
     pub high: Vec<f64>,
 }
 
-/// How often what happened lay inside the band.
+/// Coverage of a band.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BandCoverage {
     /// Share of the members between the edges.
     pub level: f64,
     /// Number of members.
     pub members: usize,
-    /// Origins that were tried.
+    /// Number of origins.
     pub origins: usize,
     /// Horizons \[samples\].
     pub horizons: Vec<usize>,
-    /// Share of the points inside, per horizon and output.
+    /// Share of points inside the band, per horizon and output.
     pub share: Vec<Vec<f64>>,
 }
 
-/// The band of some sessions' rollouts from origins of a run, at some steps after each (counted from 1,
-/// ascending). Each member sees the samples of its warm-up before an origin, and so has the past and the lag
-/// states that the model has.
+/// Band of the rollouts of ensemble members from origins of a run, at given steps (ascending, from 1). Each member observes its
+/// warm-up before an origin, so that its signal memory matches the model.
 pub fn bands(
     members: &[Box<dyn Predictor>],
     run: &Trajectory,
@@ -85,8 +84,8 @@ pub fn bands(
     (0..origins.len()).map(band).collect()
 }
 
-/// How often measurements (or truth) lie inside the band of the members' rollouts, at some horizons. The
-/// origins are spread over the runs so that the time it takes does not grow with them.
+/// Coverage of the ensemble band for measurements (or truth) at given horizons. Origins are spread over the runs, so that the
+/// computing time does not grow with them.
 pub fn band_coverage(
     members: &[Box<dyn Predictor>],
     runs: &[&Trajectory],
@@ -129,11 +128,11 @@ pub fn band_coverage(
     })
 }
 
-/// Quantile of sorted values, linear between them; NaN of none.
+/// Quantile of sorted values by linear interpolation; NaN without values.
 pub(crate) fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let place = share * last as f64;
-    // Between 0 and the number of values.
+    // The rank is between 0 and the number of values.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let below = (place as usize).min(last);
     let above = (below + 1).min(last);

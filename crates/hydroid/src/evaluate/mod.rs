@@ -1,11 +1,11 @@
-//! Open-loop multi-step errors of a model on runs, the same for every kind of model.
+//! Open-loop multi-step errors of any model.
 //!
-//! From every origin `k` past the warm-up, the session has seen the outputs up to `k` and the commands up
-//! to `k - 1`; it is rolled out under the true commands `c_k ..` and compared at horizons `1..=H`. Beside
-//! it stands persistence: every output keeps its value of the origin.
+//! At every origin `k` after the warm-up, the session has observed the outputs up to `k` and the commands up to `k - 1`. It is
+//! rolled out with the true commands `c_k ..` and compared at horizons `1..=H`, beside persistence (each output keeps its value
+//! at the origin).
 //!
-//! A rollout is *diverged* when it is not finite or leaves ten times the design range; it is counted, left
-//! out of the means of the model and of persistence, and its place is told.
+//! A rollout has *diverged* if it is not finite or leaves ten times the design range. Diverged rollouts are counted and
+//! excluded from the means of the model and of persistence.
 
 mod band;
 mod sums;
@@ -19,41 +19,40 @@ pub(crate) use band::quantile;
 pub use band::{BAND, Band, BandCoverage, band_coverage, bands};
 pub use windows::evaluate;
 
-/// What the session sees on the way.
+/// Outputs that the session observes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
-    /// The measurements: what the user has.
+    /// Measurements.
     #[default]
     Measured,
-    /// The true outputs of a simulated log: isolates the model from the noise of its start.
+    /// True outputs of a simulated log, which excludes the noise of the initial state.
     True,
 }
 
-/// What the predictions are compared with.
+/// Target of the comparison.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Against {
-    /// The measurements.
+    /// Measurements.
     #[default]
     Measurement,
-    /// The true outputs of a simulated log.
+    /// True outputs of a simulated log.
     Truth,
 }
 
-/// Interval in which an output is expected; the scale by which divergence is judged.
+/// Design range of an output: the scale of divergence.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DesignRange {
-    /// Lowest value expected.
+    /// Lower end.
     pub low: f64,
-    /// Highest value expected.
+    /// Upper end.
     pub high: f64,
 }
 
 impl DesignRange {
-    /// Whether a value has left ten times the range: farther from its centre than ten half-widths, or not
-    /// a number at all.
+    /// Whether a value is farther than ten half-widths from the centre of the range, or NaN.
     pub fn diverged(self, value: f64) -> bool {
         let centre = 0.5 * (self.low + self.high);
         let half = 0.5 * (self.high - self.low);
@@ -61,18 +60,18 @@ impl DesignRange {
     }
 }
 
-/// How to evaluate.
+/// Options of an evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Longest horizon \[samples\].
     pub horizon: usize,
     /// Samples between two origins.
     pub origin_stride: usize,
-    /// What the session sees.
+    /// Observed outputs.
     pub origin: Origin,
-    /// What the predictions are compared with.
+    /// Target of the comparison.
     pub against: Against,
-    /// Samples seen before the first origin; a model that needs more gets more.
+    /// Least warm-up \[samples\]; the model's own warm-up may be longer.
     pub warm_up: usize,
 }
 
@@ -88,28 +87,27 @@ impl Default for Options {
     }
 }
 
-/// Where a rollout left ten times the design range.
+/// A diverged rollout.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Divergence {
     /// Name of the run.
     pub run: String,
     /// Time of the origin \[s\].
     pub origin_s: f64,
-    /// Horizon at which it happened \[samples\].
+    /// Horizon of the divergence \[samples\].
     pub horizon: usize,
     /// Output that left its range first.
     pub channel: String,
 }
 
-/// How many of the runs were judged.
+/// Number of evaluated runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunCount {
-    /// Runs that gave at least one window.
+    /// Runs with at least one window.
     pub used: usize,
-    /// Runs that gave none: shorter than warm-up and horizon, or with an output that is missing until
-    /// near their end.
+    /// Runs without a window: shorter than warm-up and horizon, or with a missing output.
     pub unused: usize,
-    /// Samples of the unused runs.
+    /// Samples of the runs without a window.
     pub unused_samples: usize,
 }
 
@@ -119,7 +117,7 @@ pub struct Baseline {
     /// Mean absolute error, per horizon and channel.
     #[serde(deserialize_with = "null_is_nan")]
     pub mae: Vec<Vec<f64>>,
-    /// Root of the mean square error.
+    /// Root mean square error.
     #[serde(deserialize_with = "null_is_nan")]
     pub rmse: Vec<Vec<f64>>,
     /// RMSE over the standard deviation of the compared channel.
@@ -127,15 +125,15 @@ pub struct Baseline {
     pub nrmse: Vec<Vec<f64>>,
 }
 
-/// Errors by horizon and channel: `mae[h][c]` is that of channel `c` at horizon `horizons[h]`, in the
-/// channel's unit. A figure that does not exist (no window, no variation) is NaN, `null` in JSON.
+/// Errors by horizon and channel: `mae[h][c]` is for horizon `horizons[h]` and channel `c`, in its unit. Undefined values (no
+/// window, constant output) are NaN, `null` in JSON.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// Name of the model.
     pub model: String,
-    /// What the session saw: `measured` or `true`.
+    /// Observed outputs: `measured` or `true`.
     pub origin: Origin,
-    /// What was compared with: `measurement` or `truth`.
+    /// Target: `measurement` or `truth`.
     pub against: Against,
     /// Sample time \[s\].
     pub dt: f64,
@@ -145,13 +143,13 @@ pub struct Evaluation {
     pub units: Vec<String>,
     /// Horizons \[samples\].
     pub horizons: Vec<usize>,
-    /// Windows rolled out, diverged ones included.
+    /// Windows, diverged ones included.
     pub windows: usize,
-    /// Runs that gave windows, and those that did not.
+    /// Evaluated runs.
     pub runs: RunCount,
-    /// Windows that diverged.
+    /// Diverged windows.
     pub diverged: usize,
-    /// The first few places where that happened.
+    /// First diverged windows.
     pub divergences: Vec<Divergence>,
     /// Mean absolute error.
     #[serde(deserialize_with = "null_is_nan")]
@@ -159,7 +157,7 @@ pub struct Evaluation {
     /// Largest absolute error.
     #[serde(deserialize_with = "null_is_nan")]
     pub max: Vec<Vec<f64>>,
-    /// Root of the mean square error.
+    /// Root mean square error.
     #[serde(deserialize_with = "null_is_nan")]
     pub rmse: Vec<Vec<f64>>,
     /// RMSE over the standard deviation of the compared channel over the same points.
@@ -168,21 +166,19 @@ pub struct Evaluation {
     /// Coefficient of determination, `1 - nrmse^2`.
     #[serde(deserialize_with = "null_is_nan")]
     pub r2: Vec<Vec<f64>>,
-    /// "Nothing changes", on the same windows.
+    /// Persistence on the same windows.
     pub persistence: Baseline,
-    /// Mean square error over the variance of the channel, in the mean over channels and horizons, for up to
-    /// [`BLOCKS`] consecutive parts of the windows: how much a comparison of two models on the same windows
-    /// is worth. Infinite where a rollout diverged.
+    /// Mean over channels and horizons of the square error over the variance of the channel, for up to [`BLOCKS`] consecutive blocks
+    /// of windows. The spread of the blocks gives the uncertainty of a comparison of two models. Infinite if a rollout diverged.
     #[serde(skip)]
     pub blocks: Vec<f64>,
 }
 
-/// Parts of the windows at the most in [`Evaluation::blocks`].
+/// Largest number of blocks in [`Evaluation::blocks`].
 pub const BLOCKS: usize = 16;
 
 impl Evaluation {
-    /// Mean over channels and horizons of the NRMSE: one figure to choose by. Channels or horizons without
-    /// a figure do not count; infinite where any rollout diverged or nothing could be compared.
+    /// Score: mean NRMSE over channels and horizons where it is defined; infinite if a rollout diverged or nothing was compared.
     pub fn score(&self) -> f64 {
         if self.diverged > 0 {
             return f64::INFINITY;
@@ -190,26 +186,26 @@ impl Evaluation {
         mean_finite(self.nrmse.iter().flatten().copied()).unwrap_or(f64::INFINITY)
     }
 
-    /// Position of a horizon in the tables.
+    /// Index of a horizon.
     pub fn at(&self, horizon: usize) -> Option<usize> {
         self.horizons.iter().position(|&h| h == horizon)
     }
 }
 
-/// JSON has no NaN: a figure that does not exist is written as null.
+/// JSON has no NaN: undefined values are null.
 fn null_is_nan<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<Vec<f64>>, D::Error> {
     let table: Vec<Vec<Option<f64>>> = Deserialize::deserialize(deserializer)?;
     Ok(table.into_iter().map(|row| row.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect()).collect())
 }
 
-/// Mean of the numbers that are finite.
+/// Mean of the finite values.
 pub fn mean_finite(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) =
         values.filter(|v| v.is_finite()).fold((0.0, 0usize), |(sum, count), v| (sum + v, count + 1));
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Why an evaluation could not be made.
+/// Error of an evaluation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluateError {
     /// No run is long enough.
@@ -226,7 +222,7 @@ pub enum EvaluateError {
         /// Samples of the longest run.
         longest: usize,
     },
-    /// Truth was asked for and a run has none.
+    /// A run has no truth.
     #[error(
         "run '{run}' has no true outputs: only simulated logs do (columns like u_true). Use --origin measured and --against measurement"
     )]
@@ -234,16 +230,16 @@ pub enum EvaluateError {
         /// The run without truth.
         run: String,
     },
-    /// The run's channels are not the model's.
+    /// The channels of a run differ from the model's.
     #[error("the model has {expected} {what}, run '{run}' has {given}")]
     Channels {
         /// The run.
         run: String,
         /// `outputs` or `inputs`.
         what: &'static str,
-        /// Of the model.
+        /// Channels of the model.
         expected: usize,
-        /// Of the run.
+        /// Channels of the run.
         given: usize,
     },
     /// No window can start in any run.
@@ -254,7 +250,7 @@ pub enum EvaluateError {
         /// The output that is missing.
         channel: String,
     },
-    /// Runs with different sample times.
+    /// Different sample times.
     #[error(
         "run '{run}' has a sample time of {given} s, the others {expected} s: resample them to one step (--dt)"
     )]
@@ -266,15 +262,15 @@ pub enum EvaluateError {
         /// Of this run \[s\].
         given: f64,
     },
-    /// Nothing to evaluate.
+    /// No runs.
     #[error("the horizon and the stride between origins must be at least 1 sample")]
     NoHorizon,
-    /// The caller asked to stop.
+    /// Cancelled.
     #[error(transparent)]
     Cancelled(#[from] crate::progress::Cancelled),
 }
 
-/// Names and units for the tables.
+/// Names and units of the channels.
 fn describe(channels: &[Channel]) -> (Vec<String>, Vec<String>) {
     channels.iter().map(|c| (c.name.clone(), c.unit.clone())).unzip()
 }

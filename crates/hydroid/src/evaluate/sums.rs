@@ -1,4 +1,4 @@
-//! Sums of errors that can be added up in any grouping.
+//! Accumulation of errors.
 
 /// Sums over windows, per horizon and channel.
 #[derive(Clone, Debug)]
@@ -6,7 +6,7 @@ pub(super) struct Sums {
     cells: Vec<Cell>,
 }
 
-/// One horizon of one channel.
+/// Sums of one horizon and channel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cell {
     count: f64,
@@ -15,12 +15,12 @@ struct Cell {
     largest: f64,
     kept_absolute: f64,
     kept_square: f64,
-    /// Of the compared value less a shift near its mean, which keeps the variance free of cancellation.
+    /// Of the target minus an offset near its mean, which avoids cancellation in the variance.
     value: f64,
     value_square: f64,
 }
 
-/// The figures made of a cell.
+/// Statistics of a cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Figures {
     pub(super) mae: f64,
@@ -37,7 +37,7 @@ impl Sums {
         Self { cells: vec![Cell::default(); cells] }
     }
 
-    /// Adds one comparison. A missing target says nothing.
+    /// Adds one comparison; a missing target is skipped.
     pub(super) fn add(&mut self, cell: usize, predicted: f64, kept: f64, target: f64, shift: f64) {
         if target.is_nan() {
             return;
@@ -68,7 +68,7 @@ impl Sums {
         }
     }
 
-    /// Mean over all comparisons of the square error over the variance of its channel.
+    /// Mean over all comparisons of the square error over the variance of the channel.
     pub(super) fn loss(&self, variance: &[f64]) -> f64 {
         let mut sum = 0.0;
         let mut count = 0.0;
@@ -83,7 +83,7 @@ impl Sums {
         let c = self.cells[cell];
         let mean = |sum: f64| if c.count > 0.0 { sum / c.count } else { f64::NAN };
         let variance = mean(c.value_square) - mean(c.value).powi(2);
-        // A channel that does not vary has no scale to measure errors by.
+        // The NRMSE of a constant channel is undefined.
         let noise = 1e-12 * mean(c.value_square);
         let deviation = if variance > noise { variance.sqrt() } else { f64::NAN };
         let (rmse, kept_rmse) = (mean(c.square).sqrt(), mean(c.kept_square).sqrt());

@@ -1,4 +1,4 @@
-//! The walk over a run and the rollouts from its origins.
+//! Observation of a run and rollouts from its origins.
 
 use hydroid_core::predict::{Predictor, Workspace};
 use rayon::prelude::*;
@@ -11,29 +11,26 @@ use super::{
 use crate::log::{Table, Trajectory};
 use crate::progress::{self, Progress};
 
-/// Origins that one task rolls out. The split is by origins alone, so that sums are added in the same
-/// order whatever the number of threads.
+/// Origins of a task. Tasks depend on origins only, so that sums do not depend on the number of threads.
 const TASK: usize = 32;
 
-/// Memory for the snapshots that wait to be rolled out \[numbers\].
+/// Memory of pending snapshots \[numbers\].
 const SNAPSHOTS: usize = 4 << 20;
 
-/// How many divergences are told one by one.
+/// Largest number of listed divergences.
 const TOLD: usize = 10;
 
-/// Evaluates a session on runs; `ranges` holds the design range of each output.
+/// Evaluates a session on runs; `ranges` are the design ranges of the outputs.
 ///
-/// The session itself is reset and walked over each run once, to its end, in the caller's thread, so that
-/// one that learns learns on the way; rollouts run from snapshots in forks of it, in parallel on the current
-/// rayon pool. The result does not depend on the number of threads. A run that is too short for an origin is
-/// walked all the same, and counted.
+/// The session is reset and observes each run once to its end in the caller's thread, so that an adapter learns along the run.
+/// Rollouts start from snapshots in forks of the session, in parallel on the current rayon pool. The result does not depend on
+/// the number of threads. A run that is too short for an origin is observed and counted.
 ///
 /// # Errors
-/// If the runs do not fit the model or are too short, an output or truth is missing, or the work was
-/// interrupted.
+/// If the runs do not fit the model or are too short, an output or the truth is missing, or `progress` cancels.
 ///
 /// # Panics
-/// If there is not one design range for each output.
+/// If the number of design ranges differs from the number of outputs.
 pub fn evaluate(
     name: &str,
     session: &mut dyn Predictor,
@@ -86,7 +83,7 @@ pub fn evaluate(
         before += run.len();
     }
     if tally.windows == 0 {
-        // Runs are long enough, so that only a value that is missing can stand in the way.
+        // Runs are long enough, so that a missing value is the cause.
         return Err(EvaluateError::NoOrigin { channel: latest(runs, options) });
     }
     Ok(tabulate(name, runs[0], options, &tally))
@@ -127,7 +124,7 @@ fn check(
     Ok(())
 }
 
-/// What the session sees of a run.
+/// Observed outputs of a run.
 fn seen<'a>(run: &'a Trajectory, options: &Options) -> &'a Table {
     match (options.origin, &run.truth) {
         (Origin::True, Some(truth)) => truth,
@@ -135,7 +132,7 @@ fn seen<'a>(run: &'a Trajectory, options: &Options) -> &'a Table {
     }
 }
 
-/// The output whose first value comes last in the longest run.
+/// The output whose first value is the latest in the longest run.
 fn latest(runs: &[&Trajectory], options: &Options) -> String {
     let Some(run) = runs.iter().max_by_key(|run| run.len()) else { return String::new() };
     let table = seen(run, options);
@@ -146,13 +143,12 @@ fn latest(runs: &[&Trajectory], options: &Options) -> String {
         .map_or_else(String::new, |c| run.outputs.channels()[c].name.clone())
 }
 
-/// Origins that wait for each other: whole tasks, so that tasks begin at the same origins for all models, and blocks of
-/// their losses can be compared.
+/// Pending origins: whole tasks, so that tasks have the same origins for all models and blocks of losses are comparable.
 fn batch(size: usize) -> usize {
     (SNAPSHOTS / size.max(1) / TASK).clamp(1, 64) * TASK
 }
 
-/// What all windows so far gave.
+/// Result of the windows so far.
 struct Tally {
     sums: Sums,
     /// Loss and number of windows of each task, in order.
@@ -163,7 +159,7 @@ struct Tally {
     runs: RunCount,
 }
 
-/// One run being evaluated.
+/// Evaluation of one run.
 struct Walk<'a> {
     run: &'a Trajectory,
     target: &'a Table,
@@ -174,7 +170,7 @@ struct Walk<'a> {
     warm_up: usize,
 }
 
-/// An origin that waits to be rolled out: its sample, and the last value seen of each output.
+/// A pending origin: sample and last observed value of each output.
 struct Pending {
     origin: usize,
     kept: Vec<f64>,
@@ -188,7 +184,7 @@ impl Walk<'_> {
         report: &mut dyn FnMut(usize) -> Result<(), progress::Cancelled>,
     ) -> Result<(), EvaluateError> {
         let seen = seen(self.run, self.options);
-        // Origins are samples before this one: each needs a whole horizon behind it.
+        // Each origin needs a whole horizon after it.
         let end = self.run.len().saturating_sub(self.options.horizon);
         session.reset();
         let size = session.snapshot_len();
@@ -204,7 +200,7 @@ impl Walk<'_> {
                     *kept = y;
                 }
             }
-            // The warm-up is over when enough samples were seen and each output at least once.
+            // The warm-up ends after enough samples, with each output observed at least once.
             if first_origin.is_none() && k + 1 >= self.warm_up && kept.iter().all(|y| !y.is_nan()) {
                 first_origin = Some(k);
             }
@@ -317,7 +313,7 @@ fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> E
     }
 }
 
-/// The losses of tasks put together to a few blocks of consecutive windows.
+/// Merges the losses of tasks into blocks of consecutive windows.
 fn blocks(losses: &[(f64, usize)]) -> Vec<f64> {
     let size = losses.len().div_ceil(BLOCKS).max(1);
     losses

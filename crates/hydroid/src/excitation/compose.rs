@@ -1,26 +1,26 @@
-//! A signal drawn from a seed.
+//! Random signals from a seed.
 
 use rand::{Rng, RngExt as _};
 
 use super::segment::{Segment, Shape, Signal};
 
-/// How often each shape is drawn; zeros are short, so they are few in time.
+/// Relative frequency of each shape.
 const STEPS: f64 = 0.32;
 const PRBS: f64 = 0.20;
 const TRIANGLE: f64 = 0.14;
 const CHIRP: f64 = 0.14;
 const RAMP: f64 = 0.12;
 
-/// Draws signals for one command.
+/// Generator of random signals for one command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Composer {
     /// Lower limit of the command.
     pub low: f64,
     /// Upper limit of the command.
     pub high: f64,
-    /// How often a level is drawn above zero, where the limits have zero between them.
+    /// Probability of a positive level, if the limits contain zero.
     pub forward: f64,
-    /// Time in which the vessel answers \[s\]: holds, periods and segments are multiples of it.
+    /// Response time of the vessel \[s\]; holds, periods and segments are multiples of it.
     pub pace_s: f64,
 }
 
@@ -43,7 +43,7 @@ impl Composer {
         Signal { segments }
     }
 
-    /// One segment; a ramp goes on from where the one before ended.
+    /// One segment; a ramp starts at the end of the previous segment.
     fn segment(&self, last: &mut f64, rng: &mut impl Rng) -> Segment {
         let pace = self.pace_s;
         let duration_s = pace * rng.random_range(10.0..30.0);
@@ -56,7 +56,7 @@ impl Composer {
             let count = rng.random_range(3..=8);
             let levels: Vec<f64> = (0..count).map(|_| self.level(rng)).collect();
             *last = levels[levels.len() - 1];
-            // Long and short holds alike: the slow end of the dynamics as well as the fast one.
+            // Holds of different lengths excite slow and fast dynamics.
             let hold_s = pace * 1.5 * 5.0_f64.powf(rng.random_range(0.0..1.0));
             (Shape::Steps { levels }, hold_s * f64::from(count))
         } else if drawn(PRBS) {
@@ -84,14 +84,14 @@ impl Composer {
             (Shape::Ramp { from, to }, 0.7 * duration_s)
         } else {
             *last = 0.0_f64.clamp(self.low, self.high);
-            // Limits without zero between them have no zero command; the nearest to it must do.
+            // The level nearest to zero within the limits.
             let shape = if *last == 0.0 { Shape::Zero } else { Shape::Steps { levels: vec![*last] } };
             (shape, pace * rng.random_range(2.0..8.0))
         };
         Segment { shape, duration_s }
     }
 
-    /// A level within the limits.
+    /// A random level within the limits.
     fn level(&self, rng: &mut impl Rng) -> f64 {
         let (low, high) = if self.low < 0.0 && self.high > 0.0 {
             if rng.random_bool(self.forward.clamp(0.0, 1.0)) { (0.0, self.high) } else { (self.low, 0.0) }
@@ -101,9 +101,9 @@ impl Composer {
         rng.random_range(low..=high)
     }
 
-    /// Two levels, in order, with at least a fifth of the range between them.
+    /// Two ascending levels, at least a fifth of the range apart.
     fn pair(&self, rng: &mut impl Rng) -> (f64, f64) {
-        // Bounded, because nearly all levels may be drawn from a side less than a fifth of the range wide.
+        // Bounded number of draws, because one side may be narrower than a fifth of the range.
         for _ in 0..64 {
             let (a, b) = (self.level(rng), self.level(rng));
             if (a - b).abs() >= 0.2 * (self.high - self.low) {

@@ -1,22 +1,22 @@
-//! How fast a vessel goes and how quickly it answers, from its parameters.
+//! Top speed and response time from a vessel's parameters.
 
 use hydroid_core::vessel::{Plant, VesselParams};
 
 use super::error::ExcitationError;
 
-/// What a vessel can do under full propeller force.
+/// Top speed and response time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Envelope {
     /// Speed on a straight course under full propeller force \[m/s\].
     pub top_speed: f64,
-    /// Time in which it answers a propeller command \[s\]: the lag, and the time in which full force would
-    /// bring the mass to top speed without drag.
+    /// Response time to a propeller command \[s\]: the lag plus the time in which full force accelerates the mass to top speed
+    /// without drag.
     pub time_s: f64,
 }
 
-/// Beyond this speed \[m/s\] a parameter set has no drag worth the name.
+/// Speed \[m/s\] above which the drag is considered missing.
 const ABSURD_SPEED: f64 = 1e3;
-/// Where the search for the top speed starts \[m/s\].
+/// Start of the search for the top speed \[m/s\].
 const FINEST: f64 = 1e-3;
 
 impl Envelope {
@@ -30,8 +30,7 @@ impl Envelope {
         if force <= 0.0 {
             return Err(ExcitationError::NoForwardForce { limit: force });
         }
-        // The holding force of a hydrofoil is not monotone: walk up to find the last speed that full force
-        // holds, then close in on it.
+        // The holding force of a hydrofoil is not monotone: scan upwards for the last speed that full force holds, then bisect.
         let mut held = 0.0;
         let mut u = FINEST;
         while u <= ABSURD_SPEED {

@@ -1,4 +1,4 @@
-//! Why a vessel cannot be excited as asked.
+//! Errors of an excitation.
 
 /// Wrong input to an excitation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -15,26 +15,26 @@ pub enum ExcitationError {
         /// Upper limit of the propeller command.
         limit: f64,
     },
-    /// A quantity of the excitation that must be a positive number.
+    /// Quantity that must be positive.
     #[error("{what} is {value}; it must be a number greater than 0")]
     NotPositive {
-        /// What it is.
+        /// Quantity.
         what: &'static str,
-        /// What was given.
+        /// Given value.
         value: f64,
     },
-    /// A speed that the vessel does not reach.
+    /// Speed above the top speed.
     #[error("a speed of {speed} m/s is out of reach: full propeller force makes {top:.2} m/s")]
     OutOfReach {
-        /// Speed asked for \[m/s\].
+        /// Given speed \[m/s\].
         speed: f64,
         /// Top speed \[m/s\].
         top: f64,
     },
-    /// Legs so short that the plan would have no end.
-    #[error("a leg of {leg} m is sailed a million times in this duration; {shortest:.3} m is the shortest")]
+    /// Legs that are too short.
+    #[error("a leg of {leg} m is too short for this duration: give at least {shortest:.3} m")]
     LegTooShort {
-        /// Length asked for \[m\].
+        /// Given length \[m\].
         leg: f64,
         /// Shortest length \[m\].
         shortest: f64,
@@ -42,7 +42,7 @@ pub enum ExcitationError {
     /// No commands given.
     #[error("the commands have no rows")]
     NoRows,
-    /// A time or command that is not a number.
+    /// Non-finite time or command.
     #[error("row {row} of the commands: {what} is not a finite number")]
     NotFinite {
         /// Row, counted from 1.
@@ -60,7 +60,7 @@ pub enum ExcitationError {
         /// Time of the row before \[s\].
         before: f64,
     },
-    /// A command beyond the vessel's limits.
+    /// Command beyond the vessel's limits.
     #[error(
         "row {row} of the commands: {name} = {value} is beyond the vessel's limits [{low}, {high}]; clip it there, or widen the limits in the vessel's file"
     )]

@@ -1,10 +1,9 @@
-//! Command signals that make a vessel show how it moves.
+//! Excitation signals.
 //!
-//! A [`Segment`] is one shape over some time (steps, zero, ramp, triangle, chirp, PRBS); a [`Signal`] is
-//! segments one after the other, for one command; a [`Composer`] draws a signal from a seed. [`mixed`] and
-//! [`low_speed`] draw both commands for a vessel, at a pace and within a range that follow from its own
-//! parameters ([`Envelope`]), and [`held`] takes the commands that a user gives. What a run of the
-//! simulation is driven by, open or closed loop, is an [`Excitation`].
+//! A [`Segment`] is one shape (steps, zero, ramp, triangle, chirp, PRBS), a [`Signal`] a sequence of segments for one command, and
+//! a [`Composer`] draws signals from a seed. [`mixed`] and [`low_speed`] draw both commands for a vessel, with time scale and range
+//! from its parameters ([`Envelope`]); [`held`] takes given commands. An [`Excitation`] drives a simulated run, in open or closed
+//! loop.
 
 mod compose;
 mod envelope;

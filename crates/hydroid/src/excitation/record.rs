@@ -1,4 +1,4 @@
-//! Both commands over a whole record.
+//! Both commands of a record.
 
 use hydroid_core::vessel::{Command, Plant, VesselParams};
 
@@ -8,16 +8,16 @@ use super::error::ExcitationError;
 use super::kind::LowSpeed;
 use super::streams::{Purpose, stream};
 
-/// The rudder turns a vessel quicker than the propeller moves it.
+/// Time scale of the rudder relative to the propeller.
 const RUDDER_PACE: f64 = 0.8;
 
-/// `n` commands at step `dt` \[s\] over the full range of both channels, at the vessel's own pace.
+/// `n` commands at step `dt` \[s\] over the full range of both channels, at the time scale of the vessel.
 ///
-/// The propeller pushes forward seven times in eight, so that a hydrofoil spends about as long flying as not,
-/// and goes through the transition every 20 s or so.
+/// Seven of eight propeller commands are forward, so that a hydrofoil flies about half of the time and passes its transition
+/// about every 20 s.
 ///
 /// # Errors
-/// What [`Envelope::new`] finds.
+/// As [`Envelope::new`].
 pub fn mixed(
     params: &VesselParams,
     plant: &Plant,
@@ -29,11 +29,11 @@ pub fn mixed(
     Ok(compose(params, params.commands.propeller.limits, envelope.time_s, seed, dt, n))
 }
 
-/// `n` commands at step `dt` \[s\] that keep the vessel below [`LowSpeed::ceiling`]: the propeller within
-/// [`low_speed_range`], the rudder over its full range.
+/// `n` commands at step `dt` \[s\] that keep the vessel below [`LowSpeed::ceiling`]: the propeller within [`low_speed_range`],
+/// the rudder over its full range.
 ///
 /// # Errors
-/// What [`low_speed_range`] finds.
+/// As [`low_speed_range`].
 pub fn low_speed(
     params: &VesselParams,
     plant: &Plant,
@@ -47,12 +47,10 @@ pub fn low_speed(
     Ok(compose(params, range, envelope.time_s, seed, dt, n))
 }
 
-/// Propeller commands that keep the vessel below the ceiling, and below the transition speed of a
-/// hydrofoil.
+/// Propeller commands that keep the vessel below the ceiling, and below the transition speed of a hydrofoil.
 ///
-/// Forward the force that the drag of the normal mode balances at 82 % of that speed, astern half of it,
-/// both within the vessel's limits: -60 to 119 N for the reference hydrofoil (its limits for low-speed
-/// training are -60 to 120 N).
+/// The upper limit balances the drag of the displacement mode at 82 % of that speed, the lower limit is half of it astern, both
+/// within the limits of the vessel: -60 to 119 N for the reference hydrofoil.
 ///
 /// # Errors
 /// [`ExcitationError::NotPositive`] for the ceiling, [`ExcitationError::NoDrag`].
@@ -70,11 +68,11 @@ pub fn low_speed_range(
         return Err(ExcitationError::NoDrag);
     }
     let [low, high] = params.commands.propeller.limits;
-    // Where the limits lie wholly on one side of what is wanted, the nearest limit is all that is left.
+    // If the limits are on one side of the range, the nearest limit is used.
     Ok([low.max(-0.5 * drag).min(high), high.min(drag).max(low)])
 }
 
-/// The ceiling, or the transition speed where that is lower.
+/// The ceiling, limited by the transition speed.
 pub(crate) fn low_speed_ceiling(params: &VesselParams, ceiling: f64) -> f64 {
     params.flying.map_or(ceiling, |flying| flying.transition_speed.min(ceiling))
 }
@@ -88,7 +86,7 @@ fn compose(
     n: usize,
 ) -> Vec<Command> {
     let duration_s = dt * n as f64;
-    // A vessel quicker than the samples would be asked for more than can be commanded.
+    // Segments are not shorter than samples.
     let pace_s = pace_s.max(2.0 * dt);
     let [low, high] = propeller;
     let pp = Composer { low, high, forward: 0.88, pace_s }
@@ -107,12 +105,12 @@ fn compose(
         .collect()
 }
 
-/// `n` commands at step `dt` \[s\] from rows of time \[s\] and command, each held until the next (the last
-/// one to the end). Time counts from the first row.
+/// `n` commands at step `dt` \[s\] from rows of time \[s\] and command, each held until the next, the last to the end. Time starts
+/// at the first row.
 ///
 /// # Errors
-/// No rows, a number that is not finite, time that does not increase, a command beyond the vessel's limits;
-/// rows are counted from 1. A millionth of the range beyond a limit passes for rounding and is clipped.
+/// If there are no rows, a number is not finite, time does not increase, or a command is beyond the limits of the vessel. Rows
+/// are counted from 1. An excess of a millionth of the range is clipped as rounding.
 pub fn held(
     rows: &[(f64, Command)],
     params: &VesselParams,
@@ -135,7 +133,7 @@ pub fn held(
             if !value.is_finite() {
                 return Err(ExcitationError::NotFinite { row, what: name() });
             }
-            // A log written with nine digits may round a command at its limit to beyond it.
+            // Written logs round commands at a limit.
             let rounding = 1e-6 * (high - low);
             if !(low - rounding..=high + rounding).contains(&value) {
                 return Err(ExcitationError::OutsideLimits { row, name: name(), value, low, high });
@@ -146,7 +144,7 @@ pub fn held(
     let mut later = rows[1..].iter().peekable();
     let mut command = first;
     let commands = (0..n).map(|k| {
-        // A row at a sample's time, but for rounding, acts from that sample on.
+        // A row at the time of a sample, up to rounding, acts from that sample on.
         let t = start + k as f64 * dt + 1e-6 * dt;
         while let Some(&&(_, next)) = later.peek().filter(|(at, _)| *at <= t) {
             command = next;

@@ -1,27 +1,27 @@
-//! Why there is no simulated record.
+//! Errors of a simulation.
 
 use hydroid_core::vessel::InvalidParams;
 
 use crate::excitation::ExcitationError;
 
-/// Wrong input to a simulation, or a simulation that did not come to an end.
+/// Wrong input to a simulation, divergence, or cancellation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulateError {
-    /// Parameters that describe no vessel.
-    #[error("the vessel is not possible: {0}")]
+    /// Invalid vessel parameters.
+    #[error("the vessel is invalid: {0}")]
     Vessel(#[from] InvalidParams),
-    /// The excitation does not fit the vessel, or is wrong in itself.
+    /// Invalid excitation.
     #[error(transparent)]
     Excitation(#[from] ExcitationError),
-    /// A time or a scale that makes no sense.
+    /// Number out of range.
     #[error("{what} is {value}; {needed}")]
     Option {
-        /// Which option.
+        /// Option.
         what: &'static str,
-        /// What was given.
+        /// Given value.
         value: f64,
-        /// What is needed.
+        /// Permitted values.
         needed: &'static str,
     },
     /// The sample time is no multiple of the integration step.
@@ -32,7 +32,7 @@ pub enum SimulateError {
         /// Integration step \[s\].
         step_s: f64,
     },
-    /// The state was no longer finite.
+    /// Non-finite state.
     #[error(
         "the simulation diverged at {t_s} s: is the integration step of {step_s} s short enough for this vessel?"
     )]
@@ -42,27 +42,27 @@ pub enum SimulateError {
         /// Integration step \[s\].
         step_s: f64,
     },
-    /// A low-speed run that did not stay below its ceiling: turning must be what drives this vessel.
+    /// Low-speed run above its ceiling.
     #[error("the low-speed run reached {reached:.3} m/s at {t_s} s, and not below {ceiling} m/s")]
     NotSlow {
         /// Time \[s\].
         t_s: f64,
         /// Speed \[m/s\].
         reached: f64,
-        /// What was to be its ceiling \[m/s\].
+        /// Ceiling \[m/s\].
         ceiling: f64,
     },
-    /// The callback asked to stop.
+    /// Cancelled.
     #[error("cancelled")]
     Cancelled,
-    /// An output that the record does not have.
+    /// Unknown output.
     #[error("the record has no measured column {name}{}; it has {}", nearest.as_ref().map(|n| format!(" (did you mean {n}?)")).unwrap_or_default(), known.join(", "))]
     UnknownOutput {
-        /// What was asked for.
+        /// Given name.
         name: String,
-        /// The nearest that there is, if one is near.
+        /// Nearest known name.
         nearest: Option<String>,
-        /// All that there are.
+        /// Known names.
         known: Vec<String>,
     },
 }

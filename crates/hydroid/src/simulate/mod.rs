@@ -1,9 +1,8 @@
-//! Simulated logs: a plant, an excitation, measurement noise.
+//! Simulated logs: plant, excitation, measurement noise.
 //!
-//! [`simulate`] runs a vessel from rest at the origin, heading north, and gives a [`Simulated`] record: what
-//! was commanded, what was measured and what was true. The same [`Options`] give the same record to the
-//! last bit, on any number of threads; commands and noise come from separate streams of random numbers, so
-//! that the noise may change and the commands stay.
+//! [`simulate`] runs a vessel from rest at the origin, heading north, and returns a [`Simulated`] record of commands, measurements
+//! and truth. Equal [`Options`] give equal records to the last bit, for any number of threads. Commands and noise have separate
+//! random streams, so that the noise can change without the commands.
 //!
 //! ```
 //! use std::ops::ControlFlow;
@@ -22,7 +21,7 @@
 mod error;
 mod options;
 mod path;
-mod pilot;
+mod path_controller;
 mod plan;
 mod record;
 mod run;

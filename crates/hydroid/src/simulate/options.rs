@@ -1,23 +1,22 @@
-//! What to simulate.
+//! Options of a simulation.
 
 use hydroid_core::vessel::VesselParams;
 
 use super::error::SimulateError;
 use crate::excitation::Excitation;
 
-/// What to simulate, and how.
+/// Options of a simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// The vessel.
     pub vessel: VesselParams,
-    /// What drives it.
+    /// Excitation.
     pub excitation: Excitation,
-    /// Duration \[s\]; the record has one sample per `dt_s`. A lawn-mower with given speeds ends after its
-    /// last leg.
+    /// Duration \[s\]; one sample per `dt_s`. A lawn-mower with given speeds ends after its last leg.
     pub duration_s: f64,
-    /// Sample time, for which a command is held \[s\].
+    /// Sample time \[s\]; commands are held for it.
     pub dt_s: f64,
-    /// Integration step \[s\]; a sample time is a whole number of them.
+    /// Integration step \[s\]; the sample time is a whole multiple.
     pub step_s: f64,
     /// Seed of commands and noise.
     pub seed: u64,
@@ -32,16 +31,16 @@ pub(crate) struct Counts {
     pub(crate) substeps: u32,
 }
 
-/// More samples than fit in memory, at some hundred bytes each: a slip in a unit.
+/// Largest number of samples.
 const MOST_SAMPLES: f64 = 5e7;
 
 impl Options {
-    /// The thesis's record: 7,200 s, 0.1 s samples, 10 ms integration, noise as the vessel has it, seed 0.
+    /// Defaults of the thesis: 7,200 s, samples of 0.1 s, integration step 10 ms, noise of the vessel, seed 0.
     pub const fn new(vessel: VesselParams, excitation: Excitation) -> Self {
         Self { vessel, excitation, duration_s: 7_200.0, dt_s: 0.1, step_s: 0.01, seed: 0, noise_scale: 1.0 }
     }
 
-    /// Number of samples and of integration steps in each, if the options make sense.
+    /// Checks the options; returns the number of samples and of integration steps in each.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive and bounded by the checks
     pub(crate) fn counts(&self) -> Result<Counts, SimulateError> {
         for (what, value) in [

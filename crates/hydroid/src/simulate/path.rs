@@ -1,8 +1,8 @@
-//! Paths to follow: lines and arcs.
+//! Paths of lines and arcs.
 
 use hydroid_core::vessel::State;
 
-/// Side to which a vessel turns.
+/// Turning side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     Port,
@@ -10,7 +10,7 @@ pub(super) enum Side {
 }
 
 impl Side {
-    /// 1 to starboard, -1 to port: the sign of the yaw rate.
+    /// Sign of the yaw rate: 1 to starboard, -1 to port.
     pub(super) const fn sign(self) -> f64 {
         match self {
             Self::Port => -1.0,
@@ -19,30 +19,30 @@ impl Side {
     }
 }
 
-/// One piece of a path, in the north-east frame \[m, rad\].
+/// A segment of a path, in the north-east frame \[m, rad\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Piece {
-    /// From `start` along `course` for `length`.
+    /// Line from `start` along `course` for `length`.
     Line { start: [f64; 2], course: f64, length: f64 },
-    /// About `centre`, to the side given; ends where its tangent is `exit` (never, without one).
+    /// Arc about `centre`; ends where its tangent is `exit`, or never.
     Arc { centre: [f64; 2], radius: f64, side: Side, exit: Option<f64> },
 }
 
-/// Where a vessel is relative to a piece of its path.
+/// Position relative to a path segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
-    /// Course of the path there \[rad\].
+    /// Course of the path \[rad\].
     pub(super) course: f64,
-    /// Distance to starboard of the path \[m\].
+    /// Cross-track error \[m\], positive to starboard.
     pub(super) cross_track: f64,
     /// Curvature, positive to starboard \[1/m\].
     pub(super) curvature: f64,
-    /// What is left of the piece \[m\]; negative once it is done.
+    /// Remaining length \[m\]; negative beyond the end.
     pub(super) remaining: f64,
 }
 
 impl Piece {
-    /// Where the vessel is relative to this piece.
+    /// Position relative to this segment.
     pub(super) fn place(&self, state: &State) -> Place {
         match *self {
             Self::Line { start, course, length } => {
@@ -61,14 +61,13 @@ impl Piece {
                 let distance = north.hypot(east);
                 Place {
                     course: east.atan2(north) + sign * std::f64::consts::FRAC_PI_2,
-                    // To starboard of a circle run to starboard is its inside.
+                    // Starboard of a circle to starboard is its inside.
                     cross_track: sign * (radius - distance),
                     curvature: sign / radius,
                     remaining: exit.map_or(f64::INFINITY, |exit| {
                         let (sin, cos) = exit.sin_cos();
                         let to_exit = -(north * cos + east * sin);
-                        // The way in lies on the same line as the way out, on the other side of the centre:
-                        // only on the side of the way out does the line end the arc.
+                        // Entry and exit lie on one line on opposite sides of the centre; the arc ends on the exit side only.
                         let out = -sign * (east * cos - north * sin);
                         if out > 0.0 { to_exit } else { to_exit.abs() + radius }
                     }),

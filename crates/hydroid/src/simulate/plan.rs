@@ -1,4 +1,4 @@
-//! Lawn-mower and circle as pieces of path with speeds.
+//! Lawn-mower and circle as path segments with speeds.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -8,25 +8,24 @@ use rand::{Rng, RngExt as _};
 use super::path::{Piece, Side};
 use crate::excitation::{Circle, Envelope, ExcitationError, LawnMower, Purpose, Turn, stream};
 
-/// A piece of path and the speed for it.
+/// A path segment and its speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stage {
     pub(super) piece: Piece,
     /// Speed \[m/s\].
     pub(super) speed: f64,
-    /// Speed to have at the end \[m/s\], where that is less.
+    /// Speed at the end \[m/s\], if lower.
     pub(super) end_speed: f64,
 }
 
-/// The fastest that a speed is drawn, of top speed: the rest is left to the controller.
+/// Largest random speed relative to the top speed; the margin is for the controller.
 const FASTEST: f64 = 0.92;
-/// The slowest that a speed is drawn, of top speed; also the speed of a sharp turn.
+/// Smallest random speed relative to the top speed; also the speed of a sharp turn.
 const SLOWEST: f64 = 0.25;
-/// The band about the transition, relative to it, in which no speed is drawn: the drag falls there as the
-/// speed grows, so a vessel would not stay.
+/// Band around the transition without random speeds: the drag decreases there with speed, so that equilibria are unstable.
 const UNSTABLE: [f64; 2] = [0.9, 1.2];
 
-/// The stages of a circle.
+/// Stages of a circle.
 pub(super) fn circle(plan: &Circle, envelope: &Envelope) -> Result<Vec<Stage>, ExcitationError> {
     let radius = positive("the radius", plan.radius.unwrap_or(2.0 * envelope.top_speed * envelope.time_s))?;
     let speed = reachable(plan.speed.unwrap_or(0.6 * envelope.top_speed), envelope)?;
@@ -34,7 +33,7 @@ pub(super) fn circle(plan: &Circle, envelope: &Envelope) -> Result<Vec<Stage>, E
     Ok(vec![Stage { piece, speed, end_speed: speed }])
 }
 
-/// The stages of a lawn-mower: its legs, and what leads from one to the next.
+/// Stages of a lawn-mower: legs and connections.
 pub(super) fn lawn_mower(
     plan: &LawnMower,
     vessel: &VesselParams,
@@ -45,7 +44,7 @@ pub(super) fn lawn_mower(
 ) -> Result<Vec<Stage>, ExcitationError> {
     let leg =
         positive("the length of a leg", plan.leg.unwrap_or(10.0 * envelope.top_speed * envelope.time_s))?;
-    // A slip in a unit would plan more legs than anyone sails.
+    // Upper bound of the number of legs.
     let shortest = 1e-6 * envelope.top_speed * duration_s;
     if leg < shortest {
         return Err(ExcitationError::LegTooShort { leg, shortest });
@@ -89,7 +88,7 @@ pub(super) fn lawn_mower(
     Ok(stages)
 }
 
-/// Speeds for more legs than the duration can hold; the first is slow, the second fast.
+/// Random speeds for at least the duration, slow and fast in alternation.
 fn drawn_speeds(
     vessel: &VesselParams,
     plant: &Plant,
@@ -99,7 +98,7 @@ fn drawn_speeds(
     duration_s: f64,
 ) -> Vec<f64> {
     let (slowest, fastest) = (SLOWEST * envelope.top_speed, FASTEST * envelope.top_speed);
-    // Without a flying mode, or with one that full force does not reach, slow and fast part at the middle.
+    // Without a reachable foil-borne mode, slow and fast are separated in the middle.
     let [slow_end, fast_start] = match &vessel.flying {
         Some(flying)
             if slowest < UNSTABLE[0] * flying.transition_speed
@@ -125,7 +124,7 @@ fn drawn_speeds(
     speeds
 }
 
-/// Whether full force carries the vessel through the drag before its transition.
+/// Whether full force overcomes the drag below the transition.
 fn takes_off(plant: &Plant, vessel: &VesselParams, transition: f64) -> bool {
     let force = vessel.commands.propeller.limits[1];
     (0..=100).all(|k| plant.holding_force(transition * f64::from(k) / 100.0) < force)

@@ -9,10 +9,9 @@ use super::options::Options;
 use crate::log::{Channel, Table, Trajectory};
 use crate::toml_file::nearest;
 
-/// A simulated run: what was commanded, what was measured, what was true.
+/// A simulated run: commands, measurements and truth.
 ///
-/// Row `k` holds the state before command `k` acts; command `k` is held until row `k + 1`. The pose is
-/// measured exactly.
+/// Row `k` holds the state before command `k` acts; command `k` is held until row `k + 1`. The pose is measured without noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulated {
     name: String,
@@ -21,17 +20,17 @@ pub struct Simulated {
     force_measured: bool,
     commands: Vec<Command>,
     states: Vec<State>,
-    /// `[u, v, r, P_f]` with noise; the last is shown only where the force is measured.
+    /// `[u, v, r, P_f]` with noise; the force only if it is measured.
     measured: Vec<[f64; 4]>,
 }
 
-/// A measured column: its name and unit, and where it comes from.
+/// A measured column: name, unit and source.
 #[derive(Clone, Copy)]
 struct Output {
     name: &'static str,
     unit: &'static str,
     truth: fn(&State) -> f64,
-    /// Column of `measured`; the pose has none and is exact.
+    /// Column of `measured`; `None` for the pose.
     noisy: Option<usize>,
 }
 
@@ -69,7 +68,7 @@ impl Simulated {
         self.states.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no samples.
     pub fn is_empty(&self) -> bool {
         self.states.is_empty()
     }
@@ -79,14 +78,14 @@ impl Simulated {
         self.dt_s
     }
 
-    /// Time of sample `k` \[s\]. Where a second is a whole number of samples, it is the number nearest to
-    /// the decimal fraction, so that it reads 0.3 and not 0.30000000000000004.
+    /// Time of sample `k` \[s\], rounded to the nearest decimal fraction if the sample rate is a whole number: 0.3 instead of
+    /// 0.30000000000000004.
     pub fn time(&self, k: usize) -> f64 {
         let rate = 1.0 / self.dt_s;
         if (rate - rate.round()).abs() < 1e-9 * rate { k as f64 / rate.round() } else { k as f64 * self.dt_s }
     }
 
-    /// The two commands as a log calls them.
+    /// Channels of the two commands.
     pub const fn command_channels(&self) -> &[CommandChannel; 2] {
         &self.channels
     }
@@ -101,8 +100,7 @@ impl Simulated {
         &self.states
     }
 
-    /// Measured `[u, v, r, P_f]`, sample by sample; the last counts only where
-    /// [`force_measured`](Self::force_measured).
+    /// Measured `[u, v, r, P_f]`, sample by sample; the force is valid only with [`force_measured`](Self::force_measured).
     pub fn measured(&self) -> &[[f64; 4]] {
         &self.measured
     }
@@ -112,13 +110,13 @@ impl Simulated {
         self.force_measured
     }
 
-    /// How often the surge velocity went through `level` \[m/s\].
+    /// Number of crossings of `level` \[m/s\] by the surge velocity.
     pub fn crossings(&self, level: f64) -> usize {
         self.states.windows(2).filter(|pair| (pair[0].u > level) != (pair[1].u > level)).count()
     }
 
-    /// The run with the measured columns `outputs` (among `x`, `y`, `psi`, `u`, `v`, `r`, and `P_f` where it
-    /// is measured), both commands as inputs, and the truth of the same columns.
+    /// The run with measured columns `outputs` (of `x`, `y`, `psi`, `u`, `v`, `r`, and `P_f` if measured), both commands as inputs, and
+    /// the truth of these columns.
     ///
     /// # Errors
     /// [`SimulateError::UnknownOutput`] for a column that was not measured.

@@ -1,4 +1,4 @@
-//! The run itself: commands, integration, noise.
+//! Simulation: commands, integration, noise.
 
 use std::ops::ControlFlow;
 
@@ -7,21 +7,18 @@ use rand_distr::{Distribution as _, StandardNormal};
 
 use super::error::SimulateError;
 use super::options::{Counts, Options};
-use super::pilot::Pilot;
+use super::path_controller::PathController;
 use super::plan;
 use super::record::Simulated;
 use crate::excitation::{self, Envelope, Excitation, Purpose, stream};
 
-/// Samples between two calls of the progress callback: about a millisecond of work.
+/// Samples between two progress callbacks.
 const PROGRESS_EVERY: usize = 512;
 
-/// Runs a vessel and measures it.
-///
-/// `progress` is called every now and then with the fraction done, and may break off.
+/// Simulates a vessel and its measurements.
 ///
 /// # Errors
-/// Wrong options, a vessel or excitation that is not possible, a simulation that diverges (see
-/// [`SimulateError`]); [`SimulateError::Cancelled`] when `progress` breaks off.
+/// Invalid options, vessel or excitation, divergence (see [`SimulateError`]), or cancellation by `progress`.
 pub fn simulate(
     options: &Options,
     progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
@@ -41,13 +38,14 @@ pub fn simulate(
         Excitation::LawnMower(plan) => {
             let envelope = Envelope::new(vessel, &plant)?;
             let legs = plan::lawn_mower(plan, vessel, &plant, &envelope, seed, options.duration_s)?;
-            let mut pilot = Pilot::new(vessel, &plant, &envelope, legs, dt);
-            runner.run(|_, state| pilot.command(state))?
+            let mut controller = PathController::new(vessel, &plant, &envelope, legs, dt);
+            runner.run(|_, state| controller.command(state))?
         }
         Excitation::Circle(plan) => {
             let envelope = Envelope::new(vessel, &plant)?;
-            let mut pilot = Pilot::new(vessel, &plant, &envelope, plan::circle(plan, &envelope)?, dt);
-            runner.run(|_, state| pilot.command(state))?
+            let mut controller =
+                PathController::new(vessel, &plant, &envelope, plan::circle(plan, &envelope)?, dt);
+            runner.run(|_, state| controller.command(state))?
         }
     };
     let measured = measure(&states, &options.vessel.noise, options.noise_scale, options.seed);
@@ -66,8 +64,7 @@ impl Runner<'_> {
         self.run(|k, _| commands.get(k).copied())
     }
 
-    /// Open loop, but that the propeller stops pushing just below the ceiling: a straight course never gets
-    /// there, a turn that drives the vessel forward (through the Coriolis force) might.
+    /// Open loop, but the propeller force is zero just below the ceiling: in turns the Coriolis force can accelerate the vessel.
     fn governed(
         &mut self,
         commands: &[Command],
@@ -89,8 +86,7 @@ impl Runner<'_> {
         }
     }
 
-    /// From rest, until the duration is over or there is no further command. Row `k` holds the state before
-    /// command `k` acts.
+    /// From rest to the end of the duration or of the commands. Row `k` holds the state before command `k` acts.
     fn run(
         &mut self,
         mut command: impl FnMut(usize, &State) -> Option<Command>,
@@ -125,8 +121,7 @@ impl Runner<'_> {
     }
 }
 
-/// `[u, v, r, P_f]` with white Gaussian noise, in the order of samples: a shorter record of the same seed
-/// has the same noise as the start of a longer one.
+/// `[u, v, r, P_f]` with white Gaussian noise, drawn in the order of samples: a shorter record has the same noise.
 fn measure(states: &[State], noise: &Noise, scale: f64, seed: u64) -> Vec<[f64; 4]> {
     let deviations = [noise.u, noise.v, noise.r, noise.p_f].map(|std| std * scale);
     let mut rng = stream(seed, Purpose::Noise);

@@ -1,4 +1,4 @@
-//! A vessel from a TOML file.
+//! Vessel files (TOML).
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,21 +7,21 @@ use hydroid_core::vessel::{InvalidParams, VesselParams};
 
 use crate::toml_file::{self, TomlError};
 
-/// Why a vessel's file is refused; lines are counted from 1.
+/// Error in a vessel file; lines are counted from 1.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum VesselFileError {
-    /// The file cannot be read or is not what it should be.
+    /// The file cannot be read or parsed.
     #[error(transparent)]
     File(#[from] TomlError),
-    /// Parameters that describe no vessel.
+    /// Invalid vessel parameters.
     #[error("{}{}: {source}", path.display(), line.map(|l| format!(", line {l}")).unwrap_or_default())]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// Line of the parameter, where it can be told.
+        /// Line of the parameter, if known.
         line: Option<usize>,
-        /// What is absurd.
+        /// Reason.
         source: InvalidParams,
     },
 }
@@ -36,7 +36,7 @@ pub fn built_in(name: &str) -> Option<VesselParams> {
     }
 }
 
-/// A vessel from a TOML file, validated. [`vessel_toml`] shows what such a file looks like.
+/// Reads and validates a vessel file. [`vessel_toml`] writes one.
 ///
 /// # Errors
 /// See [`VesselFileError`].
@@ -47,7 +47,7 @@ pub fn load_vessel(path: impl AsRef<Path>) -> Result<VesselParams, VesselFileErr
     parse_vessel(&text, path)
 }
 
-/// A vessel from TOML text, validated; `path` is what messages call it.
+/// Parses and validates a vessel; `path` is for messages.
 ///
 /// # Errors
 /// See [`VesselFileError`].
@@ -61,16 +61,15 @@ pub fn parse_vessel(text: &str, path: &Path) -> Result<VesselParams, VesselFileE
     }
 }
 
-/// A vessel as TOML text that [`load_vessel`] reads back: a start for a file of one's own.
+/// A vessel as TOML text for [`load_vessel`].
 ///
 /// # Errors
-/// What the TOML writer says; it has nothing to say against any [`VesselParams`].
+/// If the TOML writer fails.
 pub fn vessel_toml(params: &VesselParams) -> Result<String, toml::ser::Error> {
     toml::to_string(params)
 }
 
-/// Line of the parameter that an [`InvalidParams`] names, where the file has a table for what holds it (or
-/// spells the whole path before the equals sign).
+/// Line of the parameter of an [`InvalidParams`], if the file has a table for it or the whole path before the equals sign.
 fn field_line(text: &str, error: &InvalidParams) -> Option<usize> {
     let field = error.field()?;
     let (table, key) = field.rsplit_once('.')?;

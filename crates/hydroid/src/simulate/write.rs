@@ -1,4 +1,4 @@
-//! A simulated record as CSV.
+//! CSV file of a simulated record.
 
 use std::fmt;
 use std::io::{self, BufWriter, Write};
@@ -6,12 +6,11 @@ use std::io::{self, BufWriter, Write};
 use super::record::Simulated;
 
 impl Simulated {
-    /// Writes the record as CSV: time, commands, measured pose and velocities, true velocities and
-    /// propeller force, and the measured force where there is one. The header gives names with units;
-    /// numbers are the shortest that read back the same.
+    /// Writes the record as CSV: time, commands, measured pose and velocities, true velocities and propeller force, measured force if
+    /// any. The header has names and units; numbers are the shortest that read back exactly.
     ///
     /// # Errors
-    /// What the writer says.
+    /// If the writer fails.
     pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
         let mut out = BufWriter::with_capacity(1 << 16, writer);
         let [propeller, rudder] = self.command_channels();
@@ -42,8 +41,7 @@ impl Simulated {
     }
 }
 
-/// The shortest decimal that reads back as the same number; what has died away to nearly nothing with an
-/// exponent, instead of hundreds of zeros.
+/// Shortest decimal that reads back exactly, with an exponent for very small numbers.
 pub(crate) struct Shortest(pub(crate) f64);
 
 impl fmt::Display for Shortest {

@@ -1,7 +1,4 @@
-//! A simple helmsman for closed-loop runs: speed, course, path, on the true state.
-//!
-//! It knows the vessel's parameters, because a simulated log shall go where it was told; the controllers
-//! that are judged work on what was identified and are not these.
+//! Path-following controller of closed-loop excitations, on the true state and parameters.
 
 use hydroid_core::vessel::kinematics::wrap;
 use hydroid_core::vessel::{Command, Plant, RudderLaw, State, VesselParams};
@@ -10,7 +7,7 @@ use super::path::Place;
 use super::plan::Stage;
 use crate::excitation::Envelope;
 
-/// Steers a vessel along its stages.
+/// Path-following controller.
 ///
 /// - Speed: `PP = F(u_d) + k_p (u_d - u) + k_i integral`, `F` the force that holds the speed.
 /// - Guidance: line of sight, `chi_d = course - atan(e / lookahead)`, with the cross-track error `e`; heading
@@ -18,7 +15,7 @@ use crate::excitation::Envelope;
 ///   Hydrodynamics and Motion Control, 2nd ed., chapter 12).
 /// - Heading: `N = m33 (w^2 (psi_d - psi) + 2 w (r_d - r)) + drag and Coriolis moment`, `r_d` the curvature
 ///   of the path times the speed; from `N` the rudder command.
-pub(super) struct Pilot<'a> {
+pub(super) struct PathController<'a> {
     vessel: &'a VesselParams,
     plant: &'a Plant,
     stages: Vec<Stage>,
@@ -32,7 +29,7 @@ pub(super) struct Pilot<'a> {
     slowest: f64,
 }
 
-impl<'a> Pilot<'a> {
+impl<'a> PathController<'a> {
     pub(super) fn new(
         vessel: &'a VesselParams,
         plant: &'a Plant,
@@ -42,7 +39,7 @@ impl<'a> Pilot<'a> {
     ) -> Self {
         let [m11, ..] = plant.mass_matrix();
         let lag = vessel.propeller.lag;
-        // The pole of mass over gain a good deal slower than the propeller.
+        // The closed-loop pole is slower than the propeller lag.
         let speed_gain = 0.4 * m11 / lag;
         Self {
             vessel,
@@ -59,7 +56,7 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// The command for this sample; none once the last stage is done.
+    /// Command of this sample; `None` after the last stage.
     pub(super) fn command(&mut self, state: &State) -> Option<Command> {
         let (stage, place) = loop {
             let stage = *self.stages.get(self.stage)?;
@@ -78,7 +75,7 @@ impl<'a> Pilot<'a> {
         Some(Command { pp: self.propeller(state, speed), rd: self.rudder(state, &place) })
     }
 
-    /// Way in which drag alone slows the vessel down, the lag of the propeller included \[m\].
+    /// Distance in which drag decelerates the vessel, propeller lag included \[m\].
     fn braking_way(&self, from: f64, to: f64) -> f64 {
         if from <= to {
             return 0.0;
@@ -94,7 +91,7 @@ impl<'a> Pilot<'a> {
         let wanted =
             self.plant.holding_force(speed) + self.speed_gain * error + self.integral_gain * self.integral;
         let pp = channel.clamp(wanted);
-        // A command at its limit must not wind the integral up.
+        // Anti-windup: no integration at a command limit.
         if pp == wanted {
             self.integral += error * self.dt_s;
         }
@@ -118,7 +115,7 @@ impl<'a> Pilot<'a> {
             + drag_factor * drag
             + coriolis;
 
-        // Hardly moving, the rudder has no grip, and dividing by the speed would make it flap.
+        // At low speed the rudder has little effect, and a division by the speed would amplify noise.
         let grip = self.vessel.rudder.gain * state.u.max(self.slowest);
         let wanted = match self.vessel.rudder.law {
             RudderLaw::Linear => moment / grip,
