@@ -16,7 +16,7 @@ fn model() -> Model {
     let port = |name: &str| Port {
         channel: Channel::new(name, ""),
         range: DesignRange { low: -2.0, high: 2.0 },
-        visited: None,
+        training_range: None,
         noise: None,
     };
     let mut reading = Reading::default();

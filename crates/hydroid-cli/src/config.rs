@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use hydroid::identify::{GivenRanges, NetworkSettings, SindySettings};
+use hydroid::identify::{GivenRanges, NetworkOptions, SindyOptions};
 use hydroid::log::{ChannelSpec, CommandTiming, InputDelay, Wind};
 use hydroid::toml_file;
 use serde::Deserialize;
@@ -21,13 +21,13 @@ pub struct Config {
     pub log: Log,
     pub split: Split,
     pub identify: Identify,
-    pub sindy: SindySettings,
-    pub network: NetworkSettings,
-    pub lstm: NetworkSettings,
-    pub gru: NetworkSettings,
-    pub rnn: NetworkSettings,
-    pub direct: NetworkSettings,
-    pub affine: NetworkSettings,
+    pub sindy: SindyOptions,
+    pub network: NetworkOptions,
+    pub lstm: NetworkOptions,
+    pub gru: NetworkOptions,
+    pub rnn: NetworkOptions,
+    pub direct: NetworkOptions,
+    pub affine: NetworkOptions,
     pub ranges: GivenRanges,
     /// Options of `hydroid adapt`, not used here.
     pub adapt: IgnoredAny,

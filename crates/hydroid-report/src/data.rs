@@ -6,7 +6,7 @@ use super::figure::{Interval, RangeRow, range_chart};
 use super::number::{self, duration, with_unit};
 use super::page::{Section, cell, columns, figure, notes, nothing, table};
 use super::{ReportError, Subject, series, style};
-use hydroid::identify::{ChannelSummary, overview};
+use hydroid::identify::{ChannelSummary, data_summary};
 use hydroid::log::{Note, Split, Trajectory};
 
 /// Training runs that are drawn.
@@ -20,7 +20,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
     if super::runs(split).next().is_none() {
         return Ok(Section::new(id, heading, nothing("There are no runs.")));
     }
-    let channels = overview(split);
+    let channels = data_summary(split);
     let told: Vec<&Note> = subject.context.notes.iter().filter(|note| !note.is_warning()).collect();
     let warned = subject.context.notes.len() - told.len();
     let mut drawings = Vec::new();

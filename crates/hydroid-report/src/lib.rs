@@ -32,7 +32,7 @@ mod summary;
 
 use equations::Sparse;
 use figure::FigureError;
-use hydroid::identify::{Candidate, Identified};
+use hydroid::identify::{Candidate, IdentifyResult};
 use hydroid::log::{Note, Split, Trajectory};
 
 pub use steering::{Steered, steering};
@@ -89,7 +89,7 @@ pub enum ReportError {
 
 /// What all sections are made from.
 struct Subject<'a> {
-    result: &'a Identified,
+    result: &'a IdentifyResult,
     split: &'a Split,
     context: &'a Context,
     /// The best candidate, or the first.
@@ -97,7 +97,7 @@ struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    fn new(result: &'a Identified, split: &'a Split, context: &'a Context) -> Result<Self, ReportError> {
+    fn new(result: &'a IdentifyResult, split: &'a Split, context: &'a Context) -> Result<Self, ReportError> {
         let candidate = result.best.and_then(|i| result.candidates.get(i)).or(result.candidates.first());
         if let Some(candidate) = candidate {
             let description = &candidate.model.description;
@@ -122,7 +122,11 @@ fn runs(split: &Split) -> impl Iterator<Item = &Trajectory> {
 ///
 /// # Errors
 /// If the split is not the one of the result, or a figure cannot be written.
-pub fn identification(result: &Identified, split: &Split, context: &Context) -> Result<String, ReportError> {
+pub fn identification(
+    result: &IdentifyResult,
+    split: &Split,
+    context: &Context,
+) -> Result<String, ReportError> {
     let subject = Subject::new(result, split, context)?;
     let mut sections = vec![summary::section(&subject)];
     sections.extend(methods::section(&subject));

@@ -6,7 +6,9 @@ use hydroid_core::vessel::VesselParams;
 
 use super::*;
 use hydroid::excitation::Excitation;
-use hydroid::identify::{GivenRanges, Grade, Job, Method, Networks, SindySettings, identify, verdicts};
+use hydroid::identify::{
+    GivenRanges, Grade, Job, Method, NetworkTrainingOptions, SindyOptions, identify, verdicts,
+};
 use hydroid::log::{Channel, Table};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
@@ -52,14 +54,14 @@ fn job() -> Job {
         origin_stride: 5,
         seed: 7,
         ranges: GivenRanges::new(),
-        networks: Networks::default(),
-        sindy: SindySettings { degree: Some(2), window_s: Some(0.5), ..SindySettings::default() },
+        networks: NetworkTrainingOptions::default(),
+        sindy: SindyOptions { degree: Some(2), window_s: Some(0.5), ..SindyOptions::default() },
     }
 }
 
 /// One identification for all tests.
-fn identified() -> &'static (Job, Identified) {
-    static DONE: OnceLock<(Job, Identified)> = OnceLock::new();
+fn identified() -> &'static (Job, IdentifyResult) {
+    static DONE: OnceLock<(Job, IdentifyResult)> = OnceLock::new();
     DONE.get_or_init(|| {
         let job = job();
         let result = identify(&job, &mut silent()).unwrap();
@@ -103,7 +105,7 @@ fn assert_balanced(page: &str) {
     assert!(open.is_empty(), "left open: {open:?}");
 }
 
-fn page(result: &Identified, split: &Split) -> String {
+fn page(result: &IdentifyResult, split: &Split) -> String {
     let page = identification(result, split, &context()).unwrap();
     assert_balanced(&page);
     for foreign in ["http:", "https:", "src=", "<link", "<img", "<iframe", "@import", "url(", "NaN", "inf\""]
@@ -183,7 +185,7 @@ fn a_useless_or_diverging_model_is_called_that_first() {
 fn without_candidates_there_is_a_page_that_says_so() {
     let (job, _) = identified();
     let nothing =
-        Identified { candidates: vec![], best: None, verdicts: vec![], warnings: vec![], ranges: vec![] };
+        IdentifyResult { candidates: vec![], best: None, verdicts: vec![], warnings: vec![], ranges: vec![] };
     assert!(page(&nothing, &job.split).contains("Nothing was identified."));
     let empty = Split { train: vec![], validation: vec![], test: vec![], notes: vec![] };
     assert!(page(&nothing, &empty).contains("There are no runs."));

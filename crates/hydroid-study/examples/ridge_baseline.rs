@@ -18,7 +18,7 @@
 use std::path::{Path, PathBuf};
 
 use hydroid::evaluate::{Evaluation, Options, evaluate};
-use hydroid::identify::ranges;
+use hydroid::identify::output_ranges;
 use hydroid::log::{self, PrepareOptions, Selection, Table, Trajectory};
 use hydroid::progress::silent;
 use hydroid::sindy::{BLOCK_ROWS, QrFactor};
@@ -274,7 +274,7 @@ pub fn baseline(ship: &Ship, data: &Path) -> Vec<Row> {
         let [train, validation, test] = parts.each_ref().map(|runs| {
             runs.iter().flat_map(|run| coarse(run, ship.stride, held)).collect::<Vec<Trajectory>>()
         });
-        let ranges = ranges(&train.iter().collect::<Vec<_>>());
+        let ranges = output_ranges(&train.iter().collect::<Vec<_>>());
         let options = Options { horizon: ship.horizon / ship.stride, ..Options::default() };
         for lambda in [1e-6, 1e-4, 1e-2, 0.1, 0.3, 1.0] {
             let model = Ridge::fit(&train, lambda);

@@ -12,7 +12,7 @@ use super::plan::{Drive, ModelPlan, Plan, Record};
 use super::store::{Key, Store};
 use super::{StudyError, Told, Watch};
 use hydroid::excitation::{Excitation, LawnMower, LowSpeed, Turn};
-use hydroid::identify::{self, Job, Networks, identify_watched};
+use hydroid::identify::{self, Job, NetworkTrainingOptions, identify_with_stages};
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::Cancelled;
@@ -153,13 +153,13 @@ impl<'a> Lab<'a> {
                 Ok(vec![Trajectory { name: sailed.name.clone(), ..run }])
             };
             let of = &plan.network;
-            let networks = Networks {
+            let networks = NetworkTrainingOptions {
                 lstm: of.clone(),
                 gru: of.clone(),
                 rnn: of.clone(),
                 direct: of.clone(),
                 affine: of.clone(),
-                ..Networks::default()
+                ..NetworkTrainingOptions::default()
             };
             let job = Job {
                 methods: vec![plan.method],
@@ -181,7 +181,7 @@ impl<'a> Lab<'a> {
             let mut progress = self.progress(&what);
             peak::reset();
             let mut found =
-                identify_watched(&job, &mut |stage: &identify::Stage<'_>| progress(stage.fraction))?;
+                identify_with_stages(&job, &mut |stage: &identify::Stage<'_>| progress(stage.fraction))?;
             let candidate = found.candidates.swap_remove(0);
             Ok((candidate.model, About { seconds: candidate.train_seconds, peak_mb: peak::mb() }))
         })?;

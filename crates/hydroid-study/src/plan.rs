@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::StudyError;
 use super::experiment::Kind;
-use hydroid::identify::{GivenRanges, Method, NetworkSettings, SindySettings};
+use hydroid::identify::{GivenRanges, Method, NetworkOptions, SindyOptions};
 use hydroid::toml_file;
 
 /// The files that are built in, name and text.
@@ -100,10 +100,10 @@ pub struct ModelPlan {
     pub ranges: GivenRanges,
     /// Settings of a network.
     #[serde(default)]
-    pub network: NetworkSettings,
+    pub network: NetworkOptions,
     /// Settings of equations.
     #[serde(default)]
-    pub sindy: SindySettings,
+    pub sindy: SindyOptions,
 }
 
 fn motion() -> Vec<String> {

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use super::StudyError;
 use hydroid::evaluate::{Against, DesignRange, Evaluation, Options, Origin, evaluate};
-use hydroid::identify::ranges;
+use hydroid::identify::output_ranges;
 use hydroid::log::Trajectory;
 use hydroid::progress::silent;
 use hydroid::sindy::{
@@ -141,7 +141,7 @@ pub fn recipe(
     differences: &[(&'static str, RegressionForm)],
     thresholds: &[f64],
 ) -> Result<Vec<Row>, StudyError> {
-    let ranges = ranges(&[train]);
+    let ranges = output_ranges(&[train]);
     let mut rows = Vec::new();
     for &degree in degrees {
         let terms = Library::polynomial(degree).terms(&Variables::of(train));

@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 
 use super::StudyError;
 use hydroid::atomic;
-use hydroid::fnv::Fnv;
+use hydroid::fingerprint::Fingerprint;
 use hydroid::model::{self, Model};
 
 /// A fingerprint of a result and all that it depends on.
@@ -36,14 +36,14 @@ impl Store {
     ///
     /// It is made of the words of `Debug`: JSON knows no infinity.
     pub(super) fn key(&self, kind: &str, what: &impl Debug, on: &[Key]) -> Key {
-        let mut print = Fnv::new();
-        print.word(self.program);
-        print.text(kind);
-        print.text(&format!("{what:?}"));
+        let mut hash = Fingerprint::new();
+        hash.word(self.program);
+        hash.text(kind);
+        hash.text(&format!("{what:?}"));
         for key in on {
-            print.word(key.0);
+            hash.word(key.0);
         }
-        Key(print.value())
+        Key(hash.value())
     }
 
     fn path(&self, name: &str, key: Key, extension: &str) -> PathBuf {
@@ -103,18 +103,14 @@ fn kept<T: DeserializeOwned>(path: &Path) -> Option<T> {
 
 /// A fingerprint of the program that runs: its own file, byte for byte.
 pub fn program() -> u64 {
-    let mut print = Fnv::new();
-    print.text(env!("CARGO_PKG_VERSION"));
+    let mut hash = Fingerprint::new();
+    hash.text(env!("CARGO_PKG_VERSION"));
     if let Ok(bytes) = std::env::current_exe().and_then(std::fs::read) {
-        for word in bytes.chunks(8) {
-            let mut padded = [0; 8];
-            padded[..word.len()].copy_from_slice(word);
-            print.word(u64::from_le_bytes(padded));
-        }
+        hash.bytes(&bytes);
     } else {
         // Not known: then no result is of this program but those that it makes now.
         let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-        print.text(&format!("{now:?} {}", std::process::id()));
+        hash.text(&format!("{now:?} {}", std::process::id()));
     }
-    print.value()
+    hash.value()
 }

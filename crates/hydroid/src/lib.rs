@@ -12,7 +12,7 @@ pub mod closed_loop;
 pub mod evaluate;
 pub mod excitation;
 pub mod faults;
-pub mod fnv;
+pub mod fingerprint;
 pub mod identify;
 pub mod log;
 pub mod model;

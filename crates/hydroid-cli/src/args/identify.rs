@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-use hydroid::identify::{GateSetting, Lags};
+use hydroid::identify::{GateOption, LagOption};
 
 use super::{Duration, Horizon, LogArgs, Method, NamedRange};
 
@@ -87,10 +87,10 @@ pub struct Identify {
     pub dissipative: bool,
     /// First-order lags of the actuators: auto, none, or time constants [s]: n=1.5,delta=0.3 (default: auto)
     #[arg(long, value_name = "auto|none|LIST", help_heading = "Equations")]
-    pub lag: Option<Lags>,
+    pub lag: Option<LagOption>,
     /// Gate between two regimes: auto, none, or OUTPUT=CENTRE/SLOPE: u=2.5/12 (default: auto)
     #[arg(long, value_name = "auto|none|GATE", help_heading = "Equations")]
-    pub gate: Option<GateSetting>,
+    pub gate: Option<GateOption>,
     /// Huber threshold of the residuals [standard deviations]: 1.345 is usual (default: least squares)
     #[arg(long, value_name = "X", allow_negative_numbers = true, help_heading = "Equations")]
     pub huber: Option<f64>,

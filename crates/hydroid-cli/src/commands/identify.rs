@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use hydroid::excitation::Excitation;
-use hydroid::identify::{self, Identified, Job, Members, Networks, Refine, SindySettings};
+use hydroid::identify::{
+    self, EnsembleSize, IdentifyResult, Job, NetworkTrainingOptions, RefineOption, SindyOptions,
+};
 use hydroid::log::{InputDelay, Note, Split, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::simulate::Options;
@@ -54,7 +56,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         log, split, identify, mut sindy, network, lstm, gru, rnn, direct, affine, mut ranges, ..
     } = config;
     let budget = args.budget.or(identify.budget).map(|budget| budget.0);
-    let mut networks = Networks {
+    let mut networks = NetworkTrainingOptions {
         all: network,
         lstm,
         gru,
@@ -108,7 +110,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         networks,
     };
     let bar = ui::Bar::new("identifying", global);
-    let identified = identify::identify_watched(&job, &mut bar.stage_callback());
+    let identified = identify::identify_with_stages(&job, &mut bar.stage_callback());
     drop(bar);
     let mut identified = identified.map_err(|error| with_resume_hint(error.into(), &job))?;
     identified.warnings.extend(move_stale_models(&args.output, &job, &identified)?);
@@ -125,14 +127,14 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     } else {
         show(&args.output, &identified);
     }
-    Ok(if identified.sound() { Outcome::Done } else { Outcome::Missed })
+    Ok(if identified.is_usable() { Outcome::Done } else { Outcome::Missed })
 }
 
 /// Applies the network options of the command line, which override the file for all networks.
-fn apply_network_args(args: &Identify, networks: &mut Networks) {
+fn apply_network_args(args: &Identify, networks: &mut NetworkTrainingOptions) {
     let (epochs, restarts) =
         (args.epochs.and_then(|n| usize::try_from(n).ok()), args.restarts.map(usize::from));
-    let Networks { all, lstm, gru, rnn, direct, affine, .. } = networks;
+    let NetworkTrainingOptions { all, lstm, gru, rnn, direct, affine, .. } = networks;
     for settings in [all, lstm, gru, rnn, direct, affine] {
         settings.epochs = epochs.or(settings.epochs);
         settings.restarts = restarts.or(settings.restarts);
@@ -140,7 +142,7 @@ fn apply_network_args(args: &Identify, networks: &mut Networks) {
 }
 
 /// Applies the options for equations, which override the file.
-fn apply_equation_args(args: &Identify, sindy: &mut SindySettings) {
+fn apply_equation_args(args: &Identify, sindy: &mut SindyOptions) {
     // --library and --degree exclude each other.
     if args.library.is_some() {
         sindy.degree = None;
@@ -161,9 +163,9 @@ fn apply_equation_args(args: &Identify, sindy: &mut SindySettings) {
     sindy.gate = args.gate.clone().unwrap_or_else(|| std::mem::take(&mut sindy.gate));
     sindy.huber = args.huber.or(sindy.huber);
     if args.refine || args.no_refine {
-        sindy.refine = Refine::Asked(args.refine);
+        sindy.refine = RefineOption::Fixed(args.refine);
     }
-    sindy.members = args.members.map_or(sindy.members, |n| Members(n.into()));
+    sindy.members = args.members.map_or(sindy.members, |n| EnsembleSize(n.into()));
     sindy.threshold = args.threshold.or(sindy.threshold);
     sindy.window_s = args.window.or(sindy.window_s);
     sindy.ridge = args.ridge.or(sindy.ridge);
@@ -250,7 +252,7 @@ fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Fil
 }
 
 /// The report as HTML.
-fn page(files: &Files, job: &Job, identified: &Identified, notes: &[Note]) -> anyhow::Result<String> {
+fn page(files: &Files, job: &Job, identified: &IdentifyResult, notes: &[Note]) -> anyhow::Result<String> {
     let all = files.train.iter().chain(&files.validate).chain(&files.test);
     let sources: Vec<String> = all.map(|file| file.display().to_string()).collect();
     let context = Context {
@@ -277,7 +279,7 @@ fn title(sources: &[String]) -> String {
 /// Writes models, report and summary; returns the summary.
 fn write(
     folder: &Path,
-    identified: &Identified,
+    identified: &IdentifyResult,
     notes: &[Note],
     page: &str,
 ) -> anyhow::Result<serde_json::Value> {
@@ -319,7 +321,7 @@ fn write(
 }
 
 /// Prints the design ranges if networks use them or the user gave one.
-fn show_ranges(identified: &Identified) {
+fn show_ranges(identified: &IdentifyResult) {
     let networks = identified.candidates.iter().any(|candidate| candidate.model.is_network());
     if !networks && identified.ranges.iter().all(|range| !range.given) {
         return;
@@ -337,7 +339,7 @@ fn show_ranges(identified: &Identified) {
     }
 }
 
-fn show(folder: &Path, identified: &Identified) {
+fn show(folder: &Path, identified: &IdentifyResult) {
     for candidate in &identified.candidates {
         let model = &candidate.model;
         outln!(

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use hydroid::identify::{Identified, IdentifyError, Job, Method};
+use hydroid::identify::{IdentifyError, IdentifyResult, Job, Method};
 use hydroid::log::Note;
 use hydroid::train::{TrainError, refit_checkpoint};
 
@@ -13,7 +13,7 @@ pub fn model_file(folder: &Path, name: &str) -> PathBuf {
 }
 
 /// Renames models of an earlier job whose method gave no model in this job, so that they are not taken for its results.
-pub fn move_stale_models(folder: &Path, job: &Job, identified: &Identified) -> anyhow::Result<Vec<Note>> {
+pub fn move_stale_models(folder: &Path, job: &Job, identified: &IdentifyResult) -> anyhow::Result<Vec<Note>> {
     let mut notes = Vec::new();
     for method in &job.methods {
         let file = model_file(folder, method.name());

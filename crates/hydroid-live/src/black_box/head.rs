@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::record::Places;
 use hydroid::adapt::Options;
-use hydroid::fnv::Fnv;
+use hydroid::fingerprint::Fingerprint;
 use hydroid::log::Channel;
 
 pub(super) const MAGIC: &[u8; 8] = b"HYDROBOX";
@@ -154,9 +154,7 @@ impl Head {
 }
 
 pub(super) fn sum(bytes: &[u8]) -> u64 {
-    let mut fnv = Fnv::new();
-    for &byte in bytes {
-        fnv.byte(byte);
-    }
-    fnv.value()
+    let mut hash = Fingerprint::new();
+    hash.bytes(bytes);
+    hash.value()
 }

@@ -19,7 +19,7 @@
 //!           steps: a row of f64 each, and its sum (u64)
 //! ```
 //!
-//! All is little-endian; sums are FNV-1a. Segments have their places, one behind the other, and are written in turn. The sum of
+//! All is little-endian; sums are XXH3 (64 bits). Segments have their places, one behind the other, and are written in turn. The sum of
 //! a step depends on sequence and place, so that a row that an earlier turn has left is none of this one. A step that is not
 //! whole ends its segment: the kill came there.
 

@@ -6,7 +6,7 @@ use super::BlackBoxError;
 use super::head::{Head, START};
 use super::ring::{MAGIC, place_of, start_sum, step_sum};
 use super::step::Step;
-use hydroid::fnv::Fnv;
+use hydroid::fingerprint::Fingerprint;
 
 /// Larger files are none of these.
 const LARGEST: u64 = 1 << 36;
@@ -112,9 +112,9 @@ fn segment(bytes: &[u8], head: &Head, place: usize) -> Option<Segment> {
     }
     let (memory, steps) = rest.split_at_checked(8 * head.memory)?;
     let memory = numbers(memory);
-    let mut fnv = Fnv::new();
-    fnv.numbers(&memory);
-    if fnv.value() != memory_sum {
+    let mut hash = Fingerprint::new();
+    hash.numbers(&memory);
+    if hash.value() != memory_sum {
         return None;
     }
     let len = head.places().len();

@@ -8,7 +8,7 @@ use super::BlackBoxError;
 use super::head::{Head, START};
 use super::read::BlackBox;
 use hydroid::atomic::{self, WriteError};
-use hydroid::fnv::Fnv;
+use hydroid::fingerprint::Fingerprint;
 
 pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"SEGMENT\n");
 
@@ -91,9 +91,9 @@ impl Ring {
         goes_on: bool,
         memory: &[f64],
     ) -> Result<(), WriteError> {
-        let mut fnv = Fnv::new();
-        fnv.numbers(memory);
-        let mut words = [MAGIC, sequence, steps, u64::from(goes_on), fnv.value(), 0];
+        let mut hash = Fingerprint::new();
+        hash.numbers(memory);
+        let mut words = [MAGIC, sequence, steps, u64::from(goes_on), hash.value(), 0];
         words[START - 1] = start_sum(&words);
         let place = self.place(sequence);
         let mut attempt = || -> io::Result<()> {
@@ -142,20 +142,20 @@ pub(super) fn place_of(sequence: u64, segments: u64) -> u64 {
 
 /// The sum of a segment's start.
 pub(super) fn start_sum(words: &[u64; START]) -> u64 {
-    let mut fnv = Fnv::new();
+    let mut hash = Fingerprint::new();
     for &word in &words[..START - 1] {
-        fnv.word(word);
+        hash.word(word);
     }
-    fnv.value()
+    hash.value()
 }
 
 /// The sum of a step at a place of a segment.
 pub(super) fn step_sum(sequence: u64, place: u64, row: &[f64]) -> u64 {
-    let mut fnv = Fnv::new();
-    fnv.word(sequence);
-    fnv.word(place);
-    fnv.numbers(row);
-    fnv.value()
+    let mut hash = Fingerprint::new();
+    hash.word(sequence);
+    hash.word(place);
+    hash.numbers(row);
+    hash.value()
 }
 
 /// Whether there is a file; what is none cannot be one.

@@ -43,7 +43,7 @@ use commands::Commands;
 use hydroid::adapt::Coverage;
 use hydroid::adapt::events::{Worded, names};
 use hydroid::atomic::WriteError;
-use hydroid::fnv::Fnv;
+use hydroid::fingerprint::Fingerprint;
 use hydroid::log::{LogError, Note};
 use hydroid::model::{Mismatch, Model, Reading};
 use keep::Keeper;
@@ -104,13 +104,11 @@ pub enum StreamError {
     Output(io::Error),
 }
 
-/// Tells one model file from another.
+/// The fingerprint of a model file.
 pub fn fingerprint(file: &[u8]) -> String {
-    let mut fnv = Fnv::new();
-    for &byte in file {
-        fnv.byte(byte);
-    }
-    fnv.hex()
+    let mut hash = Fingerprint::new();
+    hash.bytes(file);
+    hash.hex()
 }
 
 /// A stream that is served.

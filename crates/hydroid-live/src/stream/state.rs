@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::StreamError;
 use hydroid::atomic;
-use hydroid::fnv::Fnv;
+use hydroid::fingerprint::Fingerprint;
 
 const KEY: &str = "hydroid_stream";
 const VERSION: u32 = 1;
@@ -49,14 +49,12 @@ pub struct State {
 }
 
 fn sum(clock: &[f64], commands: &[f64], memory: &[f64]) -> String {
-    let mut fnv = Fnv::new();
+    let mut hash = Fingerprint::new();
     for part in [clock, commands, memory] {
-        fnv.word(part.len() as u64);
-        for &x in part {
-            fnv.number(x);
-        }
+        hash.word(part.len() as u64);
+        hash.numbers(part);
     }
-    fnv.hex()
+    hash.hex()
 }
 
 impl State {

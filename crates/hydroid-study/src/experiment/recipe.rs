@@ -8,7 +8,7 @@ use super::super::look;
 use super::super::outcome::{Cell, Outcome, Sheet};
 use super::super::recipe::{self, DIFFERENCES, HORIZONS, Row, THRESHOLDS, Verdict};
 use super::median;
-use hydroid::identify::ranges;
+use hydroid::identify::output_ranges;
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Points, Sign};
 use hydroid_report::style;
 
@@ -42,7 +42,7 @@ impl Recipe {
         })?;
         let rows: Vec<Row> = rows.into_iter().flatten().collect();
         let ours = lab.models(&self.ours)?;
-        let ranges = ranges(&[&train.run]);
+        let ranges = output_ranges(&[&train.run]);
         let found: Vec<Option<recipe::Errors>> = lab.each("hydroid's equations", &ours, |learned| {
             lab.fits(learned, &test)?;
             let key = lab.store.key("from truth", &(), &[learned.key, train.key, test.key]);

@@ -3,7 +3,9 @@
 
 use hydroid::evaluate::{Against, Evaluation, Options, Origin, evaluate};
 use hydroid::excitation::Excitation;
-use hydroid::identify::{GivenRanges, Identified, Job, Method, Networks, SindySettings, identify, ranges};
+use hydroid::identify::{
+    GivenRanges, IdentifyResult, Job, Method, NetworkTrainingOptions, SindyOptions, identify, output_ranges,
+};
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
@@ -21,7 +23,7 @@ fn run(vessel: VesselParams, duration_s: f64, seed: u64) -> Trajectory {
 
 /// Nothing set: ten minutes to learn from, five to choose on; judged on twenty others, every rollout from the
 /// true state and against the truth.
-fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (Identified, Evaluation) {
+fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (IdentifyResult, Evaluation) {
     let part = |duration_s, seed| vec![run(vessel.clone(), duration_s, seed)];
     let split = Split {
         train: part(600.0, seed),
@@ -37,8 +39,8 @@ fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (Identified, Evaluation
         origin_stride: 20,
         seed: 0,
         ranges: GivenRanges::new(),
-        networks: Networks::default(),
-        sindy: SindySettings::default(),
+        networks: NetworkTrainingOptions::default(),
+        sindy: SindyOptions::default(),
     };
     let identified = identify(&job, &mut silent()).unwrap();
     let options = Options {
@@ -49,13 +51,13 @@ fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (Identified, Evaluation
         warm_up: 1,
     };
     let mut session = identified.candidates[0].model.session();
-    let ranges = ranges(&[&job.split.train[0]]);
+    let ranges = output_ranges(&[&job.split.train[0]]);
     let test =
         evaluate("sindy", session.as_mut(), &ranges, &[&job.split.test[0]], &options, &mut silent()).unwrap();
     (identified, test)
 }
 
-fn structure(identified: &Identified) -> &Structure {
+fn structure(identified: &IdentifyResult) -> &Structure {
     let found = identified.candidates[0].found().unwrap();
     &found.trials[found.chosen].structure
 }

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::affine;
-use super::settings::{intervals, reference};
-use super::{IdentifyError, Job, Parts, SEARCH_ORIGINS, overview};
+use super::control_affine;
+use super::options::{intervals, reference};
+use super::{IdentifyError, Job, Parts, SEARCH_ORIGINS, data_summary};
 use crate::evaluate;
 use crate::log::Trajectory;
 use crate::progress::Progress;
@@ -53,7 +53,10 @@ pub(super) fn memoryless(
     let all = libraries(job, train[0])?;
     // One search for each way in which commands may enter: equations put together from two could not be inverted.
     let searches: Vec<Vec<Library>> = if job.sindy.for_control {
-        affine::libraries(&all, &Variables::of(train[0])).into_iter().map(|library| vec![library]).collect()
+        control_affine::libraries(&all, &Variables::of(train[0]))
+            .into_iter()
+            .map(|library| vec![library])
+            .collect()
     } else {
         vec![all]
     };
@@ -116,7 +119,7 @@ pub(super) fn whole(
     }
     grid.optimizers = vec![Optimizer::Stepwise(0.0)];
     grid.refine = None;
-    grid.constraints = job.sindy.rules(run, &libraries)?;
+    grid.constraints = job.sindy.coefficient_constraints(run, &libraries)?;
     let ridges = job.sindy.ridge.map_or_else(|| vec![0.1, 1.0, 10.0], |ridge| vec![ridge]);
     let mut outcome = Err(IdentifyError::Sindy(SearchError::Empty));
     for ridge in ridges {
@@ -138,7 +141,7 @@ fn run(
 ) -> Result<Arc<SearchResult>, IdentifyError> {
     let train = &parts.train;
     let mut grid = job.sindy.grid(train, job.horizon, libraries, structures, plain);
-    grid.constraints = job.sindy.rules(train[0], libraries)?;
+    grid.constraints = job.sindy.coefficient_constraints(train[0], libraries)?;
     searched(job, parts, &grid, progress)
 }
 
@@ -149,10 +152,10 @@ fn searched(
     progress: Progress<'_>,
 ) -> Result<Arc<SearchResult>, IdentifyError> {
     let train = &parts.train;
-    let inputs = overview::input_ranges(train);
+    let inputs = data_summary::input_ranges(train);
     let judge = SearchOptions {
         validation: &parts.validation,
-        outputs: &parts.visited,
+        outputs: &parts.training_ranges,
         inputs: &inputs,
         evaluation: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick(job, parts) },
         seed: job.seed,

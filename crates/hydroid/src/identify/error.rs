@@ -64,7 +64,7 @@ pub enum IdentifyError {
     #[error(
         "'{first}' and '{second}' hold the same measurements, in whole or in part: a model judged on what it was fitted to or chosen on is judged by nobody. Name each log once"
     )]
-    SameRun {
+    DataLeakage {
         /// One run.
         first: String,
         /// The other.
@@ -72,7 +72,7 @@ pub enum IdentifyError {
     },
     /// A setting that makes no sense.
     #[error("the {what} of {value} cannot be used: it must be {needed}")]
-    Setting {
+    InvalidOption {
         /// Which.
         what: &'static str,
         /// As given.
@@ -125,7 +125,7 @@ pub enum IdentifyError {
     #[error(
         "it cannot be judged: before its predictions count it must have seen {warm_up} samples of a run and each output once, and the horizon has {horizon} samples; none of the {part} runs has both (the longest has {longest} samples). Give longer runs, a shorter --horizon, or a network a shorter wash_out_s"
     )]
-    Unjudged {
+    NotEvaluable {
         /// `validation` or `test`.
         part: &'static str,
         /// Samples of warm-up.
@@ -176,12 +176,12 @@ impl IdentifyError {
 
     /// Whether a method came to nothing on these logs, of which another may make something; wrong input, a file that
     /// cannot be used and an interruption are not of this kind.
-    pub(super) fn is_of_a_method(&self) -> bool {
+    pub(super) fn is_method_specific(&self) -> bool {
         match self {
             Self::Sindy(SearchError::AllDiverged(_))
             | Self::NoBase { .. }
             | Self::NoInputs { .. }
-            | Self::Unjudged { .. } => true,
+            | Self::NotEvaluable { .. } => true,
             Self::Train { error, .. } => matches!(
                 error,
                 TrainError::Diverged { .. }

@@ -12,7 +12,7 @@ use crate::log::Note;
 use crate::train::{self, BaseKind, CellKind, TrainError, TrainOptions};
 
 /// Share of the epochs, or of the time, that the training of each formulation gets before one is chosen.
-const TRIAL: f64 = 0.1;
+const TRIAL_SHARE: f64 = 0.1;
 
 /// What is tried, the simplest first.
 const FORMULATIONS: [(bool, BaseKind, &str); 3] = [
@@ -40,7 +40,7 @@ pub(super) fn formulations(
 /// The settings to train with: of those given the ones with the least validation error after a short training each,
 /// the simpler of equals; and the share of the whole that this has taken. A training that is kept in `checkpoint` has
 /// been through this: its settings are taken.
-pub(super) fn choose(
+pub(super) fn select_formulation(
     task: &train::Job<'_>,
     mut choices: Vec<(TrainOptions, &'static str)>,
     (method, checkpoint): (Method, Option<&Path>),
@@ -55,17 +55,17 @@ pub(super) fn choose(
     if choices.len() == 1 {
         return Ok((choices.swap_remove(0).0, 0.0));
     }
-    let whole = 1.0 + TRIAL * choices.len() as f64;
+    let whole = 1.0 + TRIAL_SHARE * choices.len() as f64;
     let mut tried: Vec<(f64, usize)> = Vec::new();
     let mut failure = None;
     for (i, (settings, _)) in choices.iter().enumerate() {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a count")]
-        let epochs = ((TRIAL * settings.epochs as f64) as usize).max(1);
-        let budget_s = settings.budget_s.map(|budget| TRIAL * budget);
+        let epochs = ((TRIAL_SHARE * settings.epochs as f64) as usize).max(1);
+        let budget_s = settings.budget_s.map(|budget| TRIAL_SHARE * budget);
         let short =
             TrainOptions { epochs, budget_s, restarts: 1, patience: None, refit: false, ..settings.clone() };
         let tell = &mut |status: &train::Status| {
-            watch(&train::Status { fraction: TRIAL * (i as f64 + status.fraction) / whole, ..*status })
+            watch(&train::Status { fraction: TRIAL_SHARE * (i as f64 + status.fraction) / whole, ..*status })
         };
         match train::train(task, &short, None, tell) {
             Ok(trained) => tried.push((trained.validation, i)),

@@ -1,21 +1,21 @@
 //! From runs to a judged model: fit on training runs, choose on validation runs, judge on test runs.
 
-mod affine;
-mod apart;
-mod design;
+mod collinearity;
+mod control_affine;
+mod data_summary;
+mod design_range;
 mod equations;
 mod error;
+mod evaluation;
+mod expressions;
 mod formulation;
-mod judge;
+mod leakage;
 mod method;
 mod networks;
-mod overview;
+mod options;
 mod recursive;
-mod settings;
 mod training;
-mod twins;
 mod verdict;
-mod wording;
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -26,16 +26,18 @@ use crate::model::{Model, Reading};
 use crate::progress::Progress;
 use crate::train;
 
-pub use design::{ChannelRange, GivenRange, GivenRanges};
+pub use data_summary::{ChannelSummary, data_summary, output_ranges};
+pub use design_range::{ChannelRange, GivenRange, GivenRanges};
 pub use error::IdentifyError;
 pub use method::Method;
-pub use networks::{NetworkSettings, Networks};
-pub use overview::{ChannelSummary, overview, ranges};
-pub use settings::{Auto, GateSetting, GivenGate, Lags, Members, Refine, SindySettings, Word};
+pub use networks::{NetworkOptions, NetworkTrainingOptions};
+pub use options::{
+    Auto, EnsembleSize, FixedGate, GateOption, Keyword, LagOption, RefineOption, SindyOptions,
+};
 pub use training::Training;
 pub use verdict::{Grade, Verdict, verdicts};
 
-use judge::{best, can_be_judged, horizon_fits, judged};
+use evaluation::{check_evaluable, check_horizon, evaluate_candidates, select_best};
 use training::{Trained, train_by};
 
 /// What to do.
@@ -57,9 +59,9 @@ pub struct Job {
     /// how networks are scaled, and where a rollout counts as diverged.
     pub ranges: GivenRanges,
     /// Settings of the search for equations.
-    pub sindy: SindySettings,
+    pub sindy: SindyOptions,
     /// Settings of recurrent networks.
-    pub networks: Networks,
+    pub networks: NetworkTrainingOptions,
 }
 
 /// Where a job is.
@@ -74,7 +76,7 @@ pub struct Stage<'a> {
 }
 
 /// Hears where a job is; [`ControlFlow::Break`] asks it to stop.
-pub type Watch<'a> = &'a mut dyn FnMut(&Stage<'_>) -> ControlFlow<()>;
+pub type OnStage<'a> = &'a mut dyn FnMut(&Stage<'_>) -> ControlFlow<()>;
 
 /// A model with what it took and what it can do.
 #[derive(Clone, Debug)]
@@ -93,7 +95,7 @@ pub struct Candidate {
 
 /// The result of a job.
 #[derive(Clone, Debug)]
-pub struct Identified {
+pub struct IdentifyResult {
     /// The models, in the order of the methods asked for, networks after equations. A method that came to nothing is
     /// missing, and a warning says why.
     pub candidates: Vec<Candidate>,
@@ -114,20 +116,20 @@ const SEARCH_ORIGINS: usize = 200;
 ///
 /// # Errors
 /// If the runs cannot be fitted or evaluated, or the work was interrupted.
-pub fn identify(job: &Job, progress: Progress<'_>) -> Result<Identified, IdentifyError> {
-    identify_watched(job, &mut |stage| progress(stage.fraction))
+pub fn identify(job: &Job, progress: Progress<'_>) -> Result<IdentifyResult, IdentifyError> {
+    identify_with_stages(job, &mut |stage| progress(stage.fraction))
 }
 
 /// Runs a job, and tells in detail where it is.
 ///
 /// # Errors
 /// As [`identify`]. A method that comes to nothing is an error only if no other gave a model.
-pub fn identify_watched(job: &Job, watch: Watch<'_>) -> Result<Identified, IdentifyError> {
+pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, IdentifyError> {
     job.sindy.check()?;
     for (what, value) in [("horizon", job.horizon), ("origin stride", job.origin_stride)] {
         if value == 0 {
             let needed = "at least 1 sample";
-            return Err(IdentifyError::Setting { what, value: value.to_string(), needed });
+            return Err(IdentifyError::InvalidOption { what, value: value.to_string(), needed });
         }
     }
     let [train, validation, test] = [&job.split.train, &job.split.validation, &job.split.test]
@@ -137,11 +139,11 @@ pub fn identify_watched(job: &Job, watch: Watch<'_>) -> Result<Identified, Ident
             return Err(IdentifyError::NoRuns(part));
         }
     }
-    apart::check([&train, &validation, &test])?;
+    leakage::check([&train, &validation, &test])?;
     let methods = methods(job)?;
-    let ranges = design::ranges(&job.ranges, &train)?;
+    let ranges = design_range::design_ranges(&job.ranges, &train)?;
     let parts = Parts::new([train, validation, test], &ranges);
-    horizon_fits(job, &parts)?;
+    check_horizon(job, &parts)?;
     job.networks.check(job, &methods, &parts)?;
     let mut warnings = job.split.notes.clone();
     let mut trained: Vec<Trained> = Vec::new();
@@ -161,7 +163,7 @@ pub fn identify_watched(job: &Job, watch: Watch<'_>) -> Result<Identified, Ident
                 trained.push(next);
             }
             // What one method cannot learn from these logs another may.
-            Err(error) if error.is_of_a_method() && methods.len() > 1 => {
+            Err(error) if error.is_method_specific() && methods.len() > 1 => {
                 warnings.push(no_model(method.name(), &error));
                 spent_s += method.cell().map_or(0.0, |_| clock.elapsed().as_secs_f64());
                 failure = failure.or(Some(error));
@@ -170,7 +172,7 @@ pub fn identify_watched(job: &Job, watch: Watch<'_>) -> Result<Identified, Ident
         }
     }
     // Past values ask for a warm-up as well, which is known only now.
-    trained.retain(|model| match can_be_judged(job, &parts, model.model.session().warm_up()) {
+    trained.retain(|model| match check_evaluable(job, &parts, model.model.session().warm_up()) {
         Ok(()) => true,
         Err(error) => {
             warnings.push(no_model(&model.model.description.name, &error));
@@ -181,17 +183,17 @@ pub fn identify_watched(job: &Job, watch: Watch<'_>) -> Result<Identified, Ident
     if let (true, Some(error)) = (trained.is_empty(), failure) {
         return Err(error);
     }
-    let candidates = judged(job, &parts, trained, &mut |fraction| {
+    let candidates = evaluate_candidates(job, &parts, trained, &mut |fraction| {
         watch(&Stage { fraction: 0.8 + 0.2 * fraction, method: None, training: None })
     })?;
-    let best = best(&candidates);
+    let best = select_best(&candidates);
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
     let verdicts = verdicts(&shown.test);
     warnings.extend(verdict::spikes(&parts.train, &job.sindy));
-    let data = overview(&job.split);
+    let data = data_summary(&job.split);
     warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
-    warnings.extend(twins::warnings(shown, &data, &job.split.train));
-    Ok(Identified { candidates, best, verdicts, warnings, ranges })
+    warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
+    Ok(IdentifyResult { candidates, best, verdicts, warnings, ranges })
 }
 
 /// The methods asked for, each once. Networks come after equations, on top of which they may stand.
@@ -204,7 +206,7 @@ fn methods(job: &Job) -> Result<Vec<Method>, IdentifyError> {
     }
     if methods.is_empty() {
         let (what, value, needed) = ("list of methods", String::from("nothing"), "one method at least");
-        return Err(IdentifyError::Setting { what, value, needed });
+        return Err(IdentifyError::InvalidOption { what, value, needed });
     }
     methods.sort_by_key(|method| method.cell().is_some());
     Ok(methods)
@@ -225,7 +227,7 @@ struct Parts<'a> {
     /// Design ranges of the inputs.
     inputs: Vec<DesignRange>,
     /// Ranges of the outputs in the training runs.
-    visited: Vec<DesignRange>,
+    training_ranges: Vec<DesignRange>,
     /// Channels whose design range was stated.
     given: Vec<String>,
 }
@@ -234,15 +236,15 @@ impl<'a> Parts<'a> {
     fn new([train, validation, test]: [Vec<&'a Trajectory>; 3], all: &[ChannelRange]) -> Self {
         let of = |input: bool| all.iter().filter(|c| c.input == input).map(|c| c.range).collect();
         let given = all.iter().filter(|c| c.given).map(|c| c.channel.name.clone()).collect();
-        let visited = ranges(&train);
-        Self { train, validation, test, ranges: of(false), inputs: of(true), visited, given }
+        let training_ranges = output_ranges(&train);
+        Self { train, validation, test, ranges: of(false), inputs: of(true), training_ranges, given }
     }
 }
 
 /// Whether an identification met what it must to be of use; the criterion of the exit status.
-impl Identified {
+impl IdentifyResult {
     /// Every output is predicted better than by trivial means, and nothing diverged.
-    pub fn sound(&self) -> bool {
+    pub fn is_usable(&self) -> bool {
         self.best.is_some() && self.verdicts.iter().all(|v| v.grade != Grade::NotIdentified)
     }
 }

@@ -7,8 +7,8 @@ use hydroid_core::actuator::Map;
 use hydroid_core::model::sparse::Equations;
 use serde::{Deserialize, Serialize};
 
-use super::formulation::{choose, formulations};
-use super::judge::can_be_judged;
+use super::evaluation::check_evaluable;
+use super::formulation::{formulations, select_formulation};
 use super::{IdentifyError, Job, Method, Parts};
 use crate::log::{Channel, Note, Trajectory};
 use crate::train::{
@@ -18,7 +18,7 @@ use crate::train::{
 /// TrainOptions of networks; what is not given is the default of [`TrainOptions::of`] the cell. See there for what each is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct NetworkSettings {
+pub struct NetworkOptions {
     /// Cells, or units, of each layer.
     pub hidden: Option<usize>,
     /// Layers of a vanilla network, hidden layers of a direct predictor.
@@ -69,8 +69,8 @@ pub struct NetworkSettings {
     pub maps: Option<Vec<Map>>,
 }
 
-impl NetworkSettings {
-    fn put(&self, into: &mut TrainOptions) {
+impl NetworkOptions {
+    fn apply(&self, into: &mut TrainOptions) {
         macro_rules! put {
             ($($field:ident)*) => { $(if let Some(value) = &self.$field { into.$field = value.clone(); })* };
         }
@@ -89,19 +89,19 @@ impl NetworkSettings {
 
 /// What networks are told: all recurrent ones, and by kind, which goes before.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Networks {
+pub struct NetworkTrainingOptions {
     /// All recurrent ones.
-    pub all: NetworkSettings,
+    pub all: NetworkOptions,
     /// Those with LSTM cells.
-    pub lstm: NetworkSettings,
+    pub lstm: NetworkOptions,
     /// Those with GRU cells.
-    pub gru: NetworkSettings,
+    pub gru: NetworkOptions,
     /// Vanilla ones.
-    pub rnn: NetworkSettings,
+    pub rnn: NetworkOptions,
     /// Direct predictors.
-    pub direct: NetworkSettings,
+    pub direct: NetworkOptions,
     /// Control-affine networks.
-    pub affine: NetworkSettings,
+    pub affine: NetworkOptions,
     /// Time for the training of all networks of the job together \[s\].
     pub budget_s: Option<f64>,
     /// Folder in which interrupted trainings are kept, each in a file of its own. A training of the same job goes on from
@@ -111,25 +111,25 @@ pub struct Networks {
     pub resume: bool,
 }
 
-impl Networks {
+impl NetworkTrainingOptions {
     /// The settings of a training, without a budget.
     pub fn settings(&self, cell: CellKind, seed: u64) -> TrainOptions {
         let mut settings = TrainOptions { seed, ..TrainOptions::of(cell) };
-        for told in self.told(cell) {
-            told.put(&mut settings);
+        for options in self.overrides(cell) {
+            options.apply(&mut settings);
         }
         settings
     }
 
     /// The settings that a training may have: one where the formulation is given, else one for each that is tried.
     fn choices(&self, cell: CellKind, seed: u64, run: &Trajectory) -> Vec<(TrainOptions, &'static str)> {
-        let told = self.told(cell);
-        let given = told.iter().any(|s| s.feedback.is_some() || s.base.is_some());
-        let settings = with_maps(self.settings(cell, seed), run);
+        let overrides = self.overrides(cell);
+        let given = overrides.iter().any(|s| s.feedback.is_some() || s.base.is_some());
+        let settings = with_default_maps(self.settings(cell, seed), run);
         let mut choices = formulations(&settings, given || cell == CellKind::Affine, run.inputs.width());
-        if told.iter().all(|s| s.learning_rate.is_none()) {
+        if overrides.iter().all(|s| s.learning_rate.is_none()) {
             for (settings, _) in choices.iter_mut().filter(|(s, _)| s.cell.is_recurrent()) {
-                settings.learning_rate = usual_rate(settings.base);
+                settings.learning_rate = default_learning_rate(settings.base);
             }
         }
         choices
@@ -137,13 +137,13 @@ impl Networks {
 
     /// What is told to a kind of network, the last word last. Those that are not recurrent share next to nothing with the
     /// others: they hear of themselves alone.
-    fn told(&self, cell: CellKind) -> Vec<&NetworkSettings> {
+    fn overrides(&self, cell: CellKind) -> Vec<&NetworkOptions> {
         let all = cell.is_recurrent().then_some(&self.all);
         all.into_iter().chain([self.own(cell)]).collect()
     }
 
     /// What networks with these cells are told.
-    fn own(&self, cell: CellKind) -> &NetworkSettings {
+    fn own(&self, cell: CellKind) -> &NetworkOptions {
         match cell {
             CellKind::Lstm => &self.lstm,
             CellKind::Gru => &self.gru,
@@ -167,13 +167,13 @@ impl Networks {
     ) -> Result<(), IdentifyError> {
         if let Some(budget) = self.budget_s.filter(|budget| !(budget.is_finite() && *budget > 0.0)) {
             let (what, needed) = ("budget", "a positive number of seconds");
-            return Err(IdentifyError::Setting { what, value: budget.to_string(), needed });
+            return Err(IdentifyError::InvalidOption { what, value: budget.to_string(), needed });
         }
         let equations = methods.iter().any(|method| matches!(method, Method::Sindy | Method::Lagged));
         let run = parts.train[0];
         for &method in methods {
             let Some(cell) = method.cell() else { continue };
-            let settings = with_maps(self.settings(cell, 0), run);
+            let settings = with_default_maps(self.settings(cell, 0), run);
             let wrong = |error| IdentifyError::Train { method, error };
             settings.check(run.outputs.width()).map_err(wrong)?;
             // Runs without inputs are the matter of this method alone, and told when its turn comes.
@@ -225,7 +225,7 @@ impl Networks {
 }
 
 /// The settings of a control-affine network with a map for each input: where none is given, a rudder is one that has an angle.
-fn with_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptions {
+fn with_default_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptions {
     if settings.cell == CellKind::Affine && settings.maps.is_empty() {
         let map = |channel: &Channel| match channel.unit.as_str() {
             "rad" | "deg" => Map::Sine,
@@ -238,7 +238,7 @@ fn with_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptions {
 
 /// Peak step size where none is given. What a network corrects adds up over a rollout, and so do its gradients: on real
 /// ships the training of increments blows up at 0.03, and does not at 0.01.
-fn usual_rate(base: BaseKind) -> f64 {
+fn default_learning_rate(base: BaseKind) -> f64 {
     match base {
         BaseKind::Nothing => TrainOptions::default().learning_rate,
         BaseKind::Hold | BaseKind::Equations => 0.01,
@@ -298,11 +298,11 @@ pub(super) fn train(
     let equations = equations.filter(|_| choices.iter().any(|(s, _)| s.base == BaseKind::Equations));
     // Better known before the training than after.
     for (settings, _) in &choices {
-        can_be_judged(job, parts, warm_up(settings, parts, equations.as_deref()))?;
+        check_evaluable(job, parts, warm_up(settings, parts, equations.as_deref()))?;
     }
     let task = task(job, parts, equations);
     let checkpoint = networks.checkpoint(method);
-    let (settings, done) = choose(&task, choices, (method, checkpoint.as_deref()), notes, watch)?;
+    let (settings, done) = select_formulation(&task, choices, (method, checkpoint.as_deref()), notes, watch)?;
     let watch = &mut |status: &train::Status| {
         watch(&train::Status { fraction: done + (1.0 - done) * status.fraction, ..*status })
     };
@@ -311,7 +311,7 @@ pub(super) fn train(
     let trained = match (train::train(&task, &settings, checkpoint.as_deref(), watch), kept) {
         // Nobody asked for what is kept there: it makes room, and is not lost.
         (Err(TrainError::Checkpoint { reason, .. }), Some(file)) if !networks.resume => {
-            notes.push(out_of_the_way(file, &reason).map_err(wrong)?);
+            notes.push(retire_checkpoint(file, &reason).map_err(wrong)?);
             train::train(&task, &settings, checkpoint.as_deref(), watch)
         }
         (Ok(trained), Some(file)) if !networks.resume => {
@@ -350,7 +350,7 @@ fn of_refit(method: Method, trained: &Trained, refit: &Refit) -> Note {
 }
 
 /// Renames a checkpoint that this training cannot go on from.
-fn out_of_the_way(file: &Path, reason: &str) -> Result<Note, TrainError> {
+fn retire_checkpoint(file: &Path, reason: &str) -> Result<Note, TrainError> {
     let old = file.with_extension("checkpoint.old");
     let renamed = std::fs::rename(file, &old);
     renamed.map_err(|source| TrainError::Checkpoint {

@@ -7,7 +7,7 @@ use std::time::Instant;
 use hydroid_core::model::sparse::Equations;
 
 use super::{
-    Candidate, IdentifyError, Job, Method, Parts, equations, networks as recurrent, overview, recursive,
+    Candidate, IdentifyError, Job, Method, Parts, data_summary, equations, networks as recurrent, recursive,
 };
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, Trajectory, noise_level};
@@ -113,7 +113,7 @@ pub(super) struct Trained {
 }
 
 /// Hears the fraction of a method that is done, and where the training of a network is.
-pub(super) type Tell<'a> = &'a mut dyn FnMut(f64, Option<&train::Status>) -> ControlFlow<()>;
+pub(super) type OnProgress<'a> = &'a mut dyn FnMut(f64, Option<&train::Status>) -> ControlFlow<()>;
 
 /// Trains by one method; `before` are the models of the methods before it, `notes` hears what the user should know. Of networks, `(spent_s, left)` says what those
 /// before took, and how many are still to be trained, this one among them.
@@ -124,7 +124,7 @@ pub(super) fn train_by(
     before: &[Trained],
     networks: (f64, usize),
     notes: &mut Vec<Note>,
-    tell: Tell<'_>,
+    tell: OnProgress<'_>,
 ) -> Result<Trained, IdentifyError> {
     let clock = Instant::now();
     // The best equations so far: what learns, and a grey box, begin with these.
@@ -159,7 +159,7 @@ pub(super) fn train_by(
                 describe(job, parts, method, Body::Equations(Arc::new(equations)), of_search(found))
             };
             let progress = &mut |fraction| tell(fraction, None);
-            let (found, model) = recursive::learning(job, parts, sparse, describe, progress)?;
+            let (found, model) = recursive::recursive_model(job, parts, sparse, describe, progress)?;
             let score = score(&found);
             (model, Training::Recursive(found), score)
         }
@@ -199,22 +199,22 @@ fn describe(
         let output = run.outputs.channels().iter().position(|output| output.name == channel.name);
         output.map(|i| noise[i]).filter(|std| *std > 0.0)
     };
-    let port = |((channel, &range), &visited): ((&Channel, &DesignRange), &DesignRange)| Port {
+    let port = |((channel, &range), &training_range): ((&Channel, &DesignRange), &DesignRange)| Port {
         channel: channel.clone(),
         range,
-        training_range: parts.given.contains(&channel.name).then_some(visited),
+        training_range: parts.given.contains(&channel.name).then_some(training_range),
         noise: noise(channel),
     };
-    let ports = |channels: &[Channel], ranges: &[DesignRange], visited: &[DesignRange]| {
-        channels.iter().zip(ranges).zip(visited).map(port).collect()
+    let ports = |channels: &[Channel], ranges: &[DesignRange], training_ranges: &[DesignRange]| {
+        channels.iter().zip(ranges).zip(training_ranges).map(port).collect()
     };
     let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
     Model {
         description: Description {
             name: method.name().to_owned(),
             dt: run.dt,
-            outputs: ports(run.outputs.channels(), &parts.ranges, &parts.visited),
-            inputs: ports(run.inputs.channels(), &parts.inputs, &overview::input_ranges(&parts.train)),
+            outputs: ports(run.outputs.channels(), &parts.ranges, &parts.training_ranges),
+            inputs: ports(run.inputs.channels(), &parts.inputs, &data_summary::input_ranges(&parts.train)),
             reading: reading(job, run.dt),
             provenance: Provenance {
                 hydroid: env!("CARGO_PKG_VERSION").to_owned(),

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::overview::ChannelSummary;
-use super::{Candidate, SindySettings};
+use super::data_summary::ChannelSummary;
+use super::{Candidate, SindyOptions};
 use crate::evaluate::Evaluation;
 use crate::log::{Note, Trajectory};
 use crate::sindy;
@@ -59,10 +59,10 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
 }
 
 /// Share of spikes that is worth a word.
-const SPIKES: f64 = 0.005;
+const MIN_SPIKE_SHARE: f64 = 0.005;
 
 /// A warning where the training runs have spikes and nothing was asked for against them.
-pub(super) fn spikes(training: &[&Trajectory], settings: &SindySettings) -> Option<Note> {
+pub(super) fn spikes(training: &[&Trajectory], settings: &SindyOptions) -> Option<Note> {
     if settings.huber.is_some() {
         return None;
     }
@@ -70,7 +70,7 @@ pub(super) fn spikes(training: &[&Trajectory], settings: &SindySettings) -> Opti
     let told: Vec<String> = sindy::spike_share(training)
         .into_iter()
         .zip(channels)
-        .filter(|(share, _)| *share > SPIKES)
+        .filter(|(share, _)| *share > MIN_SPIKE_SHARE)
         .map(|(share, channel)| format!("{} ({:.1} % of the samples)", channel.name, 100.0 * share))
         .collect();
     (!told.is_empty()).then(|| {

@@ -9,7 +9,7 @@ use crate::ridge_baseline::ESSO;
 use hydroid::adapt::{self, AdaptError, Kalman, LeastSquares, Options, Used, Which, adapt};
 use hydroid::evaluate::{self, Evaluation};
 use hydroid::excitation::Excitation;
-use hydroid::identify::{GivenRanges, Job, Method, Networks, SindySettings, identify};
+use hydroid::identify::{GivenRanges, Job, Method, NetworkTrainingOptions, SindyOptions, identify};
 use hydroid::log::{self, PrepareOptions, Selection, Split, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::silent;
@@ -32,8 +32,8 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
         origin_stride,
         seed: 0,
         ranges: GivenRanges::new(),
-        networks: Networks::default(),
-        sindy: SindySettings::default(),
+        networks: NetworkTrainingOptions::default(),
+        sindy: SindyOptions::default(),
     };
     identify(&job, &mut silent()).unwrap().candidates.remove(0).model
 }

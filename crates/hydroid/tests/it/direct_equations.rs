@@ -7,8 +7,8 @@ use std::sync::Arc;
 use crate::vessel::{INPUTS, OUTPUTS, smooth, with_gaps};
 use hydroid::evaluate::{Options, evaluate};
 use hydroid::identify::{
-    GivenRanges, IdentifyError, Job as Identification, Members, Method, NetworkSettings, Networks,
-    SindySettings, identify,
+    EnsembleSize, GivenRanges, IdentifyError, Job as Identification, Method, NetworkOptions,
+    NetworkTrainingOptions, SindyOptions, identify,
 };
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Model, Reading, decode, encode};
@@ -114,14 +114,14 @@ fn equations_that_are_not_for_it_are_refused() {
 }
 
 fn job(methods: Vec<Method>) -> Identification {
-    let direct = NetworkSettings {
+    let direct = NetworkOptions {
         hidden: Some(16),
         layers: Some(2),
         history_s: Some(0.5),
         window_s: Some(0.8),
         epochs: Some(10),
         base: Some(BaseKind::Equations),
-        ..NetworkSettings::default()
+        ..NetworkOptions::default()
     };
     Identification {
         methods,
@@ -136,8 +136,8 @@ fn job(methods: Vec<Method>) -> Identification {
         origin_stride: 1,
         seed: 0,
         ranges: GivenRanges::new(),
-        sindy: SindySettings { degree: Some(1), members: Members(0), ..SindySettings::default() },
-        networks: Networks { direct, ..Networks::default() },
+        sindy: SindyOptions { degree: Some(1), members: EnsembleSize(0), ..SindyOptions::default() },
+        networks: NetworkTrainingOptions { direct, ..NetworkTrainingOptions::default() },
     }
 }
 

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use hydroid::identify::{
-    GateSetting, GivenRanges, Identified, IdentifyError, Job, Lags, Members, Method, NetworkSettings,
-    Networks, SindySettings, Word, identify_watched,
+    EnsembleSize, GateOption, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword, LagOption, Method,
+    NetworkOptions, NetworkTrainingOptions, SindyOptions, identify_with_stages,
 };
 use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::Reading;
@@ -46,37 +46,37 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
         origin_stride: 1,
         seed: 0,
         ranges: GivenRanges::new(),
-        sindy: SindySettings {
+        sindy: SindyOptions {
             degree: Some(1),
-            lag: Lags::Word(Word::None),
-            gate: GateSetting::Word(Word::None),
+            lag: LagOption::Keyword(Keyword::None),
+            gate: GateOption::Keyword(Keyword::None),
             ridge: Some(1e-6),
-            members: Members(0),
-            ..SindySettings::default()
+            members: EnsembleSize(0),
+            ..SindyOptions::default()
         },
-        networks: Networks {
-            all: NetworkSettings {
+        networks: NetworkTrainingOptions {
+            all: NetworkOptions {
                 hidden: Some(3),
                 epochs: Some(2),
                 feedback: Some(false),
-                ..NetworkSettings::default()
+                ..NetworkOptions::default()
             },
-            ..Networks::default()
+            ..NetworkTrainingOptions::default()
         },
     }
 }
 
 /// The result, and how often a training was heard of.
-fn done(job: &Job) -> (Result<Identified, IdentifyError>, usize) {
+fn done(job: &Job) -> (Result<IdentifyResult, IdentifyError>, usize) {
     let mut heard = 0;
-    let result = identify_watched(job, &mut |stage| {
+    let result = identify_with_stages(job, &mut |stage| {
         heard += usize::from(stage.training.is_some());
         ControlFlow::Continue(())
     });
     (result, heard)
 }
 
-fn notes(identified: &Identified) -> String {
+fn notes(identified: &IdentifyResult) -> String {
     identified.warnings.iter().flat_map(|note| [note.message.as_str(), "\n"]).collect()
 }
 
@@ -140,7 +140,7 @@ fn kept_job(folder: &Path) -> Job {
 }
 
 fn interrupt(job: &Job) {
-    let error = identify_watched(job, &mut |stage| match stage.training {
+    let error = identify_with_stages(job, &mut |stage| match stage.training {
         Some(status) if status.epoch >= 2 => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     });
@@ -199,7 +199,7 @@ fn resume_without_a_checkpoint_is_an_error_before_the_search() {
     job.networks.resume = true;
     job.methods.insert(0, Method::Sindy);
     let refused = |job: &Job| {
-        let error = identify_watched(job, &mut |_| panic!("something was begun"));
+        let error = identify_with_stages(job, &mut |_| panic!("something was begun"));
         error.unwrap_err().to_string()
     };
     let told = refused(&Job { seed: 9, ..job.clone() });

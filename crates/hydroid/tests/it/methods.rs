@@ -3,7 +3,8 @@
 use hydroid::adapt::{self, adapt};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    GateSetting, GivenRanges, Identified, Job, Lags, Members, Method, Networks, SindySettings, Word, identify,
+    EnsembleSize, GateOption, GivenRanges, IdentifyResult, Job, Keyword, LagOption, Method,
+    NetworkTrainingOptions, SindyOptions, identify,
 };
 use hydroid::log::{Split, Table, Trajectory};
 use hydroid::model::{self, Reading};
@@ -20,7 +21,7 @@ fn run(drag: f64, seed: u64, duration_s: f64) -> Trajectory {
 }
 
 /// Trained on the vessel as it was built, chosen and judged on one whose drag is larger by a factor.
-fn identified(drag: f64, methods: &[Method]) -> (Identified, Trajectory) {
+fn identified(drag: f64, methods: &[Method]) -> (IdentifyResult, Trajectory) {
     let test = run(drag, 3, 300.0);
     let split = Split {
         train: vec![run(1.0, 1, 1_200.0)],
@@ -36,21 +37,21 @@ fn identified(drag: f64, methods: &[Method]) -> (Identified, Trajectory) {
         origin_stride: 10,
         seed: 0,
         ranges: GivenRanges::new(),
-        networks: Networks::default(),
-        sindy: SindySettings {
+        networks: NetworkTrainingOptions::default(),
+        sindy: SindyOptions {
             degree: Some(2),
             signed_squares: Some(false),
-            lag: Lags::Word(Word::None),
-            gate: GateSetting::Word(Word::None),
+            lag: LagOption::Keyword(Keyword::None),
+            gate: GateOption::Keyword(Keyword::None),
             ridge: Some(1e-6),
-            members: Members(0),
-            ..SindySettings::default()
+            members: EnsembleSize(0),
+            ..SindyOptions::default()
         },
     };
     (identify(&job, &mut silent()).unwrap(), test)
 }
 
-fn names(identified: &Identified) -> Vec<&str> {
+fn names(identified: &IdentifyResult) -> Vec<&str> {
     identified.candidates.iter().map(|c| c.model.description.name.as_str()).collect()
 }
 
@@ -88,14 +89,14 @@ fn spikes_are_named_with_their_remedy() {
             origin_stride: 10,
             seed: 0,
             ranges: GivenRanges::new(),
-            networks: Networks::default(),
-            sindy: SindySettings {
+            networks: NetworkTrainingOptions::default(),
+            sindy: SindyOptions {
                 degree: Some(1),
-                lag: Lags::Word(Word::None),
-                gate: GateSetting::Word(Word::None),
-                members: Members(0),
+                lag: LagOption::Keyword(Keyword::None),
+                gate: GateOption::Keyword(Keyword::None),
+                members: EnsembleSize(0),
                 huber,
-                ..SindySettings::default()
+                ..SindyOptions::default()
             },
         };
         let notes = identify(&job, &mut silent()).unwrap().warnings;
@@ -120,12 +121,12 @@ fn a_given_lag_is_in_all_candidates() {
         origin_stride: 10,
         seed: 0,
         ranges: GivenRanges::new(),
-        networks: Networks::default(),
-        sindy: SindySettings {
-            lag: Lags::Given([(String::from("RD_cmd"), 0.3)].into()),
-            gate: GateSetting::Word(Word::None),
-            members: Members(0),
-            ..SindySettings::default()
+        networks: NetworkTrainingOptions::default(),
+        sindy: SindyOptions {
+            lag: LagOption::Fixed([(String::from("RD_cmd"), 0.3)].into()),
+            gate: GateOption::Keyword(Keyword::None),
+            members: EnsembleSize(0),
+            ..SindyOptions::default()
         },
     };
     let found = identify(&job, &mut silent()).unwrap();

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use crate::ridge_baseline::{CYBERSHIP, ESSO, Row, Ship, baseline, chosen, last};
 use hydroid::evaluate::Evaluation;
 use hydroid::identify::{
-    GivenRanges, Grade, Identified, Job, Members, Method, Networks, SindySettings, identify,
+    EnsembleSize, GivenRanges, Grade, IdentifyResult, Job, Method, NetworkTrainingOptions, SindyOptions,
+    identify,
 };
 use hydroid::log::{self, PrepareOptions, Selection, Split, split_named};
 use hydroid::model::Reading;
@@ -31,8 +32,8 @@ fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
         origin_stride,
         seed: 0,
         ranges: GivenRanges::new(),
-        networks: Networks::default(),
-        sindy: SindySettings::default(),
+        networks: NetworkTrainingOptions::default(),
+        sindy: SindyOptions::default(),
     }
 }
 
@@ -51,11 +52,11 @@ fn beats_persistence(test: &Evaluation, factor: f64) {
 }
 
 /// Mean of the outputs' NRMSE at the last horizon, by method, and of the ridge that validation would choose.
-fn means(ship: &Ship, data: &Path) -> (Identified, Vec<f64>, f64) {
+fn means(ship: &Ship, data: &Path) -> (IdentifyResult, Vec<f64>, f64) {
     let [train, validation, test] = ship.runs(data);
     let split = Split { train, validation, test, notes: Vec::new() };
     let methods = vec![Method::Sindy, Method::Lagged, Method::Recursive];
-    let sindy = SindySettings { members: Members(0), ..SindySettings::default() };
+    let sindy = SindyOptions { members: EnsembleSize(0), ..SindyOptions::default() };
     let result = identify(&Job { methods, sindy, ..job(split, ship.horizon, 5) }, &mut silent()).unwrap();
     let means = result.candidates.iter().map(|c| last(&c.test).1).collect();
     let ridge = last(&chosen(&baseline(ship, data)).test).1;
@@ -71,7 +72,7 @@ fn cybership_is_a_tenth_below_the_ridge_that_validation_chooses() {
     assert!(means[best] < 0.9 * ridge, "{means:?} against {ridge}");
     assert!(result.candidates.iter().all(|c| c.test.diverged == 0));
     beats_persistence(&result.candidates[best].test, 0.85);
-    assert!(result.sound());
+    assert!(result.is_usable());
     // Equations that stand still are better than ridge without shrinkage to speak of, whatever its setting.
     for row in plain(&baseline(&CYBERSHIP, &data)) {
         let (_, ridge) = last(&row.test);
@@ -87,7 +88,7 @@ fn esso_is_a_tenth_below_the_ridge_that_validation_chooses() {
     assert!(means.iter().all(|mean| *mean < 0.9 * ridge), "{means:?} against {ridge}");
     assert!(means[result.best.unwrap()] < 0.8 * ridge, "{means:?} against {ridge}");
     assert!(result.candidates.iter().all(|c| c.test.diverged == 0));
-    assert!(result.sound());
+    assert!(result.is_usable());
 }
 
 /// Ten minutes of the hydrofoil in one log: two minutes of validation once chose equations that ran away on
@@ -119,7 +120,7 @@ fn the_ugly_log_is_prepared_with_warnings() {
     let prepared = log::prepare(&raw, &selection, &PrepareOptions::default()).unwrap();
     let split = split_named(prepared.runs, Vec::new(), Vec::new()).unwrap();
     let result = identify(&job(split, 100, 1), &mut silent()).unwrap();
-    assert!(!result.sound());
+    assert!(!result.is_usable());
     let sway = &result.verdicts[1];
     assert_eq!((sway.channel.as_str(), sway.grade), ("v", Grade::NotIdentified));
     assert!(result.warnings.iter().any(|note| note.message.contains("'v' is not identified")));

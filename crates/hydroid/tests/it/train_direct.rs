@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::vessel::{INPUTS, OUTPUTS, with_gaps};
 use hydroid::evaluate::{Options, band_coverage, evaluate};
 use hydroid::identify::{
-    GivenRanges, Job as Identification, Method, NetworkSettings, Networks, SindySettings,
+    GivenRanges, Job as Identification, Method, NetworkOptions, NetworkTrainingOptions, SindyOptions,
 };
 use hydroid::identify::{IdentifyError, identify};
 use hydroid::log::{Split, Table, Trajectory};
@@ -150,8 +150,8 @@ fn settings_that_are_not_for_it_are_refused() {
     assert!(told(recurrent).contains("history_s = given cannot be"));
 }
 
-fn job(change: impl FnOnce(&mut NetworkSettings)) -> Identification {
-    let mut direct = NetworkSettings {
+fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {
+    let mut direct = NetworkOptions {
         hidden: Some(16),
         layers: Some(2),
         history_s: Some(0.5),
@@ -159,11 +159,11 @@ fn job(change: impl FnOnce(&mut NetworkSettings)) -> Identification {
         epochs: Some(10),
         learning_rate: Some(0.01),
         base: Some(BaseKind::Nothing),
-        ..NetworkSettings::default()
+        ..NetworkOptions::default()
     };
     change(&mut direct);
     // What is said of recurrent networks is not said of it.
-    let all = NetworkSettings { hidden: Some(3), feedback: Some(false), ..NetworkSettings::default() };
+    let all = NetworkOptions { hidden: Some(3), feedback: Some(false), ..NetworkOptions::default() };
     Identification {
         methods: vec![Method::Direct],
         split: Split {
@@ -177,8 +177,8 @@ fn job(change: impl FnOnce(&mut NetworkSettings)) -> Identification {
         origin_stride: 1,
         seed: 0,
         ranges: GivenRanges::new(),
-        sindy: SindySettings::default(),
-        networks: Networks { all, direct, ..Networks::default() },
+        sindy: SindyOptions::default(),
+        networks: NetworkTrainingOptions { all, direct, ..NetworkTrainingOptions::default() },
     }
 }
 
@@ -233,7 +233,7 @@ fn its_formulation_is_chosen_where_none_is_given() {
 #[test]
 fn a_history_without_windows_to_evaluate_is_refused_before_training() {
     let error = identify(&job(|s| s.history_s = Some(28.5)), &mut silent()).unwrap_err();
-    assert!(matches!(error, IdentifyError::Unjudged { warm_up: 285, .. }), "{error}");
+    assert!(matches!(error, IdentifyError::NotEvaluable { warm_up: 285, .. }), "{error}");
     let session = |model: &Model| model.session().warm_up();
     let identified = identify(&job(|_| ()), &mut silent()).unwrap();
     assert_eq!(session(&identified.candidates[0].model), 5);

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::wording::place;
-use super::{IdentifyError, overview};
+use super::expressions::channel_index;
+use super::{IdentifyError, data_summary};
 use crate::evaluate::DesignRange;
 use crate::log::units::Unit;
 use crate::log::{Channel, Trajectory};
@@ -102,7 +102,7 @@ pub struct ChannelRange {
 ///
 /// # Errors
 /// If a range is of a channel that there is not, or in a unit of something else.
-pub(super) fn ranges(
+pub(super) fn design_ranges(
     given: &GivenRanges,
     training: &[&Trajectory],
 ) -> Result<Vec<ChannelRange>, IdentifyError> {
@@ -110,7 +110,8 @@ pub(super) fn ranges(
     let channels: Vec<Channel> =
         run.outputs.channels().iter().chain(run.inputs.channels()).cloned().collect();
     let outputs = run.outputs.width();
-    let inferred = overview::ranges(training).into_iter().chain(overview::input_ranges(training));
+    let inferred =
+        data_summary::output_ranges(training).into_iter().chain(data_summary::input_ranges(training));
     let mut all: Vec<ChannelRange> = channels
         .iter()
         .zip(inferred)
@@ -123,7 +124,7 @@ pub(super) fn ranges(
         })
         .collect();
     for (name, range) in given {
-        let place = place("range", "output or input", name, &channels)?;
+        let place = channel_index("range", "output or input", name, &channels)?;
         let wrong = |why: String| IdentifyError::Range { channel: name.clone(), why };
         let factor = match &range.unit {
             None => 1.0,
@@ -167,13 +168,13 @@ mod tests {
     #[test]
     fn stated_ranges_are_converted_and_the_others_inferred() {
         let run = run();
-        let all = ranges(&given(&[("u", "0:36 [km/h]")]), &[&run]).unwrap();
+        let all = design_ranges(&given(&[("u", "0:36 [km/h]")]), &[&run]).unwrap();
         assert!(all[0].given && !all[0].input && !all[1].given && all[1].input);
         assert!((all[0].range.high - 10.0).abs() < 1e-12 && all[0].range.low == 0.0);
         assert_eq!(all[1].range, DesignRange { low: -1.0, high: 3.0 });
-        let unknown = ranges(&given(&[("w", "0:1")]), &[&run]).unwrap_err().to_string();
+        let unknown = design_ranges(&given(&[("w", "0:1")]), &[&run]).unwrap_err().to_string();
         assert!(unknown.contains("there is no output or input 'w'"), "{unknown}");
-        let unit = ranges(&given(&[("u", "0:1 [deg]")]), &[&run]).unwrap_err().to_string();
+        let unit = design_ranges(&given(&[("u", "0:1 [deg]")]), &[&run]).unwrap_err().to_string();
         assert!(unit.contains("'u'") && unit.contains("deg"), "{unit}");
     }
 

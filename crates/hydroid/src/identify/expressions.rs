@@ -2,23 +2,23 @@
 
 use hydroid_core::model::sparse::{Shape, Term};
 
-use super::{IdentifyError, SindySettings};
+use super::{IdentifyError, SindyOptions};
 use crate::log::{Channel, Trajectory};
 use crate::sindy::expression::{list, nearest};
 use crate::sindy::{Constraint, ExpressionParser, Library, Variables, dissipative, is_supported};
 
-impl SindySettings {
+impl SindyOptions {
     /// The terms that are listed.
     ///
     /// # Errors
     /// If a text is not a term of the outputs and inputs of a run.
     pub fn listed(&self, run: &Trajectory) -> Result<Vec<Term>, IdentifyError> {
-        let mut parser = vocabulary(run);
+        let mut parser = parser_for(run);
         let mut terms = Vec::new();
         for text in &self.terms {
             let term =
                 parser.term(text).map_err(|error| IdentifyError::Expression { key: "terms", error })?;
-            no_signals(&parser, "terms", text)?;
+            refuse_signals(&parser, "terms", text)?;
             if !terms.contains(&term) {
                 terms.push(term);
             }
@@ -36,8 +36,12 @@ impl SindySettings {
     ///
     /// # Errors
     /// If a text is not a constraint, none that can be kept, or of a term that no library has.
-    pub fn rules(&self, run: &Trajectory, libraries: &[Library]) -> Result<Vec<Constraint>, IdentifyError> {
-        let (mut parser, variables) = (vocabulary(run), Variables::of(run));
+    pub fn coefficient_constraints(
+        &self,
+        run: &Trajectory,
+        libraries: &[Library],
+    ) -> Result<Vec<Constraint>, IdentifyError> {
+        let (mut parser, variables) = (parser_for(run), Variables::of(run));
         let mut known: Vec<Term> = Vec::new();
         if !self.constraints.is_empty() {
             // Of libraries that are too large to search anyway no list is made.
@@ -49,7 +53,7 @@ impl SindySettings {
             let rule = parser
                 .constraint(text)
                 .map_err(|error| IdentifyError::Expression { key: "constraints", error })?;
-            no_signals(&parser, "constraints", text)?;
+            refuse_signals(&parser, "constraints", text)?;
             let of = |why: String| IdentifyError::Constraint { text: text.clone(), why };
             if !is_supported(&rule) {
                 return Err(of(String::from(
@@ -75,13 +79,13 @@ impl SindySettings {
     }
 }
 
-fn vocabulary(run: &Trajectory) -> ExpressionParser {
+fn parser_for(run: &Trajectory) -> ExpressionParser {
     let channels = run.outputs.channels().iter().chain(run.inputs.channels());
     ExpressionParser::new(channels.map(|c| c.name.clone()), run.outputs.width(), run.dt)
 }
 
 /// Lag states and the past are of the whole model, and have settings of their own.
-fn no_signals(parser: &ExpressionParser, key: &'static str, text: &str) -> Result<(), IdentifyError> {
+fn refuse_signals(parser: &ExpressionParser, key: &'static str, text: &str) -> Result<(), IdentifyError> {
     if parser.signals().is_empty() {
         return Ok(());
     }
@@ -92,7 +96,7 @@ fn no_signals(parser: &ExpressionParser, key: &'static str, text: &str) -> Resul
 }
 
 /// The place of a channel by its name.
-pub(super) fn place(
+pub(super) fn channel_index(
     key: &'static str,
     what: &'static str,
     name: &str,

@@ -10,15 +10,15 @@ use crate::sindy::SearchError;
 
 impl Parts<'_> {
     /// The runs that judge, by what messages call them.
-    fn judging(&self) -> [(&'static str, &[&Trajectory]); 2] {
+    fn held_out(&self) -> [(&'static str, &[&Trajectory]); 2] {
         [("validation", &self.validation), ("test", &self.test)]
     }
 }
 
 /// Whether some run of each part that judges is longer than the horizon: before anything is trained.
-pub(super) fn horizon_fits(job: &Job, parts: &Parts<'_>) -> Result<(), IdentifyError> {
+pub(super) fn check_horizon(job: &Job, parts: &Parts<'_>) -> Result<(), IdentifyError> {
     let longest =
-        parts.judging().map(|(part, runs)| (runs.iter().map(|run| run.len()).max().unwrap_or(0), part));
+        parts.held_out().map(|(part, runs)| (runs.iter().map(|run| run.len()).max().unwrap_or(0), part));
     // The part that allows least, so that the remedy will do for both.
     let (longest, part) = longest[0].min(longest[1]);
     if job.horizon < longest {
@@ -30,9 +30,9 @@ pub(super) fn horizon_fits(job: &Job, parts: &Parts<'_>) -> Result<(), IdentifyE
 
 /// Whether the runs that judge have an origin for a model of so long a warm-up, as
 /// [`evaluate`](fn@evaluate) finds them.
-pub(super) fn can_be_judged(job: &Job, parts: &Parts<'_>, warm_up: usize) -> Result<(), IdentifyError> {
+pub(super) fn check_evaluable(job: &Job, parts: &Parts<'_>, warm_up: usize) -> Result<(), IdentifyError> {
     let horizon = job.horizon;
-    for (part, runs) in parts.judging() {
+    for (part, runs) in parts.held_out() {
         let has_origin = |run: &&Trajectory| {
             let seen = |c: usize| run.outputs.column(c).position(|y| !y.is_nan());
             let all = (0..run.outputs.width()).try_fold(0, |last: usize, c| Some(last.max(seen(c)?)));
@@ -41,14 +41,14 @@ pub(super) fn can_be_judged(job: &Job, parts: &Parts<'_>, warm_up: usize) -> Res
         };
         if !runs.iter().any(has_origin) {
             let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0);
-            return Err(IdentifyError::Unjudged { part, warm_up, horizon, longest });
+            return Err(IdentifyError::NotEvaluable { part, warm_up, horizon, longest });
         }
     }
     Ok(())
 }
 
 /// Judges all models on the same windows: the warm-up is that of the model that needs most.
-pub(super) fn judged(
+pub(super) fn evaluate_candidates(
     job: &Job,
     parts: &Parts<'_>,
     trained: Vec<Trained>,
@@ -65,7 +65,7 @@ pub(super) fn judged(
     let mut candidates = Vec::new();
     for Trained { model, training, train_seconds, .. } in trained {
         let start = candidates.len() as f64;
-        let mut judge = |part, model: &Model, runs: &[&Trajectory], from: f64| {
+        let mut evaluate_on = |part, model: &Model, runs: &[&Trajectory], from: f64| {
             let mut report = |f: f64| progress((start + from + 0.5 * f) / count);
             // A session of its own: one that learns must not have seen the other runs.
             let mut session = model.session();
@@ -83,28 +83,28 @@ pub(super) fn judged(
             .filter(|trained| trained.refit.is_some())
             .map(|trained| Model { body: Body::from(trained.before_refit().clone()), ..model.clone() });
         let validation =
-            judge("validation", before_refit.as_ref().unwrap_or(&model), &parts.validation, 0.0)?;
-        let test = judge("test", &model, &parts.test, 0.5)?;
+            evaluate_on("validation", before_refit.as_ref().unwrap_or(&model), &parts.validation, 0.0)?;
+        let test = evaluate_on("test", &model, &parts.test, 0.5)?;
         candidates.push(Candidate { model, training, train_seconds, validation, test });
     }
     Ok(candidates)
 }
 
 /// A more complex method must lower the validation error by this share at least to be called best.
-const WORTH: f64 = 0.02;
+const MIN_IMPROVEMENT: f64 = 0.02;
 
 /// The model with the least validation error; of two that differ in complexity the simpler one, if it is worse by less
-/// than [`WORTH`]. The test runs have no say in which it is; where its rollouts diverge on them, no model is called best.
-pub(super) fn best(candidates: &[Candidate]) -> Option<usize> {
+/// than [`MIN_IMPROVEMENT`]. The test runs have no say in which it is; where its rollouts diverge on them, no model is called best.
+pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
     let judged = candidates.iter().map(|candidate| {
         let score = (candidate.validation.diverged == 0).then(|| candidate.validation.score());
         (candidate.training.complexity(), score)
     });
-    best_of(&judged.collect::<Vec<_>>()).filter(|&i| candidates[i].test.diverged == 0)
+    least_error(&judged.collect::<Vec<_>>()).filter(|&i| candidates[i].test.diverged == 0)
 }
 
 /// The same of complexities and validation errors; what has no error is out of the question.
-fn best_of<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {
+fn least_error<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {
     let mut order: Vec<(usize, &C, f64)> = judged
         .iter()
         .enumerate()
@@ -112,7 +112,7 @@ fn best_of<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {
         .collect();
     order.sort_by_key(|&(_, complexity, _)| complexity);
     let better = |best: (usize, &C, f64), next: (usize, &C, f64)| {
-        let least = if next.1 > best.1 { (1.0 - WORTH) * best.2 } else { best.2 };
+        let least = if next.1 > best.1 { (1.0 - MIN_IMPROVEMENT) * best.2 } else { best.2 };
         next.2 < least
     };
     let best = order.into_iter().reduce(|best, next| if better(best, next) { next } else { best });
@@ -121,7 +121,7 @@ fn best_of<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::best_of;
+    use super::least_error;
 
     #[test]
     fn a_more_complex_method_must_be_worth_it_and_equals_are_told_apart_by_their_error() {
@@ -138,7 +138,7 @@ mod tests {
             (&[(0, None)], None),
             (&[], None),
         ] {
-            assert_eq!(best_of(judged), best, "{judged:?}");
+            assert_eq!(least_error(judged), best, "{judged:?}");
         }
     }
 }

@@ -4,10 +4,10 @@ use super::IdentifyError;
 use crate::log::Trajectory;
 
 /// Rows that must agree to the last bit before two runs count as the same: no two measurements do by chance.
-const ROWS: usize = 50;
+const MIN_ROWS: usize = 50;
 
 /// Comparisons at the most for a pair of runs; only runs that repeat themselves endlessly need more.
-const COMPARISONS: usize = 20_000_000;
+const MAX_COMPARISONS: usize = 20_000_000;
 
 /// Refuses runs of different parts that share a stretch of measurements, under whatever name.
 pub(super) fn check(parts: [&[&Trajectory]; 3]) -> Result<(), IdentifyError> {
@@ -15,7 +15,7 @@ pub(super) fn check(parts: [&[&Trajectory]; 3]) -> Result<(), IdentifyError> {
         for a in *part {
             for b in parts[i + 1..].iter().copied().flatten() {
                 if overlap(a, b) || overlap(b, a) {
-                    return Err(IdentifyError::SameRun { first: a.name.clone(), second: b.name.clone() });
+                    return Err(IdentifyError::DataLeakage { first: a.name.clone(), second: b.name.clone() });
                 }
             }
         }
@@ -30,11 +30,11 @@ fn overlap(a: &Trajectory, b: &Trajectory) -> bool {
     };
     // A vessel at rest without noise measures the same again and again: begin where something happens.
     let Some(start) = (1..a.len()).find(|&i| !same(i, 0, a)) else { return false };
-    let rows = ROWS.min(a.len() - start);
-    if a.outputs.width() != b.outputs.width() || rows < ROWS.min(a.len() / 2) {
+    let rows = MIN_ROWS.min(a.len() - start);
+    if a.outputs.width() != b.outputs.width() || rows < MIN_ROWS.min(a.len() / 2) {
         return false;
     }
-    let mut left = COMPARISONS;
+    let mut left = MAX_COMPARISONS;
     (0..(b.len() + 1).saturating_sub(rows)).any(|j| {
         let alike = (0..rows).take_while(|&k| same(start + k, j + k, b)).count();
         left = left.saturating_sub(alike + 1);

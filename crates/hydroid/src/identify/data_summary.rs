@@ -32,7 +32,7 @@ pub struct Summary {
 }
 
 /// Summary of all channels, outputs first.
-pub fn overview(split: &Split) -> Vec<ChannelSummary> {
+pub fn data_summary(split: &Split) -> Vec<ChannelSummary> {
     let parts = [&split.train, &split.validation, &split.test];
     let Some(run) = split.train.first() else { return Vec::new() };
     let summaries = |input: bool, channels: &[Channel]| -> Vec<ChannelSummary> {
@@ -68,7 +68,7 @@ fn summary(tables: &[&Table], channel: usize) -> Summary {
 }
 
 /// Ranges of the outputs over runs: the design range of a model where none is stated.
-pub fn ranges(runs: &[&Trajectory]) -> Vec<DesignRange> {
+pub fn output_ranges(runs: &[&Trajectory]) -> Vec<DesignRange> {
     let tables: Vec<&Table> = runs.iter().map(|run| &run.outputs).collect();
     of_tables(&tables)
 }

@@ -3,11 +3,11 @@
 use hydroid_core::model::sparse::{Shape, Signal, Term};
 
 use super::Candidate;
-use super::overview::ChannelSummary;
+use super::data_summary::ChannelSummary;
 use crate::log::{Note, Trajectory};
 
 /// Inputs that correlate beyond this move together for all that a regression can say.
-const TWINS: f64 = 0.999;
+const MAX_CORRELATION: f64 = 0.999;
 
 /// Warnings of inputs that move only together with another one, or with several channels.
 pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training: &[Trajectory]) -> Vec<Note> {
@@ -18,7 +18,7 @@ pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training:
     for b in (0..inputs.len()).filter(|&b| moves(b)) {
         for a in (0..b).filter(|&a| moves(a)) {
             let correlation = correlation(training, a, b);
-            if correlation.abs() < TWINS {
+            if correlation.abs() < MAX_CORRELATION {
                 continue;
             }
             let [first, second] = [a, b].map(|i| inputs[i].channel.name.as_str());
@@ -31,7 +31,7 @@ pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training:
             );
         }
     }
-    for (name, terms) in lost(candidate, &inputs) {
+    for (name, terms) in unidentifiable_inputs(candidate, &inputs) {
         if !named.contains(&name) {
             notes.push(
                 Note::warning(format!(
@@ -60,7 +60,10 @@ fn correlation(runs: &[Trajectory], a: usize, b: usize) -> f64 {
 }
 
 /// Inputs that move and depend on others to rounding, with the first of the terms that are lost for it.
-fn lost<'a>(candidate: &Candidate, inputs: &[&'a ChannelSummary]) -> Vec<(&'a str, Vec<String>)> {
+fn unidentifiable_inputs<'a>(
+    candidate: &Candidate,
+    inputs: &[&'a ChannelSummary],
+) -> Vec<(&'a str, Vec<String>)> {
     let (Some(found), Some(motion)) = (candidate.found(), candidate.model.equations()) else {
         return Vec::new();
     };

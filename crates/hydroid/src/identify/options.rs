@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::IdentifyError;
-use super::wording::place;
+use super::expressions::channel_index;
 use crate::log::Trajectory;
 use crate::sindy::{
     Criterion, Family, GateSpec, Lag, Library, Loss, Optimizer, RefineScope, RegressionForm, SearchGrid,
@@ -15,7 +15,7 @@ use crate::sindy::{
 /// Settings of the search for equations. What is not given is chosen on the validation runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct SindySettings {
+pub struct SindyOptions {
     /// The one library to use, in words: `marine`, `degree 2 + x|x|`, `marine + rational` ...
     pub library: Option<String>,
     /// Terms in words, `u |u|`, `v r`, `n |n| sin(delta)`: added to the library that is given by name or degree, and
@@ -34,9 +34,9 @@ pub struct SindySettings {
     pub constant: Option<bool>,
     /// Actuators that follow their commands with a lag: `"auto"` (looked for, the default), `"none"`, or the
     /// time constants \[s\] by input.
-    pub lag: Lags,
+    pub lag: LagOption,
     /// Where the equations change: `"auto"` (looked for, the default), `"none"`, or a gate on an output.
-    pub gate: GateSetting,
+    pub gate: GateOption,
     /// How long ago the past of lagged equations was \[s\]; without it several are tried.
     pub past_s: Option<f64>,
     /// Window of the regression \[s\]; without it several are tried.
@@ -54,23 +54,23 @@ pub struct SindySettings {
     /// Whether the chosen equations are refined by predictions over many steps: `"auto"` (where these miss the
     /// measurements by hardly more than the noise of the sensors, the default), `true` (wherever predictions get better by
     /// it) or `false`.
-    pub refine: Refine,
-    /// Members of the ensemble that tells how sure the coefficients are.
-    pub members: Members,
+    pub refine: RefineOption,
+    /// EnsembleSize of the ensemble that tells how sure the coefficients are.
+    pub members: EnsembleSize,
     /// Whether the equations are for a control law that inverts them: terms are linear in one function of each command
     /// (`c`, `sin(c)` or `c |c|`), which is chosen on the validation runs.
     pub for_control: bool,
 }
 
-/// Members of an ensemble at the most: quantiles are no better for more, and each is a fit.
-const MOST_BAGS: usize = 1000;
+/// EnsembleSize of an ensemble at the most: quantiles are no better for more, and each is a fit.
+const MAX_MEMBERS: usize = 1000;
 
 /// A number of members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Members(pub usize);
+pub struct EnsembleSize(pub usize);
 
-impl Default for Members {
+impl Default for EnsembleSize {
     fn default() -> Self {
         Self(50)
     }
@@ -79,7 +79,7 @@ impl Default for Members {
 /// A word in place of a value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Word {
+pub enum Keyword {
     /// Looked for.
     #[default]
     Auto,
@@ -90,16 +90,16 @@ pub enum Word {
 /// Whether equations are refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "refine is \"auto\", true or false")]
-pub enum Refine {
+pub enum RefineOption {
     /// By the errors of predictions and the noise of the sensors.
-    Word(Auto),
+    Keyword(Auto),
     /// As it is said.
-    Asked(bool),
+    Fixed(bool),
 }
 
-impl Default for Refine {
+impl Default for RefineOption {
     fn default() -> Self {
-        Self::Word(Auto::Auto)
+        Self::Keyword(Auto::Auto)
     }
 }
 
@@ -112,22 +112,22 @@ pub enum Auto {
     Auto,
 }
 
-/// Lags of actuators.
+/// LagOption of actuators.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
     expecting = "lag is \"auto\", \"none\", or time constants in seconds by input: lag = { n = 1.5 }"
 )]
-pub enum Lags {
+pub enum LagOption {
     /// Looked for, or none.
-    Word(Word),
+    Keyword(Keyword),
     /// Time constants \[s\] by the name of the input.
-    Given(BTreeMap<String, f64>),
+    Fixed(BTreeMap<String, f64>),
 }
 
-impl Default for Lags {
+impl Default for LagOption {
     fn default() -> Self {
-        Self::Word(Word::Auto)
+        Self::Keyword(Keyword::Auto)
     }
 }
 
@@ -137,23 +137,23 @@ impl Default for Lags {
     untagged,
     expecting = "gate is \"auto\", \"none\", or gate = { output = \"u\", centre = 2.5, slope = 12 }"
 )]
-pub enum GateSetting {
+pub enum GateOption {
     /// Looked for, or none.
-    Word(Word),
+    Keyword(Keyword),
     /// On an output.
-    Given(GivenGate),
+    Fixed(FixedGate),
 }
 
-impl Default for GateSetting {
+impl Default for GateOption {
     fn default() -> Self {
-        Self::Word(Word::Auto)
+        Self::Keyword(Keyword::Auto)
     }
 }
 
 /// A gate `sigma(slope (y - centre))`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GivenGate {
+pub struct FixedGate {
     /// Name of the output that decides the mode.
     pub output: String,
     /// Where the two modes weigh the same, in the output's unit.
@@ -162,14 +162,14 @@ pub struct GivenGate {
     pub slope: f64,
 }
 
-impl std::str::FromStr for Lags {
+impl std::str::FromStr for LagOption {
     type Err = String;
 
     /// `auto`, `none`, or `n=1.5,delta=0.3`.
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
-            "auto" => return Ok(Self::Word(Word::Auto)),
-            "none" => return Ok(Self::Word(Word::None)),
+            "auto" => return Ok(Self::Keyword(Keyword::Auto)),
+            "none" => return Ok(Self::Keyword(Keyword::None)),
             _ => {}
         }
         let pair = |part: &str| {
@@ -179,34 +179,34 @@ impl std::str::FromStr for Lags {
         text.split(',')
             .map(pair)
             .collect::<Option<BTreeMap<String, f64>>>()
-            .map(Self::Given)
+            .map(Self::Fixed)
             .ok_or_else(|| format!("'{text}' is not auto, none, or a list like n=1.5,delta=0.3 (seconds)"))
     }
 }
 
-impl std::str::FromStr for GateSetting {
+impl std::str::FromStr for GateOption {
     type Err = String;
 
     /// `auto`, `none`, or `u=2.5/12`: output, centre, slope.
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
-            "auto" => return Ok(Self::Word(Word::Auto)),
-            "none" => return Ok(Self::Word(Word::None)),
+            "auto" => return Ok(Self::Keyword(Keyword::Auto)),
+            "none" => return Ok(Self::Keyword(Keyword::None)),
             _ => {}
         }
         let gate = || {
             let (output, numbers) = text.split_once('=')?;
             let (centre, slope) = numbers.split_once('/')?;
             let (centre, slope) = (centre.trim().parse().ok()?, slope.trim().parse().ok()?);
-            Some(GivenGate { output: output.trim().to_owned(), centre, slope })
+            Some(FixedGate { output: output.trim().to_owned(), centre, slope })
         };
         gate()
-            .map(Self::Given)
+            .map(Self::Fixed)
             .ok_or_else(|| format!("'{text}' is not auto, none, or output=centre/slope like u=2.5/12"))
     }
 }
 
-impl SindySettings {
+impl SindyOptions {
     /// Whether the settings make sense.
     ///
     /// # Errors
@@ -221,33 +221,36 @@ impl SindySettings {
         ];
         for (what, needed, value, least) in settings {
             if let Some(value) = value.filter(|v| !(v.is_finite() && *v >= least)) {
-                return Err(IdentifyError::Setting { what, value: value.to_string(), needed });
+                return Err(IdentifyError::InvalidOption { what, value: value.to_string(), needed });
             }
         }
-        let Members(members) = self.members;
-        if members > MOST_BAGS {
+        let EnsembleSize(members) = self.members;
+        if members > MAX_MEMBERS {
             let needed = "a number from 0 to 1000";
-            return Err(IdentifyError::Setting { what: "members", value: members.to_string(), needed });
+            return Err(IdentifyError::InvalidOption { what: "members", value: members.to_string(), needed });
         }
         Ok(())
     }
 
-    /// Lags that are looked for or given, by the place of the input.
+    /// LagOption that are looked for or given, by the place of the input.
     ///
     /// # Errors
     /// If an input does not exist, or a time constant is not positive.
     pub fn lags(&self, run: &Trajectory) -> Result<StructureSpec<Vec<Lag>>, IdentifyError> {
         let given = match &self.lag {
-            Lags::Word(Word::Auto) => return Ok(StructureSpec::Search),
-            Lags::Word(Word::None) => return Ok(StructureSpec::Absent),
-            Lags::Given(given) => given,
+            LagOption::Keyword(Keyword::Auto) => return Ok(StructureSpec::Search),
+            LagOption::Keyword(Keyword::None) => return Ok(StructureSpec::Absent),
+            LagOption::Fixed(given) => given,
         };
         let mut lags = Vec::new();
         for (name, &time_constant_s) in given {
             let needed = "a positive number of seconds";
-            let wrong =
-                || IdentifyError::Setting { what: "lag", value: format!("{name}={time_constant_s}"), needed };
-            let input = place("lag", "input", name, run.inputs.channels())?;
+            let wrong = || IdentifyError::InvalidOption {
+                what: "lag",
+                value: format!("{name}={time_constant_s}"),
+                needed,
+            };
+            let input = channel_index("lag", "input", name, run.inputs.channels())?;
             if !(time_constant_s.is_finite() && time_constant_s > 0.0) {
                 return Err(wrong());
             }
@@ -262,20 +265,20 @@ impl SindySettings {
     /// If the output does not exist, a number is not one, or a mode has hardly a sample in the training runs.
     pub fn gate(&self, training: &[&Trajectory]) -> Result<StructureSpec<GateSpec>, IdentifyError> {
         let given = match &self.gate {
-            GateSetting::Word(Word::Auto) => {
+            GateOption::Keyword(Keyword::Auto) => {
                 // A gate within a gate is for nobody to read.
                 let lists = training.first().map_or(Ok(false), |run| self.lists_gates(run))?;
                 return Ok(if lists { StructureSpec::Absent } else { StructureSpec::Search });
             }
-            GateSetting::Word(Word::None) => return Ok(StructureSpec::Absent),
-            GateSetting::Given(given) => given,
+            GateOption::Keyword(Keyword::None) => return Ok(StructureSpec::Absent),
+            GateOption::Fixed(given) => given,
         };
-        let GivenGate { output: name, centre, slope } = given;
+        let FixedGate { output: name, centre, slope } = given;
         let value = || format!("{name}={centre}/{slope}");
         let needed = "OUTPUT=CENTRE/SLOPE with a finite centre and a positive slope";
-        let wrong = || IdentifyError::Setting { what: "gate", value: value(), needed };
+        let wrong = || IdentifyError::InvalidOption { what: "gate", value: value(), needed };
         let channels = training.first().map_or(&[][..], |run| run.outputs.channels());
-        let output = place("gate", "output", name, channels)?;
+        let output = channel_index("gate", "output", name, channels)?;
         if !(centre.is_finite() && slope.is_finite() && *slope > 0.0) {
             return Err(wrong());
         }
@@ -370,10 +373,10 @@ impl SindySettings {
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
             constraints: Vec::new(),
             // What is given stays as it is given.
-            refine: (self.refine != Refine::Asked(false)).then_some(RefineScope {
-                lags: !matches!(self.lag, Lags::Given(_)),
-                gate: !matches!(self.gate, GateSetting::Given(_)),
-                always: self.refine == Refine::Asked(true),
+            refine: (self.refine != RefineOption::Fixed(false)).then_some(RefineScope {
+                lags: !matches!(self.lag, LagOption::Fixed(_)),
+                gate: !matches!(self.gate, GateOption::Fixed(_)),
+                always: self.refine == RefineOption::Fixed(true),
             }),
         }
     }
