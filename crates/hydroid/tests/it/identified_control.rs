@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use hydroid::closed_loop::{self, Conditions, ControlLaw, Metrics, Scenario, SpeedOptions, Timing, Track};
 use hydroid::excitation::Excitation;
-use hydroid::identify::{GivenRanges, Job, Method, Networks, SindySettings, identify};
+use hydroid::identify::{GivenRanges, Job, Method, NetworkTrainingOptions, SindyOptions, identify};
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Reading};
 use hydroid::progress::silent;
@@ -158,10 +158,10 @@ fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
         origin_stride: 20,
         seed: 0,
         ranges: GivenRanges::new(),
-        networks: Networks::default(),
-        sindy: SindySettings {
+        networks: NetworkTrainingOptions::default(),
+        sindy: SindyOptions {
             terms: PHYSICAL.iter().map(ToString::to_string).collect(),
-            ..SindySettings::default()
+            ..SindyOptions::default()
         },
     };
     let mut found = identify(&job, &mut silent()).unwrap();
