@@ -1,4 +1,4 @@
-//! `hydroid adapt` on a recurrent network: a hydrofoil that was logged at low speed alone, and then flies.
+//! `hydroid adapt` on a recurrent network of the hydrofoil that was trained at low speed and is adapted while foiling.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Write};

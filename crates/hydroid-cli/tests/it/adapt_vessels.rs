@@ -1,4 +1,4 @@
-//! `hydroid adapt` on a vessel with given parameters, which has changed.
+//! `hydroid adapt` on a vessel whose parameters have changed.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Every kind of wrong input gets its own message, exit status 2, and leaves nothing half-written behind.
+//! Wrong input: exit status 2, a message with the cause, and no partial output.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! `hydroid adapt .. --black-box`, `--replay`, and `hydroid inspect` on what was noted.
+//! `hydroid adapt .. --black-box`, `--replay`, and `hydroid inspect` on a recording.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Write};

@@ -1,4 +1,4 @@
-//! The commands from end to end on simulated logs, and the documents that they promise.
+//! The commands from end to end on simulated logs, and their JSON documents.
 
 use std::fmt::Write as _;
 use std::fs;

@@ -1,4 +1,4 @@
-//! Links between documents lead somewhere.
+//! Links between documents have targets.
 
 use std::collections::BTreeSet;
 use std::fs;

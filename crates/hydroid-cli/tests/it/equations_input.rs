@@ -1,5 +1,4 @@
-//! Settings of the equations and data that do not support them: each wrong one has its message, each weak one its
-//! mark.
+//! Options of equations and data that do not support them: messages and warnings.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Networks from end to end: trained, judged, shown, interrupted, resumed.
+//! Networks from end to end: training, evaluation, inspection, interruption, resumption.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! `hydroid thesis`: the small version with its verdicts, going on after a kill, experiments of one's own.
+//! `hydroid thesis`: the quick version with its verdicts, resumption after a kill, edited experiments.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! What an adapter saves is all that it goes on from.
+//! The saved state of an adapter is complete.
 
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,

@@ -1,4 +1,4 @@
-//! Actuators against their own differential equation, limits against everything; allocation against its definition.
+//! Actuators compared with their differential equation, limits, and control allocation.
 
 use hydroid_core::actuator::{Channel, Lag, Limits, Map};
 use hydroid_core::control::{Actuators, ControlError, Status, allocate};

@@ -1,4 +1,4 @@
-//! The control-affine network: against equations that say the same, and as a model that laws invert.
+//! The control-affine network, compared with equivalent equations, and as a model that control laws invert.
 
 use std::sync::Arc;
 

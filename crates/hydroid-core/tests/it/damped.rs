@@ -1,4 +1,4 @@
-//! What tests of equations that learn by a filter share: a damped vessel with a lag and a past, its tuning and samples.
+//! Fixture of tests of adapted equations: a damped vessel with a lag and a past value.
 
 use hydroid_core::adapt::kalman::{KalmanEquations, LearnableEquations, Tuning};
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};

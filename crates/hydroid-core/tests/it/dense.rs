@@ -1,4 +1,4 @@
-//! What tests of filters over state and weights share: small networks, their tuning and samples, and dense matrices.
+//! Fixture of tests of Kalman filters: small networks, their options and samples, and dense matrices.
 
 use hydroid_core::adapt::kalman::Tuning;
 use hydroid_core::model::recurrent::{Cell, Network};

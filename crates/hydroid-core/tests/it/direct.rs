@@ -1,5 +1,4 @@
-//! The direct predictor: network and gradient against PyTorch and finite differences, and its session against its equations
-//! written down once more.
+//! The direct predictor: network and gradient compared with PyTorch and finite differences; its session compared with its equations.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! A learner under guard: the guarantee, what it costs where nothing is wrong, and that it goes on from what it saved.
+//! An adapter with a guard: deviation bound, cost without faults, saved state.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! The filter over state and weights against a naive one on full matrices, and what must hold whatever happens.
+//! The extended Kalman filter over state and weights, compared with a naive filter on full matrices, and its invariants.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Equations that learn by a filter over outputs and coefficients: what must hold whatever happens.
+//! Invariants of the Kalman filter over outputs and coefficients of equations.
 
 use hydroid_core::adapt::kalman::{KalmanEquations, LearnableEquations, Tuning, TuningError};
 use hydroid_core::adapt::{Adapter, Outcome, Rejection, SettingsError};

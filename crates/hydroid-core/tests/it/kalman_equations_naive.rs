@@ -1,4 +1,4 @@
-//! Equations that learn by a filter over outputs and coefficients, against a naive one: dense, with finite differences.
+//! The Kalman filter over outputs and coefficients of equations, compared with a dense filter with finite differences.
 
 use hydroid_core::adapt::kalman::{
     Correction, Filter, KalmanEquations, Learnable, LearnableEquations, Tuning,

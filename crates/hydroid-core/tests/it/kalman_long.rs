@@ -1,9 +1,9 @@
-//! The filter over state and weights on a voyage without end: a hydrofoil under random commands through both modes.
+//! Long runs of the Kalman filter: the hydrofoil under random commands in both modes.
 //!
 //! The test of ten million samples takes most of an hour:
 //!
 //! ```text
-//! cargo test --release -p hydroid-core --test kalman_long -- --ignored --nocapture
+//! cargo test --release -p hydroid-core --test it ten_million -- --ignored --nocapture
 //! ```
 
 use std::sync::Arc;
@@ -135,13 +135,13 @@ fn a_hundred_thousand_samples_in_single_precision() {
 }
 
 #[test]
-#[ignore = "most of an hour"]
+#[ignore = "an hour; not part of .ci/run"]
 fn ten_million_samples() {
     voyage::<f64>(10_000_000);
 }
 
 #[test]
-#[ignore = "most of an hour"]
+#[ignore = "an hour; not part of .ci/run"]
 fn ten_million_samples_in_single_precision() {
     voyage::<f32>(10_000_000);
 }

@@ -1,5 +1,5 @@
-//! A vessel that learns its parameters by a filter: derivatives against differences, the filter against a naive one, and
-//! what must hold whatever happens.
+//! The Kalman filter over the parameters of a vessel: derivatives compared with finite differences, the filter compared with a
+//! dense filter, and invariants.
 
 use hydroid_core::adapt::kalman::{Correction, Filter, KalmanPlant, Learnable, LearnablePlant, Tuning};
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};

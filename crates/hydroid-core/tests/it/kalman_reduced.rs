@@ -1,5 +1,4 @@
-//! Filters that keep less than the full covariance: against the full one, against naive ones of the same definition on
-//! dense matrices, and what must hold whatever happens.
+//! Reduced covariance forms, compared with the full covariance and with dense filters of the same definition, and invariants.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Recursive least squares against what it must equal: a naive dense recursion, batch least squares, bounds.
+//! Recursive least squares, compared with a dense recursion, batch least squares and bounds.
 
 use hydroid_core::adapt::RecursiveLeastSquares;
 use proptest::prelude::*;

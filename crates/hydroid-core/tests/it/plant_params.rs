@@ -1,4 +1,4 @@
-//! Absurd parameters are refused, each with the field that is to blame.
+//! Invalid parameters are refused with the name of the field.
 
 use hydroid_core::vessel::{Flying, InvalidParams, Mode, Plant, VesselParams};
 

@@ -1,4 +1,4 @@
-//! What must hold for any vessel: energy, mirror symmetry, the order of the integrator.
+//! Properties of all vessels: energy, mirror symmetry, order of the integrator.
 
 use hydroid_core::vessel::{Command, Coriolis, Plant, State, VesselParams, rk4};
 use proptest::prelude::*;

@@ -1,5 +1,4 @@
-//! The last layer of a direct predictor that learns, against recursive least squares of each of its numbers by itself, written
-//! down with whole matrices once more.
+//! Adaptation of the last layer of a direct predictor, compared with dense recursive least squares of each output.
 
 use std::sync::Arc;
 

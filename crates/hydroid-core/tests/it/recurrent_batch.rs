@@ -1,4 +1,4 @@
-//! Batches of recurrent networks: lanes know nothing of each other, and derivatives are those of finite differences.
+//! Batches of recurrent networks: independence of the lanes, and derivatives compared with finite differences.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Cell, Network, Rollout, Tape};

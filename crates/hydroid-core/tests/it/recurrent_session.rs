@@ -1,5 +1,4 @@
-//! The session of recurrent models: what it predicts is what the model's equations say, for every base, with and
-//! without feedback.
+//! The session of recurrent models, compared with the equations of the model, for every base, with and without feedback.
 
 use std::sync::Arc;
 

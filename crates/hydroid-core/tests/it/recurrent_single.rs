@@ -1,4 +1,4 @@
-//! Steps and Jacobians of one sequence against PyTorch's.
+//! Steps and Jacobians of one sequence, compared with PyTorch.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Linearization, Packed};

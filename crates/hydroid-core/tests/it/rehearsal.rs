@@ -1,4 +1,4 @@
-//! Windows of known waters that are rehearsed against forgetting.
+//! Rehearsal of training windows against forgetting.
 
 use std::sync::Arc;
 

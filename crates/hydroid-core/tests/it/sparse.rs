@@ -1,4 +1,4 @@
-//! Sparse equations against what is known without them: products written out, exponentials, sines.
+//! Sparse equations, compared with explicit products and closed-form solutions.
 
 use std::sync::Arc;
 

@@ -1,5 +1,4 @@
-//! The black box of a learner: what it has noted is made again to the last bit, and nothing that a kill or a bad disk leaves of it
-//! makes anything panic.
+//! The black box of an adapter: replay bit for bit, and files damaged by a kill or a full disk.
 
 use std::fs;
 use std::path::{Path, PathBuf};

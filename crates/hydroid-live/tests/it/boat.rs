@@ -1,4 +1,4 @@
-//! A small boat, and what is logged of it.
+//! A small boat and its log.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! A live stream: whatever is sent, each line is answered by one line of JSON, and nothing is lost by it.
+//! A live stream: each line has an answer in JSON.
 
 use crate::boat::model;
 use hydroid::adapt::{self, adapter};

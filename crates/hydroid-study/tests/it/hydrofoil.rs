@@ -1,5 +1,5 @@
-//! Lag, change of mode and motion of the built-in hydrofoil from ten minutes of its log, and no such thing on a
-//! vessel that has none; and the thesis's recipe beside it.
+//! Lag, change of mode and equations of the built-in hydrofoil from ten minutes of its log, their absence on a simple vessel, and
+//! the settings of the thesis.
 
 use hydroid::evaluate::{Against, Evaluation, Options, Origin, evaluate};
 use hydroid::excitation::Excitation;

@@ -1,4 +1,4 @@
-//! Models that learn along a log, on vessels that change and on vessels that do not.
+//! Adaptation along a log, on vessels that change and on vessels that do not.
 //!
 //! Real logs are found through `HYDROID_DATA`; without it those tests say so and pass.
 

@@ -1,4 +1,4 @@
-//! A model's equations as people copy them: text, LaTeX, units, Jacobian.
+//! The equations of a model as text, LaTeX, units and Jacobian.
 
 use std::sync::Arc;
 

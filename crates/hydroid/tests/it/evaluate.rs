@@ -1,4 +1,4 @@
-//! Evaluation of models whose errors are known beforehand.
+//! Evaluation of models with known errors.
 
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;

@@ -1,4 +1,4 @@
-//! How an evaluation walks its sessions: each run from its start, in any number of threads, and learning on the way.
+//! Sessions in an evaluation: start of each run, number of threads, adapting sessions.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Networks in an identification: what is refused before anything is trained, and trainings that were interrupted.
+//! Networks in an identification: refusals before training, and interrupted trainings.
 
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -1,5 +1,4 @@
-//! What identification must not depend on: units, the order of terms and of inputs. And what it must find:
-//! a random sparse system, exactly.
+//! Identification does not depend on units and on the order of terms and inputs, and finds random sparse systems exactly.
 
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::sindy::{

@@ -1,4 +1,4 @@
-//! Runs whose future is known, and the judge of what predicts them.
+//! Runs with a known future, and their evaluation.
 
 use std::ops::ControlFlow;
 

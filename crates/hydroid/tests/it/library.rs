@@ -1,4 +1,4 @@
-//! Libraries: their terms, their order, their size, and their text form.
+//! Libraries: terms, order, size, and text form.
 
 use std::collections::HashSet;
 

@@ -1,4 +1,4 @@
-//! Which method is called best, and that a model which learns survives its file.
+//! The choice of the best method, and files of adapting models.
 
 use hydroid::adapt::{self, adapt};
 use hydroid::excitation::Excitation;

@@ -1,4 +1,4 @@
-//! Model files: what was written is read, and whatever else is read is refused in its own words.
+//! Model files: a written file is read back; invalid files are refused.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Model files of recurrent networks: weights travel to PyTorch and back, and whatever contradicts itself is refused.
+//! Model files of recurrent networks: exchange with PyTorch, and refusal of inconsistent files.
 
 use std::collections::HashMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Model files beside PyTorch itself: it reads ours, predicts the same, trains on, and writes a file that we read.
+//! Model files and PyTorch: it reads a file, predicts the same, continues the training, and writes a file that is read back.
 //!
 //! The Python with PyTorch is `HYDROID_PYTHON` or `python3`; without PyTorch and safetensors the test says so and
 //! passes. `network_file` compares with files that PyTorch made.

@@ -1,4 +1,4 @@
-//! The streaming factor against normal equations, textbook matrices and closed forms.
+//! The streaming QR factor, compared with normal equations, textbook matrices and closed forms.
 
 use hydroid::sindy::{BLOCK_ROWS, QrFactor, stepwise, stlsq};
 use proptest::prelude::*;

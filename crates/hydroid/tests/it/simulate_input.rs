@@ -1,4 +1,4 @@
-//! Wrong input to a simulation: each its own message, nothing panics; commands never leave their limits.
+//! Wrong input to a simulation, and command limits.
 
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Simulated records: reproducible, with the properties that their excitation promises.
+//! Simulated records: reproducibility and properties of the excitation.
 
 use std::ops::ControlFlow;
 

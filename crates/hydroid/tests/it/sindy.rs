@@ -1,4 +1,4 @@
-//! Identification against systems whose equations are known.
+//! Identification of systems with known equations.
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;

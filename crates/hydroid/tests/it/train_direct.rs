@@ -1,4 +1,4 @@
-//! Direct predictors: their training, their model file, and their place among the methods.
+//! Direct predictors: training, model file, and their place among the methods.
 
 use std::ops::ControlFlow;
 use std::path::Path;

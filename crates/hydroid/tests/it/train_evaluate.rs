@@ -1,4 +1,4 @@
-//! What a training calls its validation error is what `evaluate` says of the model.
+//! The validation error of a training equals that of `evaluate`.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;

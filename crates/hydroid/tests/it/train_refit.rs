@@ -1,4 +1,4 @@
-//! Networks that learn from the validation runs in the end.
+//! The refit of networks on training and validation runs.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! A made-up vessel of two outputs, and runs of it.
+//! A synthetic vessel with two outputs, and runs of it.
 
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{Channel, Table, Trajectory};

@@ -1,4 +1,4 @@
-//! Backstepping in closed loop on the true plants: against its Lyapunov function, the disturbances that were put in, and the other law.
+//! Backstepping in closed loop on the true plants: Lyapunov function, disturbance estimates, comparison with feedback linearization.
 
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::{

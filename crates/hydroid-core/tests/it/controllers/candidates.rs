@@ -1,4 +1,4 @@
-//! Candidates side by side do what they do alone: every kind of model, sessions that have learned, and a guard.
+//! Batched rollouts of candidates equal single rollouts: every kind of model, adapted sessions, and the guard.
 
 use std::sync::Arc;
 

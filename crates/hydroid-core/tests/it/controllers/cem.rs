@@ -1,4 +1,4 @@
-//! Plans by the cross-entropy method: against an optimum that is known, budgets, limits, and on the true plants.
+//! Plans by the cross-entropy method: known optimum, time limits, command limits, and the true plants.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Equations taken apart for control: against the vessels that they were written from, and what is refused.
+//! Affine form of equations, compared with the vessels that they describe; refusals.
 
 use crate::controllers::written::{Force, equations};
 use hydroid_core::actuator::{Lag, Limits, Map};

@@ -1,4 +1,4 @@
-//! A correction that is learned under way: it has to be better than its base where the model is wrong, and no worse elsewhere.
+//! Adaptive augmentation of a control law: better than the law alone with model error, and no worse without.
 
 use hydroid_core::control::{
     AdaptiveAugmentation, AdaptiveAugmentationOptions, AffinePlant, Controller, Estimate,

@@ -1,4 +1,4 @@
-//! The built-in vessels written by hand as sparse equations, from their parameters: what identification would find without any error.
+//! The built-in vessels as sparse equations with exact coefficients.
 #![allow(unreachable_pub)] // a module of tests and benchmarks has no outside
 
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Real, Shape, Signal, Term};

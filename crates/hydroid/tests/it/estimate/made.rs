@@ -1,4 +1,4 @@
-//! Runs that are made, and a dense solver that shares nothing with the code under test.
+//! Synthetic runs, and an independent dense solver.
 
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::sindy::{Constraints, FitOptions, Optimizer};

@@ -1,4 +1,4 @@
-//! The lines of "Bad input" that concern logs: each has its own message with place and remedy.
+//! Invalid logs: each message states place and remedy.
 
 use super::{error, error_of, has_note, log, log_as, prepared, table};
 use hydroid::log::{LogError, PrepareOptions, Selection, prepare, read};

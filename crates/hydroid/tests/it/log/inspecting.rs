@@ -1,4 +1,4 @@
-//! What `inspect` finds in logs made to hold it.
+//! Results of `inspect` on logs with known problems.
 
 use super::{log, table};
 use hydroid::log::inspect::Confidence;

@@ -1,4 +1,4 @@
-//! What holds for every log.
+//! Properties of all logs.
 
 use proptest::prelude::*;
 

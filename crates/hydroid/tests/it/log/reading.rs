@@ -1,4 +1,4 @@
-//! What a CSV file may look like.
+//! Forms of CSV files.
 
 use super::{error_of, log};
 use hydroid::log::{LogError, read, read_from};

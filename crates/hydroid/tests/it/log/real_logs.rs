@@ -1,4 +1,4 @@
-//! The real logs, where `HYDROID_DATA` says they are.
+//! The real logs in the folder `HYDROID_DATA`.
 
 use std::io::Write as _;
 use std::path::PathBuf;

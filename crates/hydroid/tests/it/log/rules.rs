@@ -1,4 +1,4 @@
-//! What happens to a log on its way to runs.
+//! Rules of the preparation of runs.
 
 use super::{error_of, has_note, input, log, log_as, output, prepared, prepared_with, table};
 use hydroid::log::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Trajectory, prepare};

@@ -1,4 +1,4 @@
-//! Ends of a log at which somebody else moves the vessel.
+//! Towed parts at the ends of a log.
 
 use super::{has_note, log, output, prepared, prepared_with, table};
 use hydroid::log::PrepareOptions;
