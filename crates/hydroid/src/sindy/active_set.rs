@@ -1,11 +1,11 @@
-//! Least squares under linear equalities and signs: the dual active-set method of Goldfarb and Idnani (Math.
+//! Least squares under linear equalities and signs: dual active-set method of Goldfarb and Idnani (Math.
 //! Programming 27 (1983) 1).
 //!
 //! `min |R x - d|^2` with `R` upper triangular, `a_e . x = b_e` for every equality, and `s_j x_j >= 0` for
-//! some `j`. It starts from the least-squares solution and makes one violated constraint after another
-//! active; a constraint whose multiplier would turn negative is let go. Every axpy raises the minimum under the
-//! active constraints, so that none comes solve_upper and the method ends; where a violated constraint cannot be
-//! obeyed beside the active ones, nothing can obey them all.
+//! some `j`. The method starts from the unconstrained solution and activates violated constraints one by one;
+//! a constraint whose multiplier would become negative is released. The minimum under the active constraints
+//! increases with every step, so the method terminates. It is infeasible if a violated constraint cannot be
+//! satisfied beside the active ones.
 
 use super::qr::QrFactor;
 

@@ -1,7 +1,7 @@
-//! What is known of coefficients before any data: signs, and linear relations across equations.
+//! Linear constraints on the coefficients: signs, and linear equalities across equations.
 //!
-//! Drag must not push (`xi_u|u| <= 0`); a mass matrix is symmetric, so that coefficients of two equations
-//! are coupled_terms. Both hold in the coefficients that are found, signs exactly and relations to rounding.
+//! Examples: drag opposes the motion (`xi_u|u| <= 0`); a symmetric mass matrix couples coefficients of two
+//! equations. Signs hold exactly, equalities to rounding.
 
 use super::active_set::{Problem, solve};
 use super::fit::LinearRegression;
@@ -37,12 +37,12 @@ pub struct Equality {
     pub value: f64,
 }
 
-/// What the coefficients must obey.
+/// Constraints on the coefficients.
 ///
-/// A term whose coefficient is at its bound of zero leaves, and the others are selected anew without it. The
-/// coefficients that an equality names are given by it: no selection removes them. Coefficients that the
-/// data cannot identify are zero in an equality. Equations that an equality ties together are solved
-/// together, each weighted by the inverse of its residual.
+/// A term whose coefficient is at its bound of zero is removed, and the selection is repeated without it.
+/// Coefficients in an equality are exempt from the selection. Coefficients that the data cannot identify are
+/// zero in an equality. Equations that an equality couples are solved together, each weighted by the inverse
+/// of its residual.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Constraints {
     /// Signs of single coefficients.
@@ -51,7 +51,7 @@ pub struct Constraints {
     pub equalities: Vec<Equality>,
 }
 
-/// Constraints that make no sense.
+/// Constraints that cannot be satisfied.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstraintError {
     /// There is no such coefficient.
@@ -82,7 +82,7 @@ pub enum ConstraintError {
 }
 
 impl Constraints {
-    /// Whether there is none.
+    /// Whether there are no constraints.
     pub fn is_empty(&self) -> bool {
         self.signs.is_empty() && self.equalities.is_empty()
     }

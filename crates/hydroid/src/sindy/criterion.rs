@@ -1,16 +1,16 @@
 //! Stepwise selection by an information criterion.
 //!
-//! Of `n` independent rows, a model with `k` terms and residual sum of squares `RSS` scores
+//! A model with `k` terms and the residual sum of squares `RSS` on `n` independent rows has the criterion
 //!
 //! ```text
 //! n ln RSS + p k n/(n - k - s)
 //! ```
 //!
-//! and less is better: `p = 2`, `s = 1` is Akaike's criterion as Hurvich and Tsai corrected it (Biometrika 76
-//! (1989) 297), `p = ln n`, `s = 2` Schwarz's as corrected by `McQuarrie` (Statist. Probab. Lett. 44 (1999) 79). Without the
-//! correction a library that is not small beside `n` fits the noise so well that every junk term seems to
-//! matter. Leaving `k - 1` terms for `k` must pay in `RSS`: the criterion is a tolerance of
-//! [`super::stepwise`] that knows how much the data can say.
+//! and the smallest value is the best: `p = 2`, `s = 1` is Akaike's criterion with the correction of Hurvich
+//! and Tsai (Biometrika 76 (1989) 297); `p = ln n`, `s = 2` is Schwarz's criterion with the correction of
+//! `McQuarrie` (Statist. Probab. Lett. 44 (1999) 79). Without the correction, libraries that are not small
+//! compared with `n` are overfitted. The criterion defines the tolerance of [`super::stepwise`] as a function
+//! of `n` and `k`.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,19 +18,20 @@ use super::qr::QrFactor;
 use super::stepwise::{NEGLIGIBLE, eliminate, independent_columns, solution_on};
 use super::stlsq::SparseSolution;
 
-/// What a term must be worth.
+/// The information criterion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
-    /// Akaike's: the model that predicts best among many nearly right ones; keeps a junk term in six.
+    /// Akaike's criterion (AIC): asymptotically the best prediction; it keeps about one irrelevant term in
+    /// six.
     Aic,
-    /// Schwarz's: the right model, where it is in the library and the data are many.
+    /// Schwarz's criterion (BIC): consistent selection, if the true terms are in the library.
     Bic,
 }
 
 impl Criterion {
-    /// Fraction of what remains that the last of `terms` terms must explain among `rows` independent rows
-    /// ([`super::RegressionForm::effective_rows`]); infinite where there are too few rows for so many terms.
+    /// Relative decrease of the residual sum of squares that the last of `terms` terms must achieve on `rows`
+    /// independent rows ([`super::RegressionForm::effective_rows`]); infinite if there are too few rows.
     pub fn tolerance(self, rows: f64, terms: usize) -> f64 {
         let (each, slack) = match self {
             Self::Aic => (2.0, 1.0),
@@ -42,8 +43,8 @@ impl Criterion {
     }
 }
 
-/// Solves one equation from so many independent rows as [`super::stepwise`] does, and lets terms that left come back where the departure
-/// of others has made them worth it, until neither happens.
+/// Solves one equation by bidirectional elimination: as [`super::stepwise`] on `rows` independent rows, and
+/// removed terms return if they have become significant.
 pub fn stepwise_bidirectional(
     ridged: &QrFactor,
     terms: usize,
@@ -55,13 +56,13 @@ pub fn stepwise_bidirectional(
     let (all, dependent) = independent_columns(ridged, terms, target);
     let total = ridged.column_norm(target).powi(2);
     let mut support = all.clone();
-    // Rounding may make a term go and come for ever; each has its turn twice.
+    // Bounded, because rounding could repeat a removal and an addition for ever.
     for _ in 0..2 * all.len() {
         eliminate(ridged, &mut support, target, tolerance);
         let outside: Vec<usize> = all.iter().copied().filter(|j| !support.contains(j)).collect();
         let Some((best, gain, residual)) = best_addition(ridged, &support, &outside, target) else { break };
         let worth = tolerance(support.len() + 1) * (residual - gain) + NEGLIGIBLE * total;
-        // Nor where there are too few rows to say.
+        // The tolerance is NaN if there are too few rows.
         if gain <= worth || worth.is_nan() {
             break;
         }
@@ -71,14 +72,14 @@ pub fn stepwise_bidirectional(
     solution_on(ridged, &support, dependent, terms, target)
 }
 
-/// The term that lowers the residual sum of squares most, by how much, and the present sum.
+/// The term with the largest decrease of the residual sum of squares, the decrease, and the current sum.
 fn best_addition(
     qr: &QrFactor,
     support: &[usize],
     outside: &[usize],
     target: usize,
 ) -> Option<(usize, f64, f64)> {
-    // Below the rows of the support stands what is orthogonal to it.
+    // The rows below the support contain the part that is orthogonal to it.
     let order: Vec<usize> = support.iter().chain(outside).copied().chain([target]).collect();
     let own = qr.select(&order);
     let below = support.len()..order.len();

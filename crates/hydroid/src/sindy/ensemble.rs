@@ -1,10 +1,10 @@
-//! How sure the coefficients are: the same fit on many results samples of the data (bootstrap: Breiman, Machine
-//! Learning 24 (1996) 123; for sparse equations Fasel, Kutz, Brunton, Brunton, Proc. R. Soc. A 478 (2022)).
+//! Bootstrap ensemble of a fit: intervals and inclusion probabilities of the coefficients (bagging: Breiman,
+//! Machine Learning 24 (1996) 123; ensemble SINDy: Fasel, Kutz, Brunton and Brunton, Proc. R. Soc. A 478
+//! (2022) 20210904).
 //!
-//! Rows that are neighbours in time share their noise and the state of the vessel; results one by one they
-//! would promise far too much. So contiguous groups of rows are results (block bootstrap: Kuensch, Ann. Statist. 17
-//! (1989) 1217). A group results `w` times enters with weight `w`, its qr times `sqrt(w)`: the runs are
-//! not read again.
+//! Rows that are neighbours in time are correlated, so contiguous blocks of rows are drawn (block bootstrap:
+//! Künsch, Ann. Statist. 17 (1989) 1217). A block drawn `w` times has the weight `w`: its factor is
+//! multiplied by `sqrt(w)`, and the runs are not read again.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -17,14 +17,15 @@ use super::options::FitOptions;
 use super::qr::QrFactor;
 use crate::evaluate::quantile;
 
-/// How an ensemble is results.
+/// Options of the bootstrap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BootstrapOptions {
-    /// Number of members.
+    /// Number of resamples.
     pub resamples: usize,
     /// Seed of all draws.
     pub seed: u64,
-    /// Probability with which a member goes without a term, below 1: terms that stand in for others show.
+    /// Probability of withholding a term from a member, below 1; it reveals terms that substitute for each
+    /// other.
     pub term_dropout: f64,
     /// Lower and upper quantile of the intervals.
     pub quantiles: (f64, f64),
@@ -36,18 +37,17 @@ impl Default for BootstrapOptions {
     }
 }
 
-/// Many fits and what they have in common. All lists over coefficients are `outputs x terms`; coefficients
-/// are in physical units.
+/// Fits of all resamples and their statistics. All lists over coefficients are `outputs x terms`, in physical
+/// units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ensemble {
-    /// Coefficients of each member. There are fewer than were asked for where the constraints cannot be kept on some
-    /// draws.
+    /// Coefficients of each member. Resamples on which the constraints are infeasible have no member.
     pub members: Vec<Vec<f64>>,
-    /// The draw that each member was fitted to, counted from 0.
+    /// Index of the resample of each member.
     pub draws: Vec<usize>,
-    /// Share of the members that have a term, among those to which it was offered.
+    /// Share of the members with a non-zero coefficient, among those to which the term was offered.
     pub inclusion: Vec<f64>,
-    /// Lower quantile of a coefficient among the members that have it; zero where none has.
+    /// Lower quantile of the non-zero values of a coefficient; zero if there are none.
     pub low: Vec<f64>,
     /// Upper quantile, likewise.
     pub high: Vec<f64>,
@@ -58,7 +58,7 @@ pub struct Ensemble {
 }
 
 impl Ensemble {
-    /// An ensemble of so many members without terms.
+    /// An ensemble of zero coefficients.
     pub(super) fn zero(members: usize, outputs: usize, terms: usize) -> Self {
         let zeros = || vec![0.0; outputs * terms];
         Self {
@@ -72,12 +72,12 @@ impl Ensemble {
         }
     }
 
-    /// Moves every member by what refinement has shift the coefficients by, `outputs x terms`; a coefficient that would
-    /// get a sign that it must not have is zero. How often a term was there remains what the selection has said.
+    /// Adds the change of the coefficients by the refinement, `outputs x terms`, to every member. A
+    /// coefficient that would violate a sign constraint becomes zero. The inclusion is unchanged.
     ///
-    /// The spread stays the regression's, which is wider than that of refined coefficients. Draws of one Gauss-Newton step
-    /// would be narrower, but too narrow: they know the noise, and neither the choice of terms nor the uncertainty of lag
-    /// and gate.
+    /// The spread remains that of the regression, which is wider than that of the refined coefficients. A
+    /// Gauss-Newton covariance would be too narrow: it contains the noise alone, without the term selection
+    /// and the uncertainty of lag and gate.
     pub(super) fn shift(&mut self, by: &[f64], signs: &[(Coefficient, Sign)], terms: usize) {
         for member in &mut self.members {
             member.iter_mut().zip(by).for_each(|(x, by)| *x += by);
@@ -98,10 +98,8 @@ impl Ensemble {
         }
     }
 
-    /// Takes the equation of one output from an ensemble over other terms: its term `j` is this one's term
-    /// `places[j]`.
-    ///
-    /// Members that only one of the two has are dropped.
+    /// Copies the equation of one output from an ensemble over other terms; its term `j` is term `places[j]`
+    /// of this one. Members that only one of the two has are dropped.
     pub(super) fn replace_equation(&mut self, output: usize, other: &Self, places: &[Option<usize>]) {
         let mut kept = self.draws.iter().map(|draw| other.draws.contains(draw));
         self.members.retain(|_| kept.next() == Some(true));
@@ -129,11 +127,11 @@ impl Ensemble {
 }
 
 impl LinearRegression {
-    /// Fits every resample of an ensemble. The same seed gives the same numbers on any number of threads.
+    /// Fits every resample. The result depends on the seed and not on the number of threads.
     ///
     /// # Errors
-    /// If the regression was prepared without groups, a setting is out of its range, or no resample at all can be
-    /// fitted under the constraints.
+    /// If the regression has fewer than two groups, an option is out of range, or no resample can be fitted
+    /// under the constraints.
     pub fn ensemble(&self, options: &FitOptions, bootstrap: &BootstrapOptions) -> Result<Ensemble, FitError> {
         let setting = |text: &str| Err(FitError::Setting(text.to_owned()));
         let (low, high) = bootstrap.quantiles;
@@ -141,7 +139,7 @@ impl LinearRegression {
             return setting("an ensemble draws from groups of rows: prepare the regression with two or more");
         }
         if bootstrap.resamples == 0 {
-            return setting("an ensemble needs at least one resample");
+            return setting("the ensemble needs at least one resample");
         }
         if !(0.0..1.0).contains(&bootstrap.term_dropout) {
             return setting("the probability of leaving a term out is 0 or more and below 1");
@@ -157,7 +155,8 @@ impl LinearRegression {
         for resample in results {
             match resample {
                 Ok(resample) => resamples.push(resample),
-                // An input that hardly ever moves is still in some draws, and no equality on it holds there.
+                // An input that rarely moves may be constant in some resamples; equalities on it are
+                // infeasible there.
                 Err(FitError::Constraints(error @ ConstraintError::Contradiction { .. })) => {
                     first_error.get_or_insert(error);
                 }
@@ -177,7 +176,7 @@ impl LinearRegression {
         resample: usize,
     ) -> Result<Resample, FitError> {
         let mut rng = ChaCha8Rng::seed_from_u64(bootstrap.seed);
-        // A stream for each resample: its draws do not depend on who draws before.
+        // One random stream per resample, independent of the others.
         rng.set_stream(resample as u64);
         let offered: Vec<bool> =
             self.terms().iter().map(|_| !chance(&mut rng, bootstrap.term_dropout)).collect();
@@ -191,7 +190,7 @@ impl LinearRegression {
         Ok(Resample { draw: resample, coefficients, offered })
     }
 
-    /// As many groups as there are, results with replacement; terms that are not offered are zero.
+    /// Draws as many groups as there are, with replacement; terms that are not offered become zero.
     fn draw(&self, rng: &mut ChaCha8Rng, offered: &[bool]) -> QrFactor {
         let groups = self.groups();
         let mut times = vec![0u32; groups.len()];

@@ -1,4 +1,4 @@
-//! Why a fit fails, and what to do about it.
+//! Errors of a fit.
 
 use hydroid_core::model::sparse::{EquationsError, ProgramError};
 

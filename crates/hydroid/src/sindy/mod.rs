@@ -1,4 +1,5 @@
-//! Sparse identification of nonlinear dynamics: `dy/dt = Xi theta(y, c)` with few non-zero coefficients.
+//! Sparse identification of nonlinear dynamics (SINDy: Brunton, Proctor and Kutz, PNAS 113 (2016) 3932):
+//! `dy/dt = Xi theta(y, c)` with few non-zero coefficients.
 
 mod active_set;
 mod assemble;

@@ -1,21 +1,18 @@
-//! Minimum of a function of few variables without derivatives.
-//!
-//! The simplex of Nelder and Mead, Computer Journal 7 (1965) 308, with the standard coefficients. The time
-//! constants and gates of a structure are found with it: one to five numbers, and a residual that is smooth
-//! but has no cheap gradient, because the coefficients are eliminated for each value (variable projection:
-//! Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
+//! Minimisation without derivatives: the simplex of Nelder and Mead, Computer Journal 7 (1965) 308, with the
+//! standard coefficients. It optimises the one to five nonlinear parameters of a structure, whose cost has no
+//! cheap gradient.
 
-/// Where to stop.
+/// Stopping criteria.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NelderMeadOptions {
-    /// When the values at the corners differ by less.
+    /// Stop if the values at the corners differ by less.
     pub spread: f64,
-    /// After so many evaluations at the most.
+    /// Maximum number of evaluations.
     pub evaluations: usize,
 }
 
-/// The minimum near `start`, from a simplex with edges `edge` along each variable: where, and its value.
-/// A value that is not finite counts as infinitely bad.
+/// Minimiser near `start` and its value, from an initial simplex with the edge `edge[i]` along variable `i`.
+/// A value that is not finite counts as infinite.
 pub fn nelder_mead(
     mut f: impl FnMut(&[f64]) -> f64,
     start: &[f64],
@@ -70,7 +67,7 @@ pub fn nelder_mead(
             corners[n] = better;
             continue;
         }
-        // Nothing on the line is better: all corners move half way to the best.
+        // No point on the line is better: all corners move half way to the best.
         let best = corners[0].1.clone();
         for corner in &mut corners[1..] {
             for (x, b) in corner.1.iter_mut().zip(&best) {

@@ -1,24 +1,20 @@
-//! The window of the weak form from the noise_std in the data.
+//! Noise of the outputs, and the window of the weak form that follows from it.
 
 use super::regression_form::RegressionForm;
 use crate::log::Trajectory;
 
-/// Share of a row's left side that noise_std may have. Smaller windows leave structure to chance, larger ones
-/// average the motion away and leave few independent rows.
-///
-/// Chosen among 0.03 to 0.15 on Lorenz records with 10 to 20 % noise_std (other noise_std than that of the tests): at
-/// 10 %, 0.05 and 0.06 found the true terms in 94 to 95 of 100 records, 0.1 and 0.15 in 87 to 90. `cargo test -p
-/// hydroid --test lorenz -- --ignored --nocapture many` prints how often 0.06 does.
+/// Maximum share of the noise in the left-hand side of a row. Shorter windows leave more noise; longer
+/// windows average the motion and leave few independent rows.
 pub const NOISE_SHARE: f64 = 0.06;
 
-/// Window after window, a quarter longer: finer steps change no fit.
+/// Ratio of successive window lengths.
 const GROWTH: f64 = 1.25;
 
-/// Independent windows that must fit into the runs.
+/// Minimum number of independent windows in the runs.
 const MIN_WINDOWS: usize = 20;
 
-/// Standard deviation of the white noise_std on each output, from third differences: they take a parabola
-/// away, and the median ignores the samples where a command stepped. Zero where there are too few samples.
+/// Standard deviation of the white noise of each output, from the median of third differences: a parabola
+/// vanishes, and the median is insensitive to steps of the command. Zero if there are too few samples.
 pub fn noise_std(runs: &[&Trajectory]) -> Vec<f64> {
     let width = runs.first().map_or(0, |run| run.outputs.width());
     (0..width)
@@ -40,11 +36,10 @@ pub fn noise_std(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
-/// Third differences beyond so many deviations of the noise_std stand for a spike.
+/// Third differences above this multiple of their noise indicate a spike.
 const SPIKE_LIMIT: f64 = 10.0;
 
-/// Share of the samples of each output that stand out of their neighbours by far more than the noise_std does. A
-/// spike stands in four third differences; a smooth motion in none.
+/// Share of the samples of each output that are spikes. A spike appears in four third differences.
 pub fn spike_share(runs: &[&Trajectory]) -> Vec<f64> {
     let deviations = noise_std(runs);
     deviations
@@ -67,10 +62,9 @@ pub fn spike_share(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
-/// The shortest window of the weak form in whose rows the noise_std has at most the share [`NOISE_SHARE`] of
-/// every output's left side (RMS); where none does, the one with the smallest share.
-///
-/// `None` where the runs are too short for any window.
+/// The weak form with the shortest window in whose rows the noise is at most the share [`NOISE_SHARE`] of the
+/// left-hand side of every output (RMS); if there is none, the window with the smallest share. `None` if the
+/// runs are too short for any window.
 pub fn weak_form_from_noise(runs: &[&Trajectory]) -> Option<RegressionForm> {
     let deviations = noise_std(runs);
     let samples: usize = runs.iter().map(|run| run.len()).sum();
@@ -97,10 +91,10 @@ pub fn weak_form_from_noise(runs: &[&Trajectory]) -> Option<RegressionForm> {
     }
 }
 
-/// Rows that are looked at for one window at the most.
+/// Maximum number of rows evaluated per window.
 const MAX_ROWS: usize = 20_000;
 
-/// Noise over RMS of the rows' left side, in the worst output that moves at all.
+/// Ratio of noise to RMS of the left-hand side, for the worst output that moves.
 fn max_noise_share(runs: &[&Trajectory], deviations: &[f64], regression: RegressionForm) -> f64 {
     let width = deviations.len();
     let (mut squares, mut count) = (vec![0.0; width], 0u32);

@@ -1,4 +1,4 @@
-//! How to fit.
+//! Options of the regression and of the fit.
 
 use hydroid_core::model::sparse::Signal;
 use serde::{Deserialize, Serialize};
@@ -9,20 +9,19 @@ use super::criterion::Criterion;
 use super::regression_form::RegressionForm;
 use super::robust::Loss;
 
-/// What a coefficient is measured by when it is compared with the threshold.
+/// Scaling of the coefficients for the comparison with the threshold.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub enum Scaling {
-    /// A term counts by what it contributes: the RMS of `xi theta` over the training data in standard
-    /// deviations of the output per second. The same threshold then means the same for every channel,
-    /// whatever the units (a propeller in newtons has coefficients of 0.005 that matter).
+    /// RMS contribution of a term over the training data, in standard deviations of the output per second.
+    /// The threshold then has the same meaning for every channel and unit.
     #[default]
     Contribution,
-    /// Every variable is divided by a scale of its own, and the coefficients of the scaled equations are
-    /// compared as they are. One scale for each output, then for each input.
+    /// Every variable is divided by its scale, one for each output, then for each input; the coefficients of
+    /// the scaled equations are compared.
     Variables(Vec<f64>),
 }
 
-/// How terms are selected.
+/// Method of term selection.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Optimizer {
@@ -40,32 +39,32 @@ pub enum Optimizer {
     Criterion(Criterion),
 }
 
-/// How to fit.
+/// Options of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitOptions {
-    /// How terms are selected.
+    /// Method of term selection.
     pub optimizer: Optimizer,
-    /// Ridge penalty for each row of the regression, on scaled columns.
+    /// Ridge penalty per row, on scaled columns.
     pub ridge: f64,
-    /// Integration steps in one sample of the resulting equations.
+    /// Integration steps per sample of the resulting equations.
     pub substeps: usize,
-    /// What the coefficients must obey.
+    /// Constraints on the coefficients.
     pub constraints: Constraints,
 }
 
-/// How the runs become a qr.
+/// Options of the assembly of a regression.
 #[derive(Clone, Debug, Default)]
 pub struct RegressionOptions<'a> {
-    /// Variables of the terms beyond outputs and inputs, in their order.
+    /// Variables of the terms besides outputs and inputs, in their order.
     pub signals: &'a [Signal],
-    /// What contributions are measured by.
+    /// Scaling of the columns.
     pub scaling: Scaling,
-    /// What residuals cost.
+    /// Loss of the residuals.
     pub loss: Loss,
-    /// Weight of each sample of each run, 0 or more; empty for 1 throughout. A row of the regression has the
-    /// smallest weight of its samples.
+    /// Weight of each sample of each run, 0 or more; empty for 1 throughout. A row has the smallest weight of
+    /// its samples.
     pub weights: &'a [Vec<f64>],
-    /// Contiguous groups of rows that an ensemble draws from; 0 where none is wanted. Each keeps a
-    /// qr of its own, `8 (terms + outputs)^2` bytes.
+    /// Number of contiguous groups of rows for the block bootstrap; 0 for none. Each stores a factor of `8
+    /// (terms + outputs)^2` bytes.
     pub groups: usize,
 }

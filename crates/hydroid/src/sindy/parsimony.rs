@@ -1,21 +1,21 @@
-//! Which of many fits to take: by rollouts, the simplest among those that the rollouts cannot tell apart,
-//! equation by equation.
+//! Choice between fits by their rollouts: the simplest one within one standard error of the best, output by
+//! output.
 
 use hydroid_core::model::sparse::{Equations, EquationsError, Term};
 
 use super::fit::Fit;
 
-/// How one model did on the windows of validation and of training runs, part by part
+/// Losses of one model, block by block of the validation and training runs
 /// ([`Evaluation::blocks`](crate::evaluate::Evaluation::blocks)).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlockLosses {
-    /// On the validation runs.
+    /// Losses on the validation runs.
     pub validation: Vec<f64>,
-    /// On excerpts of the training runs; may be empty.
+    /// Losses on excerpts of the training runs; may be empty.
     pub training: Vec<f64>,
 }
 
-/// A difference and how well it is known.
+/// Mean paired difference and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
     /// Mean of the differences.
@@ -25,8 +25,8 @@ pub struct Difference {
 }
 
 impl BlockLosses {
-    /// How much larger these losses are than others on the same windows. Pairs are compared: what makes a
-    /// window hard for both says nothing.
+    /// Mean difference between these losses and others on the same blocks. The comparison is paired: the
+    /// difficulty that a block has for both models cancels.
     pub fn paired_difference(&self, other: &Self) -> Difference {
         let parts = [(&self.validation, &other.validation), (&self.training, &other.training)];
         let (mut mean, mut variance) = (0.0, 0.0);
@@ -35,21 +35,20 @@ impl BlockLosses {
             let of = a.iter().zip(b).map(|(a, b)| a - b);
             let average = of.clone().sum::<f64>() / n;
             mean += average;
-            // One part alone has no spread to judge by: everything is beyond the noise then.
+            // A single block has no variance: every difference is significant then.
             variance += of.map(|d| (d - average).powi(2)).sum::<f64>() / (n * (n - 1.0).max(1.0));
         }
         Difference { mean, error: variance.sqrt() }
     }
 
-    /// Whether these losses are not larger than others by more than the noise of the comparison: one standard
-    /// error (the one-standard-error rule: Breiman et al., Classification and RegressionForm Trees, 1984, section
-    /// 3.4.3).
+    /// Whether these losses are at most one standard error larger than others (one-standard-error rule:
+    /// Breiman et al., Classification and Regression Trees, 1984, section 3.4.3).
     pub fn is_within_one_standard_error(&self, other: &Self) -> bool {
         let difference = self.paired_difference(other);
         difference.mean <= difference.error
     }
 
-    /// Whether these losses are smaller by more than the noise.
+    /// Whether these losses are smaller than others by more than one standard error.
     pub fn is_significantly_better(&self, other: &Self) -> bool {
         let difference = self.paired_difference(other);
         difference.mean < -difference.error
@@ -57,7 +56,7 @@ impl BlockLosses {
 }
 
 /// Equations whose row `i` is row `i` of the `i`-th fit. The fits must have the same outputs, inputs and
-/// signals; their libraries may differ, and the result has the terms of all that it uses.
+/// signals. The library of the result is the union of the terms.
 ///
 /// # Errors
 /// If the joint library is too large to compile.

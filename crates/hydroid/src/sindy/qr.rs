@@ -1,20 +1,21 @@
-//! The streaming QR factor that every regression here is solved from.
+//! QR factor of a regression, updated block by block.
 //!
-//! A regression `A x = b` with a million rows is folded, block of rows by block of rows, into the
-//! triangular factor of `[A b]` (a sequential TSQR: Demmel, Grigori, Hoemmen, Langou, SIAM J. Sci. Comput.
-//! 34 (2012) A206). Memory is that of one small qr; unlike with the normal equations no digit is lost
-//! to squaring the condition number. Every least-squares problem over a subset of the columns, with or
-//! without ridge, is then solved from the qr alone.
+//! A regression `A x = b` with many rows is reduced, block of rows by block of rows, to the upper triangular
+//! factor of `[A b]` (sequential TSQR: Demmel, Grigori, Hoemmen and Langou, SIAM J. Sci. Comput. 34 (2012)
+//! A206). The memory is independent of the number of rows, and the condition number is not squared as in the
+//! normal equations. Least-squares problems over subsets of the columns, with or without ridge, are solved
+//! from the factor.
 
-// The vector kernels must be inlined into the function that switches the CPU features on.
+// The vector kernels must be inlined into the function that enables the CPU features.
 #![allow(clippy::inline_always)]
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Rows folded in at a time: a block of 64 rows and 60 columns stays in a first-level cache.
+/// Rows of a block: 64 rows of 60 columns fit into a first-level cache.
 pub const BLOCK_ROWS: usize = 64;
 
-/// Upper triangular factor of a tall matrix, of which only the rows so far have been seen.
+/// Upper triangular factor `R` of a tall matrix `A = Q R`, `width x width`; only the rows appended so far are
+/// in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QrFactor {
     width: usize,
@@ -23,13 +24,13 @@ pub struct QrFactor {
     rows: u64,
 }
 
-/// What a least-squares solve over some of the columns gave.
+/// Least-squares solution over some of the columns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
-    /// One coefficient for each column asked for; zero where the column is left out as dependent.
+    /// One coefficient for each requested column; zero for a dependent one.
     pub coefficients: Vec<f64>,
-    /// Columns (positions in the list asked for) that are linearly dependent on earlier ones to rounding
-    /// and were left out.
+    /// Columns (positions in the list of requested ones) that are linearly dependent on earlier ones to
+    /// rounding.
     pub dependent: Vec<usize>,
     /// 2-norm of the residual.
     pub residual: f64,
@@ -46,7 +47,7 @@ impl QrFactor {
         self.width
     }
 
-    /// Rows folded in so far.
+    /// Number of rows appended so far.
     pub fn rows(&self) -> u64 {
         self.rows
     }
@@ -56,18 +57,18 @@ impl QrFactor {
         self.r[row * self.width + column]
     }
 
-    /// Whether all elements are finite numbers: not so where rows held values whose squares overflow.
+    /// Whether all elements are finite. Values whose squares overflow make them infinite.
     pub fn is_finite(&self) -> bool {
         self.r.iter().all(|x| x.is_finite())
     }
 
-    /// 2-norm of a column of the matrix seen so far.
+    /// 2-norm of a column of the matrix.
     pub fn column_norm(&self, column: usize) -> f64 {
         (0..=column).map(|row| self.get(row, column).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Folds in [`BLOCK_ROWS`] rows given column by column, of which the first `rows` count and the others
-    /// are zero. The block is used up.
+    /// Appends [`BLOCK_ROWS`] rows, given column by column. Only the first `rows` are counted; the others
+    /// must be zero. The block is overwritten.
     ///
     /// # Panics
     /// If the block has not `width * BLOCK_ROWS` numbers.
@@ -77,7 +78,7 @@ impl QrFactor {
         self.rows += rows as u64;
     }
 
-    /// Folds in all rows that another factor has seen.
+    /// Appends all rows of another factor.
     ///
     /// # Panics
     /// If the widths differ.
@@ -109,7 +110,8 @@ impl QrFactor {
     }
 
     /// The factor with one more row for each column, `weight[j]` in column `j` and zero elsewhere: ridge
-    /// regression with penalty `weight[j]^2 x_j^2`. A subset of these columns has the ridge of the subset.
+    /// regression with the penalty `weight[j]^2 x_j^2`. The penalty of a subset of the columns is that of its
+    /// members.
     #[must_use]
     pub fn with_ridge(&self, weight: &[f64]) -> Self {
         let mut diagonal = Self::new(self.width);
@@ -121,7 +123,7 @@ impl QrFactor {
         ridged
     }
 
-    /// The factor of the matrix to whose last column the others are added, `x[j]` times column `j`.
+    /// The factor of the matrix to whose last column `x[j]` times column `j` is added, for all other columns.
     #[must_use]
     pub fn shift_target(&self, x: &[f64]) -> Self {
         let mut shifted = self.clone();
@@ -132,7 +134,7 @@ impl QrFactor {
         shifted
     }
 
-    /// The factor of some of the columns alone, in the order given.
+    /// The factor of some of the columns, in the given order.
     ///
     /// # Panics
     /// If a column does not exist.
@@ -153,10 +155,9 @@ impl QrFactor {
         own
     }
 
-    /// Solves `min |A_S x - b|` for the columns `S` (ascending) and the right-hand side in column `target`.
-    ///
-    /// A column whose part independent of the earlier ones is below `1e-10` of its own norm is left out and
-    /// reported: the data cannot tell it from the others.
+    /// Solves `min |A_S x - b|` for the columns `S` (ascending) and the right-hand side in column `target`,
+    /// by Householder reflections. A column whose part orthogonal to the earlier ones is below `1e-10` of its
+    /// norm is left out and reported as dependent.
     ///
     /// # Panics
     /// If a column does not exist.
@@ -213,8 +214,8 @@ impl QrFactor {
         Solution { coefficients, dependent, residual }
     }
 
-    /// 2-norm of `A_S x - b` for the columns `S`, their coefficients, and the right-hand side in column
-    /// `target`: what any solution leaves of the data seen so far.
+    /// 2-norm of `A_S x - b` for given coefficients of the columns `S` and the right-hand side in column
+    /// `target`.
     ///
     /// # Panics
     /// If a column does not exist.
@@ -228,8 +229,8 @@ impl QrFactor {
             .sqrt()
     }
 
-    /// Condition number (2-norm, estimated from below by 30 steps of power and inverse iteration) of the
-    /// given columns, each scaled to unit norm; infinite where a column depends on the others.
+    /// Condition number (2-norm) of the given columns, each scaled to unit norm. 30 steps of power and
+    /// inverse iteration estimate it from below. Infinite if a column depends on the others.
     pub fn condition(&self, columns: &[usize]) -> f64 {
         let n = columns.len();
         if n == 0 {
@@ -248,7 +249,7 @@ impl QrFactor {
             }
             norm
         };
-        // A start that is in no special position to any singular vector.
+        // A start vector that is orthogonal to no singular vector in practice.
         let start: Vec<f64> = (0..n).map(|j| 1.0 + 0.5 * (1.0 + j as f64).sin()).collect();
         let (mut high, mut low) = (start.clone(), start);
         let (mut largest, mut inverse_smallest) = (0.0, 0.0);
@@ -275,8 +276,8 @@ impl QrFactor {
     }
 }
 
-/// Householder reflections that fold a block of rows into the qr above it. The reflector of column
-/// `j` touches row `j` of the qr and the block, nothing else.
+/// Householder reflections that reduce a block of rows with the factor above it. The reflector of column `j`
+/// acts on row `j` of the factor and on the block.
 struct AppendRows<'a> {
     r: &'a mut [f64],
     block: &'a mut [f64],
@@ -293,8 +294,8 @@ impl WithSimd for AppendRows<'_> {
             let (head, tail) = block.split_at_mut((j + 1) * BLOCK_ROWS);
             let v = S::as_simd_f64s(&head[j * BLOCK_ROWS..]).0;
             let norm2 = dot(simd, v, v);
-            // Below this the reflector's scale would leave the range of doubles; a column that small in a
-            // block (1e-140 in size) is zero beside any measurement.
+            // Below this value the scale of the reflector leaves the range of doubles; a column of that size
+            // is zero in practice.
             if norm2 < 1e-280 {
                 continue;
             }

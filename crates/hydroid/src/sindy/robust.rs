@@ -1,9 +1,9 @@
-//! A loss that spikes in a log hardly move.
+//! Robust regression by iteratively reweighted least squares.
 //!
-//! Least squares with row weights that follow the residuals (HuberWeights, Ann. Math. Statist. 35 (1964) 73;
-//! iteratively reweighted as in Holland and Welsch, Comm. Statist. A6 (1977) 813): a row whose largest
-//! standardised residual over the outputs is `z` counts `min(1, k/|z|)`. The runs are streamed once a round,
-//! and the scale of the residuals is their median size, which spikes do not move.
+//! A row with the largest standardised residual `z` over the outputs has the weight `min(1, k/|z|)` (Huber,
+//! Ann. Math. Statist. 35 (1964) 73; iteration: Holland and Welsch, Comm. Statist. A6 (1977) 813). The runs
+//! are streamed once per iteration. The scale of the residuals is their median absolute value, which outliers
+//! hardly change.
 
 use std::collections::BTreeMap;
 
@@ -16,32 +16,32 @@ use super::regression_form::RegressionForm;
 use super::stepwise::independent_columns;
 use crate::log::Trajectory;
 
-/// What residuals cost.
+/// Loss of the residuals.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Loss {
-    /// Their squares.
+    /// Squared residuals.
     #[default]
     Squares,
-    /// Their squares up to this many robust standard deviations, and from there in proportion. With 1.345
-    /// nothing is lost but 5 % of the efficiency on Gaussian noise.
+    /// Huber loss with this threshold in robust standard deviations. The efficiency on Gaussian noise is 95 %
+    /// for 1.345.
     Huber(f64),
 }
 
-/// Weights of rows by how far they are from some equations.
+/// Weights of rows by their residuals in given equations.
 #[derive(Clone, Debug)]
 pub struct HuberWeights {
     /// Coefficients, `outputs x terms`.
     pub coefficients: Vec<f64>,
-    /// Standard deviation of each output's residuals.
+    /// Standard deviation of the residuals of each output.
     pub scale: Vec<f64>,
-    /// Standard deviations from which on a row loses weight.
+    /// Huber threshold \[standard deviations\].
     pub k: f64,
 }
 
 impl HuberWeights {
-    /// Multiplies the rows of a block, column by column, by the square roots of their weights, and counts
-    /// the sizes of their residuals as they were. Rows of zeros are no rows.
+    /// Multiplies the rows of a block by the square roots of their weights, and adds their unweighted
+    /// residuals to the histograms. Rows of zeros are ignored.
     pub(super) fn apply(&self, block: &mut [f64], terms: usize, sizes: &mut [ResidualHistogram]) {
         let mut worst = [0.0f64; BLOCK_ROWS];
         for ((output, coefficients), (scale, sizes)) in
@@ -66,14 +66,14 @@ impl HuberWeights {
     }
 }
 
-/// How many numbers had which size, to one part in 32 of an octave: a median of any number of residuals in
-/// little memory, the same whatever the order in which they came.
+/// Histogram of absolute values with 32 bins per octave: the median of any number of residuals in bounded
+/// memory, independent of their order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ResidualHistogram {
     counts: BTreeMap<u64, u64>,
 }
 
-/// Bits of a double below the five leading ones of its mantissa.
+/// Bits of a double below the five leading bits of its mantissa.
 const DROPPED_BITS: u32 = 47;
 
 impl ResidualHistogram {
@@ -89,7 +89,7 @@ impl ResidualHistogram {
         }
     }
 
-    /// The standard deviation of a Gaussian with this median size; zero of nothing.
+    /// Standard deviation of a Gaussian with this median absolute value; zero without values.
     fn deviation(&self) -> f64 {
         let half = self.counts.values().sum::<u64>().div_ceil(2);
         let mut seen = 0;
@@ -104,16 +104,16 @@ impl ResidualHistogram {
     }
 }
 
-/// Rounds at the most. The weights settle by a factor of three a round or faster.
+/// Maximum number of iterations.
 const MAX_ROUNDS: usize = 12;
 
-/// Settled, when no output's fitted derivative moves by more than this share of its residual.
+/// Converged if the fitted derivative of every output changes by less than this share of its residual.
 const TOLERANCE: f64 = 1e-2;
 
-/// Below this share of the right-hand side residuals are rounding, and no row is better than another.
+/// Residuals below this share of the right-hand side are rounding errors; all rows then have the same weight.
 const ROUNDING_FLOOR: f64 = 1e-9;
 
-/// Streams the runs until the weights of the rows fit the residuals of the equations that they give.
+/// Streams the runs until the weights have converged.
 pub(super) fn assemble_huber(
     program: &Program,
     runs: &[&Trajectory],
@@ -134,7 +134,7 @@ pub(super) fn assemble_huber(
         let robust = Some(HuberWeights { coefficients: coefficients.clone(), scale: scale.clone(), k });
         assembled = assemble_with(program, runs, regression, &AssemblyOptions { robust, ..options.clone() });
         let (next, _) = least_squares(&assembled.qr, program.len());
-        // The sizes are those of the former coefficients: the scale follows a round behind.
+        // The histograms belong to the previous coefficients: the scale lags by one iteration.
         let narrower: Vec<f64> = assembled
             .residuals
             .iter()
@@ -165,7 +165,7 @@ fn least_squares(qr: &QrFactor, terms: usize) -> (Vec<f64>, Vec<f64>) {
     (coefficients, residuals)
 }
 
-/// RMS over the rows of what changes in each output's fitted derivative.
+/// RMS change of the fitted derivative of each output.
 fn fitted_change(qr: &QrFactor, terms: usize, old: &[f64], new: &[f64]) -> Vec<f64> {
     let rows = (qr.rows() as f64).sqrt();
     old.chunks_exact(terms)

@@ -1,4 +1,4 @@
-//! Stability screen: what equations do where no log has been, inside the envelope of the training runs.
+//! Stability check: rollouts of equations from random states under random commands inside the training range.
 
 use std::sync::Arc;
 
@@ -11,23 +11,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::evaluate::DesignRange;
 
-/// Random rollouts that a model must survive.
+/// Options of the stability check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StabilityOptions {
     /// Number of rollouts.
     pub rollouts: usize,
-    /// Their length \[samples\].
+    /// Length of a rollout \[samples\].
     pub steps: usize,
     /// Seed of states and commands.
     pub seed: u64,
 }
 
-/// What a screen showed.
+/// Result of the stability check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StabilityCheck {
     /// Rollouts made.
     pub rollouts: usize,
-    /// Those that were not finite or left ten times the design range.
+    /// Rollouts that were not finite or left ten times the design range.
     pub unbounded: usize,
 }
 
@@ -38,8 +38,8 @@ impl StabilityCheck {
     }
 }
 
-/// Rolls equations out from states drawn evenly from the box of the outputs' ranges, under commands drawn
-/// from the box of the inputs' ranges and held for random times. The past before a rollout is its first
+/// Rolls equations out from initial outputs drawn uniformly from their design ranges, under commands drawn
+/// uniformly from their ranges and held for random times. The commands before a rollout equal its first
 /// command.
 pub fn stability_check(
     equations: &Equations,

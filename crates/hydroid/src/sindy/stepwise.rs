@@ -1,32 +1,31 @@
-//! Backward elimination: terms leave one by one, always the one that is missed least.
+//! Backward elimination of terms.
 //!
 //! Removing term `k` raises the (ridge-penalised) residual sum of squares by `x_k^2 / W_kk`, where `x` are
-//! the present coefficients and `W` is the inverse of the normal matrix (the F-to-remove statistic of
-//! stepwise regression: Draper and Smith, Applied RegressionForm Analysis, 3rd ed. 1998, section 15.2). Unlike
-//! a threshold on coefficients this asks what a term is worth beside the others, and has no unit.
+//! the coefficients and `W` is the inverse of the normal matrix (F-to-remove statistic: Draper and Smith,
+//! Applied Regression Analysis, 3rd ed. 1998, section 15.2). The criterion has no unit, and it accounts for
+//! the other terms of the equation.
 
 use super::qr::QrFactor;
 use super::stlsq::SparseSolution;
 
-/// A term that explains less than this share of the whole right-hand side leaves in any case: it is below
-/// the error that the discretisation of the derivative leaves in noise-free data.
+/// A term that explains less than this share of the right-hand side is removed in any case: it is below the
+/// discretisation error of the derivative in noise-free data.
 pub(super) const NEGLIGIBLE: f64 = 1e-5;
 
-/// Where an element of the inverse has fallen to less than this share of itself, so many of its digits are
-/// lost that the inverse is made anew.
+/// The inverse is recomputed if an element falls below this share of its initial value, because of
+/// cancellation.
 const CANCELLED: f64 = 1e-6;
 
-/// Solves one equation: terms leave until none can leave without raising the residual sum of squares by
-/// more than the fraction `tolerance`. Columns `0..terms` are the library, column `target` the right-hand
-/// side; the final coefficients are those of the given (possibly ridged) qr on the remaining terms.
+/// Solves one equation: terms are removed until each removal would raise the residual sum of squares by more
+/// than the fraction `tolerance`. Columns `0..terms` are the library, column `target` the right-hand side.
+/// The coefficients are those of the given (possibly ridged) factor on the remaining terms.
 pub fn stepwise(ridged: &QrFactor, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
     let (mut support, dependent) = independent_columns(ridged, terms, target);
     eliminate(ridged, &mut support, target, |_| tolerance);
     solution_on(ridged, &support, dependent, terms, target)
 }
 
-/// Removes terms from a support without dependent columns until each that is left is worth more than
-/// a fraction of the residual sum of squares, which may depend on how many terms there are.
+/// Removes terms from a support without dependent columns. The tolerance may depend on the number of terms.
 pub(super) fn eliminate(
     ridged: &QrFactor,
     support: &mut Vec<usize>,
@@ -36,7 +35,7 @@ pub(super) fn eliminate(
     let total = ridged.column_norm(target).powi(2);
     let mut residual = ridged.solve(support, target).residual.powi(2);
     let (mut inverse, mut x) = inverse_and_solution(ridged, support, target);
-    // Diagonal of the inverse when it was last made from the qr.
+    // Diagonal of the inverse when it was last computed from the factor.
     let mut fresh: Vec<f64> = diagonal(&inverse, support.len()).collect();
     loop {
         let n = support.len();
@@ -46,8 +45,8 @@ pub(super) fn eliminate(
         if cost > tolerance(n) * residual + NEGLIGIBLE * total {
             break;
         }
-        // Schur complements take the row and column of the weakest term out of the inverse. Where a near
-        // twin of another term leaves, nearly all of an element cancels, and only the qr knows the rest.
+        // Schur complements remove the row and column of the weakest term. Cancellation is large if the term
+        // is nearly collinear with another one.
         let pivot = inverse[weakest * n + weakest];
         let others: Vec<usize> = (0..n).filter(|&k| k != weakest).collect();
         x = others.iter().map(|&k| x[k] - inverse[k * n + weakest] * x[weakest] / pivot).collect();
@@ -83,8 +82,7 @@ pub(super) fn solution_on(
     SparseSolution { coefficients, dependent, residual: solution.residual }
 }
 
-/// The columns among `0..terms` that are neither zero nor dependent on earlier ones, and those that are
-/// dependent.
+/// The columns among `0..terms` that are neither zero nor dependent on earlier ones, and the dependent ones.
 pub(super) fn independent_columns(qr: &QrFactor, terms: usize, target: usize) -> (Vec<usize>, Vec<usize>) {
     let present: Vec<usize> = (0..terms).filter(|&j| qr.column_norm(j) > 0.0).collect();
     let dependent = qr.solve(&present, target).dependent;

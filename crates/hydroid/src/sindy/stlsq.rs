@@ -5,20 +5,21 @@ use super::qr::QrFactor;
 /// Maximum number of rounds of solving and thresholding.
 const MAX_ROUNDS: usize = 20;
 
-/// Coefficients of one equation and what became of the terms.
+/// Sparse coefficients of one equation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SparseSolution {
     /// One coefficient for each term.
     pub coefficients: Vec<f64>,
-    /// Terms that the data cannot tell from the others, to rounding; they were left out.
+    /// Terms that are linearly dependent on others to rounding; they are left out.
     pub dependent: Vec<usize>,
-    /// 2-norm of the residual; with the penalty, where the coefficients are those of a ridge.
+    /// 2-norm of the residual, including the ridge penalty if there is one.
     pub residual: f64,
 }
 
-/// Solves one equation: columns `0..terms` of the factors are the library, column `target` is the
-/// right-hand side. `ridged` is `plain` with the ridge of the options folded in
-/// ([`QrFactor::with_ridge`]), made once for all equations and thresholds.
+/// Solves one equation by alternating least squares and thresholding until the support is stable. Columns
+/// `0..terms` are the scaled library, column `target` is the right-hand side. `ridged` is `plain` with a
+/// ridge ([`QrFactor::with_ridge`]) that acts on the selection only; the final coefficients are plain least
+/// squares.
 pub fn stlsq(
     plain: &QrFactor,
     ridged: &QrFactor,

@@ -1,4 +1,4 @@
-//! What stands between a library and the terms of a regression: actuator lags, modes, and the past.
+//! Structure of the equations: a library with actuator lags, a gate and past values.
 
 use std::fmt;
 
@@ -10,28 +10,27 @@ use super::search::{MOST_TERMS, SearchError};
 use super::substitution::{gated, substitute_variable};
 use crate::log::Trajectory;
 
-/// A library with the hidden states and modes that its terms are made of.
+/// A library with lag states, a gate and past values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Structure {
     /// The terms of one mode.
     pub library: Library,
-    /// Inputs that act through a first-order lag: a with_lag_states input takes the place of its command in every
-    /// term.
+    /// Inputs with a first-order lag: the lag state replaces the command in every term.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lags: Vec<Lag>,
-    /// Where the equations change: every term stands once for the mode below and once for that above.
+    /// A gate between two modes: every term appears once for the mode below and once for the mode above.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gate: Option<GateSpec>,
-    /// How many samples ago outputs and inputs also enter, linearly; empty for a model without memory.
+    /// Delays of outputs and inputs that enter linearly \[samples\]; empty for a memoryless model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub past: Vec<u16>,
-    /// Whether only inputs enter so, and no outputs.
+    /// Whether only inputs enter with delays.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub past_inputs_only: bool,
 }
 
-/// An actuator that follows its command with a first-order lag.
+/// First-order lag of an actuator: `dz/dt = (c - z) / T`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lag {
@@ -41,13 +40,13 @@ pub struct Lag {
     pub time_constant_s: f64,
 }
 
-/// A gate and the output that it is on.
+/// A gate on an output.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GateSpec {
     /// Index among the outputs.
     pub output: usize,
-    /// Where and how sharply the mode changes.
+    /// Centre and slope.
     pub gate: Gate,
 }
 
@@ -57,7 +56,7 @@ impl GateSpec {
         Self { output, gate: Gate { centre: Real(centre), slope: Real(slope) } }
     }
 
-    /// Mean weight of the mode above over the samples of runs; NaN where there are none.
+    /// Mean activation of the upper mode over the samples of runs; NaN without samples.
     pub fn upper_mode_share<'a>(self, runs: impl Iterator<Item = &'a Trajectory>) -> f64 {
         let (mut above, mut count) = (0.0, 0.0);
         for run in runs {
@@ -77,7 +76,7 @@ impl From<Library> for Structure {
 }
 
 impl Structure {
-    /// The signals, in the order of their variables, which follow those of outputs and inputs.
+    /// The signals in the order of their variables, which follow outputs and inputs.
     pub fn signals(&self, variables: &Variables) -> Vec<Signal> {
         let (outputs, inputs) = (variables.outputs().count(), variables.inputs().count());
         let lags = self.lags.iter().map(|lag| Signal::Lag {
@@ -104,7 +103,7 @@ impl Structure {
         }
     }
 
-    /// A term of the library as it stands in the equations: once, or below and above the gate.
+    /// A term of the library in each mode.
     pub(super) fn mode_terms(&self, term: &Term, variables: &Variables) -> Vec<Term> {
         let term = self.with_lag_states(term, variables);
         match self.gate {
@@ -113,7 +112,7 @@ impl Structure {
         }
     }
 
-    /// A term with lag states in the place of their commands.
+    /// A term with lag states in place of their commands.
     fn with_lag_states(&self, term: &Term, variables: &Variables) -> Term {
         let (outputs, first) = (variables.outputs().count(), variables.len());
         let lags = self.lags.iter().enumerate();
@@ -122,7 +121,7 @@ impl Structure {
         })
     }
 
-    /// Number of terms, without making them; saturates.
+    /// Number of terms, computed without making them; saturates.
     pub fn count(&self, variables: &Variables) -> usize {
         let one = if self.past_inputs_only { variables.inputs().count() } else { variables.len() };
         let past = self.past.len() * one;
@@ -130,7 +129,7 @@ impl Structure {
         self.library.count(variables).saturating_add(past).saturating_mul(modes)
     }
 
-    /// Whether it has a number of terms that can be searched, without making them.
+    /// Checks the number of terms without making them.
     ///
     /// # Errors
     /// If there are none, or more than [`MOST_TERMS`].
@@ -143,13 +142,14 @@ impl Structure {
         }
     }
 
-    /// Numbers beside the coefficients that were estimated: time constants, centre and slope of a gate.
+    /// Number of estimated parameters besides the coefficients: time constants, and centre and slope of a
+    /// gate.
     pub fn parameters(&self) -> usize {
         self.lags.len() + if self.gate.is_some() { 2 } else { 0 }
     }
 }
 
-/// For tables, where the names of the channels are known from elsewhere.
+/// Short form for tables, without names of channels.
 impl fmt::Display for Structure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.library.fmt(f)?;

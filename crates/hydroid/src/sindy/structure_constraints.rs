@@ -1,5 +1,5 @@
-//! Constraints in terms of channels, as they are written, and in terms of a structure, as they are solved: a
-//! lag state takes the place of its command, and a rule holds in both modes of a gate.
+//! Constraints on channels, as written by the user, mapped to the terms of a structure: a lag state replaces
+//! its command, and a constraint holds in both modes of a gate.
 
 use hydroid_core::model::sparse::Term;
 
@@ -8,18 +8,18 @@ use super::expression::{Constraint, Relation};
 use super::library::Variables;
 use super::structure::Structure;
 
-/// Whether a rule can be kept by the solver: an equality, or the sign of one coefficient.
+/// Whether the solver supports a constraint: an equality, or the sign of one coefficient.
 pub fn is_supported(rule: &Constraint) -> bool {
     rule.relation == Relation::Equal || rule.sum.len() == 1 && rule.bound == 0.0
 }
 
-/// Whether a rule ties the equations of several outputs together.
+/// Whether a constraint couples the equations of several outputs.
 pub fn couples_outputs(rule: &Constraint) -> bool {
     rule.sum.windows(2).any(|pair| pair[0].1.output != pair[1].1.output)
 }
 
-/// That damping does not push: the coefficient of each output `y`, and of `y |y|`, is not positive in the output's
-/// own equation.
+/// Dissipative damping: the coefficients of `y` and of `y |y|` in the equation of each output `y` are not
+/// positive.
 pub fn dissipative(variables: &Variables) -> Vec<Constraint> {
     let of = |(output, term)| Constraint {
         sum: vec![(1.0, super::expression::Coefficient { output, term })],
@@ -32,8 +32,8 @@ pub fn dissipative(variables: &Variables) -> Vec<Constraint> {
 }
 
 impl Structure {
-    /// The rules on this structure's terms. What they say of terms that it does not have, it obeys: those are
-    /// zero.
+    /// The constraints on the terms of this structure. Terms that it does not have are zero and satisfy every
+    /// constraint.
     pub fn constraints(&self, rules: &[Constraint], variables: &Variables) -> Constraints {
         let mut constraints = Constraints::default();
         if rules.is_empty() {

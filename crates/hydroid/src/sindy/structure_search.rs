@@ -1,12 +1,12 @@
-//! Hidden actuator states and regime switches, found by what they leave of the residual.
+//! Search for actuator lags and gates by the residual of the regression.
 //!
-//! A time constant, or the centre and slope of a gate, changes the columns of the regression. For each value
-//! the coefficients are least squares, so that the residual is a function of these few numbers alone
-//! (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413). It is scanned coarsely, then
-//! minimised. The measure is `J = sum_i ln rms_i` over the equations' residuals: the log-likelihood for each
-//! row, with noise of unknown size in each equation.
+//! A time constant, or the centre and slope of a gate, changes the columns of the regression. For given
+//! values the coefficients follow by least squares, so the residual is a function of these few parameters
+//! (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413). The search evaluates a
+//! coarse grid and then minimises. The cost is `J = sum_i ln rms_i` over the residuals of all equations: the
+//! negative log-likelihood per row under noise of unknown variance in each equation.
 //!
-//! What is found here is a proposal. Whether it predicts better is for rollouts to say.
+//! The result is a list of proposals. Rollouts decide between them.
 
 use hydroid_core::model::sparse::{Real, Signal};
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ use super::structure::{GateSpec, Lag, Structure};
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
 
-/// What is looked for.
+/// A part of the structure (lags, gate) and how it is determined.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum StructureSpec<T> {
     /// The structure has none.
@@ -32,33 +32,33 @@ pub enum StructureSpec<T> {
     Fixed(T),
 }
 
-/// Samples that a scan reads; the final minimisation reads [`REFINE_SAMPLES`].
+/// Samples for the coarse grid.
 const SCAN_SAMPLES: usize = 12_000;
-/// Samples that the final minimisation reads.
+/// Samples for the minimisation.
 const REFINE_SAMPLES: usize = 60_000;
-/// Length of the pieces that stand for runs that are longer together.
+/// Length of the segments that represent longer runs \[samples\].
 const SEGMENT_SAMPLES: usize = 3_000;
-/// A proposal lowers the residual of the equations by this share in the mean, at least.
+/// Smallest mean relative decrease of the residuals of the equations that justifies a proposal.
 const MIN_GAIN: f64 = 0.02;
-/// Share of the samples that each mode of a gate must have.
+/// Smallest share of the samples in each mode of a gate.
 const MIN_MODE_SHARE: f64 = 0.05;
-/// Longest time constant that is tried, in windows of the regression.
+/// Longest time constant of the grid, in windows of the regression.
 const MAX_TIME_CONSTANT: f64 = 2.5;
-/// Time constants tried, but one.
+/// Number of time constants of the grid, minus one.
 const TIME_CONSTANTS: u8 = 7;
-/// Slopes tried, over the width of the output's range.
+/// Slopes of the grid, relative to the inverse width of the range of the output.
 const SLOPES: [f64; 3] = [6.0, 20.0, 60.0];
-/// Share of the samples at the starts of runs that may be left out for lags to warm up; bounds what time
-/// constants can be found in short runs.
+/// Largest share of the samples that the warm-up of a lag may take from a run; it limits the time constants
+/// in short runs.
 const MAX_WARM_UP_SHARE: f64 = 0.1;
 
-/// Steps of the search at the most: each adds a gate, or lags.
+/// Maximum number of greedy steps; each adds a gate or lags.
 const MAX_STEPS: usize = 4;
 
-/// Structures to try beside the plain library, the simpler ones first.
+/// Structures to try besides the plain library, the simpler ones first.
 ///
-/// Step by step, whatever lowers the cost most is added: a lag on an input, one on all inputs, or a gate.
-/// A lag that was taken for want of a gate leaves again once the gate is there.
+/// Greedy forward search: each step adds the extension with the lowest cost (a lag on one input, lags on all
+/// inputs, or a gate). Once a gate is present, lags that no longer improve the cost are removed.
 ///
 /// # Errors
 /// If the work was interrupted.
@@ -74,7 +74,7 @@ pub fn structure_search(
     let (some, all) = (subsample(runs, SCAN_SAMPLES), subsample(runs, REFINE_SAMPLES));
     let free = [*lags == StructureSpec::Search, *gate == StructureSpec::Search];
     let max_time_constant = MAX_TIME_CONSTANT * regression.window() as f64 * first.dt;
-    // What the shortest parts can bear; the fewer, longer parts of the refinement bear it too.
+    // The mean length of the segments limits the warm-up; the segments of the minimisation are longer.
     let mean_length = some.iter().map(Trajectory::len).sum::<usize>() as f64 / some.len() as f64;
     let max_time_constant =
         max_time_constant.min(MAX_WARM_UP_SHARE * mean_length * first.dt / Signal::SETTLING);
@@ -114,18 +114,17 @@ pub fn structure_search(
     Ok(structures)
 }
 
-/// What costs are computed from.
+/// Data and limits of the cost `J`.
 struct StructureCost<'a> {
     runs: &'a [Trajectory],
     variables: Variables,
     regression: RegressionForm,
-    /// Longest time constant tried \[s\].
+    /// Longest time constant \[s\].
     max_time_constant: f64,
-    /// Whether lags and gate are looked for.
+    /// Whether lags and gate are searched for.
     free: [bool; 2],
-    /// Weight 0 for the samples in which the max_time_constant lag warms up, 1 for the others. All structures are
-    /// compared on the same rows: a cost that could choose its rows would invent lags that leave out what does
-    /// not fit.
+    /// Weight 0 for the samples in which the longest lag warms up, 1 for the others. All structures are
+    /// compared on the same rows; otherwise a lag could lower the cost by excluding rows.
     weights: Vec<Vec<f64>>,
 }
 
@@ -154,9 +153,9 @@ impl<'a> StructureCost<'a> {
 }
 
 impl StructureCost<'_> {
-    /// `J`, or nothing where the regression cannot be structure_at.
+    /// The cost `J`; none if the regression cannot be assembled.
     fn cost(&self, structure: &Structure) -> Option<f64> {
-        // Making the terms of a library of degree 60 takes more memory than there is.
+        // A library of a high degree exceeds the memory: its size is checked before its terms are made.
         structure.check_size(&self.variables).ok()?;
         let signals = structure.signals(&self.variables);
         let runs: Vec<&Trajectory> = self.runs.iter().collect();
@@ -167,8 +166,8 @@ impl StructureCost<'_> {
         Some(prepared.least_squares_rms().iter().map(|rms| rms.ln()).sum())
     }
 
-    /// Whether a cost is worth the added terms and parameters: by the Bayesian information criterion on the
-    /// independent windows there are, and by an effect that matters.
+    /// Whether a lower cost justifies `added` coefficients and parameters: by the Bayesian information
+    /// criterion on the number of independent windows, and by a minimum effect.
     fn is_significant(&self, before: f64, after: f64, added: usize) -> bool {
         let samples: usize = self.runs.iter().map(Trajectory::len).sum();
         let windows = (samples as f64 / self.regression.window() as f64).max(2.0);
@@ -177,12 +176,12 @@ impl StructureCost<'_> {
         gain > MIN_GAIN * outputs && windows * gain > 0.5 * added as f64 * windows.ln()
     }
 
-    /// Coefficients and parameters of a structure.
+    /// Number of coefficients and parameters of a structure.
     fn size(&self, structure: &Structure) -> usize {
         structure.count(&self.variables) * self.variables.outputs().count() + structure.parameters()
     }
 
-    /// Structures one step beyond another.
+    /// Structures with one more element than the current one.
     fn extensions(&self, current: &Structure) -> Vec<Structure> {
         let mut extensions = Vec::new();
         if self.free[0] {
@@ -216,7 +215,7 @@ impl StructureCost<'_> {
         sets.iter().flat_map(|set| (0..=TIME_CONSTANTS).map(move |k| with(set, k))).collect()
     }
 
-    /// Gates on each output, at nine places and of three slopes.
+    /// Gates on each output, at nine centres and with three slopes.
     fn gate_extensions(&self, current: &Structure) -> Vec<Structure> {
         let mut extensions = Vec::new();
         for output in 0..self.variables.outputs().count() {
@@ -244,7 +243,7 @@ impl StructureCost<'_> {
         extensions
     }
 
-    /// Without the lags that are not worth their parameters beside the rest.
+    /// The structure without the lags that are not significant beside the gate.
     fn without_redundant_lags(&self, mut structure: Structure) -> Structure {
         let mut index = 0;
         while self.free[0] && structure.gate.is_some() && index < structure.lags.len() {
@@ -259,8 +258,8 @@ impl StructureCost<'_> {
         structure
     }
 
-    /// The structure with its free parameters at the minimum of the cost: logarithms of the time constants,
-    /// place of the gate in widths of its change, logarithm of its slope.
+    /// The structure with its free parameters at the minimum of the cost. Parameters: logarithms of the time
+    /// constants, centre of the gate relative to its width, logarithm of its slope.
     fn optimised(&self, structure: Structure) -> Structure {
         let [lags, gate] = self.free;
         let mut start: Vec<f64> = Vec::new();
@@ -299,7 +298,7 @@ impl StructureCost<'_> {
     }
 }
 
-/// The runs, or evenly spread pieces of them where they are longer together than `most` samples.
+/// The runs, or evenly spaced segments of them if they have more than `most` samples together.
 fn subsample(runs: &[&Trajectory], most: usize) -> Vec<Trajectory> {
     let total: usize = runs.iter().map(|run| run.len()).sum();
     if total <= most {

@@ -1,5 +1,5 @@
-//! The Gauss-Newton descent with its damping (Levenberg, Quart. Appl. Math. 2 (1944) 164; Marquardt, J. SIAM 11 (1963)
-//! 431), a prior towards the start, and constraints.
+//! Levenberg-Marquardt iteration (Levenberg, Quart. Appl. Math. 2 (1944) 164; Marquardt, J. SIAM 11 (1963)
+//! 431) with a quadratic prior and linear constraints.
 
 use super::parameters::Parameters;
 use super::shooting::{Linearization, Windows};
@@ -8,19 +8,19 @@ use crate::sindy::active_set::{Problem, solve};
 use crate::sindy::constraints::{Coefficient, Constraints, Equality, Sign};
 use crate::sindy::qr::{BLOCK_ROWS, QrFactor};
 
-/// Steps at the most.
+/// Maximum number of iterations.
 const MAX_STEPS: usize = 12;
 
-/// Trials of a step at the most, each damped ten times more.
+/// Maximum number of damping values per iteration; each is ten times the one before.
 const MAX_TRIALS: usize = 5;
 
-/// A step that lowers the cost by less than this share is the last.
+/// The iteration ends if the cost decreases by less than this share.
 const MIN_RELATIVE_DECREASE: f64 = 1e-4;
 
 /// Damping of the first step that follows a rejected one.
 const INITIAL_DAMPING: f64 = 1e-2;
 
-/// What the coefficients must obey, in the order of the parameters.
+/// Constraints in the order of the parameters.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LinearConstraints {
     /// Weights of the parameters and what their sum must be.
@@ -55,14 +55,14 @@ impl LinearConstraints {
     }
 }
 
-/// Where a prior holds the parameters, and how strongly.
+/// Quadratic prior on the parameters.
 #[derive(Clone, Debug)]
 pub(super) struct Prior {
-    /// The values that it pulls to.
+    /// Mean of the prior.
     pub(super) centre: Vec<f64>,
     /// Norm of the column of each parameter at the centre: the unit of a prior of strength 1.
     pub(super) norms: Vec<f64>,
-    /// Its information, as a share of what the windows have about a parameter alone.
+    /// Information of the prior relative to that of the windows about the parameter alone.
     pub(super) strength: f64,
 }
 
@@ -122,7 +122,7 @@ pub(super) struct Minimum {
     pub(super) steps: usize,
 }
 
-/// Descends from some values.
+/// Minimises the cost from given values.
 pub(super) fn levenberg_marquardt(
     windows: &Windows<'_>,
     parameters: &Parameters,

@@ -46,24 +46,24 @@ const DEVIATIONS: f64 = 5.0;
 /// Residuals smaller than this share of the outputs are rounding.
 const ROUNDING_FLOOR: f64 = 1e-6;
 
-/// What is refined, and on what.
+/// Data and options of a refinement.
 #[derive(Clone, Debug)]
 pub struct RefineOptions<'a> {
     /// Runs to learn from.
     pub runs: &'a [&'a Trajectory],
-    /// Design ranges of the outputs: what leaves ten times these diverges.
+    /// Design ranges of the outputs: a rollout that leaves ten times these has diverged.
     pub ranges: &'a [DesignRange],
     /// Length of a window \[samples\].
     pub horizon: usize,
-    /// Strengths of the prior towards the start, the strongest first: each descent begins where the one before ended.
+    /// Strength of the prior.
     pub strengths: &'a [f64],
-    /// Errors beyond so many standard deviations count linearly.
+    /// Huber threshold of the errors \[standard deviations\].
     pub huber: Option<f64>,
     /// Lags whose time constants are refined.
     pub lags: &'a [Lag],
     /// Gates whose centres and slopes are refined.
     pub gates: &'a [GateSpec],
-    /// What the coefficients must obey.
+    /// Constraints on the coefficients.
     pub constraints: &'a Constraints,
 }
 
@@ -74,14 +74,14 @@ pub struct RefinedEquations {
     pub equations: Equations,
     /// Strength of the prior.
     pub strength: f64,
-    /// Steps of the descent.
+    /// Number of iterations.
     pub steps: usize,
     /// Mean loss of an error, in units of the start's mean square.
     pub cost: f64,
 }
 
-/// Refines equations, once for each strength. Nothing comes back where their own rollouts diverge, or no run is longer
-/// than a window.
+/// Refines equations, once for each strength of the prior. The list is empty if the initial rollouts diverge
+/// or no run is longer than a window.
 ///
 /// # Errors
 /// If the work was interrupted.
@@ -121,8 +121,8 @@ pub fn refine(
     Ok(refined)
 }
 
-/// What predictions over windows miss the measurements by (RMS), in units of the noise of the sensor of each output.
-/// Nothing comes back where they diverge, or no run is longer than a window.
+/// RMS prediction errors over the windows relative to the sensor noise, for each output. `None` if the
+/// rollouts diverge or no run is longer than a window.
 pub fn noise_excess(options: &RefineOptions<'_>, equations: &Equations) -> Option<Vec<f64>> {
     let windows = windows(options, equations)?;
     let share = |(start, weight): (&f64, &f64)| start / weight;

@@ -1,39 +1,38 @@
-//! What became of a refinement, for reports.
+//! Record of a refinement.
 
 use serde::{Deserialize, Serialize};
 
-/// What became of the refinement of equations that a search has chosen.
+/// Record of the refinement of the selected equations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Refinement {
-    /// How it ended.
+    /// The outcome.
     pub outcome: Outcome,
-    /// What the regression's predictions over a horizon miss the measurements by (RMS), in units of the noise of the
-    /// sensor, of each output.
+    /// RMS prediction error over a horizon relative to the sensor noise, for each output, before the
+    /// refinement.
     pub excess: Option<Vec<f64>>,
-    /// Score of the regression's estimate; see [`Trial::score`](crate::sindy::Trial::score).
+    /// Score of the regression estimate; see [`Trial::score`](crate::sindy::Trial::score).
     pub before: Option<f64>,
-    /// What was tried.
+    /// All attempts.
     pub attempts: Vec<Attempt>,
-    /// Which of these was taken.
+    /// Index of the accepted attempt.
     pub taken: Option<usize>,
 }
 
-/// How a refinement ended.
+/// Outcome of a refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Nobody asked for one.
+    /// Not requested.
     #[default]
     Off,
-    /// Rollouts of the regression's estimate diverge on the training runs, or these have no whole window: the estimate
-    /// stays.
+    /// Not possible: rollouts of the regression estimate diverge on the training runs, or no run has a whole
+    /// window.
     NoStart,
-    /// Not tried: predictions miss the measurements by so much more than the noise that forces which no term has must be
-    /// at work, so that the regression's estimate stays.
+    /// Not tried: the prediction errors exceed the sensor noise by far, so model error dominates.
     FarFromNoise,
-    /// No attempt predicts better: the regression's estimate stays.
+    /// No attempt has a lower score.
     NoBetter,
-    /// One predicts better, and was taken.
+    /// An attempt was accepted.
     Taken,
 }
 
@@ -56,12 +55,12 @@ fn two_digits(x: f64) -> String {
 }
 
 impl Refinement {
-    /// The max_excess of the outputs' excesses.
+    /// The largest excess of the outputs.
     pub fn max_excess(&self) -> Option<f64> {
         self.excess.iter().flatten().copied().max_by(f64::total_cmp)
     }
 
-    /// In a sentence for people, for samples of `dt` seconds; none where nobody asked.
+    /// Description for the user, for a sample time of `dt` seconds; none if no refinement was requested.
     pub fn describe(&self, dt: f64) -> Option<String> {
         let before = self.before.map_or_else(String::new, |before| format!(" {before:.4}"));
         let taken = self.taken.and_then(|at| self.attempts.get(at));

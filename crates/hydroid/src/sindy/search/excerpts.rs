@@ -1,12 +1,12 @@
-//! Parts of the training runs that stand for them in the score.
+//! Excerpts of the training runs for the score.
 
 use crate::log::Trajectory;
 
-/// Samples of the training runs that take part in the score; more change no choice.
+/// Maximum number of samples in the excerpts; more samples do not change the choice.
 const EXCERPT_SAMPLES: usize = 15_000;
 
-/// The training runs, or evenly spread parts of at most three horizons each where they are long together; behind a warm-up where
-/// three horizons have no room for that and a prediction: nothing could be judged on them.
+/// The training runs, or evenly spaced excerpts if they are long together. An excerpt has three horizons. If
+/// these cannot hold the warm-up and one horizon, the warm-up is added.
 pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize, warm_up: usize) -> Vec<Trajectory> {
     let three = 3 * horizon + 1;
     let length = if warm_up + horizon <= three { three } else { warm_up + three };
@@ -17,7 +17,7 @@ pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize, warm_up: usize) -> 
     }
     let count = (EXCERPT_SAMPLES / length).max(2);
     let mut parts = Vec::new();
-    // Of very many runs, some stand for all.
+    // If there are very many runs, a subset is used.
     for run in runs.iter().step_by(runs.len().div_ceil(count)) {
         let length = length.min(run.len());
         let share = (count * run.len()).div_ceil(total);

@@ -1,8 +1,7 @@
-//! Settings chosen by what the equations predict.
+//! Grid search over libraries, regressions, optimizers and ridge penalties, scored by multi-step predictions.
 //!
-//! The score of a settings is the mean of two errors: of rollouts on the validation runs, and of rollouts on
-//! excerpts of the training runs. Validation alone is at the mercy of chance where it is short: on a log of
-//! ten minutes it chose equations that run away on the very data they were fitted to.
+//! The score of a trial is the mean of two errors: rollouts on the validation runs and rollouts on excerpts
+//! of the training runs. The training part makes the choice robust where the validation runs are short.
 
 mod excerpts;
 mod refinement;
@@ -30,39 +29,40 @@ use crate::sindy::robust::Loss;
 use crate::sindy::stability::{StabilityCheck, StabilityOptions, stability_check};
 use crate::sindy::structure::Structure;
 
-/// What to try.
+/// The grid of options.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchGrid {
-    /// Libraries, with lags, gates and past.
+    /// Libraries with lags, gates and past values.
     pub structures: Vec<Structure>,
-    /// Regressions.
+    /// Forms of the regression.
     pub regressions: Vec<RegressionForm>,
-    /// How terms are selected.
+    /// The method of term selection.
     pub optimizers: Vec<Optimizer>,
-    /// Ridge penalties, per row, on columns of unit RMS.
+    /// Ridge penalties per row, for columns of unit RMS.
     pub ridges: Vec<f64>,
-    /// What residuals cost, in all trials.
+    /// Loss of the residuals, in all trials.
     pub loss: Loss,
-    /// What the coefficients must obey, in all trials: each [is kept](super::is_supported) by the solver.
+    /// Constraints on the coefficients, in all trials; each must be [supported](super::is_supported) by the
+    /// solver.
     pub constraints: Vec<Constraint>,
-    /// What of the chosen equations is refined by predictions over many steps.
+    /// Scope of the refinement of the selected equations; none for no refinement.
     pub refine: Option<RefineScope>,
 }
 
-/// What may move beside the coefficients when equations are refined.
+/// Parameters that are refined besides the coefficients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RefineScope {
-    /// Time constants of lags: not those that are given.
+    /// Time constants of lags that were found by search.
     pub lags: bool,
-    /// Centre and slope of a gate: not one that is given.
+    /// Centre and slope of a gate that was found by search.
     pub gate: bool,
-    /// Whether it is tried where predictions miss the measurements by far more than the noise, too.
+    /// Whether refinement is tried even if model error exceeds the sensor noise by far.
     pub always: bool,
 }
 
 impl SearchGrid {
-    /// Samples that the slowest structure needs before it predicts: given to all, so that all are judged on
-    /// the same windows.
+    /// Warm-up of the slowest structure \[samples\]. All trials share it, so that they are compared on the
+    /// same windows.
     pub fn warm_up(&self, run: &Trajectory) -> usize {
         let variables = Variables::of(run);
         let signals = self.structures.iter().flat_map(|structure| structure.signals(&variables));
@@ -70,24 +70,24 @@ impl SearchGrid {
     }
 }
 
-/// What trials are judged on.
+/// Data and options that trials are scored with.
 #[derive(Clone, Debug)]
 pub struct SearchOptions<'a> {
-    /// Runs that nothing is fitted to.
+    /// Validation runs.
     pub validation: &'a [&'a Trajectory],
     /// Design ranges of the outputs.
     pub outputs: &'a [DesignRange],
     /// Ranges of the inputs in the training runs.
     pub inputs: &'a [DesignRange],
-    /// Rollouts that are compared.
+    /// Options of the rollouts.
     pub evaluation: evaluate::Options,
-    /// Seed of the stability screen and of the ensemble.
+    /// Seed of the stability check and of the bootstrap.
     pub seed: u64,
-    /// Members of the ensemble that tells how sure the coefficients are; 0 for none.
+    /// Bootstrap ensemble over the terms of `fit`.
     pub ensemble_size: usize,
 }
 
-/// One settings that was tried.
+/// One point of the grid and its score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// The library, with lags, gate and past.
@@ -100,62 +100,61 @@ pub struct Trial {
     pub ridge: f64,
     /// Non-zero coefficients.
     pub terms: usize,
-    /// What it was chosen by: the mean of the next two, or the first where the training runs are too short
-    /// for the horizon; null where a rollout diverged.
+    /// Score: the mean of the next two, or the first one alone if the training runs are too short for the
+    /// horizon; none if a rollout diverged.
     pub score: Option<f64>,
     /// Mean NRMSE over channels and horizons on the validation runs.
     pub validation: Option<f64>,
-    /// The same on excerpts of the training runs.
+    /// Mean NRMSE over channels and horizons on excerpts of the training runs.
     pub training: Option<f64>,
-    /// Windows that diverged on either.
+    /// Windows that diverged in validation and training runs.
     pub diverged: usize,
 }
 
-/// What the search found.
+/// Result of the search.
 #[derive(Clone, Debug)]
 pub struct SearchResult {
-    /// The chosen equations.
+    /// The selected equations.
     pub fit: Fit,
     /// All trials, in the order of the grid.
     pub trials: Vec<Trial>,
-    /// Position of the chosen one.
+    /// Index of the selected trial.
     pub chosen: usize,
-    /// Position of the trial that each output's equation comes from: the chosen one but where another does
-    /// better for that output alone.
+    /// Index of the trial of each equation: the selected one, or another one that is better for that output.
     pub equations: Vec<usize>,
-    /// Score of the chosen equations put together.
+    /// Score of the combined equations.
     pub score: f64,
     /// Condition number of the chosen library on the training runs.
     pub condition: f64,
-    /// Terms of the chosen library that the training runs cannot tell apart or never move.
+    /// Terms of the selected library that are zero or linearly dependent on the training runs.
     pub unidentifiable: Vec<Term>,
-    /// RegressionForm rows used, and left out because a sample was missing.
+    /// Regression rows used, and rows left out because a sample was missing.
     pub rows: (u64, u64),
-    /// How the equations bear states and commands that no log has.
+    /// Result of the stability check.
     pub stability: StabilityCheck,
     /// How sure the coefficients are; over the terms of `fit`.
     pub ensemble: Option<Ensemble>,
-    /// Whether its coefficients are the regression's or were refined.
+    /// Record of the refinement.
     pub refinement: Refinement,
 }
 
-/// Why the search found nothing.
+/// Failure of the search.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SearchError {
-    /// No library could be fitted; the reason of the smallest.
+    /// No library could be fitted; the error of the smallest one.
     #[error(transparent)]
     Fit(#[from] FitError),
     /// The validation runs cannot be evaluated.
     #[error("the validation runs cannot be used: {0}")]
     Validation(EvaluateError),
-    /// Every settings diverged on the validation runs.
+    /// Every trial diverged.
     #[error(
-        "all {0} settings that were tried gave equations whose rollouts diverge on the validation or the training runs, so none is offered. Give training runs that cover the speeds and commands of the validation runs, a smaller degree, or a shorter horizon"
+        "the rollouts of all {0} trials diverge on the validation or training runs: no equations are selected. Give training runs that cover the speeds and commands of the validation runs, a smaller degree, or a shorter horizon"
     )]
     AllDiverged(usize),
-    /// A library that nobody can search, let alone read.
+    /// The library has more than [`MOST_TERMS`] terms.
     #[error(
-        "the library '{library}' has {terms} terms over these outputs and inputs; more than {MOST_TERMS} are not searched. Choose a smaller degree or fewer inputs"
+        "the library '{library}' has {terms} terms over these outputs and inputs; the maximum is {MOST_TERMS}. Choose a smaller degree or fewer inputs"
     )]
     LibraryTooLarge {
         /// The library.
@@ -163,32 +162,32 @@ pub enum SearchError {
         /// Number of terms.
         terms: usize,
     },
-    /// A library that is empty.
+    /// The library has no terms.
     #[error(
         "the library '{0}' has no terms over these outputs and inputs: choose a degree of 1 or more, or give terms"
     )]
     LibraryEmpty(String),
     /// The grid is empty.
-    #[error("there is nothing to try: libraries, regressions, optimizers and ridges must each have an entry")]
+    #[error("the search grid is empty: libraries, regressions, optimizers and ridges each need at least one entry")]
     Empty,
-    /// The caller asked to stop.
+    /// The work was interrupted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
-/// Terms of a library at the most: the cost of selecting among them grows with their cube.
+/// Maximum number of terms of a library: the cost of the selection grows with their cube.
 pub const MOST_TERMS: usize = 1_000;
 
-/// Integration steps that keep the inner step at or below 0.1 s: RK4 is then exact to the accuracy of a log
-/// for motions slower than some ten per second, which a vessel's are.
+/// Integration steps per sample that keep the inner step at or below 0.1 s. RK4 is then accurate to the noise
+/// of a log for motions slower than about ten per second.
 pub fn substeps(dt: f64) -> usize {
-    // A step count, far below 2^32 for any sample time that a log can have.
+    // A count between 1 and 1000.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let steps = (dt / 0.1 - 1e-9).ceil().clamp(1.0, 1000.0) as usize;
     steps
 }
 
-/// Fits every settings of the grid to the training runs and chooses by rollouts on the validation runs and on
+/// Fits all points of the grid to the training runs and selects by rollouts on the validation runs and on
 /// excerpts of the training runs.
 ///
 /// # Errors
@@ -211,7 +210,8 @@ pub fn search(
     {
         let prepared = match search.prepare(training, structure, regression, grid, 0) {
             Ok(prepared) => Arc::new(prepared),
-            // Larger libraries may be beyond these runs; the first first_error is the plainest.
+            // Larger libraries may need more rows than there are; the error of the first (smallest) one is
+            // reported.
             Err(error) => {
                 first_error.get_or_insert(error);
                 continue;
@@ -255,7 +255,7 @@ fn fit_options(optimizer: Optimizer, ridge: f64, dt: f64, constraints: &Constrai
     FitOptions { optimizer, ridge, substeps: substeps(dt), constraints: constraints.clone() }
 }
 
-/// The trials and what they are judged on.
+/// State of a search.
 struct Search<'a> {
     options: &'a SearchOptions<'a>,
     excerpts: &'a [&'a Trajectory],
@@ -263,7 +263,7 @@ struct Search<'a> {
     tried: Vec<EvaluatedTrial>,
 }
 
-/// A settings.
+/// A point of the grid.
 #[derive(Clone, Copy)]
 struct TrialSettings<'a> {
     structure: &'a Structure,
@@ -272,7 +272,7 @@ struct TrialSettings<'a> {
     ridge: f64,
 }
 
-/// A trial with all that is needed to choose it.
+/// A trial with its fit and its losses.
 struct EvaluatedTrial {
     trial: Trial,
     fit: Fit,
@@ -280,7 +280,7 @@ struct EvaluatedTrial {
     prepared: Arc<LinearRegression>,
 }
 
-/// Rollouts of one model.
+/// Scores of one model.
 struct TrialScore {
     score: f64,
     validation: f64,
@@ -340,10 +340,11 @@ impl Search<'_> {
             diverged: on_validation.diverged,
             losses: BlockLosses { validation: on_validation.blocks, training: Vec::new() },
         };
-        // What fails on the validation runs, or cannot win any more, need not be tried on the training runs.
+        // A model that diverged, or whose score cannot become the lowest, is not evaluated on the training
+        // runs.
         let best = self.tried.iter().filter_map(|tried| tried.trial.score).fold(f64::INFINITY, f64::min);
         if !self.excerpts.is_empty() && 0.5 * validation < best {
-            // As many origins as on the validation runs: more would weigh no more.
+            // The number of origins equals that on the validation runs.
             let samples = |runs: &[&Trajectory]| runs.iter().map(|run| run.len()).sum::<usize>();
             let ratio = samples(self.excerpts) / samples(self.options.validation).max(1);
             let stride = self.options.evaluation.origin_stride * ratio.max(1);

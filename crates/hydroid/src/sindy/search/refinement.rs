@@ -1,4 +1,5 @@
-//! The chosen equations refined by their predictions, if that makes these better.
+//! Refinement of the selected equations by multi-step prediction errors, accepted only if the predictions
+//! improve.
 
 use super::{Search, SearchError, SearchGrid};
 use crate::log::Trajectory;
@@ -12,26 +13,25 @@ use crate::sindy::refine::{
 use crate::sindy::robust::Loss;
 use crate::sindy::structure::{GateSpec, Lag};
 
-/// Lengths of the windows, in horizons: what the model is judged on, and shorter ones, which hold less of the starts' and
-/// of other errors. On ten records of the hydrofoil each was taken at times.
+/// Window lengths relative to the horizon: the horizon itself, and a shorter window with a smaller share of
+/// initial-state errors.
 const WINDOW_LENGTHS: [f64; 2] = [1.0, 1.0 / 3.0];
 
-/// Strengths of the pull towards the regression's estimate: from as much as the windows say of a parameter to next to
-/// none.
+/// Strengths of the prior at the regression estimate: from the information of the windows itself down to
+/// almost none.
 const PRIOR_STRENGTHS: [f64; 4] = [1.0, 0.1, 0.01, 0.001];
 
-/// Refinement is tried where predictions miss the measurements of every output by at most so many standard deviations of
-/// its sensor's noise: at the root of two, that noise makes half of the mean square.
+/// Refinement is tried only if the prediction errors of every output are at most this multiple of the sensor
+/// noise; at the square root of two, the noise is half of the mean square.
 ///
-/// Beyond it something else makes more than half of the errors, and if that is forces that no term has, errors of
-/// predictions are correlated over a window, least squares on them are no longer the most likely estimate, and what they
-/// fit is the forces of these runs. On simulated records of 5, 10 and 120 minutes of the hydrofoil and 10 of the simple
-/// vessel the worst output was at 1.01 to 1.27.
+/// Beyond this ratio, unmodelled forces dominate the errors. Errors of multi-step predictions are then
+/// correlated, least squares on them is no longer the maximum-likelihood estimate, and it would fit the
+/// forces of these particular runs.
 const MAX_NOISE_EXCESS: f64 = std::f64::consts::SQRT_2;
 
-/// Equations with what is known of them.
+/// Selected equations and their attributes.
 pub(super) struct Selected<'a> {
-    /// The trial that each equation comes from.
+    /// The trial of each equation.
     pub(super) rows: &'a [usize],
     pub(super) fit: Fit,
     pub(super) ensemble: Option<Ensemble>,
@@ -39,8 +39,8 @@ pub(super) struct Selected<'a> {
 }
 
 impl Search<'_> {
-    /// Refines the selected with several settings. The one that predicts best takes its place, if it predicts better
-    /// than the selected and is not less stable.
+    /// Refines the selected equations with several options. The best result replaces them if its score is
+    /// lower and it is not less stable.
     pub(super) fn refine_selected<'a>(
         &self,
         training: &[&Trajectory],
@@ -113,7 +113,7 @@ impl Search<'_> {
                     refined.equations.coefficients().iter().zip(old).map(|(new, old)| new - old).collect();
                 ensemble.shift(&by, &constraints.signs, refined.equations.terms().len());
             }
-            // A contribution is in proportion to its coefficient.
+            // A contribution is proportional to its coefficient.
             let before = selected.fit.equations.coefficients();
             for ((scaled, old), new) in
                 selected.fit.scaled.iter_mut().zip(before).zip(refined.equations.coefficients())
@@ -125,7 +125,7 @@ impl Search<'_> {
         Ok((selected, refinement))
     }
 
-    /// The constraints_of on the terms of equations that may come from several trials.
+    /// The constraints on the terms of equations that may come from several trials.
     fn constraints_of(&self, grid: &SearchGrid, selected: &Selected<'_>) -> Constraints {
         let mut constraints = Constraints::default();
         for (output, &row) in selected.rows.iter().enumerate() {
@@ -139,7 +139,7 @@ impl Search<'_> {
             let here = |at: &Coefficient| at.equation == output;
             let signs = own.signs.iter().filter(|(at, _)| here(at));
             constraints.signs.extend(signs.filter_map(|(at, sign)| Some((place(at)?, *sign))));
-            // Equations that are tied together come from one trial: each relation is taken once.
+            // Coupled equations come from one trial: each equality is taken once.
             let first = |e: &&Equality| e.weights.first().is_some_and(|(at, _)| here(at));
             for equality in own.equalities.iter().filter(first) {
                 let weights = equality.weights.iter().filter_map(|(at, a)| Some((place(at)?, *a))).collect();

@@ -1,4 +1,4 @@
-//! Which of the trials is taken, output by output, and how sure its coefficients are.
+//! Choice of the equations among the trials, output by output, and their bootstrap ensemble.
 
 use super::refinement::Selected;
 use super::{Search, SearchError, SearchGrid, SearchResult, TrialScore, fit_options};
@@ -9,24 +9,24 @@ use crate::sindy::fit::Fit;
 use crate::sindy::parsimony::combine_equations;
 use crate::sindy::structure_constraints::couples_outputs;
 
-/// Other trials whose equation of one output is tried in place of the chosen one.
+/// Number of other trials whose equation of one output is tried in place of the selected one.
 const MAX_SWAPS: usize = 12;
 
-/// A model that fails the screen gives way to one that passes and is worse by this factor at the most.
+/// A stable model is preferred to an unstable one if its score is worse by at most this factor.
 const STABILITY_TOLERANCE: f64 = 1.1;
 
-/// Groups of rows that the ensemble draws from.
+/// Blocks of rows that the bootstrap draws from.
 const BOOTSTRAP_BLOCKS: usize = 24;
 
 impl Search<'_> {
-    /// Trials that may be taken, the preferred ones first: those that the rollouts cannot tell from the best,
-    /// by simplicity, then all others by score.
+    /// Trials in order of preference: first those within one standard error of the best, by the number of
+    /// parameters, then all others by score.
     fn preference(&self) -> Vec<usize> {
         let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
         let mut order: Vec<usize> = (0..self.tried.len()).filter(|&i| score(i).is_finite()).collect();
         order.sort_by(|&a, &b| score(a).total_cmp(&score(b)));
         let Some(&best) = order.first() else { return order };
-        // One that was given up on the way was not compared on the training runs.
+        // A trial that was abandoned early has no losses on the training runs.
         let compared =
             |i: usize| self.tried[i].losses.training.len() == self.tried[best].losses.training.len();
         let alike = |i: usize| {
@@ -51,7 +51,7 @@ impl Search<'_> {
         let bounded = |i: &&usize| self.stability(&self.tried[**i].fit.equations).is_bounded();
         let comparable = preference.iter().filter(|&&i| score(i) <= STABILITY_TOLERANCE * best);
         let chosen = comparable.clone().find(bounded).or(comparable.clone().next()).copied().unwrap_or(0);
-        // Equations that rules tie together come from one fit.
+        // Equations that constraints couple come from one fit.
         let coupled = grid.constraints.iter().any(couples_outputs);
         let others: &[usize] = if coupled { &[] } else { &preference };
         let (equations, fit, score) = self.select_by_output(chosen, others)?;
@@ -78,8 +78,8 @@ impl Search<'_> {
         })
     }
 
-    /// For each output in turn the equations of other trials are tried in place of the chosen one; one that
-    /// does better beyond the noise, in the rollouts of the whole, stays.
+    /// Replaces the equation of each output in turn by that of another trial if the combined model is
+    /// significantly better in rollouts and not less stable.
     fn select_by_output(
         &self,
         chosen: usize,
@@ -129,7 +129,8 @@ impl Search<'_> {
         fit.equations.coefficients()[output * terms..(output + 1) * terms].to_vec()
     }
 
-    /// The ensemble of the settings that the equations come from, over the terms of the whole.
+    /// The bootstrap ensemble with the settings of the selected equations, over the terms of the combined
+    /// model.
     fn ensemble(
         &self,
         training: &[&Trajectory],
