@@ -1,4 +1,4 @@
-//! Inputs whose effects the training runs do not tell apart.
+//! Collinear inputs: inputs whose effects the training runs cannot separate.
 
 use hydroid_core::model::sparse::{Shape, Signal, Term};
 
@@ -6,10 +6,10 @@ use super::Candidate;
 use super::data_summary::ChannelSummary;
 use crate::log::{Note, Trajectory};
 
-/// Inputs that correlate beyond this move together for all that a regression can say.
+/// Correlation above which two inputs are collinear.
 const MAX_CORRELATION: f64 = 0.999;
 
-/// Warnings of inputs that move only together with another one, or with several channels.
+/// Warnings for inputs that are collinear with another input or with several channels.
 pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training: &[Trajectory]) -> Vec<Note> {
     let inputs: Vec<&ChannelSummary> = data.iter().filter(|summary| summary.input).collect();
     let moves = |i: usize| inputs[i].parts[0].max > inputs[i].parts[0].min;
@@ -45,7 +45,7 @@ pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training:
     notes
 }
 
-/// Correlation of two inputs over all runs; NaN without numbers.
+/// Correlation of two inputs over all runs; NaN without data.
 fn correlation(runs: &[Trajectory], a: usize, b: usize) -> f64 {
     let pairs = || {
         let rows = runs.iter().flat_map(|run| (0..run.len()).map(|k| run.inputs.row(k)));
@@ -59,7 +59,7 @@ fn correlation(runs: &[Trajectory], a: usize, b: usize) -> f64 {
     xy / (xx * yy).sqrt()
 }
 
-/// Inputs that move and depend on others to rounding, with the first of the terms that are lost for it.
+/// Inputs that are linearly dependent on others, with the first terms that are left out because of them.
 fn unidentifiable_inputs<'a>(
     candidate: &Candidate,
     inputs: &[&'a ChannelSummary],
@@ -73,7 +73,7 @@ fn unidentifiable_inputs<'a>(
         Some(signal) => equations.signals().get(signal).map(Signal::source).map(usize::from),
         None => Some(usize::from(variable)),
     };
-    // An input alone, or its lag state, in all modes or in one.
+    // A linear term of an input or of its lag state, in all modes or in one.
     let alone = |term: &Term| {
         let mut rest =
             term.factors().iter().filter(|f| !matches!(f.shape, Shape::Above(_) | Shape::Below(_)));

@@ -1,19 +1,20 @@
-//! Libraries whose equations a control law can invert.
+//! Libraries whose equations are control-affine, so that a control law can invert them.
 
 use hydroid_core::model::sparse::{Factor, Shape, Term};
 
 use crate::sindy::{Library, VariableKind, Variables};
 
-/// One function of a command.
+/// A function of one command.
 type Form = &'static [Shape];
 
 const IDENTITY: Form = &[Shape::Power(1)];
 const SINE: Form = &[Shape::Sin];
 const SIGNED_SQUARE: Form = &[Shape::Power(1), Shape::Abs];
 
-/// One library for each choice of a function of each command: `c` or `c |c|`, of an angle `c` or `sin(c)`. It has the
-/// terms of all `libraries` that are free of commands, or have that function of one command as a factor. Choices that make no
-/// difference are left out; where commands are so many that there would be more than 16, the later ones enter as they are.
+/// One library for each combination of functions of the commands: `c` or `c |c|`; for an angle `c` or
+/// `sin(c)`. It has the terms of all `libraries` that are free of commands or linear in the chosen function
+/// of one command. Duplicates are removed. If there were more than 16 combinations, the later commands enter
+/// linearly.
 pub(super) fn libraries(libraries: &[Library], variables: &Variables) -> Vec<Library> {
     const MOST: usize = 16;
     let mut terms: Vec<Term> = Vec::new();
@@ -48,7 +49,7 @@ pub(super) fn libraries(libraries: &[Library], variables: &Variables) -> Vec<Lib
     all
 }
 
-/// Whether a term has no command, or one, and that in the chosen way.
+/// Whether a term has no command, or one command in the chosen form.
 fn is_affine(term: &Term, choice: &[(u16, Form)]) -> bool {
     let of_command = |factor: &&Factor| choice.iter().any(|(command, _)| *command == factor.variable);
     let factors: Vec<&Factor> = term.factors().iter().filter(of_command).collect();

@@ -1,4 +1,4 @@
-//! What the data cover: ranges by channel and part of the split.
+//! Summary of the data: ranges by channel and part of the split.
 
 use serde::Serialize;
 
@@ -16,7 +16,7 @@ pub struct ChannelSummary {
     pub parts: [Summary; 3],
 }
 
-/// Figures of a channel over some runs.
+/// Statistics of a channel over some runs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// Smallest value.
@@ -67,7 +67,7 @@ fn summary(tables: &[&Table], channel: usize) -> Summary {
     }
 }
 
-/// Ranges of the outputs over runs: the design range of a model where none is stated.
+/// Ranges of the outputs over runs: the design ranges of a model if none are stated.
 pub fn output_ranges(runs: &[&Trajectory]) -> Vec<DesignRange> {
     let tables: Vec<&Table> = runs.iter().map(|run| &run.outputs).collect();
     of_tables(&tables)
@@ -84,7 +84,7 @@ fn of_tables(tables: &[&Table]) -> Vec<DesignRange> {
     (0..width)
         .map(|c| {
             let Summary { min, max, .. } = summary(tables, c);
-            // A channel that does not move still needs a range with an inside.
+            // A constant channel needs a range of positive width.
             if max > min {
                 DesignRange { low: min, high: max }
             } else {

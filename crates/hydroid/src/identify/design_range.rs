@@ -1,4 +1,4 @@
-//! Design ranges: stated by the user, else those of the training runs.
+//! Design ranges: stated by the user, else the training ranges.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use crate::evaluate::DesignRange;
 use crate::log::units::Unit;
 use crate::log::{Channel, Trajectory};
 
-/// A range that is stated: `0:12`, or `0:12 [kn]` in another unit than the channel's.
+/// A stated range: `0:12`, or `0:12 [kn]` in another unit than that of the channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub struct GivenRange {
@@ -18,11 +18,11 @@ pub struct GivenRange {
     pub low: f64,
     /// Highest value expected.
     pub high: f64,
-    /// Its unit; that of the channel where none is given.
+    /// Its unit; that of the channel if none is given.
     pub unit: Option<String>,
 }
 
-/// As it stands in a configuration file: `[0, 6]`, or text as on the command line.
+/// Form in a configuration file: `[0, 6]`, or text as on the command line.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged, expecting = "a range is [LOW, HIGH], or text like \"0:12\" or \"0:12 [kn]\"")]
 enum Written {
@@ -94,14 +94,14 @@ pub struct ChannelRange {
     /// The range.
     #[serde(flatten)]
     pub range: DesignRange,
-    /// Whether it was stated; else it is that of the training runs.
+    /// Whether it was stated; otherwise it is the training range.
     pub given: bool,
 }
 
 /// The ranges of all channels, outputs first.
 ///
 /// # Errors
-/// If a range is of a channel that there is not, or in a unit of something else.
+/// If a channel does not exist, or a unit is of another quantity.
 pub(super) fn design_ranges(
     given: &GivenRanges,
     training: &[&Trajectory],

@@ -1,4 +1,4 @@
-//! Searches for equations: memoryless ones, and ones that also see the past.
+//! Searches for memoryless equations and for equations with past values.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::sindy::{
     StructureSpec, Variables, search, structure_search,
 };
 
-/// Rollouts that settings are compared by.
+/// Options of the rollouts of a search.
 pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
     let longest = parts.validation.iter().map(|run| run.len()).max().unwrap_or(0);
     evaluate::Options {
@@ -23,8 +23,8 @@ pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
     }
 }
 
-/// The libraries to try. Those that nobody can search are passed over; if there is no other, it is told before
-/// anything is made of one.
+/// The libraries to try. Libraries that are too large are skipped; if no other is left, the error is returned
+/// before any terms are made.
 fn libraries(job: &Job, run: &Trajectory) -> Result<Vec<Library>, IdentifyError> {
     let variables = Variables::of(run);
     let mut refusal = SearchError::Empty;
@@ -38,20 +38,20 @@ fn libraries(job: &Job, run: &Trajectory) -> Result<Vec<Library>, IdentifyError>
     if good.is_empty() { Err(refusal.into()) } else { Ok(good) }
 }
 
-/// A search for equations of the present: libraries, lags, modes.
+/// Search over libraries, lags and gates.
 pub(super) fn memoryless(
     job: &Job,
     parts: &Parts<'_>,
     progress: Progress<'_>,
 ) -> Result<Arc<SearchResult>, IdentifyError> {
     let train = &parts.train;
-    // Windows of a fifth of the horizon average the noise and blur no actuator.
+    // A window of a fifth of the horizon averages the noise and keeps the dynamics of actuators.
     let regression = RegressionForm::Weak { intervals: intervals(0.2 * job.horizon as f64).max(4) };
     let (lags, gate) = (job.sindy.lags(train[0])?, job.sindy.gate(train)?);
-    // What is said of the vessel holds; what was found must prove itself beside equations without it.
+    // A structure given by the user is kept; a structure that was found competes with equations without it.
     let said = matches!(lags, StructureSpec::Fixed(_)) || matches!(gate, StructureSpec::Fixed(_));
     let all = libraries(job, train[0])?;
-    // One search for each way in which commands may enter: equations put together from two could not be inverted.
+    // One search for each form of the commands: equations combined from two searches could not be inverted.
     let searches: Vec<Vec<Library>> = if job.sindy.for_control {
         control_affine::libraries(&all, &Variables::of(train[0]))
             .into_iter()
@@ -79,7 +79,7 @@ pub(super) fn memoryless(
     best
 }
 
-/// A search for equations in which outputs and inputs of some time ago stand as well.
+/// Search for equations with past outputs and inputs.
 pub(super) fn lagged(
     job: &Job,
     parts: &Parts<'_>,
@@ -97,8 +97,8 @@ pub(super) fn lagged(
     run(job, parts, &libraries, &structures, false, progress)
 }
 
-/// Equations with all terms of the richest library, and the inputs of a tenth of a horizon ago: a start for what keeps
-/// learning. Nothing is chosen but the ridge, the smallest under which no rollout diverges.
+/// Equations with all terms of the richest library and delayed inputs (a tenth of a horizon), as initial
+/// model for adaptation. The ridge is the smallest one without diverged rollouts.
 pub(super) fn whole(
     job: &Job,
     parts: &Parts<'_>,

@@ -1,4 +1,4 @@
-//! Why nothing was identified.
+//! Errors of an identification.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use crate::sindy::expression::ExpressionError;
 use crate::sindy::{SearchError, UnknownLibrary};
 use crate::train::TrainError;
 
-/// Why nothing was identified.
+/// Error of an identification.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
     /// A library that there is not.
@@ -60,7 +60,7 @@ pub enum IdentifyError {
     /// A part of the split has no runs.
     #[error("there are no {0} runs: give more logs, or name some with --{0}")]
     NoRuns(&'static str),
-    /// The same samples would be learned from and judged on.
+    /// Two parts of the split share samples.
     #[error(
         "'{first}' and '{second}' hold the same measurements, in whole or in part: a model judged on what it was fitted to or chosen on is judged by nobody. Name each log once"
     )]
@@ -70,7 +70,7 @@ pub enum IdentifyError {
         /// The other.
         second: String,
     },
-    /// A setting that makes no sense.
+    /// An option is outside its range.
     #[error("the {what} of {value} cannot be used: it must be {needed}")]
     InvalidOption {
         /// Which.
@@ -121,7 +121,7 @@ pub enum IdentifyError {
         /// Samples of the longest run.
         longest: usize,
     },
-    /// A model whose predictions begin too late in every run of a part to be judged.
+    /// The warm-up of a model leaves no origin in the runs of a part.
     #[error(
         "it cannot be judged: before its predictions count it must have seen {warm_up} samples of a run and each output once, and the horizon has {horizon} samples; none of the {part} runs has both (the longest has {longest} samples). Give longer runs, a shorter --horizon, or a network a shorter wash_out_s"
     )]
@@ -135,7 +135,7 @@ pub enum IdentifyError {
         /// Samples of the longest run.
         longest: usize,
     },
-    /// Nothing to go on with.
+    /// There is no checkpoint to resume.
     #[error(
         "there is no interrupted training in {} to go on with (--resume): leave out --resume, or name its folder with -o",
         folder.display()
@@ -166,7 +166,7 @@ pub enum IdentifyError {
 }
 
 impl IdentifyError {
-    /// Why, where the method was named already.
+    /// The message without the name of the method.
     pub(super) fn without_method(&self) -> String {
         match self {
             Self::Train { error, .. } => error.to_string(),
@@ -174,8 +174,8 @@ impl IdentifyError {
         }
     }
 
-    /// Whether a method came to nothing on these logs, of which another may make something; wrong input, a file that
-    /// cannot be used and an interruption are not of this kind.
+    /// Whether another method may succeed on the same logs; wrong input, unusable files and interruptions are
+    /// not specific to a method.
     pub(super) fn is_method_specific(&self) -> bool {
         match self {
             Self::Sindy(SearchError::AllDiverged(_))

@@ -1,4 +1,4 @@
-//! Judging: which runs can, on what windows they do, and which model is best.
+//! Evaluation of the models on validation and test runs, and selection of the best one.
 
 use super::training::Trained;
 use super::{Candidate, IdentifyError, Job, Parts};
@@ -9,17 +9,17 @@ use crate::progress::Progress;
 use crate::sindy::SearchError;
 
 impl Parts<'_> {
-    /// The runs that judge, by what messages call them.
+    /// Validation and test runs with their names in messages.
     fn held_out(&self) -> [(&'static str, &[&Trajectory]); 2] {
         [("validation", &self.validation), ("test", &self.test)]
     }
 }
 
-/// Whether some run of each part that judges is longer than the horizon: before anything is trained.
+/// Checks before the training that some run of each part is longer than the horizon.
 pub(super) fn check_horizon(job: &Job, parts: &Parts<'_>) -> Result<(), IdentifyError> {
     let longest =
         parts.held_out().map(|(part, runs)| (runs.iter().map(|run| run.len()).max().unwrap_or(0), part));
-    // The part that allows least, so that the remedy will do for both.
+    // The part with the shorter limit, so that the remedy suits both.
     let (longest, part) = longest[0].min(longest[1]);
     if job.horizon < longest {
         return Ok(());
@@ -28,8 +28,8 @@ pub(super) fn check_horizon(job: &Job, parts: &Parts<'_>) -> Result<(), Identify
     Err(IdentifyError::Horizon { part, horizon, horizon_s, longest })
 }
 
-/// Whether the runs that judge have an origin for a model of so long a warm-up, as
-/// [`evaluate`](fn@evaluate) finds them.
+/// Checks that some run of each part has an origin for a model with this warm-up, as
+/// [`evaluate`](fn@evaluate) determines them.
 pub(super) fn check_evaluable(job: &Job, parts: &Parts<'_>, warm_up: usize) -> Result<(), IdentifyError> {
     let horizon = job.horizon;
     for (part, runs) in parts.held_out() {
@@ -47,7 +47,7 @@ pub(super) fn check_evaluable(job: &Job, parts: &Parts<'_>, warm_up: usize) -> R
     Ok(())
 }
 
-/// Judges all models on the same windows: the warm-up is that of the model that needs most.
+/// Evaluates all models on the same windows: the warm-up is the longest of all models.
 pub(super) fn evaluate_candidates(
     job: &Job,
     parts: &Parts<'_>,
@@ -67,7 +67,7 @@ pub(super) fn evaluate_candidates(
         let start = candidates.len() as f64;
         let mut evaluate_on = |part, model: &Model, runs: &[&Trajectory], from: f64| {
             let mut report = |f: f64| progress((start + from + 0.5 * f) / count);
-            // A session of its own: one that learns must not have seen the other runs.
+            // A new session for each part: an adaptive session must not have seen the other runs.
             let mut session = model.session();
             let name = &model.description.name;
             evaluate(name, session.as_mut(), &parts.ranges, runs, &options, &mut report).map_err(|error| {
@@ -77,7 +77,7 @@ pub(super) fn evaluate_candidates(
                 }
             })
         };
-        // What has learned from the validation runs has nothing to say on them.
+        // After a refit on all runs, the validation errors are those of the network before the refit.
         let before_refit = training
             .network()
             .filter(|trained| trained.refit.is_some())
@@ -90,11 +90,12 @@ pub(super) fn evaluate_candidates(
     Ok(candidates)
 }
 
-/// A more complex method must lower the validation error by this share at least to be called best.
+/// Minimum relative decrease of the validation error by a more complex method.
 const MIN_IMPROVEMENT: f64 = 0.02;
 
-/// The model with the least validation error; of two that differ in complexity the simpler one, if it is worse by less
-/// than [`MIN_IMPROVEMENT`]. The test runs have no say in which it is; where its rollouts diverge on them, no model is called best.
+/// The model with the smallest validation error; a simpler model is preferred if its error is larger by less
+/// than [`MIN_IMPROVEMENT`]. The test runs do not influence the choice; if its rollouts diverge on them,
+/// there is no best model.
 pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
     let judged = candidates.iter().map(|candidate| {
         let score = (candidate.validation.diverged == 0).then(|| candidate.validation.score());
@@ -103,7 +104,7 @@ pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
     least_error(&judged.collect::<Vec<_>>()).filter(|&i| candidates[i].test.diverged == 0)
 }
 
-/// The same of complexities and validation errors; what has no error is out of the question.
+/// The choice by complexities and validation errors; candidates without error are excluded.
 fn least_error<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {
     let mut order: Vec<(usize, &C, f64)> = judged
         .iter()

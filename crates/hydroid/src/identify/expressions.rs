@@ -1,4 +1,4 @@
-//! What settings say in parser: terms, constraints, names of channels.
+//! Terms, constraints and channel names in the options.
 
 use hydroid_core::model::sparse::{Shape, Term};
 
@@ -32,10 +32,10 @@ impl SindyOptions {
         Ok(self.listed(run)?.iter().any(|term| term.factors().iter().any(|f| is_gate(f.shape))))
     }
 
-    /// What the coefficients must obey.
+    /// Constraints on the coefficients.
     ///
     /// # Errors
-    /// If a text is not a constraint, none that can be kept, or of a term that no library has.
+    /// If a text is not a constraint, the solver does not support it, or no library has its term.
     pub fn coefficient_constraints(
         &self,
         run: &Trajectory,
@@ -44,7 +44,7 @@ impl SindyOptions {
         let (mut parser, variables) = (parser_for(run), Variables::of(run));
         let mut known: Vec<Term> = Vec::new();
         if !self.constraints.is_empty() {
-            // Of libraries that are too large to search anyway no list is made.
+            // Libraries that are too large to search are skipped.
             let small = libraries.iter().filter(|library| library.count(&variables) < 2_000);
             known = small.flat_map(|library| library.terms(&variables)).collect();
         }

@@ -1,9 +1,9 @@
-//! Which formulation a network gets where none is given: the one that short trainings find best.
+//! Selection of the formulation of a network by short trainings.
 //!
-//! No formulation wins everywhere. On a simulated vessel with white noise on its sensors a network that is driven by the
-//! inputs alone, or hears its outputs, predicts best; on real ships, where wind and waves move the vessel too, one that
-//! gives increments of what was measured does (`docs/networks.md` has the figures). What separates them is large,
-//! and shows after a fraction of a training.
+//! No formulation is the best on all vessels. On a simulated vessel with white measurement noise, networks of
+//! the inputs alone or with output feedback have the lowest errors; on real ships with wind and waves,
+//! networks that predict increments do (`docs/networks.md`). The differences are large and visible after a
+//! fraction of a training.
 
 use std::path::Path;
 
@@ -11,17 +11,17 @@ use super::{IdentifyError, Method};
 use crate::log::Note;
 use crate::train::{self, BaseKind, CellKind, TrainError, TrainOptions};
 
-/// Share of the epochs, or of the time, that the training of each formulation gets before one is chosen.
+/// Share of the epochs, or of the time budget, of each short training.
 const TRIAL_SHARE: f64 = 0.1;
 
-/// What is tried, the simplest first.
+/// The formulations, the simplest first.
 const FORMULATIONS: [(bool, BaseKind, &str); 3] = [
     (false, BaseKind::Nothing, "inputs alone"),
     (true, BaseKind::Nothing, "outputs fed back"),
     (true, BaseKind::Hold, "outputs fed back, increments"),
 ];
 
-/// The settings with each formulation that can be; with a formulation that was given, these as they are.
+/// The options with each possible formulation; unchanged if a formulation is given.
 pub(super) fn formulations(
     settings: &TrainOptions,
     given: bool,
@@ -31,15 +31,15 @@ pub(super) fn formulations(
         return vec![(settings.clone(), "as given")];
     }
     let with = |(feedback, base, name)| (TrainOptions { feedback, base, ..settings.clone() }, name);
-    // A direct predictor sees its outputs in any case.
+    // A direct predictor always has its outputs as input.
     let must = inputs == 0 || settings.cell == CellKind::Direct;
     let can_be = |&(feedback, _, _): &(bool, BaseKind, &str)| feedback || !must;
     FORMULATIONS.into_iter().filter(can_be).map(with).collect()
 }
 
-/// The settings to train with: of those given the ones with the least validation error after a short training each,
-/// the simpler of equals; and the share of the whole that this has taken. A training that is kept in `checkpoint` has
-/// been through this: its settings are taken.
+/// The options with the smallest validation error after short trainings (the simpler of equals), and the
+/// share of the whole training that these took. A training that is stored in `checkpoint` has been selected
+/// before: its options are used.
 pub(super) fn select_formulation(
     task: &train::Job<'_>,
     mut choices: Vec<(TrainOptions, &'static str)>,
@@ -75,7 +75,7 @@ pub(super) fn select_formulation(
     }
     let best = tried.iter().copied().reduce(|best, next| if next.0 < best.0 { next } else { best });
     let Some((_, best)) = best else {
-        // None can be trained, and the full training would say the same.
+        // No formulation can be trained; the full training would fail likewise.
         let settings = choices.swap_remove(0).0;
         return match failure {
             Some(error) => Err(IdentifyError::Train { method, error }),
@@ -89,7 +89,7 @@ pub(super) fn select_formulation(
         choices[best].1,
         told.join(", ")
     )));
-    // What the trials took is not there any more.
+    // The remaining time budget.
     let left = 2.0 - whole;
     let (mut settings, _) = choices.swap_remove(best);
     settings.budget_s = settings.budget_s.map(|budget| budget * left);

@@ -1,15 +1,15 @@
-//! No sample may be learned from and judged on.
+//! Data leakage: no sample may be in two parts of the split.
 
 use super::IdentifyError;
 use crate::log::Trajectory;
 
-/// Rows that must agree to the last bit before two runs count as the same: no two measurements do by chance.
+/// Number of identical rows from which on two runs share data.
 const MIN_ROWS: usize = 50;
 
-/// Comparisons at the most for a pair of runs; only runs that repeat themselves endlessly need more.
+/// Maximum number of comparisons per pair of runs; only periodic runs need more.
 const MAX_COMPARISONS: usize = 20_000_000;
 
-/// Refuses runs of different parts that share a stretch of measurements, under whatever name.
+/// Refuses runs of different parts that share a sequence of measurements, whatever their names are.
 pub(super) fn check(parts: [&[&Trajectory]; 3]) -> Result<(), IdentifyError> {
     for (i, part) in parts.iter().enumerate() {
         for a in *part {
@@ -23,12 +23,12 @@ pub(super) fn check(parts: [&[&Trajectory]; 3]) -> Result<(), IdentifyError> {
     Ok(())
 }
 
-/// Whether the first rows of `a` that are not all alike stand somewhere in `b`.
+/// Whether the first rows of `a` that are not constant occur in `b`.
 fn overlap(a: &Trajectory, b: &Trajectory) -> bool {
     let same = |i: usize, j: usize, other: &Trajectory| {
         a.outputs.row(i).iter().zip(other.outputs.row(j)).all(|(x, y)| x.to_bits() == y.to_bits())
     };
-    // A vessel at rest without noise measures the same again and again: begin where something happens.
+    // A vessel at rest without noise repeats its measurements: the comparison starts at the first change.
     let Some(start) = (1..a.len()).find(|&i| !same(i, 0, a)) else { return false };
     let rows = MIN_ROWS.min(a.len() - start);
     if a.outputs.width() != b.outputs.width() || rows < MIN_ROWS.min(a.len() / 2) {
@@ -64,7 +64,7 @@ mod tests {
         assert!(refused(&whole, &whole.clone()));
         assert!(refused(&front, &whole) && refused(&whole, &back) && refused(&back, &whole));
         assert!(!refused(&front, &back) && !refused(&whole, &other));
-        // Both lie still before they move.
+        // Both are at rest before they move.
         let idle = |rest: Vec<f64>| run("idle", [vec![0.0; 5_000], rest].concat());
         assert!(!refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.7))));
         assert!(refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.1))));

@@ -1,19 +1,19 @@
-//! Ways to a model.
+//! Methods of identification.
 
 use serde::{Deserialize, Serialize};
 
 use crate::train::CellKind;
 
-/// A way to a model.
+/// Method of identification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// A search for sparse equations of motion.
     Sindy,
-    /// The same with outputs and inputs of some time ago among the variables.
+    /// Sparse equations with past outputs and inputs among the variables.
     Lagged,
-    /// Equations that keep learning by recursive least squares at several paces: those of another search where
-    /// they have a lag or a change of mode, else equations with all terms.
+    /// Equations with recursive least squares at several forgetting factors: those of another search if they
+    /// have a lag or a gate, else equations with all terms.
     Recursive,
     /// A recurrent network with LSTM cells.
     Lstm,
@@ -21,9 +21,10 @@ pub enum Method {
     Gru,
     /// A vanilla recurrent network.
     Rnn,
-    /// A feed-forward network that gives all outputs of a horizon at once.
+    /// Feed-forward network that predicts all outputs over a horizon at once.
     Direct,
-    /// A feed-forward network of the rates, affine in known maps of the inputs, which control laws invert.
+    /// Feed-forward network of the rates, affine in known maps of the inputs, so that control laws can invert
+    /// it.
     Affine,
 }
 
@@ -40,7 +41,7 @@ impl Method {
         }
     }
 
-    /// The kind of a network; none for equations.
+    /// The kind of network; none for equations.
     pub fn cell(self) -> Option<CellKind> {
         match self {
             Self::Sindy | Self::Lagged | Self::Recursive => None,

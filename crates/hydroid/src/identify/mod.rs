@@ -1,4 +1,4 @@
-//! From runs to a judged model: fit on training runs, choose on validation runs, judge on test runs.
+//! Identification: fit on training runs, selection on validation runs, evaluation on test runs.
 
 mod collinearity;
 mod control_affine;
@@ -40,52 +40,53 @@ pub use verdict::{Grade, Verdict, verdicts};
 use evaluation::{check_evaluable, check_horizon, evaluate_candidates, select_best};
 use training::{Trained, train_by};
 
-/// What to do.
+/// Data and options of an identification.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
-    /// Methods to try, each once, networks after equations; the model with the least validation error is called best.
+    /// Methods, each once, networks after equations. The model with the smallest validation error is the best
+    /// one.
     pub methods: Vec<Method>,
-    /// Runs by their use.
+    /// Runs for training, validation and test.
     pub split: Split,
-    /// How they were read; goes into the model file.
+    /// How the logs were read; stored in the model file.
     pub reading: Reading,
     /// Longest horizon \[samples\].
     pub horizon: usize,
     /// Samples between two origins of the final evaluations.
     pub origin_stride: usize,
-    /// Seed of the run: of the stability screen's rollouts, of the ensemble's draws, of networks' first weights.
+    /// Seed of the stability check, of the bootstrap and of the initial weights of networks.
     pub seed: u64,
-    /// Ranges that outputs and inputs are meant for, where they are stated; else those of the training runs. They decide
-    /// how networks are scaled, and where a rollout counts as diverged.
+    /// Stated design ranges of outputs and inputs; the training ranges replace missing ones. They scale the
+    /// networks and define divergence.
     pub ranges: GivenRanges,
-    /// Settings of the search for equations.
+    /// Options of the search for equations.
     pub sindy: SindyOptions,
-    /// Settings of recurrent networks.
+    /// Options of networks.
     pub networks: NetworkTrainingOptions,
 }
 
-/// Where a job is.
+/// Progress of a job.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<'a> {
-    /// Fraction that is done, 0 to 1.
+    /// Completed fraction, 0 to 1.
     pub fraction: f64,
-    /// The method at work; none while models are judged.
+    /// The current method; none during the evaluation.
     pub method: Option<Method>,
-    /// Where the training of a network is.
+    /// Progress of the training of a network.
     pub training: Option<&'a train::Status>,
 }
 
-/// Hears where a job is; [`ControlFlow::Break`] asks it to stop.
+/// Called with the progress of a job; [`ControlFlow::Break`] cancels the job.
 pub type OnStage<'a> = &'a mut dyn FnMut(&Stage<'_>) -> ControlFlow<()>;
 
-/// A model with what it took and what it can do.
+/// A model with its training record and its errors.
 #[derive(Clone, Debug)]
 pub struct Candidate {
     /// The model.
     pub model: Model,
-    /// How it came about.
+    /// Record of the training.
     pub training: Training,
-    /// Time for fitting and choosing \[s\].
+    /// Duration of fit and selection \[s\].
     pub train_seconds: f64,
     /// Errors on the validation runs.
     pub validation: Evaluation,
@@ -93,26 +94,25 @@ pub struct Candidate {
     pub test: Evaluation,
 }
 
-/// The result of a job.
+/// Result of an identification.
 #[derive(Clone, Debug)]
 pub struct IdentifyResult {
-    /// The models, in the order of the methods asked for, networks after equations. A method that came to nothing is
-    /// missing, and a warning says why.
+    /// The models in the order of the methods. A method that failed is missing; a warning states the reason.
     pub candidates: Vec<Candidate>,
-    /// The best; none where every model diverged somewhere on validation or test runs.
+    /// Index of the best model; none if every model diverged on validation or test runs.
     pub best: Option<usize>,
-    /// What each output of the best model (the first, if there is none) is worth on the test runs.
+    /// Grade of each output of the best model (of the first one if there is no best) on the test runs.
     pub verdicts: Vec<Verdict>,
-    /// What the user should know about data and models.
+    /// Notes for the user on data and models.
     pub warnings: Vec<Note>,
-    /// Design ranges, outputs first, and which of them were stated.
+    /// Design ranges, outputs first, and whether they were stated.
     pub ranges: Vec<ChannelRange>,
 }
 
-/// Validation windows per run in the search; more change no choice.
+/// Validation windows per run in the search.
 const SEARCH_ORIGINS: usize = 200;
 
-/// Runs a job.
+/// Runs an identification.
 ///
 /// # Errors
 /// If the runs cannot be fitted or evaluated, or the work was interrupted.
@@ -120,10 +120,10 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<IdentifyResult, Ide
     identify_with_stages(job, &mut |stage| progress(stage.fraction))
 }
 
-/// Runs a job, and tells in detail where it is.
+/// Runs an identification and reports its stages.
 ///
 /// # Errors
-/// As [`identify`]. A method that comes to nothing is an error only if no other gave a model.
+/// As [`identify`]. The failure of one method is an error only if no other method gives a model.
 pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, IdentifyError> {
     job.sindy.check()?;
     for (what, value) in [("horizon", job.horizon), ("origin stride", job.origin_stride)] {
@@ -148,7 +148,7 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     let mut warnings = job.split.notes.clone();
     let mut trained: Vec<Trained> = Vec::new();
     let mut failure = None;
-    // Time that networks took; of those that failed as well, so that a budget is kept.
+    // Training time of the networks, failed ones included, for the shared time budget.
     let mut spent_s = 0.0;
     for (i, &method) in methods.iter().enumerate() {
         let mut tell = |fraction: f64, training: Option<&train::Status>| {
@@ -162,7 +162,7 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
                 spent_s += next.training.network().map_or(0.0, |trained| trained.seconds);
                 trained.push(next);
             }
-            // What one method cannot learn from these logs another may.
+            // Another method may succeed on the same logs.
             Err(error) if error.is_method_specific() && methods.len() > 1 => {
                 warnings.push(no_model(method.name(), &error));
                 spent_s += method.cell().map_or(0.0, |_| clock.elapsed().as_secs_f64());
@@ -171,7 +171,7 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
             Err(error) => return Err(error),
         }
     }
-    // Past values ask for a warm-up as well, which is known only now.
+    // The warm-up of past values is known only now.
     trained.retain(|model| match check_evaluable(job, &parts, model.model.session().warm_up()) {
         Ok(()) => true,
         Err(error) => {
@@ -196,7 +196,7 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     Ok(IdentifyResult { candidates, best, verdicts, warnings, ranges })
 }
 
-/// The methods asked for, each once. Networks come after equations, on top of which they may stand.
+/// The requested methods without duplicates, equations before networks, which may use them as base model.
 fn methods(job: &Job) -> Result<Vec<Method>, IdentifyError> {
     let mut methods = Vec::new();
     for &method in &job.methods {
@@ -217,7 +217,7 @@ fn no_model(method: &str, error: &IdentifyError) -> Note {
     Note::warning(format!("no model by the method {method}: {}", error.without_method()))
 }
 
-/// Runs by their use, and ranges.
+/// Runs of the split, and ranges.
 struct Parts<'a> {
     train: Vec<&'a Trajectory>,
     validation: Vec<&'a Trajectory>,
@@ -228,7 +228,7 @@ struct Parts<'a> {
     inputs: Vec<DesignRange>,
     /// Ranges of the outputs in the training runs.
     training_ranges: Vec<DesignRange>,
-    /// Channels whose design range was stated.
+    /// Channels with a stated design range.
     given: Vec<String>,
 }
 
@@ -241,9 +241,9 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Whether an identification met what it must to be of use; the criterion of the exit status.
+/// Criterion of the exit status.
 impl IdentifyResult {
-    /// Every output is predicted better than by trivial means, and nothing diverged.
+    /// Whether every output is predicted better than by the trivial predictions, and nothing diverged.
     pub fn is_usable(&self) -> bool {
         self.best.is_some() && self.verdicts.iter().all(|v| v.grade != Grade::NotIdentified)
     }

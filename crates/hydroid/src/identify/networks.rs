@@ -1,4 +1,4 @@
-//! Networks among the methods: their settings, their share of the time, their training.
+//! Networks: options, shares of the time budget, training.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::train::{
     self, BaseKind, CellKind, Outcome, Precision, Refit, Schedule, TrainError, TrainOptions, Trained,
 };
 
-/// TrainOptions of networks; what is not given is the default of [`TrainOptions::of`] the cell. See there for what each is.
+/// Options of networks; defaults are those of the train options of the cell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct NetworkOptions {
@@ -87,10 +87,10 @@ impl NetworkOptions {
     }
 }
 
-/// What networks are told: all recurrent ones, and by kind, which goes before.
+/// Options of all networks and of each kind; those of a kind take precedence.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NetworkTrainingOptions {
-    /// All recurrent ones.
+    /// All recurrent networks.
     pub all: NetworkOptions,
     /// Those with LSTM cells.
     pub lstm: NetworkOptions,
@@ -102,12 +102,12 @@ pub struct NetworkTrainingOptions {
     pub direct: NetworkOptions,
     /// Control-affine networks.
     pub affine: NetworkOptions,
-    /// Time for the training of all networks of the job together \[s\].
+    /// Time budget of all network trainings of the job \[s\].
     pub budget_s: Option<f64>,
-    /// Folder in which interrupted trainings are kept, each in a file of its own. A training of the same job goes on from
-    /// there; the file of another gets out of the way, as `NAME.checkpoint.old`.
+    /// Folder of the checkpoints, one file per network. A training of the same job resumes from its file; the
+    /// file of another job is renamed to `NAME.checkpoint.old`.
     pub checkpoints: Option<PathBuf>,
-    /// Whether there must be a training to go on with: none, or one of another job, is an error.
+    /// Whether a checkpoint of this job is required; without one the job fails.
     pub resume: bool,
 }
 
@@ -121,7 +121,7 @@ impl NetworkTrainingOptions {
         settings
     }
 
-    /// The settings that a training may have: one where the formulation is given, else one for each that is tried.
+    /// Options of a training: one set if the formulation is given, else one for each formulation.
     fn choices(&self, cell: CellKind, seed: u64, run: &Trajectory) -> Vec<(TrainOptions, &'static str)> {
         let overrides = self.overrides(cell);
         let given = overrides.iter().any(|s| s.feedback.is_some() || s.base.is_some());
@@ -135,8 +135,8 @@ impl NetworkTrainingOptions {
         choices
     }
 
-    /// What is told to a kind of network, the last word last. Those that are not recurrent share next to nothing with the
-    /// others: they hear of themselves alone.
+    /// User options of a kind of network in increasing precedence. Direct and control-affine networks share
+    /// none with the recurrent ones.
     fn overrides(&self, cell: CellKind) -> Vec<&NetworkOptions> {
         let all = cell.is_recurrent().then_some(&self.all);
         all.into_iter().chain([self.own(cell)]).collect()
@@ -153,12 +153,12 @@ impl NetworkTrainingOptions {
         }
     }
 
-    /// Where an interrupted training of a method is kept.
+    /// Checkpoint file of a method.
     pub fn checkpoint(&self, method: Method) -> Option<PathBuf> {
         self.checkpoints.as_ref().map(|folder| folder.join(format!("{}.checkpoint", method.name())))
     }
 
-    /// Whether the methods' settings can be, and what is to be gone on with is there, before time is spent on any of them.
+    /// Checks options and checkpoints of the methods before the first training.
     pub(super) fn check(
         &self,
         job: &Job,
@@ -193,7 +193,7 @@ impl NetworkTrainingOptions {
         if self.resume { self.check_kept(job, methods, parts) } else { Ok(()) }
     }
 
-    /// Whether there are trainings to go on with, all of this job.
+    /// Checks that the checkpoints belong to this job.
     fn check_kept(&self, job: &Job, methods: &[Method], parts: &Parts<'_>) -> Result<(), IdentifyError> {
         let Some(folder) = &self.checkpoints else { return Ok(()) };
         let mut found = false;
@@ -224,7 +224,7 @@ impl NetworkTrainingOptions {
     }
 }
 
-/// The settings of a control-affine network with a map for each input: where none is given, a rudder is one that has an angle.
+/// Control-affine networks: default maps of the inputs, the sine for angles.
 fn with_default_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptions {
     if settings.cell == CellKind::Affine && settings.maps.is_empty() {
         let map = |channel: &Channel| match channel.unit.as_str() {
@@ -236,8 +236,8 @@ fn with_default_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptio
     settings
 }
 
-/// Peak step size where none is given. What a network corrects adds up over a rollout, and so do its gradients: on real
-/// ships the training of increments blows up at 0.03, and does not at 0.01.
+/// Default peak learning rate. Gradients of increments accumulate over a rollout: on real ships their
+/// training diverges at 0.03 and converges at 0.01.
 fn default_learning_rate(base: BaseKind) -> f64 {
     match base {
         BaseKind::Nothing => TrainOptions::default().learning_rate,
@@ -257,8 +257,7 @@ fn task<'a>(job: &Job, parts: &'a Parts<'_>, equations: Option<Arc<Equations>>) 
     }
 }
 
-/// Samples that the model must see before its predictions count: a wash-out as the training will have it, and the sample
-/// at which they begin.
+/// Warm-up of the model \[samples\]: the wash-out and the first predicted sample.
 fn warm_up(settings: &TrainOptions, parts: &Parts<'_>, equations: Option<&Equations>) -> usize {
     if settings.cell == CellKind::Direct {
         return settings.spans(parts.train[0].dt).0.max(equations.map_or(1, Equations::warm_up));
@@ -329,7 +328,7 @@ pub(super) fn train(
     Ok((settings, trained))
 }
 
-/// What is to be known of a training on all runs.
+/// Note on a refit with all runs.
 fn of_refit(method: Method, trained: &Trained, refit: &Refit) -> Note {
     let name = method.name();
     match refit.outcome {
@@ -349,7 +348,7 @@ fn of_refit(method: Method, trained: &Trained, refit: &Refit) -> Note {
     }
 }
 
-/// Renames a checkpoint that this training cannot go on from.
+/// Renames a checkpoint of another training.
 fn retire_checkpoint(file: &Path, reason: &str) -> Result<Note, TrainError> {
     let old = file.with_extension("checkpoint.old");
     let renamed = std::fs::rename(file, &old);
@@ -362,7 +361,8 @@ fn retire_checkpoint(file: &Path, reason: &str) -> Result<Note, TrainError> {
     Ok(Note::info(format!("{} cannot be gone on from ({why}): it is now {}", file.display(), old.display())))
 }
 
-/// What a model file says of its training: enough to make it again. Nothing that changes from run to run is in it.
+/// Training record for the model file: options that reproduce the training, without values that change from
+/// run to run.
 pub(super) fn provenance(job: &Job, settings: &TrainOptions, trained: &Trained) -> serde_json::Value {
     let best = trained.history.get(trained.best_epoch.saturating_sub(1));
     serde_json::json!({

@@ -1,4 +1,4 @@
-//! Equations that keep learning.
+//! Equations with recursive least squares.
 
 use std::sync::Arc;
 
@@ -13,23 +13,22 @@ use crate::sindy::{
     FitError, LinearRegression, RegressionForm, RegressionOptions, SearchError, SearchResult,
 };
 
-/// What the equations from shore are worth at each pace, in horizons. Five paces between these do no better on the
-/// development runs (a tug, a tanker) than these three, and one alone chosen by validation clearly worse.
+/// Information of the reference model for each expert, in horizons (chosen on the development runs of a tug
+/// and a tanker).
 const PRIOR_HORIZONS: [f64; 3] = [60.0, 6.0, 0.6];
 
-/// Memory, in horizons; 12 did no better.
+/// Forgetting time, in horizons.
 const FORGETTING_HORIZONS: f64 = 60.0;
 
-/// Span of an increment, in horizons; 0.05 and 0.2 did no better.
+/// Length of an increment, in horizons.
 const INCREMENT_HORIZONS: f64 = 0.1;
 
-/// Part of the prior in which terms have nothing to do with each other. (0.2 to 1: more is better for a vessel that
-/// has changed, and worse for one that has not.)
+/// Shrinkage of the moments of the prior towards a diagonal matrix.
 const SHRINKAGE: f64 = 0.2;
 
-/// Equations with all terms that learn at several paces; where the `sparse` ones of another search have a lag or
-/// a change of mode, these as they are. Where there are none (too few rows, or all diverge), it is
-/// the `sparse` ones of another search that learn.
+/// Equations that learn with several forgetting factors. The `sparse` equations of another search are used if
+/// they have a lag or a gate, or if no equations with all terms can be fitted; otherwise the equations have
+/// all terms of the library.
 pub(super) fn recursive_model(
     job: &Job,
     parts: &Parts<'_>,
@@ -63,9 +62,9 @@ pub(super) fn recursive_model(
     Ok((found, model))
 }
 
-/// The equations without the terms that the training runs say nothing of, and what they say of the others.
+/// The equations without unidentifiable terms, and the R factor of the moments of the others.
 fn identifiable(of: &Equations, parts: &Parts<'_>, window: usize) -> Result<(Equations, Vec<f64>), FitError> {
-    // A weak form averages about as much as an increment over half of its window.
+    // The weak form over twice the window averages about as much as an increment.
     let regression = RegressionForm::Weak { intervals: 2 * window };
     let preparation = RegressionOptions { signals: of.signals(), ..RegressionOptions::default() };
     let prepare = |terms| LinearRegression::with(&parts.train, terms, regression, &preparation);

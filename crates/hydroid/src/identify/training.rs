@@ -1,4 +1,4 @@
-//! How a model comes about: the methods one by one.
+//! Training by each method.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -15,12 +15,12 @@ use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading}
 use crate::sindy::SearchResult;
 use crate::train;
 
-/// How a model came about.
+/// Record of a training.
 #[derive(Clone, Debug)]
 pub enum Training {
     /// A search for sparse equations.
     Equations(Arc<SearchResult>),
-    /// Equations with all terms of a library, which learn at several paces.
+    /// Equations with recursive least squares.
     Recursive(Arc<SearchResult>),
     /// A network, recurrent or a direct predictor.
     Network(Arc<train::Trained>),
@@ -43,7 +43,7 @@ impl Training {
         }
     }
 
-    /// What it is in a few words.
+    /// Short description.
     pub fn about(&self) -> &'static str {
         match self {
             Self::Recursive(_) => "equations that keep learning on the way",
@@ -57,7 +57,7 @@ impl Training {
         }
     }
 
-    /// What was tried, in words for the line that tells of the result.
+    /// Description of the search or training for the result line.
     pub fn effort(&self) -> String {
         match self {
             Self::Equations(found) | Self::Recursive(found) => {
@@ -80,12 +80,12 @@ impl Training {
         }
     }
 
-    /// Whether its equations may also be of the past.
+    /// Whether the search includes past values.
     fn has_past(&self) -> bool {
         self.found().is_some_and(|found| found.trials.iter().any(|trial| !trial.structure.past.is_empty()))
     }
 
-    /// Order of complexity: equations of the present, of the past, equations that learn, networks.
+    /// Order of complexity: memoryless equations, equations with past values, adaptive equations, networks.
     pub(super) fn complexity(&self) -> (u8, bool) {
         let kind = match self {
             Self::Equations(_) => 0,
@@ -103,7 +103,7 @@ impl Candidate {
     }
 }
 
-/// A model that waits to be judged.
+/// A trained model before its evaluation.
 pub(super) struct Trained {
     pub(super) model: Model,
     pub(super) training: Training,
@@ -112,11 +112,11 @@ pub(super) struct Trained {
     pub(super) score: f64,
 }
 
-/// Hears the fraction of a method that is done, and where the training of a network is.
+/// Called with the completed fraction of a method and the progress of the training of a network.
 pub(super) type OnProgress<'a> = &'a mut dyn FnMut(f64, Option<&train::Status>) -> ControlFlow<()>;
 
-/// Trains by one method; `before` are the models of the methods before it, `notes` hears what the user should know. Of networks, `(spent_s, left)` says what those
-/// before took, and how many are still to be trained, this one among them.
+/// Trains by one method. `before` are the models of the methods before it. For networks, `(spent_s, left)` is
+/// the training time of the earlier networks and the number of networks that remain, this one included.
 pub(super) fn train_by(
     method: Method,
     job: &Job,
@@ -127,7 +127,7 @@ pub(super) fn train_by(
     tell: OnProgress<'_>,
 ) -> Result<Trained, IdentifyError> {
     let clock = Instant::now();
-    // The best equations so far: what learns, and a grey box, begin with these.
+    // The best equations so far are the base model of networks and the initial model of adaptation.
     let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
     let sparse = equations.min_by(|a, b| a.score.total_cmp(&b.score)).and_then(|t| t.training.found());
     let of_search = |found: &SearchResult| {
@@ -230,7 +230,7 @@ fn describe(
     }
 }
 
-/// The reading of the training logs with their step written out: a model has one step, whatever the log.
+/// The reading of the training logs with an explicit sample time: a model has one sample time for all logs.
 fn reading(job: &Job, dt: f64) -> Reading {
     let mut reading = job.reading.clone();
     reading.options.dt = Some(dt);

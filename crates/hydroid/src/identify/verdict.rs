@@ -1,4 +1,4 @@
-//! What a model is worth, said without flattery.
+//! Grades of a model on the test runs, and warnings.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,33 +9,33 @@ use crate::log::{Note, Trajectory};
 use crate::sindy;
 use crate::sindy::{SearchResult, StabilityCheck};
 
-/// How well an output is predicted at the longest horizon.
+/// Quality of the prediction of an output at the longest horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grade {
-    /// The error is at most half of what trivial means leave, and of the channel's own variation.
+    /// The error is at most half of that of the best trivial prediction.
     Good,
-    /// Better than trivial means, by a tenth at least.
+    /// The error is at least a tenth below that of the best trivial prediction.
     Usable,
-    /// No better than keeping the last value or the mean: do not use this equation.
+    /// No better than the trivial predictions: this equation must not be used.
     NotIdentified,
 }
 
-/// The verdict on one output.
+/// Grade of one output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// The output.
     pub channel: String,
     /// The grade.
     pub grade: Grade,
-    /// NRMSE at the longest horizon; 1 is what predicting the mean gives.
+    /// NRMSE at the longest horizon; the mean as prediction gives 1.
     pub nrmse: f64,
     /// NRMSE of persistence at the same horizon.
     pub persistence: f64,
 }
 
-/// Grades each output of an evaluation at its longest horizon, against the better of two trivial
-/// predictions: the last value, and the channel's mean over the compared points (NRMSE 1).
+/// Grades each output at the longest horizon against the better of two trivial predictions: persistence, and
+/// the mean of the channel over the compared points (NRMSE 1).
 pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
     let (Some(errors), Some(kept)) = (test.nrmse.last(), test.persistence.nrmse.last()) else {
         return Vec::new();
@@ -50,7 +50,7 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
             } else if nrmse <= 0.9 * trivial {
                 Grade::Usable
             } else {
-                // NaN too: what cannot be compared is not identified.
+                // NaN as well: without comparison the output is not identified.
                 Grade::NotIdentified
             };
             Verdict { channel: channel.clone(), grade, nrmse, persistence }
@@ -58,10 +58,10 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
         .collect()
 }
 
-/// Share of spikes that is worth a word.
+/// Share of spikes above which a warning is given.
 const MIN_SPIKE_SHARE: f64 = 0.005;
 
-/// A warning where the training runs have spikes and nothing was asked for against them.
+/// A warning if the training runs have spikes and no Huber loss was requested.
 pub(super) fn spikes(training: &[&Trajectory], settings: &SindyOptions) -> Option<Note> {
     if settings.huber.is_some() {
         return None;
@@ -80,7 +80,7 @@ pub(super) fn spikes(training: &[&Trajectory], settings: &SindyOptions) -> Optio
     })
 }
 
-/// What the user should know before using the model.
+/// Warnings on the best model.
 pub(super) fn warnings(
     candidate: &Candidate,
     verdicts: &[Verdict],
@@ -147,7 +147,7 @@ pub(super) fn warnings(
     notes
 }
 
-/// What the search for equations has to say.
+/// Warnings of the search for equations.
 fn search_warnings(found: &SearchResult, notes: &mut Vec<Note>) {
     let ridges = || found.trials.iter().map(|trial| trial.ridge);
     let (largest, smallest) = (ridges().fold(0.0, f64::max), ridges().fold(f64::INFINITY, f64::min));
