@@ -168,7 +168,9 @@ pub enum SearchError {
     )]
     LibraryEmpty(String),
     /// The grid is empty.
-    #[error("the search grid is empty: libraries, regressions, optimizers and ridges each need at least one entry")]
+    #[error(
+        "the search grid is empty: libraries, regressions, optimizers and ridges each need at least one entry"
+    )]
     Empty,
     /// The work was interrupted.
     #[error(transparent)]
