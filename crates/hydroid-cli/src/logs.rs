@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use hydroid::adapt::Shore;
+use hydroid::adapt::TrainingRuns;
 use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
 
@@ -87,8 +87,8 @@ pub fn training_logs(
     (path, model): (&Path, &Model),
     reading: &Reading,
     global: Global,
-) -> anyhow::Result<Shore> {
-    let mut shore = Shore::default();
+) -> anyhow::Result<TrainingRuns> {
+    let mut shore = TrainingRuns::default();
     for file in files {
         let (_, prepared) =
             prepare(std::slice::from_ref(file), reading).with_context(|| cannot_use(path, model))?;
@@ -100,7 +100,7 @@ pub fn training_logs(
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             let samples = (left / run.dt).round() as usize;
             let samples = samples.min(run.len());
-            shore.walked.extend((samples > 0).then(|| run.slice(0, samples)));
+            shore.replayed.extend((samples > 0).then(|| run.slice(0, samples)));
             left -= samples as f64 * run.dt;
             shore.rehearsed.push(run);
         }

@@ -25,7 +25,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use hydrofoil::read;
-use hydroid::adapt::{LeastSquares, Options, adapter, remember_shore};
+use hydroid::adapt::{LeastSquares, Options, adapter, replay_training_runs};
 use hydroid::log::Trajectory;
 use hydroid::model::{self, Model};
 use hydroid_core::adapt::Adapter;
@@ -139,7 +139,7 @@ fn sail(
             },
         )?)
     } else {
-        let defaults = LeastSquares::of_read_outs();
+        let defaults = LeastSquares::for_last_layer();
         let least_squares = LeastSquares {
             forgetting_s: number("forgetting", defaults.forgetting_s)?,
             prior_s: number("prior", defaults.prior_s)?,
@@ -151,7 +151,7 @@ fn sail(
         adapter(model, &options, &[])?.0
     };
     if WAYS[way] == "read-out" || WAYS[way] == "guarded" {
-        remember_shore(session.as_mut(), shore.as_slice());
+        replay_training_runs(session.as_mut(), shore.as_slice());
     }
     session.freeze(way == 0);
     let (errors, time_us) = walk(session.as_mut(), run);

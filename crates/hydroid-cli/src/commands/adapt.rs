@@ -6,7 +6,7 @@ mod stream;
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use hydroid::adapt::{self, Gate, Method, Options, Rehearse, Report, Used};
+use hydroid::adapt::{self, Gate, Method, Options, Rehearse, Report, ResolvedOptions};
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
@@ -198,10 +198,10 @@ const EVENTS_SHOWN: usize = 12;
 fn warnings(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
     let remedy = match report.settings {
-        Used::LeastSquares(_) | Used::ReadOut(_) => {
+        ResolvedOptions::LeastSquares(_) | ResolvedOptions::ReadOut(_) => {
             "keep the initial model; try a longer --forgetting or a larger --prior"
         }
-        Used::Kalman(_) => {
+        ResolvedOptions::Kalman(_) => {
             "keep the initial model; try a smaller --weight-variance or a larger --noise-factor"
         }
     };

@@ -53,7 +53,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
         let files = &args.adaptation.training_log;
         let training =
             crate::logs::training_logs(files, args.adaptation.training_time.0, of, reading, global)?;
-        steering.rehearsal = training.walked.into();
+        steering.rehearsal = training.replayed.into();
     }
     steering.model = model.map(Arc::new);
     // The controller is built before any simulation, so that a model it cannot invert is refused early.

@@ -37,7 +37,7 @@ mod summary;
 
 use std::path::{Path, PathBuf};
 
-use hydroid::adapt::{AdaptError, Adapted, Frozen, Options, Shore, adapt_by, adapter};
+use hydroid::adapt::{AdaptError, Adapted, Frozen, Options, TrainingRuns, adapt_by, adapter};
 use hydroid::atomic::WriteError;
 use hydroid::log::Trajectory;
 use hydroid::model::Model;
@@ -119,7 +119,7 @@ pub fn is_black_box(path: &Path) -> bool {
 /// If the model cannot be adapted on these runs, or the recording cannot be written.
 pub fn adapt_recorded(
     model: &Model,
-    shore: &Shore,
+    shore: &TrainingRuns,
     runs: &[&Trajectory],
     options: &Options,
     recording: Option<&Settings>,

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use super::event;
 use super::head::Head;
 use super::record::{ADVANCE, OBSERVE, Part, RESET, calls};
-use hydroid::adapt::events::Worded;
+use hydroid::adapt::events::EventText;
 
 /// A step of the walk: calls that the adapter got, and what came of them.
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +112,7 @@ impl<'a> Step<'a> {
         self.events().map(move |action| {
             let mut text = String::new();
             // Memory takes all that is written into it.
-            let _ = write!(text, "{}", Worded { action: &action, names });
+            let _ = write!(text, "{}", EventText { action: &action, names });
             (action.name(), text)
         })
     }

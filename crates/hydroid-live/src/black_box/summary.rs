@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{BlackBox, Head};
-use hydroid::adapt::Happened;
+use hydroid::adapt::LoggedEvent;
 
 /// How many samples became what.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -38,7 +38,7 @@ pub struct Summary {
     /// The largest sum of squared innovations, and its time \[s\].
     pub largest_nis: [f64; 2],
     /// What the guard did.
-    pub events: Vec<Happened>,
+    pub events: Vec<LoggedEvent>,
     /// Segments that were left out: torn by a kill, or damaged.
     pub torn: usize,
     /// Whether steps in the middle could not be read.
@@ -85,7 +85,7 @@ impl BlackBox {
             if nis > own.largest_nis[0] || (own.largest_nis[0].is_nan() && !nis.is_nan()) {
                 own.largest_nis = [nis, t];
             }
-            let happened = step.worded(&names).map(|(action, text)| Happened {
+            let happened = step.worded(&names).map(|(action, text)| LoggedEvent {
                 run: step.run().to_owned(),
                 t,
                 action,

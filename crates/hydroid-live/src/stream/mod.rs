@@ -41,7 +41,7 @@ use answer::{Status, Writer};
 use clock::{Arrival, Clock};
 use commands::Commands;
 use hydroid::adapt::Coverage;
-use hydroid::adapt::events::{Worded, names};
+use hydroid::adapt::events::{EventText, names};
 use hydroid::atomic::WriteError;
 use hydroid::fingerprint::Fingerprint;
 use hydroid::log::{LogError, Note};
@@ -300,7 +300,10 @@ impl Stream {
             let happened =
                 guard.events().iter().filter(|event| !matches!(event.action, Action::SnapshotTaken { .. }));
             for event in happened {
-                say(&mut self.note, format_args!("{}", Worded { action: &event.action, names: &self.names }));
+                say(
+                    &mut self.note,
+                    format_args!("{}", EventText { action: &event.action, names: &self.names }),
+                );
             }
         }
         if reset { Status::Reset } else { Status::Used(outcome) }

@@ -149,7 +149,7 @@ impl Forgetting {
                 // Casts saturate.
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
                 let samples = ((self.shore_s / shore.run.dt) as usize).min(shore.run.len());
-                adapt::remember_shore(session.as_mut(), &[&shore.run.slice(0, samples)]);
+                adapt::replay_training_runs(session.as_mut(), &[&shore.run.slice(0, samples)]);
             }
             for epoch in 0..self.epochs {
                 lab.tell("epochs at sea", epoch as f64 / self.epochs as f64)?;

@@ -1,24 +1,15 @@
-//! Equations: an extended Kalman filter over outputs and coefficients.
-//!
-//! # How the defaults were chosen
-//!
-//! On simulated vessels alone: the simple one, whose drag grows by 1.6 on the way, has been larger all along, or stays; and
-//! the hydrofoil under linear equations, which miss most of it. Initial variances of the weights of 0.0003, 0.001, 0.01
-//! (little between them; 0.01 costs where nothing changes), noise of 1e-8 to 1e-4 (below 3e-7 a change is followed late, from
-//! 1e-5 on a steady vessel is made worse), of the state of 1e-7 to 1e-2: the less, the better the bands and the outputs
-//! where the equations are right, and where they are not, the filter believes them until rollouts run away (1e-6). 0.001 is
-//! between these; equations that are known to be poor want 0.01.
+//! Adaptation of equations by an extended Kalman filter over outputs and coefficients.
 
 use hydroid_core::adapt::kalman::{KalmanEquations, KalmanError, LearnableEquations, Memory, Tuning};
 use hydroid_core::predict::Predictor;
 
 use super::AdaptError;
-use super::kalman::{Kalman, UsedKalman, Which};
+use super::kalman::{Kalman, ResolvedKalman, Which};
 use crate::log::Trajectory;
 use crate::model::{Model, NamedEquations};
 
 impl Kalman {
-    /// For equations that learn by the filter; chosen on simulated vessels.
+    /// Defaults for equations.
     pub fn of_equations() -> Self {
         Self {
             weight_variance: 1e-3,
@@ -31,7 +22,7 @@ impl Kalman {
     }
 }
 
-/// The equations as the filter has them, its tuning, and the noise that it takes.
+/// Equations, tuning and measurement noise of the filter.
 fn tuned(
     model: &Model,
     motion: &NamedEquations<'_>,
@@ -59,13 +50,13 @@ pub(super) fn adapter(
     motion: &NamedEquations<'_>,
     options: &Kalman,
     runs: &[&Trajectory],
-) -> Result<(KalmanEquations, UsedKalman), AdaptError> {
+) -> Result<(KalmanEquations, ResolvedKalman), AdaptError> {
     let (learnable, tuning, noise) = tuned(model, motion, options, runs)?;
     let adapter = KalmanEquations::new(learnable, tuning).map_err(KalmanError::Tuning)?;
     Ok((adapter, options.used(noise)))
 }
 
-/// The same filter on the outputs alone: of the coefficients it is sure.
+/// The filter on the outputs only, with constant coefficients.
 pub(super) fn filtered(
     model: &Model,
     motion: &NamedEquations<'_>,

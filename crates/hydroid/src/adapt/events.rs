@@ -1,4 +1,4 @@
-//! What a guard did, in words.
+//! Texts of the guard's events.
 
 use std::fmt::{self, Write as _};
 
@@ -8,81 +8,81 @@ use serde::Serialize;
 use crate::log::Trajectory;
 use crate::model::Model;
 
-/// Something that the guard did at a sample.
+/// A logged event of the guard.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Happened {
-    /// The run.
+pub struct LoggedEvent {
+    /// Name of the run.
     pub run: String,
-    /// Its time \[s\].
+    /// Time in the run \[s\].
     pub t: f64,
-    /// One word: `spike`, `switched` ..
+    /// Name of the action: `spike`, `switched` ..
     pub action: &'static str,
-    /// What, why, and the numbers.
+    /// Action, cause and values.
     pub text: String,
 }
 
 /// The description of an event.
-pub struct Worded<'a> {
+pub struct EventText<'a> {
     /// The action of the guard.
     pub action: &'a Action,
     /// Names of the outputs, then of the inputs.
     pub names: &'a [String],
 }
 
-impl fmt::Display for Worded<'_> {
+impl fmt::Display for EventText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = |channel: usize| self.names.get(channel).map_or("?", String::as_str);
         match *self.action {
             Action::Spike { output, deviations } => {
-                write!(f, "{} is {deviations:.1} usual deviations off: not used", name(output))
+                write!(f, "{} deviates by {deviations:.1} standard deviations: rejected", name(output))
             }
             Action::Inflated { output, deviations, factor } => write!(
                 f,
-                "{} is {deviations:.1} usual deviations off: used as {factor:.1} times as noisy",
+                "{} deviates by {deviations:.1} standard deviations: used with {factor:.1} times the noise",
                 name(output)
             ),
             Action::Stuck { output, repeats } => {
-                write!(f, "{} has repeated itself {repeats} times: not used from here on", name(output))
+                write!(f, "{} has repeated its value {repeats} times: not used from now on", name(output))
             }
             Action::Offset { output, offset } => {
+                write!(f, "{} has jumped: an offset of {offset:.4} is subtracted from now on", name(output))
+            }
+            Action::Believed { output, deviations } => {
                 write!(
                     f,
-                    "{} has jumped: an offset of {offset:.4} is taken from it from here on",
+                    "{} deviates by {deviations:.1} standard deviations consistently: accepted",
                     name(output)
                 )
             }
-            Action::Believed { output, deviations } => {
-                write!(f, "{} is {deviations:.1} usual deviations off, and moves: believed", name(output))
-            }
             Action::Back { output, missing } => {
-                write!(f, "{} is used again, after {missing} samples", name(output))
+                write!(f, "{} is used again after {missing} samples", name(output))
             }
             Action::Outside { channel, distance } => write!(
                 f,
-                "{} is outside its design range by {:.0} % of its width: nothing is learned there",
+                "{} is outside its design range by {:.0} % of its width: adaptation pauses",
                 name(channel),
                 100.0 * distance
             ),
-            Action::Inside => write!(f, "inside the design range again: learning goes on"),
-            Action::Switched { to, cause, errors: [used, shore] } => {
+            Action::Inside => write!(f, "all channels are inside their design ranges: adaptation resumes"),
+            Action::Switched { to, cause, errors: [used, reference] } => {
                 let cause = match cause {
-                    Cause::Record => "by the record of late",
-                    Cause::Test => "the one in use failed a test",
-                    Cause::Guarantee => "what the guarantee leaves is nearly used up",
-                    Cause::NotFinite => "the one in use gave no numbers",
+                    Cause::Record => "smaller recent error",
+                    Cause::Test => "the active model failed the shadow test",
+                    Cause::Guarantee => "the deviation budget is nearly used up",
+                    Cause::NotFinite => "the active model gave non-finite values",
                 };
                 write!(
                     f,
-                    "the {} model predicts from here on: {cause} (error {used:.4}, frozen {shore:.4})",
+                    "the {} model predicts from now on: {cause} (error {used:.4}, reference {reference:.4})",
                     to.name()
                 )
             }
             Action::RolledBack { to, errors: [learner, better] } => write!(
                 f,
-                "the weights went back to those of the {} model (error {learner:.4}, its {better:.4})",
+                "the weights were reset to those of the {} model (error {learner:.4}, of that model {better:.4})",
                 to.name()
             ),
-            Action::Restarted => write!(f, "the covariance was not sound and starts again"),
+            Action::Restarted => write!(f, "the covariance was not positive definite and was reset"),
             Action::SnapshotTaken { error } => write!(f, "a snapshot was taken (error {error:.4})"),
         }
     }
@@ -94,8 +94,8 @@ pub fn names(model: &Model) -> Vec<String> {
     ports.map(|port| port.channel.name.clone()).collect()
 }
 
-/// What happened along runs that were walked one after the other, from their first sample to their last.
-pub(super) fn happened(events: &[Event], runs: &[&Trajectory], names: &[String]) -> Vec<Happened> {
+/// Events along consecutive runs, with their times.
+pub(super) fn logged(events: &[Event], runs: &[&Trajectory], names: &[String]) -> Vec<LoggedEvent> {
     let place = |sample: u64| {
         let mut before = 0;
         for run in runs {
@@ -110,9 +110,9 @@ pub(super) fn happened(events: &[Event], runs: &[&Trajectory], names: &[String])
     let word = |event: &Event| {
         let (run, t) = place(event.sample);
         let mut text = String::new();
-        // Memory takes all that is written into it.
-        let _ = write!(text, "{}", Worded { action: &event.action, names });
-        Happened { run, t, action: event.action.name(), text }
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{}", EventText { action: &event.action, names });
+        LoggedEvent { run, t, action: event.action.name(), text }
     };
     events.iter().map(word).collect()
 }

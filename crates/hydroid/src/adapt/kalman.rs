@@ -56,7 +56,7 @@ pub struct Kalman {
     pub single_precision: bool,
 }
 
-/// How windows of logs from shore are rehearsed ([`rehearse_shore`](super::rehearse_shore)).
+/// How windows of logs from shore are rehearsed ([`store_rehearsal_windows`](super::store_rehearsal_windows)).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rehearse {
@@ -146,7 +146,7 @@ impl Default for Kalman {
 /// The settings that were used, with what was chosen written out; infinite times are `null`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[expect(missing_docs, reason = "as in Kalman, of which they are")]
-pub struct UsedKalman {
+pub struct ResolvedKalman {
     pub weight_variance: f64,
     pub weight_noise_per_s: f64,
     pub gate_factor: f64,
@@ -219,8 +219,8 @@ impl Kalman {
     }
 
     /// These, with the noise that was taken.
-    pub(super) fn used(&self, noise: Vec<f64>) -> UsedKalman {
-        UsedKalman {
+    pub(super) fn used(&self, noise: Vec<f64>) -> ResolvedKalman {
+        ResolvedKalman {
             weight_variance: self.weight_variance,
             weight_noise_per_s: self.weight_noise_per_s,
             gate_factor: self.gate_factor,
@@ -267,7 +267,7 @@ pub(super) fn adapter(
     network: &Arc<Recurrent>,
     options: &Kalman,
     runs: &[&Trajectory],
-) -> Result<(Box<dyn Adapter>, UsedKalman), AdaptError> {
+) -> Result<(Box<dyn Adapter>, ResolvedKalman), AdaptError> {
     let noise = options.noise_of(model, runs)?;
     let tuning = options.tuning(network, &noise, model.description.dt);
     let plain = Arc::new(Recurrent { state_filter: None, ..(**network).clone() });

@@ -1,15 +1,4 @@
-//! Equations: recursive least squares on their coefficients.
-//!
-//! # How the defaults were chosen
-//!
-//! On six records that appear in no table of results: the tug's `run1`, the tanker's zigzag at 10 rps
-//! (`13_22_52`), a simulated vessel whose drag grows by 1.6, the same vessel unchanged, the reference's
-//! lawn-mower `lawn3` with a model of the low-speed mode alone, and a hydrofoil under a model that leaves its
-//! mode and its hidden force out. Forgetting times of 30, 60, 120, 300 s, priors of 3, 10, 30, 100 s, windows
-//! of 0.5, 1, 2, 5 s or the model's own. The window that identification has chosen by rollouts suits the
-//! tanker (15 s: 0.86 of the frozen error, 1 s: 1.00) and the tug less (5 s: 0.87, 1 s: 0.79). Shorter
-//! memory follows a change faster (30 s: 0.36, 60 s: 0.41, 120 s: 0.50) and costs where nothing
-//! changes (30 s and a prior of 3 s: up to 1.02; 60 s and 10 s: at most 1.00).
+//! Adaptation of equations by recursive least squares on their coefficients.
 
 use std::sync::Arc;
 
@@ -20,29 +9,29 @@ use serde::{Deserialize, Serialize};
 use super::{AdaptError, Gate};
 use crate::model::{Body, Members, Model, NamedEquations};
 
-/// How equations are adapted, and the last layer of direct predictors, for which the default is
-/// [`of_read_outs`](Self::of_read_outs).
+/// Options of recursive least squares for equations, and with the defaults of [`for_last_layer`](Self::for_last_layer) for
+/// direct predictors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LeastSquares {
-    /// Time \[s\] after which a sample counts `1/e`; infinite to forget nothing.
+    /// Time constant of the forgetting \[s\], `lambda = exp(-dt / forgetting_s)`; infinite for none.
     pub forgetting_s: f64,
-    /// Time \[s\] that an increment spans (default: what the model's own identification chose, or 1 s).
+    /// Span of an increment \[s\]; default the window of the model's identification, or 1 s.
     pub window_s: Option<f64>,
-    /// Seconds of lively sailing that the model from shore is worth.
+    /// Weight of the reference model as seconds of excited data.
     pub prior_s: f64,
-    /// Whether coefficients about which the log has long said nothing return to the model from shore.
+    /// Whether coefficients without excitation return to the reference model (leakage).
     pub leak: bool,
-    /// Whether terms that are not in an equation may enter it.
+    /// Whether terms with zero coefficients are adapted as well.
     pub all_terms: bool,
-    /// What happens to samples that are far off.
+    /// Innovation gate.
     pub gate: Gate,
 }
 
-/// Forgetting time \[s\] where none is asked for; see the [module](self) for why.
+/// Default time constant of the forgetting \[s\].
 pub const FORGETTING_S: f64 = 60.0;
 
-/// What the model from shore is worth \[s\] where nothing else is asked for.
+/// Default weight of the reference model \[s\].
 pub const PRIOR_S: f64 = 10.0;
 
 impl Default for LeastSquares {
@@ -58,34 +47,34 @@ impl Default for LeastSquares {
     }
 }
 
-/// The settings that were used, with what was chosen written out.
+/// Resolved options.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct UsedLeastSquares {
-    /// Forgetting time \[s\]; `null` where nothing is forgotten.
+pub struct ResolvedLeastSquares {
+    /// Time constant of the forgetting \[s\]; `null` for none.
     pub forgetting_s: f64,
-    /// Time that an increment spans \[s\].
+    /// Span of an increment \[s\].
     pub window_s: f64,
-    /// What the prior is worth \[s\].
+    /// Weight of the reference model \[s\].
     pub prior_s: f64,
-    /// Leak towards the model from shore.
+    /// Leakage to the reference model.
     pub leak: bool,
-    /// All terms of the library.
+    /// Whether all terms of the library are adapted.
     pub all_terms: bool,
-    /// Innovations beyond which samples weigh less, and are rejected \[standard deviations\].
+    /// Innovations \[standard deviations\] above which samples are down-weighted and rejected.
     pub gate: [f64; 2],
 }
 
-/// The settings of the core for a model.
+/// Options of the core for a model.
 ///
 /// # Errors
-/// If the options do not fit the model.
+/// If the window is shorter than half a sample or too long.
 pub(super) fn settings(model: &Model, options: &LeastSquares) -> Result<Settings, AdaptError> {
     let dt = model.description.dt;
     let wanted = options.window_s.unwrap_or_else(|| default_window_s(model));
     if !(wanted >= 0.5 * dt && wanted / dt < 1e6) {
         return Err(AdaptError::Window { window_s: wanted, dt, longest_s: f64::INFINITY });
     }
-    // Between one and a million.
+    // The number is between one and a million.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let window = (wanted / dt).round().max(1.0) as usize;
     Ok(Settings {
@@ -98,15 +87,15 @@ pub(super) fn settings(model: &Model, options: &LeastSquares) -> Result<Settings
     })
 }
 
-/// The session that adapts equations, and the settings that it was made with.
+/// Adapter of equations and its resolved options.
 pub(super) fn adapter(
     model: &Model,
     motion: &NamedEquations<'_>,
     options: &LeastSquares,
-) -> Result<(RecursiveEquations, UsedLeastSquares), AdaptError> {
+) -> Result<(RecursiveEquations, ResolvedLeastSquares), AdaptError> {
     let settings = settings(model, options)?;
     let adapter = motion.learner(&settings).map_err(AdaptError::Settings)?;
-    let used = UsedLeastSquares {
+    let used = ResolvedLeastSquares {
         forgetting_s: settings.forgetting_s,
         window_s: settings.window as f64 * model.description.dt,
         prior_s: settings.prior_s,
@@ -117,16 +106,16 @@ pub(super) fn adapter(
     Ok((adapter, used))
 }
 
-/// The model with the weights that an adapter of its equations has.
+/// The model with the weights of an adapter.
 pub(super) fn learned(model: &Model, weights: &[f64], all_terms: bool) -> Result<Model, AdaptError> {
     let motion = model.equations().ok_or(AdaptError::Weights)?;
     let equations = with_weights(motion.equations(), weights, all_terms)?;
-    // The members spread around coefficients that the model no longer has.
+    // The ensemble belongs to the previous coefficients.
     Ok(Model { body: Body::Equations(Arc::new(equations)), members: Members::default(), ..model.clone() })
 }
 
-/// The window that the model's identification chose by rollouts, or a second. A weak form counts half: its test
-/// function averages about as much as an increment over half of its window.
+/// Window of the model's identification, or 1 s. A weak form counts half, because its test function averages about as much as
+/// an increment over half of its window.
 fn default_window_s(model: &Model) -> f64 {
     let chosen = &model.description.provenance.settings["chosen"]["regression"];
     let intervals = |kind: &str| chosen[kind]["intervals"].as_f64();
@@ -134,7 +123,7 @@ fn default_window_s(model: &Model) -> f64 {
     intervals.map_or(1.0, |intervals| intervals * model.description.dt)
 }
 
-/// Equations with other coefficients where there are some, or everywhere.
+/// Equations with other non-zero coefficients, or with all coefficients replaced.
 fn with_weights(equations: &Equations, weights: &[f64], all_terms: bool) -> Result<Equations, AdaptError> {
     let adapts = |xi: &f64| all_terms || *xi != 0.0;
     let mut coefficients = equations.coefficients().to_vec();

@@ -1,16 +1,16 @@
-//! A model that learns along a log, judged beside the same model frozen.
+//! Online adaptation of a model along a log, evaluated beside the frozen model.
 //!
-//! Both walk the same runs through [`evaluate`](fn@evaluate); at each origin the adapted model predicts with the weights
-//! of that moment, learned from the samples up to it and none after.
+//! Both models are evaluated on the same runs by [`evaluate`](fn@evaluate). At each origin the adapted model predicts with the
+//! weights of that time, adapted from the samples up to it.
 
 mod equations;
 pub mod events;
 mod guarded;
 mod kalman;
+mod last_layer;
 pub mod least_squares;
+mod metrics;
 mod plant;
-mod read_out;
-mod watch;
 
 use hydroid_core::adapt::guard::GuardError;
 use hydroid_core::adapt::kalman::{KalmanError, Rehearsal};
@@ -21,109 +21,106 @@ use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
 use crate::progress::Progress;
-use watch::Watched;
+use metrics::MeteredAdapter;
 
-pub use events::Happened;
+pub use events::LoggedEvent;
 pub use hydroid_core::adapt::Gate;
 pub use hydroid_core::adapt::guard::GuardOptions;
 pub use hydroid_core::adapt::kalman::Memory;
-pub use kalman::{Kalman, Rehearse, UsedKalman, Which};
-pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, UsedLeastSquares};
+pub use kalman::{Kalman, Rehearse, ResolvedKalman, Which};
+pub use last_layer::ResolvedLastLayer;
+pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, ResolvedLeastSquares};
+pub use metrics::{BAND_80, BAND_95, Counts, Coverage, Times};
 pub use plant::LearnedParameter;
-pub use read_out::UsedReadOut;
-pub use watch::{BAND_80, BAND_95, Counts, Coverage, Times};
 
-/// How equations learn. Recurrent networks and vessels learn by the filter, and direct predictors by least squares, whatever is
-/// chosen.
+/// Adaptation method of equations. Recurrent networks and vessels always use the filter, direct predictors least squares.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Recursive least squares on increments: the coefficients, beside a state that is measured.
+    /// Recursive least squares on increments of the measured state.
     #[default]
     LeastSquares,
-    /// An extended Kalman filter: the coefficients together with the outputs, which it filters.
+    /// Extended Kalman filter over coefficients and outputs.
     Kalman,
 }
 
-/// How to adapt, and how to judge it. [`Options::of`] is where to begin: what suits one kind of model does not suit another.
+/// Options of the adaptation and its evaluation. [`Options::of`] has the defaults for a kind of model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Options {
-    /// How equations learn.
+    /// Adaptation method of equations.
     pub method: Method,
-    /// For equations that learn by least squares; for direct predictors [`LeastSquares::of_read_outs`] is where to begin.
+    /// Options of least squares; [`LeastSquares::for_last_layer`] has the defaults for direct predictors.
     pub least_squares: LeastSquares,
-    /// For recurrent networks; for equations that learn by the filter [`Kalman::of_equations`] is where to begin, for vessels
-    /// [`Kalman::of_plants`].
+    /// Options of the filter; [`Kalman::of_equations`] and [`Kalman::of_plants`] have the defaults for equations and vessels.
     pub kalman: Kalman,
-    /// Whether, and how, what is learned is guarded.
+    /// Options of the guard; `None` for no guard.
     pub guard: Option<GuardOptions>,
-    /// Horizons and origins.
+    /// Options of the evaluation.
     #[serde(skip)]
     pub evaluate: evaluate::Options,
 }
 
-/// Frozen beside adapted.
+/// Errors of the frozen and the adapted model, with metrics of the adaptation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// The model as it is, restarted from each measurement.
+    /// The frozen model, restarted from each measurement.
     pub frozen: Evaluation,
-    /// The model with a filter on its state alone; none for equations that learn by least squares, and networks whose state a
-    /// measurement enters otherwise.
+    /// The frozen model with a state filter; `None` for least squares, and for networks with output feedback or a base.
     pub frozen_filtered: Option<Evaluation>,
-    /// The model that learns on the way.
+    /// The adapted model.
     pub adapted: Evaluation,
-    /// What became of the samples.
+    /// Outcomes of the samples.
     pub guard: Counts,
-    /// What the guard did, if there was one, but for the snapshots that it took.
-    pub events: Vec<Happened>,
-    /// Time that the adapter took for a sample.
+    /// Events of the guard without snapshots.
+    pub events: Vec<LoggedEvent>,
+    /// Computing time of the adapter for a sample.
     pub us_per_sample: Times,
-    /// How often its bands were right.
+    /// Coverage of its bands.
     pub coverage: Coverage,
-    /// Settings, with what was chosen written out.
-    pub settings: Used,
-    /// Parameters of a vessel before and after; none of other models.
+    /// Resolved options.
+    pub settings: ResolvedOptions,
+    /// Parameters of a vessel before and after; empty for other models.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parameters: Vec<LearnedParameter>,
 }
 
-/// The settings that were used; they stand in the adapted model's provenance.
+/// Resolved options, as in the provenance of the adapted model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "method", rename_all = "snake_case")]
-pub enum Used {
-    /// Of equations.
-    LeastSquares(UsedLeastSquares),
-    /// Of a direct predictor.
-    ReadOut(UsedReadOut),
-    /// Of a recurrent network, a vessel, or equations that learn by the filter.
-    Kalman(UsedKalman),
+pub enum ResolvedOptions {
+    /// Least squares of equations.
+    LeastSquares(ResolvedLeastSquares),
+    /// Least squares of the last layer of a direct predictor.
+    ReadOut(ResolvedLastLayer),
+    /// Kalman filter.
+    Kalman(ResolvedKalman),
 }
 
-/// An adapted model and how it did.
+/// An adapted model and its report.
 #[derive(Clone, Debug)]
 pub struct Adapted {
-    /// Frozen beside adapted.
+    /// Report.
     pub report: Report,
-    /// The model with the weights that it had at the end of the last run.
+    /// The model with the weights at the end of the last run.
     pub model: Model,
 }
 
-/// Why a model cannot be adapted.
+/// Error of an adaptation.
 #[derive(Debug, thiserror::Error)]
 pub enum AdaptError {
-    /// A model that nothing here can adapt.
+    /// Kind of model without adaptation.
     #[error(
-        "a model of kind '{kind}' cannot learn on the way: give one of equations (methods sindy, lagged, recursive), a recurrent network (lstm, gru, rnn), a direct predictor or a vessel; `hydroid evaluate` judges this one as it stands"
+        "a model of kind '{kind}' cannot be adapted: give one of equations (methods sindy, lagged, recursive), a recurrent network (lstm, gru, rnn), a direct predictor or a vessel; `hydroid evaluate` evaluates this one without adaptation"
     )]
     Kind {
         /// Of the model.
         kind: &'static str,
     },
-    /// The last layer cannot learn so.
+    /// Invalid options of the last layer.
     #[error("the model cannot be adapted: {0}")]
     ReadOut(#[from] ReadOutError),
-    /// The last layer cannot forget so fast.
+    /// The forgetting time is too short.
     #[error(
         "the forgetting time is {given_s} s: at least {least_s:.3} s are needed, which are 9.5 samples; give it, as in --forgetting 300"
     )]
@@ -133,10 +130,10 @@ pub enum AdaptError {
         /// The least \[s\].
         least_s: f64,
     },
-    /// The settings make no sense.
+    /// Invalid options of least squares.
     #[error("the model cannot be adapted: {0}")]
     Settings(SettingsError),
-    /// The filter cannot be tuned so.
+    /// Invalid options of the filter.
     #[error("the model cannot be adapted: {0}")]
     Kalman(#[from] KalmanError),
     /// What only networks have.
@@ -148,12 +145,12 @@ pub enum AdaptError {
     /// The guard does not fit the model.
     #[error("the model cannot be guarded: {0}")]
     Guard(GuardError),
-    /// Nobody says how noisy the sensors are.
+    /// Unknown measurement noise.
     #[error(
-        "how noisy the outputs are is not known: the model file does not say it, and a stream cannot be looked through first. Give standard deviations, as in --noise u=0.01,v=0.01,r=0.02"
+        "the measurement noise is unknown: the model file does not state it, and it cannot be estimated from a stream. Give standard deviations, as in --noise u=0.01,v=0.01,r=0.02"
     )]
     NoNoise,
-    /// A standard deviation that is none.
+    /// Invalid standard deviation.
     #[error(
         "the noise of '{channel}' has a standard deviation of {std}: it must be positive. Give it, as in --noise {channel}=0.01"
     )]
@@ -163,8 +160,8 @@ pub enum AdaptError {
         /// Given or found.
         std: f64,
     },
-    /// Weights that are not those of the model.
-    #[error("what was learned are no weights of this model")]
+    /// Weights of another model.
+    #[error("the adapted weights do not belong to this model")]
     Weights,
     /// The window does not fit the log.
     #[error(
@@ -178,32 +175,31 @@ pub enum AdaptError {
         /// Of the longest run \[s\].
         longest_s: f64,
     },
-    /// Frozen and adapted cannot be judged.
+    /// The evaluation failed.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
 }
 
 impl Options {
-    /// The defaults for a model of its kind, without a guard (see [`guarded`](Self::guarded)).
-    ///
-    /// Those of the filter are set for equations too, which learn by least squares: choosing [`Method::Kalman`] is enough.
+    /// Defaults for the kind of a model, without a guard (see [`guarded`](Self::guarded)). For equations the options of the filter
+    /// are set as well, so that [`Method::Kalman`] can be selected.
     pub fn of(model: &Model) -> Self {
         let (method, least_squares, kalman) = match &model.body {
             Body::Equations(_) => (Method::LeastSquares, LeastSquares::default(), Kalman::of_equations()),
-            Body::Direct(_) => (Method::LeastSquares, LeastSquares::of_read_outs(), Kalman::default()),
+            Body::Direct(_) => (Method::LeastSquares, LeastSquares::for_last_layer(), Kalman::default()),
             Body::Recurrent(_) => (Method::Kalman, LeastSquares::default(), Kalman::default()),
             Body::Plant(_) => (Method::Kalman, LeastSquares::default(), Kalman::of_plants()),
-            // Nothing adapts these yet: `adaptable` says so.
+            // Not adaptable; see `adaptable`.
             Body::Affine(_) => return Self::default(),
         };
         Self { method, least_squares, kalman, ..Self::default() }
     }
 }
 
-/// Whether a model can be adapted.
+/// Checks that a model can be adapted.
 ///
 /// # Errors
-/// If nothing here adapts a model of its kind.
+/// If its kind has no adaptation.
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     match &model.body {
         Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Plant(_) => Ok(()),
@@ -211,8 +207,8 @@ pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     }
 }
 
-/// The session that adapts a model, and the settings that it was made with. `runs` are looked through for what the model does
-/// not know of its sensors; there may be none.
+/// Adapter of a model and its resolved options. The measurement noise is estimated from `runs` if the model does not state it;
+/// `runs` may be empty.
 ///
 /// # Errors
 /// If the options do not fit the model.
@@ -220,58 +216,55 @@ pub fn adapter(
     model: &Model,
     options: &Options,
     runs: &[&Trajectory],
-) -> Result<(Box<dyn Adapter>, Used), AdaptError> {
+) -> Result<(Box<dyn Adapter>, ResolvedOptions), AdaptError> {
     match &options.guard {
         Some(settings) => guarded::guard(model, options, settings, runs),
         None => learner(model, options, runs),
     }
 }
 
-/// The same without a guard.
+/// Adapter without a guard.
 fn learner(
     model: &Model,
     options: &Options,
     runs: &[&Trajectory],
-) -> Result<(Box<dyn Adapter>, Used), AdaptError> {
+) -> Result<(Box<dyn Adapter>, ResolvedOptions), AdaptError> {
     match &model.body {
         Body::Equations(equations) => {
             let motion = model.named(equations);
             if options.method == Method::Kalman {
                 let (adapter, used) = equations::adapter(model, &motion, &options.kalman, runs)?;
-                return Ok((Box::new(adapter), Used::Kalman(used)));
+                return Ok((Box::new(adapter), ResolvedOptions::Kalman(used)));
             }
             let (adapter, used) = least_squares::adapter(model, &motion, &options.least_squares)?;
-            Ok((Box::new(adapter), Used::LeastSquares(used)))
+            Ok((Box::new(adapter), ResolvedOptions::LeastSquares(used)))
         }
         Body::Recurrent(network) => {
             let (adapter, used) = kalman::adapter(model, network, &options.kalman, runs)?;
-            Ok((adapter, Used::Kalman(used)))
+            Ok((adapter, ResolvedOptions::Kalman(used)))
         }
         Body::Direct(direct) => {
-            let (adapter, used) = read_out::adapter(model, direct, &options.least_squares)?;
-            Ok((Box::new(adapter), Used::ReadOut(used)))
+            let (adapter, used) = last_layer::adapter(model, direct, &options.least_squares)?;
+            Ok((Box::new(adapter), ResolvedOptions::ReadOut(used)))
         }
         Body::Plant(vessel) => {
             let (adapter, used) = plant::adapter(model, vessel, &options.kalman, runs)?;
-            Ok((Box::new(adapter), Used::Kalman(used)))
+            Ok((Box::new(adapter), ResolvedOptions::Kalman(used)))
         }
         Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
     }
 }
 
-/// A network with a filter on its state alone; none for models whose state a measurement enters otherwise, or whose noise
-/// nobody knows.
+/// A network with a state filter; `None` for models with output feedback or a base, or with unknown noise.
 pub(crate) fn state_filtered(model: &Model) -> Option<Model> {
     let noise = Kalman::default().noise_of(model, &[]).ok()?;
     kalman::filtered(model, &noise)
 }
 
-/// Walks an adapter through runs that its model was trained on, so that it knows what they determine of the weights; then it
-/// stands at the start of a run.
-///
-/// A filter that begins with all weights equally uncertain forgets what the model knew as soon as it learns something new.
-pub fn remember_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
-    for run in shore {
+/// Runs an adapter along training runs of its model, so that its covariance reflects what they determine of the weights, and resets
+/// its state. A filter with equal initial variances of all weights would forget the training data quickly.
+pub fn replay_training_runs(adapter: &mut dyn Adapter, training_runs: &[&Trajectory]) {
+    for run in training_runs {
         adapter.reset();
         for k in 0..run.len() {
             adapter.observe(run.outputs.row(k));
@@ -281,16 +274,16 @@ pub fn remember_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
     adapter.reset();
 }
 
-/// Gives an adapter that rehearses windows of runs that its model was trained on, spread evenly over them; each washes in
-/// for as long as it lasts. Nothing for those that do not.
-pub fn rehearse_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
+/// Stores windows of training runs, evenly spread, in the rehearsal memory of an adapter; each has a wash-out of its own length.
+/// No effect without rehearsal.
+pub fn store_rehearsal_windows(adapter: &mut dyn Adapter, training_runs: &[&Trajectory]) {
     let Some(&Rehearsal { windows, samples, .. }) = adapter.rehearsal() else { return };
     let wash_in = samples.max(adapter.warm_up());
     let starts = |run: &Trajectory| run.len().saturating_sub(wash_in + samples);
-    let all: usize = shore.iter().map(|run| starts(run)).sum();
+    let all: usize = training_runs.iter().map(|run| starts(run)).sum();
     for window in 0..windows.min(all) {
         let mut start = (2 * window + 1) * all / (2 * windows);
-        for run in shore {
+        for run in training_runs {
             if start < starts(run) {
                 let rows = start..start + wash_in + samples + 1;
                 adapter.keep(run.outputs.rows(rows.start, rows.end), run.inputs.rows(rows.start, rows.end));
@@ -301,20 +294,20 @@ pub fn rehearse_shore(adapter: &mut dyn Adapter, shore: &[&Trajectory]) {
     }
 }
 
-/// Runs that a model was trained on, for one that is not to forget them.
+/// Training runs against forgetting.
 #[derive(Clone, Debug, Default)]
-pub struct Shore {
-    /// Walked through first ([`remember_shore`]).
-    pub walked: Vec<Trajectory>,
-    /// Rehearsed on the way ([`rehearse_shore`]), by models that do.
+pub struct TrainingRuns {
+    /// Replayed before the adaptation ([`replay_training_runs`]).
+    pub replayed: Vec<Trajectory>,
+    /// Rehearsed during the adaptation ([`store_rehearsal_windows`]).
     pub rehearsed: Vec<Trajectory>,
 }
 
-impl Shore {
-    /// Lets an adapter remember them; it then stands at the start of a run.
+impl TrainingRuns {
+    /// Stores the rehearsal windows and replays the runs; the adapter is then at the start of a run.
     pub fn remember(&self, adapter: &mut dyn Adapter) {
-        rehearse_shore(adapter, &self.rehearsed.iter().collect::<Vec<_>>());
-        remember_shore(adapter, &self.walked.iter().collect::<Vec<_>>());
+        store_rehearsal_windows(adapter, &self.rehearsed.iter().collect::<Vec<_>>());
+        replay_training_runs(adapter, &self.replayed.iter().collect::<Vec<_>>());
     }
 }
 
@@ -349,13 +342,13 @@ impl Frozen {
     /// If a window of the settings is longer than all runs, or the runs cannot be evaluated.
     pub fn evaluate(
         model: &Model,
-        used: &Used,
+        used: &ResolvedOptions,
         runs: &[&Trajectory],
         options: &Options,
         progress: Progress<'_>,
     ) -> Result<Self, AdaptError> {
         let longest_s = runs.iter().map(|run| run.duration_s()).fold(0.0, f64::max);
-        if let Used::LeastSquares(UsedLeastSquares { window_s, .. }) = *used
+        if let ResolvedOptions::LeastSquares(ResolvedLeastSquares { window_s, .. }) = *used
             && window_s >= longest_s
         {
             return Err(AdaptError::Window { window_s, dt: model.description.dt, longest_s });
@@ -368,14 +361,14 @@ impl Frozen {
             progress(0.5 * done)
         })?;
         let filtered = match (used, model.equations(), model.plant()) {
-            (Used::LeastSquares(_) | Used::ReadOut(_), ..) => None,
-            (Used::Kalman(_), Some(motion), _) => {
+            (ResolvedOptions::LeastSquares(_) | ResolvedOptions::ReadOut(_), ..) => None,
+            (ResolvedOptions::Kalman(_), Some(motion), _) => {
                 Some(equations::filtered(model, &motion, &options.kalman, runs)?)
             }
-            (Used::Kalman(_), _, Some(vessel)) => {
+            (ResolvedOptions::Kalman(_), _, Some(vessel)) => {
                 Some(plant::filtered(model, vessel, &options.kalman, runs)?)
             }
-            (Used::Kalman(used), None, None) => {
+            (ResolvedOptions::Kalman(used), None, None) => {
                 kalman::filtered(model, &used.noise).map(|model| model.session())
             }
         };
@@ -399,7 +392,7 @@ impl Frozen {
 pub fn adapt_by(
     model: &Model,
     adapter: &mut dyn Adapter,
-    used: Used,
+    used: ResolvedOptions,
     frozen: Frozen,
     runs: &[&Trajectory],
     options: &Options,
@@ -407,7 +400,7 @@ pub fn adapt_by(
 ) -> Result<Adapted, AdaptError> {
     let ranges = model.output_ranges();
     let name = format!("{}, adapted", model.description.name);
-    let mut watched = Watched::new(adapter);
+    let mut watched = MeteredAdapter::new(adapter);
     let adapted = evaluate(&name, &mut watched, &ranges, runs, &options.evaluate, &mut |done| {
         progress(0.5 + 0.5 * done)
     })?;
@@ -418,7 +411,7 @@ pub fn adapt_by(
         frozen_filtered: frozen.filtered,
         adapted,
         guard: watched.counts(),
-        events: events::happened(watched.events(), runs, &events::names(model)),
+        events: events::logged(watched.events(), runs, &events::names(model)),
         us_per_sample: watched.times(),
         coverage: watched.coverage(),
         parameters: plant::parameters(model, &after),
@@ -431,14 +424,19 @@ pub fn adapt_by(
 ///
 /// # Errors
 /// If they are not weights of this model under these settings.
-pub fn learned(model: &Model, weights: &[f64], runs: &[&str], used: &Used) -> Result<Model, AdaptError> {
+pub fn learned(
+    model: &Model,
+    weights: &[f64],
+    runs: &[&str],
+    used: &ResolvedOptions,
+) -> Result<Model, AdaptError> {
     let mut model = match &model.body {
         Body::Equations(_) => {
-            let all_terms = matches!(used, Used::LeastSquares(used) if used.all_terms);
+            let all_terms = matches!(used, ResolvedOptions::LeastSquares(used) if used.all_terms);
             least_squares::learned(model, weights, all_terms)?
         }
         Body::Recurrent(network) => kalman::learned(model, network, weights)?,
-        Body::Direct(direct) => read_out::learned(model, direct, weights)?,
+        Body::Direct(direct) => last_layer::learned(model, direct, weights)?,
         Body::Affine(_) => return Err(AdaptError::Kind { kind: model.kind() }),
         Body::Plant(vessel) => plant::learned(model, vessel, weights)?,
     };

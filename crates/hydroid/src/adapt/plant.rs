@@ -1,13 +1,4 @@
-//! Vessels: an extended Kalman filter over the motion, the hidden propeller force, and the parameters.
-//!
-//! # How the defaults were chosen
-//!
-//! On simulated hydrofoils alone, 900 s of `mixed` commands with seeds 101 and 102, adapted from the built-in one: itself,
-//! and with 1.3 times the surge drag, 1.2 times the mass, 0.8 times the rudder gain, a transition 0.3 m/s later, and all of
-//! these together. Initial variances of the weights of 0.003, 0.01, 0.04 and 0.1: from 0.04 on the filter overshoots where
-//! several parameters are wrong at once (mean NRMSE at 10 s of all together 0.087, of 0.01 0.026), because the take-off is
-//! far from linear. Noise of the weights of 1e-7 and 1e-6 differ by less than a tenth of the errors; 1e-5 is worse. Of the
-//! state 1e-7 trusts the form so much that it overshoots, 1e-3 is slower; 1e-5 is between these.
+//! Adaptation of vessels by an extended Kalman filter over motion, propeller force and parameters.
 
 use hydroid_core::adapt::kalman::{KalmanError, KalmanPlant, LearnablePlant, Memory};
 use hydroid_core::model::PlantModel;
@@ -16,25 +7,25 @@ use hydroid_core::vessel::PARAMETER;
 use serde::Serialize;
 
 use super::AdaptError;
-use super::kalman::{Kalman, UsedKalman, Which};
+use super::kalman::{Kalman, ResolvedKalman, Which};
 use crate::log::Trajectory;
 use crate::model::Model;
 
-/// A parameter of a vessel before and after.
+/// A parameter of a vessel before and after the adaptation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LearnedParameter {
-    /// Where it stands in the vessel's file.
+    /// Path in the vessel file.
     pub path: &'static str,
-    /// Its unit.
+    /// Unit.
     pub unit: &'static str,
-    /// As the vessel had it.
+    /// Value before.
     pub given: f64,
-    /// As it was learned.
+    /// Value after.
     pub learned: f64,
 }
 
 impl Kalman {
-    /// For vessels; chosen on simulated ones. Variances of weights are of relative changes of parameters.
+    /// Defaults for vessels. Variances of weights are those of relative parameter changes.
     pub fn of_plants() -> Self {
         Self {
             weight_variance: 0.01,
@@ -53,7 +44,7 @@ pub(super) fn adapter(
     plant: &PlantModel,
     options: &Kalman,
     runs: &[&Trajectory],
-) -> Result<(KalmanPlant, UsedKalman), AdaptError> {
+) -> Result<(KalmanPlant, ResolvedKalman), AdaptError> {
     if options.weights != Which::All {
         return Err(AdaptError::OnlyNetworks { what: "a choice of the layers that learn" });
     }
@@ -68,7 +59,7 @@ pub(super) fn adapter(
     Ok((adapter, options.used(noise)))
 }
 
-/// The same filter on motion and propeller force alone: of the parameters it is sure.
+/// The filter on motion and propeller force only, with constant parameters.
 pub(super) fn filtered(
     model: &Model,
     plant: &PlantModel,
@@ -87,7 +78,7 @@ pub(super) fn filtered(
     Ok(Box::new(session))
 }
 
-/// The vessel with the parameters that an adapter of it has.
+/// The vessel with the parameters of an adapter.
 pub(super) fn learned(model: &Model, plant: &PlantModel, weights: &[f64]) -> Result<Model, AdaptError> {
     let (mut numbers, learnable) = (*plant.numbers(), LearnablePlant::new(plant));
     if weights.len() != learnable.places().len() {
@@ -99,11 +90,11 @@ pub(super) fn learned(model: &Model, plant: &PlantModel, weights: &[f64]) -> Res
     let mut params = plant.params().clone();
     params.set_numbers(&numbers);
     let learned = Model::of_vessel(&params, plant.dt()).map_err(|_| AdaptError::Weights)?;
-    // Channels and ranges stay those that it was read with.
+    // Channels and ranges are unchanged.
     Ok(Model { description: model.description.clone(), ..learned })
 }
 
-/// Parameters before and after; none for other models.
+/// Parameters before and after; empty for other models.
 pub(super) fn parameters(before: &Model, after: &Model) -> Vec<LearnedParameter> {
     let (Some(before), Some(after)) = (before.plant(), after.plant()) else { return Vec::new() };
     PARAMETER

@@ -24,7 +24,7 @@ impl SessionModel {
         Self::Frozen(session)
     }
 
-    /// Session that adapts; `rehearsal` fills its rehearsal store first ([`adapt::remember_shore`]).
+    /// Session that adapts; `rehearsal` fills its rehearsal store first ([`adapt::replay_training_runs`]).
     pub(super) fn learning(
         model: &Model,
         options: &adapt::Options,
@@ -32,7 +32,7 @@ impl SessionModel {
     ) -> Result<Self, ClosedLoopError> {
         let (mut adapter, _) = adapt::adapter(model, options, &[])?;
         let rehearsal: Vec<&Trajectory> = rehearsal.iter().collect();
-        adapt::remember_shore(adapter.as_mut(), &rehearsal);
+        adapt::replay_training_runs(adapter.as_mut(), &rehearsal);
         Ok(Self::Adaptive(adapter))
     }
 

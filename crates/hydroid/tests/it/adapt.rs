@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use crate::ridge_baseline::ESSO;
-use hydroid::adapt::{self, AdaptError, Kalman, LeastSquares, Options, Used, Which, adapt};
+use hydroid::adapt::{self, AdaptError, Kalman, LeastSquares, Options, ResolvedOptions, Which, adapt};
 use hydroid::evaluate::{self, Evaluation};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GivenRanges, Job, Method, NetworkTrainingOptions, SindyOptions, identify};
@@ -148,7 +148,7 @@ fn the_filter_follows_a_vessel_whose_drag_grows_too() {
             assert!(ratios[..3].iter().all(|r| *r < 0.35) && ratios[3] < 1.06, "{horizon}: {ratios:?}");
         }
     }
-    assert!(matches!(report.settings, Used::Kalman(_)));
+    assert!(matches!(report.settings, ResolvedOptions::Kalman(_)));
     let next = with_growing_drag(13, 300.0, 1.6, 0);
     let judge = |model: &Model| {
         let options = evaluate::Options { origin_stride: 10, ..evaluate::Options::default() };

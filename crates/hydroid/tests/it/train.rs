@@ -41,12 +41,12 @@ fn settings(cell: CellKind) -> TrainOptions {
     }
 }
 
-type Watched<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
+type MeteredAdapter<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
 fn with(
     settings: &TrainOptions,
     checkpoint: Option<&Path>,
-    watch: Watched<'_>,
+    watch: MeteredAdapter<'_>,
 ) -> Result<Trained, TrainError> {
     let (a, b, c) = (run("a", 900, 1), run("b", 500, 2), run("c", 400, 3));
     let job = Job {

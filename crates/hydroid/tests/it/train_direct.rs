@@ -31,12 +31,12 @@ fn settings() -> TrainOptions {
     }
 }
 
-type Watched<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
+type MeteredAdapter<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
 fn with(
     settings: &TrainOptions,
     checkpoint: Option<&Path>,
-    watch: Watched<'_>,
+    watch: MeteredAdapter<'_>,
 ) -> Result<Trained, TrainError> {
     let (a, b, c) = (with_gaps("a", 900, 0.0), with_gaps("b", 500, 40.0), with_gaps("c", 330, 100.0));
     let job = Job {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, ensure};
-use hydroid::adapt::{self, Used};
+use hydroid::adapt::{self, ResolvedOptions};
 use hydroid::atomic;
 use hydroid::log::{LogError, Note};
 use hydroid::model::{self, Model, Reading};
@@ -27,7 +27,7 @@ const HORIZONS: [usize; 4] = [1, 10, 50, 100];
 struct Service {
     stream: Stream,
     model: Model,
-    used: Used,
+    used: ResolvedOptions,
     name: String,
     output: Option<PathBuf>,
     global: Global,

@@ -1,5 +1,4 @@
-//! An adapter under observation: what it did with each sample, how well it knew what would come, how long
-//! it took.
+//! Metrics of an adapter along a log: outcomes of samples, coverage of its bands, computing time.
 
 use std::time::Instant;
 
@@ -8,36 +7,35 @@ use hydroid_core::adapt::{Adapter, Outcome};
 use hydroid_core::predict::{Predictor, Workspace};
 use serde::Serialize;
 
-/// What became of the samples that there was something to learn from.
+/// Number of samples by outcome.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Learned from with full weight.
+    /// Used with full weight.
     pub accepted: usize,
-    /// Learned from with less weight.
+    /// Used with reduced weight.
     pub inflated: usize,
-    /// Not learned from.
+    /// Rejected.
     pub rejected: usize,
-    /// Undone.
+    /// Rolled back.
     pub rolled_back: usize,
-    /// Samples of which the guard used less than was measured.
+    /// Samples with measurements that the guard rejected or changed.
     pub touched: usize,
-    /// Samples from which predictions were made by the model that learns, by its snapshot, and by the one from shore.
+    /// Samples predicted by the adapted model, its snapshot, and the reference model.
     pub predicted_by: [usize; 3],
 }
 
 /// Time for one sample, observed and advanced \[microseconds\].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Times {
-    /// Half of the samples took no longer.
+    /// Median.
     pub median: f64,
-    /// 99 of 100 took no longer.
+    /// 99th percentile.
     pub p99: f64,
-    /// None took longer.
+    /// Maximum.
     pub max: f64,
 }
 
-/// Share of the innovations that lay inside the band that was predicted for them, over all outputs; NaN
-/// (`null`) where none was predicted.
+/// Share of innovations inside their predicted band, over all outputs; NaN (`null`) without bands.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Coverage {
     /// Inside the 80 % band.
@@ -53,19 +51,19 @@ pub const BAND_80: f64 = 1.281_55;
 /// Half-width of the 95 % band of a normal distribution \[standard deviations\].
 pub const BAND_95: f64 = 1.959_96;
 
-/// Passes everything on to the adapter, and watches.
-pub(super) struct Watched<'a> {
+/// Wrapper of an adapter that records metrics.
+pub(super) struct MeteredAdapter<'a> {
     adapter: &'a mut dyn Adapter,
     counts: Counts,
     events: Vec<Event>,
-    /// Innovations, those inside the 80 % band, and those inside the 95 % band.
+    /// Number of innovations, of those inside the 80 % band, and of those inside the 95 % band.
     banded: [usize; 3],
-    /// Of each sample \[microseconds\].
+    /// Computing time of each sample \[microseconds\].
     times: Vec<f32>,
     observing_us: f64,
 }
 
-impl<'a> Watched<'a> {
+impl<'a> MeteredAdapter<'a> {
     pub(super) fn new(adapter: &'a mut dyn Adapter) -> Self {
         Self {
             adapter,
@@ -100,12 +98,12 @@ impl<'a> Watched<'a> {
         Times { median: at(500), p99: at(990), max: at(1000) }
     }
 
-    /// What the guard did, if there is one; without the snapshots that it took.
+    /// Events of the guard without snapshots.
     pub(super) fn events(&self) -> &[Event] {
         &self.events
     }
 
-    fn watch(&mut self) {
+    fn record(&mut self) {
         if let Some(guard) = self.adapter.guard() {
             let touches = |action: &Action| {
                 matches!(
@@ -138,7 +136,7 @@ impl<'a> Watched<'a> {
     }
 }
 
-impl Predictor for Watched<'_> {
+impl Predictor for MeteredAdapter<'_> {
     fn outputs(&self) -> usize {
         self.adapter.outputs()
     }
@@ -159,14 +157,14 @@ impl Predictor for Watched<'_> {
         let start = Instant::now();
         self.adapter.observe(y);
         self.observing_us = start.elapsed().as_secs_f64() * 1e6;
-        self.watch();
+        self.record();
     }
 
     fn advance(&mut self, c: &[f64]) {
         let start = Instant::now();
         self.adapter.advance(c);
         let us = self.observing_us + start.elapsed().as_secs_f64() * 1e6;
-        // Three digits are enough for a time.
+        // Single precision is enough for times.
         #[allow(clippy::cast_possible_truncation)]
         self.times.push(us as f32);
     }

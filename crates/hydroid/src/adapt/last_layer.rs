@@ -1,4 +1,4 @@
-//! Direct predictors: recursive least squares on their last layer.
+//! Adaptation of direct predictors by recursive least squares on their last layer.
 
 use std::sync::Arc;
 
@@ -9,37 +9,35 @@ use serde::Serialize;
 use super::{AdaptError, LeastSquares};
 use crate::model::{Body, Members, Model};
 
-/// Forgetting time \[s\] of direct predictors where none is asked for.
+/// Default time constant of the forgetting \[s\].
 const FORGETTING_S: f64 = 300.0;
 
-/// What the last layer from shore is worth \[s\] where nothing else is asked for.
+/// Default weight of the reference weights \[s\].
 const PRIOR_S: f64 = 3e-3;
 
-/// Time \[s\] over which the errors of each step are known, of which bands are made.
+/// Time constant of the error variances, from which bands are computed \[s\].
 const NOISE_S: f64 = 20.0;
 
 impl LeastSquares {
-    /// For direct predictors, of which the window, the choice of terms and the gate are not.
-    ///
-    /// The prior is short because what a last layer reads is alike in all of its numbers: a second of sailing says much about
-    /// few directions and nothing about most.
-    pub fn of_read_outs() -> Self {
+    /// Defaults for direct predictors. Window, choice of terms and gate do not apply. The prior is short because the features
+    /// of the last layer are strongly collinear.
+    pub fn for_last_layer() -> Self {
         Self { forgetting_s: FORGETTING_S, prior_s: PRIOR_S, ..Self::default() }
     }
 }
 
-/// The settings that were used.
+/// Resolved options.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct UsedReadOut {
-    /// Forgetting time \[s\]; `null` where nothing is forgotten.
+pub struct ResolvedLastLayer {
+    /// Time constant of the forgetting \[s\]; `null` for none.
     pub forgetting_s: f64,
-    /// What the last layer from shore is worth \[s\].
+    /// Weight of the reference weights \[s\].
     pub prior_s: f64,
-    /// Leak towards the last layer from shore.
+    /// Leakage to the reference weights.
     pub leak: bool,
 }
 
-/// The settings of the core for samples of `dt` seconds.
+/// Options of the core for samples of `dt` seconds.
 fn settings(options: &LeastSquares, dt: f64) -> ReadOutSettings {
     ReadOutSettings {
         forgetting: (-dt / options.forgetting_s).exp(),
@@ -49,22 +47,22 @@ fn settings(options: &LeastSquares, dt: f64) -> ReadOutSettings {
     }
 }
 
-/// The session that adapts a direct predictor, and the settings that it was made with.
+/// Adapter of a direct predictor and its resolved options.
 pub(super) fn adapter(
     model: &Model,
     direct: &Arc<Direct>,
     options: &LeastSquares,
-) -> Result<(DirectReadOut, UsedReadOut), AdaptError> {
+) -> Result<(DirectReadOut, ResolvedLastLayer), AdaptError> {
     let (given_s, least_s) = (options.forgetting_s, SHORTEST_FORGETTING * model.description.dt);
     if given_s.is_nan() || given_s < least_s {
         return Err(AdaptError::Forgetting { given_s, least_s });
     }
     let adapter = DirectReadOut::new(Arc::clone(direct), &settings(options, model.description.dt))?;
     let LeastSquares { forgetting_s, prior_s, leak, .. } = *options;
-    Ok((adapter, UsedReadOut { forgetting_s, prior_s, leak }))
+    Ok((adapter, ResolvedLastLayer { forgetting_s, prior_s, leak }))
 }
 
-/// The same that does not learn.
+/// Session of the reference model for the guard.
 pub(super) fn companion(
     model: &Model,
     direct: &Arc<Direct>,
@@ -73,7 +71,7 @@ pub(super) fn companion(
     Ok(DirectReadOut::companion(Arc::clone(direct), &settings(options, model.description.dt))?)
 }
 
-/// The model with the last layer that an adapter of it has.
+/// The model with the last layer of an adapter.
 pub(super) fn learned(model: &Model, direct: &Direct, weights: &[f64]) -> Result<Model, AdaptError> {
     let features = direct.network.hidden.last().copied().unwrap_or(direct.network.inputs);
     let len = (features + 1) * direct.network.outputs;
@@ -81,9 +79,9 @@ pub(super) fn learned(model: &Model, direct: &Direct, weights: &[f64]) -> Result
         return Err(AdaptError::Weights);
     }
     let mut own = direct.clone();
-    // The last layer stands at the end.
+    // The last layer is at the end of the weights.
     let at = own.weights.len() - len;
     own.weights[at..].copy_from_slice(weights);
-    // The members are other networks around weights that this one no longer has.
+    // The ensemble belongs to the previous weights.
     Ok(Model { body: Body::Direct(Arc::new(own)), members: Members::default(), ..model.clone() })
 }
