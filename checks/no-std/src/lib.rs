@@ -8,8 +8,8 @@ use alloc::vec;
 use core::alloc::{GlobalAlloc, Layout};
 use core::panic::PanicInfo;
 
-use hydroid_core::adapt::Adapter;
-use hydroid_core::adapt::kalman::{KalmanPlant, LearnablePlant, Tuning};
+use hydroid_core::adapt::{Learning};
+use hydroid_core::adapt::kalman::{KalmanPlant, LearnablePlant, FilterOptions};
 use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{
     AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationOptions,
@@ -92,7 +92,7 @@ fn plan(u: f64) -> f64 {
 fn vessel(pp: f64, rd: f64) -> f64 {
     let Ok(model) = PlantModel::new(&VesselParams::hydrofoil(), 0.1) else { return f64::NAN };
     let weights = LearnablePlant::new(&model).places().len();
-    let tuning = Tuning::uniform(weights, 0.01, 1e-7, (1.0, 1e-6), &[1e-4; 3]);
+    let tuning = FilterOptions::uniform(weights, 0.01, 1e-7, (1.0, 1e-6), &[1e-4; 3]);
     let Ok(mut session) = KalmanPlant::new(&model, tuning) else { return f64::NAN };
     session.observe(&[0.0; 3]);
     session.advance(&[pp, rd]);

@@ -13,12 +13,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use hydroid_core::actuator::Map;
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::kalman::{
-    KalmanEquations, KalmanNetwork, KalmanPlant, LearnableEquations, LearnablePlant, Memory, Rehearsal,
-    Tuning,
+    CovarianceForm, FilterOptions, KalmanEquations, KalmanNetwork, KalmanPlant, LearnableEquations,
+    LearnablePlant, RehearsalOptions,
 };
 use hydroid_core::adapt::{
     Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, Outcome, ReadOutSettings,
-    RecursiveEquations, Settings,
+    RecursiveEquations, Rehearsing, Settings,
 };
 use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{
@@ -184,7 +184,7 @@ fn learning_allocates_nothing(mut adapter: impl Adapter) {
 
 /// Networks that learn, whatever they keep of their covariance.
 fn learning_networks_allocate_nothing() {
-    for memory in [Memory::Full, Memory::Blocks { group: 2 }, Memory::Diagonal, Memory::LowRank { rank: 3 }] {
+    for covariance in [CovarianceForm::Full, CovarianceForm::Blocks { group: 2 }] {
         let (cell, feedback, ones, zeros) = (Cell::Gru { hidden: 4 }, false, vec![1.0; 3], vec![0.0; 3]);
         let network = Network { cell, inputs: 2, outputs: 3, read_out: true };
         let weights: Vec<f64> = (0..network.weights()).map(|k| 0.3 * (k as f64).sin()).collect();
@@ -195,14 +195,14 @@ fn learning_networks_allocate_nothing() {
             input_scale: ones[..2].to_vec(),
             correction_scale: ones,
         };
-        let uniform = Tuning::uniform(weights.len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
-        let tuning = Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, memory, ..uniform };
+        let uniform = FilterOptions::uniform(weights.len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
+        let tuning = FilterOptions { leak: 1e-4, huber: 3.0, covariance, ..uniform };
         let (base, state_filter) = (BaseModel::Nothing, None);
         let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter };
         let (windows, samples, initial_state) = (2, 10, 0.1);
-        let rehearsal = Rehearsal { windows, samples, every: 2, initial_state, noise_factor: 1.0 };
-        let mut session = KalmanNetwork::<f64>::rehearsed(Arc::new(model), tuning, Some(rehearsal)).unwrap();
-        session.keep(&[0.1; 3 * 20], &[0.2; 2 * 20]);
+        let rehearsal = RehearsalOptions { windows, samples, every: 2, initial_state, noise_factor: 1.0 };
+        let mut session = KalmanNetwork::with_rehearsal(Arc::new(model), tuning, Some(rehearsal)).unwrap();
+        session.store_window(&[0.1; 3 * 20], &[0.2; 2 * 20]);
         learning_allocates_nothing(session);
     }
 }
@@ -210,15 +210,15 @@ fn learning_networks_allocate_nothing() {
 /// Equations that learn by a filter.
 fn filtered(equations: &Equations) -> KalmanEquations {
     let model = LearnableEquations::new(equations, &[(-1.0, 1.0); 5]).unwrap();
-    let uniform = Tuning::uniform(model.places().len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
-    KalmanEquations::new(model, Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, ..uniform }).unwrap()
+    let uniform = FilterOptions::uniform(model.places().len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
+    KalmanEquations::new(model, FilterOptions { leak: 1e-4, huber: 3.0, ..uniform }).unwrap()
 }
 
 /// A vessel that learns by a filter.
 fn vessel(model: &PlantModel) -> KalmanPlant {
     let plant = LearnablePlant::new(model);
-    let uniform = Tuning::uniform(plant.places().len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
-    KalmanPlant::new(model, Tuning { leak: 1e-4, huber: 3.0, noise_rate: 0.01, ..uniform }).unwrap()
+    let uniform = FilterOptions::uniform(plant.places().len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
+    KalmanPlant::new(model, FilterOptions { leak: 1e-4, huber: 3.0, ..uniform }).unwrap()
 }
 
 /// Every law on a vessel, and those with a model also on equations.

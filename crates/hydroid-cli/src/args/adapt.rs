@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
-use hydroid::adapt::{Memory, Which};
+use hydroid::adapt::CovarianceForm;
 use hydroid::faults::Faults;
 
 use super::values::{Duration, NamedNumber};
@@ -48,9 +48,6 @@ pub struct KalmanArgs {
     /// Process noise of each weight: variance per second (default: 6e-7; equations and vessels 1e-6)
     #[arg(long, value_name = "Q")]
     pub weight_noise: Option<f64>,
-    /// Factor on initial variance and process noise of the weights of gates (LSTM, GRU; default: 5)
-    #[arg(long, value_name = "X")]
-    pub gate_factor: Option<f64>,
     /// Process noise of each component of the state: variance per second (default: 1e-4; equations 1e-3; vessels 1e-5)
     #[arg(long, value_name = "Q")]
     pub state_noise: Option<f64>,
@@ -60,39 +57,9 @@ pub struct KalmanArgs {
     /// Huber threshold of the innovations [standard deviations]; larger innovations have less weight (default: inf)
     #[arg(long, value_name = "X")]
     pub huber: Option<f64>,
-    /// Time constant of the estimate of the measurement noise [s]; inf: the noise is fixed (default: inf)
-    #[arg(long, value_name = "S")]
-    pub adaptive_noise: Option<f64>,
-    /// Which weights learn (networks; default: all)
-    #[arg(long, value_name = "WHICH", value_enum)]
-    pub weights: Option<WhichWeights>,
-    /// Form of the covariance of the weights: full, blocks:GROUP (neighbouring units), diagonal, low-rank:RANK (default: full)
-    #[arg(long, value_name = "FORM", value_parser = str::parse::<Memory>)]
-    pub covariance: Option<Memory>,
-    /// Compute the filter in single precision (networks)
-    #[arg(long)]
-    pub single_precision: bool,
-}
-
-/// Which weights of a network learn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum WhichWeights {
-    /// All weights
-    All,
-    /// The last recurrent layer and all layers after it
-    LastLayer,
-    /// The output layer
-    ReadOut,
-}
-
-impl From<WhichWeights> for Which {
-    fn from(which: WhichWeights) -> Self {
-        match which {
-            WhichWeights::All => Self::All,
-            WhichWeights::LastLayer => Self::LastLayer,
-            WhichWeights::ReadOut => Self::ReadOut,
-        }
-    }
+    /// Form of the covariance of the weights: full, blocks:GROUP (neighbouring units) (default: full)
+    #[arg(long, value_name = "FORM", value_parser = str::parse::<CovarianceForm>)]
+    pub covariance: Option<CovarianceForm>,
 }
 
 /// Methods of adaptation.

@@ -135,13 +135,6 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         model.kind()
     );
     if model.recurrent().is_none() {
-        ensure!(
-            args.kalman.weights.is_none()
-                && args.kalman.gate_factor.is_none()
-                && !args.kalman.single_precision,
-            "--weights, --gate-factor and --single-precision apply to networks: this is a model of kind '{}'",
-            model.kind()
-        );
         options.method = Method::Kalman;
     }
     let (given, settings) = (&args.kalman, &mut options.kalman);
@@ -150,17 +143,13 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         (given.noise_factor, &mut settings.noise_factor),
         (given.weight_variance, &mut settings.weight_variance),
         (given.weight_noise, &mut settings.weight_noise_per_s),
-        (given.gate_factor, &mut settings.gate_factor),
         (given.state_noise, &mut settings.state_noise_per_s),
         (given.leak, &mut settings.leak_s),
         (given.huber, &mut settings.huber),
-        (given.adaptive_noise, &mut settings.adaptive_noise_s),
     ] {
         *into = value.unwrap_or(*into);
     }
-    settings.weights = given.weights.map_or(settings.weights, Into::into);
-    settings.memory = given.covariance.unwrap_or(settings.memory);
-    settings.single_precision = given.single_precision;
+    settings.covariance = given.covariance.unwrap_or(settings.covariance);
     let rehearses = model.recurrent().is_some() && !args.guard.training_log.is_empty();
     settings.rehearsal = (rehearses && !args.guard.no_rehearsal).then(Rehearse::default);
     settings.noise = noise(&given.noise, model)?;

@@ -85,11 +85,11 @@ fn equations_adapt_by_the_kalman_filter() {
     assert!(judged("kalman.safetensors") < 0.7 * judged(MODEL));
     // The options of the filter are understood, and a stream takes them.
     let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "--weight-variance", "0.02", "--json"];
-    let noise = ["--noise", "u=0.01,v=0.01,r=0.01,P_f=1", "--covariance", "low-rank:3"];
+    let noise = ["--noise", "u=0.01,v=0.01,r=0.01,P_f=1", "--covariance", "blocks:3"];
     let output = hydroid(at, &[&args[..], &noise].concat());
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["settings"]["weight_variance"], 0.02);
-    assert_eq!(report["settings"]["memory"], "low-rank:3");
+    assert_eq!(report["settings"]["covariance"], "blocks:3");
     assert_eq!(report["settings"]["noise"][0], 0.01);
     let output = hydroid(at, &["adapt", MODEL, "c.csv", "--stream", "--learner", "kalman"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -128,8 +128,7 @@ fn wrong_input_is_refused_with_a_remedy() {
         [["adapt", MODEL, "c.csv", "--learner", "kalman"].as_slice(), &rest].concat()
     };
     refused(&kalman(["--prior", "5"]), "the options of recursive least squares");
-    refused(&kalman(["--weights", "read-out"]), "apply to networks");
-    refused(&kalman(["--huber", "0"]), "Huber's limit");
+    refused(&kalman(["--huber", "0"]), "Huber's loss");
     refused(&kalman(["--noise", "u=0.1"]), "'v' is missing");
     let empty = command(at, &["adapt", MODEL, "-"]).write_stdin("").output().unwrap();
     assert_eq!(empty.status.code(), Some(2));

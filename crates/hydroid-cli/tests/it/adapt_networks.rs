@@ -123,14 +123,8 @@ fn training_logs_are_rehearsed() {
 fn every_reduced_covariance_adapts() {
     let frozen = report("adapt out/gru.safetensors lawn.csv --json -q");
     let frozen = frozen["frozen"]["rmse"][0][0].as_f64().unwrap();
-    for option in [
-        "--covariance blocks:1",
-        "--covariance low-rank:5",
-        "--covariance diagonal",
-        "--weights read-out",
-        "--single-precision",
-        "--huber 3 --adaptive-noise 60 --leak 600 --forgetting 300",
-    ] {
+    for option in ["--covariance blocks:1", "--covariance blocks:7", "--huber 3 --leak 600 --forgetting 300"]
+    {
         let report = report(&format!("adapt out/gru.safetensors lawn.csv --json -q {option}"));
         let adapted = report["adapted"]["rmse"][0][0].as_f64().unwrap();
         assert!(adapted < 0.5 * frozen, "{option}: {adapted} {frozen}");
@@ -144,8 +138,8 @@ fn invalid_input_is_refused() {
         ("--noise u=0.01,v=0.01,r=0.02,w=1", "no output 'w'"),
         ("--noise u=0,v=0.01,r=0.02", "standard deviation of 0"),
         ("--noise u", "NAME=NUMBER"),
-        ("--covariance blocks:0", "low-rank:20"),
-        ("--covariance much", "low-rank:20"),
+        ("--covariance blocks:0", "blocks:7"),
+        ("--covariance much", "blocks:7"),
         ("--weight-variance=-1", "initial variance"),
         ("--prior 3", "recursive least squares"),
         ("--forgetting 0", "forgetting"),
@@ -205,11 +199,7 @@ fn a_killed_service_resumes_to_the_same_model() {
 #[test]
 fn a_network_is_replayed_from_its_black_box() {
     let at = prepared();
-    for (k, options) in
-        ["", " --single-precision --covariance blocks:2", " --covariance low-rank:5 --adaptive-noise 60"]
-            .into_iter()
-            .enumerate()
-    {
+    for (k, options) in ["", " --covariance blocks:2 --huber 3"].into_iter().enumerate() {
         let file = format!("gru{k}.box");
         let serve = format!(
             "adapt {MODEL} lawn.csv --stream --horizons 20 -q --black-box {file} --black-box-minutes 2{options}"

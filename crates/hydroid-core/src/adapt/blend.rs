@@ -9,7 +9,7 @@ use super::gate::Gate;
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::settings::{MOST_PACES, MOST_SAMPLES, Settings, SettingsError};
 use super::weighted::WeightedSession;
-use super::{Adapter, Health, Innovation, Outcome};
+use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace};
 
@@ -43,7 +43,7 @@ const POWER: i32 = -3;
 /// runs away, must not decide for long.
 const WORST: f64 = 25.0;
 
-/// An [`Adapter`] that walks several [`RecursiveEquations`] along, each with a prior that is worth another time.
+/// An [`Adapter`](super::Adapter) that walks several [`RecursiveEquations`] along, each with a prior that is worth another time.
 /// How far the model from shore can be trusted is not known on shore: on a vessel that is as it was, the most
 /// cautious predict best, on one that has changed, the quickest. Two more never learn: the equations as
 /// given, and those without a term, for which nothing changes (which wins where all others fail).
@@ -304,7 +304,7 @@ impl Predictor for BlendedEquations {
     }
 }
 
-impl Adapter for BlendedEquations {
+impl Learning for BlendedEquations {
     /// What came of the sample at the first pace; the gates of the others may differ.
     fn outcome(&self) -> Outcome {
         self.experts[0].outcome()
@@ -323,12 +323,12 @@ impl Adapter for BlendedEquations {
         self.experts.iter_mut().for_each(|expert| expert.freeze(frozen));
     }
 
-    fn inflate(&mut self, factor: f64) {
-        self.experts.iter_mut().for_each(|expert| expert.inflate(factor));
+    fn scale_noise(&mut self, factor: f64) {
+        self.experts.iter_mut().for_each(|expert| expert.scale_noise(factor));
     }
 
     fn restart(&mut self) {
-        self.experts.iter_mut().for_each(Adapter::restart);
+        self.experts.iter_mut().for_each(Learning::restart);
     }
 
     /// Those of its paces are positive by construction.
@@ -336,8 +336,16 @@ impl Adapter for BlendedEquations {
         Health::UNKNOWN
     }
 
+    /// None are known: which pace will turn out to be right is not a matter of variances.
+    fn deviations(&mut self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
+        assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
+        deviations.fill(f64::NAN);
+    }
+}
+
+impl SaveState for BlendedEquations {
     fn memory_len(&self) -> usize {
-        let experts: usize = self.experts.iter().map(Adapter::memory_len).sum();
+        let experts: usize = self.experts.iter().map(SaveState::memory_len).sum();
         let past = self.past.snapshots.len() + self.past.commands.len() + 1;
         experts + self.blended.snapshot_len() + self.losses.len() + self.shares.len() + past + 1
     }
@@ -368,10 +376,6 @@ impl Adapter for BlendedEquations {
         self.past.seen = from.count(MOST_COUNTED);
         self.frozen = from.flag();
     }
-
-    /// None are known: which pace will turn out to be right is not a matter of variances.
-    fn deviations(&mut self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
-        assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
-        deviations.fill(f64::NAN);
-    }
 }
+
+impl Rehearsing for BlendedEquations {}

@@ -41,44 +41,32 @@ pub use scale::rms_over_range;
 pub use settings::{Settings, SettingsError};
 pub use weighted::WeightedSession;
 
-/// A session that learns on the way.
+/// A prediction session that learns along the run.
 ///
-/// It learns in [`observe`](Predictor::observe), from all that it has seen up to this sample;
-/// [`outcome`](Self::outcome) tells what came of it. A [`reset`](Predictor::reset) starts a new run and keeps
-/// what was learned.
-pub trait Adapter: Predictor {
-    /// What the last observed sample did to the weights.
+/// It learns in [`observe`](Predictor::observe), from all samples up to this one; [`outcome`](Self::outcome) reports the result.
+/// A [`reset`](Predictor::reset) starts a run and keeps what was learned.
+pub trait Learning: Predictor {
+    /// Effect of the last observed sample on the weights.
     fn outcome(&self) -> Outcome;
 
-    /// What was predicted of the last observation, before it was learned from: innovation and its standard
-    /// deviation for each output, in the same unit. Empty where the outcome is [`Outcome::Waiting`].
+    /// Innovation of each output at the last sample and its standard deviation, in the unit of the output, before the update.
+    /// Empty if the outcome is [`Outcome::Waiting`].
     fn innovations(&self) -> &[Innovation];
 
-    /// The weights of the moment, in the model's own units and layout. A [`snapshot`](Predictor::snapshot) ends with as
-    /// many numbers, which stand for them.
+    /// Current weights in the units and order of the model. A [`snapshot`](Predictor::snapshot) ends with as many numbers,
+    /// which determine them.
     fn weights(&self) -> &[f64];
 
-    /// Whether to learn at all. A frozen adapter predicts with the weights it has.
+    /// Stops or resumes learning. A frozen adapter predicts with its current weights.
     fn freeze(&mut self, frozen: bool);
 
-    /// The next measurement counts as one with so many times the variance of the noise; that after it does not.
-    fn inflate(&mut self, factor: f64);
+    /// Multiplies the noise variance of the next measurement.
+    fn scale_noise(&mut self, factor: f64);
 
-    /// Forgets how sure it is of the weights: their covariance is as at the start. The weights stay.
+    /// Resets the covariance of the weights to its initial value. The weights stay.
     fn restart(&mut self);
 
-    /// How windows of known waters are rehearsed on the way; `None` if they are not.
-    fn rehearsal(&self) -> Option<&kalman::Rehearsal> {
-        None
-    }
-
-    /// Keeps a window for rehearsal, as long as there is room: measured `outputs` and `commands` of samples that follow each
-    /// other, row by row. The last [`samples`](kalman::Rehearsal::samples) are kept, those before wash in. Allocates.
-    fn keep(&mut self, outputs: &[f64], commands: &[f64]) {
-        let _ = (outputs, commands);
-    }
-
-    /// Whether the covariance is one.
+    /// Indicators of the covariance.
     fn health(&self) -> Health;
 
     /// The guard that this is, if it is one.
@@ -86,28 +74,10 @@ pub trait Adapter: Predictor {
         None
     }
 
-    /// How many numbers [`save`](Self::save) gives; constant over the life of the adapter.
-    fn memory_len(&self) -> usize;
-
-    /// Copies all that predictions and further learning depend on: state and weights, as in a
-    /// [`snapshot`](Predictor::snapshot), and covariances, windows that are filling, and counters beside them.
-    ///
-    /// # Panics
-    /// If `into` has not [`memory_len`](Self::memory_len) numbers.
-    fn save(&self, into: &mut [f64]);
-
-    /// Puts back what [`save`](Self::save) gave, by an adapter of the same model and settings: from the next
-    /// sample on both do the same to the last bit. Until then the [`outcome`](Self::outcome) is
-    /// [`Outcome::Waiting`].
-    ///
-    /// # Panics
-    /// If `from` has not [`memory_len`](Self::memory_len) numbers.
-    fn load(&mut self, from: &[f64]);
-
-    /// Standard deviations of what will be measured at the given `horizons` (ascending, in samples, at least 1)
-    /// under the commands `c_k, ..` (rows of `commands`; as many as the last horizon): uncertainty of weights and
-    /// state and the noise of the measurement together. Into `deviations` go `horizons x outputs` numbers in the
-    /// units of the outputs; NaN where the adapter knows none. Nothing is allocated once `work` has grown.
+    /// Standard deviations of the measurements at the given `horizons` \[samples\] (ascending, at least 1) under the commands
+    /// `c_k, ..` (rows of `commands`, as many as the last horizon): from the uncertainty of weights and state and the noise of
+    /// the measurement. `deviations` receives `horizons x outputs` numbers in the units of the outputs; NaN where the adapter
+    /// has no estimate. Allocates only while `work` grows.
     ///
     /// # Panics
     /// If the lengths do not fit together.
@@ -120,18 +90,58 @@ pub trait Adapter: Predictor {
     );
 }
 
-/// Signs that a covariance gives before errors do. NaN is what an adapter does not know, or cannot get wrong.
+/// State that can be saved and loaded.
+pub trait SaveState {
+    /// Length of [`save`](Self::save); constant over the life of the adapter.
+    fn memory_len(&self) -> usize;
+
+    /// Writes all numbers that predictions and further learning depend on: state and weights, as in a
+    /// [`snapshot`](Predictor::snapshot), covariances, incomplete windows and counters.
+    ///
+    /// # Panics
+    /// If `into` has not [`memory_len`](Self::memory_len) numbers.
+    fn save(&self, into: &mut [f64]);
+
+    /// Restores what [`save`](Self::save) of an adapter of the same model and options wrote: from the next sample on both
+    /// continue identically to the last bit. Until then the [`outcome`](Learning::outcome) is [`Outcome::Waiting`].
+    ///
+    /// # Panics
+    /// If `from` has not [`memory_len`](Self::memory_len) numbers.
+    fn load(&mut self, from: &[f64]);
+}
+
+/// Rehearsal of windows of the training data beside the run. The defaults are for adapters that do not rehearse.
+pub trait Rehearsing {
+    /// Options of the rehearsal; `None` without rehearsal.
+    fn rehearsal(&self) -> Option<&kalman::RehearsalOptions> {
+        None
+    }
+
+    /// Stores a window while there is room: measured `outputs` and `commands` of consecutive samples, row by row. The last
+    /// [`samples`](kalman::RehearsalOptions::samples) are stored, the samples before wash in. Allocates.
+    fn store_window(&mut self, outputs: &[f64], commands: &[f64]) {
+        let _ = (outputs, commands);
+    }
+}
+
+/// A session that learns, can be saved, and may rehearse.
+pub trait Adapter: Learning + SaveState + Rehearsing {}
+
+impl<T: Learning + SaveState + Rehearsing + ?Sized> Adapter for T {}
+
+/// Indicators of a covariance that precede errors of the predictions. NaN for unknown values, and for values that are correct
+/// by construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
     /// The smallest variance of a weight or a hidden state, in its scaled unit.
     pub least_variance: f64,
-    /// The smallest `S_ii / R_ii` of the last measurement: what is expected of it is never surer than its noise.
-    pub sureness: f64,
+    /// The smallest `S_ii / R_ii` of the last measurement; at least 1 up to rounding.
+    pub min_s_over_r: f64,
 }
 
 impl Health {
-    /// Nothing is known.
-    pub const UNKNOWN: Self = Self { least_variance: f64::NAN, sureness: f64::NAN };
+    /// No indicator is known.
+    pub const UNKNOWN: Self = Self { least_variance: f64::NAN, min_s_over_r: f64::NAN };
 }
 
 /// What a sample did to the weights.

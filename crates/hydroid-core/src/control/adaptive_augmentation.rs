@@ -11,7 +11,7 @@ use super::feedback_linearization::FeedbackLinearization;
 use super::lookahead_point::shortened;
 use super::status::Status;
 use super::{Controller, Estimate};
-use crate::adapt::kalman::{Filter, Learnable, LearnableNetwork, Tuning};
+use crate::adapt::kalman::{Filter, FilterOptions, Learnable, LearnableNetwork};
 use crate::guidance::Reference;
 use crate::model::recurrent::{Cell, Network, Packed};
 
@@ -104,7 +104,7 @@ impl Default for AdaptiveAugmentationOptions {
 pub struct AdaptiveAugmentation<M> {
     base: FeedbackLinearization<M>,
     options: AdaptiveAugmentationOptions,
-    filter: Filter<f64, LearnableNetwork<f64>>,
+    filter: Filter<LearnableNetwork>,
     /// Initial weights.
     first: Vec<f64>,
     /// Number of samples of a window.
@@ -170,7 +170,7 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         // The read-out has the prior of the model error; the other layers stay close to their initial values.
         let read_out = weights.len() - 2 * (hidden + 1);
         let mut tuning =
-            Tuning::uniform(weights.len(), 0.0, 0.0, (0.01, 1e-4), &[(noise / scale).powi(2); 2]);
+            FilterOptions::uniform(weights.len(), 0.0, 0.0, (0.01, 1e-4), &[(noise / scale).powi(2); 2]);
         let forgotten = (window_s / memory_s).min(1.0);
         for (k, (initial, walk)) in
             tuning.initial_weights.iter_mut().zip(&mut tuning.weight_noise).enumerate()
@@ -235,7 +235,7 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         let evidence = EVIDENCE_DECAY * self.evidence + square(missed) - square(left);
         let AdaptiveAugmentationOptions { scale, most, nu: sizes, .. } = self.options;
         let z = missed.map(|b| b / scale);
-        if self.filter.has_moved() && z.iter().all(|z| z.is_finite()) {
+        if self.filter.has_stepped() && z.iter().all(|z| z.is_finite()) {
             self.filter.observe(&z);
         }
         for (x, (nu, size)) in self.x.iter_mut().zip(nu.iter().zip(sizes)) {

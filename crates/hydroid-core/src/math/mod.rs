@@ -11,7 +11,6 @@
 pub(crate) mod aligned;
 pub(crate) mod functions;
 pub(crate) mod kernel;
-pub(crate) mod kernels;
 pub(crate) mod product;
 pub(crate) mod rows;
 pub(crate) mod slices;
@@ -21,7 +20,6 @@ use num_traits::Float;
 use pulp::{Arch, Simd, WithSimd};
 
 use self::kernel::{Kernel, kernels};
-use self::kernels::Kernels;
 use self::slices::{Write, vectors};
 use self::vectors::Vectors;
 
@@ -29,7 +27,6 @@ use self::vectors::Vectors;
 pub trait Scalar:
     Float
     + Vectors
-    + Kernels
     + core::ops::AddAssign
     + core::ops::SubAssign
     + core::ops::MulAssign

@@ -1,7 +1,8 @@
 //! The saved state of an adapter is complete.
 
 use hydroid_core::adapt::{
-    Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Settings,
+    Adapter, BlendSettings, BlendedEquations, Gate, Learning, Outcome, RecursiveEquations, SaveState,
+    Settings,
 };
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::Workspace;

@@ -1,6 +1,6 @@
 //! Fixture of tests of adapted equations: a damped vessel with a lag and a past value.
 
-use hydroid_core::adapt::kalman::{KalmanEquations, LearnableEquations, Tuning};
+use hydroid_core::adapt::kalman::{FilterOptions, KalmanEquations, LearnableEquations};
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 
 pub(crate) const RANGES: [(f64, f64); 3] = [(0.0, 4.0), (-0.5, 0.5), (2.0, 12.0)];
@@ -42,13 +42,13 @@ pub(crate) fn learnable() -> LearnableEquations {
     LearnableEquations::new(&equations(1.0), &RANGES).unwrap()
 }
 
-pub(crate) fn tuning() -> Tuning {
+pub(crate) fn tuning() -> FilterOptions {
     let count = learnable().places().len();
-    let mut tuning = Tuning::uniform(count, 0.05, 1e-5, (0.3, 1e-4), &[1e-3, 2e-3]);
+    let mut tuning = FilterOptions::uniform(count, 0.05, 1e-5, (0.3, 1e-4), &[1e-3, 2e-3]);
     for (i, q) in tuning.weight_noise.iter_mut().enumerate() {
         *q *= 1.0 + (i % 5) as f64;
     }
-    Tuning { leak: 1e-3, forgetting: 0.999, ..tuning }
+    FilterOptions { leak: 1e-3, forgetting: 0.999, ..tuning }
 }
 
 pub(crate) fn session() -> KalmanEquations {

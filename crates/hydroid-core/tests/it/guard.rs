@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use crate::networks::{pretrained, rows};
-use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::guard::{Action, Expert, Guard, GuardOptions};
-use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
+use hydroid_core::adapt::kalman::{FilterOptions, KalmanNetwork};
+use hydroid_core::adapt::{Adapter, Learning, SaveState};
 use hydroid_core::predict::{Predictor, Workspace};
 
 /// Design ranges of the reference's hydrofoil, and the noise of its sensors.
@@ -38,11 +38,11 @@ fn network(weights: f64, noise: f64) -> Box<dyn Adapter> {
     let state_noise = if weights > 0.0 { 1e-5 } else { 1e-4 };
     let walk = if weights > 0.0 { 3e-8 } else { 0.0 };
     let count = model.weights.len();
-    let tuning = Tuning {
+    let tuning = FilterOptions {
         leak: if weights > 0.0 { 3e-5 } else { 0.0 },
-        ..Tuning::uniform(count, weights, walk, (1.0, state_noise), &variances)
+        ..FilterOptions::uniform(count, weights, walk, (1.0, state_noise), &variances)
     };
-    let mut session = KalmanNetwork::<f64>::new(Arc::new(model), tuning).unwrap();
+    let mut session = KalmanNetwork::new(Arc::new(model), tuning).unwrap();
     session.freeze(weights == 0.0);
     Box::new(session)
 }

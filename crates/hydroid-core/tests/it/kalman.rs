@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use hydroid_core::adapt::kalman::{
-    Correction, Filter, KalmanNetwork, Learnable, LearnableNetwork, Tuning, TuningError,
+    Correction, Filter, FilterOptions, FilterOptionsError, KalmanNetwork, Learnable, LearnableNetwork,
 };
-use hydroid_core::adapt::{Adapter, Outcome, Rejection};
+use hydroid_core::adapt::{Learning, Outcome, Rejection, SaveState};
 use hydroid_core::model::recurrent::{BaseModel, Linearization, Network, Packed, Recurrent, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
@@ -26,11 +26,11 @@ struct Naive {
     given: Vec<f64>,
     state: Vec<f64>,
     p: Matrix,
-    tuning: Tuning,
+    tuning: FilterOptions,
 }
 
 impl Naive {
-    fn new(network: Network, weights: &[f64], tuning: &Tuning) -> Self {
+    fn new(network: Network, weights: &[f64], tuning: &FilterOptions) -> Self {
         let packed = Packed::new(network, weights);
         let n = network.state_len();
         let variance = |i: usize| if i < n { tuning.initial_state } else { tuning.initial_weights[i - n] };
@@ -145,7 +145,7 @@ fn weights_without_variance_stay() {
     }
 }
 
-fn session(network: Network, base: BaseModel, feedback: bool) -> KalmanNetwork<f64> {
+fn session(network: Network, base: BaseModel, feedback: bool) -> KalmanNetwork {
     let (n, m) = (network.outputs, 2);
     let network = Network { inputs: if feedback { m + n } else { m }, ..network };
     let scaling = Scaling {
@@ -160,7 +160,7 @@ fn session(network: Network, base: BaseModel, feedback: bool) -> KalmanNetwork<f
     KalmanNetwork::new(Arc::new(model), tuning(network)).unwrap()
 }
 
-fn formulations() -> [KalmanNetwork<f64>; 3] {
+fn formulations() -> [KalmanNetwork; 3] {
     [
         session(cells()[2], BaseModel::Nothing, false),
         session(cells()[0], BaseModel::Nothing, true),
@@ -223,7 +223,7 @@ fn a_saved_state_resumes_bit_for_bit_and_forks_predict_the_same() {
                 session.observe(&sample(k, n).1);
                 session.advance(&sample(k, n).0);
             }
-            let bits = |session: &KalmanNetwork<f64>| -> Vec<u64> {
+            let bits = |session: &KalmanNetwork| -> Vec<u64> {
                 session.weights().iter().map(|w| w.to_bits()).collect()
             };
             assert_eq!(bits(&session), bits(&other), "{k}");
@@ -270,21 +270,21 @@ fn frozen_it_filters_the_state_and_keeps_its_weights() {
 fn invalid_values_are_refused_or_handled() {
     let network = cells()[2];
     let model = || LearnableNetwork::new(Packed::new(network, &weights(network, 0.6)));
-    let with = |change: &dyn Fn(&mut Tuning)| {
+    let with = |change: &dyn Fn(&mut FilterOptions)| {
         let mut tuning = tuning(network);
         change(&mut tuning);
         Filter::new(model(), tuning).err()
     };
-    assert_eq!(with(&|t| t.noise[1] = 0.0), Some(TuningError::Noise));
-    assert!(matches!(with(&|t| t.leak = 1.5), Some(TuningError::Number(_))));
-    assert!(matches!(with(&|t| t.forgetting = 0.0), Some(TuningError::Number(_))));
-    assert!(matches!(with(&|t| t.huber = f64::NAN), Some(TuningError::Number(_))));
-    assert!(matches!(with(&|t| t.initial_weights[3] = -1.0), Some(TuningError::Number(_))));
+    assert_eq!(with(&|t| t.noise[1] = 0.0), Some(FilterOptionsError::Noise));
+    assert!(matches!(with(&|t| t.leak = 1.5), Some(FilterOptionsError::Number(_))));
+    assert!(matches!(with(&|t| t.forgetting = 0.0), Some(FilterOptionsError::Number(_))));
+    assert!(matches!(with(&|t| t.huber = f64::NAN), Some(FilterOptionsError::Number(_))));
+    assert!(matches!(with(&|t| t.initial_weights[3] = -1.0), Some(FilterOptionsError::Number(_))));
     assert!(matches!(
         with(&|t| {
             t.weight_noise.pop();
         }),
-        Some(TuningError::Length(_))
+        Some(FilterOptionsError::Length(_))
     ));
     for mut session in formulations() {
         let n = session.outputs();
@@ -316,12 +316,12 @@ fn outliers_have_less_weight() {
         let network = cells()[2];
         let given = weights(network, 0.6);
         let model = LearnableNetwork::new(Packed::new(network, &given));
-        let mut filter = Filter::new(model, Tuning { huber, ..tuning(network) }).unwrap();
+        let mut filter = Filter::new(model, FilterOptions { huber, ..tuning(network) }).unwrap();
         filter.advance(&[0.3, 0.1]);
         let mut y = [0.0; 3];
         filter.model().output(filter.state(), &mut y);
         let z = [y[0] + by, f64::NAN, f64::NAN];
-        let Correction::Made { weight, deviations, .. } = filter.observe(&z) else { panic!() };
+        let Correction::Applied { weight, deviations, .. } = filter.observe(&z) else { panic!() };
         let moved: f64 = filter.state().iter().map(|h| h.powi(2)).sum::<f64>();
         let _ = moved;
         let pull: f64 = filter.weights().iter().zip(&given).map(|(a, b)| (a - b).powi(2)).sum();
@@ -333,35 +333,6 @@ fn outliers_have_less_weight() {
     let (softened, weight, deviations) = pull(3.0, 100.0);
     assert!((softened / at_limit - 1.0).abs() < 0.05, "{softened} {at_limit}");
     assert!((weight - 3.0 / deviations).abs() < 1e-9);
-}
-
-/// `R` finds the noise that there is.
-#[test]
-fn the_noise_is_followed() {
-    let network = cells()[2];
-    let given = weights(network, 0.6);
-    let model = LearnableNetwork::new(Packed::new(network, &given));
-    let noise = [1e-4; 3];
-    let tuning = Tuning { noise_rate: 0.002, ..Tuning::uniform(given.len(), 0.0, 0.0, (1e-4, 1e-8), &noise) };
-    let mut filter = Filter::new(model, tuning).unwrap();
-    let truth = Packed::new(network, &given);
-    let (mut h, mut scratch, mut y) = (vec![0.0; network.state_len()], vec![0.0; truth.scratch()], [0.0; 3]);
-    let mut draw = 12345_u64;
-    let mut uniform = || {
-        draw = draw.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-        (draw >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-    };
-    for k in 0..6000 {
-        let (x, _) = sample(k, 3);
-        truth.step(&mut h, &x, &mut scratch);
-        truth.output(&h, &mut y);
-        filter.advance(&x);
-        // Variance 0.04 / 12.
-        filter.observe(&y.map(|y| y + 0.2 * uniform()));
-    }
-    for r in filter.noise() {
-        assert!((r / (0.04 / 12.0) - 1.0).abs() < 0.2, "{r}");
-    }
 }
 
 proptest! {
@@ -380,9 +351,9 @@ proptest! {
         let network = cells()[which];
         let model = LearnableNetwork::new(Packed::new(network, &weights(network, size)));
         let r = vec![10_f64.powf(noise); network.outputs];
-        let tuning = Tuning {
+        let tuning = FilterOptions {
             leak: 1e-4,
-            ..Tuning::uniform(network.weights(), 10_f64.powf(initial), 1e-6, (1.0, 1e-5), &r)
+            ..FilterOptions::uniform(network.weights(), 10_f64.powf(initial), 1e-6, (1.0, 1e-5), &r)
         };
         let mut filter = Filter::new(model, tuning).unwrap();
         for k in 0..300 {
@@ -390,7 +361,7 @@ proptest! {
             let x: Vec<f64> = (0..2).map(|i| (0.37 * t + f64::from(i)).sin() * 2.0).collect();
             let z: Vec<f64> = (0..network.outputs).map(|i| (0.9 * t * (1 + i) as f64).sin()).collect();
             filter.advance(&x);
-            let made = matches!(filter.observe(&z), Correction::Made { .. });
+            let made = matches!(filter.observe(&z), Correction::Applied { .. });
             prop_assert!(made);
             let (hh, tt) = filter.variances();
             prop_assert!(hh.iter().chain(&tt).all(|&p| p > 0.0 && p.is_finite()));

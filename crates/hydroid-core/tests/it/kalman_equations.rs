@@ -1,7 +1,7 @@
 //! Invariants of the Kalman filter over outputs and coefficients of equations.
 
-use hydroid_core::adapt::kalman::{KalmanEquations, LearnableEquations, Tuning, TuningError};
-use hydroid_core::adapt::{Adapter, Outcome, Rejection, SettingsError};
+use hydroid_core::adapt::kalman::{FilterOptions, FilterOptionsError, KalmanEquations, LearnableEquations};
+use hydroid_core::adapt::{Learning, Outcome, Rejection, SaveState, SettingsError};
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
@@ -14,7 +14,7 @@ fn a_change_of_drag_is_estimated() {
     let y = measured(4000, deviations, |k| if k < change { 1.0 } else { 1.6 });
     let model = learnable();
     let noise: Vec<f64> = (0..2).map(|i| (deviations[i] / model.scale()[i]).powi(2)).collect();
-    let tuning = Tuning::uniform(model.places().len(), 0.01, 1e-5, (1.0, 1e-8), &noise);
+    let tuning = FilterOptions::uniform(model.places().len(), 0.01, 1e-5, (1.0, 1e-8), &noise);
     let mut learning = KalmanEquations::new(model, tuning).unwrap();
     let mut frozen = learning.clone();
     frozen.freeze(true);
@@ -45,7 +45,7 @@ fn deviations_have_their_stated_coverage() {
     let y = measured(3000, deviations, |_| 1.02);
     let model = learnable();
     let noise: Vec<f64> = (0..2).map(|i| (deviations[i] / model.scale()[i]).powi(2)).collect();
-    let tuning = Tuning::uniform(model.places().len(), 1e-4, 0.0, (1.0, 0.0), &noise);
+    let tuning = FilterOptions::uniform(model.places().len(), 1e-4, 0.0, (1.0, 0.0), &noise);
     let mut session = KalmanEquations::new(model, tuning).unwrap();
     let (mut work, mut ahead, mut band) = (Workspace::new(), vec![0.0; 2 * 40], [0.0; 6]);
     assert!({
@@ -129,8 +129,9 @@ fn invalid_values_are_refused_or_handled() {
     assert_eq!(error, SettingsError::Ranges);
     let none = Equations::new(vec![Term::monomial(&[0])], vec![0.0], 1, 0, 0.1, 1).unwrap();
     assert_eq!(LearnableEquations::new(&none, &[(0.0, 1.0)]).unwrap_err(), SettingsError::Nothing);
-    let error = KalmanEquations::new(learnable(), Tuning { noise: vec![0.0; 2], ..tuning() }).unwrap_err();
-    assert_eq!(error, TuningError::Noise);
+    let error =
+        KalmanEquations::new(learnable(), FilterOptions { noise: vec![0.0; 2], ..tuning() }).unwrap_err();
+    assert_eq!(error, FilterOptionsError::Noise);
 
     let y = measured(200, [0.02, 0.01], |_| 1.3);
     for nonsense in [f64::INFINITY, f64::NAN, 1e200, 1e300] {

@@ -1,9 +1,9 @@
 //! The Kalman filter over outputs and coefficients of equations, compared with a dense filter with finite differences.
 
 use hydroid_core::adapt::kalman::{
-    Correction, Filter, KalmanEquations, Learnable, LearnableEquations, Tuning,
+    Correction, Filter, FilterOptions, KalmanEquations, Learnable, LearnableEquations,
 };
-use hydroid_core::adapt::{Adapter, Outcome};
+use hydroid_core::adapt::{Learning, Outcome};
 use hydroid_core::predict::Predictor;
 
 use crate::damped::{close, command, equations, learnable, measured, session, tuning};
@@ -16,7 +16,7 @@ struct Naive {
     /// Outputs and weights, scaled.
     state: Vec<f64>,
     p: Matrix,
-    tuning: Tuning,
+    tuning: FilterOptions,
 }
 
 impl Naive {
@@ -104,7 +104,7 @@ fn the_filter_equals_a_naive_one_with_finite_differences() {
         naive.advance(&x);
         // Samples that are predicted only, too.
         if k % 4 != 1 {
-            assert!(matches!(ours.observe(&z), Correction::Made { .. }));
+            assert!(matches!(ours.observe(&z), Correction::Applied { .. }));
             naive.observe(&z);
         }
         close(ours.state(), &naive.state[..2], 1e-7, "state");

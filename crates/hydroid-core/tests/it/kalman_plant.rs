@@ -1,8 +1,10 @@
 //! The Kalman filter over the parameters of a vessel: derivatives compared with finite differences, the filter compared with a
 //! dense filter, and invariants.
 
-use hydroid_core::adapt::kalman::{Correction, Filter, KalmanPlant, Learnable, LearnablePlant, Tuning};
-use hydroid_core::adapt::{Adapter, Outcome, Rejection};
+use hydroid_core::adapt::kalman::{
+    Correction, Filter, FilterOptions, KalmanPlant, Learnable, LearnablePlant,
+};
+use hydroid_core::adapt::{Learning, Outcome, Rejection, SaveState};
 use hydroid_core::model::{PlantModel, PlantModelError, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::{Command, Coriolis, PARAMETER, Plant, State, VesselParams, is_solvable};
@@ -49,14 +51,14 @@ fn measured(params: &VesselParams, count: usize, noise: f64) -> Vec<[f64; 3]> {
 }
 
 /// Standard deviations of 1 cm/s and 1 deg/s.
-fn tuning(plant: &LearnablePlant) -> Tuning {
+fn tuning(plant: &LearnablePlant) -> FilterOptions {
     let noise: Vec<f64> = plant
         .scale()
         .iter()
         .zip([0.01, 0.01, 0.017])
         .map(|(scale, std): (_, f64)| (std / scale).powi(2))
         .collect();
-    Tuning::uniform(plant.places().len(), 0.01, 1e-7, (1.0, 1e-6), &noise)
+    FilterOptions::uniform(plant.places().len(), 0.01, 1e-7, (1.0, 1e-6), &noise)
 }
 
 fn session(params: &VesselParams) -> KalmanPlant {
@@ -78,10 +80,10 @@ fn partials(plant: &LearnablePlant) -> Matrix {
     let (mut state, mut local) = (vec![0.0; 4 * size], vec![0.0; 4 * size]);
     for i in 0..4 {
         state[i * size + i] = 1.0;
-        plant.local(0, i, &mut local[i * size + 4..(i + 1) * size]);
+        plant.local_jacobian(0, i, &mut local[i * size + 4..(i + 1) * size]);
     }
     let mut out = vec![0.0; 4 * size];
-    plant.chain(&state, &local, size, &mut out, &mut []);
+    plant.apply_state_jacobian(&state, &local, size, &mut out, &mut []);
     out.chunks(size).map(<[f64]>::to_vec).collect()
 }
 
@@ -171,7 +173,7 @@ struct Naive {
     model: LearnablePlant,
     state: Vec<f64>,
     p: Matrix,
-    tuning: Tuning,
+    tuning: FilterOptions,
 }
 
 impl Naive {
@@ -218,7 +220,7 @@ impl Naive {
 fn the_filter_equals_a_naive_one_with_finite_differences() {
     for params in [VesselParams::hydrofoil(), VesselParams::simple()] {
         let plant = LearnablePlant::new(&model(&params));
-        let mut tuning = Tuning { leak: 1e-3, forgetting: 0.999, ..tuning(&plant) };
+        let mut tuning = FilterOptions { leak: 1e-3, forgetting: 0.999, ..tuning(&plant) };
         for (i, q) in tuning.weight_noise.iter_mut().enumerate() {
             *q *= 1.0 + (i % 5) as f64;
         }
@@ -245,7 +247,7 @@ fn the_filter_equals_a_naive_one_with_finite_differences() {
                 if k % 7 == 3 {
                     z[0] = f64::NAN;
                 }
-                assert!(matches!(ours.observe(&z), Correction::Made { .. }));
+                assert!(matches!(ours.observe(&z), Correction::Applied { .. }));
                 naive.observe(&z);
             }
             close(ours.state(), &naive.state[..4], 1e-6, "state");
@@ -295,7 +297,7 @@ fn parameters_stay_those_of_a_vessel() {
         let plant = LearnablePlant::new(&model(&params));
         let uniform = tuning(&plant);
         // So sure of the sensors, and so unsure of the vessel, that it believes nonsense.
-        let tuning = Tuning { initial_weights: vec![4.0; plant.places().len()], ..uniform };
+        let tuning = FilterOptions { initial_weights: vec![4.0; plant.places().len()], ..uniform };
         let mut session = KalmanPlant::new(&model(&params), tuning).unwrap();
         let mut least = f64::INFINITY;
         for k in 0..600 {
@@ -320,13 +322,13 @@ fn parameters_stay_those_of_a_vessel() {
         (place("rigid_body.i_z"), place("added_mass.n_rdot"), place("rigid_body.x_g"));
     let mut weights = plant.weights().to_vec();
     (weights[inertia], weights[added], weights[coupling]) = (-2.2, -2.2, 2.2);
-    plant.admit(&mut weights);
+    plant.project(&mut weights);
     assert!(weights[inertia] > -2.2 && weights[inertia] < 0.0, "{}", weights[inertia]);
     plant.set_weights(&weights);
     assert!(is_solvable(vessels()[3].form(), &plant.numbers()));
     let mut nonsense = vec![f64::NAN; weights.len()];
     nonsense[0] = f64::INFINITY;
-    plant.admit(&mut nonsense);
+    plant.project(&mut nonsense);
     assert!(nonsense.iter().all(|w| w.is_finite()));
 }
 
@@ -338,7 +340,7 @@ fn bands_have_their_stated_coverage() {
     let model = model(&params);
     let plant = LearnablePlant::new(&model);
     let noise: Vec<f64> = plant.scale()[..3].iter().map(|scale| (0.0099 / scale).powi(2)).collect();
-    let tuning = Tuning::uniform(plant.places().len(), 1e-4, 0.0, (1.0, 0.0), &noise);
+    let tuning = FilterOptions::uniform(plant.places().len(), 1e-4, 0.0, (1.0, 0.0), &noise);
     let mut session = KalmanPlant::new(&model, tuning).unwrap();
     let (mut work, mut ahead, mut band) = (Workspace::new(), vec![0.0; 3 * 40], [0.0; 9]);
     session.deviations(&[7.0; 80], &[1, 10, 40], &mut work, &mut band);

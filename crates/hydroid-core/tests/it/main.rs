@@ -15,7 +15,7 @@ mod kalman_equations_naive;
 mod kalman_golden;
 mod kalman_long;
 mod kalman_plant;
-mod kalman_reduced;
+mod kalman_structured;
 mod least_squares;
 mod math;
 mod module_order;

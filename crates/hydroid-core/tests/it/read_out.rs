@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
-use hydroid_core::adapt::{Adapter, DirectReadOut, Outcome, ReadOutError, ReadOutSettings, Rejection};
+use hydroid_core::adapt::{
+    Adapter, DirectReadOut, Learning, Outcome, ReadOutError, ReadOutSettings, Rejection, SaveState,
+};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{BaseModel, Scaling};
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
@@ -220,7 +222,7 @@ fn walk(adapter: &mut dyn Adapter, from: usize, to: usize) -> Vec<u64> {
             y[k % 2] = f64::NAN;
         }
         if k % 29 == 28 {
-            adapter.inflate(9.0);
+            adapter.scale_noise(9.0);
         }
         adapter.observe(&y);
         seen.push(u64::from(adapter.outcome() == Outcome::Accepted));
@@ -446,7 +448,7 @@ fn the_filter_stays_stable_over_a_long_run() {
         let y = if lively { measured(k) } else { [1.0 + 1e-3 * (k as f64).sin(), -0.5] };
         adapter.observe(&y);
         adapter.advance(&if lively { command(k) } else { [10.0, 0.1] });
-        assert!(adapter.health().sureness.is_nan() || adapter.health().sureness >= 1.0, "{k}");
+        assert!(adapter.health().min_s_over_r.is_nan() || adapter.health().min_s_over_r >= 1.0, "{k}");
     }
     let learner = adapter.learner().unwrap();
     assert!(learner.is_sound());

@@ -1,7 +1,7 @@
 //! Recursive sparse regression along runs whose equations are known.
 
 use hydroid_core::adapt::{
-    Adapter, BlendSettings, BlendedEquations, Gate, Outcome, RecursiveEquations, Rejection, Settings,
+    BlendSettings, BlendedEquations, Gate, Learning, Outcome, RecursiveEquations, Rejection, Settings,
     SettingsError,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Signal, Term};

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::Adapter;
-use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Rehearsal, Tuning};
+use hydroid_core::adapt::kalman::{CovarianceForm, FilterOptions, KalmanNetwork, RehearsalOptions};
+use hydroid_core::adapt::{Learning, Rehearsing, SaveState};
 use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
 
 const NETWORK: Network = Network { cell: Cell::Gru { hidden: 6 }, inputs: 2, outputs: 2, read_out: true };
-const REHEARSAL: Rehearsal =
-    Rehearsal { windows: 6, samples: 40, every: 1, initial_state: 0.1, noise_factor: 1.0 };
+const REHEARSAL: RehearsalOptions =
+    RehearsalOptions { windows: 6, samples: 40, every: 1, initial_state: 0.1, noise_factor: 1.0 };
 
 fn shore() -> Vec<f64> {
     (0..NETWORK.weights()).map(|k| 0.5 * (1.7 * k as f64).sin()).collect()
@@ -28,13 +28,13 @@ fn model(weights: Vec<f64>) -> Arc<Recurrent> {
     Arc::new(Recurrent { network: NETWORK, weights, scaling, base, feedback, wash_out, state_filter })
 }
 
-fn tuning(memory: Memory) -> Tuning {
-    let uniform = Tuning::uniform(NETWORK.weights(), 0.02, 1e-7, (1.0, 1e-5), &[1e-4; 2]);
-    Tuning { leak: 1e-5, memory, ..uniform }
+fn tuning(covariance: CovarianceForm) -> FilterOptions {
+    let uniform = FilterOptions::uniform(NETWORK.weights(), 0.02, 1e-7, (1.0, 1e-5), &[1e-4; 2]);
+    FilterOptions { leak: 1e-5, covariance, ..uniform }
 }
 
-fn session(memory: Memory, rehearsal: Option<Rehearsal>) -> KalmanNetwork<f64> {
-    KalmanNetwork::rehearsed(model(shore()), tuning(memory), rehearsal).unwrap()
+fn session(covariance: CovarianceForm, rehearsal: Option<RehearsalOptions>) -> KalmanNetwork {
+    KalmanNetwork::with_rehearsal(model(shore()), tuning(covariance), rehearsal).unwrap()
 }
 
 /// Commands of two waters: slow and small about one value, and fast about another.
@@ -46,7 +46,7 @@ fn command(water: usize, k: usize) -> [f64; 2] {
 
 /// Outputs of a network with these weights in a water, and commands, flat.
 fn sailed(weights: Vec<f64>, water: usize, count: usize) -> (Vec<f64>, Vec<f64>) {
-    let mut truth = KalmanNetwork::<f64>::new(model(weights), tuning(Memory::Diagonal)).unwrap();
+    let mut truth = KalmanNetwork::new(model(weights), tuning(CovarianceForm::Full)).unwrap();
     let (mut outputs, mut commands, mut y) = (Vec::new(), Vec::new(), [0.0; 2]);
     for k in 0..count {
         truth.output(&mut y);
@@ -63,15 +63,15 @@ fn new_water(count: usize) -> (Vec<f64>, Vec<f64>) {
     sailed(other, 1, count)
 }
 
-fn keep(session: &mut KalmanNetwork<f64>) {
+fn keep(session: &mut KalmanNetwork) {
     let (y, c) = sailed(shore(), 0, 600);
     for window in 0..session.rehearsal().map_or(0, |rehearsal| rehearsal.windows) {
         let rows = 2 * 80 * window..2 * (80 * window + 100);
-        session.keep(&y[rows.clone()], &c[rows]);
+        session.store_window(&y[rows.clone()], &c[rows]);
     }
 }
 
-fn sail(session: &mut KalmanNetwork<f64>, (y, c): &(Vec<f64>, Vec<f64>), from: usize, to: usize) {
+fn sail(session: &mut KalmanNetwork, (y, c): &(Vec<f64>, Vec<f64>), from: usize, to: usize) {
     for k in 2 * from..2 * to {
         if k % 2 == 0 {
             session.observe(&y[k..k + 2]);
@@ -83,12 +83,12 @@ fn sail(session: &mut KalmanNetwork<f64>, (y, c): &(Vec<f64>, Vec<f64>), from: u
 /// Mean error of a simulation of the old water with these weights.
 fn forgotten(weights: &[f64]) -> f64 {
     let (y, c) = sailed(shore(), 0, 300);
-    let held = KalmanNetwork::<f64>::new(
+    let held = KalmanNetwork::new(
         model(weights.to_vec()),
-        Tuning {
+        FilterOptions {
             initial_weights: vec![0.0; weights.len()],
             weight_noise: vec![0.0; weights.len()],
-            ..tuning(Memory::Full)
+            ..tuning(CovarianceForm::Full)
         },
     )
     .unwrap();
@@ -101,9 +101,9 @@ fn forgotten(weights: &[f64]) -> f64 {
 #[test]
 fn rehearsal_keeps_the_old_regime_and_learns_the_new_regime() {
     let sea = new_water(1200);
-    for memory in [Memory::Full, Memory::Blocks { group: 2 }] {
+    for covariance in [CovarianceForm::Full, CovarianceForm::Blocks { group: 2 }] {
         let errors = [None, Some(REHEARSAL)].map(|rehearsal| {
-            let mut session = session(memory, rehearsal);
+            let mut session = session(covariance, rehearsal);
             keep(&mut session);
             sail(&mut session, &sea, 0, 1000);
             let mut predicted = [0.0; 200];
@@ -113,42 +113,42 @@ fn rehearsal_keeps_the_old_regime_and_learns_the_new_regime() {
         });
         let [(plain, plain_ahead), (rehearsed, ahead)] = errors;
         println!(
-            "{memory}: old water {plain:.5} and {rehearsed:.5}, new one {plain_ahead:.5} and {ahead:.5}"
+            "{covariance}: old water {plain:.5} and {rehearsed:.5}, new one {plain_ahead:.5} and {ahead:.5}"
         );
-        assert!(rehearsed < 0.4 * plain, "{memory}: {rehearsed} {plain}");
-        assert!(ahead < 2.0 * plain_ahead + 0.01, "{memory}: {ahead} {plain_ahead}");
+        assert!(rehearsed < 0.4 * plain, "{covariance}: {rehearsed} {plain}");
+        assert!(ahead < 2.0 * plain_ahead + 0.01, "{covariance}: {ahead} {plain_ahead}");
     }
 }
 
 #[test]
 fn without_rehearsal_windows_the_filter_is_unchanged() {
     let sea = new_water(200);
-    for memory in [Memory::Full, Memory::Diagonal, Memory::LowRank { rank: 3 }] {
+    for covariance in [CovarianceForm::Full, CovarianceForm::Blocks { group: 2 }] {
         let weights = [None, Some(REHEARSAL)].map(|rehearsal| {
-            let mut session = session(memory, rehearsal);
+            let mut session = session(covariance, rehearsal);
             sail(&mut session, &sea, 0, 200);
             session.weights().to_vec()
         });
-        assert_eq!(weights[0], weights[1], "{memory}");
+        assert_eq!(weights[0], weights[1], "{covariance}");
     }
 }
 
 #[test]
 fn a_rehearsing_filter_stays_positive_and_resumes_from_its_saved_state() {
     let sea = new_water(400);
-    for memory in [Memory::Full, Memory::Blocks { group: 2 }, Memory::Diagonal, Memory::LowRank { rank: 3 }] {
-        let mut one = session(memory, Some(REHEARSAL));
+    for covariance in [CovarianceForm::Full, CovarianceForm::Blocks { group: 2 }] {
+        let mut one = session(covariance, Some(REHEARSAL));
         keep(&mut one);
         for k in 0..333 {
             sail(&mut one, &sea, k, k + 1);
             let (hh, tt) = one.filter().variances();
-            assert!(hh.iter().chain(&tt).all(|&p| p > 0.0 && p.is_finite()), "{memory}, {k}");
-            assert!(one.filter().innovation().1.iter().all(|&s| k == 0 || s >= 1e-4), "{memory}, {k}");
+            assert!(hh.iter().chain(&tt).all(|&p| p > 0.0 && p.is_finite()), "{covariance}, {k}");
+            assert!(one.filter().innovation().1.iter().all(|&s| k == 0 || s >= 1e-4), "{covariance}, {k}");
         }
         let mut saved = vec![0.0; one.memory_len()];
         one.save(&mut saved);
         // The other one has no windows of its own.
-        let mut other = session(memory, Some(REHEARSAL));
+        let mut other = session(covariance, Some(REHEARSAL));
         other.load(&saved);
         for session in [&mut one, &mut other] {
             sail(session, &sea, 333, 400);
@@ -156,6 +156,6 @@ fn a_rehearsing_filter_stays_positive_and_resumes_from_its_saved_state() {
         let (mut ours, mut theirs) = (saved.clone(), saved);
         one.save(&mut ours);
         other.save(&mut theirs);
-        assert_eq!(ours, theirs, "{memory}");
+        assert_eq!(ours, theirs, "{covariance}");
     }
 }

@@ -187,7 +187,7 @@ impl Gatherer {
         // Where nothing was measured, health is that of an earlier sample, which no memory keeps.
         if !innovations.is_empty() {
             let health = adapter.health();
-            row[places.range(Part::Health)].copy_from_slice(&[health.least_variance, health.sureness]);
+            row[places.range(Part::Health)].copy_from_slice(&[health.least_variance, health.min_s_over_r]);
         }
         if let Some(guard) = adapter.guard() {
             self.guarded(guard, row);

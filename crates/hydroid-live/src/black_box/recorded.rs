@@ -1,7 +1,7 @@
 //! An adapter whose walk is noted.
 
 use hydroid_core::adapt::guard::Guard;
-use hydroid_core::adapt::{Adapter, Health, Innovation, Outcome};
+use hydroid_core::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use hydroid_core::predict::{Predictor, Workspace};
 
 use super::{BlackBoxError, Recorder};
@@ -120,7 +120,7 @@ impl Predictor for Recorded<'_> {
     }
 }
 
-impl Adapter for Recorded<'_> {
+impl Learning for Recorded<'_> {
     fn outcome(&self) -> Outcome {
         self.adapter.outcome()
     }
@@ -138,9 +138,9 @@ impl Adapter for Recorded<'_> {
         self.adapter.freeze(frozen);
     }
 
-    fn inflate(&mut self, factor: f64) {
+    fn scale_noise(&mut self, factor: f64) {
         self.changed();
-        self.adapter.inflate(factor);
+        self.adapter.scale_noise(factor);
     }
 
     fn restart(&mut self) {
@@ -156,6 +156,18 @@ impl Adapter for Recorded<'_> {
         self.adapter.guard()
     }
 
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        work: &mut Workspace,
+        deviations: &mut [f64],
+    ) {
+        self.adapter.deviations(commands, horizons, work, deviations);
+    }
+}
+
+impl SaveState for Recorded<'_> {
     fn memory_len(&self) -> usize {
         self.adapter.memory_len()
     }
@@ -168,14 +180,6 @@ impl Adapter for Recorded<'_> {
         self.changed();
         self.adapter.load(from);
     }
-
-    fn deviations(
-        &mut self,
-        commands: &[f64],
-        horizons: &[usize],
-        work: &mut Workspace,
-        deviations: &mut [f64],
-    ) {
-        self.adapter.deviations(commands, horizons, work, deviations);
-    }
 }
+
+impl Rehearsing for Recorded<'_> {}

@@ -1,6 +1,6 @@
 //! An adapter on its walk along a stream: what was expected of a sample, what came, and what is expected next.
 
-use hydroid_core::adapt::Adapter;
+use hydroid_core::adapt::{Adapter, Learning as _};
 use hydroid_core::predict::{Predictor as _, Workspace};
 
 use super::commands::Commands;

@@ -243,7 +243,7 @@ fn the_settings_come_back_from_the_file() {
         options.least_squares.forgetting_s = infinite;
         options.least_squares.gate = adapt::Gate::OPEN;
         options.kalman.weight_noise_per_s = 0.1 + 0.2;
-        options.kalman.memory = "low-rank:7".parse().unwrap();
+        options.kalman.covariance = "blocks:7".parse().unwrap();
         let text = toml::to_string(&options).unwrap();
         assert_eq!(toml::from_str::<adapt::Options>(&text).unwrap(), options, "{name}");
     }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::{Adapter, Health, Innovation, Outcome};
+use hydroid_core::adapt::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use hydroid_core::model::direct::{Batch, Direct, DirectError, DirectSession};
 use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::predict::{Predictor, Workspace};
@@ -184,30 +184,44 @@ impl Predictor for Replay {
 }
 
 /// As far as this comparison asks for: it walks and is frozen.
-impl Adapter for Replay {
+impl Learning for Replay {
     fn outcome(&self) -> Outcome {
         Outcome::Waiting
     }
+
     fn innovations(&self) -> &[Innovation] {
         &[]
     }
+
     fn weights(&self) -> &[f64] {
         &self.model.weights
     }
+
     fn freeze(&mut self, frozen: bool) {
         self.frozen = frozen;
     }
-    fn inflate(&mut self, _: f64) {}
+
+    fn scale_noise(&mut self, _: f64) {}
+
     fn restart(&mut self) {}
+
     fn health(&self) -> Health {
         Health::UNKNOWN
     }
-    fn memory_len(&self) -> usize {
-        0
-    }
-    fn save(&self, _: &mut [f64]) {}
-    fn load(&mut self, _: &[f64]) {}
+
     fn deviations(&mut self, _: &[f64], _: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
         deviations.fill(f64::NAN);
     }
 }
+
+impl SaveState for Replay {
+    fn memory_len(&self) -> usize {
+        0
+    }
+
+    fn save(&self, _: &mut [f64]) {}
+
+    fn load(&mut self, _: &[f64]) {}
+}
+
+impl Rehearsing for Replay {}

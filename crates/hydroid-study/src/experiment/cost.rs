@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use hydroid_core::adapt::kalman::Memory;
+use hydroid_core::adapt::kalman::CovarianceForm;
 
 use super::super::StudyError;
 use super::super::lab::Lab;
@@ -13,7 +13,7 @@ use super::median;
 use hydroid::adapt;
 use hydroid_report::figure::{Figure, Key, Mark, Panel, Points, Sign};
 
-/// Networks whose filter keeps more or less of its covariance.
+/// Networks whose filter stores its covariance in several forms.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cost {
@@ -21,8 +21,8 @@ pub struct Cost {
     pub models: Vec<String>,
     /// What they sail through.
     pub record: String,
-    /// How much is kept, as `hydroid adapt --memory` has it.
-    pub memories: Vec<String>,
+    /// Forms of the covariance, as in `hydroid adapt --covariance`.
+    pub covariances: Vec<String>,
 }
 
 /// Time for a sample \[us\], numbers in the memory, error of u 20 steps ahead.
@@ -38,16 +38,16 @@ impl Cost {
         let sailed = lab.record(&self.record)?;
         let mut outcome = Outcome::default();
         let mut table =
-            Sheet::new("cost", &["network", "memory", "a sample [us]", "kept [kB]", "20 steps: u [m/s]"]);
+            Sheet::new("cost", &["network", "covariance", "a sample [us]", "kept [kB]", "20 steps: u [m/s]"]);
         let mut panel = Panel::new("adapted error of u after 20 steps [m/s]").height(320.0).decades();
         let mut figure = Figure::new("Accuracy against the cost of a step", "a sample [us]").x_decades();
         for name in &self.models {
             let models = lab.models(name)?;
             let mut points = Vec::new();
-            for words in &self.memories {
-                let memory: Memory = words
-                    .parse()
-                    .map_err(|error| lab.cannot(format_args!("'{words}' is no memory: {error}")))?;
+            for words in &self.covariances {
+                let covariance: CovarianceForm = words.parse().map_err(|error| {
+                    lab.cannot(format_args!("'{words}' is no form of the covariance: {error}"))
+                })?;
                 // One after the other: what is measured is time.
                 let mut all = Vec::new();
                 for learned in models.iter() {
@@ -55,7 +55,7 @@ impl Cost {
                     let key = lab.store.key("cost", words, &[learned.key, sailed.key]);
                     all.push(lab.store.get("cost", key, || {
                         let mut options = adaptation::options(false, learned);
-                        options.kalman.memory = memory;
+                        options.kalman.covariance = covariance;
                         let runs = [&sailed.run];
                         let memory = adapt::adapter(&learned.model, &options, &runs)?.0.memory_len();
                         let what = format!("{name}, {words}");
@@ -99,7 +99,7 @@ impl Cost {
             format!(
                 "Networks trained at low speed, along {}: the adapted error of u 2 s ahead over the time that the filter takes for a sample, for {}.",
                 self.record,
-                self.memories.join(", ")
+                self.covariances.join(", ")
             ),
         );
         outcome.table(table, "What the filter keeps of the covariance of the weights, what it costs and what it brings; medians over seeds.");

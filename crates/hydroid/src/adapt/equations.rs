@@ -1,10 +1,12 @@
 //! Adaptation of equations by an extended Kalman filter over outputs and coefficients.
 
-use hydroid_core::adapt::kalman::{KalmanEquations, KalmanError, LearnableEquations, Memory, Tuning};
+use hydroid_core::adapt::kalman::{
+    CovarianceForm, FilterOptions, KalmanEquations, KalmanError, LearnableEquations,
+};
 use hydroid_core::predict::Predictor;
 
 use super::AdaptError;
-use super::kalman::{Kalman, ResolvedKalman, Which};
+use super::kalman::{Kalman, ResolvedKalman};
 use crate::log::Trajectory;
 use crate::model::{Model, NamedEquations};
 
@@ -28,13 +30,7 @@ fn tuned(
     motion: &NamedEquations<'_>,
     options: &Kalman,
     runs: &[&Trajectory],
-) -> Result<(LearnableEquations, Tuning, Vec<f64>), AdaptError> {
-    if options.weights != Which::All {
-        return Err(AdaptError::OnlyNetworks { what: "a choice of the layers that learn" });
-    }
-    if options.single_precision {
-        return Err(AdaptError::OnlyNetworks { what: "single precision" });
-    }
+) -> Result<(LearnableEquations, FilterOptions, Vec<f64>), AdaptError> {
     let noise = options.noise_of(model, runs)?;
     let ranges = model.description.ranges();
     let learnable = LearnableEquations::new(motion.equations(), &ranges).map_err(AdaptError::Settings)?;
@@ -52,7 +48,7 @@ pub(super) fn adapter(
     runs: &[&Trajectory],
 ) -> Result<(KalmanEquations, ResolvedKalman), AdaptError> {
     let (learnable, tuning, noise) = tuned(model, motion, options, runs)?;
-    let adapter = KalmanEquations::new(learnable, tuning).map_err(KalmanError::Tuning)?;
+    let adapter = KalmanEquations::new(learnable, tuning).map_err(KalmanError::Options)?;
     Ok((adapter, options.used(noise)))
 }
 
@@ -68,7 +64,7 @@ pub(super) fn filtered(
         weight_noise_per_s: 0.0,
         leak_s: f64::INFINITY,
         forgetting_s: f64::INFINITY,
-        memory: Memory::Full,
+        covariance: CovarianceForm::Full,
         ..options.clone()
     };
     let (session, _) = adapter(model, motion, &sure, runs)?;

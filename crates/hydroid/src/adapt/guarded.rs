@@ -2,7 +2,7 @@
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
-use hydroid_core::adapt::kalman::Memory;
+use hydroid_core::adapt::kalman::CovarianceForm;
 use hydroid_core::model::recurrent::BaseModel;
 
 use super::kalman::{Kalman, LEAST_NOISE};
@@ -53,7 +53,7 @@ fn constant_weights(model: &Model, options: &Options) -> Kalman {
         leak_s: f64::INFINITY,
         rehearsal: None,
         forgetting_s: f64::INFINITY,
-        memory: Memory::Full,
+        covariance: CovarianceForm::Full,
         ..options.kalman.clone()
     };
     match &model.body {

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
-use hydroid_core::adapt::kalman::{KalmanNetwork, Memory, Rehearsal, Tuning};
-use hydroid_core::model::recurrent::{BaseModel, Blocks, Layout, Packed, Recurrent, StateFilter};
+use hydroid_core::adapt::kalman::{CovarianceForm, FilterOptions, KalmanNetwork, RehearsalOptions};
+use hydroid_core::model::recurrent::{BaseModel, Layout, Recurrent, StateFilter};
 use serde::{Deserialize, Serialize};
 
 use super::AdaptError;
@@ -23,8 +23,6 @@ pub struct Kalman {
     pub weight_variance: f64,
     /// Variance that each weight gains in a second: how fast the vessel may change.
     pub weight_noise_per_s: f64,
-    /// Both are so many times that for the weights of the gates of an LSTM or a GRU, which decide how fast the network is.
-    pub gate_factor: f64,
     /// Variance of each number of the hidden state at the start of a run. That of equations is as uncertain as its
     /// measurement.
     pub state_variance: f64,
@@ -45,15 +43,9 @@ pub struct Kalman {
     pub forgetting_s: f64,
     /// Innovations of more standard deviations than this weigh less (Huber); infinite to trust all of them.
     pub huber: f64,
-    /// Time \[s\] over which the noise follows what is measured; infinite to keep it.
-    pub adaptive_noise_s: f64,
-    /// Which weights are learned. Equations have no layers.
-    pub weights: Which,
-    /// How much of the covariance of the weights is kept.
+    /// Form of the covariance of the weights.
     #[serde(with = "as_text")]
-    pub memory: Memory,
-    /// Whether the filter works in single precision; that of equations does not.
-    pub single_precision: bool,
+    pub covariance: CovarianceForm,
 }
 
 /// How windows of logs from shore are rehearsed ([`store_rehearsal_windows`](super::store_rehearsal_windows)).
@@ -79,11 +71,11 @@ impl Default for Rehearse {
 }
 
 impl Rehearse {
-    fn of(&self, dt: f64) -> Rehearsal {
+    fn of(&self, dt: f64) -> RehearsalOptions {
         // Casts saturate.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let samples = (self.window_s / dt).round() as usize;
-        Rehearsal {
+        RehearsalOptions {
             windows: self.windows,
             samples,
             every: self.every,
@@ -93,30 +85,17 @@ impl Rehearse {
     }
 }
 
-/// Which weights are learned.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Which {
-    /// All of them.
-    #[default]
-    All,
-    /// Those of the last layer, and what comes after it.
-    LastLayer,
-    /// Those of the read-out (of the projection, where it is the output).
-    ReadOut,
-}
-
-/// A memory in the words of the command line.
+/// The form of the covariance as on the command line.
 mod as_text {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
-    use super::Memory;
+    use super::CovarianceForm;
 
-    pub(super) fn serialize<S: Serializer>(memory: &Memory, into: S) -> Result<S::Ok, S::Error> {
-        into.collect_str(memory)
+    pub(super) fn serialize<S: Serializer>(form: &CovarianceForm, into: S) -> Result<S::Ok, S::Error> {
+        into.collect_str(form)
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Memory, D::Error> {
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<CovarianceForm, D::Error> {
         String::deserialize(from)?.parse().map_err(D::Error::custom)
     }
 }
@@ -126,7 +105,6 @@ impl Default for Kalman {
         Self {
             weight_variance: 0.02,
             weight_noise_per_s: 6e-7,
-            gate_factor: 5.0,
             state_variance: 1.0,
             state_noise_per_s: 1e-4,
             noise: None,
@@ -135,10 +113,7 @@ impl Default for Kalman {
             rehearsal: None,
             forgetting_s: f64::INFINITY,
             huber: f64::INFINITY,
-            adaptive_noise_s: f64::INFINITY,
-            weights: Which::All,
-            memory: Memory::Full,
-            single_precision: false,
+            covariance: CovarianceForm::Full,
         }
     }
 }
@@ -149,7 +124,6 @@ impl Default for Kalman {
 pub struct ResolvedKalman {
     pub weight_variance: f64,
     pub weight_noise_per_s: f64,
-    pub gate_factor: f64,
     pub state_variance: f64,
     pub state_noise_per_s: f64,
     pub noise: Vec<f64>,
@@ -159,16 +133,17 @@ pub struct ResolvedKalman {
     pub rehearsal: Option<Rehearse>,
     pub forgetting_s: f64,
     pub huber: f64,
-    pub adaptive_noise_s: f64,
-    pub weights: Which,
-    pub memory: String,
-    pub single_precision: bool,
+    pub covariance: String,
 }
 
 /// Standard deviation of the noise of an output that is not given, at the least: in widths of its range. Of filtered channels
 /// all that is found is too small (0.0002 m/s on the Esso Osaka model); of six networks' errors on its random run that
 /// was left out, this was the floor at which an LSTM ran away no more, while simulated sensors are noisier by themselves.
 pub(super) const LEAST_NOISE: f64 = 0.0015;
+
+/// Factor of the initial variance and of the noise of the weights of gates (LSTM, GRU), which set the time constants of the
+/// network.
+const GATE_FACTOR: f64 = 5.0;
 
 /// Process noise of the filter on the state alone, for one sample.
 const STATE_FILTER_PROCESS: f64 = 1e-4;
@@ -203,18 +178,23 @@ impl Kalman {
 
     /// The tuning of the core's filter where all weights are learned, for outputs of that noise, scaled by `scale`, and steps
     /// of `dt` seconds.
-    pub(super) fn uniform(&self, weights: usize, noise: &[f64], scale: &[f64], dt: f64) -> Tuning {
+    pub(super) fn uniform(&self, weights: usize, noise: &[f64], scale: &[f64], dt: f64) -> FilterOptions {
         let per_sample = |time_s: f64| 1.0 - (-dt / time_s).exp();
         let scaled = |(std, scale): (&f64, &f64)| self.noise_factor * (std / scale).powi(2);
         let noise: Vec<f64> = noise.iter().zip(scale).map(scaled).collect();
         let state = (self.state_variance, self.state_noise_per_s * dt);
-        Tuning {
+        FilterOptions {
             leak: per_sample(self.leak_s),
             forgetting: 1.0 - per_sample(self.forgetting_s),
             huber: self.huber,
-            noise_rate: per_sample(self.adaptive_noise_s),
-            memory: self.memory,
-            ..Tuning::uniform(weights, self.weight_variance, self.weight_noise_per_s * dt, state, &noise)
+            covariance: self.covariance,
+            ..FilterOptions::uniform(
+                weights,
+                self.weight_variance,
+                self.weight_noise_per_s * dt,
+                state,
+                &noise,
+            )
         }
     }
 
@@ -223,7 +203,6 @@ impl Kalman {
         ResolvedKalman {
             weight_variance: self.weight_variance,
             weight_noise_per_s: self.weight_noise_per_s,
-            gate_factor: self.gate_factor,
             state_variance: self.state_variance,
             state_noise_per_s: self.state_noise_per_s,
             noise,
@@ -232,30 +211,17 @@ impl Kalman {
             rehearsal: self.rehearsal,
             forgetting_s: self.forgetting_s,
             huber: self.huber,
-            adaptive_noise_s: self.adaptive_noise_s,
-            weights: self.weights,
-            memory: self.memory.to_string(),
-            single_precision: self.single_precision,
+            covariance: self.covariance.to_string(),
         }
     }
 
     /// The tuning for a network.
-    fn tuning(&self, network: &Recurrent, noise: &[f64], dt: f64) -> Tuning {
+    fn tuning(&self, network: &Recurrent, noise: &[f64], dt: f64) -> FilterOptions {
         let scale = &network.scaling.correction_scale;
         let mut tuning = self.uniform(network.weights.len(), noise, scale, dt);
         for place in Layout::new(&network.network).gates(network.network.cell) {
-            tuning.initial_weights[place] *= self.gate_factor;
-            tuning.weight_noise[place] *= self.gate_factor;
-        }
-        let blocks = Blocks::new(&Packed::new(network.network, &network.weights));
-        let kept = match self.weights {
-            Which::All => 0,
-            Which::LastLayer => blocks.last_layer(),
-            Which::ReadOut => blocks.read_out(),
-        };
-        for &place in blocks.places()[..kept].iter().flatten() {
-            tuning.initial_weights[place] = 0.0;
-            tuning.weight_noise[place] = 0.0;
+            tuning.initial_weights[place] *= GATE_FACTOR;
+            tuning.weight_noise[place] *= GATE_FACTOR;
         }
         tuning
     }
@@ -272,12 +238,8 @@ pub(super) fn adapter(
     let tuning = options.tuning(network, &noise, model.description.dt);
     let plain = Arc::new(Recurrent { state_filter: None, ..(**network).clone() });
     let rehearsal = options.rehearsal.map(|rehearse| rehearse.of(model.description.dt));
-    let adapter: Box<dyn Adapter> = if options.single_precision {
-        Box::new(KalmanNetwork::<f32>::rehearsed(plain, tuning, rehearsal)?)
-    } else {
-        Box::new(KalmanNetwork::<f64>::rehearsed(plain, tuning, rehearsal)?)
-    };
-    Ok((adapter, options.used(noise)))
+    let adapter = KalmanNetwork::with_rehearsal(plain, tuning, rehearsal)?;
+    Ok((Box::new(adapter), options.used(noise)))
 }
 
 /// The model with a filter on its state alone; none for those whose state a measurement enters otherwise.
@@ -322,16 +284,13 @@ mod tests {
         let (base, wash_out) = (BaseModel::Nothing, 0);
         let model =
             Recurrent { network, weights, scaling, base, feedback: false, wash_out, state_filter: None };
-        let options = Kalman { gate_factor: 4.0, ..Kalman::default() };
+        let options = Kalman::default();
         let tuning = options.tuning(&model, &[0.01], 0.1);
         let gates = Layout::new(&network).gates(network.cell);
         for (place, (variance, noise)) in tuning.initial_weights.iter().zip(&tuning.weight_noise).enumerate()
         {
-            let factor = if gates.contains(&place) { 4.0 } else { 1.0 };
+            let factor = if gates.contains(&place) { 5.0 } else { 1.0 };
             assert_eq!((*variance, *noise), (0.02 * factor, options.weight_noise_per_s * 0.1 * factor));
         }
-        // Those that do not learn do not, gates or not.
-        let read_out = Kalman { weights: Which::ReadOut, ..options }.tuning(&model, &[0.01], 0.1);
-        assert!(gates.iter().all(|&place| read_out.initial_weights[place] == 0.0));
     }
 }

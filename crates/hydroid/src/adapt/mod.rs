@@ -13,7 +13,7 @@ mod metrics;
 mod plant;
 
 use hydroid_core::adapt::guard::GuardError;
-use hydroid_core::adapt::kalman::{KalmanError, Rehearsal};
+use hydroid_core::adapt::kalman::{KalmanError, RehearsalOptions};
 use hydroid_core::adapt::{Adapter, ReadOutError, SettingsError};
 use serde::{Deserialize, Serialize};
 
@@ -26,8 +26,8 @@ use metrics::MeteredAdapter;
 pub use events::LoggedEvent;
 pub use hydroid_core::adapt::Gate;
 pub use hydroid_core::adapt::guard::GuardOptions;
-pub use hydroid_core::adapt::kalman::Memory;
-pub use kalman::{Kalman, Rehearse, ResolvedKalman, Which};
+pub use hydroid_core::adapt::kalman::CovarianceForm;
+pub use kalman::{Kalman, Rehearse, ResolvedKalman};
 pub use last_layer::ResolvedLastLayer;
 pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, ResolvedLeastSquares};
 pub use metrics::{BAND_80, BAND_95, Counts, Coverage, Times};
@@ -136,12 +136,6 @@ pub enum AdaptError {
     /// Invalid options of the filter.
     #[error("the model cannot be adapted: {0}")]
     Kalman(#[from] KalmanError),
-    /// What only networks have.
-    #[error("{what} is for networks: this model is none")]
-    OnlyNetworks {
-        /// Asked for.
-        what: &'static str,
-    },
     /// The guard does not fit the model.
     #[error("the model cannot be guarded: {0}")]
     Guard(GuardError),
@@ -277,7 +271,7 @@ pub fn replay_training_runs(adapter: &mut dyn Adapter, training_runs: &[&Traject
 /// Stores windows of training runs, evenly spread, in the rehearsal memory of an adapter; each has a wash-out of its own length.
 /// No effect without rehearsal.
 pub fn store_rehearsal_windows(adapter: &mut dyn Adapter, training_runs: &[&Trajectory]) {
-    let Some(&Rehearsal { windows, samples, .. }) = adapter.rehearsal() else { return };
+    let Some(&RehearsalOptions { windows, samples, .. }) = adapter.rehearsal() else { return };
     let wash_in = samples.max(adapter.warm_up());
     let starts = |run: &Trajectory| run.len().saturating_sub(wash_in + samples);
     let all: usize = training_runs.iter().map(|run| starts(run)).sum();
@@ -286,7 +280,10 @@ pub fn store_rehearsal_windows(adapter: &mut dyn Adapter, training_runs: &[&Traj
         for run in training_runs {
             if start < starts(run) {
                 let rows = start..start + wash_in + samples + 1;
-                adapter.keep(run.outputs.rows(rows.start, rows.end), run.inputs.rows(rows.start, rows.end));
+                adapter.store_window(
+                    run.outputs.rows(rows.start, rows.end),
+                    run.inputs.rows(rows.start, rows.end),
+                );
                 break;
             }
             start -= starts(run);

@@ -1,13 +1,13 @@
 //! Adaptation of vessels by an extended Kalman filter over motion, propeller force and parameters.
 
-use hydroid_core::adapt::kalman::{KalmanError, KalmanPlant, LearnablePlant, Memory};
+use hydroid_core::adapt::kalman::{CovarianceForm, KalmanError, KalmanPlant, LearnablePlant};
 use hydroid_core::model::PlantModel;
 use hydroid_core::predict::Predictor;
 use hydroid_core::vessel::PARAMETER;
 use serde::Serialize;
 
 use super::AdaptError;
-use super::kalman::{Kalman, ResolvedKalman, Which};
+use super::kalman::{Kalman, ResolvedKalman};
 use crate::log::Trajectory;
 use crate::model::Model;
 
@@ -45,17 +45,11 @@ pub(super) fn adapter(
     options: &Kalman,
     runs: &[&Trajectory],
 ) -> Result<(KalmanPlant, ResolvedKalman), AdaptError> {
-    if options.weights != Which::All {
-        return Err(AdaptError::OnlyNetworks { what: "a choice of the layers that learn" });
-    }
-    if options.single_precision {
-        return Err(AdaptError::OnlyNetworks { what: "single precision" });
-    }
     let noise = options.noise_of(model, runs)?;
     let learnable = LearnablePlant::new(plant);
     let scale = &learnable.scale()[..PlantModel::OUTPUTS];
     let tuning = options.uniform(learnable.places().len(), &noise, scale, plant.dt());
-    let adapter = KalmanPlant::new(plant, tuning).map_err(KalmanError::Tuning)?;
+    let adapter = KalmanPlant::new(plant, tuning).map_err(KalmanError::Options)?;
     Ok((adapter, options.used(noise)))
 }
 
@@ -71,7 +65,7 @@ pub(super) fn filtered(
         weight_noise_per_s: 0.0,
         leak_s: f64::INFINITY,
         forgetting_s: f64::INFINITY,
-        memory: Memory::Full,
+        covariance: CovarianceForm::Full,
         ..options.clone()
     };
     let (session, _) = adapter(model, plant, &sure, runs)?;

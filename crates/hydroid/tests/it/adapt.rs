@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use crate::ridge_baseline::ESSO;
-use hydroid::adapt::{self, AdaptError, Kalman, LeastSquares, Options, ResolvedOptions, Which, adapt};
+use hydroid::adapt::{self, AdaptError, Kalman, LeastSquares, Options, ResolvedOptions, adapt};
 use hydroid::evaluate::{self, Evaluation};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GivenRanges, Job, Method, NetworkTrainingOptions, SindyOptions, identify};
@@ -190,10 +190,6 @@ fn invalid_adaptations_are_refused() {
     let horizon = evaluate::Options { horizon: 5000, ..evaluate::Options::default() };
     let error = refused(Options { evaluate: horizon, ..Options::default() });
     assert!(matches!(error, AdaptError::Evaluate(_)), "{error}");
-    let error = refused(by_the_filter(Kalman { weights: Which::ReadOut, ..Kalman::of_equations() }));
-    assert!(error.to_string().contains("is for networks"), "{error}");
-    let error = refused(by_the_filter(Kalman { single_precision: true, ..Kalman::of_equations() }));
-    assert!(error.to_string().contains("is for networks"), "{error}");
     let error = refused(by_the_filter(Kalman { weight_variance: -1.0, ..Kalman::of_equations() }));
     assert!(error.to_string().contains("the model cannot be adapted"), "{error}");
     let two = by_least_squares(LeastSquares { window_s: Some(2.0), ..Default::default() });

@@ -1,12 +1,12 @@
-//! Recursive equations as an [`Adapter`]: what is asked of them besides predicting.
+//! Recursive equations as an adapter: learning and persistence.
 
 use super::super::memory::{MOST_COUNTED, Reader, Writer};
 use super::super::spread::Spread;
-use super::super::{Adapter, Health, Innovation, Outcome};
+use super::super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use super::{Group, RecursiveEquations};
 use crate::predict::{Predictor, Workspace};
 
-impl Adapter for RecursiveEquations {
+impl Learning for RecursiveEquations {
     fn outcome(&self) -> Outcome {
         self.outcome
     }
@@ -23,7 +23,7 @@ impl Adapter for RecursiveEquations {
         self.frozen = frozen;
     }
 
-    fn inflate(&mut self, factor: f64) {
+    fn scale_noise(&mut self, factor: f64) {
         self.inflation = factor;
     }
 
@@ -36,6 +36,40 @@ impl Adapter for RecursiveEquations {
         Health::UNKNOWN
     }
 
+    /// Known after some rows: of what the sensors add, what the equations leave out, and uncertain coefficients.
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        work: &mut Workspace,
+        deviations: &mut [f64],
+    ) {
+        let n = self.outputs();
+        assert_eq!(deviations.len(), horizons.len() * n, "a row for each horizon");
+        let (Some(spread), Some(variances)) = (&self.spread, self.noise.variances()) else {
+            deviations.fill(f64::NAN);
+            return;
+        };
+        // Of the coefficients of one output the covariance is that of its group, times the noise of its rows; those
+        // of two outputs are independent, as their noise is taken to be.
+        let uncertain = |s: &[f64]| -> f64 {
+            let of_group = |group: &Group| -> f64 {
+                let of_output = |(&output, &first): (&usize, &usize)| {
+                    let phi = |t: usize| s[first + t] * self.library.inverse[group.terms[t]];
+                    variances[output] * group.kernel.variance(phi)
+                };
+                group.outputs.iter().zip(&group.firsts).map(of_output).sum()
+            };
+            self.groups.iter().map(of_group).sum()
+        };
+        let samples = self.rows.samples();
+        let rows = (variances, samples, samples as f64 * self.equations().dt());
+        let scratch = work.take(spread.scratch(horizons.last().copied().unwrap_or(0)));
+        spread.deviations((self.session.state(), commands), horizons, rows, uncertain, scratch, deviations);
+    }
+}
+
+impl SaveState for RecursiveEquations {
     fn memory_len(&self) -> usize {
         let kernels: usize = self.groups.iter().map(|group| group.kernel.memory_len()).sum();
         // Two flags and a counter of the library, and whether the adapter is frozen.
@@ -83,36 +117,6 @@ impl Adapter for RecursiveEquations {
         self.outcome = Outcome::Waiting;
         self.innovations.clear();
     }
-
-    /// Known after some rows: of what the sensors add, what the equations leave out, and uncertain coefficients.
-    fn deviations(
-        &mut self,
-        commands: &[f64],
-        horizons: &[usize],
-        work: &mut Workspace,
-        deviations: &mut [f64],
-    ) {
-        let n = self.outputs();
-        assert_eq!(deviations.len(), horizons.len() * n, "a row for each horizon");
-        let (Some(spread), Some(variances)) = (&self.spread, self.noise.variances()) else {
-            deviations.fill(f64::NAN);
-            return;
-        };
-        // Of the coefficients of one output the covariance is that of its group, times the noise of its rows; those
-        // of two outputs are independent, as their noise is taken to be.
-        let uncertain = |s: &[f64]| -> f64 {
-            let of_group = |group: &Group| -> f64 {
-                let of_output = |(&output, &first): (&usize, &usize)| {
-                    let phi = |t: usize| s[first + t] * self.library.inverse[group.terms[t]];
-                    variances[output] * group.kernel.variance(phi)
-                };
-                group.outputs.iter().zip(&group.firsts).map(of_output).sum()
-            };
-            self.groups.iter().map(of_group).sum()
-        };
-        let samples = self.rows.samples();
-        let rows = (variances, samples, samples as f64 * self.equations().dt());
-        let scratch = work.take(spread.scratch(horizons.last().copied().unwrap_or(0)));
-        spread.deviations((self.session.state(), commands), horizons, rows, uncertain, scratch, deviations);
-    }
 }
+
+impl Rehearsing for RecursiveEquations {}

@@ -1,4 +1,4 @@
-//! A guard as an [`Adapter`]: three models follow the run, and one of them predicts.
+//! A guard as an adapter: three models follow the run, and one of them predicts.
 
 use alloc::boxed::Box;
 
@@ -6,9 +6,9 @@ use super::Guard;
 use super::deviation_bound::{BoundedRollout, Budget, GuardFork, extrapolate};
 use super::event::Expert;
 use super::sensor::Sensor;
-use crate::adapt::kalman::Rehearsal;
+use crate::adapt::kalman::RehearsalOptions;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
-use crate::adapt::{Adapter, Health, Innovation, Outcome};
+use crate::adapt::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use crate::predict::{Predictor, Workspace};
 
 impl Guard {
@@ -61,9 +61,9 @@ impl Predictor for Guard {
         self.check_range();
         self.update_freeze();
         if factor > 1.0 {
-            self.learner.inflate(factor);
-            self.snapshot.inflate(factor);
-            self.reference.inflate(factor);
+            self.learner.scale_noise(factor);
+            self.snapshot.scale_noise(factor);
+            self.reference.scale_noise(factor);
         }
         let Self { learner, snapshot, reference, measured, reference_input, .. } = self;
         learner.observe(measured);
@@ -143,7 +143,7 @@ impl Predictor for Guard {
     }
 }
 
-impl Adapter for Guard {
+impl Learning for Guard {
     /// The outcome of the learner, or a rollback of its weights.
     fn outcome(&self) -> Outcome {
         self.outcome
@@ -163,22 +163,14 @@ impl Adapter for Guard {
         self.learner.freeze(frozen);
     }
 
-    fn inflate(&mut self, factor: f64) {
-        self.learner.inflate(factor);
-        self.snapshot.inflate(factor);
-        self.reference.inflate(factor);
+    fn scale_noise(&mut self, factor: f64) {
+        self.learner.scale_noise(factor);
+        self.snapshot.scale_noise(factor);
+        self.reference.scale_noise(factor);
     }
 
     fn restart(&mut self) {
         self.learner.restart();
-    }
-
-    fn rehearsal(&self) -> Option<&Rehearsal> {
-        self.learner.rehearsal()
-    }
-
-    fn keep(&mut self, outputs: &[f64], commands: &[f64]) {
-        self.learner.keep(outputs, commands);
     }
 
     fn health(&self) -> Health {
@@ -189,6 +181,23 @@ impl Adapter for Guard {
         Some(self)
     }
 
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        work: &mut Workspace,
+        deviations: &mut [f64],
+    ) {
+        let expert = match self.selector.active {
+            Expert::Adapted => &mut self.learner,
+            Expert::Snapshot => &mut self.snapshot,
+            Expert::Reference => &mut self.reference,
+        };
+        expert.deviations(commands, horizons, work, deviations);
+    }
+}
+
+impl SaveState for Guard {
     fn memory_len(&self) -> usize {
         let experts = self.learner.memory_len() + self.snapshot.memory_len() + self.reference.memory_len();
         let sensors = self.sensors.len() * Sensor::MEMORY_LEN;
@@ -241,19 +250,14 @@ impl Adapter for Guard {
         self.events.clear();
         self.outcome = Outcome::Waiting;
     }
+}
 
-    fn deviations(
-        &mut self,
-        commands: &[f64],
-        horizons: &[usize],
-        work: &mut Workspace,
-        deviations: &mut [f64],
-    ) {
-        let expert = match self.selector.active {
-            Expert::Adapted => &mut self.learner,
-            Expert::Snapshot => &mut self.snapshot,
-            Expert::Reference => &mut self.reference,
-        };
-        expert.deviations(commands, horizons, work, deviations);
+impl Rehearsing for Guard {
+    fn rehearsal(&self) -> Option<&RehearsalOptions> {
+        self.learner.rehearsal()
+    }
+
+    fn store_window(&mut self, outputs: &[f64], commands: &[f64]) {
+        self.learner.store_window(outputs, commands);
     }
 }

@@ -356,9 +356,9 @@ impl Guard {
     /// Restarts an unsound covariance; rolls back weights that are not finite.
     fn check_health(&mut self) {
         let lost = self.outcome == Outcome::Rejected(Rejection::NotFinite);
-        let Health { least_variance, sureness } = self.learner.health();
+        let Health { least_variance, min_s_over_r } = self.learner.health();
         // NaN, for an unknown value, passes.
-        if lost || least_variance < 0.0 || sureness < 1.0 - 1e-6 {
+        if lost || least_variance < 0.0 || min_s_over_r < 1.0 - 1e-6 {
             self.learner.restart();
             self.record_event(Action::Restarted);
         }

@@ -3,228 +3,223 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::gain::Gain;
-use super::joint::Joint;
-use super::learnable::Learnable;
-use super::tuning::{Tuning, TuningError};
-use crate::adapt::Health;
-use crate::math::Scalar;
+use num_traits::Float;
 
-/// What a measurement did.
+use super::covariance::JointCovariance;
+use super::learnable::Learnable;
+use super::measurement::MeasurementUpdate;
+use super::options::{FilterOptions, FilterOptionsError};
+use crate::adapt::Health;
+use crate::adapt::memory::{Reader, Writer};
+
+/// Result of a measurement update.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Correction {
-    /// Nothing: there is no measurement, or no step before it.
+    /// No update: there is no measurement, or no step before it.
     None,
-    /// It corrected state and weights.
-    Made {
+    /// State and weights were corrected.
+    Applied {
         /// Normalised innovation squared, `e' S^-1 e`.
         nis: f64,
-        /// The largest innovation, in standard deviations.
+        /// The largest innovation \[standard deviations\].
         deviations: f64,
-        /// The least weight that a channel had: below 1 where [`Tuning::huber`] softened it.
+        /// The smallest weight of an output: below 1 where [`FilterOptions::huber`] limits an innovation.
         weight: f64,
     },
-    /// Innovation or covariance are not finite: it was left out, and the covariance starts again.
-    Lost,
+    /// The innovation or its covariance is not finite. The measurement was not used, and the covariance was reset.
+    Diverged,
 }
 
-/// An extended Kalman filter over the state and the weights of a [`Learnable`] model, as the [module](super) has it.
+/// An extended Kalman filter over the state and the weights of a [`Learnable`] model; equations in the [module](super).
 ///
-/// [`advance`](Self::advance) is the time update, [`observe`](Self::observe) the measurement update; a step without
-/// measurement is an `advance` alone. Nothing allocates but [`new`](Self::new).
-///
-/// What it keeps of the covariance, and so how its time and memory grow with the number of weights, is
-/// [`Tuning::memory`].
+/// [`advance`](Self::advance) is the time update, [`observe`](Self::observe) the measurement update. A sample without a
+/// measurement is an `advance` alone. Only [`new`](Self::new) allocates. [`FilterOptions::covariance`] selects the form of the
+/// covariance, and with it time and memory.
 #[derive(Clone, Debug)]
-pub struct Filter<T, M> {
+pub struct Filter<M> {
     pub(super) model: M,
-    tuning: Tuning,
-    /// `h`, all weights, and those that were given.
-    pub(super) state: Vec<T>,
-    pub(super) weights: Vec<T>,
-    given: Vec<T>,
-    /// `R`, which may move.
-    pub(super) noise: Vec<T>,
-    pub(super) joint: Joint<T>,
+    options: FilterOptions,
+    /// `h`, all weights, and the initial weights `theta_0`.
+    state: Vec<f64>,
+    weights: Vec<f64>,
+    given: Vec<f64>,
+    covariance: JointCovariance,
     /// Whether a step was made since the last measurement.
-    pub(super) moved: bool,
-    /// Whether measurements change the weights.
-    pub(super) learns: bool,
-    gain: Gain<T>,
-    /// What the noise of the next measurement is multiplied by.
-    inflation: T,
-    /// A vector of state and weights, the latter in the order of the covariance's columns: how they change.
-    by_state: Vec<T>,
-    change: Vec<T>,
+    stepped: bool,
+    learns: bool,
+    update: MeasurementUpdate,
+    /// Factor of the noise of the next measurement.
+    noise_scale: f64,
+    /// A vector over the state, and one over the columns of the covariance of the weights.
+    by_state: Vec<f64>,
+    change: Vec<f64>,
 }
 
-impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
-    /// A filter at the start of a run, with the weights that the model has.
+impl<M: Learnable> Filter<M> {
+    /// A filter at the start of a run, with the weights of the model.
     ///
     /// # Errors
-    /// If the tuning makes no sense or does not fit the model.
-    pub fn new(model: M, tuning: Tuning) -> Result<Self, TuningError> {
+    /// If the options are out of range or do not fit the model.
+    pub fn new(model: M, options: FilterOptions) -> Result<Self, FilterOptionsError> {
         let (n, outputs) = (model.state_len(), model.outputs());
-        tuning.check(model.weights().len(), outputs)?;
+        options.check(model.weights().len(), outputs)?;
         let learned: Vec<usize> = (0..model.blocks().len())
-            .filter(|&b| model.blocks()[b].iter().any(|&weight| tuning.learns(weight)))
+            .filter(|&b| model.blocks()[b].iter().any(|&weight| options.learns(weight)))
             .collect();
-        if learned.is_empty() && tuning.initial_state == 0.0 && tuning.state_noise == 0.0 {
-            return Err(TuningError::Nothing);
+        if learned.is_empty() && options.initial_state == 0.0 && options.state_noise == 0.0 {
+            return Err(FilterOptionsError::Nothing);
         }
-        let joint = Joint::new(&model, &tuning, learned);
+        let covariance = JointCovariance::new(&model, &options, learned);
         let weights = model.weights().to_vec();
         let mut filter = Self {
-            state: vec![T::zero(); n],
+            state: vec![0.0; n],
             given: weights.clone(),
             weights,
-            noise: vec![T::zero(); outputs],
-            moved: false,
+            stepped: false,
             learns: true,
-            gain: Gain::new(outputs),
-            inflation: T::one(),
-            by_state: vec![T::zero(); n],
-            change: vec![T::zero(); joint.places().len()],
-            joint,
+            update: MeasurementUpdate::new(outputs),
+            noise_scale: 1.0,
+            by_state: vec![0.0; n],
+            change: vec![0.0; covariance.places().len()],
+            covariance,
             model,
-            tuning,
+            options,
         };
         filter.restart();
         filter.reset();
         Ok(filter)
     }
 
-    /// Forgets how sure it is of the weights: their covariance is as at the start. The weights stay.
+    /// Resets the covariance of the weights to its initial value. The weights stay.
     pub fn restart(&mut self) {
-        for (initial, place) in self.change.iter_mut().zip(self.joint.places()) {
-            *initial = T::of(place.map_or(0.0, |place| self.tuning.initial_weights[place]));
+        for (initial, place) in self.change.iter_mut().zip(self.covariance.places()) {
+            *initial = place.map_or(0.0, |place| self.options.initial_weights[place]);
         }
-        self.joint.restart(&self.change);
-        for (noise, &given) in self.noise.iter_mut().zip(&self.tuning.noise) {
-            *noise = T::of(given);
-        }
+        self.covariance.restart(&self.change);
     }
 
-    /// Back to the start of a run: the state is zero, as uncertain as at first. What was learned stays.
+    /// Starts a run: the state is zero, with its initial variance. Weights and their covariance stay.
     pub fn reset(&mut self) {
-        self.state.fill(T::zero());
-        self.by_state.fill(T::of(self.tuning.initial_state));
-        self.joint.reset(&self.by_state);
-        self.moved = false;
+        self.state.fill(0.0);
+        self.by_state.fill(self.options.initial_state);
+        self.covariance.reset(&self.by_state);
+        self.stepped = false;
     }
 
-    /// The start of a run, of a model whose state begins with its outputs: these were measured; what is behind them is as
-    /// uncertain as at first. What was learned stays.
-    pub(super) fn begin(&mut self, state: impl IntoIterator<Item = T>) {
+    /// Starts a run of a model whose state begins with its outputs, from their measurement: their variance is `R`, the variance
+    /// of the rest of the state is the initial one.
+    pub(super) fn begin(&mut self, state: impl IntoIterator<Item = f64>) {
         self.state.iter_mut().zip(state).for_each(|(into, h)| *into = h);
-        self.by_state.fill(T::of(self.tuning.initial_state));
-        self.by_state[..self.noise.len()].copy_from_slice(&self.noise);
-        self.joint.reset(&self.by_state);
-        self.moved = false;
+        self.by_state.fill(self.options.initial_state);
+        self.by_state[..self.options.noise.len()].copy_from_slice(&self.options.noise);
+        self.covariance.reset(&self.by_state);
+        self.stepped = false;
     }
 
-    /// The part of the state that moves is this from now on, each number as uncertain as `variance` says and independent of
-    /// all else.
-    pub(super) fn begin_part(&mut self, state: &[T], variance: T) {
-        let part = self.model.moving();
-        self.state[part.clone()].copy_from_slice(state);
-        self.joint.reset_part(part, variance);
-        self.moved = false;
+    /// Sets the active state; its variances become `variance`, its correlations zero.
+    pub(super) fn begin_active(&mut self, state: &[f64], variance: f64) {
+        let active = self.model.active_state();
+        self.state[active.clone()].copy_from_slice(state);
+        self.covariance.reset_part(active, variance);
+        self.stepped = false;
     }
 
-    /// [`inflate`](Self::inflate), and what it was.
-    pub(super) fn replace_inflation(&mut self, factor: T) -> T {
-        core::mem::replace(&mut self.inflation, factor)
+    /// Replaces the factor of [`scale_noise`](Self::scale_noise) and returns the previous one.
+    pub(super) fn replace_noise_scale(&mut self, factor: f64) -> f64 {
+        core::mem::replace(&mut self.noise_scale, factor)
     }
 
     /// `Q_h`.
     pub(super) fn state_noise(&self) -> f64 {
-        self.tuning.state_noise
+        self.options.state_noise
     }
 
-    /// Whether measurements change the weights, as they do at first. Otherwise they correct the state alone, the
-    /// uncertainty of the weights being what it is (the Schmidt-Kalman filter, which considers it).
+    /// Whether measurements change the weights, as they do at first. Otherwise they correct the state alone with the covariance
+    /// of the weights unchanged (the Schmidt-Kalman or "consider" filter).
     pub fn learn(&mut self, learns: bool) {
         self.learns = learns;
     }
 
-    /// Whether they do.
+    /// Whether measurements change the weights.
     pub fn learns(&self) -> bool {
         self.learns
     }
 
-    /// The next measurement has so many times the variance of the noise.
-    pub fn inflate(&mut self, factor: T) {
-        self.inflation = factor;
+    /// Multiplies the noise variance of the next measurement.
+    pub fn scale_noise(&mut self, factor: f64) {
+        self.noise_scale = factor;
     }
 
-    /// What the covariance and the last measurement tell.
+    /// Indicators of the covariance and of the last measurement.
     pub fn health(&self) -> Health {
-        Health { least_variance: self.joint.least_variance().wide(), sureness: self.gain.sureness().wide() }
+        Health { least_variance: self.covariance.least_variance(), min_s_over_r: self.update.min_s_over_r() }
     }
 
-    /// `h` and `theta` become these; how uncertain they are stays. The step before is none that a measurement belongs to.
-    pub fn set(&mut self, state: impl IntoIterator<Item = T>, weights: impl IntoIterator<Item = T>) {
+    /// Sets `h` and `theta`. The covariance stays; the next measurement needs a step before it.
+    pub fn set(&mut self, state: impl IntoIterator<Item = f64>, weights: impl IntoIterator<Item = f64>) {
         self.state.iter_mut().zip(state).for_each(|(into, h)| *into = h);
         self.weights.iter_mut().zip(weights).for_each(|(into, w)| *into = w);
-        self.model.admit(&mut self.weights);
+        self.set_model_weights();
+        self.stepped = false;
+    }
+
+    fn set_model_weights(&mut self) {
+        self.model.project(&mut self.weights);
         self.model.set_weights(&self.weights);
-        self.moved = false;
     }
 
     /// Whether a step was made since the last measurement.
-    pub fn has_moved(&self) -> bool {
-        self.moved
+    pub fn has_stepped(&self) -> bool {
+        self.stepped
     }
 
-    /// Whether the weights move without measurements.
+    /// Whether the weights change without measurements.
     pub fn leaks(&self) -> bool {
-        self.tuning.leak > 0.0
+        self.options.leak > 0.0
     }
 
-    /// Its tuning, with weights that are known.
-    pub(super) fn known(&self) -> Tuning {
+    /// The options with known weights: neither initial variance nor noise.
+    pub(super) fn without_weight_uncertainty(&self) -> FilterOptions {
         let weights = vec![0.0; self.weights.len()];
-        Tuning { initial_weights: weights.clone(), weight_noise: weights, ..self.tuning.clone() }
+        FilterOptions { initial_weights: weights.clone(), weight_noise: weights, ..self.options.clone() }
     }
 
-    /// The model, with the weights of the moment.
+    /// The model, with the current weights.
     pub fn model(&self) -> &M {
         &self.model
     }
 
     /// The state `h`.
-    pub fn state(&self) -> &[T] {
+    pub fn state(&self) -> &[f64] {
         &self.state
     }
 
-    /// All weights `theta` of the moment, learned or not.
-    pub fn weights(&self) -> &[T] {
+    /// All current weights `theta`, learned or not.
+    pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// `R` of each output, which moves where [`Tuning::noise_rate`] says so.
-    pub fn noise(&self) -> &[T] {
-        &self.noise
+    /// `R` of each output.
+    pub fn noise(&self) -> &[f64] {
+        &self.options.noise
     }
 
-    /// What was expected of the last measurement that [`observe`](Self::observe) was given: innovations `z - y`, NaN where
-    /// nothing was measured, and the diagonal of `S`.
-    pub fn innovation(&self) -> (&[T], &[T]) {
-        (&self.gain.innovation, &self.gain.variance)
+    /// Innovations `z - y` of the last measurement, NaN where nothing was measured, and the diagonal of `S`.
+    pub fn innovation(&self) -> (&[f64], &[f64]) {
+        (&self.update.innovation, &self.update.variance)
     }
 
-    /// `S - R` of all outputs as the last measurement found it, row by row: what it was not sure of before.
-    pub fn spread_before(&self) -> &[T] {
-        &self.gain.spread
+    /// `H P H' = S - R` of all outputs before the last measurement, row by row.
+    pub fn prior_output_covariance(&self) -> &[f64] {
+        &self.update.covariance
     }
 
-    /// The diagonals of `P_hh` and `P_tt` (in the order of the weights; zero for those that are not learned), after the last
-    /// measurement.
-    pub fn variances(&self) -> (Vec<T>, Vec<T>) {
-        let (of_state, padded) = self.joint.variances();
-        let mut of_weights = vec![T::zero(); self.weights.len()];
-        for (&place, &p) in self.joint.places().iter().zip(&padded) {
+    /// The diagonals of `P_hh` and of `P_tt` after the last measurement, the latter in the order of the weights and zero for
+    /// weights that are not learned.
+    pub fn variances(&self) -> (Vec<f64>, Vec<f64>) {
+        let (of_state, padded) = self.covariance.variances();
+        let mut of_weights = vec![0.0; self.weights.len()];
+        for (&place, &p) in self.covariance.places().iter().zip(&padded) {
             if let Some(place) = place {
                 of_weights[place] = p;
             }
@@ -232,92 +227,117 @@ impl<T: Scalar, M: Learnable<T>> Filter<T, M> {
         (of_state, of_weights)
     }
 
-    /// Adds to `out` the variances of linear functions of state and weights, after the last measurement. `by_state` and
-    /// `by_weights` have their gradients as columns: `state x functions`, `weights x functions`; what the state has beyond
-    /// its gradients' rows does not count.
+    /// Adds to `out` the variances of linear functions of state and weights after the last measurement. The gradients are the
+    /// columns of `by_state` (`state x functions`) and `by_weights` (`weights x functions`); states beyond the rows of
+    /// `by_state` have the gradient zero.
     pub(super) fn add_variances(&mut self, by_state: &[f64], by_weights: &[f64], out: &mut [f64]) {
         let (count, v_h, v_t) = (out.len(), &mut self.by_state, &mut self.change);
         for (r, out) in out.iter_mut().enumerate() {
-            v_h.fill(T::zero());
+            v_h.fill(0.0);
             let rows = by_state.chunks_exact(count);
-            v_h.iter_mut().zip(rows).for_each(|(v, row)| *v = T::of(row[r]));
-            for (v, &place) in v_t.iter_mut().zip(self.joint.places()) {
-                *v = place.map_or(T::zero(), |place| T::of(by_weights[place * count + r]));
+            v_h.iter_mut().zip(rows).for_each(|(v, row)| *v = row[r]);
+            for (v, &place) in v_t.iter_mut().zip(self.covariance.places()) {
+                *v = place.map_or(0.0, |place| by_weights[place * count + r]);
             }
-            *out += self.joint.variance(v_h, v_t).wide();
+            *out += self.covariance.variance(v_h, v_t);
         }
     }
 
-    /// Numbers that it keeps of the covariance of state and weights: what [`Tuning::memory`] chooses.
+    /// Number of stored numbers of the covariance; it depends on [`FilterOptions::covariance`].
     pub fn covariance_len(&self) -> usize {
-        self.joint.len()
+        self.covariance.len()
     }
 
     /// Time update: `h <- f(h, x)`, `theta <- theta_0 + (1 - leak) (theta - theta_0)`.
     ///
     /// # Panics
-    /// If `x` is shorter than the model's input.
-    pub fn advance(&mut self, x: &[T]) {
+    /// If `x` is shorter than the input of the model.
+    pub fn advance(&mut self, x: &[f64]) {
         self.model.step(&mut self.state, x);
-        // Weights that do not learn stay where they are, and nothing of them is forgotten.
+        // Weights that are not learned neither leak nor forget.
         let (leak, forgetting) =
-            if self.learns { (self.tuning.leak, self.tuning.forgetting) } else { (0.0, 1.0) };
-        let keeps = T::of(1.0 - leak);
-        let grows = keeps / T::of(forgetting).sqrt();
-        self.joint.advance(&self.model, grows, T::of(self.tuning.state_noise));
+            if self.learns { (self.options.leak, self.options.forgetting) } else { (0.0, 1.0) };
+        let keeps = 1.0 - leak;
+        let growth = keeps / Float::sqrt(forgetting);
+        self.covariance.advance(&self.model, growth, self.options.state_noise);
         if leak > 0.0 {
             for (weight, &given) in self.weights.iter_mut().zip(&self.given) {
                 *weight = given + keeps * (*weight - given);
             }
-            self.model.admit(&mut self.weights);
-            self.model.set_weights(&self.weights);
+            self.set_model_weights();
         }
-        self.moved = true;
+        self.stepped = true;
     }
 
-    /// Measurement update with the measurements `z` (NaN where there is none) of the outputs after the last step.
-    /// Before the first step of a run, and for a second measurement of the same step, nothing is done.
+    /// Measurement update with the measurements `z` of the outputs after the last step (NaN where there is none). Before the
+    /// first step of a run, and for a second measurement of one step, nothing is done.
     ///
     /// # Panics
     /// If `z` has not one number for each output.
-    pub fn observe(&mut self, z: &[T]) -> Correction {
-        // Of this measurement, whether it is used or not.
-        let inflation = core::mem::replace(&mut self.inflation, T::one());
-        if !self.moved || z.iter().all(|z| z.is_nan()) {
+    pub fn observe(&mut self, z: &[f64]) -> Correction {
+        // The factor is of this measurement, whether it is used or not.
+        let noise_scale = core::mem::replace(&mut self.noise_scale, 1.0);
+        if !self.stepped || z.iter().all(|z| z.is_nan()) {
             return Correction::None;
         }
-        self.moved = false;
-        self.model.output(&self.state, &mut self.gain.predicted);
-        self.joint.expect(&self.model, &mut self.gain);
-        let deviations = self.gain.take(z, &self.noise);
-        self.gain.inflate(inflation);
-        let limit = T::of(self.tuning.huber);
-        let weight = if deviations > limit { self.gain.soften(limit) } else { T::one() };
-        let Self { state, joint, gain, change, .. } = self;
-        if !gain.factor() || !joint.correct(gain, state, change, self.learns) {
+        self.stepped = false;
+        self.model.output(&self.state, &mut self.update.predicted);
+        self.covariance.predict_output(&self.model, &mut self.update);
+        let deviations = self.update.set(z, &self.options.noise);
+        self.update.scale_noise(noise_scale);
+        let limit = self.options.huber;
+        let weight = if deviations > limit { self.update.downweight(limit) } else { 1.0 };
+        let Self { state, covariance, update, change, .. } = self;
+        if !update.factor() || !covariance.correct(update, state, change, self.learns) {
             self.restart();
             self.reset();
-            return Correction::Lost;
+            return Correction::Diverged;
         }
-        if !self.learns {
-            return self.made(deviations, weight);
-        }
-        for (&place, &change) in self.joint.places().iter().zip(&self.change) {
-            if let Some(place) = place {
-                self.weights[place] += change;
+        if self.learns {
+            for (&place, &change) in self.covariance.places().iter().zip(&self.change) {
+                if let Some(place) = place {
+                    self.weights[place] += change;
+                }
             }
+            self.set_model_weights();
         }
-        self.model.admit(&mut self.weights);
-        self.model.set_weights(&self.weights);
-        self.made(deviations, weight)
+        Correction::Applied { nis: self.update.nis(), deviations, weight }
     }
 
-    /// What came of a measurement that was used; `R` follows it.
-    fn made(&mut self, deviations: T, weight: T) -> Correction {
-        if self.tuning.noise_rate > 0.0 {
-            self.gain.follow(&mut self.noise, T::of(self.tuning.noise_rate));
+    /// Number of numbers that [`save`](Self::save) writes.
+    pub fn memory_len(&self) -> usize {
+        let parts = self.covariance.parts();
+        3 + self.state.len() + self.weights.len() + parts.iter().map(|part| part.len()).sum::<usize>()
+    }
+
+    /// Writes all numbers that the filter continues from.
+    ///
+    /// # Panics
+    /// If `into` has not [`memory_len`](Self::memory_len) numbers.
+    pub fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "length of the memory of the filter");
+        let mut writer = Writer::new(into);
+        for flag in [self.covariance.pending(), self.stepped, self.learns] {
+            writer.flag(flag);
         }
-        let (deviations, weight) = (deviations.wide(), weight.wide());
-        Correction::Made { nis: self.gain.nis().wide(), deviations, weight }
+        writer.numbers(&self.state);
+        writer.numbers(&self.weights);
+        self.covariance.parts().into_iter().for_each(|numbers| writer.numbers(numbers));
+    }
+
+    /// Restores what a filter of the same model and options saved; both then continue identically to the last bit.
+    ///
+    /// # Panics
+    /// If `from` has not [`memory_len`](Self::memory_len) numbers.
+    pub fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "length of the memory of the filter");
+        let mut reader = Reader::new(from);
+        self.covariance.set_pending(reader.flag());
+        self.stepped = reader.flag();
+        self.learns = reader.flag();
+        reader.numbers(&mut self.state);
+        reader.numbers(&mut self.weights);
+        self.covariance.parts_mut().into_iter().for_each(|numbers| reader.numbers(numbers));
+        self.set_model_weights();
     }
 }

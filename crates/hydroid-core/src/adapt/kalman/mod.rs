@@ -1,15 +1,15 @@
-//! The extended Kalman filter over the state and the weights of a model: learning while sailing.
+//! Online learning by an extended Kalman filter over the state and the weights of a model.
 //!
 //! The weights `theta` of a step model are estimated together with its state `h`, sample by sample (Bemporad, "Recurrent
-//! neural network training with convex loss and regularization functions by extended Kalman filtering",
-//! arXiv:2111.02673):
+//! neural network training with convex loss and regularization functions by extended Kalman filtering", arXiv:2111.02673;
+//! Haykin, *Kalman Filtering and Neural Networks*, 2001, chapter 2):
 //!
 //! ```text
 //! h+ = f(h, x, theta) + noise (Q_h)        theta+ = theta_0 + (1 - leak) (theta - theta_0) + noise (Q_theta)
 //! y  = g(h, theta) + noise (R)
 //! ```
 //!
-//! With `A = df/dh`, `B = df/dtheta`, `a = 1 - leak`, `lambda` the forgetting factor, the time update is
+//! With `A = df/dh` (`n x n`), `B = df/dtheta` (`n x m`), `a = 1 - leak` and the forgetting factor `lambda`, the time update is
 //!
 //! ```text
 //! P_hh <- A P_hh A' + A P_ht B' + (A P_ht B')' + B P_tt B' + Q_h
@@ -23,44 +23,31 @@
 //! [h; theta] <- [h; theta] + W L^-1 (z - g(h, theta))        P <- P - W W'
 //! ```
 //!
-//! which keeps `P` symmetric to the last bit: with an inverse of `S` that is not, such filters run away after some
-//! hundred samples.
+//! This form keeps `P` symmetric to the last bit. With an explicit inverse of `S`, which is not exactly symmetric, the filter
+//! diverges after some hundred samples.
 //!
-//! `P_tt` is what takes time and memory. It is touched by what a step does to the weights of each block by itself alone
-//! ([`Learnable`]), half of it is kept, and it is read and written once a sample. [`Memory`] chooses less of it, which does
-//! not grow with the square of the number of weights.
+//! `P_tt` takes most of the time and memory. The step acts on the weights of each block separately ([`Learnable`]), half of
+//! `P_tt` is stored, and it is read and written once a sample. [`CovarianceForm`] selects a form whose memory does not grow
+//! with the square of the number of weights.
+//!
+//! [`KalmanSession`] is the session of all models that learn by the filter: a recurrent network ([`KalmanNetwork`]), sparse
+//! equations ([`KalmanEquations`]) and a vessel ([`KalmanPlant`]). Without weight variance it filters the state alone.
 
-mod ahead;
-mod courses;
-mod equations;
-mod equations_session;
+mod cholesky;
+mod covariance;
 mod filter;
-pub(crate) mod full;
-mod gain;
-mod joint;
 mod learnable;
-mod lines;
-mod narrow;
-mod network;
-mod plant;
-mod plant_session;
-mod plant_weights;
-pub(crate) mod reduced;
+mod measurement;
+mod options;
 mod rehearsal;
-mod root;
-mod saved;
+mod rollout_gradient;
 mod session;
-pub(crate) mod triangle;
-mod tuning;
 
-pub use courses::Courses;
-pub use equations::LearnableEquations;
-pub use equations_session::KalmanEquations;
 pub use filter::{Correction, Filter};
-pub use learnable::Learnable;
-pub use network::LearnableNetwork;
-pub use plant::LearnablePlant;
-pub use plant_session::KalmanPlant;
-pub use rehearsal::Rehearsal;
-pub use session::{KalmanError, KalmanNetwork};
-pub use tuning::{Memory, Tuning, TuningError};
+pub use learnable::{Learnable, LearnableEquations, LearnableNetwork, LearnablePlant, SharedWeightStates};
+pub use options::{CovarianceForm, FilterOptions, FilterOptionsError};
+pub use rehearsal::RehearsalOptions;
+pub use session::{
+    EquationsKind, KalmanEquations, KalmanError, KalmanNetwork, KalmanPlant, KalmanSession, NetworkKind,
+    PlantKind,
+};

@@ -1,32 +1,32 @@
-//! Rehearsal of known waters.
+//! Rehearsal: windows of the training data are replayed beside the run, so that the weights do not forget them.
+//!
+//! Robins, "Catastrophic forgetting, rehearsal and pseudorehearsal", Connection Science 7 (1995) 123.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::courses::Courses;
 use super::filter::{Correction, Filter};
-use super::learnable::Learnable;
+use super::learnable::{Learnable, SharedWeightStates};
 use crate::adapt::memory::{Reader, Writer};
-use crate::math::Scalar;
 
-/// How windows of known waters are walked beside what is sailed.
+/// Options of rehearsal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rehearsal {
-    /// Windows that are kept, at most.
+pub struct RehearsalOptions {
+    /// Largest number of stored windows.
     pub windows: usize,
     /// Samples of a window.
     pub samples: usize,
-    /// One sample is rehearsed after so many that are sailed.
+    /// Samples of the run for each rehearsed sample.
     pub every: usize,
-    /// Variance of each number of the hidden state at the start of a window, which is that of the weights from shore.
+    /// Variance of each hidden state at the start of a window, where the state is that of the initial weights.
     pub initial_state: f64,
-    /// `R` of what is rehearsed, in that of what is measured.
+    /// Factor of the measurement noise `R` for rehearsed samples.
     pub noise_factor: f64,
 }
 
-impl Rehearsal {
-    /// Whether its numbers can be.
-    pub(super) fn is_sound(&self) -> bool {
+impl RehearsalOptions {
+    /// Whether the numbers are within their ranges.
+    pub(super) fn is_valid(&self) -> bool {
         let Self { windows, samples, every, initial_state, noise_factor } = *self;
         let finite = initial_state.is_finite() && noise_factor.is_finite();
         windows.min(samples).min(every) > 0 && finite && initial_state >= 0.0 && noise_factor > 0.0
@@ -34,113 +34,112 @@ impl Rehearsal {
 }
 
 /// `x` and `z`.
-type Sample<'a, T> = (&'a mut [T], &'a mut [T]);
+type Sample<'a> = (&'a mut [f64], &'a mut [f64]);
 
-/// Windows, and where in them the second of two [`Courses`] is.
+/// Stored windows, and the position in them. They are replayed on the second of two [`SharedWeightStates`].
 #[derive(Clone, Debug)]
-pub(super) struct Rehearser<T> {
-    settings: Rehearsal,
-    /// Of each window: hidden state at its start; `x` and `z` of each sample.
-    states: Vec<T>,
-    samples: Vec<T>,
-    /// Numbers of `x`, and of both.
+pub(super) struct Rehearsal {
+    options: RehearsalOptions,
+    /// Hidden state at the start of each window; `x` and `z` of each sample.
+    states: Vec<f64>,
+    samples: Vec<f64>,
+    /// Length of `x`, and of both.
     inputs: usize,
     row: usize,
-    kept: usize,
-    /// The next sample of all windows' samples; samples sailed since the last.
-    at: usize,
-    sailed: usize,
+    stored: usize,
+    /// The next sample among those of all windows.
+    position: usize,
+    /// Samples of the run since the last rehearsed one.
+    since: usize,
 }
 
-impl<T: Scalar> Rehearser<T> {
-    /// Without windows, for a model on one course.
-    pub(super) fn new<M: Learnable<T>>(model: &M, settings: Rehearsal) -> Self {
+impl Rehearsal {
+    /// No windows yet, for one state of the model.
+    pub(super) fn new<M: Learnable>(model: &M, options: RehearsalOptions) -> Self {
         let row = model.inputs() + model.outputs();
         Self {
-            states: vec![T::zero(); settings.windows * model.state_len()],
-            samples: vec![T::zero(); settings.windows * settings.samples * row],
+            states: vec![0.0; options.windows * model.state_len()],
+            samples: vec![0.0; options.windows * options.samples * row],
             inputs: model.inputs(),
             row,
-            kept: 0,
-            at: 0,
-            sailed: 0,
-            settings,
+            stored: 0,
+            position: 0,
+            since: 0,
+            options,
         }
     }
 
-    pub(super) fn settings(&self) -> &Rehearsal {
-        &self.settings
+    pub(super) fn options(&self) -> &RehearsalOptions {
+        &self.options
     }
 
-    /// Room for one more window: its state at the start, and its samples, `x` and `z` of each.
-    pub(super) fn room(&mut self) -> Option<(&mut [T], impl Iterator<Item = Sample<'_, T>>)> {
-        let Self { settings: Rehearsal { windows, samples, .. }, kept, inputs, row, .. } = *self;
-        if kept == windows {
+    /// Memory of one more window: the state at its start, and `x` and `z` of each sample.
+    pub(super) fn next_window(&mut self) -> Option<(&mut [f64], impl Iterator<Item = Sample<'_>>)> {
+        let Self { options: RehearsalOptions { windows, samples, .. }, stored, inputs, row, .. } = *self;
+        if stored == windows {
             return None;
         }
-        self.kept += 1;
+        self.stored += 1;
         let n = self.states.len() / windows;
-        let rows = self.samples[kept * samples * row..(kept + 1) * samples * row].chunks_exact_mut(row);
-        Some((&mut self.states[kept * n..(kept + 1) * n], rows.map(move |row| row.split_at_mut(inputs))))
+        let rows = self.samples[stored * samples * row..(stored + 1) * samples * row].chunks_exact_mut(row);
+        Some((&mut self.states[stored * n..(stored + 1) * n], rows.map(move |row| row.split_at_mut(inputs))))
     }
 
-    /// The next sample is the first of a window.
-    pub(super) fn begin_again(&mut self) {
-        self.at -= self.at % self.settings.samples;
-        self.sailed = 0;
+    /// Goes back to the start of the present window.
+    pub(super) fn begin_window(&mut self) {
+        self.position -= self.position % self.options.samples;
+        self.since = 0;
     }
 
-    /// After a sample was sailed: walks the next one of a window if it is time to. Says whether the weights may have moved.
+    /// Rehearses the next sample of a window if it is due, after each sample of the run. Returns whether the weights may have
+    /// changed.
     ///
-    /// It counts as one more sample for the weights: they leak, and gain their noise.
-    pub(super) fn walk<M: Learnable<T>>(&mut self, filter: &mut Filter<T, Courses<M>>) -> bool {
-        self.sailed += 1;
-        if self.kept == 0 || !filter.learns() || self.sailed < self.settings.every {
+    /// A rehearsed sample is a sample for the weights: they leak, and gain their noise.
+    pub(super) fn advance<M: Learnable>(&mut self, filter: &mut Filter<SharedWeightStates<M>>) -> bool {
+        self.since += 1;
+        if self.stored == 0 || !filter.learns() || self.since < self.options.every {
             return false;
         }
-        self.sailed = 0;
-        let Rehearsal { windows, samples, initial_state, noise_factor, .. } = self.settings;
+        self.since = 0;
+        let RehearsalOptions { windows, samples, initial_state, noise_factor, .. } = self.options;
         let n = self.states.len() / windows;
-        filter.model.turn(1);
-        if self.at.is_multiple_of(samples) {
-            let window = self.at / samples;
-            filter.begin_part(&self.states[window * n..(window + 1) * n], T::of(initial_state));
+        filter.model.select(1);
+        if self.position.is_multiple_of(samples) {
+            let window = self.position / samples;
+            filter.begin_active(&self.states[window * n..(window + 1) * n], initial_state);
         }
-        let (x, z) = self.samples[self.at * self.row..(self.at + 1) * self.row].split_at(self.inputs);
+        let (x, z) =
+            self.samples[self.position * self.row..(self.position + 1) * self.row].split_at(self.inputs);
         filter.advance(x);
-        let outside = filter.replace_inflation(T::of(noise_factor));
-        let lost = filter.observe(z) == Correction::Lost;
-        filter.replace_inflation(outside);
-        filter.model.turn(0);
-        self.at = (self.at + 1) % (self.kept * samples);
-        if lost {
-            self.begin_again();
+        let of_run = filter.replace_noise_scale(noise_factor);
+        let diverged = filter.observe(z) == Correction::Diverged;
+        filter.replace_noise_scale(of_run);
+        filter.model.select(0);
+        self.position = (self.position + 1) % (self.stored * samples);
+        if diverged {
+            self.begin_window();
         }
         true
     }
 
-    /// How many numbers [`save`](Self::save) gives.
+    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.states.len() + self.samples.len() + 3
     }
 
     pub(super) fn save(&self, writer: &mut Writer<'_>) {
-        for numbers in [&self.states, &self.samples] {
-            let into = writer.part(numbers.len());
-            into.iter_mut().zip(numbers).for_each(|(into, x)| *into = x.wide());
-        }
-        for count in [self.kept, self.at, self.sailed] {
+        writer.numbers(&self.states);
+        writer.numbers(&self.samples);
+        for count in [self.stored, self.position, self.since] {
             writer.count(count);
         }
     }
 
     pub(super) fn load(&mut self, reader: &mut Reader<'_>) {
-        for numbers in [&mut self.states, &mut self.samples] {
-            let from = reader.part(numbers.len());
-            numbers.iter_mut().zip(from).for_each(|(into, &x)| *into = T::of(x));
-        }
-        self.kept = reader.count(self.settings.windows);
-        self.at = reader.count((self.kept * self.settings.samples).saturating_sub(1));
-        self.sailed = reader.count(self.settings.every);
+        reader.numbers(&mut self.states);
+        reader.numbers(&mut self.samples);
+        self.stored = reader.count(self.options.windows);
+        self.position = reader.count((self.stored * self.options.samples).saturating_sub(1));
+        self.since = reader.count(self.options.every);
     }
 }

@@ -2,10 +2,10 @@
 
 use super::DirectReadOut;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
-use crate::adapt::{Adapter, Health, Innovation, Outcome, RecursiveLeastSquares};
+use crate::adapt::{Health, Innovation, Learning, Outcome, RecursiveLeastSquares, Rehearsing, SaveState};
 use crate::predict::{Predictor, Workspace};
 
-impl Adapter for DirectReadOut {
+impl Learning for DirectReadOut {
     fn outcome(&self) -> Outcome {
         self.outcome
     }
@@ -23,7 +23,7 @@ impl Adapter for DirectReadOut {
         self.frozen = frozen;
     }
 
-    fn inflate(&mut self, factor: f64) {
+    fn scale_noise(&mut self, factor: f64) {
         self.inflation = factor;
     }
 
@@ -35,47 +35,7 @@ impl Adapter for DirectReadOut {
 
     /// Its covariance is positive by construction.
     fn health(&self) -> Health {
-        Health { sureness: self.sureness, ..Health::UNKNOWN }
-    }
-
-    fn memory_len(&self) -> usize {
-        let learner = self.learner.as_ref().map_or(0, RecursiveLeastSquares::memory_len);
-        self.session.snapshot_len() + self.windows.memory_len() + learner + 2 * self.variance.len() + 3
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "room for the memory");
-        let mut into = Writer::new(into);
-        self.session.snapshot(into.part(self.session.snapshot_len()));
-        self.windows.save(&mut into);
-        if let Some(learner) = &self.learner {
-            learner.save(&mut into);
-        }
-        into.numbers(&self.variance);
-        into.numbers(&[self.sureness, self.inflation]);
-        for &seen in &self.seen {
-            into.count(seen);
-        }
-        into.flag(self.frozen);
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
-        let mut from = Reader::new(from);
-        self.session.restore(from.part(self.session.snapshot_len()));
-        self.windows.load(&mut from);
-        if let Some(learner) = &mut self.learner {
-            learner.load(&mut from);
-        }
-        from.numbers(&mut self.variance);
-        self.sureness = from.part(1)[0];
-        self.inflation = from.part(1)[0];
-        for seen in &mut self.seen {
-            *seen = from.count(MOST_COUNTED);
-        }
-        self.frozen = from.flag();
-        self.innovations.clear();
-        self.outcome = Outcome::Waiting;
+        Health { min_s_over_r: self.sureness, ..Health::UNKNOWN }
     }
 
     /// From the errors of each step of late and the uncertainty of the weights; NaN beyond the horizon of the network, and
@@ -115,3 +75,47 @@ impl Adapter for DirectReadOut {
         }
     }
 }
+
+impl SaveState for DirectReadOut {
+    fn memory_len(&self) -> usize {
+        let learner = self.learner.as_ref().map_or(0, RecursiveLeastSquares::memory_len);
+        self.session.snapshot_len() + self.windows.memory_len() + learner + 2 * self.variance.len() + 3
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "room for the memory");
+        let mut into = Writer::new(into);
+        self.session.snapshot(into.part(self.session.snapshot_len()));
+        self.windows.save(&mut into);
+        if let Some(learner) = &self.learner {
+            learner.save(&mut into);
+        }
+        into.numbers(&self.variance);
+        into.numbers(&[self.sureness, self.inflation]);
+        for &seen in &self.seen {
+            into.count(seen);
+        }
+        into.flag(self.frozen);
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
+        let mut from = Reader::new(from);
+        self.session.restore(from.part(self.session.snapshot_len()));
+        self.windows.load(&mut from);
+        if let Some(learner) = &mut self.learner {
+            learner.load(&mut from);
+        }
+        from.numbers(&mut self.variance);
+        self.sureness = from.part(1)[0];
+        self.inflation = from.part(1)[0];
+        for seen in &mut self.seen {
+            *seen = from.count(MOST_COUNTED);
+        }
+        self.frozen = from.flag();
+        self.innovations.clear();
+        self.outcome = Outcome::Waiting;
+    }
+}
+
+impl Rehearsing for DirectReadOut {}

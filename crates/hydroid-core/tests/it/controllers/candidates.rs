@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
-use hydroid_core::adapt::kalman::{KalmanNetwork, Tuning};
-use hydroid_core::adapt::{Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, ReadOutSettings};
+use hydroid_core::adapt::kalman::{FilterOptions, KalmanNetwork};
+use hydroid_core::adapt::{
+    Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, Learning, ReadOutSettings,
+};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
     BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
@@ -186,8 +188,8 @@ fn batches_of_adapting_sessions_equal_single_rollouts() {
     let model = network(Cell::Gru { hidden: 5 }, BaseModel::Nothing, false, None);
     let learner = |learns: bool| -> Box<dyn Adapter> {
         let deviation = if learns { 0.1 } else { 0.0 };
-        let tuning = Tuning::uniform(model.weights.len(), deviation, 0.0, (1.0, 1e-4), &[0.01; 3]);
-        Box::new(KalmanNetwork::<f64>::new(Arc::clone(&model), tuning).unwrap())
+        let tuning = FilterOptions::uniform(model.weights.len(), deviation, 0.0, (1.0, 1e-4), &[0.01; 3]);
+        Box::new(KalmanNetwork::new(Arc::clone(&model), tuning).unwrap())
     };
     let mut learned = learner(true);
     let mut work = Workspace::new();

@@ -1,39 +1,39 @@
-//! Sparse equations, their coefficients as weights.
+//! Sparse equations as a learnable model.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use super::learnable::Learnable;
+use super::Learnable;
 use crate::adapt::scale::rms_over_range;
 use crate::adapt::settings::SettingsError;
 use crate::math::rows::add_product;
 use crate::model::sparse::{Equations, Sensitivity};
 
-/// Sparse equations `dy/dt = Xi theta(y, c, s)` with the partials of their last step: the outputs are the state, the
-/// coefficients that are not zero the weights.
+/// Sparse equations `dy/dt = Xi theta(y, c, s)` with the Jacobians of their last step: the state is the outputs, the weights
+/// are the nonzero coefficients.
 ///
-/// Both are in units in which one tuning suits all vessels. With `[low, high]` the design range of an output, and `rms_j`
-/// the root mean square of term `j` over the design ranges ([`rms_over_range`]),
+/// Both are scaled, so that one set of options suits all vessels. With the design range `[low, high]` of an output and the
+/// root mean square `rms_j` of term `j` over the design ranges ([`rms_over_range`]),
 ///
 /// ```text
 /// h_i  = (y_i - (low_i + high_i) / 2) / scale_i        scale_i = (high_i - low_i) / 2
-/// w_ij = Xi_ij rms_j / size_i                          size_i  = sqrt(sum_j (Xi_ij rms_j)^2), of the coefficients given
+/// w_ij = Xi_ij rms_j / size_i                          size_i  = sqrt(sum_j (Xi_ij rms_j)^2) of the initial coefficients
 /// ```
 ///
-/// so that the weights of each equation begin as a vector of length one. A step is one sample under a held command; its
-/// partials `A = dh+/dh` and `B = dh+/dw` are those of the Runge-Kutta steps themselves ([`Sensitivity`]). The input `x` is
-/// the command, then what the signals remember (`[c, memory]`, as [`Equations::step`] has it behind the outputs): it is
-/// taken as known, past outputs too, though these were estimated.
+/// so that the initial weights of each equation are a vector of length one. A step is one sample under a held command; its
+/// Jacobians `A = dh+/dh` and `B = dh+/dw` are those of the Runge-Kutta steps ([`Sensitivity`]). The input `x` is the command,
+/// then the memory of the signals (`[c, memory]`, in the order of [`Equations::step`] behind the outputs). The memory counts as
+/// known, although past outputs in it were estimated.
 #[derive(Clone, Debug)]
 pub struct LearnableEquations {
     equations: Equations,
     sensitivity: Sensitivity,
-    /// Of each output.
+    /// Offset and unit of each output.
     mean: Vec<f64>,
     scale: Vec<f64>,
-    /// Of each weight: where it stands in the table of coefficients, and the coefficient that is 1.
+    /// Of each weight: its place in the table of coefficients, and its unit.
     blocks: [Vec<usize>; 1],
     places: Vec<usize>,
     units: Vec<f64>,
@@ -42,7 +42,7 @@ pub struct LearnableEquations {
     /// `A` and `B` of the last step.
     by_state: Vec<f64>,
     by_weights: Vec<f64>,
-    /// Of a rollout of one sample.
+    /// Rollout of one sample.
     start: Vec<f64>,
     y: Vec<f64>,
     s: Vec<f64>,
@@ -50,10 +50,10 @@ pub struct LearnableEquations {
 }
 
 impl LearnableEquations {
-    /// From equations fitted on shore, and the design range `(low, high)` of each output, then each input.
+    /// From equations, and the design range `(low, high)` of each output, then each input.
     ///
     /// # Errors
-    /// If there is not one finite range for each, no coefficient that is not zero, or the derivatives cannot be made.
+    /// If a range is missing or not finite, all coefficients are zero, or the derivatives do not exist.
     pub fn new(equations: &Equations, ranges: &[(f64, f64)]) -> Result<Self, SettingsError> {
         let (n, m, count) = (equations.outputs(), equations.inputs(), equations.terms().len());
         let finite = ranges.iter().all(|(low, high)| low.is_finite() && high.is_finite());
@@ -96,48 +96,48 @@ impl LearnableEquations {
             units,
         };
         let weights: Vec<f64> = own.places.iter().zip(&own.units).map(|(&p, unit)| given[p] / unit).collect();
-        // As it does later: what was put back is the same to the last bit.
+        // Through the weights, so that restored weights give the same coefficients to the last bit.
         own.set_weights(&weights);
         Ok(own)
     }
 
-    /// The equations, with the coefficients that they were given at first.
+    /// The equations with their initial coefficients.
     pub fn equations(&self) -> &Equations {
         &self.equations
     }
 
-    /// What one is of each scaled output, in its unit.
+    /// Unit of each scaled output.
     pub fn scale(&self) -> &[f64] {
         &self.scale
     }
 
-    /// Where the weights stand in the table of coefficients, `outputs x terms`.
+    /// Places of the weights in the table of coefficients, `outputs x terms`.
     pub fn places(&self) -> &[usize] {
         &self.places
     }
 
-    /// The coefficient that a weight of one stands for.
+    /// Unit of each weight: the coefficient of a weight of one.
     pub fn units(&self) -> &[f64] {
         &self.units
     }
 
-    /// An output in scaled units, from its own.
+    /// An output in scaled units.
     pub fn scaled(&self, output: usize, y: f64) -> f64 {
         (y - self.mean[output]) / self.scale[output]
     }
 
-    /// The other way.
+    /// An output in its own unit.
     pub fn unscaled(&self, output: usize, h: f64) -> f64 {
         self.mean[output] + self.scale[output] * h
     }
 
-    /// Rollouts with their derivatives to outputs and coefficients, those of the moment.
-    pub(super) fn sensitivity(&self) -> &Sensitivity {
+    /// Rollouts with their derivatives to outputs and coefficients, with the current coefficients.
+    pub(in super::super) fn sensitivity(&self) -> &Sensitivity {
         &self.sensitivity
     }
 }
 
-impl Learnable<f64> for LearnableEquations {
+impl Learnable for LearnableEquations {
     fn state_len(&self) -> usize {
         self.equations.outputs()
     }
@@ -197,17 +197,24 @@ impl Learnable<f64> for LearnableEquations {
         y.copy_from_slice(h);
     }
 
-    fn local(&self, _: usize, row: usize, into: &mut [f64]) {
+    fn local_jacobian(&self, _: usize, row: usize, into: &mut [f64]) {
         let count = self.places.len();
         into[..count].copy_from_slice(&self.by_weights[row * count..(row + 1) * count]);
     }
 
-    fn chain(&self, state: &[f64], local: &[f64], columns: usize, out: &mut [f64], _: &mut [f64]) {
+    fn apply_state_jacobian(
+        &self,
+        state: &[f64],
+        local: &[f64],
+        columns: usize,
+        out: &mut [f64],
+        _: &mut [f64],
+    ) {
         out.copy_from_slice(local);
         add_product(out, &self.by_state, state, columns);
     }
 
-    fn output_chain(&self, state: &[f64], _: &[f64], _: usize, out: &mut [f64]) {
+    fn apply_output_jacobian(&self, state: &[f64], _: &[f64], _: usize, out: &mut [f64]) {
         out.copy_from_slice(state);
     }
 

@@ -1,24 +1,23 @@
-//! Reduced covariance forms, compared with the full covariance and with dense filters of the same definition, and invariants.
+//! Filters with a block-diagonal covariance of the weights: against the full filter, against a dense implementation of the same
+//! equations, and properties that hold for all inputs.
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{
-    Correction, Filter, KalmanNetwork, Learnable, LearnableNetwork, Memory, Tuning, TuningError,
+    Correction, CovarianceForm, Filter, FilterOptions, FilterOptionsError, KalmanNetwork, Learnable,
+    LearnableNetwork,
 };
-use hydroid_core::math::Scalar;
+use hydroid_core::adapt::{Learning, SaveState};
 use hydroid_core::model::recurrent::{BaseModel, Linearization, Network, Packed, Recurrent, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
 use crate::dense::{Matrix, cells, inverse, product, sample, transposed, tuning, weights};
 
-const ALL: [Memory; 5] = [
-    Memory::Blocks { group: 1 },
-    Memory::Blocks { group: 3 },
-    Memory::Blocks { group: usize::MAX },
-    Memory::Diagonal,
-    Memory::LowRank { rank: 4 },
+const ALL: [CovarianceForm; 3] = [
+    CovarianceForm::Blocks { group: 1 },
+    CovarianceForm::Blocks { group: 3 },
+    CovarianceForm::Blocks { group: usize::MAX },
 ];
 
 fn near(ours: &[f64], theirs: &[f64], what: &str) {
@@ -28,13 +27,13 @@ fn near(ours: &[f64], theirs: &[f64], what: &str) {
     }
 }
 
-fn filter(network: Network, tuning: Tuning) -> Filter<f64, LearnableNetwork<f64>> {
+fn filter(network: Network, tuning: FilterOptions) -> Filter<LearnableNetwork> {
     Filter::new(LearnableNetwork::new(Packed::new(network, &weights(network, 0.6))), tuning).unwrap()
 }
 
 /// The same samples, some unmeasured, some not learned from, with a restart: state, weights and variances stay alike.
-fn go_on_alike(network: Network, tuning: &Tuning, memories: [Memory; 2]) {
-    let mut filters = memories.map(|memory| filter(network, Tuning { memory, ..tuning.clone() }));
+fn go_on_alike(network: Network, tuning: &FilterOptions, forms: [CovarianceForm; 2]) {
+    let mut filters = forms.map(|covariance| filter(network, FilterOptions { covariance, ..tuning.clone() }));
     for k in 0..60 {
         let (x, z) = sample(k, network.outputs);
         for filter in &mut filters {
@@ -63,48 +62,17 @@ fn go_on_alike(network: Network, tuning: &Tuning, memories: [Memory; 2]) {
 fn one_block_of_weights_without_noise_is_the_full_filter() {
     for network in cells() {
         let tuning = tuning(network);
-        let tuning = Tuning { weight_noise: vec![0.0; network.weights()], ..tuning };
-        let all = Memory::Blocks { group: usize::MAX };
+        let tuning = FilterOptions { weight_noise: vec![0.0; network.weights()], ..tuning };
+        let all = CovarianceForm::Blocks { group: usize::MAX };
         // With leak and forgetting, with either, with none.
         for (leak, forgetting) in [(1e-3, 0.998), (1e-3, 1.0), (0.0, 0.998), (0.0, 1.0)] {
-            go_on_alike(network, &Tuning { leak, forgetting, ..tuning.clone() }, [all, Memory::Full]);
+            go_on_alike(
+                network,
+                &FilterOptions { leak, forgetting, ..tuning.clone() },
+                [all, CovarianceForm::Full],
+            );
         }
     }
-}
-
-/// With noise, too: the time update of the precision is exact.
-#[test]
-fn low_rank_with_full_rank_equals_one_block() {
-    for network in [cells()[1], cells()[4]] {
-        let full = Memory::LowRank { rank: network.weights() };
-        go_on_alike(network, &tuning(network), [full, Memory::Blocks { group: usize::MAX }]);
-    }
-}
-
-/// Eigenvectors of a symmetric matrix as rows, with their eigenvalues, the largest first.
-fn eigen(mut a: Matrix) -> Vec<(f64, Vec<f64>)> {
-    let n = a.len();
-    let mut e: Matrix = (0..n).map(|i| (0..n).map(|j| f64::from(u8::from(i == j))).collect()).collect();
-    for _ in 0..12 {
-        for p in 0..n {
-            for q in p + 1..n {
-                let angle = 0.5 * (2.0 * a[p][q]).atan2(a[p][p] - a[q][q]);
-                let (s, c) = angle.sin_cos();
-                let turn = |x: &mut f64, y: &mut f64| (*x, *y) = (c * *x + s * *y, c * *y - s * *x);
-                for row in &mut a {
-                    let (above, below) = row.split_at_mut(q);
-                    turn(&mut above[p], &mut below[0]);
-                }
-                for matrix in [&mut a, &mut e] {
-                    let (above, below) = matrix.split_at_mut(q);
-                    above[p].iter_mut().zip(&mut below[0]).for_each(|(x, y)| turn(x, y));
-                }
-            }
-        }
-    }
-    let mut pairs: Vec<(f64, Vec<f64>)> = (0..n).map(|i| (a[i][i], e[i].clone())).collect();
-    pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
-    pairs
 }
 
 fn sum(a: &Matrix, b: &Matrix, factor: f64) -> Matrix {
@@ -126,20 +94,18 @@ struct Naive {
     psi: Matrix,
     pi: Matrix,
     p: Matrix,
-    /// The diagonal of the precision, where that is what is kept.
-    precision: Vec<f64>,
     /// The group of each weight.
     groups: Vec<usize>,
-    tuning: Tuning,
+    tuning: FilterOptions,
 }
 
 impl Naive {
-    fn new(network: Network, tuning: Tuning) -> Self {
+    fn new(network: Network, tuning: FilterOptions) -> Self {
         let given = weights(network, 0.6);
         let packed = Packed::new(network, &given);
         let (n, m) = (network.state_len(), given.len());
         let mut groups: Vec<usize> = (0..m).collect();
-        if let Memory::Blocks { group } = tuning.memory {
+        if let CovarianceForm::Blocks { group } = tuning.covariance {
             for (b, block) in LearnableNetwork::new(packed.clone()).blocks().iter().enumerate() {
                 for &place in block {
                     groups[place] = b / group;
@@ -153,7 +119,6 @@ impl Naive {
             psi: vec![vec![0.0; m]; n],
             pi: diagonal(&vec![tuning.initial_state; n]),
             p: diagonal(&tuning.initial_weights),
-            precision: tuning.initial_weights.iter().map(|p| 1.0 / p).collect(),
             groups,
             given,
             tuning,
@@ -176,7 +141,6 @@ impl Naive {
         self.p.iter_mut().flatten().for_each(|p| *p *= grows * grows);
         for (i, q) in self.tuning.weight_noise.iter().enumerate() {
             self.p[i][i] += q;
-            self.precision[i] = 1.0 / (grows * grows / self.precision[i] + q);
         }
         let moved: Vec<f64> =
             self.packed.weights().iter().zip(&self.given).map(|(w, g)| g + keeps * (w - g)).collect();
@@ -211,24 +175,10 @@ impl Naive {
         let lost = product(&of_xi, &r);
         self.psi = sum(&self.psi, &product(&lost, &seen), -1.0);
         self.pi = sum(&self.pi, &product(&lost, &transposed(&of_xi)), -1.0);
-        if let Memory::LowRank { rank } = self.tuning.memory {
-            let told = product(&product(&transposed(&seen), &r), &seen);
-            let all = sum(&sum(&inverse(&self.p), &told, 1.0), &diagonal(&self.precision), -1.0);
-            for (value, vector) in eigen(all.clone()).iter().skip(rank) {
-                self.precision.iter_mut().zip(vector).for_each(|(p, v)| *p += value * v * v);
-            }
-            let mut kept = diagonal(&self.precision);
-            for (value, vector) in eigen(all).iter().take(rank) {
-                let outer: Matrix = vector.iter().map(|v| vector.iter().map(|w| v * w).collect()).collect();
-                kept = sum(&kept, &outer, *value);
-            }
-            self.p = inverse(&kept);
-        } else {
-            self.p = sum(&self.p, &product(&product(&gain, &s), &transposed(&gain)), -1.0);
-            for i in 0..m {
-                for j in (0..m).filter(|&j| self.groups[i] != self.groups[j]) {
-                    self.p[i][j] = 0.0;
-                }
+        self.p = sum(&self.p, &product(&product(&gain, &s), &transposed(&gain)), -1.0);
+        for i in 0..m {
+            for j in (0..m).filter(|&j| self.groups[i] != self.groups[j]) {
+                self.p[i][j] = 0.0;
             }
         }
     }
@@ -242,15 +192,12 @@ impl Naive {
 
 #[test]
 fn each_structure_equals_the_naive_filter_of_its_definition() {
-    for memory in ALL {
-        // The dense eigenvectors take their time.
-        let (networks, samples) =
-            if let Memory::LowRank { .. } = memory { (&cells()[3..], 25) } else { (&cells()[..], 50) };
-        for &network in networks {
-            let tuning = Tuning { memory, ..tuning(network) };
+    for covariance in ALL {
+        for network in cells() {
+            let tuning = FilterOptions { covariance, ..tuning(network) };
             let mut ours = filter(network, tuning.clone());
             let mut naive = Naive::new(network, tuning);
-            for k in 0..samples {
+            for k in 0..50 {
                 let (x, z) = sample(k, network.outputs);
                 ours.advance(&x);
                 naive.advance(&x);
@@ -258,7 +205,7 @@ fn each_structure_equals_the_naive_filter_of_its_definition() {
                     ours.observe(&z);
                     naive.observe(&z);
                 }
-                let what = format!("{memory:?}, sample {k}");
+                let what = format!("{covariance:?}, sample {k}");
                 near(ours.state(), &naive.state, &what);
                 near(ours.weights(), naive.packed.weights(), &what);
                 let [(our_hh, our_tt), (hh, tt)] = [ours.variances(), naive.variances()];
@@ -270,25 +217,25 @@ fn each_structure_equals_the_naive_filter_of_its_definition() {
 }
 
 #[test]
-fn reduced_covariances_need_less_memory() {
+fn stored_numbers() {
     let network = cells()[0];
     let (n, m) = (network.state_len(), network.weights());
     let of_state = n * n + n * m;
-    let kept = |memory| filter(network, Tuning { memory, ..tuning(network) }).covariance_len() - of_state;
-    assert_eq!(kept(Memory::Diagonal), m);
-    assert_eq!(kept(Memory::LowRank { rank: 4 }), 5 * m);
-    assert_eq!(kept(Memory::Blocks { group: usize::MAX }), m * (m + 1) / 2);
+    let kept = |covariance| {
+        filter(network, FilterOptions { covariance, ..tuning(network) }).covariance_len() - of_state
+    };
+    assert_eq!(kept(CovarianceForm::Blocks { group: usize::MAX }), m * (m + 1) / 2);
     let blocks = LearnableNetwork::new(Packed::new(network, &weights(network, 0.6))).blocks().to_vec();
     let triangles = blocks.iter().map(|b| b.len() * (b.len() + 1) / 2).sum::<usize>();
-    assert_eq!(kept(Memory::Blocks { group: 1 }), triangles);
+    assert_eq!(kept(CovarianceForm::Blocks { group: 1 }), triangles);
 }
 
 /// Weights without variance and noise stay to the last bit, those with noise alone begin to move.
 #[test]
-fn weights_without_variance_stay() {
+fn known_weights_stay() {
     let network = cells()[2];
-    for memory in ALL {
-        let mut tuning = Tuning { memory, leak: 0.0, ..tuning(network) };
+    for covariance in ALL {
+        let mut tuning = FilterOptions { covariance, leak: 0.0, ..tuning(network) };
         for i in 0..network.weights() {
             match i % 3 {
                 0 => (tuning.initial_weights[i], tuning.weight_noise[i]) = (0.0, 0.0),
@@ -301,21 +248,21 @@ fn weights_without_variance_stay() {
         for k in 0..40 {
             let (x, z) = sample(k, network.outputs);
             filter.advance(&x);
-            assert_ne!(filter.observe(&z), Correction::Lost);
+            assert_ne!(filter.observe(&z), Correction::Diverged);
         }
         for (i, (ours, given)) in filter.weights().iter().zip(&given).enumerate() {
-            assert_eq!(ours.to_bits() != given.to_bits(), i % 3 != 0, "{memory:?}: {i}");
+            assert_eq!(ours.to_bits() != given.to_bits(), i % 3 != 0, "{covariance:?}: {i}");
         }
     }
 }
 
-fn session<T: Scalar>(
-    memory: Memory,
+fn session(
+    covariance: CovarianceForm,
     which: usize,
     base: BaseModel,
     feedback: bool,
     noisy: bool,
-) -> KalmanNetwork<T> {
+) -> KalmanNetwork {
     let network = cells()[which];
     let (n, m) = (network.outputs, 2);
     let network = Network { inputs: if feedback { m + n } else { m }, ..network };
@@ -327,7 +274,7 @@ fn session<T: Scalar>(
         correction_scale: vec![if matches!(base, BaseModel::Hold) { 0.2 } else { 2.0 }; n],
     };
     let weights = weights(network, 0.6);
-    let mut tuning = Tuning { memory, ..tuning(network) };
+    let mut tuning = FilterOptions { covariance, ..tuning(network) };
     if !noisy {
         tuning.weight_noise.fill(0.0);
     }
@@ -335,7 +282,7 @@ fn session<T: Scalar>(
     KalmanNetwork::new(Arc::new(model), tuning).unwrap()
 }
 
-fn errors_fall<T: Scalar>(mut session: KalmanNetwork<T>, what: &str) {
+fn errors_fall(mut session: KalmanNetwork, what: &str) {
     let n = session.outputs();
     let truth = |k: usize, y: &[f64]| -> Vec<f64> {
         let (x, _) = sample(k, 1);
@@ -355,25 +302,21 @@ fn errors_fall<T: Scalar>(mut session: KalmanNetwork<T>, what: &str) {
 }
 
 #[test]
-fn errors_decrease_during_adaptation() {
-    for memory in ALL {
-        errors_fall(session::<f64>(memory, 2, BaseModel::Nothing, false, true), &format!("{memory:?}"));
+fn errors_fall_while_it_learns() {
+    for covariance in ALL {
+        errors_fall(session(covariance, 2, BaseModel::Nothing, false, true), &format!("{covariance:?}"));
         errors_fall(
-            session::<f64>(memory, 0, BaseModel::Nothing, true, true),
-            &format!("{memory:?}, feedback"),
+            session(covariance, 0, BaseModel::Nothing, true, true),
+            &format!("{covariance:?}, feedback"),
         );
-        errors_fall(session::<f64>(memory, 3, BaseModel::Hold, true, true), &format!("{memory:?}, hold"));
-        errors_fall(
-            session::<f32>(memory, 2, BaseModel::Nothing, false, true),
-            &format!("{memory:?}, single"),
-        );
+        errors_fall(session(covariance, 3, BaseModel::Hold, true, true), &format!("{covariance:?}, hold"));
     }
 }
 
 #[test]
-fn a_saved_state_resumes_bit_for_bit() {
-    for memory in ALL {
-        let mut session = session::<f64>(memory, 0, BaseModel::Nothing, false, true);
+fn memory_goes_on_to_the_last_bit() {
+    for covariance in ALL {
+        let mut session = session(covariance, 0, BaseModel::Nothing, false, true);
         let n = session.outputs();
         for k in 0..30 {
             session.observe(&sample(k, n).1);
@@ -393,42 +336,21 @@ fn a_saved_state_resumes_bit_for_bit() {
                 session.observe(&sample(k, n).1);
                 session.advance(&sample(k, n).0);
             }
-            let bits = |session: &KalmanNetwork<f64>| -> Vec<u64> {
+            let bits = |session: &KalmanNetwork| -> Vec<u64> {
                 let (hh, tt) = session.filter().variances();
                 session.weights().iter().chain(&hh).chain(&tt).map(|w| w.to_bits()).collect()
             };
-            assert_eq!(bits(&session), bits(&other), "{memory:?}: {k}");
+            assert_eq!(bits(&session), bits(&other), "{covariance:?}: {k}");
         }
-    }
-}
-
-/// Over many samples rounding must not pile up, in single precision and with little noise either.
-#[test]
-fn single_precision_stays_stable() {
-    let network = cells()[2];
-    for memory in ALL {
-        let given: Vec<f32> = weights(network, 0.6).iter().map(|&w| f32::of(w)).collect();
-        let uniform = Tuning::uniform(network.weights(), 4e-3, 1e-7, (1.0, 1e-5), &[2e-4, 2e-3, 2e-2]);
-        let tuning = Tuning { leak: 3e-5, memory, ..uniform };
-        let mut filter = Filter::new(LearnableNetwork::new(Packed::new(network, &given)), tuning).unwrap();
-        for k in 0..30_000 {
-            let (x, z) = sample(k, network.outputs);
-            let [x, z] = [x, z].map(|numbers| numbers.into_iter().map(f32::of).collect::<Vec<_>>());
-            filter.advance(&x);
-            assert_ne!(filter.observe(&z), Correction::Lost, "{memory:?}: {k}");
-        }
-        let (hh, tt) = filter.variances();
-        assert!(hh.iter().chain(&tt).all(|&p| p > 0.0), "{memory:?}: {hh:?} {tt:?}");
-        assert!(filter.weights().iter().all(|w| w.abs() < 100.0), "{memory:?}");
     }
 }
 
 /// What is expected of predictions is that of the full filter where the covariance is.
 #[test]
-fn predicted_deviations_equal_the_full_filter() {
-    let memories = [Memory::Full, Memory::Blocks { group: usize::MAX }];
-    let mut deviations = memories.map(|memory| {
-        let mut session = session::<f64>(memory, 2, BaseModel::Nothing, false, false);
+fn deviations_ahead_are_those_of_the_full_filter() {
+    let forms = [CovarianceForm::Full, CovarianceForm::Blocks { group: usize::MAX }];
+    let mut deviations = forms.map(|covariance| {
+        let mut session = session(covariance, 2, BaseModel::Nothing, false, false);
         let n = session.outputs();
         for k in 0..30 {
             session.observe(&sample(k, n).1);
@@ -448,13 +370,12 @@ fn predicted_deviations_equal_the_full_filter() {
 #[test]
 fn invalid_values_are_refused_or_handled() {
     let network = cells()[2];
-    for memory in [Memory::Blocks { group: 0 }, Memory::LowRank { rank: 0 }] {
-        let model = LearnableNetwork::new(Packed::new(network, &weights(network, 0.6)));
-        let refused = Filter::new(model, Tuning { memory, ..tuning(network) }).err();
-        assert!(matches!(refused, Some(TuningError::Number(_))), "{memory:?}");
-    }
-    for memory in ALL {
-        let mut session = session::<f64>(memory, 2, BaseModel::Nothing, false, true);
+    let model = LearnableNetwork::new(Packed::new(network, &weights(network, 0.6)));
+    let covariance = CovarianceForm::Blocks { group: 0 };
+    let refused = Filter::new(model, FilterOptions { covariance, ..tuning(network) }).err();
+    assert!(matches!(refused, Some(FilterOptionsError::Number(_))));
+    for covariance in ALL {
+        let mut session = session(covariance, 2, BaseModel::Nothing, false, true);
         session.advance(&[0.1, 0.2]);
         session.observe(&[1e300; 3]);
         session.advance(&[f64::NAN, 1e300]);
@@ -466,7 +387,7 @@ fn invalid_values_are_refused_or_handled() {
         assert!(session.weights().iter().all(|w| w.is_finite()));
         let mut y = vec![0.0; 3];
         session.output(&mut y);
-        assert!(y.iter().all(|y| y.is_finite()), "{memory:?}: {y:?}");
+        assert!(y.iter().all(|y| y.is_finite()), "{covariance:?}: {y:?}");
     }
 }
 
@@ -478,7 +399,7 @@ proptest! {
     #[test]
     fn variances_stay_positive(
         which in 0_usize..5,
-        memory in 0_usize..5,
+        covariance in 0_usize..3,
         seed in 0.0_f64..10.0,
         size in 0.1_f64..3.0,
         initial in -4.0_f64..2.0,
@@ -487,10 +408,10 @@ proptest! {
         let network = cells()[which];
         let model = LearnableNetwork::new(Packed::new(network, &weights(network, size)));
         let r = vec![10_f64.powf(noise); network.outputs];
-        let tuning = Tuning {
+        let tuning = FilterOptions {
             leak: 1e-4,
-            memory: ALL[memory],
-            ..Tuning::uniform(network.weights(), 10_f64.powf(initial), 1e-6, (1.0, 1e-5), &r)
+            covariance: ALL[covariance],
+            ..FilterOptions::uniform(network.weights(), 10_f64.powf(initial), 1e-6, (1.0, 1e-5), &r)
         };
         let mut filter = Filter::new(model, tuning).unwrap();
         for k in 0..300 {
@@ -499,7 +420,7 @@ proptest! {
             let z: Vec<f64> = (0..network.outputs).map(|i| (0.9 * t * (1 + i) as f64).sin()).collect();
             filter.learn(k % 50 < 40);
             filter.advance(&x);
-            let made = matches!(filter.observe(&z), Correction::Made { .. });
+            let made = matches!(filter.observe(&z), Correction::Applied { .. });
             prop_assert!(made, "lost at {k}");
             let (hh, tt) = filter.variances();
             prop_assert!(hh.iter().chain(&tt).all(|&p| p > 0.0 && p.is_finite()), "{k}: {hh:?} {tt:?}");

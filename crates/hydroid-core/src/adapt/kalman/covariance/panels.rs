@@ -1,27 +1,25 @@
-//! Columns of weights, side by side.
+//! Matrices with one column for each weight, in panels.
 
 use alloc::vec::Vec;
 use core::ops::Range;
 
 use super::super::learnable::Learnable;
-use crate::math::Scalar;
 
 /// Neighbouring blocks of weights.
 ///
-/// Matrices with a column for each weight are kept in panels, each row by row: what works on a panel's columns finds them
-/// side by side.
+/// A matrix with one column for each weight is stored in panels, each row by row: the columns of a panel are contiguous.
 #[derive(Clone, Debug)]
 pub(super) struct Panel {
-    /// Its first column among all.
+    /// First column of the panel.
     start: usize,
     pub(super) width: usize,
-    /// Blocks that are learned: which, its first column in the panel, its number of weights.
+    /// Learned blocks: block of the model, first column in the panel, number of weights.
     blocks: Vec<(usize, usize, usize)>,
 }
 
 impl Panel {
-    /// Of every `group` neighbouring blocks those that are learned; what has none is left out.
-    pub(super) fn all<T: Scalar, M: Learnable<T>>(model: &M, learned: &[usize], group: usize) -> Vec<Self> {
+    /// One panel for every `group` neighbouring blocks that has a learned block.
+    pub(super) fn all<M: Learnable>(model: &M, learned: &[usize], group: usize) -> Vec<Self> {
         let mut panels: Vec<Self> = Vec::new();
         let mut last = None;
         for &block in learned {
@@ -39,28 +37,28 @@ impl Panel {
         panels
     }
 
-    /// Its part of a matrix of so many rows.
+    /// Range of the panel in a matrix of `rows` rows.
     pub(super) fn of(&self, rows: usize) -> Range<usize> {
         rows * self.start..rows * (self.start + self.width)
     }
 
-    /// Where its weights stand among the weights.
+    /// Indices of the weights of the panel.
     pub(super) fn places<'a>(&'a self, blocks: &'a [Vec<usize>]) -> impl Iterator<Item = usize> + 'a {
         self.blocks.iter().flat_map(|&(block, ..)| blocks[block].iter().copied())
     }
 
-    /// Partials of the local rows of the step that was just made, each block's in its own columns (`rows x width`).
-    pub(super) fn linearize<T: Scalar, M: Learnable<T>>(&self, model: &M, local: &mut [T]) {
+    /// Local Jacobians of the last step, each block in its own columns (`rows x width`).
+    pub(super) fn linearize<M: Learnable>(&self, model: &M, local: &mut [f64]) {
         for &(block, column, len) in &self.blocks {
             for (row, local) in local.chunks_exact_mut(self.width).enumerate() {
-                model.local(block, row, &mut local[column..column + len]);
+                model.local_jacobian(block, row, &mut local[column..column + len]);
             }
         }
     }
 
-    /// The same as a matrix of all local rows of all blocks (`all_rows x width`), zero outside the blocks' own.
-    pub(super) fn expand<T: Scalar>(&self, local: &[T], into: &mut [T]) {
-        into.fill(T::zero());
+    /// The local Jacobians as a matrix of the local rows of all blocks (`all_rows x width`), zero outside of each block.
+    pub(super) fn expand(&self, local: &[f64], into: &mut [f64]) {
+        into.fill(0.0);
         let rows = local.len() / self.width;
         for &(block, column, len) in &self.blocks {
             for (row, local) in local.chunks_exact(self.width).enumerate() {

@@ -1,37 +1,36 @@
-//! Recurrent networks.
+//! A recurrent network as a learnable model.
 
 use alloc::vec::Vec;
 
-use super::learnable::Learnable;
-use crate::math::Scalar;
+use super::Learnable;
 use crate::model::recurrent::{Blocks, Change, Linearization, Packed};
 
-/// A recurrent network with the partials of its last step.
+/// A recurrent network with the Jacobians of its last step.
 #[derive(Clone, Debug)]
-pub struct LearnableNetwork<T> {
-    packed: Packed<T>,
-    linear: Linearization<T>,
+pub struct LearnableNetwork {
+    packed: Packed<f64>,
+    linear: Linearization<f64>,
     blocks: Blocks,
 }
 
-impl<T: Scalar> LearnableNetwork<T> {
-    /// A network with its weights.
-    pub fn new(packed: Packed<T>) -> Self {
+impl LearnableNetwork {
+    /// From a network with its weights.
+    pub fn new(packed: Packed<f64>) -> Self {
         Self { linear: Linearization::new(&packed), blocks: Blocks::new(&packed), packed }
     }
 
-    /// The network with the weights of the moment.
-    pub fn packed(&self) -> &Packed<T> {
+    /// The network with its current weights.
+    pub fn packed(&self) -> &Packed<f64> {
         &self.packed
     }
 
-    /// Its blocks.
+    /// The blocks of weights.
     pub fn structure(&self) -> &Blocks {
         &self.blocks
     }
 }
 
-impl<T: Scalar> Learnable<T> for LearnableNetwork<T> {
+impl Learnable for LearnableNetwork {
     fn state_len(&self) -> usize {
         self.packed.network().state_len()
     }
@@ -56,36 +55,43 @@ impl<T: Scalar> Learnable<T> for LearnableNetwork<T> {
         Some(self.blocks.split(block))
     }
 
-    fn shown(&self) -> usize {
+    fn first_output_block(&self) -> usize {
         self.blocks.transition()
     }
 
-    fn weights(&self) -> &[T] {
+    fn weights(&self) -> &[f64] {
         self.packed.weights()
     }
 
-    fn set_weights(&mut self, weights: &[T]) {
+    fn set_weights(&mut self, weights: &[f64]) {
         self.packed.set_weights(weights);
     }
 
-    fn step(&mut self, h: &mut [T], x: &[T]) {
+    fn step(&mut self, h: &mut [f64], x: &[f64]) {
         self.linear.step(&self.packed, h, x);
     }
 
-    fn output(&self, h: &[T], y: &mut [T]) {
+    fn output(&self, h: &[f64], y: &mut [f64]) {
         self.packed.output(h, y);
     }
 
-    fn local(&self, block: usize, row: usize, into: &mut [T]) {
+    fn local_jacobian(&self, block: usize, row: usize, into: &mut [f64]) {
         self.linear.local(block, row, into);
     }
 
-    fn chain(&self, state: &[T], local: &[T], columns: usize, out: &mut [T], scratch: &mut [T]) {
+    fn apply_state_jacobian(
+        &self,
+        state: &[f64],
+        local: &[f64],
+        columns: usize,
+        out: &mut [f64],
+        scratch: &mut [f64],
+    ) {
         let change = Change { state: Some(state), local: Some(local), ..Change::default() };
         self.linear.times(&self.packed, change, columns, out, scratch);
     }
 
-    fn output_chain(&self, state: &[T], local: &[T], columns: usize, out: &mut [T]) {
+    fn apply_output_jacobian(&self, state: &[f64], local: &[f64], columns: usize, out: &mut [f64]) {
         let change = Change { state: Some(state), local: Some(local), ..Change::default() };
         self.linear.output_times(&self.packed, change, columns, out);
     }

@@ -1,45 +1,45 @@
-//! A vessel's equations of motion, their parameters as weights.
+//! A vessel as a learnable model.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::learnable::Learnable;
-use super::plant_weights::PlantWeights;
+use super::Learnable;
+use super::plant_parameters::PlantParameters;
 use crate::math::rows::add_product;
 use crate::model::PlantModel;
 use crate::vessel::{Command, Dual, Numbers, Plant};
 
 /// Length of the state.
-pub(super) const STATE: usize = 4;
+pub(in super::super) const STATE: usize = 4;
 
-/// Derivatives that are carried along at once.
-pub(super) const LANES: usize = 8;
+/// Derivatives of one [`Dual`] number.
+pub(in super::super) const LANES: usize = 8;
 
-/// A vessel whose parameters are its weights, with the partials of its last step.
+/// A vessel whose parameters are its weights, with the Jacobians of its last step.
 ///
-/// The state is `[u, v, r, P_f]` in the half-widths of the ranges that the vessel reaches
-/// ([`PlantModel::ranges`]), the propeller force `P_f` being hidden; the weights are the relative changes of all
-/// parameters that are not zero, `ln(p / p_0)` of those whose sign is given, `p / p_0 - 1` of the others:
+/// The state is `[u, v, r, P_f]` in half-widths of the ranges that the vessel reaches ([`PlantModel::ranges`]); the propeller
+/// force `P_f` is hidden. The weights are the relative changes of all nonzero parameters: `ln(p / p_0)` for parameters of fixed
+/// sign, `p / p_0 - 1` for the others.
 ///
 /// ```text
 /// h_i = (x_i - (low_i + high_i) / 2) / scale_i        scale_i = (high_i - low_i) / 2
 /// ```
 ///
-/// A step is one sample under a held command `x = [PP, RD]` in its own units; `A = dh+/dh` and `B = dh+/dw` are the
-/// derivatives of the Runge-Kutta steps themselves, carried through them ([`Dual`]) some at a time. Weights that a correction
-/// takes beyond what a vessel can have (a mass matrix that is not positive definite; weights beyond `ln 10`, where a
-/// parameter is a tenth or ten times what was given) are brought back towards the last that it can.
+/// A step is one sample under a held command `x = [PP, RD]` in its own units. `A = dh+/dh` and `B = dh+/dw` are the derivatives
+/// of the Runge-Kutta steps by forward differentiation ([`Dual`]). Corrected weights outside of the set of physical vessels (a
+/// mass matrix that is not positive definite; weights beyond `ln 10`, where a parameter is a tenth or ten times its initial
+/// value) are projected onto it.
 #[derive(Clone, Debug)]
 pub struct LearnablePlant {
-    map: PlantWeights,
+    map: PlantParameters,
     mean: [f64; STATE],
     scale: [f64; STATE],
-    /// Length \[s\] and number of the steps of the integration in a sample.
+    /// Length \[s\] and number of the integration steps in a sample.
     h: f64,
     steps: usize,
     blocks: [Vec<usize>; 1],
     weights: Vec<f64>,
-    /// The plant, with the derivatives of its parameters with respect to some weights in each.
+    /// The plant with the derivatives of its parameters with respect to state and weights, `LANES` in each pass.
     passes: Vec<Plant<Dual<LANES>>>,
     /// `A` and `B` of the last step.
     by_state: [f64; STATE * STATE],
@@ -47,9 +47,9 @@ pub struct LearnablePlant {
 }
 
 impl LearnablePlant {
-    /// Of a vessel with the parameters that it has.
+    /// From a vessel with its parameters.
     pub fn new(model: &PlantModel) -> Self {
-        let map = PlantWeights::new(model.form(), model.numbers());
+        let map = PlantParameters::new(model.form(), model.numbers());
         let count = map.places().len();
         let half = |[low, high]: [f64; 2]| 0.5 * (high - low);
         let mut own = Self {
@@ -68,47 +68,48 @@ impl LearnablePlant {
         own
     }
 
-    /// Where the parameters that are learned stand among [`PARAMETER`](crate::vessel::PARAMETER).
+    /// Indices of the learned parameters in [`PARAMETER`](crate::vessel::PARAMETER).
     pub fn places(&self) -> &[usize] {
         self.map.places()
     }
 
-    /// All parameters with the weights of the moment.
+    /// All parameters with the current weights.
     pub fn numbers(&self) -> Numbers {
         self.map.numbers(&self.weights)
     }
 
-    /// What one is of each scaled number of the state, in its unit.
+    /// Unit of each scaled state.
     pub fn scale(&self) -> &[f64; STATE] {
         &self.scale
     }
 
-    /// A number of the state in scaled units, from its own.
+    /// A state in scaled units.
     pub fn scaled(&self, place: usize, x: f64) -> f64 {
         (x - self.mean[place]) / self.scale[place]
     }
 
-    /// The other way.
+    /// A state in its own unit.
     pub fn unscaled(&self, place: usize, h: f64) -> f64 {
         self.mean[place] + self.scale[place] * h
     }
 
-    pub(super) fn map(&self) -> &PlantWeights {
+    /// The map from weights to parameters.
+    pub(in super::super) fn map(&self) -> &PlantParameters {
         &self.map
     }
 
-    /// How many times a step is made for all derivatives.
-    pub(super) fn passes(&self) -> usize {
+    /// Number of passes that a step takes for all derivatives.
+    pub(in super::super) fn passes(&self) -> usize {
         self.passes.len()
     }
 
-    /// The state at the start of a pass, with its derivatives to itself among those of that pass.
-    pub(super) fn start(&self, motion: &[f64; STATE], pass: usize) -> [Dual<LANES>; STATE] {
+    /// The state at the start of a step, with its derivatives with respect to itself among those of the pass.
+    pub(in super::super) fn start(&self, motion: &[f64; STATE], pass: usize) -> [Dual<LANES>; STATE] {
         core::array::from_fn(|i| Dual::along(motion[i], i.wrapping_sub(pass * LANES), self.scale[i]))
     }
 
-    /// A sample of a pass, in units of the state; derivatives are with respect to scaled numbers.
-    pub(super) fn sample(
+    /// One sample of a pass, in units of the state; derivatives are with respect to scaled states and weights.
+    pub(in super::super) fn sample(
         &self,
         pass: usize,
         motion: &[Dual<LANES>; STATE],
@@ -137,7 +138,7 @@ impl LearnablePlant {
     }
 }
 
-impl Learnable<f64> for LearnablePlant {
+impl Learnable for LearnablePlant {
     fn state_len(&self) -> usize {
         STATE
     }
@@ -162,8 +163,8 @@ impl Learnable<f64> for LearnablePlant {
         &self.weights
     }
 
-    fn admit(&self, weights: &mut [f64]) {
-        self.map.admit(&self.weights, weights);
+    fn project(&self, weights: &mut [f64]) {
+        self.map.project(&self.weights, weights);
     }
 
     fn set_weights(&mut self, weights: &[f64]) {
@@ -194,17 +195,24 @@ impl Learnable<f64> for LearnablePlant {
         y.copy_from_slice(&h[..PlantModel::OUTPUTS]);
     }
 
-    fn local(&self, _: usize, row: usize, into: &mut [f64]) {
+    fn local_jacobian(&self, _: usize, row: usize, into: &mut [f64]) {
         let count = self.weights.len();
         into[..count].copy_from_slice(&self.by_weights[row * count..(row + 1) * count]);
     }
 
-    fn chain(&self, state: &[f64], local: &[f64], columns: usize, out: &mut [f64], _: &mut [f64]) {
+    fn apply_state_jacobian(
+        &self,
+        state: &[f64],
+        local: &[f64],
+        columns: usize,
+        out: &mut [f64],
+        _: &mut [f64],
+    ) {
         out.copy_from_slice(local);
         add_product(out, &self.by_state, state, columns);
     }
 
-    fn output_chain(&self, state: &[f64], _: &[f64], columns: usize, out: &mut [f64]) {
+    fn apply_output_jacobian(&self, state: &[f64], _: &[f64], columns: usize, out: &mut [f64]) {
         out.copy_from_slice(&state[..PlantModel::OUTPUTS * columns]);
     }
 

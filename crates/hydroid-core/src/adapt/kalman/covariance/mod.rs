@@ -1,0 +1,140 @@
+//! The joint covariance of state and weights in the form that [`CovarianceForm`] selects.
+
+mod block_diagonal;
+mod full;
+mod lane_sums;
+mod packed;
+mod panels;
+mod register_tile;
+mod structured;
+
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+use core::ops::Range;
+
+use self::full::FullCovariance;
+use self::structured::StructuredCovariance;
+use super::learnable::Learnable;
+use super::measurement::MeasurementUpdate;
+use super::options::{CovarianceForm, FilterOptions};
+
+/// The joint covariance of state and weights. A vector over the weights has `width` numbers, in the order of the columns;
+/// [`places`](Self::places) maps columns to weights.
+#[derive(Clone, Debug)]
+pub(super) enum JointCovariance {
+    Full(Box<FullCovariance>),
+    Structured(Box<StructuredCovariance>),
+}
+
+/// The same call on either form.
+macro_rules! each {
+    ($own:expr, $covariance:ident => $call:expr) => {
+        match $own {
+            JointCovariance::Full($covariance) => $call,
+            JointCovariance::Structured($covariance) => $call,
+        }
+    };
+}
+
+impl JointCovariance {
+    /// Zero covariance of the learned blocks of weights.
+    pub(super) fn new<M: Learnable>(model: &M, options: &FilterOptions, learned: Vec<usize>) -> Self {
+        match options.covariance {
+            CovarianceForm::Full => Self::Full(Box::new(FullCovariance::new(model, options, learned))),
+            CovarianceForm::Blocks { group } => {
+                Self::Structured(Box::new(StructuredCovariance::new(model, options, group, &learned)))
+            }
+        }
+    }
+
+    /// Index of the weight of each column; `None` for padding.
+    pub(super) fn places(&self) -> &[Option<usize>] {
+        each!(self, covariance => &covariance.places)
+    }
+
+    /// The covariance of the weights becomes diagonal (`width`), and their correlation with the state zero.
+    pub(super) fn restart(&mut self, initial: &[f64]) {
+        each!(self, covariance => covariance.restart(initial));
+    }
+
+    /// The covariance of the state becomes diagonal, and its correlation with the weights zero.
+    pub(super) fn reset(&mut self, initial: &[f64]) {
+        each!(self, covariance => covariance.reset(initial));
+    }
+
+    /// [`reset`](Self::reset) of a part of the state, with equal variances.
+    pub(super) fn reset_part(&mut self, part: Range<usize>, initial: f64) {
+        each!(self, covariance => covariance.reset_part(part, initial));
+    }
+
+    /// Time update after a step of the model: the covariance of the weights is multiplied by `growth^2` and gains its noise;
+    /// the active state gains `noise`.
+    pub(super) fn advance<M: Learnable>(&mut self, model: &M, growth: f64, noise: f64) {
+        each!(self, covariance => covariance.advance(model, growth, noise));
+    }
+
+    /// `H P H'` of the outputs after the step, into `measured`.
+    pub(super) fn predict_output<M: Learnable>(&mut self, model: &M, measured: &mut MeasurementUpdate) {
+        each!(self, covariance => covariance.predict_output(model, measured));
+    }
+
+    /// Measurement update: corrects the state and, if the filter `learns`, writes the change of the weights (`width`). Returns
+    /// false if the covariance has diverged.
+    pub(super) fn correct(
+        &mut self,
+        measured: &MeasurementUpdate,
+        state: &mut [f64],
+        change: &mut [f64],
+        learns: bool,
+    ) -> bool {
+        match self {
+            Self::Full(full) => {
+                full.correct(measured, state, change, learns);
+                true
+            }
+            Self::Structured(structured) => structured.correct(measured, state, change, learns),
+        }
+    }
+
+    /// The diagonals of the covariances of the state and of the weights (`width`).
+    pub(super) fn variances(&self) -> (Vec<f64>, Vec<f64>) {
+        each!(self, covariance => covariance.variances())
+    }
+
+    /// The smallest variance.
+    pub(super) fn least_variance(&self) -> f64 {
+        each!(self, covariance => covariance.least_variance())
+    }
+
+    /// `v' P v` of a vector of state and weights (`width`).
+    pub(super) fn variance(&mut self, v_h: &[f64], v_t: &[f64]) -> f64 {
+        each!(self, covariance => covariance.variance(v_h, v_t))
+    }
+
+    /// Number of stored numbers of the covariance.
+    pub(super) fn len(&self) -> usize {
+        each!(self, covariance => covariance.len())
+    }
+
+    /// Whether the downdate of the last measurement is still to be applied.
+    pub(super) fn pending(&self) -> bool {
+        matches!(self, Self::Full(full) if full.pending)
+    }
+
+    /// Sets [`pending`](Self::pending) when a saved filter is loaded.
+    pub(super) fn set_pending(&mut self, pending: bool) {
+        if let Self::Full(full) = self {
+            full.pending = pending;
+        }
+    }
+
+    /// All numbers that the filter continues from, except the flag.
+    pub(super) fn parts(&self) -> [&[f64]; 6] {
+        each!(self, covariance => covariance.parts())
+    }
+
+    /// [`parts`](Self::parts), mutable.
+    pub(super) fn parts_mut(&mut self) -> [&mut [f64]; 6] {
+        each!(self, covariance => covariance.parts_mut())
+    }
+}
