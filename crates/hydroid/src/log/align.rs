@@ -1,15 +1,15 @@
-//! Which command acted when: held commands, shifted commands.
+//! Timing of commands: hold and shift.
 //!
-//! Inside hydroid the command in row `k` acts on `[t_k, t_{k+1})`. A log may be written differently: the
-//! command that acted *until* the row's measurement ([`CommandTiming::After`]), or a command that reached
-//! the vessel some samples later, or was logged some samples late (an input delay, positive or negative).
+//! Inside hydroid the command in row `k` acts on `[t_k, t_{k+1})`. A log may follow another convention: the
+//! row holds the command that acted until its measurement ([`CommandTiming::After`]), or commands are logged
+//! earlier or later than they act (input delay, positive or negative).
 
 use std::fmt;
 use std::str::FromStr;
 
 use super::error::LogError;
 
-/// Which interval the command in a row of the log belongs to.
+/// The interval on which the command in a row acts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CommandTiming {
@@ -96,10 +96,8 @@ impl InputDelay {
         }
     }
 
-    /// The delay in seconds in a log with this step \[s\].
-    ///
-    /// Samples are those of the log, whatever it is resampled to: who reads another log in the same way, one
-    /// with another step perhaps, wants the seconds.
+    /// The delay in seconds for a log with this step \[s\]. Samples are those of the log, before any
+    /// resampling.
     pub fn seconds_at(self, step: f64) -> f64 {
         match self {
             Self::Samples(n) => n as f64 * step,
@@ -117,8 +115,8 @@ impl InputDelay {
     }
 }
 
-/// Fills missing commands with the last value before them; leading ones stay missing. Gives the number of
-/// cells filled.
+/// Fills missing commands with the previous value; leading ones stay missing. Returns the number of filled
+/// cells.
 pub(crate) fn hold(values: &mut [f64]) -> usize {
     let mut last = f64::NAN;
     let mut filled = 0;
@@ -133,7 +131,7 @@ pub(crate) fn hold(values: &mut [f64]) -> usize {
     filled
 }
 
-/// Moves commands `shift` rows down (up where negative); rows that get none are missing.
+/// Moves commands `shift` rows down (up if negative); rows without a command are missing.
 pub(crate) fn shift(values: &mut [f64], shift: i64) {
     let rows = values.len();
     let by = usize::try_from(shift.unsigned_abs()).unwrap_or(rows).min(rows);

@@ -1,4 +1,4 @@
-//! The clock of a log: its step, whether it is regular, where it jumps.
+//! Clock of a log: step, regularity, jumps.
 
 use super::columns::Columns;
 use super::error::LogError;
@@ -9,10 +9,10 @@ const TOLERANCE: f64 = 0.01;
 /// written in milliseconds).
 const ROUNDING: f64 = 0.05;
 
-/// How many steps back are more than rows in the wrong order.
+/// A step back by more than this multiple of the usual step is a restart of the clock.
 const RESTART: f64 = 3.0;
 
-/// What the time stamps of one log say.
+/// Sampling of one log.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Clock {
     /// Sample time \[s\]: the usual step.
@@ -26,7 +26,7 @@ pub struct Clock {
     pub regular: bool,
 }
 
-/// Refuses identical time stamps and time running backwards.
+/// Refuses identical time stamps and decreasing time.
 pub(crate) fn check_order(columns: &Columns) -> Result<(), LogError> {
     for (k, pair) in columns.t.windows(2).enumerate() {
         let path = || columns.path.clone();
@@ -46,20 +46,20 @@ pub(crate) fn check_order(columns: &Columns) -> Result<(), LogError> {
     Ok(())
 }
 
-/// Whether time runs forwards but for one long way back after row `k`; a row in the wrong place goes a step
-/// back.
+/// Whether time increases except for one long step back after row `k`. A misplaced row steps back by about
+/// one step.
 fn restarts(t: &[f64], k: usize) -> bool {
     let once = t[k + 1..].windows(2).all(|p| p[0] <= p[1]);
     once && Clock::usual_step(t).is_some_and(|step| t[k] - t[k + 1] > RESTART * step)
 }
 
-/// The middle one of some numbers (the upper middle of an even count).
+/// The median (the upper one of an even number of values).
 pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// A value rounded to few digits, where it was meant so (within 1e-6 relative).
+/// A value rounded to few digits if they agree within 1e-6 relative.
 pub(crate) fn sensible(x: f64) -> f64 {
     for digits in 0..4 {
         let rounded: f64 = format!("{x:.digits$e}").parse().unwrap_or(x);
@@ -76,8 +76,8 @@ impl Clock {
         median(t.windows(2).map(|p| p[1] - p[0]).collect())
     }
 
-    /// Judges rising time stamps, with steps beyond `max_gap_s` set aside as jumps; `None` for fewer than
-    /// two.
+    /// The clock of increasing time stamps; steps beyond `max_gap_s` are jumps. `None` for fewer than two
+    /// stamps.
     pub(crate) fn of(t: &[f64], max_gap_s: f64) -> Option<Self> {
         let usual = Self::usual_step(t)?;
         let steps = || t.windows(2).map(|p| p[1] - p[0]);
@@ -107,8 +107,8 @@ impl Clock {
     }
 }
 
-/// The median step where it is a round number that the mean agrees with; else the mean, along which stamps
-/// of few digits do not drift.
+/// The median step if it is a round number that agrees with the mean, else the mean: stamps with few digits
+/// do not drift along the mean.
 fn nominal(median: f64, mean: f64) -> f64 {
     let round = sensible(median);
     if round != median && (mean - round).abs() <= 1e-4 * round { round } else { sensible(mean) }

@@ -1,4 +1,4 @@
-//! The selected columns of one log as SI numbers, checked cell by cell.
+//! The selected columns of one log in SI units, checked cell by cell.
 
 use super::csv::{BadCell, RawColumn, RawLog};
 use super::error::LogError;

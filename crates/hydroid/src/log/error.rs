@@ -1,11 +1,10 @@
-//! What can be wrong with a log: each case says where, what, and what to do about it.
+//! Errors of a log: place, cause and remedy.
 
 use std::io;
 
-/// A log that cannot be used as it was asked for.
+/// Error of a log.
 ///
-/// Every message names the file, where possible the line (counted from 1, the header included) and the
-/// column, and says what the user can do.
+/// Every message names the file, the line where possible (from 1, header included), the column, and a remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LogError {

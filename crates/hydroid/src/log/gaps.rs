@@ -1,16 +1,16 @@
-//! How long a measurement may be missing, and where a run is cut because it was missing longer.
+//! Gap limit of the measurements, and the cuts where it is exceeded.
 
 use super::clock::median;
 use super::columns::Columns;
 use super::note::Note;
 
-/// The gap limit in samples where none is given.
+/// Default gap limit in samples.
 const SAMPLES: f64 = 10.0;
-/// The least gap limit \[s\] where none is given.
+/// Smallest default gap limit \[s\].
 const SECONDS: f64 = 1.0;
 
-/// How far apart the values of the slowest output of a log are \[s\], and the gap limit that follows from it:
-/// 1 s or 10 samples, whichever is longer. What is slower than the log is told, unless `dt` is as slow.
+/// Default gap limit: 1 s or 10 sample times of the slowest output, whichever is longer. Outputs slower than
+/// the log are reported, unless `dt` is as slow.
 pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes: &mut Vec<Note>) -> f64 {
     let slow: Vec<(usize, f64, usize)> = columns
         .outputs
@@ -56,7 +56,7 @@ pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes
     SECONDS.max(SAMPLES * spacing)
 }
 
-/// Whether there are several outputs, and none has a value where another has.
+/// Whether there are several outputs and no row has values of two of them.
 fn never_together(outputs: &[Vec<f64>]) -> bool {
     let rows = outputs.first().map_or(0, Vec::len);
     outputs.len() > 1 && (0..rows).all(|k| outputs.iter().filter(|values| !values[k].is_nan()).count() < 2)
@@ -69,11 +69,10 @@ fn mean_spacing(columns: &Columns) -> f64 {
     (last - first) / fewest.unwrap_or(1).max(1) as f64
 }
 
-/// Parts `from..to` of rows on a regular clock that can be used.
+/// Usable parts `from..to` of rows on a regular clock.
 ///
-/// Between two neighbouring values of an output that lie farther apart than the limit nothing is known: the
-/// rows between them are cut out. Each part begins where the last output has its first value and ends where
-/// the first output has its last.
+/// Rows between two successive values of an output that are farther apart than the limit are removed. Each
+/// part starts at the latest first value of all outputs and ends at the earliest last value.
 pub(crate) fn usable(outputs: &[Vec<f64>], rows: usize, dt: f64, max_gap_s: f64) -> Vec<(usize, usize)> {
     let mut cut = vec![false; rows];
     for values in outputs {

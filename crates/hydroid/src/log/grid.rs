@@ -1,13 +1,13 @@
-//! One uninterrupted part of a log on a regular clock, column by column.
+//! One part of a log without jumps on a regular clock, column by column.
 
 use super::align::{CommandTiming, InputDelay, hold, shift};
 use super::columns::Columns;
 use super::error::LogError;
 
-/// Most samples that a part may have: a step far too small for a log is an error, not a crash.
+/// Maximum number of samples of a part: a step that is far too small is an error.
 pub(crate) const MOST_SAMPLES: f64 = 5e7;
 
-/// Samples on a regular clock; NaN is missing, in inputs too.
+/// Samples on a regular clock; NaN is missing, in inputs as well.
 #[derive(Clone, Debug)]
 pub(crate) struct Grid {
     pub(crate) t0: f64,
@@ -89,7 +89,7 @@ impl Grid {
         })
     }
 
-    /// Drops the rows without a command at both ends; gives how many at the front and at the back.
+    /// Drops the rows without a command at both ends and returns their numbers.
     pub(crate) fn drop_without_command(&mut self) -> (usize, usize) {
         let known = |k: &usize| self.inputs.iter().all(|values| !values[*k].is_nan());
         let front = (0..self.rows).find(known).unwrap_or(self.rows);
@@ -105,7 +105,7 @@ impl Grid {
     }
 }
 
-/// Refuses a grid of absurd length.
+/// Refuses a grid with too many samples.
 pub(crate) fn check_size(rows: f64, step: f64, columns: &Columns) -> Result<(), LogError> {
     if rows < MOST_SAMPLES {
         return Ok(());

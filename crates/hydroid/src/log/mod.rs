@@ -2,9 +2,9 @@
 //!
 //! [`read`] gives the columns of a CSV file as they stand ([`RawLog`]), a [`Selection`] says which of them
 //! are time, outputs, inputs and wind, [`prepare()`] makes runs ([`Trajectory`]) of them that models can learn
-//! from, and [`split_runs`] holds some of them back. Whatever is changed on the way is told in a [`Note`];
-//! whatever cannot be true is a [`LogError`] that names file, line, column and remedy. [`inspect()`] looks at
-//! a log without changing anything and says what will hurt.
+//! from, and [`split_runs`] holds some of them back. Every change is reported in a [`Note`];
+//! implausible data is a [`LogError`] that names file, line, column and remedy. [`inspect()`] examines
+//! a log without changing it and reports its defects.
 
 mod align;
 mod clock;

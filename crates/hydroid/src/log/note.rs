@@ -1,23 +1,23 @@
-//! What was done to a log on its way to the models, told to the user.
+//! Notes to the user on changes and defects of a log.
 
 /// How much a note matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// Good to know: nothing is lost.
+    /// For information: no data is lost.
     Info,
-    /// It may hurt the result.
+    /// The result may suffer.
     Warning,
 }
 
-/// One thing that was cut, dropped, converted, resampled or noticed.
+/// A change or a defect of a log: cut, dropped, converted, resampled or noticed.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Note {
     /// How much it matters.
     pub severity: Severity,
-    /// What happened, in one sentence, with the file it happened in.
+    /// One sentence that names the file.
     pub message: String,
-    /// What the user can do about it.
+    /// What the user can do.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }
@@ -33,7 +33,7 @@ impl Note {
         Self { severity: Severity::Warning, message: message.into(), remedy: None }
     }
 
-    /// The same note with what to do about it.
+    /// Adds a remedy.
     pub fn with_remedy(mut self, remedy: impl Into<String>) -> Self {
         self.remedy = Some(remedy.into());
         self

@@ -1,21 +1,18 @@
-//! A log on another clock than its own.
+//! Resampling of a log to another clock.
 //!
-//! **Outputs** are read off at the new instants, by linear interpolation between the nearest values before
-//! and after, if these lie no farther apart than the gap limit. They are not averaged over the new step,
-//! though that would lower the noise: a mean around `t_k` holds measurements from after `t_k`, so that a
-//! model would be told a part of what it is to predict, and a part of the command of the neighbouring
-//! interval. The price is aliasing: what oscillates faster than twice per new step appears as noise.
+//! **Outputs** are interpolated linearly between the nearest values before and after an instant, if these are
+//! no farther apart than the gap limit. They are not averaged over the new step: a mean around `t_k` contains
+//! later measurements, so the model would receive part of the future that it predicts. The cost is aliasing
+//! of oscillations faster than half the new rate.
 //!
-//! Interpolation leaks in the same way, if less: the value at an instant between two samples is made of the
-//! later one too, up to one step of the log ahead. A model that starts there knows a part of what it is to
-//! predict. With a new step that is several times the log's this is next to nothing; with one that is
-//! shorter, all horizons within the log's step are flattered, which the preparation warns of.
+//! Interpolation uses later measurements as well, up to one step of the log ahead. This is negligible if the
+//! new step is several times that of the log. If it is shorter, errors at horizons within the step of the log
+//! are too small; the preparation gives a warning.
 //!
-//! **Commands** are the last value before the new instant. Where the new step is clearly longer than the
-//! log's (1.5 times and more), they are the mean of the held command over the new interval instead: what
-//! the vessel received in it, and known when it begins to act.
+//! **Commands** take the last value before the instant. If the new step is at least 1.5 times that of the
+//! log, they are the mean of the held command over the new interval.
 //!
-//! Angles (unit rad) are interpolated the short way round.
+//! Angles (unit rad) are interpolated along the shorter arc.
 
 use std::f64::consts::TAU;
 
@@ -24,9 +21,9 @@ use super::columns::Columns;
 use super::error::LogError;
 use super::grid::{Grid, check_size, whole};
 
-/// How far, in new steps, a stamp may lie from an instant and still be taken as it.
+/// Tolerance, in new steps, within which a stamp coincides with an instant.
 const AT: f64 = 1e-6;
-/// From this ratio of new to old step on, commands are averaged.
+/// Ratio of new to old step from which on commands are averaged.
 const COARSER: f64 = 1.5;
 
 /// The new clock and the old one.

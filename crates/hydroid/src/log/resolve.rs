@@ -1,4 +1,4 @@
-//! From a selection and a log to positions, units and factors of columns.
+//! Application of a selection to a log: positions, units and factors of the columns.
 
 use super::csv::{RawColumn, RawLog};
 use super::error::LogError;

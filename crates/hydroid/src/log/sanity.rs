@@ -1,4 +1,4 @@
-//! Values beyond anything a vessel does: a wrong unit or a spike, in either case not to be learned from.
+//! Plausibility limits: values beyond them indicate a wrong unit or a spike.
 
 use super::columns::Columns;
 use super::error::LogError;
@@ -8,12 +8,12 @@ use super::trajectory::Channel;
 const FASTEST_M_S: f64 = 100.0;
 /// Fastest plausible turn of a vessel \[rad/s\].
 const FASTEST_RAD_S: f64 = 20.0;
-/// How many times the typical size of a channel a single value may reach.
+/// Ratio of a spike to the typical size of its channel.
 const SPIKE: f64 = 1e6;
-/// No value up to this size is a spike: a channel that rests at rounding errors may begin to move.
+/// Values up to this size are not spikes: a channel may rest at rounding errors before it moves.
 const NO_SPIKE: f64 = 1e3;
 
-/// Refuses a log with an absurd value in a selected column.
+/// Refuses a log with an implausible value in a selected column.
 pub(crate) fn check(columns: &Columns) -> Result<(), LogError> {
     for (channel, values) in columns.output_channels.iter().zip(&columns.outputs) {
         limit(columns, channel, values)?;
@@ -25,7 +25,7 @@ pub(crate) fn check(columns: &Columns) -> Result<(), LogError> {
     Ok(())
 }
 
-/// Velocities and yaw rates have limits of their own; a bare `u`, `v`, `r` is meant in SI units.
+/// Limits of velocities and yaw rates; `u`, `v`, `r` without a unit are in SI units.
 fn limit(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), LogError> {
     let fastest = fastest(channel).map_or(f64::INFINITY, |(limit, _)| limit);
     match values.iter().position(|x| x.abs() > fastest) {
@@ -62,8 +62,8 @@ pub fn check_value(channel: &Channel, value: f64, path: &str, line: u64) -> Resu
     }
 }
 
-/// A few values a million times larger than the rest. Many such values are a channel that rests at rounding
-/// errors most of the time, which is no fault.
+/// Few values a million times larger than the median. Many such values indicate a channel that mostly rests
+/// at rounding errors.
 fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), LogError> {
     let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).filter(|x| *x > 0.0).collect();
     if sizes.is_empty() {

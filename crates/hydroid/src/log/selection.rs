@@ -1,4 +1,4 @@
-//! Which columns of a log are what: time, outputs, inputs, wind.
+//! Selection of time, outputs, inputs and wind from the columns of a log.
 
 use std::fmt;
 use std::str::FromStr;

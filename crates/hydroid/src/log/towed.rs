@@ -1,33 +1,32 @@
-//! Ends of a log at which somebody else moves the vessel: towed to its start, pushed off, caught by hand.
+//! Removal of the ends of a log in which the vessel is towed or pushed.
 
 use super::columns::Columns;
 use super::note::Note;
 use super::sanity::is_velocity;
 
-/// Shortest stretch \[s\] that is looked at.
+/// Shortest stretch that is examined \[s\].
 const SHORTEST_S: f64 = 20.0;
-/// Largest share of a log that is an end of it.
+/// Largest share of a log that counts as an end of it.
 const SHARE: f64 = 0.25;
-/// Time \[s\] after the commands have gone to zero over which a lagging actuator may still move the vessel.
+/// Time after the commands become zero in which lagging actuators may still act \[s\].
 const GRACE_S: f64 = 10.0;
-/// Time \[s\] over which outputs are averaged: noise and waves are no motion.
+/// Averaging time of the outputs \[s\], against noise and waves.
 const MEAN_S: f64 = 1.0;
-/// What an output gathers where somebody else moves the vessel, in its standard deviations under command.
+/// Increase of an output that indicates towing, in its standard deviations under command.
 const GATHERED: f64 = 1.0;
 
-/// Takes away the beginning and the end of a log where all of the first `commands` inputs are exactly zero for
-/// 20 s or longer, and yet an output gathers way.
+/// Removes the beginning and the end of a log in which all of the first `commands` inputs are exactly zero
+/// for 20 s or longer while an output grows.
 ///
-/// A vessel that is left to itself slows down, or drifts. With `m_b` the mean of a velocity over the `b`th second
-/// of such a stretch, from 10 s after its beginning, it is taken for moved by others where
+/// A vessel without commands slows down or drifts. With `m_b` the mean of a velocity over the `b`th second of
+/// such a stretch, from 10 s after its beginning, the vessel is towed if
 ///
 /// ```text
 /// max over b of (|m_b| - min over a <= b of |m_a|) > standard deviation from the first to the last command
 /// ```
 ///
-/// in any output that is a velocity or a turn. A blank command is the one before it, and none before the first. Stretches
-/// between commands are left alone, and so are those that are more than a quarter of the log: where commands are as rare as
-/// that, something else is to be learned.
+/// for any output that is a velocity or a turn rate. A blank command holds the one before it. Stretches
+/// between commands are kept, and so are stretches longer than a quarter of the log.
 pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>) {
     let n = columns.rows();
     let Some((first, last)) = under_command(&columns.inputs[..commands], n) else { return };
@@ -76,7 +75,7 @@ fn under_command(commands: &[Vec<f64>], rows: usize) -> Option<(usize, usize)> {
     found
 }
 
-/// The first output that gathers way in a stretch of rows, measured by what it does under command.
+/// The first output that grows in a stretch of rows, relative to its standard deviation under command.
 fn gathers(
     columns: &Columns,
     stretch: std::ops::Range<usize>,
@@ -94,7 +93,7 @@ fn gathers(
         let mut least = f64::INFINITY;
         second_by_second(measured.map(|(t, y)| (t - first - GRACE_S, *y))).any(|mean| {
             least = least.min(mean.abs());
-            // One that did not move at all under command tells of nothing.
+            // An output that is constant under command is no evidence.
             allowed > 0.0 && mean.abs() - least > allowed
         })
     })

@@ -1,4 +1,4 @@
-//! How much the inputs move: what never moves cannot be learned.
+//! Excitation of the inputs.
 
 use super::super::note::Note;
 use super::super::trajectory::Trajectory;

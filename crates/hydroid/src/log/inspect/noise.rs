@@ -13,7 +13,7 @@ use super::super::trajectory::Trajectory;
 /// Largest smoothing window that is looked for, in samples.
 const LONGEST_WINDOW: usize = 100;
 
-/// One output, over all runs of the log.
+/// Noise of one output over all runs of the log.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct NoiseReport {
     /// Name.
@@ -24,7 +24,7 @@ pub struct NoiseReport {
     pub increment_correlation: Option<f64>,
     /// Whether the change from sample to sample is mostly noise.
     pub mostly_noise: bool,
-    /// Standard deviation of the white noise, where there is any to see.
+    /// Standard deviation of the white noise, if there is any.
     pub noise_std: Option<f64>,
     /// Window \[samples\] over which the output seems to have been smoothed.
     pub smoothing_window: Option<usize>,
@@ -90,8 +90,8 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
     reports
 }
 
-/// Standard deviation of the white noise of each output; where none is to be seen, of what second differences have of it at
-/// the most. It is 0 for an output that does not move.
+/// Standard deviation of the white noise of each output; if the noise is not white, an upper bound from
+/// second differences. Zero for a constant output.
 pub fn noise_level(runs: &[&Trajectory]) -> Vec<f64> {
     let outputs = runs.first().map_or(0, |run| run.outputs.channels().len());
     let level = |i: usize| {

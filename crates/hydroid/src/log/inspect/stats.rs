@@ -1,4 +1,4 @@
-//! Each column by itself, and columns that should show the same.
+//! Statistics of each column, and disagreements between columns of the same quantity.
 
 use super::super::csv::{RawColumn, RawLog};
 use super::super::units::{self, Unit};
