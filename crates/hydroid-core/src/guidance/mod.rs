@@ -1,10 +1,10 @@
-//! Guidance: where a vessel shall be, how fast, and which way its bow shall point on the way there.
+//! Guidance: paths, speed profiles, reference points and heading references.
 //!
-//! - [`Path`]: straight legs and arcs in the north-east frame, by arc length: circles, legs with corners, way-points with
-//!   turning circles, lawn-mowers.
-//! - [`SpeedProfile`]: how fast along it, with what the vessel can do in turns and between them ([`SpeedLimits`]).
-//! - [`Reference`]: the point on the path that a controller follows, with its velocity and acceleration; a [`TimedReference`]
-//!   moves it with time, a [`PathReference`] with the vessel.
+//! - [`Path`]: straight legs and arcs in the north-east frame, by arc length: circles, legs with corners, way-points with turning
+//!   circles, lawn-mowers.
+//! - [`SpeedProfile`]: the speed along a path within the limits of a vessel ([`SpeedLimits`]).
+//! - [`Reference`]: the point on the path that a controller follows, with velocity and acceleration. A [`TimedReference`] moves with
+//!   time, a [`PathReference`] with the vessel.
 //! - [`LineOfSight`]: the heading that brings a vessel onto the path, with look-ahead and integral action against drift.
 //!
 //! Frames and signs as everywhere: `x` north, `y` east, courses clockwise from north, curvature positive to starboard (a
@@ -16,11 +16,11 @@
 //! let path = Path::lawn_mower([0.0, 0.0], 0.0, 100.0, 40.0, 4, 15.0, Side::Starboard)?;
 //! let limits = SpeedLimits { lateral_acceleration: 0.2, ..SpeedLimits::cruise(4.0) };
 //! let profile = SpeedProfile::new(&path, &limits)?;
-//! let mut walker = TimedReference::new(&profile);
+//! let mut point = TimedReference::new(&profile);
 //! let mut slowest = f64::INFINITY;
-//! while !walker.is_done(&profile) {
-//!     slowest = slowest.min(walker.reference(&path, &profile).speed);
-//!     walker.advance(&profile, 0.1);
+//! while !point.is_done(&profile) {
+//!     slowest = slowest.min(point.reference(&path, &profile).speed);
+//!     point.advance(&profile, 0.1);
 //! }
 //! // sqrt(0.2 * 15) in the turns
 //! assert!((slowest - 1.732).abs() < 0.01);

@@ -7,15 +7,14 @@ use num_traits::Float;
 use super::error::{PathError, finite, positive};
 use super::piece::{Piece, Pose};
 
-/// How far pieces may be apart where they meet \[m\]: rounding over kilometres, and no more.
+/// Largest gap between pieces \[m\]: rounding over kilometres.
 const GAP: f64 = 1e-6;
 
-/// Lines and arcs in a row, by arc length `s` from its start \[m\].
+/// Lines and arcs in sequence, by arc length `s` from the start \[m\].
 ///
-/// The position is continuous; the course is where the pieces meet tangentially, as those of all shapes but
-/// [`legs`](Self::legs) do; the curvature jumps between them, and with it the yaw rate that the path asks for. A *closed*
-/// path begins again where it ends. Before the start and beyond the end of an open path its tangents go straight on, so
-/// that a point that looks ahead always finds something.
+/// The position is continuous. The course is continuous for all shapes but [`legs`](Self::legs); the curvature, and with it the yaw rate,
+/// jumps between pieces. A *closed* path begins again at its end. An open path is extended by its tangents, so that a lookahead point always
+/// exists.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     pieces: Vec<Piece>,
@@ -25,23 +24,22 @@ pub struct Path {
     closed: bool,
 }
 
-/// The place on a path that is nearest to a point.
+/// The point of a path nearest to a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projection {
-    /// Arc length \[m\]; on a closed path it counts on from lap to lap.
+    /// Arc length \[m\]; continuous over the laps of a closed path.
     pub s: f64,
-    /// The place with its tangent.
+    /// Pose of the path at this point.
     pub pose: Pose,
-    /// How far the point is to starboard of the path \[m\].
+    /// Cross-track error, positive to starboard of the path \[m\].
     pub cross_track: f64,
 }
 
 impl Path {
-    /// From pieces that meet.
+    /// A path of adjacent pieces.
     ///
     /// # Errors
-    /// If there are none, one has no length or is not finite, or two do not meet; a closed one also if its end is not its
-    /// start.
+    /// If there is no piece, a piece has no length or is not finite, or two do not meet; for a closed path also if the end is not the start.
     pub fn new(pieces: Vec<Piece>, closed: bool) -> Result<Self, PathError> {
         let Some(last) = pieces.last() else {
             return Err(PathError::TooFew { what: "pieces of a path", needed: 1 });
@@ -70,17 +68,17 @@ impl Path {
         &self.pieces
     }
 
-    /// Length \[m\]; of a closed path that of one lap.
+    /// Length \[m\]; of one lap for a closed path.
     pub fn length(&self) -> f64 {
         self.length
     }
 
-    /// Whether it begins again where it ends.
+    /// Whether the path is closed.
     pub fn is_closed(&self) -> bool {
         self.closed
     }
 
-    /// Arc length within the path, and how much was left out to get there: whole laps, or nothing.
+    /// Arc length within the path, and the removed whole laps.
     pub(super) fn within(&self, s: f64) -> (f64, f64) {
         if !self.closed {
             return (s, 0.0);
@@ -89,12 +87,12 @@ impl Path {
         (s - laps, laps)
     }
 
-    /// The piece that an arc length within the path lies on; the first or the last beyond the ends.
+    /// The piece at an arc length within the path; the first or the last beyond the ends.
     pub(super) fn piece_at(&self, s: f64) -> usize {
         self.starts.partition_point(|start| *start <= s).saturating_sub(1)
     }
 
-    /// The place at arc length `s`.
+    /// Pose at arc length `s`.
     pub fn at(&self, s: f64) -> Pose {
         let (s, _) = self.within(s);
         let index = self.piece_at(s);
@@ -108,10 +106,9 @@ impl Path {
         beyond.at(d - d.clamp(0.0, piece.length))
     }
 
-    /// The place nearest to a point, looked for from `reach` metres before arc length `near` to `reach` metres behind it.
+    /// Projects a point onto the path within `reach` metres of arc length `near`.
     ///
-    /// A path may pass a point more than once (the legs of a lawn-mower do so nearly): what is nearest of all is not
-    /// what the vessel has come to. Looking around where it was cannot jump.
+    /// The search is local, because a path may pass a point more than once (as the legs of a lawn-mower nearly do).
     pub fn project(&self, point: [f64; 2], near: f64, reach: f64) -> Projection {
         // NaN, and less than nothing, are nothing.
         let reach = reach.max(0.0);

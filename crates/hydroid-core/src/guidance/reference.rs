@@ -1,4 +1,4 @@
-//! The point that a controller follows.
+//! Reference points on a path: by time, and by projection of the vessel.
 
 use num_traits::Float;
 
@@ -31,7 +31,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// At a place that is passed with a speed \[m/s\] and its rate \[m/s^2\].
+    /// The reference at arc length `s` with a speed \[m/s\] and its rate \[m/s^2\].
     pub fn new(s: f64, pose: &Pose, speed: f64, rate: f64) -> Self {
         let (sin, cos) = Float::sin_cos(pose.course);
         let towards = speed * speed * pose.curvature;
@@ -46,33 +46,33 @@ impl Reference {
         }
     }
 
-    /// Whether position, velocity and acceleration are numbers.
+    /// Whether position, velocity and acceleration are finite.
     pub fn is_finite(&self) -> bool {
         let numbers = self.position.iter().chain(&self.velocity).chain(&self.acceleration);
         numbers.chain([&self.course]).all(|x| x.is_finite())
     }
 
-    /// Where it is, without how fast.
+    /// Pose of the path at the reference.
     pub const fn pose(&self) -> Pose {
         Pose { position: self.position, course: self.course, curvature: self.curvature }
     }
 }
 
-/// A point that moves along a path with time, whatever the vessel does: what is to be *tracked*.
+/// A reference that moves along a path by time (trajectory tracking).
 ///
-/// It moves exactly as the profile says, in closed form: its place does not depend on the steps in which time passes.
+/// The position follows the speed profile in closed form and does not depend on the time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimedReference {
-    /// Arc length at which the present lap began \[m\].
+    /// Arc length at the start of the present lap \[m\].
     lap: f64,
     phase: usize,
-    /// Metres into the phase.
+    /// Distance within the phase \[m\].
     into: f64,
     speed: f64,
 }
 
 impl TimedReference {
-    /// At the start of a path.
+    /// A reference at the start of a path.
     pub fn new(profile: &SpeedProfile) -> Self {
         Self {
             lap: 0.0,
@@ -82,7 +82,7 @@ impl TimedReference {
         }
     }
 
-    /// Moves on for `dt` seconds.
+    /// Advances the reference by `dt` seconds.
     pub fn advance(&mut self, profile: &SpeedProfile, dt: f64) {
         if !dt.is_finite() {
             return;
@@ -98,7 +98,7 @@ impl TimedReference {
             } else {
                 (phase.end - self.speed) / phase.acceleration
             };
-            // A NaN, of no way at no speed, goes on to the next phase.
+            // NaN (no distance at no speed) ends the phase.
             if until > left {
                 self.into += (self.speed + 0.5 * phase.acceleration * left) * left;
                 self.speed += phase.acceleration * left;
@@ -115,7 +115,7 @@ impl TimedReference {
         }
     }
 
-    /// Whether the end of an open path has been passed; from there the point goes straight on at the speed of the end.
+    /// Whether the end of an open path has been passed. Beyond the end, the reference moves straight on at the final speed.
     pub fn is_done(&self, profile: &SpeedProfile) -> bool {
         self.phase >= profile.phases().len()
     }
@@ -125,7 +125,7 @@ impl TimedReference {
         self.lap + profile.phases().get(self.phase).map_or(profile.length(), |phase| phase.s) + self.into
     }
 
-    /// The point of the moment.
+    /// The present reference.
     pub fn reference(&self, path: &Path, profile: &SpeedProfile) -> Reference {
         let s = self.s(profile);
         let rate = profile.phases().get(self.phase).map_or(0.0, |phase| phase.acceleration);
@@ -133,10 +133,10 @@ impl TimedReference {
     }
 }
 
-/// The point of a path that is nearest to a vessel: what is to be *followed*, at the profile's speed but by no clock.
+/// A reference at the projection of the vessel onto a path (path following), with the speed of the profile.
 ///
-/// A profile that starts at rest asks for no speed at its start, and a follower would stay there: give
-/// [`SpeedLimits::start`](super::SpeedLimits::start) a speed.
+/// A profile that starts at rest asks for zero speed at its start, and the vessel would stay there: set
+/// [`SpeedLimits::start`](super::SpeedLimits::start).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathReference {
     s: f64,
@@ -144,14 +144,13 @@ pub struct PathReference {
 }
 
 impl PathReference {
-    /// From arc length `s` on; the vessel is looked for up to `reach` metres along the path from where it was last: more
-    /// than it moves between two samples, less than what lies between two passes at the same place.
+    /// A reference from arc length `s` on. The projection is searched within `reach` metres of the last one along the path: more than the
+    /// vessel moves in a sample, less than the distance between two passes of the same place.
     pub const fn new(s: f64, reach: f64) -> Self {
         Self { s, reach }
     }
 
-    /// The foot of a position \[m\], which the next one is looked for around. A position that is no number changes
-    /// nothing.
+    /// Projects a position \[m\] onto the path. A position that is not finite changes nothing.
     pub fn project(&mut self, path: &Path, position: [f64; 2]) -> Projection {
         if position.iter().all(|x| x.is_finite()) {
             let foot = path.project(position, self.s, self.reach);
@@ -161,7 +160,7 @@ impl PathReference {
         Projection { s: self.s, pose: path.at(self.s), cross_track: f64::NAN }
     }
 
-    /// The foot of a position with the motion that the profile has there.
+    /// The projection of a position with the speed of the profile.
     pub fn reference(&mut self, path: &Path, profile: &SpeedProfile, position: [f64; 2]) -> Reference {
         let foot = self.project(path, position);
         let (speed, rate) = profile.at(foot.s);

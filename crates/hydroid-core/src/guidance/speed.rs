@@ -1,4 +1,4 @@
-//! How fast along a path: as fast as turns, and what lies between them, allow.
+//! Speed profiles along a path.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -9,11 +9,10 @@ use super::error::{PathError, positive};
 use super::path::Path;
 use crate::vessel::kinematics::wrap;
 
-/// What a vessel can do along a path. Infinite is "no limit"; the two accelerations must be finite.
+/// Limits of a vessel along a path. Infinite is "no limit"; the two accelerations must be finite.
 ///
-/// Where they come from: `lateral_acceleration` and `yaw_rate` from turning circles at the speed in question (with the
-/// rudder left over that a controller needs, three quarters of hard over); `acceleration` and `deceleration` from crash
-/// stops and starts: the force of the propeller over the mass, where drag has been taken off.
+/// `lateral_acceleration` and `yaw_rate` come from turning circles at the speed in question, with a reserve of a quarter of the rudder for
+/// the controller; `acceleration` and `deceleration` from starts and crash stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedLimits {
     /// Speed where nothing else limits it \[m/s\].
@@ -35,7 +34,7 @@ pub struct SpeedLimits {
 }
 
 impl SpeedLimits {
-    /// One speed throughout, and no limit but 0.2 m/s^2 on its changes.
+    /// A constant speed without limits except 0.2 m/s^2 on its changes.
     pub const fn cruise(speed: f64) -> Self {
         Self {
             cruise: speed,
@@ -49,7 +48,7 @@ impl SpeedLimits {
         }
     }
 
-    /// Speed in a turn of a curvature \[m/s\]: `min(cruise, sqrt(a / |kappa|), r / |kappa|)`.
+    /// Speed in a turn \[m/s\]: `min(cruise, sqrt(a / |kappa|), r / |kappa|)`.
     fn at(&self, curvature: f64) -> f64 {
         let kappa = curvature.abs();
         if kappa == 0.0 {
@@ -80,34 +79,33 @@ impl SpeedLimits {
     }
 }
 
-/// A stretch of constant acceleration along the path.
+/// A section of constant acceleration along the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Phase {
-    /// Where it starts \[m\].
+    /// Start \[m\].
     pub(super) s: f64,
-    /// How long it is \[m\].
+    /// Length \[m\].
     pub(super) length: f64,
-    /// Speed at its start \[m/s\].
+    /// Speed at the start \[m/s\].
     pub(super) speed: f64,
-    /// Speed at its end \[m/s\]: known better than the square root gives it, where it is 0.
+    /// Speed at the end \[m/s\]; exact where it is 0.
     pub(super) end: f64,
     /// `dU/dt` \[m/s^2\].
     pub(super) acceleration: f64,
 }
 
 impl Phase {
-    /// Speed `d` metres from its start: `U^2 = U_0^2 + 2 a d`.
+    /// Speed `d` metres from the start: `U^2 = U_0^2 + 2 a d`.
     pub(super) fn speed_at(&self, d: f64) -> f64 {
         Float::sqrt((self.speed * self.speed + 2.0 * self.acceleration * d).max(0.0))
     }
 }
 
-/// The fastest speed along a path that keeps all of its [`SpeedLimits`], as stretches of constant acceleration.
+/// The time-optimal speed along a path within [`SpeedLimits`], as sections of constant acceleration.
 ///
-/// Turns limit the speed piece by piece; one pass forwards limits what can be reached by accelerating, one backwards what
-/// can be braked in time (the time-optimal profile under such limits: J. E. Bobrow, S. Dubowsky, J. S. Gibson,
-/// *Time-optimal control of robotic manipulators along specified paths*, 1985). The speed is continuous; its rate, and the
-/// acceleration towards the centre of a turn, jump.
+/// Turns limit the speed of each piece; a forward pass limits acceleration and a backward pass deceleration (J. E. Bobrow, S. Dubowsky, J. S.
+/// Gibson, *Time-optimal control of robotic manipulators along specified paths*, 1985). The speed is continuous; its rate and the lateral
+/// acceleration jump.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeedProfile {
     phases: Vec<Phase>,
@@ -164,7 +162,7 @@ impl SpeedProfile {
         Ok(Self { phases, length: path.length(), closed: path.is_closed() })
     }
 
-    /// Speed \[m/s\] and its rate \[m/s^2\] at arc length `s`; beyond the ends of an open path those of the end, and 0.
+    /// Speed \[m/s\] and its rate \[m/s^2\] at arc length `s`; beyond the ends of an open path the speed of the end, and 0.
     pub fn at(&self, s: f64) -> (f64, f64) {
         let s = if self.closed { s - Float::floor(s / self.length) * self.length } else { s };
         let index = self.phases.partition_point(|phase| phase.s <= s).saturating_sub(1);
@@ -175,7 +173,7 @@ impl SpeedProfile {
         (speed, if inside { phase.acceleration } else { 0.0 })
     }
 
-    /// Time from the start to the end at these speeds, of a closed path for one lap \[s\].
+    /// Duration from start to end, of one lap for a closed path \[s\].
     pub fn duration(&self) -> f64 {
         // (U_0 + U_1) / 2 is the mean over time of a constant acceleration.
         self.phases.iter().map(|p| 2.0 * p.length / (p.speed + p.end)).sum()
@@ -194,8 +192,7 @@ impl SpeedProfile {
     }
 }
 
-/// Accelerate, hold, brake, in a piece of `length` metres at `s`: from `speeds[0]` to `speeds[2]`, never above
-/// `speeds[1]`.
+/// Accelerates, holds and brakes within a piece of `length` metres at `s`: from `speeds[0]` to `speeds[2]`, never above `speeds[1]`.
 fn phases_of(s: f64, length: f64, speeds: [f64; 3], limits: &SpeedLimits, into: &mut Vec<Phase>) {
     let [first, most, last] = speeds;
     let (a, b) = (limits.acceleration, limits.deceleration);

@@ -1,4 +1,4 @@
-//! Numbers that begin where a cache line begins.
+//! Slices aligned to cache lines.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -6,11 +6,10 @@ use core::ops::{Deref, DerefMut};
 
 use crate::math::Scalar;
 
-/// Bytes of a cache line, and of the widest vector: no vector of rows that are multiples of it crosses a line, which
-/// would halve the speed of loads.
+/// Bytes of a cache line and of the widest vector. Loads within a cache line are twice as fast as loads across two.
 const LINE: usize = 64;
 
-/// A slice that begins at a multiple of 64 bytes.
+/// A slice aligned to 64 bytes.
 #[derive(Debug)]
 pub(crate) struct Aligned<T> {
     numbers: Vec<T>,

@@ -1,7 +1,7 @@
-//! Elementary functions on whole slices, for `f32` and `f64`.
+//! Vector kernels: elementary functions, products and sums on slices, for `f32` and `f64`.
 //!
-//! The widest vectors that the processor has are used, found out at run time; the results are the same, to the last
-//! bit, whatever these are, and wherever in a slice a number stands.
+//! The widest vectors of the processor are detected at run time. Results are equal to the last bit for all vector widths and for all
+//! positions in a slice.
 
 #![expect(
     clippy::inline_always,
@@ -23,7 +23,7 @@ use self::kernel::{Kernel, kernels};
 use self::slices::{Write, vectors};
 use self::vectors::Vectors;
 
-/// A floating-point number that networks are made of: `f32` or `f64`.
+/// A floating-point number of networks: `f32` or `f64`.
 pub trait Scalar:
     Float
     + Vectors
@@ -40,7 +40,7 @@ pub trait Scalar:
     /// The nearest number to `x`.
     fn of(x: f64) -> Self;
 
-    /// The same number in double precision.
+    /// The number in double precision.
     fn wide(self) -> f64;
 
     /// Runs a kernel in this precision.
@@ -81,19 +81,19 @@ impl Scalar for f64 {
     }
 }
 
-/// `x <- e^x`, within 1.5e-7 (`f32`) or 3e-16 (`f64`) of the result; where that is below the normal numbers, of the
+/// `x <- e^x`, with a relative error of at most 1.5e-7 (`f32`) or 3e-16 (`f64`); below the normal numbers the error is relative to the
 /// smallest of these.
 pub fn exp<T: Scalar>(x: &mut [T]) {
     T::run::<ElementWise>(Arch::new(), Each { x, function: Function::Exp });
 }
 
-/// `x <- tanh x`, within 2.5e-7 (`f32`) or 7e-16 (`f64`) of the result, at most 1 in size, and exactly odd.
+/// `x <- tanh x`, with a relative error of at most 2.5e-7 (`f32`) or 7e-16 (`f64`), at most 1 in size, and exactly odd.
 pub fn tanh<T: Scalar>(x: &mut [T]) {
     T::run::<ElementWise>(Arch::new(), Each { x, function: Function::Tanh });
 }
 
-/// `x <- 1 / (1 + e^-x)`, within 2.5e-7 (`f32`) or 5e-16 (`f64`) of the result; where that is below 1e-30 (`f32`) or
-/// 1e-290 (`f64`), of these.
+/// `x <- 1 / (1 + e^-x)`, with a relative error of at most 2.5e-7 (`f32`) or 5e-16 (`f64`); below 1e-30 (`f32`) or 1e-290 (`f64`) the error is
+/// relative to these.
 pub fn sigmoid<T: Scalar>(x: &mut [T]) {
     T::run::<ElementWise>(Arch::new(), Each { x, function: Function::Sigmoid });
 }
@@ -105,7 +105,7 @@ enum Function {
     Sigmoid,
 }
 
-/// A function of each number of a slice.
+/// Kernel: an elementary function on each number of a slice.
 pub struct Each<'a, T> {
     x: &'a mut [T],
     function: Function,

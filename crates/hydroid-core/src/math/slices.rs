@@ -1,4 +1,4 @@
-//! Slices walked vector by vector, the last of them in part.
+//! Slices as sequences of vectors, the last of which may be partial.
 #![expect(
     clippy::inline_always,
     reason = "it must become a part of the function that was compiled for the processor"

@@ -1,8 +1,7 @@
-//! Vectors of numbers as wide as the processor has them, with operators.
+//! Vectors of the width of the processor, with operators.
 //!
-//! Every operation works on each number alone and rounds as IEEE 754 says, and a product that is added to something is
-//! not rounded before ([`Pack::mul_add`] is fused on every path: by the instruction where there is one, in software
-//! where not), but for [`Pack::sum`]. So a result depends neither on the width of the vectors nor on the processor.
+//! Each operation acts on each number alone with IEEE 754 rounding, and a product within a sum is not rounded ([`Pack::mul_add`] is fused on
+//! every path, in software where the processor lacks the instruction), except for [`Pack::sum`]. Results do not depend on the vector width.
 #![expect(
     clippy::inline_always,
     reason = "it must become a part of the function that was compiled for the processor"

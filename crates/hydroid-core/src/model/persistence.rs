@@ -1,4 +1,4 @@
-//! The model that every other must beat: nothing changes.
+//! Persistence: outputs keep their last value. The baseline of all models.
 
 use alloc::boxed::Box;
 use alloc::vec;

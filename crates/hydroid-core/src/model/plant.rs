@@ -1,4 +1,4 @@
-//! A vessel's equations of motion as a model.
+//! The equations of motion of a vessel with given parameters as a model.
 
 use alloc::boxed::Box;
 
@@ -13,7 +13,7 @@ const STEP_S: f64 = 0.01;
 /// Steps of the integration in a sample at the most.
 const MOST_STEPS: f64 = 100_000.0;
 
-/// Why a vessel cannot be a model.
+/// Reasons why a vessel is not a model.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PlantModelError {
     /// The parameters describe none.
@@ -41,10 +41,10 @@ impl core::fmt::Display for PlantModelError {
 
 impl core::error::Error for PlantModelError {}
 
-/// The plant of a [`VesselParams`] over samples under held commands: outputs `u, v, r`, inputs the commands of propeller
-/// and rudder, the propeller force hidden.
+/// The plant of a [`VesselParams`] over samples under held commands: outputs `u, v, r`, inputs the commands of propeller and rudder, hidden
+/// state the propeller force.
 ///
-/// A sample is a whole number of steps of the classical Runge-Kutta method, of 10 ms or a little less, as it is simulated.
+/// A sample is a whole number of classical Runge-Kutta steps of at most 10 ms, as in simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlantModel {
     params: VesselParams,
@@ -137,8 +137,8 @@ fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
 
 /// A session of a [`PlantModel`].
 ///
-/// `u`, `v` and `r` are those that were measured; the propeller force begins as what holds the speed, and follows its
-/// command. A run begins where all three have been measured once.
+/// `u`, `v` and `r` are measured or predicted. The propeller force starts at the force that holds the speed, and follows its command. A run
+/// starts once all three outputs have been measured.
 ///
 /// Snapshot: `[u, v, r, P_f]`.
 #[derive(Clone, Debug)]

@@ -1,4 +1,4 @@
-//! `f` and `g` at a moment, and the step over a sample.
+//! The functions `f` and `g`, and the step over a sample.
 
 use num_traits::Float;
 
@@ -6,15 +6,15 @@ use super::model::ControlAffine;
 use crate::actuator::{lag_step, rk4_first_stage};
 use crate::model::direct::ForwardPass;
 
-/// A network's way from outputs to rates.
+/// Evaluation of the rates of a control-affine network.
 #[derive(Clone, Debug)]
 pub(crate) struct Field {
     forward: ForwardPass,
     outputs: usize,
     inputs: usize,
-    /// What half a sample leaves of a difference to the command, of each actuator.
+    /// Decay of the difference to the command over half a sample, for each actuator.
     halves: alloc::vec::Vec<f64>,
-    /// What the first stage of a sample sees of that difference ([`rk4_first_stage`]).
+    /// Weight of this difference in the first stage ([`rk4_first_stage`]).
     firsts: alloc::vec::Vec<f64>,
 }
 
@@ -31,13 +31,13 @@ impl Field {
         }
     }
 
-    /// Numbers of scratch that a step needs.
+    /// Length of the scratch of a step.
     pub(crate) fn scratch(&self) -> usize {
         let (n, m) = (self.outputs, self.inputs);
         n + self.forward.hidden() + n * (1 + m) + 3 * n + m
     }
 
-    /// `N(z)` at outputs `y`: `n (1 + m)` numbers, in the scratch.
+    /// `N(z)` at outputs `y`: `n (1 + m)` numbers in the scratch.
     pub(crate) fn evaluate<'a>(&self, model: &ControlAffine, y: &[f64], scratch: &'a mut [f64]) -> &'a [f64] {
         let (z, rest) = scratch.split_at_mut(self.outputs);
         let (hidden, g) = rest.split_at_mut(self.forward.hidden());
@@ -60,21 +60,21 @@ impl Field {
         }
     }
 
-    /// Actuators half a sample on; one that is not known yet (NaN) is at rest under its first command.
+    /// Advances actuators by half a sample; an unknown one (NaN) is at rest under its first command.
     fn half(&self, a: &mut [f64], c: &[f64]) {
         for ((a, &c), half) in a.iter_mut().zip(c).zip(&self.halves) {
             *a = lag_step(*a, c, *half);
         }
     }
 
-    /// Actuators a sample on, whatever comes of the outputs.
+    /// Advances actuators by a sample; outputs stay.
     pub(crate) fn wait(&self, state: &mut [f64], c: &[f64]) {
         let a = &mut state[self.outputs..];
         self.half(a, c);
         self.half(a, c);
     }
 
-    /// A sample of `[y a]`.
+    /// Advances `[y a]` by a sample.
     pub(crate) fn step(&self, model: &ControlAffine, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
         let (n, h) = (self.outputs, model.dt);
         let (y, a) = state.split_at_mut(n);

@@ -1,6 +1,5 @@
-//! The control-affine network: a feed-forward network of the outputs whose motion is affine in known maps of the actuators, by
-//! construction, so that control laws invert it as they do equations
-//! ([`AffineNetwork`](crate::control::AffineNetwork)).
+//! The control-affine network: a feed-forward network whose motion is affine in known maps of the actuators by construction, so that
+//! control laws can invert it.
 
 mod field;
 mod model;

@@ -1,4 +1,4 @@
-//! What a control-affine network is.
+//! Structure of a control-affine network.
 
 use alloc::vec::Vec;
 use core::fmt;
@@ -7,16 +7,16 @@ use crate::actuator::Map;
 use crate::model::direct::Perceptron;
 use crate::model::recurrent::{NetworkError, Part, RecurrentError, Scaling};
 
-/// How a command acts: through a first-order lag, then a known map.
+/// Lag and map of a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Effector {
-    /// `phi`.
+    /// Map `phi`.
     pub map: Map,
-    /// `T` \[s\].
+    /// Time constant `T` \[s\].
     pub time_constant_s: f64,
-    /// `w`: size of `phi(a)`, so that the network gives numbers of a sensible size.
+    /// `w`: typical size of `phi(a)`.
     pub unit: f64,
 }
 
@@ -30,42 +30,42 @@ pub struct Effector {
 /// [f g_1 .. g_m] = N(z),     a perceptron from n to n (1 + m) numbers
 /// ```
 ///
-/// over a sample `dt` by one step of RK4, the commands held and the lags exact, whose first stage sees actuators where the mean
-/// over the sample is that of theirs ([`rk4_first_stage`](crate::actuator::rk4_first_stage)). Whatever its weights, it is affine in the
-/// efforts `phi_i(a_i)`: that is its structure, not what it has learned.
+/// over a sample `dt` by one step of RK4, with held commands and exact lags; the first stage weighs the actuators so that all stages
+/// together see their mean ([`rk4_first_stage`](crate::actuator::rk4_first_stage)). The model is affine in the efforts
+/// `phi_i(a_i)` for any weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControlAffine {
-    /// `N`.
+    /// The network `N`.
     pub network: Perceptron,
-    /// Its weights, as [`Perceptron::tensors`] has them.
+    /// Weights in the order of [`Perceptron::tensors`].
     pub weights: Vec<f64>,
-    /// How outputs are scaled (inputs are not; their means and scales are those of their ranges).
+    /// Scaling of the outputs; mean and scale of the inputs describe their ranges.
     pub scaling: Scaling,
-    /// How each command acts.
+    /// Lag and map of each command.
     pub effectors: Vec<Effector>,
     /// Sample time \[s\].
     pub dt: f64,
-    /// Samples that it must have walked before its lags are known whatever they were at first.
+    /// Number of samples after which the initial lags do not matter.
     pub wash_out: usize,
 }
 
-/// Why a control-affine network cannot be.
+/// Reasons why a control-affine network is invalid.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ControlAffineError {
-    /// The perceptron cannot be.
+    /// The perceptron is invalid.
     Network(NetworkError),
-    /// It reads or gives other numbers than the model is made of.
+    /// Lengths of network and model differ.
     Length {
         /// `reads` or `gives`.
         what: &'static str,
-        /// Numbers of the network.
+        /// Length in the network.
         network: usize,
-        /// Numbers of the model.
+        /// Length in the model.
         model: usize,
     },
-    /// Weights or scales cannot be.
+    /// Weights or scales are invalid.
     Numbers(RecurrentError),
-    /// A sample time, a time constant or a unit is not a positive number.
+    /// A sample time, a time constant or a unit is not positive.
     Positive {
         /// Which.
         what: &'static str,
@@ -79,7 +79,7 @@ impl fmt::Display for ControlAffineError {
         match self {
             Self::Network(error) => error.fmt(f),
             Self::Length { what, network, model } => {
-                write!(f, "the network {what} {network} numbers, outputs and inputs ask for {model}")
+                write!(f, "the network {what} {network} numbers, and outputs and inputs need {model}")
             }
             Self::Numbers(error) => error.fmt(f),
             Self::Positive { what, value } => write!(f, "{what} is {value}: a positive number is needed"),
@@ -100,7 +100,7 @@ impl ControlAffine {
         self.effectors.len()
     }
 
-    /// Whether the parts fit together and every number can be.
+    /// Checks sizes and numbers.
     ///
     /// # Errors
     /// If sizes contradict one another, a number is not finite, or a time or a scale is not positive.

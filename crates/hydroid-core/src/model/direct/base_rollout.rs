@@ -1,4 +1,4 @@
-//! The equations that a direct predictor adds to: their rollouts from a measured sample, and what they remember.
+//! The base equations of a direct predictor: rollouts from a measured sample, and their memory.
 
 use alloc::sync::Arc;
 
@@ -7,7 +7,7 @@ use crate::model::recurrent::BaseModel;
 use crate::model::sparse::Equations;
 
 impl Direct {
-    /// The equations that it adds to; none over another base.
+    /// The equations of the base model; `None` for other bases.
     pub fn equations(&self) -> Option<&Arc<Equations>> {
         match &self.base {
             BaseModel::Equations(equations) => Some(equations),
@@ -15,29 +15,29 @@ impl Direct {
         }
     }
 
-    /// Numbers of the equations' state: the outputs, then what they remember. Nothing without equations.
+    /// Length of the state of the equations; 0 without.
     pub(crate) fn below(&self) -> usize {
         self.equations().map_or(0, |equations| equations.state_len())
     }
 }
 
-/// What a rollout on equations works with: two states and their scratch, all empty without equations.
+/// State and scratch of a rollout of the base equations; empty without equations.
 pub(super) struct BaseRollout<'a> {
     equations: Option<&'a Equations>,
-    /// At the end of the window: the present outputs, then what the equations remember.
+    /// State at the end of the history: the present outputs, then the memory of the equations.
     start: &'a mut [f64],
-    /// On its way through the horizon.
+    /// State along the horizon.
     state: &'a mut [f64],
     scratch: &'a mut [f64],
 }
 
 impl<'a> BaseRollout<'a> {
-    /// Numbers that it needs.
+    /// Length of the scratch.
     pub(super) fn scratch(model: &Direct) -> usize {
         2 * model.below() + model.equations().map_or(0, |equations| equations.scratch())
     }
 
-    /// From these outputs, and what the equations remember of the samples before.
+    /// Starts from the present outputs and the memory of the equations.
     pub(super) fn begin(model: &'a Direct, present: &[f64], memory: &[f64], scratch: &'a mut [f64]) -> Self {
         let equations = model.equations().map(Arc::as_ref);
         let (start, rest) = scratch.split_at_mut(model.below());
@@ -50,7 +50,7 @@ impl<'a> BaseRollout<'a> {
         Self { equations, start, state, scratch }
     }
 
-    /// `e_{k+1} ..` into `y`, a step for each of its rows; without equations `y` stays as it is.
+    /// Writes `e_{k+1} ..` into the rows of `y`; without equations `y` is unchanged.
     pub(super) fn roll(&mut self, commands: &[f64], y: &mut [f64]) {
         let Some(equations) = self.equations else { return };
         let (n, m) = (equations.outputs(), equations.inputs());
@@ -61,7 +61,7 @@ impl<'a> BaseRollout<'a> {
         }
     }
 
-    /// Moves on along outputs that were predicted: what the equations remember is of these, and not of their own rollout.
+    /// Advances along predicted outputs: the memory of the equations follows these instead of their own rollout.
     pub(super) fn pass(&mut self, commands: &[f64], y: &[f64]) {
         let Some(equations) = self.equations else { return };
         let (n, m) = (equations.outputs(), equations.inputs());

@@ -12,11 +12,11 @@ use pulp::{Arch, Simd, WithSimd};
 use super::perceptron::{Layer, Perceptron};
 use crate::math::{functions, product, slices};
 
-/// The way through a [`Perceptron`], one input at a time.
+/// The forward pass of a [`Perceptron`] for one input at a time.
 #[derive(Clone, Debug)]
 pub(crate) struct ForwardPass {
     layers: Arc<[Layer]>,
-    /// Longest hidden layer.
+    /// Length of the longest hidden layer.
     widest: usize,
     arch: Arch,
 }
@@ -27,12 +27,12 @@ impl ForwardPass {
         Self { layers: network.layers().into(), widest, arch: Arch::new() }
     }
 
-    /// Numbers of hidden layers that [`evaluate`](Self::evaluate) needs.
+    /// Length of the scratch of [`evaluate`](Self::evaluate).
     pub(crate) fn hidden(&self) -> usize {
         2 * self.widest
     }
 
-    /// How many numbers the last layer reads.
+    /// Number of inputs of the last layer.
     pub(super) fn features(&self) -> usize {
         self.layers.last().map_or(0, |layer| layer.reads)
     }
@@ -42,8 +42,7 @@ impl ForwardPass {
         &weights[self.layers.last().map_or(0, |layer| layer.at)..]
     }
 
-    /// `g <- f(x)`, its first numbers alone where `g` is shorter than what the network gives; the weights of the last layer are
-    /// given by themselves.
+    /// `g <- f(x)`, as many outputs as `g` has; the weights of the last layer are given separately.
     pub(crate) fn evaluate(
         &self,
         [weights, read_out]: [&[f64]; 2],
@@ -54,7 +53,7 @@ impl ForwardPass {
         self.arch.dispatch(Step { forward: self, weights, read_out, x, hidden, g });
     }
 
-    /// What the last layer reads, given `x`.
+    /// Inputs of the last layer, given `x`.
     pub(super) fn look(&self, weights: &[f64], x: &[f64], hidden: &mut [f64], into: &mut [f64]) {
         self.evaluate([weights, &[]], x, hidden, &mut []);
         let inner = self.layers.len() - 1;
@@ -63,14 +62,14 @@ impl ForwardPass {
         into.copy_from_slice(&h[..into.len()]);
     }
 
-    /// The last layer of what [`look`](Self::look) gives, its first numbers.
+    /// Applies the last layer to its inputs, as many outputs as `g` has.
     pub(super) fn give(&self, read_out: &[f64], features: &[f64], g: &mut [f64]) {
         let Some(layer) = self.layers.last() else { return };
         self.arch.dispatch(ReadOut { layer, weights: read_out, x: features, g });
     }
 }
 
-/// What is compiled for the processor.
+/// Kernel of the forward pass.
 pub(crate) struct Step<'a> {
     forward: &'a ForwardPass,
     weights: &'a [f64],
@@ -105,7 +104,7 @@ impl WithSimd for Step<'_> {
     }
 }
 
-/// The last layer by itself.
+/// Kernel of the last layer.
 pub(crate) struct ReadOut<'a> {
     layer: &'a Layer,
     weights: &'a [f64],

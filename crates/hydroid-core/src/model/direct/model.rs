@@ -1,4 +1,4 @@
-//! A feed-forward network as a model of a vessel: what it sees, what it gives, scaling.
+//! A feed-forward network as a model of a vessel: inputs, outputs, scaling.
 
 use alloc::vec::Vec;
 
@@ -8,8 +8,8 @@ use crate::model::recurrent::{BaseModel, Scaling};
 /// A direct predictor: all outputs of a horizon of `H` samples at once, from a history of `p` samples and the commands of
 /// both.
 ///
-/// With `n` scaled outputs `z = (y - output_mean) / output_scale` and `m` scaled commands
-/// `m = (c - input_mean) / input_scale`, at the sample `k` that was measured last:
+/// With `n` scaled outputs `z = (y - output_mean) / output_scale` and `m` scaled commands `m = (c - input_mean) / input_scale`, at the
+/// last measured sample `k`:
 ///
 /// ```text
 /// x       = [z_{k-p+1} .. z_k   m_{k-p+1} .. m_{k-1}   m_k .. m_{k+H-1}]       p n + (p - 1 + H) m numbers
@@ -18,27 +18,26 @@ use crate::model::recurrent::{BaseModel, Scaling};
 /// b_j     = output_mean (nothing), y_k (hold), or e_{k+j} (equations)
 /// ```
 ///
-/// where `e_{k+1} .. e_{k+H}` is the rollout of the equations from `y_k` under `m_k ..`, with what they remember (lags, past
-/// values) walked along all samples before.
+/// where `e_{k+1} .. e_{k+H}` is the rollout of the equations from `y_k` under `m_k ..`, with lags and past values from all samples before.
 ///
-/// (Thesis, eq. 13-17: `p = 4`, `H = 20`, `n = 3`, `m = 2`, layers 58-256-256-256-60.) Every step has weights of its own and
-/// none is made from the one before it: an error of the first step does not grow into the last.
+/// (Thesis, eq. 13-17: `p = 4`, `H = 20`, `n = 3`, `m = 2`, layers 58-256-256-256-60.) Each step has weights of its own and does not
+/// depend on the prediction of the step before, so that errors do not accumulate within the horizon.
 ///
-/// Longer rollouts are chained: what was predicted becomes the history of the next `H` steps. In shorter ones, and in the
-/// last part of a chain, the command that was given last stands for those that were not given.
+/// Longer rollouts are chained: predictions become the history of the next `H` steps. In shorter rollouts, and in the last part of a chain,
+/// the last given command is held.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Direct {
     /// The network.
     pub network: Perceptron,
-    /// Its weights, as [`Perceptron::tensors`] has them.
+    /// Weights in the order of [`Perceptron::tensors`].
     pub weights: Vec<f64>,
-    /// How channels are scaled.
+    /// Scaling of the channels.
     pub scaling: Scaling,
-    /// Samples of outputs that it sees, the present one among them: `p`.
+    /// Number of output samples in the history, the present one included: `p`.
     pub history: usize,
-    /// Samples that it predicts at once: `H`.
+    /// Horizon \[samples\]: `H`.
     pub horizon: usize,
-    /// What it adds to: nothing (it gives the outputs themselves), the present outputs, or a rollout of equations.
+    /// Base model.
     pub base: BaseModel,
 }
 
@@ -61,7 +60,7 @@ impl Direct {
         (c - self.scaling.input_mean[input]) / self.scaling.input_scale[input]
     }
 
-    /// An output from what the network gives, from the present output, scaled, and from what equations say of it.
+    /// An output from the output of the network, the scaled present output, and the prediction of the equations.
     pub(super) fn output_of(&self, output: usize, present: f64, of_equations: f64, g: f64) -> f64 {
         let s = &self.scaling;
         let base = match self.base {
@@ -77,7 +76,7 @@ impl Direct {
         self.scaling.input_mean.len()
     }
 
-    /// Length of what the network reads and of what it gives, for a history, a horizon, outputs and inputs.
+    /// Lengths of input and output of the network.
     pub fn lengths(history: usize, horizon: usize, outputs: usize, inputs: usize) -> (usize, usize) {
         let commands = (history + horizon).saturating_sub(1);
         (history * outputs + commands * inputs, horizon * outputs)

@@ -1,4 +1,4 @@
-//! A window through a direct predictor, and rollouts that chain windows.
+//! Rollouts of a direct predictor by chained windows.
 
 use super::base_rollout::BaseRollout;
 use super::forward_pass::ForwardPass;

@@ -13,25 +13,24 @@ use super::model::Direct;
 use super::window::{Window, push};
 use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
-/// A run of a [`Direct`] model. A measurement replaces the present output; what is not measured is predicted.
+/// A run of a [`Direct`] model. Measurements replace the present output; missing ones are predicted.
 ///
-/// At the start of a run nothing is known of the past: a value that is measured for the first time stands for those before
-/// it, and until as many commands have passed as the history has, values wait as they were measured and rollouts are NaN. So
-/// they do on equations as long as a past value that these ask for is not known.
+/// At the start of a run, the first measurement of an output fills its history. Until the history of commands is complete, measured values
+/// are held and rollouts are NaN; on equations, also until all past values of the equations are known.
 ///
-/// The snapshot is what it remembers: `history` rows of outputs, the present one last, then `history - 1` rows of commands;
-/// behind these what its equations remember, and the read-out of a session that has one of its own.
+/// The snapshot is the past: `history` rows of outputs, the present one last, then `history - 1` rows of commands; then the memory of the
+/// equations, and the last layer of a session with one of its own.
 #[derive(Clone, Debug)]
 pub struct DirectSession {
     model: Arc<Direct>,
     forward: ForwardPass,
     window: Window,
-    /// Outputs and commands that have passed, in their own units.
+    /// Past outputs and commands in physical units.
     past: Vec<f64>,
     /// State of the equations, as they move it: outputs of no meaning, then what they remember of the samples before the
     /// present one. Empty without equations.
     below: Vec<f64>,
-    /// Weights of the last layer that take the place of the model's, in their layout; none where these serve.
+    /// Last layer of the session in place of the layer of the model; empty without.
     own: Vec<f64>,
     scratch: Vec<f64>,
     /// The present outputs, as they are predicted.
@@ -65,17 +64,17 @@ impl DirectSession {
         &self.model
     }
 
-    /// The same, as sessions share it.
+    /// The shared model.
     pub(super) fn shared_model(&self) -> &Arc<Direct> {
         &self.model
     }
 
-    /// Outputs and commands that have passed, in their own units.
+    /// Past outputs and commands in physical units.
     pub(super) fn whole_past(&self) -> &[f64] {
         &self.past
     }
 
-    /// The same with a read-out of its own, which travels in snapshots.
+    /// A session with a last layer of its own, which is part of snapshots.
     pub(crate) fn with_own_read_out(model: Arc<Direct>) -> Result<Self, DirectError> {
         let mut session = Self::new(model)?;
         session.own = session.forward.read_out(&session.model.weights).to_vec();
@@ -87,7 +86,7 @@ impl DirectSession {
         if self.own.is_empty() { self.forward.read_out(&self.model.weights) } else { &self.own }
     }
 
-    /// The same, to go on from others; nothing where the session has none of its own.
+    /// The last layer of the session; empty without one of its own.
     pub(crate) fn read_out_mut(&mut self) -> &mut [f64] {
         &mut self.own
     }
@@ -97,7 +96,7 @@ impl DirectSession {
         self.past.split_at(self.window.outputs())
     }
 
-    /// What its equations remember of the samples before the present one; nothing without equations.
+    /// Memory of the equations before the present sample; empty without equations.
     pub(crate) fn memory(&self) -> &[f64] {
         self.below.get(self.window.n..).unwrap_or_default()
     }
@@ -114,7 +113,7 @@ impl DirectSession {
         BaseRollout::begin(&self.model, present, memory, &mut self.scratch).roll(commands, into);
     }
 
-    /// How many numbers the last layer reads.
+    /// Number of inputs of the last layer.
     pub(crate) fn features(&self) -> usize {
         self.forward.features()
     }
@@ -131,12 +130,12 @@ impl DirectSession {
         self.forward.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
     }
 
-    /// The read-out of features: all that the network gives.
+    /// Applies the last layer to features.
     pub(crate) fn give(&self, features: &[f64], into: &mut [f64]) {
         self.forward.give(self.read_out(), features, into);
     }
 
-    /// Whether something of the past is not known.
+    /// Whether part of the past is unknown.
     pub(crate) fn is_waiting(&self) -> bool {
         self.past.iter().any(|x| x.is_nan())
     }

@@ -1,4 +1,4 @@
-//! What a network of a history and a horizon reads, one window in a row: it moves on as samples pass.
+//! The input of a network with history and horizon, in one row, shifted as samples pass.
 
 use super::model::Direct;
 

@@ -1,4 +1,4 @@
-//! A recurrent network as a model of a vessel: scaling, what it corrects, what it sees.
+//! A recurrent network as a model of a vessel: scaling, base model, feedback.
 
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -6,31 +6,30 @@ use alloc::vec::Vec;
 use super::network::Network;
 use crate::model::sparse::Equations;
 
-/// What the network corrects.
+/// The base model, which the network corrects.
 #[derive(Clone, Debug, PartialEq)]
 pub enum BaseModel {
-    /// Nothing: it gives the next outputs themselves.
+    /// No base: the network gives the next outputs.
     Nothing,
-    /// The present outputs: it gives their increments.
+    /// The present outputs: the network gives their increments.
     Hold,
-    /// Equations of motion: it gives what they miss (a grey box), over one sample, or, of a direct predictor, over each sample
-    /// of its horizon.
+    /// Equations of motion: the network gives their residual (a grey-box model), over one sample or, for a direct predictor, over each sample of
+    /// the horizon.
     Equations(Arc<Equations>),
 }
 
-/// Numbers that bring channels to the size that networks work with: `(value - mean) / scale`.
+/// Scaling of the channels: `(value - mean) / scale`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scaling {
-    /// Of the outputs.
+    /// Mean of the outputs.
     pub output_mean: Vec<f64>,
-    /// Of the outputs.
+    /// Scale of the outputs.
     pub output_scale: Vec<f64>,
-    /// Of the inputs.
+    /// Mean of the inputs.
     pub input_mean: Vec<f64>,
-    /// Of the inputs.
+    /// Scale of the inputs.
     pub input_scale: Vec<f64>,
-    /// Size of what the network gives: that of the outputs where it corrects nothing, else that of increments or of
-    /// what the equations miss.
+    /// Scale of the output of the network: of the outputs without base, else of their increments or of the residual of the equations.
     pub correction_scale: Vec<f64>,
 }
 
@@ -46,24 +45,23 @@ pub struct Scaling {
 /// b       = output_mean (nothing), y_k (hold), or one sample of the equations
 /// ```
 ///
-/// `y_k` is measured while the model walks along a run, and its own prediction in a rollout. A run starts with
+/// `y_k` is measured along a run, and predicted in a rollout. A run starts with
 /// `h = 0`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recurrent {
-    /// The network; its inputs are the model's inputs, then with feedback its outputs.
+    /// The network; its inputs are the inputs of the model, then with feedback the outputs.
     pub network: Network,
-    /// Its weights, as [`Network::tensors`] has them.
+    /// Weights in the order of [`Network::tensors`].
     pub weights: Vec<f64>,
-    /// How channels are scaled.
+    /// Scaling of the channels.
     pub scaling: Scaling,
-    /// What it corrects.
+    /// Base model.
     pub base: BaseModel,
-    /// Whether it sees its outputs.
+    /// Whether the outputs are inputs of the network.
     pub feedback: bool,
-    /// Samples that it must have walked before its hidden state is worth something: an origin needs as many before it, and
-    /// itself.
+    /// Number of samples before an origin in which the hidden state settles (wash-out).
     pub wash_out: usize,
-    /// Whether measurements correct its hidden state while it walks; without it they enter by feedback and base alone.
+    /// Kalman filter on the hidden state; without it measurements enter by feedback and base alone.
     pub state_filter: Option<StateFilter>,
 }
 

@@ -1,4 +1,4 @@
-//! What a recurrent network is made of, and the order of its weights.
+//! Structure of a recurrent network and the order of its weights.
 
 use alloc::format;
 use alloc::string::String;
@@ -66,7 +66,7 @@ pub enum Cell {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Network {
-    /// What it remembers with.
+    /// The cell.
     pub cell: Cell,
     /// Length of the input `x` of a step.
     pub inputs: usize,
@@ -76,7 +76,7 @@ pub struct Network {
     pub read_out: bool,
 }
 
-/// A place in the flat weights: a matrix, or a vector (`columns` is 1 and `vector` true).
+/// A tensor in the flat weights: a matrix, or a vector (`columns` is 1 and `vector` true).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tensor {
     /// PyTorch's name.
@@ -85,7 +85,7 @@ pub struct Tensor {
     pub rows: usize,
     /// Number of columns.
     pub columns: usize,
-    /// Whether PyTorch has it as a vector of `rows` numbers.
+    /// Whether PyTorch stores a vector of `rows` numbers.
     pub vector: bool,
     /// Where it begins in the flat weights.
     pub offset: usize,
@@ -113,7 +113,7 @@ impl Tensor {
     }
 }
 
-/// Why a network cannot be.
+/// Reasons why a network is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetworkError {
     /// A size is zero.
@@ -201,13 +201,13 @@ impl Cell {
 }
 
 impl Network {
-    /// The largest size of anything in a network.
+    /// The largest size in a network.
     pub const MOST: usize = 4096;
 
-    /// Whether the sizes can be.
+    /// Checks the sizes.
     ///
     /// # Errors
-    /// If one is zero, absurd, or contradicts another.
+    /// If a size is zero, exceeds [`MOST`](Self::MOST), or contradicts another.
     pub fn check(&self) -> Result<(), NetworkError> {
         let (Cell::Lstm { hidden, .. } | Cell::Gru { hidden } | Cell::Vanilla { hidden, .. }) = self.cell;
         for (what, size) in [

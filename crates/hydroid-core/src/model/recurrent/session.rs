@@ -1,4 +1,4 @@
-//! The session of a recurrent model: present outputs, hidden state, and what its base remembers.
+//! The session of a recurrent model: present outputs, hidden state, and memory of the base model.
 
 use alloc::boxed::Box;
 use alloc::sync::Arc;
@@ -13,19 +13,17 @@ use super::state_filter::Covariance;
 use crate::model::persistence::take_measured;
 use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
-/// A run of a [`Recurrent`] model. Every measurement replaces the output; what is not measured is predicted.
+/// A run of a [`Recurrent`] model. Measurements replace the outputs; missing ones are predicted.
 ///
-/// The hidden state is zero at the start of a run. A network that reads inputs alone and gives the outputs themselves
-/// predicts from there. Every other must have measured each output once: until then values wait as they were measured,
-/// the equations below it as theirs do ([`Equations::wait`](crate::model::sparse::Equations::wait)), and a network
-/// with feedback does not move.
+/// The hidden state is zero at the start of a run. A network of inputs alone without base predicts from there. All other models predict
+/// once each output has been measured: until then, measured values are held, the equations of the base advance their lags
+/// ([`Equations::wait`](crate::model::sparse::Equations::wait)), and a network with feedback keeps its state.
 ///
-/// With a [`StateFilter`](super::StateFilter) a measurement corrects the hidden state, and the present outputs are what
-/// the network reads out of it, once the first sample has passed.
+/// With a [`StateFilter`](super::StateFilter) a measurement corrects the hidden state, and the present outputs are read out from it, from
+/// the second sample on.
 ///
-/// The snapshot is `[present outputs, memory of the equations, hidden state]`; the filter's covariance, which
-/// predictions do not depend on, is not in it. That of a session [with weights of its own](Self::with_own_weights)
-/// ends with the weights.
+/// The snapshot is `[present outputs, memory of the equations, hidden state]`. The covariance of the filter is not part of it, because
+/// predictions do not depend on it.
 #[derive(Clone, Debug)]
 pub struct RecurrentSession {
     model: Arc<Recurrent>,

@@ -14,7 +14,7 @@ pub(crate) use batch_rollout::BatchRollout;
 /// Integration steps in one sample at the most: more is a mistake, and would look like a hang.
 const MOST_SUBSTEPS: usize = 10_000;
 
-/// Why equations cannot be made.
+/// Reasons why equations are invalid.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EquationsError {
     /// The terms do not compile.
@@ -147,10 +147,10 @@ impl Equations {
         Self::with_signals(terms, coefficients, outputs, inputs, Vec::new(), dt, substeps)
     }
 
-    /// The same with signals.
+    /// Equations with signals.
     ///
     /// # Errors
-    /// As [`new`](Self::new), or if a signal cannot be made.
+    /// As [`new`](Self::new), or if a signal is invalid.
     pub fn with_signals(
         terms: Vec<Term>,
         coefficients: Vec<f64>,
@@ -372,7 +372,7 @@ impl Equations {
         self.memory.shift(state, before, c);
     }
 
-    /// What a sample of `dt` seconds does to the memory when the outputs are not known: commands are.
+    /// Advances the memory by a sample with unknown outputs: lags follow their commands.
     pub fn wait(&self, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
         let before = &mut scratch[..self.outputs];
         before.copy_from_slice(&state[..self.outputs]);

@@ -1,4 +1,4 @@
-//! What the signals of equations remember from sample to sample.
+//! The memory of the signals of equations from sample to sample.
 
 use alloc::vec::Vec;
 

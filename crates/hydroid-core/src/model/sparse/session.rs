@@ -9,10 +9,9 @@ use super::equations::{BatchRollout, Equations};
 use crate::model::persistence::take_measured;
 use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
-/// A run of [`Equations`]: every measurement replaces the state, what is not measured is predicted.
+/// A run of [`Equations`]: measurements replace the state; missing ones are predicted.
 ///
-/// Nothing can be predicted before every output was measured once: until then, values wait as they were
-/// measured, so that sensors which report in turns still meet.
+/// Predictions start once each output has been measured. Until then measured values are held, so that sensors may report in turns.
 #[derive(Clone, Debug)]
 pub struct EquationsSession {
     equations: Arc<Equations>,
@@ -29,12 +28,12 @@ impl EquationsSession {
         Self { equations, state, scratch }
     }
 
-    /// The equations of the moment.
+    /// The present equations.
     pub fn equations(&self) -> &Equations {
         &self.equations
     }
 
-    /// The state of the moment, as [`Equations::step`] moves it.
+    /// The present state ([`Equations::step`]).
     pub fn state(&self) -> &[f64] {
         &self.state
     }
