@@ -15,8 +15,8 @@ use crate::adapt::kalman::{Filter, FilterOptions, Learnable, LearnableNetwork};
 use crate::guidance::Reference;
 use crate::model::recurrent::{Cell, Network, Packed};
 
-/// Inputs of the network: `u, v, r`, scaled, and the heading as cosine and sine, so that it can tell what is constant north and
-/// east from what turns with the vessel.
+/// Inputs of the network: scaled `u, v, r`, and cosine and sine of the heading, which distinguish disturbances in the north-east frame from
+/// those in the body frame.
 const INPUTS: usize = 5;
 
 /// Decay of the evidence per window.
@@ -199,10 +199,10 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         &self.base
     }
 
-    /// Lets the base's model change ([`FeedbackLinearization::update`]).
+    /// Changes the model of the base law ([`FeedbackLinearization::update`]).
     ///
     /// # Errors
-    /// If a channel cannot be inverted any more: the model is what it was before, and so is the law.
+    /// If a channel is not invertible any more: model and law stay as they were.
     pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
     where
         M: Clone,
@@ -269,7 +269,7 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
         self.base.inputs()
     }
 
-    /// Back to its base: what was learned is forgotten.
+    /// Resets the base law and the correction.
     fn reset(&mut self) {
         self.base.reset();
         self.window = Window::default();

@@ -137,11 +137,11 @@ impl<M: Affine> Backstepping<M> {
         self.point.model()
     }
 
-    /// Lets the model change, as one that learns does; its channels are taken over. Nothing is allocated after the first
-    /// time, where a model's `clone_from` does not.
+    /// Changes the model and its channels, after an update of an adapted model. Later calls do not allocate where `clone_from` of the model does
+    /// not.
     ///
     /// # Errors
-    /// If a channel cannot be inverted any more: the model is what it was before, and so is the law.
+    /// If a channel is not invertible any more: model and law stay as they were.
     pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
     where
         M: Clone,

@@ -55,7 +55,7 @@ impl Clone for AffineEquations {
     }
 }
 
-/// A coefficient, what it multiplies, and where it belongs.
+/// A coefficient, its factor and its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Entry {
     /// Row of `nu`.
@@ -90,11 +90,11 @@ impl AffineEquations {
         Ok(affine)
     }
 
-    /// Takes other coefficients of the same equations (`outputs x terms`), without allocating: what an adapter has learned
-    /// since. Places that were zero when the equations were taken apart stay zero.
+    /// Replaces the coefficients (`outputs x terms`), without allocating, after an update of an adapter. Entries that were zero at construction
+    /// stay zero.
     ///
     /// # Panics
-    /// If there are not as many as the equations have.
+    /// If the number of coefficients differs.
     pub fn set_coefficients(&mut self, coefficients: &[f64]) {
         assert_eq!(coefficients.len(), self.len, "one coefficient for each place");
         for entry in &mut self.entries {

@@ -23,7 +23,7 @@ impl<T: Scalar> Aligned<T> {
         Self { begin: begin(&numbers), numbers, len }
     }
 
-    /// Another length, no longer than it was made with; what stands there is what was left.
+    /// Changes the length, up to the initial length; the content is arbitrary.
     pub(crate) fn set_len(&mut self, len: usize) {
         assert!(self.begin + len <= self.numbers.len(), "no longer than it was made with");
         self.len = len;

@@ -30,7 +30,7 @@ pub(crate) trait Left<T> {
         T: 'a;
 
     fn rows(&self) -> usize;
-    /// Number of columns: what a sum runs over.
+    /// Number of columns: the depth of a sum.
     fn depth(&self) -> usize;
     /// Rows `first .. first + M`; `scratch` has room for them.
     fn band<'a, const M: usize>(&'a self, first: usize, scratch: &'a mut [T]) -> Self::Band<'a, M>

@@ -56,7 +56,7 @@ impl<'a, S: Simd, T: Vectors> Write<'a, S, T> {
         Read { simd: self.simd, whole: self.whole, rest: self.rest }.get(k)
     }
 
-    /// Writes vector `k`, without what is behind the end of the slice.
+    /// Writes vector `k` as far as the slice reaches.
     #[inline(always)]
     pub(crate) fn set(&mut self, k: usize, x: Pack<S, T>) {
         match self.whole.get_mut(k) {

@@ -262,7 +262,7 @@ impl<S: Simd, T: Vectors> Pack<S, T> {
         Self::new(self.simd, T::abs(self.simd, self.v))
     }
 
-    /// The smaller of both; what is not a number stays so.
+    /// The smaller of both; NaN stays NaN.
     #[inline(always)]
     pub(crate) fn at_most(self, largest: T) -> Self {
         Self::new(self.simd, T::at_most(self.simd, self.v, T::splat(self.simd, largest)))

@@ -160,7 +160,7 @@ impl PlantSession {
         }
     }
 
-    /// `[u, v, r, P_f]` of the moment; NaN what is not known.
+    /// The present `[u, v, r, P_f]`; NaN where unknown.
     pub fn motion(&self) -> &[f64; 4] {
         &self.motion
     }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// [`simple`](Self::simple), [`hydrofoil`](Self::hydrofoil) and
 /// [`hydrofoil_low_speed`](Self::hydrofoil_low_speed) are the reference plants;
-/// [`validate`](Self::validate) says what is absurd.
+/// [`validate`](Self::validate) finds invalid parameters.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct VesselParams {
@@ -147,7 +147,7 @@ pub struct Commands {
     pub rudder: CommandChannel,
 }
 
-/// One command: what it is called in a log, and how far it goes.
+/// A command: name, unit and limits.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct CommandChannel {

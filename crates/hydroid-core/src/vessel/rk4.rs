@@ -10,7 +10,7 @@ use super::number::Number;
 /// x+ = x + h/6 (k1 + 2 k2 + 2 k3 + k4)
 /// ```
 ///
-/// `f` takes no time: what acts from outside (the command) is held over the step and lives in the closure.
+/// `f` does not depend on time: the command is held over the step.
 /// The local error is of order `h^5`, the global one of order `h^4`.
 #[inline]
 pub fn step<T: Number, const N: usize>(f: impl Fn(&[T; N]) -> [T; N], x: &[T; N], h: f64) -> [T; N] {

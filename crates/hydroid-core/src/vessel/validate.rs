@@ -17,7 +17,7 @@ const QUADRATIC: [[&str; 3]; 3] = [
 ];
 
 impl VesselParams {
-    /// Says what is absurd, the first thing found.
+    /// Gives the first invalid parameter.
     ///
     /// # Errors
     /// See [`InvalidParams`]: numbers that are not finite; mass, yaw inertia, lag, rudder gain, transition

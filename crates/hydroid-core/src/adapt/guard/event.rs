@@ -40,7 +40,7 @@ pub struct Event {
     pub action: Action,
 }
 
-/// Errors are means over the outputs of the absolute difference from what was measured, each in half the width of its design
+/// Errors are means over the outputs of the absolute prediction error, each in half the width of its design
 /// range, over [`horizon`](super::GuardOptions::horizon) samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {

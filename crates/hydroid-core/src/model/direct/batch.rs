@@ -166,8 +166,8 @@ impl<T: Scalar> Batch<T> {
         T::run::<ForwardKernel>(self.arch, Forwards { batch: self, weights });
     }
 
-    /// From the output's adjoint, after [`forward`](Self::forward), to the gradient of the flat weights, which takes the
-    /// place of what stands in `gradient`.
+    /// The backward pass, after [`forward`](Self::forward): from the adjoint of the output to the gradient of the flat weights, which
+    /// overwrites `gradient`.
     ///
     /// # Panics
     /// If there are fewer weights, or less room for their gradient, than the network has.
@@ -175,7 +175,7 @@ impl<T: Scalar> Batch<T> {
         self.back(weights, gradient, &mut []);
     }
 
-    /// The same, and the adjoint of the input (`dL/dx`, `inputs x lanes`), for what is made of other things that learn.
+    /// As [`backward`](Self::backward), and the adjoint of the input (`dL/dx`, `inputs x lanes`), for an input that depends on other weights.
     ///
     /// # Panics
     /// If there are fewer weights, or less room, than the network has.

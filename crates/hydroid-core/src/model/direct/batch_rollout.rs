@@ -24,13 +24,13 @@ pub(super) struct BatchRollout {
     batch: Batch<f64>,
     /// Of the equations that it adds to.
     equations: Option<sparse::BatchRollout>,
-    /// Their state: the present outputs, then what they remember.
+    /// State of the equations: the present outputs, then their memory.
     below: Vec<f64>,
-    /// What has passed, scaled: the first part of what the network reads.
+    /// The scaled past, the first part of the input.
     past: Vec<f64>,
-    /// What the network reads, a row for each sequence.
+    /// Inputs of the network, a row for each sequence.
     windows: Vec<f64>,
-    /// What it predicts of one of them, scaled.
+    /// Scaled predictions of one sequence.
     predicted: Vec<f64>,
 }
 

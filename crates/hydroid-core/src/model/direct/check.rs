@@ -17,7 +17,7 @@ pub enum DirectError {
         /// Samples given.
         given: usize,
     },
-    /// The network does not read, or does not give, what the model is made of.
+    /// Input or output of the network do not fit the model.
     Length {
         /// `reads` or `gives`.
         what: &'static str,

@@ -19,7 +19,7 @@ use crate::model::recurrent::{NetworkError, Tensor};
 pub struct Perceptron {
     /// Length of the input `x`.
     pub inputs: usize,
-    /// Length of each hidden layer, from the one that reads the input; none for a linear map.
+    /// Length of each hidden layer, from the input on; empty for a linear map.
     pub hidden: Vec<usize>,
     /// Length of the output `y`.
     pub outputs: usize,
@@ -28,9 +28,9 @@ pub struct Perceptron {
 /// Places of a layer's weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layer {
-    /// Length of what it reads.
+    /// Number of inputs.
     pub(super) reads: usize,
-    /// Length of what it gives.
+    /// Number of outputs.
     pub(super) gives: usize,
     /// Where its matrix begins; its bias follows it.
     pub(super) at: usize,

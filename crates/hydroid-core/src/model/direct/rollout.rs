@@ -6,13 +6,12 @@ use super::model::Direct;
 use super::window::Window;
 
 impl ForwardPass {
-    /// Numbers that a rollout needs.
+    /// Length of the scratch of a rollout.
     pub(super) fn scratch(&self, model: &Direct) -> usize {
         model.network.inputs + model.network.outputs + self.hidden() + BaseRollout::scratch(model)
     }
 
-    /// What the last layer reads of a window: outputs, commands that have passed, commands to come; of those that are not given
-    /// the last one stands.
+    /// Inputs of the last layer for a window of outputs, past commands and commands to come; the last given command is held.
     pub(super) fn look_through(
         &self,
         model: &Direct,
@@ -33,8 +32,7 @@ impl ForwardPass {
         self.look(&model.weights, x, hidden, into);
     }
 
-    /// Predictions from a past in its own units, and from what equations remember of it, under commands, into `y`: as many steps
-    /// as it has rows.
+    /// Predicts as many steps as `y` has rows, from a past in physical units and the memory of the equations.
     pub(super) fn roll(
         &self,
         (model, read_out): (&Direct, &[f64]),

@@ -27,8 +27,7 @@ pub struct DirectSession {
     window: Window,
     /// Past outputs and commands in physical units.
     past: Vec<f64>,
-    /// State of the equations, as they move it: outputs of no meaning, then what they remember of the samples before the
-    /// present one. Empty without equations.
+    /// State of the equations: outputs (unused), then the memory of the samples before the present one. Empty without equations.
     below: Vec<f64>,
     /// Last layer of the session in place of the layer of the model; empty without.
     own: Vec<f64>,
@@ -101,8 +100,8 @@ impl DirectSession {
         self.below.get(self.window.n..).unwrap_or_default()
     }
 
-    /// What equations say of the horizon of a window that ended at these outputs, with what they remembered then, under the
-    /// commands that came; without equations `into` stays as it is.
+    /// Rollout of the equations over the horizon of a past window, from its last outputs and the memory of that time, under the commands since;
+    /// without equations `into` is unchanged.
     pub(crate) fn of_equations(
         &mut self,
         present: &[f64],
@@ -118,13 +117,12 @@ impl DirectSession {
         self.forward.features()
     }
 
-    /// What the last layer reads of a window of outputs and commands, in their own units; of commands that are not given the
-    /// last one stands.
+    /// Inputs of the last layer for a window of outputs and commands in physical units; the last given command is held.
     pub(crate) fn look(&mut self, outputs: &[f64], passed: &[f64], ahead: &[f64], into: &mut [f64]) {
         self.forward.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
     }
 
-    /// The same of the window that ends now.
+    /// Inputs of the last layer for the present window.
     pub(crate) fn look_ahead(&mut self, ahead: &[f64], into: &mut [f64]) {
         let (outputs, passed) = self.past.split_at(self.window.outputs());
         self.forward.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);

@@ -22,12 +22,12 @@ impl Window {
         self.p * self.n
     }
 
-    /// Numbers of outputs and commands that have passed: what a session remembers.
+    /// Length of the past outputs and commands, the memory of a session.
     pub(crate) fn past(&self) -> usize {
         self.outputs() + (self.p - 1) * self.m
     }
 
-    /// Scales what has passed, as a session remembers it, into the first part of a window.
+    /// Scales the past of a session into the first part of a window.
     pub(super) fn scale_past(&self, model: &Direct, past: &[f64], window: &mut [f64]) {
         let (outputs, commands) = past.split_at(self.outputs());
         for (k, (x, &y)) in window.iter_mut().zip(outputs).enumerate() {
@@ -38,7 +38,7 @@ impl Window {
         }
     }
 
-    /// Puts `given` commands from the present one on into a window; the last of them stands for those behind it.
+    /// Writes commands from the present one on into a window; the last one is held.
     pub(crate) fn give<T: Copy>(&self, window: &mut [T], given: impl Iterator<Item = T>) {
         let ahead = &mut window[self.past()..];
         let mut count = 0;
@@ -52,7 +52,7 @@ impl Window {
         }
     }
 
-    /// Moves on by a whole horizon: the outputs that were predicted and the commands that have passed become the past.
+    /// Shifts a window by a horizon: predicted outputs and passed commands become the past.
     pub(crate) fn pass<T: Copy>(&self, window: &mut [T], predicted: &[T]) {
         let (outputs, commands) = window.split_at_mut(self.outputs());
         push(outputs, &predicted[..self.h * self.n]);
@@ -60,7 +60,7 @@ impl Window {
     }
 }
 
-/// Shifts a row of numbers and appends others: of a longer row its end stays.
+/// Shifts a row and appends numbers; only the end of a longer row is kept.
 pub(crate) fn push<T: Copy>(row: &mut [T], others: &[T]) {
     let (len, new) = (row.len(), others.len());
     if new >= len {

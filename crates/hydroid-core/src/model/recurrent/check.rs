@@ -49,7 +49,7 @@ impl fmt::Display for Part {
 pub enum RecurrentError {
     /// The network itself cannot be.
     Network(NetworkError),
-    /// The network does not read what the model would give it.
+    /// The input of the network does not fit the model.
     Inputs {
         /// Inputs of the network.
         network: usize,

@@ -8,7 +8,7 @@ use super::network::{Cell, Network};
 /// Places of all weights, in the order of [`Network::tensors`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// Layers, from the one that reads the input.
+    /// Layers, from the input on.
     pub layers: Vec<LayerLayout>,
     /// `W_hr` of an LSTM's projection, row by row.
     pub projection: Option<Range<usize>>,
@@ -21,7 +21,7 @@ pub struct Layout {
 pub struct LayerLayout {
     /// Rows of the gates together.
     pub rows: usize,
-    /// Length of what the layer reads: the network's input, or the `h` of the layer below.
+    /// Length of the input of the layer: the input of the network, or the `h` of the layer before.
     pub reads: usize,
     /// Length of the layer's `h`.
     pub shown: usize,
@@ -38,7 +38,7 @@ pub struct LayerLayout {
 /// The weights that touch one row of a layer's gates; no other row has any of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GateRow {
-    /// Its row of `W_ih`: multiplied by what the layer reads.
+    /// Its row of `W_ih`.
     pub weight_ih: Range<usize>,
     /// Its row of `W_hh`: multiplied by the layer's `h`.
     pub weight_hh: Range<usize>,

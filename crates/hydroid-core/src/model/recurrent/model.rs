@@ -65,7 +65,7 @@ pub struct Recurrent {
     pub state_filter: Option<StateFilter>,
 }
 
-/// An extended Kalman filter on the hidden state of a network, its weights being what they are: a warm-up for
+/// An extended Kalman filter on the hidden state of a network with constant weights: a warm-up for
 /// networks that do not see their outputs. With `A = df/dh`, `C = dg/dh`, everything in scaled units:
 ///
 /// ```text
@@ -78,12 +78,11 @@ pub struct Recurrent {
 /// not symmetric to the last bit it would not stay so. Channels that were not measured are left out of `C` and
 /// `S`.
 ///
-/// What is measured before the first sample of a run has passed is not used: the state from which a run starts is none
-/// that the network was ever read out from.
+/// Measurements before the first step of a run are not used, because the network was not trained to be read out at the initial state.
 ///
 /// For networks that give the outputs themselves ([`BaseModel::Nothing`]) from inputs alone. Where a measurement also enters
-/// by feedback or by the base, its noise is in the prediction as well as in what the prediction is compared with,
-/// which this filter knows nothing of: [`Recurrent::check`] refuses.
+/// by feedback or by the base, its noise also enters the prediction,
+/// and this filter does not apply: [`Recurrent::check`] rejects the combination.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]

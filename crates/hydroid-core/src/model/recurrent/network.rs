@@ -5,7 +5,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 
-/// A recurrent cell. `x` is the input of a step, `h` what the cell shows of its state, `s` the logistic function,
+/// A recurrent cell. `x` is the input of a step, `h` the visible part of the state, `s` the logistic function,
 /// `.` the element-wise product. Gates stand in PyTorch's order, with its two bias vectors per layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -58,7 +58,7 @@ pub enum Cell {
 }
 
 /// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`. (`f` is the transition, `g` the observation
-/// of a state-space model; what is called wash-out is also known as burn-in.)
+/// of a state-space model; wash-out is also known as burn-in.)
 ///
 /// Its weights are one flat slice: the tensors of [`tensors`](Self::tensors) one after the other, each row by row,
 /// with PyTorch's names, so that weights travel both ways.
@@ -128,7 +128,7 @@ pub enum NetworkError {
         /// Length of the output.
         outputs: usize,
     },
-    /// A projection must be shorter than what it projects.
+    /// A projection is not shorter than the state of the cells.
     Projection {
         /// Number of cells.
         hidden: usize,

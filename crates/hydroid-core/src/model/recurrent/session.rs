@@ -28,7 +28,7 @@ use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 pub struct RecurrentSession {
     model: Arc<Recurrent>,
     weights: Arc<Packed<f64>>,
-    /// Outputs, then what the base remembers, then the network's state.
+    /// Outputs, then the memory of the base, then the state of the network.
     state: Vec<f64>,
     scratch: Vec<f64>,
     filter: Option<Covariance>,
@@ -85,7 +85,7 @@ impl RecurrentSession {
         self.model.scale(&self.state, c, x);
     }
 
-    /// The outputs become what the network reads out of its state: for networks that give them themselves.
+    /// Sets the outputs to the read-out of the state, for networks without base.
     pub(crate) fn read_out(&mut self) {
         let (outputs, hidden) = self.state.split_at_mut(front_len(&self.model));
         let scratch = &mut self.scratch[..self.model.outputs()];
@@ -116,7 +116,7 @@ impl RecurrentSession {
         &self.model
     }
 
-    /// Outputs, then what the base remembers, then the network's state.
+    /// Outputs, then the memory of the base, then the state of the network.
     pub(super) fn state(&self) -> &[f64] {
         &self.state
     }
@@ -143,7 +143,7 @@ fn front_len(model: &Recurrent) -> usize {
     if let BaseModel::Equations(equations) = &model.base { equations.state_len() } else { model.outputs() }
 }
 
-/// Room for what the network reads and gives, and for the steps of network and equations, or two rows of outputs.
+/// Length of the scratch: input and output of the network, and the steps of network and equations, or two rows of outputs.
 fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
     let base = if let BaseModel::Equations(equations) = &model.base { equations.scratch() } else { 0 };
     model.network.inputs + model.outputs() + base.max(weights.scratch()).max(model.outputs())

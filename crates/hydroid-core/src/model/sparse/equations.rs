@@ -73,7 +73,7 @@ impl core::error::Error for EquationsError {}
 /// states of actuators, past values). The command is held over a sample, which is integrated by the classical
 /// Runge-Kutta method of order 4 in `substeps` equal steps.
 ///
-/// The state that a step moves is flat: the outputs, then what the signals remember
+/// The state is flat: the outputs, then the memory of the signals
 /// ([`state_len`](Self::state_len) numbers). A NaN in the memory is a past that is not known yet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Equations {
@@ -227,8 +227,7 @@ impl Equations {
         &self.coefficients
     }
 
-    /// Replaces the coefficients by others of the same sparsity, without allocating: what an adapter does
-    /// from sample to sample. Numbers at places that were zero when the equations were made are ignored.
+    /// Replaces the coefficients within the same sparsity, without allocating. Entries that were zero at construction are ignored.
     ///
     /// # Panics
     /// If there are not `outputs x terms` numbers.
@@ -267,12 +266,12 @@ impl Equations {
         self.outputs + self.inputs + self.signals.len()
     }
 
-    /// Numbers of the state: the outputs, then what the signals remember.
+    /// Length of the state: the outputs, then the memory of the signals.
     pub fn state_len(&self) -> usize {
         self.outputs + self.memory.len()
     }
 
-    /// Samples from the start of a run until all signals are what they would be with all of the past known.
+    /// Number of samples after which the unknown past before a run does not matter.
     pub fn warm_up(&self) -> usize {
         1 + self.signals.iter().map(|signal| signal.warm_up(self.dt)).max().unwrap_or(0)
     }

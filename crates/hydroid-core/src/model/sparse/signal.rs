@@ -66,7 +66,7 @@ impl Signal {
         }
     }
 
-    /// Samples from the start of a run until its value is what it would be with all of the past known.
+    /// Number of samples after which the unknown past before a run does not matter.
     pub fn warm_up(&self, dt: f64) -> usize {
         match *self {
             Self::Lag { time_constant_s, .. } => {

@@ -8,7 +8,7 @@ use crate::math::Scalar;
 use crate::math::aligned::Aligned;
 use crate::model::recurrent::network::Network;
 
-/// A batch of sequences walked forward, each state in the place of the one before it: what tries many commands.
+/// A batch of sequences, forward only: each state overwrites the one before.
 ///
 /// Matrices as in [`Tape`](super::Tape), whose numbers it gives to the last bit. Some 250 sequences at a time are fastest:
 /// more do not stay in the second-level cache.

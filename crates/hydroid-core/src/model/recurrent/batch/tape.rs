@@ -6,7 +6,7 @@ use crate::math::Scalar;
 use crate::math::aligned::Aligned;
 use crate::model::recurrent::network::Network;
 
-/// A batch of sequences that is walked step by step, forward and back.
+/// A batch of sequences, step by step, forward and backward through time.
 ///
 /// ```text
 /// state_{k+1} = f(state_k, x_k),   y_k = g(state_{k+1}),   k = 0 .. steps - 1
@@ -172,7 +172,7 @@ impl<T: Scalar> Tape<T> {
         self.input_adjoint.fill(T::zero());
     }
 
-    /// `dL/dy_k` of what the loss sees of output `k` itself, `outputs x lanes`; read by `step_back(k)`.
+    /// `dL/dy_k`, the direct effect of output `k` on the loss, `outputs x lanes`; read by `step_back(k)`.
     pub fn output_adjoint_mut(&mut self, k: usize) -> &mut [T] {
         &mut self.output_adjoints[k * self.output_len..(k + 1) * self.output_len]
     }

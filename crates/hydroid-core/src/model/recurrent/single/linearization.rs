@@ -138,7 +138,7 @@ impl<T: Scalar> LayerPartials<T> {
         &self.through
     }
 
-    /// Partials of a result of each unit with respect to what it carries over by itself; zero for a vanilla network.
+    /// Partials of a result of each unit with respect to its carried state; zero for a vanilla network.
     pub fn carry(&self, result: usize) -> &[T] {
         &self.carry[result * self.units..][..self.units]
     }
@@ -213,7 +213,7 @@ impl<T: Scalar> LayerPartials<T> {
     }
 }
 
-/// A step as what [`Arch`] compiles for the processor.
+/// Kernel of a step with its derivatives.
 pub(crate) struct Step<'a, T> {
     linear: &'a mut Linearization<T>,
     packed: &'a Packed<T>,

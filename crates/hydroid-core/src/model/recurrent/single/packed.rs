@@ -38,7 +38,7 @@ pub struct Packed<T> {
     layers: Vec<Gates<T>>,
 }
 
-/// A step as what [`Arch`] compiles for the processor.
+/// Kernel of a step.
 pub(crate) struct Step<'a, T> {
     packed: &'a Packed<T>,
     state: &'a mut [T],
@@ -71,7 +71,7 @@ impl<T: Scalar> Packed<T> {
         packed
     }
 
-    /// Replaces the weights, without allocating: what a filter on them does from sample to sample.
+    /// Replaces the weights, without allocating.
     ///
     /// # Panics
     /// If there are not [`Network::weights`] numbers.
@@ -203,7 +203,7 @@ impl<T: Scalar> Packed<T> {
 mod tests {
     use super::*;
 
-    /// What a boat's computer predicts is what was judged on shore.
+    /// Results are equal on all processors.
     #[test]
     #[cfg(target_arch = "x86_64")]
     fn every_processor_gives_the_same_bits() {

@@ -18,7 +18,7 @@ kernels! {
     OutputProductKernel: OutputTimes;
 }
 
-/// Changes of what a step depends on, as matrices of one or more columns, row by row. What is `None` does not change.
+/// Changes of the arguments of a step, as matrices of one or more columns, row by row; `None` for no change.
 #[derive(Clone, Copy, Debug)]
 pub struct Change<'a, T> {
     /// `state x columns`.
@@ -37,7 +37,7 @@ impl<T> Default for Change<'_, T> {
     }
 }
 
-/// A product as what [`Arch`] compiles for the processor.
+/// Kernel of a product.
 pub(crate) struct Times<'a, T> {
     linear: &'a Linearization<T>,
     packed: &'a Packed<T>,
@@ -168,7 +168,7 @@ impl<T: Scalar> Linearization<T> {
         }
     }
 
-    /// Adds what a change of the weights does to a result of each unit by itself.
+    /// Adds the effect of a change of the weights on a result of each unit.
     #[inline(always)]
     fn add_weights(
         &self,

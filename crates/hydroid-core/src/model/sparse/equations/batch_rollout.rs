@@ -20,7 +20,7 @@ use crate::model::sparse::signal::Signal;
 #[derive(Clone, Debug)]
 pub(crate) struct BatchRollout {
     arch: Arch,
-    /// Of the equations that it was made for: outputs, inputs and slots; then what its decays follow from.
+    /// Outputs, inputs and slots of the equations; then the data of the decays.
     shape: (usize, usize, usize),
     signals: Vec<Signal>,
     dt: f64,
@@ -39,7 +39,7 @@ pub(crate) struct BatchRollout {
 struct Lag {
     slot: usize,
     input: usize,
-    /// What half an integration step leaves of a difference to the command, and a whole one.
+    /// Decay of a difference to the command after zero, one and two half integration steps.
     decays: [f64; 3],
 }
 
