@@ -55,7 +55,8 @@ pub struct RefineOptions<'a> {
     pub ranges: &'a [DesignRange],
     /// Length of a window \[samples\].
     pub horizon: usize,
-    /// Strength of the prior.
+    /// Strengths of the prior at the initial estimate, in decreasing order; each descent starts from the
+    /// previous result.
     pub strengths: &'a [f64],
     /// Huber threshold of the errors \[standard deviations\].
     pub huber: Option<f64>,

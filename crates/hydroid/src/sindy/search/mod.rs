@@ -36,7 +36,7 @@ pub struct SearchGrid {
     pub structures: Vec<Structure>,
     /// Forms of the regression.
     pub regressions: Vec<RegressionForm>,
-    /// The method of term selection.
+    /// Methods of term selection.
     pub optimizers: Vec<Optimizer>,
     /// Ridge penalties per row, for columns of unit RMS.
     pub ridges: Vec<f64>,
@@ -94,7 +94,7 @@ pub struct Trial {
     pub structure: Structure,
     /// The regression.
     pub regression: RegressionForm,
-    /// How terms were selected.
+    /// The method of term selection.
     pub optimizer: Optimizer,
     /// The ridge penalty.
     pub ridge: f64,
