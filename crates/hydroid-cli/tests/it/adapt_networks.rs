@@ -83,7 +83,7 @@ fn a_guard_survives_faults_and_reports_its_events() {
     assert!((70..250).contains(&count("spike")), "{}", count("spike"));
     let stuck = events.iter().find(|event| event["action"] == "stuck").unwrap();
     assert!((60.0..61.0).contains(&stuck["t"].as_f64().unwrap()), "{stuck}");
-    assert!(stuck["text"].as_str().unwrap().starts_with("r has repeated itself"), "{stuck}");
+    assert!(stuck["text"].as_str().unwrap().starts_with("r has repeated its value"), "{stuck}");
     assert_eq!(alone["events"].as_array().unwrap().len(), 0);
     let by = &guarded["guard"]["predicted_by"];
     assert!(by[0].as_u64().unwrap() > 1000, "{by}");
