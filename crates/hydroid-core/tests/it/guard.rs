@@ -89,9 +89,10 @@ fn mean(errors: &[f64]) -> f64 {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn the_deviation_bound_holds_with_faults() {
     let mut log = lawn();
-    // A sensor of speed that says anything now and then, one of yaw that is stuck for ten seconds, one of sway that is off.
+    // Spikes in surge, a yaw sensor that is stuck for ten seconds, and an offset in sway.
     for (k, row) in log.iter_mut().enumerate() {
         if k % 97 == 31 {
             row.measured[0] = 6.0 * ((k * k) as f64 * 0.37).sin().abs();
@@ -107,22 +108,23 @@ fn the_deviation_bound_holds_with_faults() {
     let (alone, _) = errors(network(0.3, 0.3).as_mut(), &log);
     let (own, events) = errors(&mut guarded(0.3, 0.3), &log);
     let ratio = worst(&alone, &frozen, |own, frozen| own / frozen);
-    assert!(ratio > 2.0, "without a guard the day is not bad enough: {ratio:.2}");
+    assert!(ratio > 2.0, "the unguarded adapter stays too close to the frozen model: {ratio:.2}");
     let excess = worst(&own, &frozen, |own, frozen| own - 1.2 * frozen) / floor();
-    assert!(excess <= 1.0, "the guarantee is exceeded: {excess:.2} floors");
+    assert!(excess <= 1.0, "the deviation bound is exceeded by {excess:.2} noise floors");
     for kind in ["spike", "stuck", "back", "offset"] {
         assert!(events.contains(&kind), "no {kind} was seen");
     }
     let offsets = events.iter().filter(|kind| **kind == "offset").count();
     assert_eq!(offsets, 1, "there is one offset");
-    // And it is worth something: what was learned is used.
+    // The adapted model is used.
     assert!(mean(&own) < 0.5 * mean(&frozen), "{} beside {}", mean(&own), mean(&frozen));
     assert!(mean(&own) < mean(&alone), "{} beside {}", mean(&own), mean(&alone));
 }
 
-/// A speed that is stuck in the air, where the model from shore goes astray within seconds if it is told nothing. The stuck value is
-/// nearly right, and so is a model from shore that is told it.
+/// A stuck speed sensor while foiling, where the reference model diverges within seconds without measurements. The stuck value is
+/// nearly right.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_stuck_speed_sensor_keeps_the_deviation_bound() {
     let mut log = lawn();
     let stuck = log[1850].measured[0];
@@ -131,10 +133,11 @@ fn a_stuck_speed_sensor_keeps_the_deviation_bound() {
     let (own, events) = errors(&mut guarded(0.02, 3.0), &log);
     assert!(events.contains(&"stuck"));
     let excess = worst(&own, &frozen, |own, frozen| own - 1.2 * frozen) / floor();
-    assert!(excess <= 1.0, "the guarantee is exceeded: {excess:.2} floors");
+    assert!(excess <= 1.0, "the deviation bound is exceeded by {excess:.2} noise floors");
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn the_guard_costs_little_without_faults() {
     let log = lawn();
     let (alone, _) = errors(network(0.02, 3.0).as_mut(), &log);
@@ -146,10 +149,11 @@ fn the_guard_costs_little_without_faults() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn diverged_weights_return_to_the_initial_weights() {
     let (model, _) = pretrained("gru");
     let log = lawn();
-    // A learner that trusts every sample to the last digit, and its weights not at all.
+    // An adapter with a tiny measurement noise and a huge variance of the weights.
     let mut guard = guarded(30.0, 1e-3);
     let (_, events) = errors(&mut guard, &log[..1600]);
     assert!(events.contains(&"rolled_back") || guard.active() != Expert::Adapted, "{events:?}");
@@ -182,12 +186,12 @@ fn a_saved_session_resumes_bit_for_bit() {
         seen
     };
     let mut whole = guarded(0.02, 3.0);
-    walk(&mut whole, &log[..1733]);
+    walk(&mut whole, &log[..433]);
     let mut memory = vec![0.0; whole.memory_len()];
     whole.save(&mut memory);
     let mut resumed = guarded(0.02, 3.0);
     resumed.load(&memory);
-    assert_eq!(walk(&mut whole, &log[1733..2400]), walk(&mut resumed, &log[1733..2400]));
+    assert_eq!(walk(&mut whole, &log[433..733]), walk(&mut resumed, &log[433..733]));
 }
 
 #[test]

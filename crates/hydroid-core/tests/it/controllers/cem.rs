@@ -263,6 +263,7 @@ fn the_cost_uses_the_course_over_ground() {
 
 /// On the plants themselves as models: circles in all modes, within the lag's reach, with the state told.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn cem_controls_the_hydrofoil() {
     for (speed, radius) in [(1.5, 15.0), (4.0, 30.0)] {
         let drawn = circled(speed, radius, 0);
