@@ -81,7 +81,7 @@ fn imports(text: &str, depth: usize) -> BTreeSet<String> {
             if before.is_some_and(|c| c.is_alphanumeric() || ['_', '$', ':'].contains(&c)) {
                 continue;
             }
-            names.extend(heads(&text[at + root.len()..]));
+            names.extend(heads(&text[at + root.len()..]).into_iter().filter(|name| !name.is_empty()));
         }
     }
     names
