@@ -92,8 +92,8 @@ fn plan(u: f64) -> f64 {
 fn vessel(pp: f64, rd: f64) -> f64 {
     let Ok(model) = PlantModel::new(&VesselParams::hydrofoil(), 0.1) else { return f64::NAN };
     let weights = LearnablePlant::new(&model).places().len();
-    let tuning = FilterOptions::uniform(weights, 0.01, 1e-7, (1.0, 1e-6), &[1e-4; 3]);
-    let Ok(mut session) = KalmanPlant::new(&model, tuning) else { return f64::NAN };
+    let options = FilterOptions::uniform(weights, 0.01, 1e-7, (1.0, 1e-6), &[1e-4; 3]);
+    let Ok(mut session) = KalmanPlant::new(&model, options) else { return f64::NAN };
     session.observe(&[0.0; 3]);
     session.advance(&[pp, rd]);
     session.observe(&[0.0; 3]);

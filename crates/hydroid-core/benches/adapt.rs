@@ -1,7 +1,7 @@
 //! One sample of recursive least squares: `cargo bench -p hydroid-core --bench adapt`.
 
 use divan::Bencher;
-use hydroid_core::adapt::{Gate, RecursiveEquations, RecursiveLeastSquares, Settings};
+use hydroid_core::adapt::{InnovationGate, RecursiveEquations, RecursiveLeastSquares, RecursiveOptions};
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::Predictor;
 
@@ -48,15 +48,15 @@ fn equations(shared: bool) -> Equations {
 /// A whole sample, observed and advanced, with a row at each of them (window of one sample: the worst).
 #[divan::bench(args = [true, false])]
 fn sample_100_coefficients_3_outputs(bencher: Bencher, shared: bool) {
-    let settings = Settings {
+    let options = RecursiveOptions {
         forgetting_s: 60.0,
         window: 1,
         prior_s: 10.0,
         leak: true,
         all_terms: false,
-        gate: Gate::OPEN,
+        gate: InnovationGate::OPEN,
     };
-    let mut adapter = RecursiveEquations::new(&equations(shared), &[(-1.0, 1.0); 8], &settings).unwrap();
+    let mut adapter = RecursiveEquations::new(&equations(shared), &[(-1.0, 1.0); 8], &options).unwrap();
     let samples: Vec<Vec<f64>> = (0..64).map(|k| row(8, k)).collect();
     let mut k = 0;
     bencher.bench_local(|| {

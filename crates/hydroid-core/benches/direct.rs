@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use hydroid_core::adapt::{DirectReadOut, ReadOutSettings};
+use hydroid_core::adapt::{DirectLastLayer, LastLayerOptions};
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::{Batch, Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{BaseModel, Scaling};
@@ -80,8 +80,8 @@ fn model() -> Arc<Direct> {
 /// A whole sample of a session whose read-out learns, observed and advanced: 257 weights for each of 60 numbers.
 #[divan::bench]
 fn learning_sample(bencher: Bencher) {
-    let settings = ReadOutSettings { forgetting: 0.9997, information: 0.1, leak: true, noise_rate: 0.005 };
-    let mut session = match DirectReadOut::new(model(), &settings) {
+    let options = LastLayerOptions { forgetting: 0.9997, information: 0.1, leak: true, noise_rate: 0.005 };
+    let mut session = match DirectLastLayer::new(model(), &options) {
         Ok(session) => session,
         Err(error) => panic!("{error}"),
     };

@@ -24,12 +24,12 @@ const GROUPS: [usize; 3] = [1, 3, 7];
 fn step(bencher: Bencher, network: Network, covariance: CovarianceForm) {
     let weights: Vec<f64> = (0..network.weights()).map(|k| 0.3 * (0.7 * k as f64 + 0.1).sin()).collect();
     let model = LearnableNetwork::new(Packed::new(network, &weights));
-    let tuning = FilterOptions {
+    let options = FilterOptions {
         leak: 3e-5,
         covariance,
         ..FilterOptions::uniform(weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &[2e-4, 2e-3, 2e-2])
     };
-    let mut filter = Filter::new(model, tuning).unwrap();
+    let mut filter = Filter::new(model, options).unwrap();
     let mut k = 0.0;
     bencher.bench_local(|| {
         k += 1.0;

@@ -17,8 +17,8 @@ use hydroid_core::adapt::kalman::{
     LearnablePlant, RehearsalOptions,
 };
 use hydroid_core::adapt::{
-    Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, Outcome, ReadOutSettings,
-    RecursiveEquations, Rehearsing, Settings,
+    Adapter, ExpertMixtureOptions, ExpertMixture, DirectLastLayer, InnovationGate, Outcome, LastLayerOptions,
+    RecursiveEquations, Rehearsing, RecursiveOptions,
 };
 use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{
@@ -88,12 +88,12 @@ fn with_signals(equations: &Equations) -> Equations {
 }
 
 /// Equations that learn under guard, with tests so often that each of the samples that are watched has one.
-fn guarded(equations: &Equations, settings: &Settings) -> Guard {
+fn guarded(equations: &Equations, options: &RecursiveOptions) -> Guard {
     let learner = || -> Box<dyn Adapter> {
-        Box::new(RecursiveEquations::new(equations, &[(-1.0, 1.0); 5], settings).unwrap())
+        Box::new(RecursiveEquations::new(equations, &[(-1.0, 1.0); 5], options).unwrap())
     };
-    let settings = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
-    Guard::new(learner(), [learner(), learner()], &[(-1.0, 1.0); 5], &[0.01; 3], settings).unwrap()
+    let options = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
+    Guard::new(learner(), [learner(), learner()], &[(-1.0, 1.0); 5], &[0.01; 3], options).unwrap()
 }
 
 fn a_step_allocates_nothing(equations: &Equations) {
@@ -196,12 +196,12 @@ fn learning_networks_allocate_nothing() {
             correction_scale: ones,
         };
         let uniform = FilterOptions::uniform(weights.len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
-        let tuning = FilterOptions { leak: 1e-4, huber: 3.0, covariance, ..uniform };
+        let options = FilterOptions { leak: 1e-4, huber: 3.0, covariance, ..uniform };
         let (base, state_filter) = (BaseModel::Nothing, None);
         let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter };
         let (windows, samples, initial_state) = (2, 10, 0.1);
         let rehearsal = RehearsalOptions { windows, samples, every: 2, initial_state, noise_factor: 1.0 };
-        let mut session = KalmanNetwork::with_rehearsal(Arc::new(model), tuning, Some(rehearsal)).unwrap();
+        let mut session = KalmanNetwork::with_rehearsal(Arc::new(model), options, Some(rehearsal)).unwrap();
         session.store_window(&[0.1; 3 * 20], &[0.2; 2 * 20]);
         learning_allocates_nothing(session);
     }
@@ -266,10 +266,10 @@ fn controllers() -> Vec<Box<dyn Controller>> {
 fn steering_allocates_nothing() {
     let path = Path::lawn_mower([0.0, 0.0], 0.3, 30.0, 20.0, 3, 8.0, Side::Port).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)).unwrap();
-    let settings = LineOfSightOptions { lookahead: 5.0, integral: 0.1 };
+    let options = LineOfSightOptions { lookahead: 5.0, integral: 0.1 };
     for mut controller in controllers() {
         let (mut walker, mut follower) = (TimedReference::new(&profile), PathReference::new(0.0, 5.0));
-        let mut sight = LineOfSight::new(settings).unwrap();
+        let mut sight = LineOfSight::new(options).unwrap();
         let mut command = [0.0; 2];
         let count = allocations(|| {
             for k in 0..100 {
@@ -296,8 +296,8 @@ fn updating_allocates_nothing() {
     let vessel = VesselParams::simple();
     let equations = written::equations(&vessel, written::Force::Measured);
     let model = AffineEquations::new(&equations, [0, 1, 2]).unwrap();
-    let settings = FeedbackLinearizationOptions::new(1.5);
-    let mut law = FeedbackLinearization::new(model, &AffinePlant::limits(&vessel), 0.1, settings).unwrap();
+    let options = FeedbackLinearizationOptions::new(1.5);
+    let mut law = FeedbackLinearization::new(model, &AffinePlant::limits(&vessel), 0.1, options).unwrap();
     let good = equations.coefficients().to_vec();
     let bad: Vec<f64> = good.iter().map(|c| -c).collect();
     law.update(|model| model.set_coefficients(&good)).unwrap();
@@ -311,8 +311,8 @@ fn updating_allocates_nothing() {
 /// Plans on a session, with time and without.
 fn planning_allocates_nothing(session: &dyn Predictor) {
     let limits = AffinePlant::limits(&VesselParams::hydrofoil());
-    let settings = PlannerOptions { candidates: 12, elites: 4, iterations: 2, ..PlannerOptions::new(1) };
-    let mut planner = Planner::new(settings, Cost::tracking(2), &limits, 3, 0.1, 5.0).unwrap();
+    let options = PlannerOptions { candidates: 12, elites: 4, iterations: 2, ..PlannerOptions::new(1) };
+    let mut planner = Planner::new(options, Cost::tracking(2), &limits, 3, 0.1, 5.0).unwrap();
     let path = Path::circle([0.0, 0.0], 20.0, Side::Port, 0.0).unwrap();
     let references = [Reference::new(1.0, &path.at(1.0), 2.0, 0.0); 20];
     let mut command = [0.0; 2];
@@ -378,9 +378,9 @@ fn direct(base: BaseModel) -> Arc<Direct> {
 }
 
 /// Its last layer learns.
-fn read_out(base: BaseModel) -> DirectReadOut {
-    let settings = ReadOutSettings { forgetting: 0.99, information: 0.1, leak: true, noise_rate: 0.01 };
-    DirectReadOut::new(direct(base), &settings).unwrap()
+fn read_out(base: BaseModel) -> DirectLastLayer {
+    let options = LastLayerOptions { forgetting: 0.99, information: 0.1, leak: true, noise_rate: 0.01 };
+    DirectLastLayer::new(direct(base), &options).unwrap()
 }
 
 /// A control-affine network of three outputs and two commands.
@@ -411,30 +411,30 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     let terms: Vec<Term> = (0..5).flat_map(|a| (a..5).map(move |b| Term::monomial(&[a, b]))).collect();
     let coefficients = (0..3 * terms.len()).map(|k| 0.01 * ((k % 5) as f64 - 2.0)).collect();
     let equations = Equations::new(terms, coefficients, 3, 2, 0.1, 2).unwrap();
-    let settings = Settings {
+    let options = RecursiveOptions {
         forgetting_s: 60.0,
         window: 4,
         prior_s: 10.0,
         leak: true,
         all_terms: false,
-        gate: Gate::default(),
+        gate: InnovationGate::default(),
     };
-    let adapter = RecursiveEquations::new(&equations, &[(-1.0, 1.0); 5], &settings).unwrap();
-    let blend = BlendSettings {
+    let adapter = RecursiveEquations::new(&equations, &[(-1.0, 1.0); 5], &options).unwrap();
+    let blend = ExpertMixtureOptions {
         priors_s: vec![100.0, 5.0],
         forgetting_s: 60.0,
         window: 4,
         horizon: 40,
-        gate: Gate::OPEN,
+        gate: InnovationGate::OPEN,
     };
     learning_allocates_nothing(
-        BlendedEquations::new(adapter.equations(), &[(-1.0, 1.0); 5], &blend, None).unwrap(),
+        ExpertMixture::new(adapter.equations(), &[(-1.0, 1.0); 5], &blend, None).unwrap(),
     );
     learning_allocates_nothing(adapter.clone());
     learning_allocates_nothing(filtered(&equations));
     learning_networks_allocate_nothing();
     learning_allocates_nothing(read_out(BaseModel::Hold));
-    learning_allocates_nothing(guarded(&equations, &settings));
+    learning_allocates_nothing(guarded(&equations, &options));
     let hydrofoil = PlantModel::new(&VesselParams::hydrofoil(), 0.1).unwrap();
     learning_allocates_nothing(vessel(&hydrofoil));
     recurrent_batches_allocate_nothing(Cell::Lstm { hidden: 6, projection: Some(3) });
@@ -443,10 +443,10 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     let recalling = with_signals(&equations);
     a_step_allocates_nothing(&equations);
     a_step_allocates_nothing(&recalling);
-    let recalls = RecursiveEquations::new(&recalling, &[(-1.0, 1.0); 5], &settings).unwrap();
+    let recalls = RecursiveEquations::new(&recalling, &[(-1.0, 1.0); 5], &options).unwrap();
     learning_allocates_nothing(recalls.clone());
     learning_allocates_nothing(filtered(&recalling));
-    learning_allocates_nothing(BlendedEquations::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
+    learning_allocates_nothing(ExpertMixture::new(&recalling, &[(-1.0, 1.0); 5], &blend, None).unwrap());
     let below = Arc::new(recalling.clone());
     let [on_plain, on_recalling] =
         [&equations, &recalling].map(|equations| BaseModel::Equations(Arc::new(equations.clone())));

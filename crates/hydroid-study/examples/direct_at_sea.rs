@@ -25,7 +25,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use hydrofoil::read;
-use hydroid::adapt::{LeastSquares, Options, adapter, replay_training_runs};
+use hydroid::adapt::{LeastSquaresOptions, Options, adapter, replay_training_runs};
 use hydroid::log::Trajectory;
 use hydroid::model::{self, Model};
 use hydroid_core::adapt::Adapter;
@@ -139,8 +139,8 @@ fn sail(
             },
         )?)
     } else {
-        let defaults = LeastSquares::for_last_layer();
-        let least_squares = LeastSquares {
+        let defaults = LeastSquaresOptions::for_last_layer();
+        let least_squares = LeastSquaresOptions {
             forgetting_s: number("forgetting", defaults.forgetting_s)?,
             prior_s: number("prior", defaults.prior_s)?,
             leak: number("leak", 1.0)? > 0.5,

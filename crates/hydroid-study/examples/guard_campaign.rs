@@ -22,7 +22,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use hydrofoil::read;
-use hydroid::adapt::{self, Kalman, Options};
+use hydroid::adapt::{self, KalmanOptions, Options};
 use hydroid::faults::Faults;
 use hydroid::log::Trajectory;
 use hydroid::model::{self, Body, Model};
@@ -131,7 +131,7 @@ fn main() -> Result<(), Failure> {
 /// A model through a log with nothing wrong.
 fn clean(model: &Model, run: &Trajectory) -> Case {
     let name = format!("{} {}", model.description.name, run.name);
-    let kalman = Kalman { noise: Some(NOISE.to_vec()), ..Kalman::default() };
+    let kalman = KalmanOptions { noise: Some(NOISE.to_vec()), ..KalmanOptions::default() };
     Case { model: model.clone(), run: run.clone(), options: Options { kalman, ..Options::default() }, name }
 }
 
@@ -169,8 +169,8 @@ fn drawn(models: &[Model], runs: &[Trajectory], seed: u64, index: u64) -> Result
         network.weights.iter_mut().for_each(|w| *w *= 1.0 + 0.6 * (2.0 * rng.random::<f64>() - 1.0));
     }
     let mut factor = || FACTOR.powf(2.0 * rng.random::<f64>() - 1.0);
-    let default = Kalman::default();
-    let kalman = Kalman {
+    let default = KalmanOptions::default();
+    let kalman = KalmanOptions {
         weight_variance: default.weight_variance * factor(),
         weight_noise_per_s: default.weight_noise_per_s * factor(),
         state_noise_per_s: default.state_noise_per_s * factor(),
@@ -223,14 +223,14 @@ fn row(case: &Case, shore: &Trajectory) -> Result<Row, Failure> {
     };
     let alone = sail(options)?;
     let guarded = sail(&Options { guard: Some(settings.clone()), ..options.clone() })?;
-    let sure = Kalman {
+    let sure = KalmanOptions {
         weight_variance: 0.0,
         weight_noise_per_s: 0.0,
         state_noise_per_s: 1e-3,
         noise_factor: 1.0,
         leak_s: f64::INFINITY,
         noise: Some(NOISE.to_vec()),
-        ..Kalman::default()
+        ..KalmanOptions::default()
     };
     let mut frozen = with(&Options { kalman: sure, ..Options::default() })?;
     frozen.freeze(true);

@@ -6,7 +6,7 @@ mod stream;
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use hydroid::adapt::{self, Gate, Method, Options, Rehearse, Report, ResolvedOptions};
+use hydroid::adapt::{self, InnovationGate, Method, Options, Rehearse, Report, ResolvedOptions};
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
@@ -120,7 +120,7 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         settings.leak = !given.no_leak;
         settings.all_terms = given.all_terms;
         if given.no_gate {
-            settings.gate = Gate::OPEN;
+            settings.gate = InnovationGate::OPEN;
         }
         return Ok(options);
     }
@@ -187,7 +187,7 @@ const EVENTS_SHOWN: usize = 12;
 fn warnings(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
     let remedy = match report.settings {
-        ResolvedOptions::LeastSquares(_) | ResolvedOptions::ReadOut(_) => {
+        ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_) => {
             "keep the initial model; try a longer --forgetting or a larger --prior"
         }
         ResolvedOptions::Kalman(_) => {

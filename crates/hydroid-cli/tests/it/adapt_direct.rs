@@ -38,7 +38,7 @@ fn a_direct_predictor_adapts_to_foiling_and_is_written_with_its_history() {
             assert!(mae("adapted", step) < 0.6 * mae("frozen", step), "{step}: {report}");
         }
         assert_eq!(report["adapted"]["diverged"], 0);
-        assert_eq!(report["settings"]["method"], "read_out");
+        assert_eq!(report["settings"]["method"], "last_layer");
         let coverage = report["coverage"]["95"].as_f64().unwrap();
         assert!((0.75..=1.0).contains(&coverage), "{coverage}");
     }

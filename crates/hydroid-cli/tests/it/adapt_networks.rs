@@ -216,6 +216,6 @@ fn a_network_is_replayed_from_its_black_box() {
         assert_eq!(step["t"], answer["t"]);
         assert_eq!(step["estimate"], answer["estimate"]);
         assert_eq!(step["prediction"]["u"][1], answer["prediction"]["u"][0]);
-        assert!(step["health"]["sureness"].as_f64().unwrap() >= 1.0 - 1e-6, "{step}");
+        assert!(step["health"]["min_s_over_r"].as_f64().unwrap() >= 1.0 - 1e-6, "{step}");
     }
 }

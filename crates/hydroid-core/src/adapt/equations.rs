@@ -6,13 +6,13 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::gate::Noise;
+use super::innovation_gate::Noise;
 use super::increments::Increments;
 use super::least_squares::RecursiveLeastSquares;
 use super::scale::rms_over_range;
-use super::settings::{Settings, SettingsError};
-use super::spread::Spread;
-use super::weighted::WeightedSession;
+use super::options::{RecursiveOptions, RecursiveOptionsError};
+use super::prediction_variance::PredictionVariance;
+use super::parametric_session::ParametricSession;
 use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
 use crate::predict::{Predictor, Workspace};
@@ -44,13 +44,13 @@ struct Group {
 /// that the prior means the same for every term.
 #[derive(Clone, Debug)]
 pub struct RecursiveEquations {
-    session: WeightedSession,
+    session: ParametricSession,
     library: Library,
     groups: Vec<Group>,
     rows: Increments,
     noise: Noise,
     /// None where nobody asks for deviations.
-    spread: Option<Spread>,
+    prediction_variance: Option<PredictionVariance>,
     /// What is expected of the next sample.
     expected: Vec<f64>,
     /// Per row.
@@ -90,56 +90,56 @@ impl RecursiveEquations {
     /// From equations fitted on shore, and the design range `(low, high)` of each output, then each input.
     ///
     /// # Errors
-    /// If the settings make no sense, or there is nothing to adapt.
+    /// If the options make no sense, or there is nothing to adapt.
     pub fn new(
         equations: &Equations,
         ranges: &[(f64, f64)],
-        settings: &Settings,
-    ) -> Result<Self, SettingsError> {
-        Self::with_root(equations, ranges, settings, None)
+        options: &RecursiveOptions,
+    ) -> Result<Self, RecursiveOptionsError> {
+        Self::with_r_factor(equations, ranges, options, None)
     }
 
-    /// The same; where all terms are adapted, `root` may be the upper triangle `T` of the second moments `T'T`
+    /// The same; where all terms are adapted, `r_factor` may be the upper triangle `T` of the second moments `T'T`
     /// that the library had in the rows that the equations were fitted to, `terms x terms`. It tells in which
     /// directions these rows know the coefficients, and the scale of each term.
     ///
     /// # Errors
     /// As [`new`](Self::new); if the triangle is not one for all terms of these equations.
-    pub fn with_root(
+    pub fn with_r_factor(
         equations: &Equations,
         ranges: &[(f64, f64)],
-        settings: &Settings,
-        root: Option<&[f64]>,
-    ) -> Result<Self, SettingsError> {
+        options: &RecursiveOptions,
+        r_factor: Option<&[f64]>,
+    ) -> Result<Self, RecursiveOptionsError> {
         let (n, m, count) = (equations.outputs(), equations.inputs(), equations.terms().len());
-        settings.check(equations, ranges)?;
-        let adapts = |i: usize, j: usize| settings.all_terms || equations.coefficient(i, j) != 0.0;
+        options.check(equations, ranges)?;
+        let adapts = |i: usize, j: usize| options.all_terms || equations.coefficient(i, j) != 0.0;
         let used: Vec<usize> = (0..count).filter(|&j| (0..n).any(|i| adapts(i, j))).collect();
         let terms: Vec<Term> = used.iter().map(|&j| equations.terms()[j].clone()).collect();
         let places: Vec<usize> = (0..n * count).filter(|p| adapts(p / count, p % count)).collect();
         if places.is_empty() {
-            return Err(SettingsError::Nothing);
+            return Err(RecursiveOptionsError::Nothing);
         }
         let program = Program::new(&terms, equations.variables())
-            .map_err(|e| SettingsError::Equations(EquationsError::Program(e)))?;
+            .map_err(|e| RecursiveOptionsError::Equations(EquationsError::Program(e)))?;
         let mut ranges = ranges.to_vec();
         let mut holds: Vec<bool> = (0..n + m).map(|v| v >= n).collect();
         for signal in equations.signals() {
             ranges.push(ranges[usize::from(signal.source())]);
             holds.push(signal.is_held(n));
         }
-        let (scales, root) = match root {
+        let (scales, r_factor) = match r_factor {
             None => (terms.iter().map(|t| rms_over_range(t, &ranges)).collect(), None),
-            Some(root) => {
-                let (scales, root) = unit_columns(root, count).ok_or(SettingsError::Root)?;
-                if !settings.all_terms {
-                    return Err(SettingsError::Root);
+            Some(r_factor) => {
+                let (scales, r_factor) = unit_columns(r_factor, count).ok_or(RecursiveOptionsError::RFactor)?;
+                if !options.all_terms {
+                    return Err(RecursiveOptionsError::RFactor);
                 }
-                (scales, Some(root))
+                (scales, Some(r_factor))
             }
         };
-        let rows = Increments::new(settings.window, n, terms.len(), equations.dt());
-        let (information, lambda) = settings.paces(&rows, equations.dt(), terms.len())?;
+        let rows = Increments::new(options.window, n, terms.len(), equations.dt());
+        let (information, lambda) = options.prior_and_forgetting(&rows, equations.dt(), terms.len())?;
         let mut shared: Vec<(Vec<usize>, Vec<usize>)> = Vec::new();
         for i in 0..n {
             let own: Vec<usize> = (0..used.len()).filter(|&t| adapts(i, used[t])).collect();
@@ -158,9 +158,9 @@ impl RecursiveEquations {
             // Places go output by output, and term by term within each.
             let firsts = outputs.iter().map(|&i| places.partition_point(|p| p / count < i)).collect();
             Group {
-                kernel: match &root {
-                    Some(root) => RecursiveLeastSquares::with_root(&theta, information, root, settings.leak),
-                    None => RecursiveLeastSquares::new(terms.len(), &theta, information, settings.leak),
+                kernel: match &r_factor {
+                    Some(r_factor) => RecursiveLeastSquares::with_r_factor(&theta, information, r_factor, options.leak),
+                    None => RecursiveLeastSquares::new(terms.len(), &theta, information, options.leak),
                 },
                 phi: vec![0.0; terms.len()],
                 z: vec![0.0; outputs.len()],
@@ -171,13 +171,13 @@ impl RecursiveEquations {
         };
         let groups: Vec<Group> = shared.into_iter().map(group).collect();
         if !groups.iter().all(|group| group.kernel.is_sound()) {
-            return Err(SettingsError::Root);
+            return Err(RecursiveOptionsError::RFactor);
         }
         let own = adaptable(equations, &places)?;
         Ok(Self {
             lambda,
             weight: rows.stride() as f64 / rows.samples() as f64,
-            noise: Noise::new(n, settings.gate, rows.overlap(), rows.stride() as f64 * equations.dt()),
+            noise: Noise::new(n, options.gate, rows.overlap(), rows.stride() as f64 * equations.dt()),
             library: Library {
                 slots: vec![0.0; program.slots()],
                 program,
@@ -196,10 +196,10 @@ impl RecursiveEquations {
             inflation: 1.0,
             outcome: Outcome::Waiting,
             innovations: Vec::with_capacity(n),
-            spread: Some(Spread::new(&own, &places).map_err(SettingsError::Equations)?),
+            prediction_variance: Some(PredictionVariance::new(&own, &places).map_err(RecursiveOptionsError::Equations)?),
             expected: vec![f64::NAN; n],
             weights: places.iter().map(|&p| equations.coefficients()[p]).collect(),
-            session: WeightedSession::new(own, places),
+            session: ParametricSession::new(own, places),
         })
     }
 
@@ -210,11 +210,11 @@ impl RecursiveEquations {
 
     /// The same without deviations, for which nothing is reckoned on the way then.
     pub(super) fn without_deviations(self) -> Self {
-        Self { spread: None, ..self }
+        Self { prediction_variance: None, ..self }
     }
 
     /// A session that predicts as this one does and does not learn.
-    pub(super) fn weighted(&self) -> WeightedSession {
+    pub(super) fn parametric_session(&self) -> ParametricSession {
         self.session.clone()
     }
 
@@ -294,19 +294,19 @@ impl RecursiveEquations {
             }
         }
         self.session.set_weights(&self.weights);
-        self.spread_weights();
+        self.update_prediction_variance();
     }
 
-    fn spread_weights(&mut self) {
-        if let Some(spread) = &mut self.spread {
-            spread.set_coefficients(self.session.coefficients());
+    fn update_prediction_variance(&mut self) {
+        if let Some(prediction_variance) = &mut self.prediction_variance {
+            prediction_variance.set_coefficients(self.session.coefficients());
         }
     }
 
     /// The other way: the kernels go on from the session's coefficients.
     fn adopt(&mut self) {
         self.session.weights(&mut self.weights);
-        self.spread_weights();
+        self.update_prediction_variance();
         for group in &mut self.groups {
             let n = group.terms.len();
             for (theta, &first) in group.kernel.coefficients_mut().chunks_exact_mut(n).zip(&group.firsts) {
@@ -319,30 +319,30 @@ impl RecursiveEquations {
 }
 
 /// Norms of the columns of an upper triangle, and the triangle with columns of unit norm; none if it is singular.
-fn unit_columns(root: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> {
-    if root.len() != terms * terms
-        || !(0..terms).all(|j| root[j * terms + j] != 0.0)
-        || !root.iter().all(|x| x.is_finite())
+fn unit_columns(r_factor: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    if r_factor.len() != terms * terms
+        || !(0..terms).all(|j| r_factor[j * terms + j] != 0.0)
+        || !r_factor.iter().all(|x| x.is_finite())
     {
         return None;
     }
-    if (0..terms).any(|i| root[i * terms..][..i].iter().any(|x| *x != 0.0)) {
+    if (0..terms).any(|i| r_factor[i * terms..][..i].iter().any(|x| *x != 0.0)) {
         return None;
     }
     let norm = |j: usize| {
-        num_traits::Float::sqrt((0..=j).map(|i| root[i * terms + j] * root[i * terms + j]).sum::<f64>())
+        num_traits::Float::sqrt((0..=j).map(|i| r_factor[i * terms + j] * r_factor[i * terms + j]).sum::<f64>())
     };
     let norms: Vec<f64> = (0..terms).map(norm).collect();
     // Squares of finite numbers may be none, and inverses of small ones.
     if !norms.iter().all(|norm| norm.is_finite() && (1.0 / norm).is_finite()) {
         return None;
     }
-    let unit = root.iter().enumerate().map(|(at, x)| x / norms[at % terms]).collect();
+    let unit = r_factor.iter().enumerate().map(|(at, x)| x / norms[at % terms]).collect();
     Some((norms, unit))
 }
 
 /// The same equations with a coefficient, if only a zero, at every place that is adapted.
-fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, SettingsError> {
+fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, RecursiveOptionsError> {
     let mut ones = vec![0.0; equations.coefficients().len()];
     for &place in places {
         ones[place] = 1.0;
@@ -356,7 +356,7 @@ fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, Setti
         equations.dt(),
         equations.substeps(),
     )
-    .map_err(SettingsError::Equations)?;
+    .map_err(RecursiveOptionsError::Equations)?;
     own.set_coefficients(equations.coefficients());
     Ok(own)
 }
@@ -380,14 +380,14 @@ impl Predictor for RecursiveEquations {
         self.library.held = false;
         self.library.seen = 0;
         self.expected.fill(f64::NAN);
-        if let Some(spread) = &mut self.spread {
-            spread.restart();
+        if let Some(prediction_variance) = &mut self.prediction_variance {
+            prediction_variance.restart();
         }
     }
 
     fn observe(&mut self, y: &[f64]) {
-        if let Some(spread) = &mut self.spread {
-            spread.observe(y, &self.expected);
+        if let Some(prediction_variance) = &mut self.prediction_variance {
+            prediction_variance.observe(y, &self.expected);
         }
         // A second sample at the same time is no error of a step.
         self.expected.fill(f64::NAN);

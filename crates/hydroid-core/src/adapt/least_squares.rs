@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::factor::Factor;
+use super::ud_factor::UdFactor;
 use super::memory::{Reader, Writer};
 
 /// Recursive least squares for several targets on one regressor.
@@ -45,10 +45,10 @@ use super::memory::{Reader, Writer};
 ///
 /// With `lambda = 1` nothing is forgotten and the estimate is batch least squares with the ridge `r0`.
 ///
-/// `P` is kept as `U D U'` ([`Factor`]): symmetric and positive whatever the rounding (Ljung, section 11.7).
+/// `P` is kept as `U D U'` ([`UdFactor`]): symmetric and positive whatever the rounding (Ljung, section 11.7).
 #[derive(Clone, Debug)]
 pub struct RecursiveLeastSquares {
-    factor: Factor,
+    factor: UdFactor,
     /// The numbers that it began with.
     initial: Vec<f64>,
     /// Targets x coefficients.
@@ -56,7 +56,7 @@ pub struct RecursiveLeastSquares {
     prior: Vec<f64>,
     information: f64,
     /// Upper triangle `T` of a prior information `r0 T'T`, row by row; none for `r0 I`.
-    root: Option<Vec<f64>>,
+    r_factor: Option<Vec<f64>>,
     leak: bool,
     /// The coefficient (the row of the triangle) whose prior is restored next.
     turn: usize,
@@ -72,14 +72,14 @@ impl RecursiveLeastSquares {
     pub fn new(n: usize, coefficients: &[f64], information: f64, leak: bool) -> Self {
         assert!(n > 0 && coefficients.len().is_multiple_of(n), "coefficients do not fill whole rows");
         assert!(information > 0.0 && information.is_finite(), "the prior must be worth something");
-        let factor = Factor::new(n, 1.0 / information);
+        let factor = UdFactor::new(n, 1.0 / information);
         Self {
             initial: numbers(&factor),
             factor,
             theta: coefficients.to_vec(),
             prior: coefficients.to_vec(),
             information,
-            root: None,
+            r_factor: None,
             leak,
             turn: 0,
             innovations: vec![0.0; coefficients.len() / n],
@@ -87,17 +87,17 @@ impl RecursiveLeastSquares {
     }
 
     /// The same with a prior that knows some directions better than others: `information` rows whose second
-    /// moments are `T'T`. `root` is `T`, upper triangular, row by row, with no zero on its diagonal: the factor of
+    /// moments are `T'T`. `r_factor` is `T`, upper triangular, row by row, with no zero on its diagonal: the factor of
     /// the rows that the coefficients come from, say. What is forgotten of this prior is given back row by row
     /// of `T`, so that `R >= r0 lambda^(n-1) T'T` always.
     ///
     /// # Panics
-    /// As [`new`](Self::new); if `root` has not `n x n` numbers.
-    pub fn with_root(coefficients: &[f64], information: f64, root: &[f64], leak: bool) -> Self {
-        let n = root.len().isqrt();
+    /// As [`new`](Self::new); if `r_factor` has not `n x n` numbers.
+    pub fn with_r_factor(coefficients: &[f64], information: f64, r_factor: &[f64], leak: bool) -> Self {
+        let n = r_factor.len().isqrt();
         let own = Self::new(n, coefficients, information, leak);
-        let factor = Factor::inverse(root, 1.0 / information);
-        Self { initial: numbers(&factor), factor, root: Some(root.to_vec()), ..own }
+        let factor = UdFactor::inverse(r_factor, 1.0 / information);
+        Self { initial: numbers(&factor), factor, r_factor: Some(r_factor.to_vec()), ..own }
     }
 
     /// How many numbers [`save`](Self::save) writes.
@@ -125,7 +125,7 @@ impl RecursiveLeastSquares {
         self.turn = 0;
     }
 
-    /// Whether prior and covariance are of a size to compute with: [`Factor::is_sound`].
+    /// Whether prior and covariance are of a size to compute with: [`UdFactor::is_sound`].
     pub fn is_sound(&self) -> bool {
         self.factor.is_sound() && self.theta.iter().all(|theta| theta.is_finite())
     }
@@ -170,7 +170,7 @@ impl RecursiveLeastSquares {
         self.factor.scale(1.0 / lambda);
         let (j, weight) = (self.turn, n as f64 * (1.0 - lambda) * self.information);
         self.turn = (j + 1) % n;
-        let row = self.root.as_ref().map(|root| &root[j * n..(j + 1) * n]);
+        let row = self.r_factor.as_ref().map(|r_factor| &r_factor[j * n..(j + 1) * n]);
         match row {
             Some(row) => _ = self.factor.project(row),
             None => self.factor.project_unit(j),
@@ -206,7 +206,7 @@ impl RecursiveLeastSquares {
         let n = self.len();
         assert_eq!((phi.len(), z.len()), (n, self.innovations.len()), "a row of this regression");
         for ((e, z), theta) in self.innovations.iter_mut().zip(z).zip(self.theta.chunks_exact(n)) {
-            *e = z - super::factor::dot(phi, theta);
+            *e = z - super::ud_factor::dot(phi, theta);
         }
         self.factor.project(phi)
     }
@@ -238,7 +238,7 @@ impl RecursiveLeastSquares {
 }
 
 /// All of a factor.
-fn numbers(factor: &Factor) -> Vec<f64> {
+fn numbers(factor: &UdFactor) -> Vec<f64> {
     let mut numbers = vec![0.0; factor.memory_len()];
     factor.save(&mut Writer::new(&mut numbers));
     numbers

@@ -10,36 +10,36 @@
 //! | [`KalmanEquations`](kalman::KalmanEquations) | the same, with the outputs, by an extended Kalman [`Filter`](kalman::Filter) |
 //! | [`KalmanPlant`](kalman::KalmanPlant) | motion, propeller force and parameters of a vessel, by such a filter |
 //! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by such a filter |
-//! | [`DirectReadOut`] | the last layer of a direct predictor, all steps of its horizon at once, by [`RecursiveLeastSquares`] |
-//! | [`BlendedEquations`] | several of these at different paces, weighed by what they have predicted of late |
+//! | [`DirectLastLayer`] | the last layer of a direct predictor, all steps of its horizon at once, by [`RecursiveLeastSquares`] |
+//! | [`ExpertMixture`] | several of these at different paces, weighed by what they have predicted of late |
 //! | [`Guard`](guard::Guard) | what another one does, as long as that is to be trusted |
 
-mod blend;
+mod expert_mixture;
 mod equations;
-mod factor;
-mod gate;
+mod ud_factor;
+mod innovation_gate;
 pub mod guard;
 mod increments;
 pub mod kalman;
 mod least_squares;
 mod memory;
-mod read_out;
+mod last_layer;
 mod scale;
-mod settings;
-mod spread;
-mod weighted;
+mod options;
+mod prediction_variance;
+mod parametric_session;
 
 use crate::predict::{Predictor, Workspace};
 
-pub use blend::{BlendSettings, BlendedEquations};
+pub use expert_mixture::{ExpertMixtureOptions, ExpertMixture};
 pub use equations::RecursiveEquations;
-pub use factor::Factor;
-pub use gate::Gate;
+pub use ud_factor::UdFactor;
+pub use innovation_gate::InnovationGate;
 pub use least_squares::RecursiveLeastSquares;
-pub use read_out::{DirectReadOut, ReadOutError, ReadOutSettings, SHORTEST_FORGETTING};
+pub use last_layer::{DirectLastLayer, LastLayerError, LastLayerOptions, SHORTEST_FORGETTING};
 pub use scale::rms_over_range;
-pub use settings::{Settings, SettingsError};
-pub use weighted::WeightedSession;
+pub use options::{RecursiveOptions, RecursiveOptionsError};
+pub use parametric_session::ParametricSession;
 
 /// A prediction session that learns along the run.
 ///

@@ -1,8 +1,8 @@
 //! The saved state of an adapter is complete.
 
 use hydroid_core::adapt::{
-    Adapter, BlendSettings, BlendedEquations, Gate, Learning, Outcome, RecursiveEquations, SaveState,
-    Settings,
+    Adapter, ExpertMixtureOptions, ExpertMixture, InnovationGate, Learning, Outcome, RecursiveEquations, SaveState,
+    RecursiveOptions,
 };
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::Workspace;
@@ -33,26 +33,26 @@ fn equations() -> Equations {
 }
 
 fn recursive() -> RecursiveEquations {
-    let settings = Settings {
+    let options = RecursiveOptions {
         forgetting_s: 20.0,
         window: 8,
         prior_s: 1.0,
         leak: true,
         all_terms: false,
-        gate: Gate::default(),
+        gate: InnovationGate::default(),
     };
-    RecursiveEquations::new(&equations(), &RANGES, &settings).unwrap()
+    RecursiveEquations::new(&equations(), &RANGES, &options).unwrap()
 }
 
-fn blended() -> BlendedEquations {
-    let settings = BlendSettings {
+fn blended() -> ExpertMixture {
+    let options = ExpertMixtureOptions {
         priors_s: vec![100.0, 1.0],
         forgetting_s: 20.0,
         window: 4,
         horizon: 20,
-        gate: Gate::default(),
+        gate: InnovationGate::default(),
     };
-    BlendedEquations::new(&equations(), &RANGES, &settings, None).unwrap()
+    ExpertMixture::new(&equations(), &RANGES, &options, None).unwrap()
 }
 
 /// A run with noise, missing values and a spike now and then.

@@ -42,17 +42,17 @@ pub(crate) fn learnable() -> LearnableEquations {
     LearnableEquations::new(&equations(1.0), &RANGES).unwrap()
 }
 
-pub(crate) fn tuning() -> FilterOptions {
+pub(crate) fn options() -> FilterOptions {
     let count = learnable().places().len();
-    let mut tuning = FilterOptions::uniform(count, 0.05, 1e-5, (0.3, 1e-4), &[1e-3, 2e-3]);
-    for (i, q) in tuning.weight_noise.iter_mut().enumerate() {
+    let mut options = FilterOptions::uniform(count, 0.05, 1e-5, (0.3, 1e-4), &[1e-3, 2e-3]);
+    for (i, q) in options.weight_noise.iter_mut().enumerate() {
         *q *= 1.0 + (i % 5) as f64;
     }
-    FilterOptions { leak: 1e-3, forgetting: 0.999, ..tuning }
+    FilterOptions { leak: 1e-3, forgetting: 0.999, ..options }
 }
 
 pub(crate) fn session() -> KalmanEquations {
-    KalmanEquations::new(learnable(), tuning()).unwrap()
+    KalmanEquations::new(learnable(), options()).unwrap()
 }
 
 pub(crate) fn command(k: usize) -> f64 {

@@ -65,13 +65,13 @@ pub(crate) fn sample(k: usize, outputs: usize) -> (Vec<f64>, Vec<f64>) {
     (vec![(0.3 * t).sin(), (0.07 * t).cos()], (0..outputs).map(z).collect())
 }
 
-pub(crate) fn tuning(network: Network) -> FilterOptions {
+pub(crate) fn options(network: Network) -> FilterOptions {
     let weights = network.weights();
     let noise: Vec<f64> = (0..network.outputs).map(|i| 0.02 + 0.01 * i as f64).collect();
-    let mut tuning = FilterOptions::uniform(weights, 0.05, 1e-4, (0.7, 1e-3), &noise);
+    let mut options = FilterOptions::uniform(weights, 0.05, 1e-4, (0.7, 1e-3), &noise);
     // No two weights alike.
-    for (i, q) in tuning.weight_noise.iter_mut().enumerate() {
+    for (i, q) in options.weight_noise.iter_mut().enumerate() {
         *q *= 1.0 + (i % 5) as f64;
     }
-    FilterOptions { leak: 1e-3, forgetting: 0.998, ..tuning }
+    FilterOptions { leak: 1e-3, forgetting: 0.998, ..options }
 }

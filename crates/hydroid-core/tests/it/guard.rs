@@ -38,11 +38,11 @@ fn network(weights: f64, noise: f64) -> Box<dyn Adapter> {
     let state_noise = if weights > 0.0 { 1e-5 } else { 1e-4 };
     let walk = if weights > 0.0 { 3e-8 } else { 0.0 };
     let count = model.weights.len();
-    let tuning = FilterOptions {
+    let options = FilterOptions {
         leak: if weights > 0.0 { 3e-5 } else { 0.0 },
         ..FilterOptions::uniform(count, weights, walk, (1.0, state_noise), &variances)
     };
-    let mut session = KalmanNetwork::new(Arc::new(model), tuning).unwrap();
+    let mut session = KalmanNetwork::new(Arc::new(model), options).unwrap();
     session.freeze(weights == 0.0);
     Box::new(session)
 }

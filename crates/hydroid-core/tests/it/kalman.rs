@@ -10,7 +10,7 @@ use hydroid_core::model::recurrent::{BaseModel, Linearization, Network, Packed, 
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
-use crate::dense::{Matrix, cells, inverse, product, sample, transposed, tuning, weights};
+use crate::dense::{Matrix, cells, inverse, product, sample, transposed, options, weights};
 
 fn close(ours: &[f64], theirs: &[f64], what: &str) {
     assert_eq!(ours.len(), theirs.len());
@@ -26,14 +26,14 @@ struct Naive {
     given: Vec<f64>,
     state: Vec<f64>,
     p: Matrix,
-    tuning: FilterOptions,
+    options: FilterOptions,
 }
 
 impl Naive {
-    fn new(network: Network, weights: &[f64], tuning: &FilterOptions) -> Self {
+    fn new(network: Network, weights: &[f64], options: &FilterOptions) -> Self {
         let packed = Packed::new(network, weights);
         let n = network.state_len();
-        let variance = |i: usize| if i < n { tuning.initial_state } else { tuning.initial_weights[i - n] };
+        let variance = |i: usize| if i < n { options.initial_state } else { options.initial_weights[i - n] };
         let size = n + weights.len();
         let diagonal = |i: usize| (0..size).map(|j| if i == j { variance(i) } else { 0.0 }).collect();
         Self {
@@ -42,7 +42,7 @@ impl Naive {
             given: weights.to_vec(),
             state: vec![0.0; n],
             p: (0..size).map(diagonal).collect(),
-            tuning: tuning.clone(),
+            options: options.clone(),
         }
     }
 
@@ -50,8 +50,8 @@ impl Naive {
         let (n, m) = (self.state.len(), self.given.len());
         self.linear.step(&self.packed, &mut self.state, x);
         let (a, b) = (self.linear.dense_state(&self.packed), self.linear.dense_weights(&self.packed));
-        let keeps = 1.0 - self.tuning.leak;
-        let grows = keeps / self.tuning.forgetting.sqrt();
+        let keeps = 1.0 - self.options.leak;
+        let grows = keeps / self.options.forgetting.sqrt();
         let mut f = vec![vec![0.0; n + m]; n + m];
         for i in 0..n {
             f[i][..n].copy_from_slice(&a[i * n..(i + 1) * n]);
@@ -60,7 +60,7 @@ impl Naive {
         (n..n + m).for_each(|i| f[i][i] = grows);
         self.p = product(&product(&f, &self.p), &transposed(&f));
         for i in 0..n + m {
-            self.p[i][i] += if i < n { self.tuning.state_noise } else { self.tuning.weight_noise[i - n] };
+            self.p[i][i] += if i < n { self.options.state_noise } else { self.options.weight_noise[i - n] };
         }
         let moved: Vec<f64> =
             self.packed.weights().iter().zip(&self.given).map(|(w, g)| g + keeps * (w - g)).collect();
@@ -79,7 +79,7 @@ impl Naive {
         let gain = product(&self.p, &transposed(&h));
         let mut s = product(&h, &gain);
         for (k, &i) in measured.iter().enumerate() {
-            s[k][k] += self.tuning.noise[i];
+            s[k][k] += self.options.noise[i];
         }
         let k = product(&gain, &inverse(&s));
         let taken = product(&k, &transposed(&gain));
@@ -95,10 +95,10 @@ impl Naive {
 #[test]
 fn the_fused_filter_equals_the_naive_one() {
     for network in cells() {
-        let (weights, tuning) = (weights(network, 0.6), tuning(network));
+        let (weights, options) = (weights(network, 0.6), options(network));
         let model = LearnableNetwork::new(Packed::new(network, &weights));
-        let mut ours = Filter::new(model, tuning.clone()).unwrap();
-        let mut naive = Naive::new(network, &weights, &tuning);
+        let mut ours = Filter::new(model, options.clone()).unwrap();
+        let mut naive = Naive::new(network, &weights, &options);
         for k in 0..60 {
             let (x, z) = sample(k, network.outputs);
             ours.advance(&x);
@@ -122,15 +122,15 @@ fn the_fused_filter_equals_the_naive_one() {
 fn weights_without_variance_stay() {
     let network = cells()[2];
     let given = weights(network, 0.6);
-    let mut tuning = tuning(network);
+    let mut options = options(network);
     let model = LearnableNetwork::new(Packed::new(network, &given));
     let read_out: Vec<usize> =
         model.blocks()[model.structure().transition()..].iter().flatten().copied().collect();
     for i in (0..given.len()).filter(|i| !read_out.contains(i)) {
-        (tuning.initial_weights[i], tuning.weight_noise[i]) = (0.0, 0.0);
+        (options.initial_weights[i], options.weight_noise[i]) = (0.0, 0.0);
     }
-    let mut naive = Naive::new(network, &given, &tuning);
-    let mut ours = Filter::new(model, tuning).unwrap();
+    let mut naive = Naive::new(network, &given, &options);
+    let mut ours = Filter::new(model, options).unwrap();
     for k in 0..40 {
         let (x, z) = sample(k, network.outputs);
         ours.advance(&x);
@@ -157,7 +157,7 @@ fn session(network: Network, base: BaseModel, feedback: bool) -> KalmanNetwork {
     };
     let weights = weights(network, 0.6);
     let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter: None };
-    KalmanNetwork::new(Arc::new(model), tuning(network)).unwrap()
+    KalmanNetwork::new(Arc::new(model), options(network)).unwrap()
 }
 
 fn formulations() -> [KalmanNetwork; 3] {
@@ -271,9 +271,9 @@ fn invalid_values_are_refused_or_handled() {
     let network = cells()[2];
     let model = || LearnableNetwork::new(Packed::new(network, &weights(network, 0.6)));
     let with = |change: &dyn Fn(&mut FilterOptions)| {
-        let mut tuning = tuning(network);
-        change(&mut tuning);
-        Filter::new(model(), tuning).err()
+        let mut options = options(network);
+        change(&mut options);
+        Filter::new(model(), options).err()
     };
     assert_eq!(with(&|t| t.noise[1] = 0.0), Some(FilterOptionsError::Noise));
     assert!(matches!(with(&|t| t.leak = 1.5), Some(FilterOptionsError::Number(_))));
@@ -316,7 +316,7 @@ fn outliers_have_less_weight() {
         let network = cells()[2];
         let given = weights(network, 0.6);
         let model = LearnableNetwork::new(Packed::new(network, &given));
-        let mut filter = Filter::new(model, FilterOptions { huber, ..tuning(network) }).unwrap();
+        let mut filter = Filter::new(model, FilterOptions { huber, ..options(network) }).unwrap();
         filter.advance(&[0.3, 0.1]);
         let mut y = [0.0; 3];
         filter.model().output(filter.state(), &mut y);
@@ -351,11 +351,11 @@ proptest! {
         let network = cells()[which];
         let model = LearnableNetwork::new(Packed::new(network, &weights(network, size)));
         let r = vec![10_f64.powf(noise); network.outputs];
-        let tuning = FilterOptions {
+        let options = FilterOptions {
             leak: 1e-4,
             ..FilterOptions::uniform(network.weights(), 10_f64.powf(initial), 1e-6, (1.0, 1e-5), &r)
         };
-        let mut filter = Filter::new(model, tuning).unwrap();
+        let mut filter = Filter::new(model, options).unwrap();
         for k in 0..300 {
             let t = seed + f64::from(k);
             let x: Vec<f64> = (0..2).map(|i| (0.37 * t + f64::from(i)).sin() * 2.0).collect();

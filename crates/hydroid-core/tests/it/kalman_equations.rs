@@ -1,11 +1,11 @@
 //! Invariants of the Kalman filter over outputs and coefficients of equations.
 
 use hydroid_core::adapt::kalman::{FilterOptions, FilterOptionsError, KalmanEquations, LearnableEquations};
-use hydroid_core::adapt::{Learning, Outcome, Rejection, SaveState, SettingsError};
+use hydroid_core::adapt::{Learning, Outcome, Rejection, SaveState, RecursiveOptionsError};
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
-use crate::damped::{RANGES, close, command, equations, learnable, measured, session, tuning};
+use crate::damped::{RANGES, close, command, equations, learnable, measured, session, options};
 
 #[test]
 fn a_change_of_drag_is_estimated() {
@@ -14,8 +14,8 @@ fn a_change_of_drag_is_estimated() {
     let y = measured(4000, deviations, |k| if k < change { 1.0 } else { 1.6 });
     let model = learnable();
     let noise: Vec<f64> = (0..2).map(|i| (deviations[i] / model.scale()[i]).powi(2)).collect();
-    let tuning = FilterOptions::uniform(model.places().len(), 0.01, 1e-5, (1.0, 1e-8), &noise);
-    let mut learning = KalmanEquations::new(model, tuning).unwrap();
+    let options = FilterOptions::uniform(model.places().len(), 0.01, 1e-5, (1.0, 1e-8), &noise);
+    let mut learning = KalmanEquations::new(model, options).unwrap();
     let mut frozen = learning.clone();
     frozen.freeze(true);
     let given = frozen.weights().to_vec();
@@ -45,8 +45,8 @@ fn deviations_have_their_stated_coverage() {
     let y = measured(3000, deviations, |_| 1.02);
     let model = learnable();
     let noise: Vec<f64> = (0..2).map(|i| (deviations[i] / model.scale()[i]).powi(2)).collect();
-    let tuning = FilterOptions::uniform(model.places().len(), 1e-4, 0.0, (1.0, 0.0), &noise);
-    let mut session = KalmanEquations::new(model, tuning).unwrap();
+    let options = FilterOptions::uniform(model.places().len(), 1e-4, 0.0, (1.0, 0.0), &noise);
+    let mut session = KalmanEquations::new(model, options).unwrap();
     let (mut work, mut ahead, mut band) = (Workspace::new(), vec![0.0; 2 * 40], [0.0; 6]);
     assert!({
         session.deviations(&[7.0; 40], &[1, 10, 40], &mut work, &mut band);
@@ -126,11 +126,11 @@ fn a_saved_state_resumes_bit_for_bit_and_forks_predict_the_same() {
 #[test]
 fn invalid_values_are_refused_or_handled() {
     let error = LearnableEquations::new(&equations(1.0), &RANGES[..2]).unwrap_err();
-    assert_eq!(error, SettingsError::Ranges);
+    assert_eq!(error, RecursiveOptionsError::Ranges);
     let none = Equations::new(vec![Term::monomial(&[0])], vec![0.0], 1, 0, 0.1, 1).unwrap();
-    assert_eq!(LearnableEquations::new(&none, &[(0.0, 1.0)]).unwrap_err(), SettingsError::Nothing);
+    assert_eq!(LearnableEquations::new(&none, &[(0.0, 1.0)]).unwrap_err(), RecursiveOptionsError::Nothing);
     let error =
-        KalmanEquations::new(learnable(), FilterOptions { noise: vec![0.0; 2], ..tuning() }).unwrap_err();
+        KalmanEquations::new(learnable(), FilterOptions { noise: vec![0.0; 2], ..options() }).unwrap_err();
     assert_eq!(error, FilterOptionsError::Noise);
 
     let y = measured(200, [0.02, 0.01], |_| 1.3);

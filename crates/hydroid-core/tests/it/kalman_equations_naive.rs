@@ -6,7 +6,7 @@ use hydroid_core::adapt::kalman::{
 use hydroid_core::adapt::{Learning, Outcome};
 use hydroid_core::predict::Predictor;
 
-use crate::damped::{close, command, equations, learnable, measured, session, tuning};
+use crate::damped::{close, command, equations, learnable, measured, session, options};
 use crate::dense::{Matrix, inverse, product, transposed};
 
 /// The filter as a textbook has it, dense, its Jacobians by central differences of [`Equations::step`].
@@ -16,18 +16,18 @@ struct Naive {
     /// Outputs and weights, scaled.
     state: Vec<f64>,
     p: Matrix,
-    tuning: FilterOptions,
+    options: FilterOptions,
 }
 
 impl Naive {
     fn new() -> Self {
-        let (model, tuning) = (learnable(), tuning());
+        let (model, options) = (learnable(), options());
         let given = model.weights().to_vec();
-        let variance = |i: usize| if i < 2 { tuning.initial_state } else { tuning.initial_weights[i - 2] };
+        let variance = |i: usize| if i < 2 { options.initial_state } else { options.initial_weights[i - 2] };
         let size = 2 + given.len();
         let diagonal = |i: usize| (0..size).map(|j| if i == j { variance(i) } else { 0.0 }).collect();
         let state = [&[0.0; 2], &given[..]].concat();
-        Self { p: (0..size).map(diagonal).collect(), model, state, given, tuning }
+        Self { p: (0..size).map(diagonal).collect(), model, state, given, options }
     }
 
     fn step(&self, at: &[f64], x: &[f64]) -> [f64; 2] {
@@ -45,7 +45,7 @@ impl Naive {
 
     fn advance(&mut self, x: &[f64]) {
         let size = self.state.len();
-        let keeps = 1.0 - self.tuning.leak;
+        let keeps = 1.0 - self.options.leak;
         let mut f = vec![vec![0.0; size]; size];
         for j in 0..size {
             let h = 1e-5;
@@ -57,11 +57,11 @@ impl Naive {
             let (up, down) = (moved(h), moved(-h));
             (0..2).for_each(|i| f[i][j] = (up[i] - down[i]) / (2.0 * h));
         }
-        (2..size).for_each(|i| f[i][i] = keeps / self.tuning.forgetting.sqrt());
+        (2..size).for_each(|i| f[i][i] = keeps / self.options.forgetting.sqrt());
         let next = self.step(&self.state, x);
         self.p = product(&product(&f, &self.p), &transposed(&f));
         for i in 0..size {
-            self.p[i][i] += if i < 2 { self.tuning.state_noise } else { self.tuning.weight_noise[i - 2] };
+            self.p[i][i] += if i < 2 { self.options.state_noise } else { self.options.weight_noise[i - 2] };
         }
         self.state[..2].copy_from_slice(&next);
         for (w, given) in self.state[2..].iter_mut().zip(&self.given) {
@@ -77,7 +77,7 @@ impl Naive {
         let gain: Matrix = self.p.iter().map(|row| measured.iter().map(|&i| row[i]).collect()).collect();
         let mut s: Matrix = measured.iter().map(|&i| gain[i].clone()).collect();
         for (k, &i) in measured.iter().enumerate() {
-            s[k][k] += self.tuning.noise[i];
+            s[k][k] += self.options.noise[i];
         }
         let k = product(&gain, &inverse(&s));
         let taken = product(&k, &transposed(&gain));
@@ -91,7 +91,7 @@ impl Naive {
 
 #[test]
 fn the_filter_equals_a_naive_one_with_finite_differences() {
-    let mut ours = Filter::new(learnable(), tuning()).unwrap();
+    let mut ours = Filter::new(learnable(), options()).unwrap();
     let mut naive = Naive::new();
     for k in 0..80 {
         let t = k as f64;
@@ -137,7 +137,7 @@ fn the_session_uses_the_units_of_the_outputs() {
         if begun {
             let z = [naive.model.scaled(0, y[0]), naive.model.scaled(1, y[1])];
             let expected = [naive.model.unscaled(0, naive.state[0]), naive.model.unscaled(1, naive.state[1])];
-            let spread: Vec<f64> = (0..2).map(|i| naive.p[i][i] + naive.tuning.noise[i]).collect();
+            let spread: Vec<f64> = (0..2).map(|i| naive.p[i][i] + naive.options.noise[i]).collect();
             naive.observe(&z);
             assert_eq!(session.outcome(), Outcome::Accepted);
             for i in (0..2).filter(|&i| !y[i].is_nan()) {
@@ -150,7 +150,7 @@ fn the_session_uses_the_units_of_the_outputs() {
             for i in 0..2 {
                 naive.state[i] = naive.model.scaled(i, y[i]);
                 naive.p[i].fill(0.0);
-                naive.p[i][i] = naive.tuning.noise[i];
+                naive.p[i][i] = naive.options.noise[i];
             }
         }
         let expected = [naive.model.unscaled(0, naive.state[0]), naive.model.unscaled(1, naive.state[1])];

@@ -10,15 +10,15 @@ use hydroid_core::predict::{Predictor, Workspace};
 
 use crate::networks::{NAMES, pretrained, rows};
 
-/// A network trained on low speed alone, and the reference's tuning (`filter.json`).
+/// A network trained on low speed alone, and the reference's options (`filter.json`).
 fn model(name: &str) -> (Arc<Recurrent>, FilterOptions) {
     let (model, noise) = pretrained(name);
     let noise: Vec<f64> = noise.iter().map(|variance| 5.0 * variance).collect();
-    let tuning = FilterOptions {
+    let options = FilterOptions {
         leak: 3e-5,
         ..FilterOptions::uniform(model.weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &noise)
     };
-    (Arc::new(model), tuning)
+    (Arc::new(model), options)
 }
 
 /// A step: command `k`, then measurement `k + 1`. The reference does not use the measurement before the first command.
@@ -33,8 +33,8 @@ fn the_trace_is_that_of_the_reference() {
     let log = rows("lawn3.csv");
     for name in NAMES {
         let reference = rows(&format!("{name}_filter_trace.csv"));
-        let (model, tuning) = model(name);
-        let mut session = KalmanNetwork::new(Arc::clone(&model), tuning).unwrap();
+        let (model, options) = model(name);
+        let mut session = KalmanNetwork::new(Arc::clone(&model), options).unwrap();
         let mut worst = [0.0_f64; 11];
         for (k, row) in reference.iter().enumerate() {
             step(&mut session, &log, k);
@@ -61,8 +61,8 @@ fn the_trace_is_that_of_the_reference() {
 /// Mean absolute errors against the truth at horizons 1..100 of each output, over windows that begin every 5 samples from
 /// the 100th on, with the weights of that moment.
 fn errors(name: &str, log: &[Vec<f64>]) -> Vec<[f64; 3]> {
-    let (model, tuning) = model(name);
-    let mut session = KalmanNetwork::new(model, tuning).unwrap();
+    let (model, options) = model(name);
+    let mut session = KalmanNetwork::new(model, options).unwrap();
     let commands: Vec<f64> = log.iter().flat_map(|row| [row[1], row[2]]).collect();
     let (mut sums, mut windows) = (vec![[0.0; 3]; 100], 0.0);
     let (mut work, mut y) = (Workspace::new(), vec![0.0; 300]);

@@ -67,15 +67,15 @@ impl Voyage {
     }
 }
 
-/// The thesis's LSTM, trained on low speed alone, with the reference's tuning.
+/// The thesis's LSTM, trained on low speed alone, with the reference's options.
 fn learner() -> (KalmanNetwork, Vec<f64>) {
     let (model, noise) = pretrained("lstm");
     let noise: Vec<f64> = noise.iter().map(|variance| 5.0 * variance).collect();
-    let tuning = FilterOptions {
+    let options = FilterOptions {
         leak: 3e-5,
         ..FilterOptions::uniform(model.weights.len(), 4e-3, 1e-7, (1.0, 1e-5), &noise)
     };
-    (KalmanNetwork::new(Arc::new(model), tuning).unwrap(), noise)
+    (KalmanNetwork::new(Arc::new(model), options).unwrap(), noise)
 }
 
 /// Smallest eigenvalue of a symmetric 3 x 3 matrix (row by row), by the trigonometric solution of its cubic.

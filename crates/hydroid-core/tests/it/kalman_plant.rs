@@ -51,7 +51,7 @@ fn measured(params: &VesselParams, count: usize, noise: f64) -> Vec<[f64; 3]> {
 }
 
 /// Standard deviations of 1 cm/s and 1 deg/s.
-fn tuning(plant: &LearnablePlant) -> FilterOptions {
+fn options(plant: &LearnablePlant) -> FilterOptions {
     let noise: Vec<f64> = plant
         .scale()
         .iter()
@@ -63,7 +63,7 @@ fn tuning(plant: &LearnablePlant) -> FilterOptions {
 
 fn session(params: &VesselParams) -> KalmanPlant {
     let model = model(params);
-    KalmanPlant::new(&model, tuning(&LearnablePlant::new(&model))).unwrap()
+    KalmanPlant::new(&model, options(&LearnablePlant::new(&model))).unwrap()
 }
 
 fn step(plant: &LearnablePlant, h: &[f64], weights: &[f64], x: &[f64]) -> Vec<f64> {
@@ -173,12 +173,12 @@ struct Naive {
     model: LearnablePlant,
     state: Vec<f64>,
     p: Matrix,
-    tuning: FilterOptions,
+    options: FilterOptions,
 }
 
 impl Naive {
     fn advance(&mut self, x: &[f64]) {
-        let (size, keeps) = (self.state.len(), 1.0 - self.tuning.leak);
+        let (size, keeps) = (self.state.len(), 1.0 - self.options.leak);
         let mut f = vec![vec![0.0; size]; size];
         for j in 0..size {
             let at = |by: f64| {
@@ -189,11 +189,11 @@ impl Naive {
             let (up, down) = (at(1e-5), at(-1e-5));
             (0..4).for_each(|i| f[i][j] = (up[i] - down[i]) / 2e-5);
         }
-        (4..size).for_each(|i| f[i][i] = keeps / self.tuning.forgetting.sqrt());
+        (4..size).for_each(|i| f[i][i] = keeps / self.options.forgetting.sqrt());
         let next = step(&self.model, &self.state[..4], &self.state[4..], x);
         self.p = product(&product(&f, &self.p), &transposed(&f));
         for i in 0..size {
-            self.p[i][i] += if i < 4 { self.tuning.state_noise } else { self.tuning.weight_noise[i - 4] };
+            self.p[i][i] += if i < 4 { self.options.state_noise } else { self.options.weight_noise[i - 4] };
         }
         self.state[..4].copy_from_slice(&next);
         self.state[4..].iter_mut().for_each(|w| *w *= keeps);
@@ -204,7 +204,7 @@ impl Naive {
         let gain: Matrix = self.p.iter().map(|row| measured.iter().map(|&i| row[i]).collect()).collect();
         let mut s: Matrix = measured.iter().map(|&i| gain[i].clone()).collect();
         for (k, &i) in measured.iter().enumerate() {
-            s[k][k] += self.tuning.noise[i];
+            s[k][k] += self.options.noise[i];
         }
         let k = product(&gain, &inverse(&s));
         let taken = product(&k, &transposed(&gain));
@@ -220,20 +220,20 @@ impl Naive {
 fn the_filter_equals_a_naive_one_with_finite_differences() {
     for params in [VesselParams::hydrofoil(), VesselParams::simple()] {
         let plant = LearnablePlant::new(&model(&params));
-        let mut tuning = FilterOptions { leak: 1e-3, forgetting: 0.999, ..tuning(&plant) };
-        for (i, q) in tuning.weight_noise.iter_mut().enumerate() {
+        let mut options = FilterOptions { leak: 1e-3, forgetting: 0.999, ..options(&plant) };
+        for (i, q) in options.weight_noise.iter_mut().enumerate() {
             *q *= 1.0 + (i % 5) as f64;
         }
         let size = 4 + plant.places().len();
-        let variance = |i: usize| if i < 4 { tuning.initial_state } else { tuning.initial_weights[i - 4] };
+        let variance = |i: usize| if i < 4 { options.initial_state } else { options.initial_weights[i - 4] };
         let row = |i: usize| (0..size).map(|j| if i == j { variance(i) } else { 0.0 }).collect();
         let mut naive = Naive {
             state: vec![0.0; size],
             p: (0..size).map(row).collect(),
             model: plant.clone(),
-            tuning: tuning.clone(),
+            options: options.clone(),
         };
-        let mut ours = Filter::new(plant, tuning).unwrap();
+        let mut ours = Filter::new(plant, options).unwrap();
         let mut changed = params.clone();
         changed.drag.linear[0][0] *= 1.2;
         changed.rudder.gain *= 0.9;
@@ -295,10 +295,10 @@ fn changed_parameters_are_found() {
 fn parameters_stay_those_of_a_vessel() {
     for params in vessels() {
         let plant = LearnablePlant::new(&model(&params));
-        let uniform = tuning(&plant);
+        let uniform = options(&plant);
         // So sure of the sensors, and so unsure of the vessel, that it believes nonsense.
-        let tuning = FilterOptions { initial_weights: vec![4.0; plant.places().len()], ..uniform };
-        let mut session = KalmanPlant::new(&model(&params), tuning).unwrap();
+        let options = FilterOptions { initial_weights: vec![4.0; plant.places().len()], ..uniform };
+        let mut session = KalmanPlant::new(&model(&params), options).unwrap();
         let mut least = f64::INFINITY;
         for k in 0..600 {
             let t = k as f64;
@@ -340,8 +340,8 @@ fn bands_have_their_stated_coverage() {
     let model = model(&params);
     let plant = LearnablePlant::new(&model);
     let noise: Vec<f64> = plant.scale()[..3].iter().map(|scale| (0.0099 / scale).powi(2)).collect();
-    let tuning = FilterOptions::uniform(plant.places().len(), 1e-4, 0.0, (1.0, 0.0), &noise);
-    let mut session = KalmanPlant::new(&model, tuning).unwrap();
+    let options = FilterOptions::uniform(plant.places().len(), 1e-4, 0.0, (1.0, 0.0), &noise);
+    let mut session = KalmanPlant::new(&model, options).unwrap();
     let (mut work, mut ahead, mut band) = (Workspace::new(), vec![0.0; 3 * 40], [0.0; 9]);
     session.deviations(&[7.0; 80], &[1, 10, 40], &mut work, &mut band);
     assert!(band.iter().all(|band| band.is_nan()));

@@ -12,7 +12,7 @@ use hydroid_core::model::recurrent::{BaseModel, Linearization, Network, Packed, 
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
-use crate::dense::{Matrix, cells, inverse, product, sample, transposed, tuning, weights};
+use crate::dense::{Matrix, cells, inverse, product, sample, transposed, options, weights};
 
 const ALL: [CovarianceForm; 3] = [
     CovarianceForm::Blocks { group: 1 },
@@ -27,13 +27,13 @@ fn near(ours: &[f64], theirs: &[f64], what: &str) {
     }
 }
 
-fn filter(network: Network, tuning: FilterOptions) -> Filter<LearnableNetwork> {
-    Filter::new(LearnableNetwork::new(Packed::new(network, &weights(network, 0.6))), tuning).unwrap()
+fn filter(network: Network, options: FilterOptions) -> Filter<LearnableNetwork> {
+    Filter::new(LearnableNetwork::new(Packed::new(network, &weights(network, 0.6))), options).unwrap()
 }
 
 /// The same samples, some unmeasured, some not learned from, with a restart: state, weights and variances stay alike.
-fn go_on_alike(network: Network, tuning: &FilterOptions, forms: [CovarianceForm; 2]) {
-    let mut filters = forms.map(|covariance| filter(network, FilterOptions { covariance, ..tuning.clone() }));
+fn go_on_alike(network: Network, options: &FilterOptions, forms: [CovarianceForm; 2]) {
+    let mut filters = forms.map(|covariance| filter(network, FilterOptions { covariance, ..options.clone() }));
     for k in 0..60 {
         let (x, z) = sample(k, network.outputs);
         for filter in &mut filters {
@@ -61,14 +61,14 @@ fn go_on_alike(network: Network, tuning: &FilterOptions, forms: [CovarianceForm;
 #[test]
 fn one_block_of_weights_without_noise_is_the_full_filter() {
     for network in cells() {
-        let tuning = tuning(network);
-        let tuning = FilterOptions { weight_noise: vec![0.0; network.weights()], ..tuning };
+        let options = options(network);
+        let options = FilterOptions { weight_noise: vec![0.0; network.weights()], ..options };
         let all = CovarianceForm::Blocks { group: usize::MAX };
         // With leak and forgetting, with either, with none.
         for (leak, forgetting) in [(1e-3, 0.998), (1e-3, 1.0), (0.0, 0.998), (0.0, 1.0)] {
             go_on_alike(
                 network,
-                &FilterOptions { leak, forgetting, ..tuning.clone() },
+                &FilterOptions { leak, forgetting, ..options.clone() },
                 [all, CovarianceForm::Full],
             );
         }
@@ -96,16 +96,16 @@ struct Naive {
     p: Matrix,
     /// The group of each weight.
     groups: Vec<usize>,
-    tuning: FilterOptions,
+    options: FilterOptions,
 }
 
 impl Naive {
-    fn new(network: Network, tuning: FilterOptions) -> Self {
+    fn new(network: Network, options: FilterOptions) -> Self {
         let given = weights(network, 0.6);
         let packed = Packed::new(network, &given);
         let (n, m) = (network.state_len(), given.len());
         let mut groups: Vec<usize> = (0..m).collect();
-        if let CovarianceForm::Blocks { group } = tuning.covariance {
+        if let CovarianceForm::Blocks { group } = options.covariance {
             for (b, block) in LearnableNetwork::new(packed.clone()).blocks().iter().enumerate() {
                 for &place in block {
                     groups[place] = b / group;
@@ -117,11 +117,11 @@ impl Naive {
             packed,
             state: vec![0.0; n],
             psi: vec![vec![0.0; m]; n],
-            pi: diagonal(&vec![tuning.initial_state; n]),
-            p: diagonal(&tuning.initial_weights),
+            pi: diagonal(&vec![options.initial_state; n]),
+            p: diagonal(&options.initial_weights),
             groups,
             given,
-            tuning,
+            options,
         }
     }
 
@@ -132,14 +132,14 @@ impl Naive {
             |flat: Vec<f64>, columns: usize| flat.chunks(columns).map(<[f64]>::to_vec).collect::<Matrix>();
         let a = matrix(self.linear.dense_state(&self.packed), n);
         let b = matrix(self.linear.dense_weights(&self.packed), m);
-        let keeps = 1.0 - self.tuning.leak;
-        let grows = keeps / self.tuning.forgetting.sqrt();
+        let keeps = 1.0 - self.options.leak;
+        let grows = keeps / self.options.forgetting.sqrt();
         self.psi = sum(&product(&a, &self.psi), &b, 1.0);
         self.psi.iter_mut().flatten().for_each(|psi| *psi /= grows);
         self.pi = product(&product(&a, &self.pi), &transposed(&a));
-        (0..n).for_each(|i| self.pi[i][i] += self.tuning.state_noise);
+        (0..n).for_each(|i| self.pi[i][i] += self.options.state_noise);
         self.p.iter_mut().flatten().for_each(|p| *p *= grows * grows);
-        for (i, q) in self.tuning.weight_noise.iter().enumerate() {
+        for (i, q) in self.options.weight_noise.iter().enumerate() {
             self.p[i][i] += q;
         }
         let moved: Vec<f64> =
@@ -160,7 +160,7 @@ impl Naive {
         let (h_h, h_t) = (rows(&c, n), rows(&d, m));
         let seen = sum(&product(&h_h, &self.psi), &h_t, 1.0);
         let of_xi = product(&self.pi, &transposed(&h_h));
-        let noise: Vec<f64> = measured.iter().map(|&i| self.tuning.noise[i]).collect();
+        let noise: Vec<f64> = measured.iter().map(|&i| self.options.noise[i]).collect();
         let r = sum(&product(&h_h, &of_xi), &diagonal(&noise), 1.0);
         let gain = product(&self.p, &transposed(&seen));
         let s = inverse(&sum(&product(&seen, &gain), &r, 1.0));
@@ -194,9 +194,9 @@ impl Naive {
 fn each_structure_equals_the_naive_filter_of_its_definition() {
     for covariance in ALL {
         for network in cells() {
-            let tuning = FilterOptions { covariance, ..tuning(network) };
-            let mut ours = filter(network, tuning.clone());
-            let mut naive = Naive::new(network, tuning);
+            let options = FilterOptions { covariance, ..options(network) };
+            let mut ours = filter(network, options.clone());
+            let mut naive = Naive::new(network, options);
             for k in 0..50 {
                 let (x, z) = sample(k, network.outputs);
                 ours.advance(&x);
@@ -222,7 +222,7 @@ fn stored_numbers() {
     let (n, m) = (network.state_len(), network.weights());
     let of_state = n * n + n * m;
     let kept = |covariance| {
-        filter(network, FilterOptions { covariance, ..tuning(network) }).covariance_len() - of_state
+        filter(network, FilterOptions { covariance, ..options(network) }).covariance_len() - of_state
     };
     assert_eq!(kept(CovarianceForm::Blocks { group: usize::MAX }), m * (m + 1) / 2);
     let blocks = LearnableNetwork::new(Packed::new(network, &weights(network, 0.6))).blocks().to_vec();
@@ -235,15 +235,15 @@ fn stored_numbers() {
 fn known_weights_stay() {
     let network = cells()[2];
     for covariance in ALL {
-        let mut tuning = FilterOptions { covariance, leak: 0.0, ..tuning(network) };
+        let mut options = FilterOptions { covariance, leak: 0.0, ..options(network) };
         for i in 0..network.weights() {
             match i % 3 {
-                0 => (tuning.initial_weights[i], tuning.weight_noise[i]) = (0.0, 0.0),
-                1 => tuning.initial_weights[i] = 0.0,
+                0 => (options.initial_weights[i], options.weight_noise[i]) = (0.0, 0.0),
+                1 => options.initial_weights[i] = 0.0,
                 _ => {}
             }
         }
-        let mut filter = filter(network, tuning);
+        let mut filter = filter(network, options);
         let given = filter.weights().to_vec();
         for k in 0..40 {
             let (x, z) = sample(k, network.outputs);
@@ -274,12 +274,12 @@ fn session(
         correction_scale: vec![if matches!(base, BaseModel::Hold) { 0.2 } else { 2.0 }; n],
     };
     let weights = weights(network, 0.6);
-    let mut tuning = FilterOptions { covariance, ..tuning(network) };
+    let mut options = FilterOptions { covariance, ..options(network) };
     if !noisy {
-        tuning.weight_noise.fill(0.0);
+        options.weight_noise.fill(0.0);
     }
     let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter: None };
-    KalmanNetwork::new(Arc::new(model), tuning).unwrap()
+    KalmanNetwork::new(Arc::new(model), options).unwrap()
 }
 
 fn errors_fall(mut session: KalmanNetwork, what: &str) {
@@ -372,7 +372,7 @@ fn invalid_values_are_refused_or_handled() {
     let network = cells()[2];
     let model = LearnableNetwork::new(Packed::new(network, &weights(network, 0.6)));
     let covariance = CovarianceForm::Blocks { group: 0 };
-    let refused = Filter::new(model, FilterOptions { covariance, ..tuning(network) }).err();
+    let refused = Filter::new(model, FilterOptions { covariance, ..options(network) }).err();
     assert!(matches!(refused, Some(FilterOptionsError::Number(_))));
     for covariance in ALL {
         let mut session = session(covariance, 2, BaseModel::Nothing, false, true);
@@ -408,12 +408,12 @@ proptest! {
         let network = cells()[which];
         let model = LearnableNetwork::new(Packed::new(network, &weights(network, size)));
         let r = vec![10_f64.powf(noise); network.outputs];
-        let tuning = FilterOptions {
+        let options = FilterOptions {
             leak: 1e-4,
             covariance: ALL[covariance],
             ..FilterOptions::uniform(network.weights(), 10_f64.powf(initial), 1e-6, (1.0, 1e-5), &r)
         };
-        let mut filter = Filter::new(model, tuning).unwrap();
+        let mut filter = Filter::new(model, options).unwrap();
         for k in 0..300 {
             let t = seed + f64::from(k);
             let x: Vec<f64> = (0..2).map(|i| (0.37 * t + f64::from(i)).sin() * 2.0).collect();

@@ -227,10 +227,10 @@ proptest! {
 #[test]
 fn a_triangular_prior_equals_its_rows() {
     // R = T'T against the three rows of T learned from next to nothing; no forgetting, then with it and no data.
-    let root = [2.0, 0.5, -1.0, 0.0, 0.7, 0.3, 0.0, 0.0, 1.5];
-    let mut shaped = RecursiveLeastSquares::with_root(&[1.0, -2.0, 0.5], 4.0, &root, true);
+    let r_factor = [2.0, 0.5, -1.0, 0.0, 0.7, 0.3, 0.0, 0.0, 1.5];
+    let mut shaped = RecursiveLeastSquares::with_r_factor(&[1.0, -2.0, 0.5], 4.0, &r_factor, true);
     let mut plain = RecursiveLeastSquares::new(3, &[1.0, -2.0, 0.5], 1e-9, true);
-    for row in root.chunks_exact(3) {
+    for row in r_factor.chunks_exact(3) {
         let z = row[0] - 2.0 * row[1] + 0.5 * row[2];
         plain.predict(row, &[z]);
         plain.correct(4.0);
@@ -253,7 +253,7 @@ fn a_triangular_prior_equals_its_rows() {
     for _ in 0..6000 {
         shaped.forget(0.99);
     }
-    let fresh = RecursiveLeastSquares::with_root(&[1.0, -2.0, 0.5], 4.0, &root, true);
+    let fresh = RecursiveLeastSquares::with_r_factor(&[1.0, -2.0, 0.5], 4.0, &r_factor, true);
     for i in 0..3 {
         assert!((shaped.coefficients()[i] - fresh.coefficients()[i]).abs() < 1e-6);
         let ratio = shaped.covariance(i, i) / fresh.covariance(i, i);

@@ -23,7 +23,7 @@ mod networks;
 mod plant_golden;
 mod plant_params;
 mod plant_physics;
-mod read_out;
+mod last_layer;
 mod recurrent_backpropagation;
 mod recurrent_batch;
 mod recurrent_derivatives;

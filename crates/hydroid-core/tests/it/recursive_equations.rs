@@ -1,8 +1,8 @@
 //! Recursive sparse regression along runs whose equations are known.
 
 use hydroid_core::adapt::{
-    BlendSettings, BlendedEquations, Gate, Learning, Outcome, RecursiveEquations, Rejection, Settings,
-    SettingsError,
+    ExpertMixtureOptions, ExpertMixture, InnovationGate, Learning, Outcome, RecursiveEquations, Rejection, RecursiveOptions,
+    RecursiveOptionsError,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -30,14 +30,14 @@ fn vessel(drag: f64) -> Equations {
 
 const RANGES: [(f64, f64); 4] = [(0.0, 2.0), (-0.5, 0.5), (0.0, 2.0), (-0.5, 0.5)];
 
-fn settings() -> Settings {
-    Settings {
+fn options() -> RecursiveOptions {
+    RecursiveOptions {
         forgetting_s: 30.0,
         window: 8,
         prior_s: 0.5,
         leak: true,
         all_terms: false,
-        gate: Gate::default(),
+        gate: InnovationGate::default(),
     }
 }
 
@@ -64,7 +64,7 @@ fn sail(plant: &Equations, samples: usize, mut each: impl FnMut(usize, [f64; 2],
 
 #[test]
 fn only_the_changed_drag_is_adapted() {
-    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
     sail(&vessel(0.6), 3000, |k, y, c| {
         adapter.observe(&[y[0] + noise(k, 0, 0.01), y[1] + noise(k, 1, 0.01)]);
         adapter.advance(&c);
@@ -80,8 +80,8 @@ fn only_the_changed_drag_is_adapted() {
 
 #[test]
 fn all_terms_adapt_with_all_terms() {
-    let settings = Settings { all_terms: true, prior_s: 1.0, ..settings() };
-    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).unwrap();
+    let options = RecursiveOptions { all_terms: true, prior_s: 1.0, ..options() };
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options).unwrap();
     // A current that the equations do not know.
     let current = Equations::new(
         vessel(0.3).terms().to_vec(),
@@ -106,9 +106,9 @@ fn all_terms_adapt_with_all_terms() {
 fn a_row_is_the_increment_over_a_window_against_the_averaged_library() {
     let terms = vec![Term::monomial(&[0]), Term::monomial(&[1])];
     let equations = Equations::new(terms, vec![-1.0, 1.0], 1, 1, DT, 1).unwrap();
-    let settings =
-        Settings { forgetting_s: f64::INFINITY, window: 4, prior_s: 1e-12, gate: Gate::OPEN, ..settings() };
-    let mut adapter = RecursiveEquations::new(&equations, &[(-1.0, 1.0); 2], &settings).unwrap();
+    let options =
+        RecursiveOptions { forgetting_s: f64::INFINITY, window: 4, prior_s: 1e-12, gate: InnovationGate::OPEN, ..options() };
+    let mut adapter = RecursiveEquations::new(&equations, &[(-1.0, 1.0); 2], &options).unwrap();
     let y: Vec<f64> = (0..200).map(|k| (0.3 * k as f64).sin() + noise(k, 0, 0.1)).collect();
     let c: Vec<f64> = (0..200).map(|k| noise(k, 1, 1.0)).collect();
     let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
@@ -142,7 +142,7 @@ fn a_row_is_the_increment_over_a_window_against_the_averaged_library() {
 
 #[test]
 fn a_missing_value_removes_only_its_window() {
-    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
     let mut learned = Vec::new();
     sail(&vessel(0.3), 60, |k, mut y, c| {
         if k == 30 {
@@ -167,8 +167,8 @@ fn a_missing_value_removes_only_its_window() {
 #[test]
 fn a_spike_is_rejected_and_a_lasting_change_is_accepted() {
     let spiked = |gate| {
-        let settings = Settings { gate, ..settings() };
-        let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).unwrap();
+        let options = RecursiveOptions { gate, ..options() };
+        let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options).unwrap();
         let mut rejected = 0;
         sail(&vessel(0.3), 1500, |k, y, c| {
             let spike = if k % 200 == 150 { 3.0 } else { 0.0 };
@@ -181,14 +181,14 @@ fn a_spike_is_rejected_and_a_lasting_change_is_accepted() {
         });
         (rejected, (adapter.weights()[0] + 0.3).abs())
     };
-    let (rejected, gated) = spiked(Gate::default());
-    let (none, open) = spiked(Gate::OPEN);
+    let (rejected, gated) = spiked(InnovationGate::default());
+    let (none, open) = spiked(InnovationGate::OPEN);
     assert_eq!(none, 0);
     assert!(rejected >= 7, "{rejected}");
     assert!(gated < 0.02 && gated < 0.2 * open, "{gated} against {open}");
 
     // Without any noise, a change of the vessel is beyond every gate; it is believed all the same.
-    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
     for drag in [0.3, 0.6] {
         adapter.reset();
         sail(&vessel(drag), 3000, |_, y, c| {
@@ -201,7 +201,7 @@ fn a_spike_is_rejected_and_a_lasting_change_is_accepted() {
 
 #[test]
 fn infinite_measurements_are_rejected_and_leave_no_trace() {
-    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
     let mut not_finite = 0;
     sail(&vessel(0.3), 400, |k, mut y, c| {
         if k == 200 {
@@ -217,7 +217,7 @@ fn infinite_measurements_are_rejected_and_leave_no_trace() {
 
 #[test]
 fn snapshots_contain_the_current_weights_and_frozen_sessions_do_not_adapt() {
-    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &settings()).unwrap();
+    let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
     let mut early = vec![0.0; adapter.snapshot_len()];
     let commands: Vec<f64> = (0..50).flat_map(command).collect();
     let (mut work, mut before) = (Workspace::new(), vec![0.0; 100]);
@@ -256,7 +256,7 @@ fn snapshots_contain_the_current_weights_and_frozen_sessions_do_not_adapt() {
 #[test]
 fn without_adaptation_the_session_equals_the_frozen_session() {
     let equations = vessel(0.3);
-    let mut adapter = RecursiveEquations::new(&equations, &RANGES, &settings()).unwrap();
+    let mut adapter = RecursiveEquations::new(&equations, &RANGES, &options()).unwrap();
     adapter.freeze(true);
     let mut frozen = EquationsSession::new(Arc::new(equations));
     sail(&vessel(0.6), 100, |_, y, c| {
@@ -282,9 +282,9 @@ fn signals_equal_those_of_the_identification() {
     let with = |coefficients: Vec<f64>| {
         Equations::with_signals(terms.clone(), coefficients, 1, 1, signals.clone(), DT, 2).unwrap()
     };
-    let settings = Settings { window: 4, forgetting_s: f64::INFINITY, prior_s: 1e-6, ..settings() };
+    let options = RecursiveOptions { window: 4, forgetting_s: f64::INFINITY, prior_s: 1e-6, ..options() };
     let shore = with(vec![-0.7, 1.0, 0.3]);
-    let mut adapter = RecursiveEquations::new(&shore, &[(-1.0, 1.0); 2], &settings).unwrap();
+    let mut adapter = RecursiveEquations::new(&shore, &[(-1.0, 1.0); 2], &options).unwrap();
     let truth = with(vec![-1.0, 1.5, 0.2]);
     let mut plant = EquationsSession::new(Arc::new(truth));
     let mut y = [0.0];
@@ -309,40 +309,40 @@ fn signals_equal_those_of_the_identification() {
 
 #[test]
 fn invalid_options_are_refused_with_a_reason() {
-    let new = |settings: Settings| RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).map(|_| ());
+    let new = |options: RecursiveOptions| RecursiveEquations::new(&vessel(0.3), &RANGES, &options).map(|_| ());
     let bad = [
-        Settings { forgetting_s: 0.0, ..settings() },
-        Settings { forgetting_s: f64::NAN, ..settings() },
-        Settings { prior_s: f64::INFINITY, ..settings() },
-        Settings { prior_s: -1.0, ..settings() },
+        RecursiveOptions { forgetting_s: 0.0, ..options() },
+        RecursiveOptions { forgetting_s: f64::NAN, ..options() },
+        RecursiveOptions { prior_s: f64::INFINITY, ..options() },
+        RecursiveOptions { prior_s: -1.0, ..options() },
     ];
-    assert!(bad.into_iter().all(|s| matches!(new(s), Err(SettingsError::Time(_)))));
-    assert_eq!(new(Settings { window: 0, ..settings() }), Err(SettingsError::Window));
-    let ranges = RecursiveEquations::new(&vessel(0.3), &RANGES[..3], &settings()).map(|_| ());
-    assert_eq!(ranges, Err(SettingsError::Ranges));
+    assert!(bad.into_iter().all(|s| matches!(new(s), Err(RecursiveOptionsError::Time(_)))));
+    assert_eq!(new(RecursiveOptions { window: 0, ..options() }), Err(RecursiveOptionsError::Window));
+    let ranges = RecursiveEquations::new(&vessel(0.3), &RANGES[..3], &options()).map(|_| ());
+    assert_eq!(ranges, Err(RecursiveOptionsError::Ranges));
     let empty = Equations::new(vec![Term::constant()], vec![0.0], 1, 0, DT, 1).unwrap();
-    let nothing = RecursiveEquations::new(&empty, &[(0.0, 1.0)], &settings()).map(|_| ());
-    assert_eq!(nothing, Err(SettingsError::Nothing));
+    let nothing = RecursiveEquations::new(&empty, &[(0.0, 1.0)], &options()).map(|_| ());
+    assert_eq!(nothing, Err(RecursiveOptionsError::Nothing));
 }
 
-fn blend(window: usize) -> BlendSettings {
-    BlendSettings {
+fn mixture(window: usize) -> ExpertMixtureOptions {
+    ExpertMixtureOptions {
         priors_s: vec![300.0, 0.5],
         forgetting_s: 60.0,
         window,
         horizon: 40,
-        gate: Gate::default(),
+        gate: InnovationGate::default(),
     }
 }
 
 /// Shares of the cautious pace, the quick one, the equations as given, and none, after 300 s.
 fn shares(drag: f64) -> Vec<f64> {
-    let mut session = BlendedEquations::new(&vessel(0.3), &RANGES, &blend(8), None).unwrap();
+    let mut session = ExpertMixture::new(&vessel(0.3), &RANGES, &mixture(8), None).unwrap();
     sail(&vessel(drag), 3000, |k, y, c| {
         session.observe(&[y[0] + noise(k, 0, 0.01), y[1] + noise(k, 1, 0.01)]);
         session.advance(&c);
     });
-    session.shares().to_vec()
+    session.expert_weights().to_vec()
 }
 
 #[test]
@@ -355,7 +355,7 @@ fn a_mixture_follows_the_best_forgetting_factor() {
 
 #[test]
 fn a_mixture_predicts_by_one_expert_and_snapshots_contain_it() {
-    let mut session = BlendedEquations::new(&vessel(0.3), &RANGES, &blend(8), None).unwrap();
+    let mut session = ExpertMixture::new(&vessel(0.3), &RANGES, &mixture(8), None).unwrap();
     let commands: Vec<f64> = (0..40).flat_map(command).collect();
     let (mut work, mut early, mut again) = (Workspace::new(), [0.0; 80], [0.0; 80]);
     let mut snapshot = vec![0.0; session.snapshot_len()];
@@ -368,7 +368,7 @@ fn a_mixture_predicts_by_one_expert_and_snapshots_contain_it() {
         session.advance(&c);
     });
     assert_eq!(session.equations().coefficients(), session.weights());
-    assert!((session.shares().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    assert!((session.expert_weights().iter().sum::<f64>() - 1.0).abs() < 1e-12);
     let mut fork = session.fork();
     fork.restore(&snapshot);
     fork.rollout(&commands, &mut work, &mut again);
@@ -380,40 +380,40 @@ fn a_mixture_predicts_by_one_expert_and_snapshots_contain_it() {
 
 #[test]
 fn a_mixture_without_experts_or_with_a_singular_prior_is_refused() {
-    let none = BlendSettings { priors_s: Vec::new(), ..blend(8) };
-    let made = |settings: &BlendSettings, root: Option<&[f64]>| {
-        BlendedEquations::new(&vessel(0.3), &RANGES, settings, root).map(|_| ()).unwrap_err()
+    let none = ExpertMixtureOptions { priors_s: Vec::new(), ..mixture(8) };
+    let made = |options: &ExpertMixtureOptions, r_factor: Option<&[f64]>| {
+        ExpertMixture::new(&vessel(0.3), &RANGES, options, r_factor).map(|_| ()).unwrap_err()
     };
-    assert_eq!(made(&none, None), SettingsError::Paces);
-    assert_eq!(made(&blend(8), Some(&[0.0; 25])), SettingsError::Root);
-    assert_eq!(made(&blend(8), Some(&[1.0; 24])), SettingsError::Root);
+    assert_eq!(made(&none, None), RecursiveOptionsError::Experts);
+    assert_eq!(made(&mixture(8), Some(&[0.0; 25])), RecursiveOptionsError::RFactor);
+    assert_eq!(made(&mixture(8), Some(&[1.0; 24])), RecursiveOptionsError::RFactor);
 }
 
 #[test]
 fn settings_whose_numbers_overflow_are_refused() {
-    let made = |change: &dyn Fn(&mut Settings)| {
-        let mut settings = settings();
-        change(&mut settings);
-        RecursiveEquations::new(&vessel(0.3), &RANGES, &settings).map(|_| ())
+    let made = |change: &dyn Fn(&mut RecursiveOptions)| {
+        let mut options = options();
+        change(&mut options);
+        RecursiveEquations::new(&vessel(0.3), &RANGES, &options).map(|_| ())
     };
-    let prior = SettingsError::Extreme("the time that the prior is worth");
+    let prior = RecursiveOptionsError::Extreme("the time that the prior is worth");
     // These panicked, or filled the coefficients with NaN.
     assert_eq!(made(&|s| s.prior_s = 1e308), Err(prior.clone()));
     assert_eq!(made(&|s| s.prior_s = 1e-310), Err(prior));
-    assert_eq!(made(&|s| s.forgetting_s = 1e-4), Err(SettingsError::Extreme("the forgetting time")));
-    assert_eq!(made(&|s| s.window = usize::MAX), Err(SettingsError::Window));
+    assert_eq!(made(&|s| s.forgetting_s = 1e-4), Err(RecursiveOptionsError::Extreme("the forgetting time")));
+    assert_eq!(made(&|s| s.window = usize::MAX), Err(RecursiveOptionsError::Window));
     for (inflate, reject) in [(0.0, 1.0), (3.0, 2.0), (f64::NAN, 3.0), (3.0, f64::NAN), (-1.0, 1.0)] {
-        assert_eq!(made(&|s| s.gate = Gate { inflate, reject }), Err(SettingsError::Gate));
+        assert_eq!(made(&|s| s.gate = InnovationGate { inflate, reject }), Err(RecursiveOptionsError::Gate));
     }
-    assert_eq!(made(&|s| (s.gate, s.forgetting_s) = (Gate::OPEN, f64::INFINITY)), Ok(()));
+    assert_eq!(made(&|s| (s.gate, s.forgetting_s) = (InnovationGate::OPEN, f64::INFINITY)), Ok(()));
 }
 
 #[test]
 fn a_row_with_weight_zero_changes_nothing() {
     // An exact model has innovations of zero; then a spike is infinitely many deviations away.
-    let settings = Settings { gate: Gate { inflate: 3.0, reject: f64::INFINITY }, window: 1, ..settings() };
+    let options = RecursiveOptions { gate: InnovationGate { inflate: 3.0, reject: f64::INFINITY }, window: 1, ..options() };
     let still = Equations::new(vec![Term::monomial(&[0])], vec![-1.0], 1, 0, DT, 1).unwrap();
-    let mut session = RecursiveEquations::new(&still, &[(-1.0, 1.0)], &settings).unwrap();
+    let mut session = RecursiveEquations::new(&still, &[(-1.0, 1.0)], &options).unwrap();
     let mut weightless = 0;
     for k in 0..60 {
         session.observe(&[if k == 50 { 1.0 } else { 0.0 }]);
@@ -426,22 +426,22 @@ fn a_row_with_weight_zero_changes_nothing() {
 
 #[test]
 fn a_mixture_from_a_damaged_file_is_refused() {
-    let made = |change: &dyn Fn(&mut BlendSettings), root: Option<&[f64]>| {
-        let mut settings = blend(8);
-        change(&mut settings);
-        BlendedEquations::new(&vessel(0.3), &RANGES, &settings, root).map(|_| ()).unwrap_err()
+    let made = |change: &dyn Fn(&mut ExpertMixtureOptions), r_factor: Option<&[f64]>| {
+        let mut options = mixture(8);
+        change(&mut options);
+        ExpertMixture::new(&vessel(0.3), &RANGES, &options, r_factor).map(|_| ()).unwrap_err()
     };
     for horizon in [0, 1 << 40, usize::MAX] {
-        assert_eq!(made(&|s| s.horizon = horizon, None), SettingsError::Paces);
+        assert_eq!(made(&|s| s.horizon = horizon, None), RecursiveOptionsError::Experts);
     }
-    assert_eq!(made(&|s| s.priors_s = vec![1.0; 1000], None), SettingsError::Paces);
-    assert_eq!(made(&|s| s.window = usize::MAX / 2, None), SettingsError::Window);
-    assert!(matches!(made(&|s| s.priors_s[1] = 1e308, None), SettingsError::Extreme(_)));
-    assert_eq!(made(&|s| s.gate.inflate = f64::NAN, None), SettingsError::Gate);
+    assert_eq!(made(&|s| s.priors_s = vec![1.0; 1000], None), RecursiveOptionsError::Experts);
+    assert_eq!(made(&|s| s.window = usize::MAX / 2, None), RecursiveOptionsError::Window);
+    assert!(matches!(made(&|s| s.priors_s[1] = 1e308, None), RecursiveOptionsError::Extreme(_)));
+    assert_eq!(made(&|s| s.gate.inflate = f64::NAN, None), RecursiveOptionsError::Gate);
     for (at, value) in [(0, f64::NAN), (0, 1e200), (0, 1e-200), (7, f64::INFINITY), (5, 1.0)] {
-        let mut root: Vec<f64> = (0..25).map(|k| f64::from(u8::from(k % 6 == 0))).collect();
-        root[at] = value;
-        assert_eq!(made(&|_| (), Some(&root)), SettingsError::Root, "{value} at {at}");
+        let mut r_factor: Vec<f64> = (0..25).map(|k| f64::from(u8::from(k % 6 == 0))).collect();
+        r_factor[at] = value;
+        assert_eq!(made(&|_| (), Some(&r_factor)), RecursiveOptionsError::RFactor, "{value} at {at}");
     }
 }
 
@@ -449,7 +449,7 @@ fn a_mixture_from_a_damaged_file_is_refused() {
 /// sensors and of forces.
 fn held(sensor: f64, force: f64) -> [f64; 3] {
     const HORIZONS: [usize; 3] = [1, 5, 20];
-    let mut adapter = RecursiveEquations::new(&vessel(0.4), &RANGES, &settings()).unwrap();
+    let mut adapter = RecursiveEquations::new(&vessel(0.4), &RANGES, &options()).unwrap();
     let plant = vessel(0.4);
     let (mut state, mut scratch) = ([0.5, 0.0], vec![0.0; plant.scratch()]);
     let mut work = Workspace::new();
@@ -495,7 +495,7 @@ fn bands_cover_the_measurements_with_sensor_or_process_noise() {
 
 #[test]
 fn bands_widen_with_missing_measurements_and_with_the_horizon() {
-    let mut adapter = RecursiveEquations::new(&vessel(0.4), &RANGES, &settings()).unwrap();
+    let mut adapter = RecursiveEquations::new(&vessel(0.4), &RANGES, &options()).unwrap();
     let (mut work, mut before, mut after) = (Workspace::new(), [0.0; 4], [0.0; 4]);
     let plant = vessel(0.4);
     let (mut state, mut scratch) = ([0.5, 0.0], vec![0.0; plant.scratch()]);

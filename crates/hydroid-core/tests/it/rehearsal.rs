@@ -28,13 +28,13 @@ fn model(weights: Vec<f64>) -> Arc<Recurrent> {
     Arc::new(Recurrent { network: NETWORK, weights, scaling, base, feedback, wash_out, state_filter })
 }
 
-fn tuning(covariance: CovarianceForm) -> FilterOptions {
+fn options(covariance: CovarianceForm) -> FilterOptions {
     let uniform = FilterOptions::uniform(NETWORK.weights(), 0.02, 1e-7, (1.0, 1e-5), &[1e-4; 2]);
     FilterOptions { leak: 1e-5, covariance, ..uniform }
 }
 
 fn session(covariance: CovarianceForm, rehearsal: Option<RehearsalOptions>) -> KalmanNetwork {
-    KalmanNetwork::with_rehearsal(model(shore()), tuning(covariance), rehearsal).unwrap()
+    KalmanNetwork::with_rehearsal(model(shore()), options(covariance), rehearsal).unwrap()
 }
 
 /// Commands of two waters: slow and small about one value, and fast about another.
@@ -46,7 +46,7 @@ fn command(water: usize, k: usize) -> [f64; 2] {
 
 /// Outputs of a network with these weights in a water, and commands, flat.
 fn sailed(weights: Vec<f64>, water: usize, count: usize) -> (Vec<f64>, Vec<f64>) {
-    let mut truth = KalmanNetwork::new(model(weights), tuning(CovarianceForm::Full)).unwrap();
+    let mut truth = KalmanNetwork::new(model(weights), options(CovarianceForm::Full)).unwrap();
     let (mut outputs, mut commands, mut y) = (Vec::new(), Vec::new(), [0.0; 2]);
     for k in 0..count {
         truth.output(&mut y);
@@ -88,7 +88,7 @@ fn forgotten(weights: &[f64]) -> f64 {
         FilterOptions {
             initial_weights: vec![0.0; weights.len()],
             weight_noise: vec![0.0; weights.len()],
-            ..tuning(CovarianceForm::Full)
+            ..options(CovarianceForm::Full)
         },
     )
     .unwrap();

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::head::{Head, ModelFile};
 use crate::stream::differences;
-use hydroid::adapt::{AdaptError, Kalman, Options, adapter};
+use hydroid::adapt::{AdaptError, KalmanOptions, Options, adapter};
 use hydroid::log::Trajectory;
 use hydroid::model::Model;
 use hydroid_core::adapt::Adapter;
@@ -21,7 +21,7 @@ const SHARE: f64 = 0.5;
 fn resolved(options: &Options, model: &Model, runs: &[&Trajectory]) -> Options {
     // A noise that is unknown is unknown in a replay too, and is handled alike.
     let noise = options.kalman.noise_of(model, runs).ok();
-    Options { kalman: Kalman { noise, ..options.kalman.clone() }, ..options.clone() }
+    Options { kalman: KalmanOptions { noise, ..options.kalman.clone() }, ..options.clone() }
 }
 
 impl Head {

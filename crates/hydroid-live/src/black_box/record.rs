@@ -46,7 +46,7 @@ pub(super) enum Part {
     Outcome,
     /// How many, then values, then deviations.
     Innovations,
-    /// Least variance and sureness.
+    /// Least variance and `min S / R`.
     Health,
     /// The model that predicts, and the records of all three.
     Guard,
@@ -130,7 +130,7 @@ impl Places {
                 Some(i) => format!("the deviation of the innovation of {}", output(i - n)),
             }
         } else if let Some(i) = of(Part::Health) {
-            ["the least variance of a weight", "the sureness of the filter"][i].to_owned()
+            ["the least variance of a weight", "the smallest S/R of the filter"][i].to_owned()
         } else if let Some(i) = of(Part::Guard) {
             let names = ["the model that predicts", "the adapted model", "the snapshot", "the frozen model"];
             if i == 0 { names[0].to_owned() } else { format!("the record of {}", names[i]) }

@@ -89,7 +89,7 @@ impl<'a> Step<'a> {
         values.iter().zip(deviations).map(|(value, deviation)| (value / deviation).powi(2)).sum()
     }
 
-    /// Least variance of a weight, and sureness; NaN where they are not known.
+    /// Least variance of a weight, and `min S / R`; NaN where they are not known.
     pub fn health(self) -> [f64; 2] {
         let part = self.part(Part::Health);
         [part[0], part[1]]
@@ -156,8 +156,8 @@ impl<'a> Step<'a> {
             put("innovation", json!(innovations));
             put("nis", json!(self.nis()));
         }
-        let [least_variance, sureness] = self.health();
-        put("health", json!({ "least_variance": least_variance, "sureness": sureness }));
+        let [least_variance, min_s_over_r] = self.health();
+        put("health", json!({ "least_variance": least_variance, "min_s_over_r": min_s_over_r }));
         if let Some(active) = self.active() {
             put("active", json!(active.name()));
             put("record", json!(self.part(Part::Guard)[1..]));

@@ -31,10 +31,10 @@ pub struct Summary {
     pub outcomes: Outcomes,
     /// Samples from which the learner, its snapshot and the model from shore predicted; zeros without a guard.
     pub predicted_by: [usize; 3],
-    /// The smallest variance of a weight, and the smallest sureness; NaN where they were not known.
+    /// The smallest variance of a weight, and the smallest `S_ii / R_ii`; NaN where they were not known.
     pub least_variance: f64,
     /// See [`least_variance`](Self::least_variance).
-    pub least_sureness: f64,
+    pub min_s_over_r: f64,
     /// The largest sum of squared innovations, and its time \[s\].
     pub largest_nis: [f64; 2],
     /// What the guard did.
@@ -56,7 +56,7 @@ impl BlackBox {
             outcomes: Outcomes::default(),
             predicted_by: [0; 3],
             least_variance: f64::NAN,
-            least_sureness: f64::NAN,
+            min_s_over_r: f64::NAN,
             largest_nis: [f64::NAN; 2],
             events: Vec::new(),
             torn: self.torn,
@@ -78,9 +78,9 @@ impl BlackBox {
                 own.predicted_by[active.index()] += 1;
             }
             // The smaller of a number and NaN is the number.
-            let [variance, sureness] = step.health();
+            let [variance, min_s_over_r] = step.health();
             own.least_variance = own.least_variance.min(variance);
-            own.least_sureness = own.least_sureness.min(sureness);
+            own.min_s_over_r = own.min_s_over_r.min(min_s_over_r);
             let nis = step.nis();
             if nis > own.largest_nis[0] || (own.largest_nis[0].is_nan() && !nis.is_nan()) {
                 own.largest_nis = [nis, t];

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::boat::{lines, model, settings};
-use hydroid::adapt::{self, Kalman, Method, adapter};
+use hydroid::adapt::{self, KalmanOptions, Method, adapter};
 use hydroid_live::black_box::{BlackBox, Recorder, Replayed, Source, replay};
 use hydroid_live::stream::{Line, Options, Stream};
 use proptest::prelude::*;
@@ -17,7 +17,7 @@ fn learners() -> Vec<(&'static str, adapt::Options)> {
     let noise = Some(vec![0.02, 0.01]);
     let filter = adapt::Options {
         method: Method::Kalman,
-        kalman: Kalman { noise, huber: 4.0, ..Kalman::of_equations() },
+        kalman: KalmanOptions { noise, huber: 4.0, ..KalmanOptions::of_equations() },
         ..adapt::Options::default()
     };
     vec![
@@ -106,7 +106,7 @@ fn every_adapter_is_replayed_bit_for_bit() {
             );
             assert_eq!(summary.predicted_by.iter().sum::<usize>(), summary.samples);
         }
-        assert_eq!(summary.least_sureness.is_nan(), options.method == Method::LeastSquares, "{name}");
+        assert_eq!(summary.min_s_over_r.is_nan(), options.method == Method::LeastSquares, "{name}");
     }
 }
 
@@ -241,7 +241,7 @@ fn the_settings_come_back_from_the_file() {
     for (name, options) in learners() {
         let mut options = options;
         options.least_squares.forgetting_s = infinite;
-        options.least_squares.gate = adapt::Gate::OPEN;
+        options.least_squares.gate = adapt::InnovationGate::OPEN;
         options.kalman.weight_noise_per_s = 0.1 + 0.2;
         options.kalman.covariance = "blocks:7".parse().unwrap();
         let text = toml::to_string(&options).unwrap();

@@ -10,7 +10,7 @@ use super::super::lab::{Lab, Learned, Sailed};
 use super::super::look;
 use super::super::outcome::{Cell, Outcome, Sheet};
 use super::median;
-use hydroid::adapt::{self, Kalman, Options};
+use hydroid::adapt::{self, KalmanOptions, Options};
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel};
 
 /// Steps ahead.
@@ -167,13 +167,13 @@ impl Forgetting {
 fn held(learned: &Learned, weights: &[f64], sailed: &Sailed) -> Result<[f64; 3], StudyError> {
     let (_, used) = adapt::adapter(&learned.model, &Options::default(), &[&sailed.run])?;
     let model = adapt::learned(&learned.model, weights, &[], &used)?;
-    let sure = Kalman {
+    let sure = KalmanOptions {
         weight_variance: 0.0,
         weight_noise_per_s: 0.0,
         state_noise_per_s: 1e-3,
         noise_factor: 1.0,
         leak_s: f64::INFINITY,
-        ..Kalman::default()
+        ..KalmanOptions::default()
     };
     let mut session =
         adapt::adapter(&model, &Options { kalman: sure, ..Options::default() }, &[&sailed.run])?.0;

@@ -6,11 +6,11 @@ use hydroid_core::adapt::kalman::{
 use hydroid_core::predict::Predictor;
 
 use super::AdaptError;
-use super::kalman::{Kalman, ResolvedKalman};
+use super::kalman::{KalmanOptions, ResolvedKalman};
 use crate::log::Trajectory;
 use crate::model::{Model, NamedEquations};
 
-impl Kalman {
+impl KalmanOptions {
     /// Defaults for equations.
     pub fn of_equations() -> Self {
         Self {
@@ -24,19 +24,19 @@ impl Kalman {
     }
 }
 
-/// Equations, tuning and measurement noise of the filter.
-fn tuned(
+/// Equations, options and measurement noise of the filter.
+fn filter_parts(
     model: &Model,
     motion: &NamedEquations<'_>,
-    options: &Kalman,
+    options: &KalmanOptions,
     runs: &[&Trajectory],
 ) -> Result<(LearnableEquations, FilterOptions, Vec<f64>), AdaptError> {
     let noise = options.noise_of(model, runs)?;
     let ranges = model.description.ranges();
-    let learnable = LearnableEquations::new(motion.equations(), &ranges).map_err(AdaptError::Settings)?;
+    let learnable = LearnableEquations::new(motion.equations(), &ranges).map_err(AdaptError::Options)?;
     let dt = model.description.dt;
-    let tuning = options.uniform(learnable.places().len(), &noise, learnable.scale(), dt);
-    Ok((learnable, tuning, noise))
+    let filter = options.uniform(learnable.places().len(), &noise, learnable.scale(), dt);
+    Ok((learnable, filter, noise))
 }
 
 /// The session that adapts equations, and the settings that it was made with. `runs` tell the noise where nothing else
@@ -44,22 +44,22 @@ fn tuned(
 pub(super) fn adapter(
     model: &Model,
     motion: &NamedEquations<'_>,
-    options: &Kalman,
+    options: &KalmanOptions,
     runs: &[&Trajectory],
 ) -> Result<(KalmanEquations, ResolvedKalman), AdaptError> {
-    let (learnable, tuning, noise) = tuned(model, motion, options, runs)?;
-    let adapter = KalmanEquations::new(learnable, tuning).map_err(KalmanError::Options)?;
-    Ok((adapter, options.used(noise)))
+    let (learnable, filter, noise) = filter_parts(model, motion, options, runs)?;
+    let adapter = KalmanEquations::new(learnable, filter).map_err(KalmanError::Options)?;
+    Ok((adapter, options.resolved(noise)))
 }
 
 /// The filter on the outputs only, with constant coefficients.
 pub(super) fn filtered(
     model: &Model,
     motion: &NamedEquations<'_>,
-    options: &Kalman,
+    options: &KalmanOptions,
     runs: &[&Trajectory],
 ) -> Result<Box<dyn Predictor>, AdaptError> {
-    let sure = Kalman {
+    let sure = KalmanOptions {
         weight_variance: 0.0,
         weight_noise_per_s: 0.0,
         leak_s: f64::INFINITY,

@@ -5,7 +5,7 @@ use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::kalman::CovarianceForm;
 use hydroid_core::model::recurrent::BaseModel;
 
-use super::kalman::{Kalman, LEAST_NOISE};
+use super::kalman::{KalmanOptions, LEAST_NOISE};
 use super::{AdaptError, Options, ResolvedOptions, last_layer, learner};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
@@ -35,7 +35,7 @@ pub(super) fn guard(
     };
     let noise = match &used {
         ResolvedOptions::Kalman(used) => used.noise.clone(),
-        ResolvedOptions::LeastSquares(_) | ResolvedOptions::ReadOut(_) => {
+        ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_) => {
             options.kalman.noise_of(model, runs).unwrap_or_else(|_| default_noise(model))
         }
     };
@@ -46,8 +46,8 @@ pub(super) fn guard(
 }
 
 /// Options of the filter with constant weights.
-fn constant_weights(model: &Model, options: &Options) -> Kalman {
-    let filter = Kalman {
+fn constant_weights(model: &Model, options: &Options) -> KalmanOptions {
+    let filter = KalmanOptions {
         weight_variance: 0.0,
         weight_noise_per_s: 0.0,
         leak_s: f64::INFINITY,
@@ -59,9 +59,9 @@ fn constant_weights(model: &Model, options: &Options) -> Kalman {
     match &model.body {
         Body::Recurrent(network) if network.feedback || network.base != BaseModel::Nothing => {
             // Measurements enter as inputs.
-            Kalman { state_variance: NEGLIGIBLE_VARIANCE, state_noise_per_s: NEGLIGIBLE_VARIANCE, ..filter }
+            KalmanOptions { state_variance: NEGLIGIBLE_VARIANCE, state_noise_per_s: NEGLIGIBLE_VARIANCE, ..filter }
         }
-        Body::Recurrent(_) => Kalman {
+        Body::Recurrent(_) => KalmanOptions {
             state_variance: 1.0,
             state_noise_per_s: STATE_FILTER_PROCESS_PER_S,
             noise_factor: 1.0,

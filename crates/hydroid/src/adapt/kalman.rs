@@ -18,7 +18,7 @@ use crate::model::{Body, Model, Port};
 /// The default is for networks; for equations it is [`of_equations`](Self::of_equations).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Kalman {
+pub struct KalmanOptions {
     /// Variance of each weight at the start: how far the vessel may be from the model.
     pub weight_variance: f64,
     /// Variance that each weight gains in a second: how fast the vessel may change.
@@ -100,7 +100,7 @@ mod as_text {
     }
 }
 
-impl Default for Kalman {
+impl Default for KalmanOptions {
     fn default() -> Self {
         Self {
             weight_variance: 0.02,
@@ -120,7 +120,7 @@ impl Default for Kalman {
 
 /// The settings that were used, with what was chosen written out; infinite times are `null`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "as in Kalman, of which they are")]
+#[expect(missing_docs, reason = "as in KalmanOptions, of which they are")]
 pub struct ResolvedKalman {
     pub weight_variance: f64,
     pub weight_noise_per_s: f64,
@@ -148,7 +148,7 @@ const GATE_FACTOR: f64 = 5.0;
 /// Process noise of the filter on the state alone, for one sample.
 const STATE_FILTER_PROCESS: f64 = 1e-4;
 
-impl Kalman {
+impl KalmanOptions {
     /// Standard deviation of the noise of each output.
     pub fn noise_of(&self, model: &Model, runs: &[&Trajectory]) -> Result<Vec<f64>, AdaptError> {
         let outputs = &model.description.outputs;
@@ -176,7 +176,7 @@ impl Kalman {
         Ok(noise.iter().zip(outputs).map(|(std, port)| std.max(least(port))).collect())
     }
 
-    /// The tuning of the core's filter where all weights are learned, for outputs of that noise, scaled by `scale`, and steps
+    /// The options of the core's filter where all weights are learned, for outputs of that noise, scaled by `scale`, and steps
     /// of `dt` seconds.
     pub(super) fn uniform(&self, weights: usize, noise: &[f64], scale: &[f64], dt: f64) -> FilterOptions {
         let per_sample = |time_s: f64| 1.0 - (-dt / time_s).exp();
@@ -199,7 +199,7 @@ impl Kalman {
     }
 
     /// These, with the noise that was taken.
-    pub(super) fn used(&self, noise: Vec<f64>) -> ResolvedKalman {
+    pub(super) fn resolved(&self, noise: Vec<f64>) -> ResolvedKalman {
         ResolvedKalman {
             weight_variance: self.weight_variance,
             weight_noise_per_s: self.weight_noise_per_s,
@@ -215,15 +215,15 @@ impl Kalman {
         }
     }
 
-    /// The tuning for a network.
-    fn tuning(&self, network: &Recurrent, noise: &[f64], dt: f64) -> FilterOptions {
+    /// The options for a network.
+    fn filter_options(&self, network: &Recurrent, noise: &[f64], dt: f64) -> FilterOptions {
         let scale = &network.scaling.correction_scale;
-        let mut tuning = self.uniform(network.weights.len(), noise, scale, dt);
+        let mut filter = self.uniform(network.weights.len(), noise, scale, dt);
         for place in Layout::new(&network.network).gates(network.network.cell) {
-            tuning.initial_weights[place] *= GATE_FACTOR;
-            tuning.weight_noise[place] *= GATE_FACTOR;
+            filter.initial_weights[place] *= GATE_FACTOR;
+            filter.weight_noise[place] *= GATE_FACTOR;
         }
-        tuning
+        filter
     }
 }
 
@@ -231,15 +231,15 @@ impl Kalman {
 pub(super) fn adapter(
     model: &Model,
     network: &Arc<Recurrent>,
-    options: &Kalman,
+    options: &KalmanOptions,
     runs: &[&Trajectory],
 ) -> Result<(Box<dyn Adapter>, ResolvedKalman), AdaptError> {
     let noise = options.noise_of(model, runs)?;
-    let tuning = options.tuning(network, &noise, model.description.dt);
+    let filter = options.filter_options(network, &noise, model.description.dt);
     let plain = Arc::new(Recurrent { state_filter: None, ..(**network).clone() });
     let rehearsal = options.rehearsal.map(|rehearse| rehearse.of(model.description.dt));
-    let adapter = KalmanNetwork::with_rehearsal(plain, tuning, rehearsal)?;
-    Ok((Box::new(adapter), options.used(noise)))
+    let adapter = KalmanNetwork::with_rehearsal(plain, filter, rehearsal)?;
+    Ok((Box::new(adapter), options.resolved(noise)))
 }
 
 /// The model with a filter on its state alone; none for those whose state a measurement enters otherwise.
@@ -284,10 +284,10 @@ mod tests {
         let (base, wash_out) = (BaseModel::Nothing, 0);
         let model =
             Recurrent { network, weights, scaling, base, feedback: false, wash_out, state_filter: None };
-        let options = Kalman::default();
-        let tuning = options.tuning(&model, &[0.01], 0.1);
+        let options = KalmanOptions::default();
+        let filter = options.filter_options(&model, &[0.01], 0.1);
         let gates = Layout::new(&network).gates(network.cell);
-        for (place, (variance, noise)) in tuning.initial_weights.iter().zip(&tuning.weight_noise).enumerate()
+        for (place, (variance, noise)) in filter.initial_weights.iter().zip(&filter.weight_noise).enumerate()
         {
             let factor = if gates.contains(&place) { 5.0 } else { 1.0 };
             assert_eq!((*variance, *noise), (0.02 * factor, options.weight_noise_per_s * 0.1 * factor));

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::{DirectReadOut, ReadOutSettings, SHORTEST_FORGETTING};
+use hydroid_core::adapt::{DirectLastLayer, LastLayerOptions, SHORTEST_FORGETTING};
 use hydroid_core::model::direct::Direct;
 use serde::Serialize;
 
-use super::{AdaptError, LeastSquares};
+use super::{AdaptError, LeastSquaresOptions};
 use crate::model::{Body, Members, Model};
 
 /// Default time constant of the forgetting \[s\].
@@ -18,7 +18,7 @@ const PRIOR_S: f64 = 3e-3;
 /// Time constant of the error variances, from which bands are computed \[s\].
 const NOISE_S: f64 = 20.0;
 
-impl LeastSquares {
+impl LeastSquaresOptions {
     /// Defaults for direct predictors. Window, choice of terms and gate do not apply. The prior is short because the features
     /// of the last layer are strongly collinear.
     pub fn for_last_layer() -> Self {
@@ -38,8 +38,8 @@ pub struct ResolvedLastLayer {
 }
 
 /// Options of the core for samples of `dt` seconds.
-fn settings(options: &LeastSquares, dt: f64) -> ReadOutSettings {
-    ReadOutSettings {
+fn last_layer_options(options: &LeastSquaresOptions, dt: f64) -> LastLayerOptions {
+    LastLayerOptions {
         forgetting: (-dt / options.forgetting_s).exp(),
         information: options.prior_s / dt,
         leak: options.leak,
@@ -51,14 +51,14 @@ fn settings(options: &LeastSquares, dt: f64) -> ReadOutSettings {
 pub(super) fn adapter(
     model: &Model,
     direct: &Arc<Direct>,
-    options: &LeastSquares,
-) -> Result<(DirectReadOut, ResolvedLastLayer), AdaptError> {
+    options: &LeastSquaresOptions,
+) -> Result<(DirectLastLayer, ResolvedLastLayer), AdaptError> {
     let (given_s, least_s) = (options.forgetting_s, SHORTEST_FORGETTING * model.description.dt);
     if given_s.is_nan() || given_s < least_s {
         return Err(AdaptError::Forgetting { given_s, least_s });
     }
-    let adapter = DirectReadOut::new(Arc::clone(direct), &settings(options, model.description.dt))?;
-    let LeastSquares { forgetting_s, prior_s, leak, .. } = *options;
+    let adapter = DirectLastLayer::new(Arc::clone(direct), &last_layer_options(options, model.description.dt))?;
+    let LeastSquaresOptions { forgetting_s, prior_s, leak, .. } = *options;
     Ok((adapter, ResolvedLastLayer { forgetting_s, prior_s, leak }))
 }
 
@@ -66,9 +66,9 @@ pub(super) fn adapter(
 pub(super) fn companion(
     model: &Model,
     direct: &Arc<Direct>,
-    options: &LeastSquares,
-) -> Result<DirectReadOut, AdaptError> {
-    Ok(DirectReadOut::companion(Arc::clone(direct), &settings(options, model.description.dt))?)
+    options: &LeastSquaresOptions,
+) -> Result<DirectLastLayer, AdaptError> {
+    Ok(DirectLastLayer::companion(Arc::clone(direct), &last_layer_options(options, model.description.dt))?)
 }
 
 /// The model with the last layer of an adapter.

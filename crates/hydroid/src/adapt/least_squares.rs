@@ -2,18 +2,18 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::{RecursiveEquations, Settings, SettingsError};
+use hydroid_core::adapt::{RecursiveEquations, RecursiveOptions, RecursiveOptionsError};
 use hydroid_core::model::sparse::Equations;
 use serde::{Deserialize, Serialize};
 
-use super::{AdaptError, Gate};
+use super::{AdaptError, InnovationGate};
 use crate::model::{Body, Members, Model, NamedEquations};
 
 /// Options of recursive least squares for equations, and with the defaults of [`for_last_layer`](Self::for_last_layer) for
 /// direct predictors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LeastSquares {
+pub struct LeastSquaresOptions {
     /// Time constant of the forgetting \[s\], `lambda = exp(-dt / forgetting_s)`; infinite for none.
     pub forgetting_s: f64,
     /// Span of an increment \[s\]; default the window of the model's identification, or 1 s.
@@ -25,7 +25,7 @@ pub struct LeastSquares {
     /// Whether terms with zero coefficients are adapted as well.
     pub all_terms: bool,
     /// Innovation gate.
-    pub gate: Gate,
+    pub gate: InnovationGate,
 }
 
 /// Default time constant of the forgetting \[s\].
@@ -34,7 +34,7 @@ pub const FORGETTING_S: f64 = 60.0;
 /// Default weight of the reference model \[s\].
 pub const PRIOR_S: f64 = 10.0;
 
-impl Default for LeastSquares {
+impl Default for LeastSquaresOptions {
     fn default() -> Self {
         Self {
             forgetting_s: FORGETTING_S,
@@ -42,7 +42,7 @@ impl Default for LeastSquares {
             prior_s: PRIOR_S,
             leak: true,
             all_terms: false,
-            gate: Gate::default(),
+            gate: InnovationGate::default(),
         }
     }
 }
@@ -68,7 +68,7 @@ pub struct ResolvedLeastSquares {
 ///
 /// # Errors
 /// If the window is shorter than half a sample or too long.
-pub(super) fn settings(model: &Model, options: &LeastSquares) -> Result<Settings, AdaptError> {
+pub(super) fn recursive_options(model: &Model, options: &LeastSquaresOptions) -> Result<RecursiveOptions, AdaptError> {
     let dt = model.description.dt;
     let wanted = options.window_s.unwrap_or_else(|| default_window_s(model));
     if !(wanted >= 0.5 * dt && wanted / dt < 1e6) {
@@ -77,7 +77,7 @@ pub(super) fn settings(model: &Model, options: &LeastSquares) -> Result<Settings
     // The number is between one and a million.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let window = (wanted / dt).round().max(1.0) as usize;
-    Ok(Settings {
+    Ok(RecursiveOptions {
         forgetting_s: options.forgetting_s,
         window,
         prior_s: options.prior_s,
@@ -91,17 +91,17 @@ pub(super) fn settings(model: &Model, options: &LeastSquares) -> Result<Settings
 pub(super) fn adapter(
     model: &Model,
     motion: &NamedEquations<'_>,
-    options: &LeastSquares,
+    options: &LeastSquaresOptions,
 ) -> Result<(RecursiveEquations, ResolvedLeastSquares), AdaptError> {
-    let settings = settings(model, options)?;
-    let adapter = motion.learner(&settings).map_err(AdaptError::Settings)?;
+    let recursive = recursive_options(model, options)?;
+    let adapter = motion.learner(&recursive).map_err(AdaptError::Options)?;
     let used = ResolvedLeastSquares {
-        forgetting_s: settings.forgetting_s,
-        window_s: settings.window as f64 * model.description.dt,
-        prior_s: settings.prior_s,
-        leak: settings.leak,
-        all_terms: settings.all_terms,
-        gate: [settings.gate.inflate, settings.gate.reject],
+        forgetting_s: recursive.forgetting_s,
+        window_s: recursive.window as f64 * model.description.dt,
+        prior_s: recursive.prior_s,
+        leak: recursive.leak,
+        all_terms: recursive.all_terms,
+        gate: [recursive.gate.inflate, recursive.gate.reject],
     };
     Ok((adapter, used))
 }
@@ -128,7 +128,7 @@ fn with_weights(equations: &Equations, weights: &[f64], all_terms: bool) -> Resu
     let adapts = |xi: &f64| all_terms || *xi != 0.0;
     let mut coefficients = equations.coefficients().to_vec();
     if coefficients.iter().filter(|xi| adapts(xi)).count() != weights.len() {
-        return Err(AdaptError::Settings(SettingsError::Nothing));
+        return Err(AdaptError::Options(RecursiveOptionsError::Nothing));
     }
     for (xi, weight) in coefficients.iter_mut().filter(|xi| adapts(xi)).zip(weights) {
         *xi = *weight;
@@ -142,5 +142,5 @@ fn with_weights(equations: &Equations, weights: &[f64], all_terms: bool) -> Resu
         equations.dt(),
         equations.substeps(),
     )
-    .map_err(|error| AdaptError::Settings(SettingsError::Equations(error)))
+    .map_err(|error| AdaptError::Options(RecursiveOptionsError::Equations(error)))
 }

@@ -14,7 +14,7 @@ mod plant;
 
 use hydroid_core::adapt::guard::GuardError;
 use hydroid_core::adapt::kalman::{KalmanError, RehearsalOptions};
-use hydroid_core::adapt::{Adapter, ReadOutError, SettingsError};
+use hydroid_core::adapt::{Adapter, LastLayerError, RecursiveOptionsError};
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
@@ -24,12 +24,12 @@ use crate::progress::Progress;
 use metrics::MeteredAdapter;
 
 pub use events::LoggedEvent;
-pub use hydroid_core::adapt::Gate;
+pub use hydroid_core::adapt::InnovationGate;
 pub use hydroid_core::adapt::guard::GuardOptions;
 pub use hydroid_core::adapt::kalman::CovarianceForm;
-pub use kalman::{Kalman, Rehearse, ResolvedKalman};
+pub use kalman::{KalmanOptions, Rehearse, ResolvedKalman};
 pub use last_layer::ResolvedLastLayer;
-pub use least_squares::{FORGETTING_S, LeastSquares, PRIOR_S, ResolvedLeastSquares};
+pub use least_squares::{FORGETTING_S, LeastSquaresOptions, PRIOR_S, ResolvedLeastSquares};
 pub use metrics::{BAND_80, BAND_95, Counts, Coverage, Times};
 pub use plant::LearnedParameter;
 
@@ -50,10 +50,10 @@ pub enum Method {
 pub struct Options {
     /// Adaptation method of equations.
     pub method: Method,
-    /// Options of least squares; [`LeastSquares::for_last_layer`] has the defaults for direct predictors.
-    pub least_squares: LeastSquares,
-    /// Options of the filter; [`Kalman::of_equations`] and [`Kalman::of_plants`] have the defaults for equations and vessels.
-    pub kalman: Kalman,
+    /// Options of least squares; [`LeastSquaresOptions::for_last_layer`] has the defaults for direct predictors.
+    pub least_squares: LeastSquaresOptions,
+    /// Options of the filter; [`KalmanOptions::of_equations`] and [`KalmanOptions::of_plants`] have the defaults for equations and vessels.
+    pub kalman: KalmanOptions,
     /// Options of the guard; `None` for no guard.
     pub guard: Option<GuardOptions>,
     /// Options of the evaluation.
@@ -92,7 +92,7 @@ pub enum ResolvedOptions {
     /// Least squares of equations.
     LeastSquares(ResolvedLeastSquares),
     /// Least squares of the last layer of a direct predictor.
-    ReadOut(ResolvedLastLayer),
+    LastLayer(ResolvedLastLayer),
     /// Kalman filter.
     Kalman(ResolvedKalman),
 }
@@ -119,7 +119,7 @@ pub enum AdaptError {
     },
     /// Invalid options of the last layer.
     #[error("the model cannot be adapted: {0}")]
-    ReadOut(#[from] ReadOutError),
+    LastLayer(#[from] LastLayerError),
     /// The forgetting time is too short.
     #[error(
         "the forgetting time is {given_s} s: at least {least_s:.3} s are needed, which are 9.5 samples; give it, as in --forgetting 300"
@@ -132,7 +132,7 @@ pub enum AdaptError {
     },
     /// Invalid options of least squares.
     #[error("the model cannot be adapted: {0}")]
-    Settings(SettingsError),
+    Options(RecursiveOptionsError),
     /// Invalid options of the filter.
     #[error("the model cannot be adapted: {0}")]
     Kalman(#[from] KalmanError),
@@ -179,10 +179,10 @@ impl Options {
     /// are set as well, so that [`Method::Kalman`] can be selected.
     pub fn of(model: &Model) -> Self {
         let (method, least_squares, kalman) = match &model.body {
-            Body::Equations(_) => (Method::LeastSquares, LeastSquares::default(), Kalman::of_equations()),
-            Body::Direct(_) => (Method::LeastSquares, LeastSquares::for_last_layer(), Kalman::default()),
-            Body::Recurrent(_) => (Method::Kalman, LeastSquares::default(), Kalman::default()),
-            Body::Plant(_) => (Method::Kalman, LeastSquares::default(), Kalman::of_plants()),
+            Body::Equations(_) => (Method::LeastSquares, LeastSquaresOptions::default(), KalmanOptions::of_equations()),
+            Body::Direct(_) => (Method::LeastSquares, LeastSquaresOptions::for_last_layer(), KalmanOptions::default()),
+            Body::Recurrent(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::default()),
+            Body::Plant(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::of_plants()),
             // Not adaptable; see `adaptable`.
             Body::Affine(_) => return Self::default(),
         };
@@ -239,7 +239,7 @@ fn learner(
         }
         Body::Direct(direct) => {
             let (adapter, used) = last_layer::adapter(model, direct, &options.least_squares)?;
-            Ok((Box::new(adapter), ResolvedOptions::ReadOut(used)))
+            Ok((Box::new(adapter), ResolvedOptions::LastLayer(used)))
         }
         Body::Plant(vessel) => {
             let (adapter, used) = plant::adapter(model, vessel, &options.kalman, runs)?;
@@ -251,7 +251,7 @@ fn learner(
 
 /// A network with a state filter; `None` for models with output feedback or a base, or with unknown noise.
 pub(crate) fn state_filtered(model: &Model) -> Option<Model> {
-    let noise = Kalman::default().noise_of(model, &[]).ok()?;
+    let noise = KalmanOptions::default().noise_of(model, &[]).ok()?;
     kalman::filtered(model, &noise)
 }
 
@@ -358,7 +358,7 @@ impl Frozen {
             progress(0.5 * done)
         })?;
         let filtered = match (used, model.equations(), model.plant()) {
-            (ResolvedOptions::LeastSquares(_) | ResolvedOptions::ReadOut(_), ..) => None,
+            (ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_), ..) => None,
             (ResolvedOptions::Kalman(_), Some(motion), _) => {
                 Some(equations::filtered(model, &motion, &options.kalman, runs)?)
             }

@@ -7,7 +7,7 @@ use hydroid_core::vessel::PARAMETER;
 use serde::Serialize;
 
 use super::AdaptError;
-use super::kalman::{Kalman, ResolvedKalman};
+use super::kalman::{KalmanOptions, ResolvedKalman};
 use crate::log::Trajectory;
 use crate::model::Model;
 
@@ -24,7 +24,7 @@ pub struct LearnedParameter {
     pub learned: f64,
 }
 
-impl Kalman {
+impl KalmanOptions {
     /// Defaults for vessels. Variances of weights are those of relative parameter changes.
     pub fn of_plants() -> Self {
         Self {
@@ -42,25 +42,25 @@ impl Kalman {
 pub(super) fn adapter(
     model: &Model,
     plant: &PlantModel,
-    options: &Kalman,
+    options: &KalmanOptions,
     runs: &[&Trajectory],
 ) -> Result<(KalmanPlant, ResolvedKalman), AdaptError> {
     let noise = options.noise_of(model, runs)?;
     let learnable = LearnablePlant::new(plant);
     let scale = &learnable.scale()[..PlantModel::OUTPUTS];
-    let tuning = options.uniform(learnable.places().len(), &noise, scale, plant.dt());
-    let adapter = KalmanPlant::new(plant, tuning).map_err(KalmanError::Options)?;
-    Ok((adapter, options.used(noise)))
+    let filter = options.uniform(learnable.places().len(), &noise, scale, plant.dt());
+    let adapter = KalmanPlant::new(plant, filter).map_err(KalmanError::Options)?;
+    Ok((adapter, options.resolved(noise)))
 }
 
 /// The filter on motion and propeller force only, with constant parameters.
 pub(super) fn filtered(
     model: &Model,
     plant: &PlantModel,
-    options: &Kalman,
+    options: &KalmanOptions,
     runs: &[&Trajectory],
 ) -> Result<Box<dyn Predictor>, AdaptError> {
-    let sure = Kalman {
+    let sure = KalmanOptions {
         weight_variance: 0.0,
         weight_noise_per_s: 0.0,
         leak_s: f64::INFINITY,

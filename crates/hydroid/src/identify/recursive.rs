@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::{BlendSettings, Gate};
+use hydroid_core::adapt::{ExpertMixtureOptions, InnovationGate};
 use hydroid_core::model::sparse::{Equations, Term};
 
 use super::options::intervals;
@@ -50,12 +50,12 @@ pub(super) fn recursive_model(
     let window = intervals(INCREMENT_HORIZONS * job.horizon as f64);
     let (equations, r_factor) =
         identifiable(&found.fit.equations, parts, window).map_err(SearchError::Fit)?;
-    let settings = BlendSettings {
+    let settings = ExpertMixtureOptions {
         priors_s: PRIOR_HORIZONS.iter().map(|prior| prior * horizon_s).collect(),
         forgetting_s: FORGETTING_HORIZONS * horizon_s,
         window,
         horizon: job.horizon,
-        gate: Gate::default(),
+        gate: InnovationGate::default(),
     };
     let mut model = describe(&found, equations);
     model.learning = Some(Learning { settings, r_factor });

@@ -12,7 +12,7 @@ mod text;
 mod torch;
 mod units;
 
-use hydroid_core::adapt::BlendSettings;
+use hydroid_core::adapt::ExpertMixtureOptions;
 use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
@@ -48,7 +48,7 @@ pub struct Model {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Learning {
     /// Options of the mixture.
-    pub settings: BlendSettings,
+    pub settings: ExpertMixtureOptions,
     /// Prior information on the coefficients: the upper triangular factor `R` with `R'R = Theta'Theta` of the training runs,
     /// `terms x terms`.
     pub r_factor: Vec<f64>,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::{BlendedEquations, RecursiveEquations, Settings, SettingsError};
+use hydroid_core::adapt::{ExpertMixture, RecursiveEquations, RecursiveOptions, RecursiveOptionsError};
 use hydroid_core::model::sparse::Equations;
 
 use super::{Description, Learning, Model};
@@ -24,17 +24,17 @@ impl NamedEquations<'_> {
     ///
     /// # Errors
     /// If the options do not fit the equations.
-    pub fn learner(&self, settings: &Settings) -> Result<RecursiveEquations, SettingsError> {
-        RecursiveEquations::new(self.equations, &self.description.ranges(), settings)
+    pub fn learner(&self, options: &RecursiveOptions) -> Result<RecursiveEquations, RecursiveOptionsError> {
+        RecursiveEquations::new(self.equations, &self.description.ranges(), options)
     }
 
     /// Session that adapts the coefficients with several forgetting factors (an expert mixture).
     ///
     /// # Errors
     /// If the options do not fit the equations.
-    pub fn blended(&self, learning: &Learning) -> Result<BlendedEquations, SettingsError> {
+    pub fn expert_mixture(&self, learning: &Learning) -> Result<ExpertMixture, RecursiveOptionsError> {
         let ranges = self.description.ranges();
-        BlendedEquations::new(self.equations, &ranges, &learning.settings, Some(&learning.r_factor))
+        ExpertMixture::new(self.equations, &ranges, &learning.settings, Some(&learning.r_factor))
     }
 }
 

@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use crate::ridge_baseline::ESSO;
-use hydroid::adapt::{self, AdaptError, Kalman, LeastSquares, Options, ResolvedOptions, adapt};
+use hydroid::adapt::{self, AdaptError, KalmanOptions, LeastSquaresOptions, Options, ResolvedOptions, adapt};
 use hydroid::evaluate::{self, Evaluation};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{GivenRanges, Job, Method, NetworkTrainingOptions, SindyOptions, identify};
@@ -124,7 +124,7 @@ fn a_change_of_drag_is_estimated_and_constant_drag_is_kept() {
     assert!((coverage.of_80 - 0.80).abs() < 0.03 && (coverage.of_95 - 0.95).abs() < 0.02, "{coverage:?}");
 }
 
-fn by_the_filter(kalman: Kalman) -> Options {
+fn by_the_filter(kalman: KalmanOptions) -> Options {
     Options { method: adapt::Method::Kalman, kalman, ..Options::default() }
 }
 
@@ -135,7 +135,7 @@ fn the_filter_follows_a_vessel_whose_drag_grows_too() {
     let change = 4000;
     let run = with_growing_drag(12, 1000.0, 1.6, change);
     let judged = evaluate::Options { warm_up: change, ..evaluate::Options::default() };
-    let options = Options { evaluate: judged, ..by_the_filter(Kalman::of_equations()) };
+    let options = Options { evaluate: judged, ..by_the_filter(KalmanOptions::of_equations()) };
     let result = adapt(&model, &[&run], &options, &mut silent()).unwrap();
     let report = &result.report;
     assert_eq!((report.frozen.diverged, report.adapted.diverged), (0, 0));
@@ -160,7 +160,7 @@ fn the_filter_follows_a_vessel_whose_drag_grows_too() {
     // Nothing changes.
     let steady = record(VesselParams::simple(), 14, 900.0).to_trajectory(&OUTPUTS).unwrap();
     let judged = evaluate::Options { origin_stride: 5, ..evaluate::Options::default() };
-    let options = Options { evaluate: judged, ..by_the_filter(Kalman::of_equations()) };
+    let options = Options { evaluate: judged, ..by_the_filter(KalmanOptions::of_equations()) };
     let report = adapt(&model, &[&steady], &options, &mut silent()).unwrap().report;
     for (horizon, most) in [(1, 0.96), (20, 1.03), (100, 1.06)] {
         let ratios = ratios(&report.adapted, &report.frozen, horizon);
@@ -169,7 +169,7 @@ fn the_filter_follows_a_vessel_whose_drag_grows_too() {
     assert!(report.coverage.of_80 > 0.75 && report.coverage.of_95 > 0.92, "{:?}", report.coverage);
 }
 
-fn by_least_squares(least_squares: LeastSquares) -> Options {
+fn by_least_squares(least_squares: LeastSquaresOptions) -> Options {
     Options { least_squares, ..Options::default() }
 }
 
@@ -182,17 +182,17 @@ fn invalid_adaptations_are_refused() {
     let refused = |options: Options| adapt(&model, &[&run], &options, &mut silent()).unwrap_err();
     for window_s in [0.0, 0.01, -3.0, 120.0, f64::NAN, f64::INFINITY] {
         let error =
-            refused(by_least_squares(LeastSquares { window_s: Some(window_s), ..Default::default() }));
+            refused(by_least_squares(LeastSquaresOptions { window_s: Some(window_s), ..Default::default() }));
         assert!(matches!(error, AdaptError::Window { .. }), "{error}");
     }
-    let error = refused(by_least_squares(LeastSquares { forgetting_s: -1.0, ..Default::default() }));
+    let error = refused(by_least_squares(LeastSquaresOptions { forgetting_s: -1.0, ..Default::default() }));
     assert!(error.to_string().contains("the forgetting time"), "{error}");
     let horizon = evaluate::Options { horizon: 5000, ..evaluate::Options::default() };
     let error = refused(Options { evaluate: horizon, ..Options::default() });
     assert!(matches!(error, AdaptError::Evaluate(_)), "{error}");
-    let error = refused(by_the_filter(Kalman { weight_variance: -1.0, ..Kalman::of_equations() }));
+    let error = refused(by_the_filter(KalmanOptions { weight_variance: -1.0, ..KalmanOptions::of_equations() }));
     assert!(error.to_string().contains("the model cannot be adapted"), "{error}");
-    let two = by_least_squares(LeastSquares { window_s: Some(2.0), ..Default::default() });
+    let two = by_least_squares(LeastSquaresOptions { window_s: Some(2.0), ..Default::default() });
     assert!(adapt::adapter(&model, &two, &[]).is_ok());
 }
 

@@ -182,7 +182,7 @@ fn controllers_use_the_adapted_model() {
         let model = control.model.clone().unwrap();
         let options = adapt::Options {
             method: adapt::Method::Kalman,
-            kalman: adapt::Kalman::of_plants(),
+            kalman: adapt::KalmanOptions::of_plants(),
             ..adapt::Options::default()
         };
         control.adapt = Some(options.guarded(&model));
@@ -258,7 +258,7 @@ fn the_default_evaluation_start_leaves_samples_on_a_short_track() {
 fn unsuitable_models_and_scenarios_are_refused() {
     let vessel = VesselParams::hydrofoil();
     let learns = adapt::Options::of(&Model::of_vessel(&vessel, 0.1).unwrap());
-    assert_eq!((learns.method, learns.kalman), (adapt::Method::Kalman, adapt::Kalman::of_plants()));
+    assert_eq!((learns.method, learns.kalman), (adapt::Method::Kalman, adapt::KalmanOptions::of_plants()));
     let refused =
         |control: &ControllerOptions| control.controller(0).err().map(|error| error.to_string()).unwrap();
     let bare = ControllerOptions::new(ControlMethod::FeedbackLinearization, &vessel, 0.1);

@@ -447,12 +447,12 @@ fn a_failed_write_leaves_no_file() {
 
 #[test]
 fn an_adapting_model_keeps_its_prior() {
-    let settings = hydroid_core::adapt::BlendSettings {
+    let settings = hydroid_core::adapt::ExpertMixtureOptions {
         priors_s: vec![100.0, 1.0 / 3.0],
         forgetting_s: 30.0,
         window: 2,
         horizon: 20,
-        gate: hydroid_core::adapt::Gate::default(),
+        gate: hydroid_core::adapt::InnovationGate::default(),
     };
     let root = (0..25).map(|k| if k % 5 >= k / 5 { 1.0 / f64::from(k + 1) } else { 0.0 }).collect();
     let mut model =
@@ -466,7 +466,7 @@ fn an_adapting_model_keeps_its_prior() {
     model.learning.as_mut().unwrap().r_factor[0] = 1e-200;
     assert!(contradiction(&bytes(&model)).contains("triangle"));
     // What would take all memory, or the numbers out of their range.
-    let refused = |change: &dyn Fn(&mut hydroid_core::adapt::BlendSettings), word: &str| {
+    let refused = |change: &dyn Fn(&mut hydroid_core::adapt::ExpertMixtureOptions), word: &str| {
         let mut model = model.clone();
         let learning = model.learning.as_mut().unwrap();
         learning.r_factor[0] = 1.0;
@@ -476,7 +476,7 @@ fn an_adapting_model_keeps_its_prior() {
     };
     refused(&|s| s.horizon = 1 << 50, "horizon");
     refused(&|s| s.window = 1 << 50, "window");
-    refused(&|s| s.priors_s = vec![1.0; 100_000], "paces");
+    refused(&|s| s.priors_s = vec![1.0; 100_000], "experts");
     refused(&|s| s.priors_s[0] = 1e308, "prior");
     refused(&|s| s.priors_s[0] = 1e-310, "prior");
     refused(&|s| s.forgetting_s = 1e-4, "forgetting");

@@ -68,7 +68,7 @@ pub fn show(file: &Path, summary: &Summary, global: Global) {
     outln!(
         "filter: smallest variance {}, smallest ratio S/R {}, largest normalized innovation squared {}{at}",
         known(summary.least_variance),
-        known(summary.least_sureness),
+        known(summary.min_s_over_r),
         known(nis)
     );
     outln!("{}", if summary.events.is_empty() { "no events" } else { "events:" });

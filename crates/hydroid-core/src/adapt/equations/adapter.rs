@@ -1,7 +1,7 @@
 //! Recursive equations as an adapter: learning and persistence.
 
 use super::super::memory::{MOST_COUNTED, Reader, Writer};
-use super::super::spread::Spread;
+use super::super::prediction_variance::PredictionVariance;
 use super::super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use super::{Group, RecursiveEquations};
 use crate::predict::{Predictor, Workspace};
@@ -46,7 +46,7 @@ impl Learning for RecursiveEquations {
     ) {
         let n = self.outputs();
         assert_eq!(deviations.len(), horizons.len() * n, "a row for each horizon");
-        let (Some(spread), Some(variances)) = (&self.spread, self.noise.variances()) else {
+        let (Some(prediction_variance), Some(variances)) = (&self.prediction_variance, self.noise.variances()) else {
             deviations.fill(f64::NAN);
             return;
         };
@@ -64,8 +64,8 @@ impl Learning for RecursiveEquations {
         };
         let samples = self.rows.samples();
         let rows = (variances, samples, samples as f64 * self.equations().dt());
-        let scratch = work.take(spread.scratch(horizons.last().copied().unwrap_or(0)));
-        spread.deviations((self.session.state(), commands), horizons, rows, uncertain, scratch, deviations);
+        let scratch = work.take(prediction_variance.scratch(horizons.last().copied().unwrap_or(0)));
+        prediction_variance.deviations((self.session.state(), commands), horizons, rows, uncertain, scratch, deviations);
     }
 }
 
@@ -74,7 +74,7 @@ impl SaveState for RecursiveEquations {
         let kernels: usize = self.groups.iter().map(|group| group.kernel.memory_len()).sum();
         // Two flags and a counter of the library, and whether the adapter is frozen.
         let rest = self.library.start.len() + self.expected.len() + 4;
-        let rest = rest + self.spread.as_ref().map_or(0, Spread::memory_len);
+        let rest = rest + self.prediction_variance.as_ref().map_or(0, PredictionVariance::memory_len);
         self.session.snapshot_len() + self.rows.memory_len() + self.noise.memory_len() + kernels + rest
     }
 
@@ -91,8 +91,8 @@ impl SaveState for RecursiveEquations {
         into.count(self.library.seen);
         into.flag(self.frozen);
         into.numbers(&self.expected);
-        if let Some(spread) = &self.spread {
-            spread.save(&mut into);
+        if let Some(prediction_variance) = &self.prediction_variance {
+            prediction_variance.save(&mut into);
         }
     }
 
@@ -110,10 +110,10 @@ impl SaveState for RecursiveEquations {
         self.library.seen = from.count(MOST_COUNTED);
         self.frozen = from.flag();
         from.numbers(&mut self.expected);
-        if let Some(spread) = &mut self.spread {
-            spread.load(&mut from);
+        if let Some(prediction_variance) = &mut self.prediction_variance {
+            prediction_variance.load(&mut from);
         }
-        self.spread_weights();
+        self.update_prediction_variance();
         self.outcome = Outcome::Waiting;
         self.innovations.clear();
     }

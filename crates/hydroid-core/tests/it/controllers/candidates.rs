@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::kalman::{FilterOptions, KalmanNetwork};
 use hydroid_core::adapt::{
-    Adapter, BlendSettings, BlendedEquations, DirectReadOut, Gate, Learning, ReadOutSettings,
+    Adapter, ExpertMixtureOptions, ExpertMixture, DirectLastLayer, InnovationGate, Learning, LastLayerOptions,
 };
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
@@ -156,8 +156,8 @@ fn direct_predictors_that_learn(base: BaseModel) {
     let network = Perceptron { inputs, hidden: vec![20, 9], outputs };
     let weights: Vec<f64> = (0..network.weights()).map(|k| 0.3 * wild(k)).collect();
     let model = Arc::new(Direct { network, weights, scaling: scaling(), history: 3, horizon: 7, base });
-    let settings = ReadOutSettings { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
-    let learner = || DirectReadOut::new(Arc::clone(&model), &settings).unwrap();
+    let options = LastLayerOptions { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
+    let learner = || DirectLastLayer::new(Arc::clone(&model), &options).unwrap();
     let mut learned = learner();
     let mut work = side_by_side(&learned, 7);
     let before = learned.weights().to_vec();
@@ -169,7 +169,7 @@ fn direct_predictors_that_learn(base: BaseModel) {
     agree(learned.fork().as_ref(), &mut work, 7);
 
     let companion =
-        || -> Box<dyn Adapter> { Box::new(DirectReadOut::companion(Arc::clone(&model), &settings).unwrap()) };
+        || -> Box<dyn Adapter> { Box::new(DirectLastLayer::companion(Arc::clone(&model), &options).unwrap()) };
     let guarded = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
     let companions = [companion(), companion()];
@@ -188,8 +188,8 @@ fn batches_of_adapting_sessions_equal_single_rollouts() {
     let model = network(Cell::Gru { hidden: 5 }, BaseModel::Nothing, false, None);
     let learner = |learns: bool| -> Box<dyn Adapter> {
         let deviation = if learns { 0.1 } else { 0.0 };
-        let tuning = FilterOptions::uniform(model.weights.len(), deviation, 0.0, (1.0, 1e-4), &[0.01; 3]);
-        Box::new(KalmanNetwork::new(Arc::clone(&model), tuning).unwrap())
+        let options = FilterOptions::uniform(model.weights.len(), deviation, 0.0, (1.0, 1e-4), &[0.01; 3]);
+        Box::new(KalmanNetwork::new(Arc::clone(&model), options).unwrap())
     };
     let mut learned = learner(true);
     let mut work = Workspace::new();
@@ -198,10 +198,10 @@ fn batches_of_adapting_sessions_equal_single_rollouts() {
     agree(learned.as_ref(), &mut work, 15);
     agree(learned.fork().as_ref(), &mut work, 15);
 
-    let settings = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
+    let options = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
     let companions = [learner(false), learner(false)];
-    let mut guard = Guard::new(learner(true), companions, &ranges, &[0.01; 3], settings).unwrap();
+    let mut guard = Guard::new(learner(true), companions, &ranges, &[0.01; 3], options).unwrap();
     let mut work = side_by_side(&guard, 15);
     for _ in 0..6 {
         walk(&mut guard, 10);
@@ -209,18 +209,18 @@ fn batches_of_adapting_sessions_equal_single_rollouts() {
     }
     agree(guard.fork().as_ref(), &mut work, 15);
 
-    let blend = BlendSettings {
+    let blend = ExpertMixtureOptions {
         priors_s: vec![100.0, 5.0],
         forgetting_s: 60.0,
         window: 4,
         horizon: 40,
-        gate: Gate::OPEN,
+        gate: InnovationGate::OPEN,
     };
     let below = equations(&VesselParams::simple(), Force::Hidden);
-    let mut session = BlendedEquations::new(&below, &ranges, &blend, None).unwrap();
+    let mut session = ExpertMixture::new(&below, &ranges, &blend, None).unwrap();
     let mut work = side_by_side(&session, 15);
     walk(&mut session, 60);
-    assert_ne!(session.weights(), BlendedEquations::new(&below, &ranges, &blend, None).unwrap().weights());
+    assert_ne!(session.weights(), ExpertMixture::new(&below, &ranges, &blend, None).unwrap().weights());
     agree(&session, &mut work, 15);
 }
 

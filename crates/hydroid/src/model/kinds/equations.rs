@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::BlendSettings;
+use hydroid_core::adapt::ExpertMixtureOptions;
 use hydroid_core::control::AffineEquations;
 use hydroid_core::model::sparse::{Equations, EquationsError, EquationsSession, Signal, Term};
 use hydroid_core::predict::Predictor;
@@ -40,7 +40,7 @@ pub(in crate::model) struct Structure {
     substeps: usize,
     /// Options of the expert mixture; its prior is the tensor `r_factor`, `terms x terms`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    learning: Option<BlendSettings>,
+    learning: Option<ExpertMixtureOptions>,
 }
 
 impl Library {
@@ -79,7 +79,7 @@ impl Structure {
         let members = ensemble::read(tensors, equations.coefficients().len())?;
         let model = Model { description, body: Body::Equations(Arc::new(equations)), members, learning };
         if let (Some(learning), Some(motion)) = (&model.learning, model.equations()) {
-            motion.blended(learning).map_err(|e| e.to_string())?;
+            motion.expert_mixture(learning).map_err(|e| e.to_string())?;
         }
         Ok(model)
     }
@@ -105,7 +105,7 @@ impl Kind for Arc<Equations> {
     fn session(&self, model: &Model) -> Box<dyn Predictor> {
         // The options were checked when the model was made.
         if let Some(learning) = &model.learning
-            && let Ok(session) = model.named(self).blended(learning)
+            && let Ok(session) = model.named(self).expert_mixture(learning)
         {
             return Box::new(session);
         }

@@ -7,7 +7,7 @@ use num_traits::Float;
 
 use super::Learnable;
 use crate::adapt::scale::rms_over_range;
-use crate::adapt::settings::SettingsError;
+use crate::adapt::options::RecursiveOptionsError;
 use crate::math::rows::add_product;
 use crate::model::sparse::{Equations, Sensitivity};
 
@@ -54,18 +54,18 @@ impl LearnableEquations {
     ///
     /// # Errors
     /// If a range is missing or not finite, all coefficients are zero, or the derivatives do not exist.
-    pub fn new(equations: &Equations, ranges: &[(f64, f64)]) -> Result<Self, SettingsError> {
+    pub fn new(equations: &Equations, ranges: &[(f64, f64)]) -> Result<Self, RecursiveOptionsError> {
         let (n, m, count) = (equations.outputs(), equations.inputs(), equations.terms().len());
         let finite = ranges.iter().all(|(low, high)| low.is_finite() && high.is_finite());
         if ranges.len() != n + m || !finite {
-            return Err(SettingsError::Ranges);
+            return Err(RecursiveOptionsError::Ranges);
         }
         let given = equations.coefficients();
         let places: Vec<usize> = (0..given.len()).filter(|&place| given[place] != 0.0).collect();
         if places.is_empty() {
-            return Err(SettingsError::Nothing);
+            return Err(RecursiveOptionsError::Nothing);
         }
-        let sensitivity = Sensitivity::new(equations, &places).map_err(SettingsError::Equations)?;
+        let sensitivity = Sensitivity::new(equations, &places).map_err(RecursiveOptionsError::Equations)?;
         let mut all_ranges = ranges.to_vec();
         all_ranges.extend(equations.signals().iter().map(|signal| ranges[usize::from(signal.source())]));
         let rms: Vec<f64> = equations.terms().iter().map(|term| rms_over_range(term, &all_ranges)).collect();
@@ -74,7 +74,7 @@ impl LearnableEquations {
         let sizes: Vec<f64> = (0..n).map(|i| Float::sqrt(size(i))).collect();
         let units: Vec<f64> = places.iter().map(|place| sizes[place / count] / rms[place % count]).collect();
         if !units.iter().all(|unit| *unit > 0.0 && unit.is_finite()) {
-            return Err(SettingsError::Extreme("a coefficient"));
+            return Err(RecursiveOptionsError::Extreme("a coefficient"));
         }
         let half = |(low, high): &(f64, f64)| 0.5 * (high - low);
         let scale = ranges[..n].iter().map(half).map(|half| if half > 0.0 { half } else { 1.0 }).collect();

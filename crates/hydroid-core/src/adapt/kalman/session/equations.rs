@@ -9,7 +9,7 @@ use super::super::filter::Filter;
 use super::super::learnable::{Learnable, LearnableEquations};
 use super::super::options::{FilterOptions, FilterOptionsError};
 use super::{KalmanSession, ModelKind};
-use crate::adapt::weighted::WeightedSession;
+use crate::adapt::parametric_session::ParametricSession;
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace};
 
@@ -20,13 +20,13 @@ use crate::predict::{Predictor, Workspace};
 /// the variance `R` ([`FilterOptions::initial_state`] is not used). A run starts again after a step or a measurement that
 /// diverges; the weights stay.
 ///
-/// The snapshot is that of a [`WeightedSession`].
+/// The snapshot is that of a [`ParametricSession`].
 pub type KalmanEquations = KalmanSession<EquationsKind>;
 
 /// What a [`KalmanEquations`] has besides filter and measurement.
 #[derive(Clone, Debug)]
 pub struct EquationsKind {
-    session: WeightedSession,
+    session: ParametricSession,
     /// Command and memory.
     x: Vec<f64>,
     /// The coefficients at the adapted places.
@@ -41,7 +41,7 @@ impl KalmanEquations {
     /// # Errors
     /// If the options are out of range or do not fit the equations.
     pub fn new(model: LearnableEquations, options: FilterOptions) -> Result<Self, FilterOptionsError> {
-        let session = WeightedSession::new(model.equations().clone(), model.places().to_vec());
+        let session = ParametricSession::new(model.equations().clone(), model.places().to_vec());
         let mut weights = vec![0.0; model.places().len()];
         session.weights(&mut weights);
         let kind = EquationsKind {
@@ -84,13 +84,13 @@ impl EquationsKind {
 
 impl ModelKind for EquationsKind {
     type Model = LearnableEquations;
-    type Session = WeightedSession;
+    type Session = ParametricSession;
 
-    fn session(&self) -> &WeightedSession {
+    fn session(&self) -> &ParametricSession {
         &self.session
     }
 
-    fn session_mut(&mut self) -> &mut WeightedSession {
+    fn session_mut(&mut self) -> &mut ParametricSession {
         &mut self.session
     }
 

@@ -22,7 +22,7 @@ use super::memory::{Reader, Writer};
 ///
 /// Layout: the part of column `j` above the diagonal stands in `columns[j(j-1)/2 ..][..j]`.
 #[derive(Clone, Debug)]
-pub struct Factor {
+pub struct UdFactor {
     columns: Vec<f64>,
     d: Vec<f64>,
     /// `f = U' phi` of the row that was projected last.
@@ -31,7 +31,7 @@ pub struct Factor {
     arch: Arch,
 }
 
-impl Factor {
+impl UdFactor {
     /// `P = variance I`.
     pub fn new(n: usize, variance: f64) -> Self {
         Self {
@@ -46,19 +46,19 @@ impl Factor {
     /// `P = variance (T'T)^-1` for an upper triangular `T`, row by row, without a zero on its diagonal.
     ///
     /// # Panics
-    /// If `root` has not `n x n` numbers.
-    pub fn inverse(root: &[f64], variance: f64) -> Self {
-        let n = root.len().isqrt();
-        assert_eq!(n * n, root.len(), "a square matrix");
+    /// If `r_factor` has not `n x n` numbers.
+    pub fn inverse(r_factor: &[f64], variance: f64) -> Self {
+        let n = r_factor.len().isqrt();
+        assert_eq!(n * n, r_factor.len(), "a square matrix");
         let mut own = Self::new(n, variance);
         // The inverse of T is U D^(1/2): column j by back substitution, divided by its own diagonal.
         for j in 0..n {
-            let diagonal = root[j * n + j];
+            let diagonal = r_factor[j * n + j];
             own.d[j] = variance / (diagonal * diagonal);
             for i in (0..j).rev() {
                 let column = &own.columns[start(j)..][..j];
-                let known: f64 = (i + 1..j).map(|k| root[i * n + k] * column[k]).sum();
-                own.columns[start(j) + i] = -(known + root[i * n + j]) / root[i * n + i];
+                let known: f64 = (i + 1..j).map(|k| r_factor[i * n + k] * column[k]).sum();
+                own.columns[start(j) + i] = -(known + r_factor[i * n + j]) / r_factor[i * n + i];
             }
         }
         own
@@ -142,9 +142,9 @@ impl Factor {
     }
 }
 
-/// See [`Factor::project`].
+/// See [`UdFactor::project`].
 struct Project<'a> {
-    factor: &'a mut Factor,
+    factor: &'a mut UdFactor,
     phi: &'a [f64],
 }
 
@@ -153,7 +153,7 @@ impl WithSimd for Project<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
-        let Self { factor: Factor { columns, d, f, .. }, phi } = self;
+        let Self { factor: UdFactor { columns, d, f, .. }, phi } = self;
         let mut variance = 0.0;
         for j in 0..d.len() {
             let sum = phi[j] + dot(&phi[..j], &columns[start(j)..][..j]);
@@ -164,9 +164,9 @@ impl WithSimd for Project<'_> {
     }
 }
 
-/// See [`Factor::absorb`].
+/// See [`UdFactor::absorb`].
 struct Absorb<'a> {
-    factor: &'a mut Factor,
+    factor: &'a mut UdFactor,
     noise: f64,
 }
 
@@ -175,7 +175,7 @@ impl WithSimd for Absorb<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { factor: Factor { columns, d, f, gain, .. }, noise } = self;
+        let Self { factor: UdFactor { columns, d, f, gain, .. }, noise } = self;
         let mut alpha = noise;
         for j in 0..d.len() {
             let f = core::mem::take(&mut f[j]);

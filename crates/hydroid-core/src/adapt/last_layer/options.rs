@@ -2,9 +2,9 @@
 
 use crate::model::direct::DirectError;
 
-/// How a [`DirectReadOut`](super::DirectReadOut) learns. One window is completed in each sample.
+/// How a [`DirectLastLayer`](super::DirectLastLayer) learns. One window is completed in each sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ReadOutSettings {
+pub struct LastLayerOptions {
     /// `lambda`: a window counts `lambda^n` when it is `n` samples old; 1 to forget nothing.
     pub forgetting: f64,
     /// `r0`: what the weights from shore are worth, in windows with regressors of 1 in each direction.
@@ -17,7 +17,7 @@ pub struct ReadOutSettings {
 
 /// Why a read-out cannot learn so.
 #[derive(Clone, Debug, PartialEq)]
-pub enum ReadOutError {
+pub enum LastLayerError {
     /// The model makes no sense.
     Model(DirectError),
     /// A number that is none, or not one that it can be.
@@ -31,7 +31,7 @@ pub enum ReadOutError {
     },
 }
 
-impl core::fmt::Display for ReadOutError {
+impl core::fmt::Display for LastLayerError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Model(error) => error.fmt(f),
@@ -40,7 +40,7 @@ impl core::fmt::Display for ReadOutError {
     }
 }
 
-impl core::error::Error for ReadOutError {}
+impl core::error::Error for LastLayerError {}
 
 /// Windows that a prior is worth at the most, and at the least one over it: squares and inverses stay numbers.
 const MOST_INFORMATION: f64 = 1e30;
@@ -52,8 +52,8 @@ const LEAST_FORGETTING: f64 = 0.9;
 /// The shortest forgetting time \[samples\]: `exp(-1 / 9.5)` is just above what may be kept at the least.
 pub const SHORTEST_FORGETTING: f64 = 9.5;
 
-impl ReadOutSettings {
-    pub(super) fn check(&self) -> Result<(), ReadOutError> {
+impl LastLayerOptions {
+    pub(super) fn check(&self) -> Result<(), LastLayerError> {
         let Self { forgetting, information, leak: _, noise_rate } = *self;
         let sound = [
             (
@@ -76,7 +76,7 @@ impl ReadOutSettings {
             ),
         ];
         match sound.into_iter().find(|(_, _, sound, _)| !sound) {
-            Some((what, value, _, needed)) => Err(ReadOutError::Number { what, value, needed }),
+            Some((what, value, _, needed)) => Err(LastLayerError::Number { what, value, needed }),
             None => Ok(()),
         }
     }

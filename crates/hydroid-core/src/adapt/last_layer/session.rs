@@ -2,11 +2,11 @@
 
 use alloc::boxed::Box;
 
-use super::DirectReadOut;
+use super::DirectLastLayer;
 use crate::adapt::{Outcome, Rejection};
 use crate::predict::{Predictor, Workspace};
 
-impl Predictor for DirectReadOut {
+impl Predictor for DirectLastLayer {
     fn outputs(&self) -> usize {
         self.session.outputs()
     }

@@ -1,11 +1,11 @@
 //! It learns, says what it did, and can be saved.
 
-use super::DirectReadOut;
+use super::DirectLastLayer;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Health, Innovation, Learning, Outcome, RecursiveLeastSquares, Rehearsing, SaveState};
 use crate::predict::{Predictor, Workspace};
 
-impl Learning for DirectReadOut {
+impl Learning for DirectLastLayer {
     fn outcome(&self) -> Outcome {
         self.outcome
     }
@@ -35,7 +35,7 @@ impl Learning for DirectReadOut {
 
     /// Its covariance is positive by construction.
     fn health(&self) -> Health {
-        Health { min_s_over_r: self.sureness, ..Health::UNKNOWN }
+        Health { min_s_over_r: self.s_over_r, ..Health::UNKNOWN }
     }
 
     /// From the errors of each step of late and the uncertainty of the weights; NaN beyond the horizon of the network, and
@@ -60,7 +60,7 @@ impl Learning for DirectReadOut {
         }
         let features = self.phi.len() - 1;
         self.session.look_ahead(given, &mut self.phi[..features]);
-        let sureness = 1.0 + self.learner.as_mut().map_or(0.0, |learner| learner.project(&self.phi));
+        let s_over_r = 1.0 + self.learner.as_mut().map_or(0.0, |learner| learner.project(&self.phi));
         let scale = &self.session.model().scaling.correction_scale;
         for (&horizon, into) in horizons.iter().zip(deviations.chunks_exact_mut(n)) {
             if !(1..=h).contains(&horizon) {
@@ -69,14 +69,14 @@ impl Learning for DirectReadOut {
             for (c, (into, scale)) in into.iter_mut().zip(scale).enumerate() {
                 let number = (horizon - 1) * n + c;
                 if self.is_known(number) {
-                    *into = num_traits::Float::sqrt(self.variance[number] * sureness) * scale;
+                    *into = num_traits::Float::sqrt(self.variance[number] * s_over_r) * scale;
                 }
             }
         }
     }
 }
 
-impl SaveState for DirectReadOut {
+impl SaveState for DirectLastLayer {
     fn memory_len(&self) -> usize {
         let learner = self.learner.as_ref().map_or(0, RecursiveLeastSquares::memory_len);
         self.session.snapshot_len() + self.windows.memory_len() + learner + 2 * self.variance.len() + 3
@@ -91,7 +91,7 @@ impl SaveState for DirectReadOut {
             learner.save(&mut into);
         }
         into.numbers(&self.variance);
-        into.numbers(&[self.sureness, self.inflation]);
+        into.numbers(&[self.s_over_r, self.inflation]);
         for &seen in &self.seen {
             into.count(seen);
         }
@@ -107,7 +107,7 @@ impl SaveState for DirectReadOut {
             learner.load(&mut from);
         }
         from.numbers(&mut self.variance);
-        self.sureness = from.part(1)[0];
+        self.s_over_r = from.part(1)[0];
         self.inflation = from.part(1)[0];
         for seen in &mut self.seen {
             *seen = from.count(MOST_COUNTED);
@@ -118,4 +118,4 @@ impl SaveState for DirectReadOut {
     }
 }
 
-impl Rehearsing for DirectReadOut {}
+impl Rehearsing for DirectLastLayer {}

@@ -31,7 +31,7 @@
 
 mod adapter;
 mod session;
-mod settings;
+mod options;
 mod windows;
 
 use alloc::sync::Arc;
@@ -42,7 +42,7 @@ use super::{Innovation, Outcome, RecursiveLeastSquares, Rejection};
 use crate::model::direct::{Direct, DirectSession};
 use windows::Windows;
 
-pub use settings::{ReadOutError, ReadOutSettings, SHORTEST_FORGETTING};
+pub use options::{LastLayerError, LastLayerOptions, SHORTEST_FORGETTING};
 
 /// Windows before the errors of a step are known well enough for a band.
 const FEWEST_WINDOWS: usize = 30;
@@ -55,12 +55,12 @@ const FARTHEST: f64 = 5.0;
 /// The weights are those of the read-out, its matrix row by row, then its bias, as at the end of the model's. The snapshot is
 /// that of a [`DirectSession`] with these behind it.
 #[derive(Clone, Debug)]
-pub struct DirectReadOut {
+pub struct DirectLastLayer {
     session: DirectSession,
     windows: Windows,
     /// None for one that never learns: a companion of a guard.
     learner: Option<RecursiveLeastSquares>,
-    settings: ReadOutSettings,
+    options: LastLayerOptions,
     /// The regressor.
     phi: Vec<f64>,
     /// What the network gives, then how far that is off.
@@ -72,7 +72,7 @@ pub struct DirectReadOut {
     variance: Vec<f64>,
     seen: Vec<usize>,
     /// `1 + phi' P phi` of the last window.
-    sureness: f64,
+    s_over_r: f64,
     /// What the noise of the next measurement counts for.
     inflation: f64,
     frozen: bool,
@@ -80,19 +80,19 @@ pub struct DirectReadOut {
     innovations: Vec<Innovation>,
 }
 
-impl DirectReadOut {
+impl DirectLastLayer {
     /// A session at the start of a run, with the model's weights.
     ///
     /// # Errors
-    /// If model or settings make no sense.
-    pub fn new(model: Arc<Direct>, settings: &ReadOutSettings) -> Result<Self, ReadOutError> {
-        settings.check()?;
-        let mut own = Self::companion(model, settings)?;
+    /// If model or options make no sense.
+    pub fn new(model: Arc<Direct>, options: &LastLayerOptions) -> Result<Self, LastLayerError> {
+        options.check()?;
+        let mut own = Self::companion(model, options)?;
         let (n, gives) = (own.phi.len(), own.errors.len());
         let (matrix, bias) = own.session.read_out().split_at((n - 1) * gives);
         let rows = (0..gives).flat_map(|i| matrix[i * (n - 1)..][..n - 1].iter().chain([&bias[i]]));
         let theta: Vec<f64> = rows.copied().collect();
-        own.learner = Some(RecursiveLeastSquares::new(n, &theta, settings.information, settings.leak));
+        own.learner = Some(RecursiveLeastSquares::new(n, &theta, options.information, options.leak));
         Ok(own)
     }
 
@@ -100,19 +100,19 @@ impl DirectReadOut {
     ///
     /// # Errors
     /// If the model makes no sense.
-    pub fn companion(model: Arc<Direct>, settings: &ReadOutSettings) -> Result<Self, ReadOutError> {
-        let session = DirectSession::with_own_read_out(model).map_err(ReadOutError::Model)?;
+    pub fn companion(model: Arc<Direct>, options: &LastLayerOptions) -> Result<Self, LastLayerError> {
+        let session = DirectSession::with_own_read_out(model).map_err(LastLayerError::Model)?;
         let (gives, outputs) = (session.model().network.outputs, session.model().outputs());
         Ok(Self {
             windows: Windows::new(session.model()),
             learner: None,
-            settings: *settings,
+            options: *options,
             phi: vec![1.0; session.features() + 1],
             errors: vec![0.0; gives],
             below: vec![0.0; if session.model().equations().is_some() { gives } else { 0 }],
             variance: vec![0.0; gives],
             seen: vec![0; gives],
-            sureness: f64::NAN,
+            s_over_r: f64::NAN,
             inflation: 1.0,
             frozen: false,
             outcome: Outcome::Waiting,
@@ -152,7 +152,7 @@ impl DirectReadOut {
         self.innovations.clear();
         for c in 0..n {
             let deviation = if self.is_known(last + c) {
-                num_traits::Float::sqrt(self.variance[last + c] * self.sureness)
+                num_traits::Float::sqrt(self.variance[last + c] * self.s_over_r)
             } else {
                 f64::NAN
             };
@@ -161,11 +161,11 @@ impl DirectReadOut {
         }
         let numbers = self.variance.iter_mut().zip(&mut self.seen).zip(&self.errors);
         for ((variance, seen), error) in numbers.filter(|(_, error)| error.is_finite()) {
-            let share = self.settings.noise_rate.max(1.0 / (*seen + 1) as f64);
+            let share = self.options.noise_rate.max(1.0 / (*seen + 1) as f64);
             // A variance of 0 bounds nothing: it would stay 0 whatever came.
             let bounds = *seen >= FEWEST_WINDOWS && *variance > 0.0;
             let most = if bounds { FARTHEST * FARTHEST * *variance } else { f64::INFINITY };
-            *variance += share * ((error * error / self.sureness).min(most) - *variance);
+            *variance += share * ((error * error / self.s_over_r).min(most) - *variance);
             *seen = seen.saturating_add(1);
         }
     }
@@ -183,12 +183,12 @@ impl DirectReadOut {
         if !self.meet() {
             return;
         }
-        self.sureness = match self.learner.as_mut().filter(|_| learning) {
+        self.s_over_r = match self.learner.as_mut().filter(|_| learning) {
             Some(learner) => 1.0 + learner.project(&self.phi),
             None => 1.0,
         };
-        if !self.sureness.is_finite() {
-            self.sureness = f64::NAN;
+        if !self.s_over_r.is_finite() {
+            self.s_over_r = f64::NAN;
             self.outcome = Outcome::Rejected(Rejection::NotFinite);
             return;
         }
@@ -210,7 +210,7 @@ impl DirectReadOut {
         }
         learner.correct(1.0);
         // Last: errors are those of the weights that the session had.
-        learner.forget(self.settings.forgetting);
+        learner.forget(self.options.forgetting);
         self.outcome = Outcome::Accepted;
         self.take_over();
     }

@@ -5,10 +5,10 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::equations::RecursiveEquations;
-use super::gate::Gate;
+use super::innovation_gate::InnovationGate;
 use super::memory::{MOST_COUNTED, Reader, Writer};
-use super::settings::{MOST_PACES, MOST_SAMPLES, Settings, SettingsError};
-use super::weighted::WeightedSession;
+use super::options::{MOST_EXPERTS, MOST_SAMPLES, RecursiveOptions, RecursiveOptionsError};
+use super::parametric_session::ParametricSession;
 use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace};
@@ -17,17 +17,17 @@ use crate::predict::{Predictor, Workspace};
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-pub struct BlendSettings {
-    /// Seconds of sailing that the coefficients given are worth, for each pace; see [`Settings::prior_s`].
+pub struct ExpertMixtureOptions {
+    /// Seconds of sailing that the coefficients given are worth, for each pace; see [`RecursiveOptions::prior_s`].
     pub priors_s: Vec<f64>,
-    /// See [`Settings::forgetting_s`].
+    /// See [`RecursiveOptions::forgetting_s`].
     pub forgetting_s: f64,
-    /// See [`Settings::window`].
+    /// See [`RecursiveOptions::window`].
     pub window: usize,
     /// Horizon of the predictions that are compared \[samples\].
     pub horizon: usize,
     /// What happens to rows that are far off.
-    pub gate: Gate,
+    pub gate: InnovationGate,
 }
 
 /// Numbers that are kept of the last horizon at the most.
@@ -53,14 +53,14 @@ const WORST: f64 = 25.0;
 /// what came of it; the weights follow from the sums of these squared errors since the session began (a
 /// polynomially weighted forecaster: Cesa-Bianchi, Lugosi, *Prediction, Learning, and Games*, 2006, section 2.1).
 ///
-/// Snapshot: that of the blended equations.
+/// Snapshot: that of the mixture equations.
 #[derive(Clone, Debug)]
-pub struct BlendedEquations {
+pub struct ExpertMixture {
     experts: Vec<RecursiveEquations>,
-    blended: WeightedSession,
+    mixture: ParametricSession,
     /// Of all experts, then of the equations as given, then of those without a term.
     losses: Vec<f64>,
-    shares: Vec<f64>,
+    expert_weights: Vec<f64>,
     /// One over the standard deviation of each output.
     inverse: Vec<f64>,
     /// Given coefficients at the places that are adapted.
@@ -76,7 +76,7 @@ struct Past {
     horizon: usize,
     stride: usize,
     /// Rolls out what is put into it.
-    trial: WeightedSession,
+    trial: ParametricSession,
     /// Rings: snapshots by check and expert, commands by sample.
     snapshots: Vec<f64>,
     commands: Vec<f64>,
@@ -88,68 +88,68 @@ struct Past {
     work: Workspace,
 }
 
-impl BlendedEquations {
+impl ExpertMixture {
     /// From equations fitted on shore, the design range `(low, high)` of each output, then each input, and the
-    /// triangle of the rows that they were fitted to ([`RecursiveEquations::with_root`]).
+    /// triangle of the rows that they were fitted to ([`RecursiveEquations::with_r_factor`]).
     ///
     /// # Errors
-    /// If the settings make no sense, or there is nothing to adapt.
+    /// If the options make no sense, or there is nothing to adapt.
     pub fn new(
         equations: &Equations,
         ranges: &[(f64, f64)],
-        settings: &BlendSettings,
-        root: Option<&[f64]>,
-    ) -> Result<Self, SettingsError> {
-        let (paces, samples) = (1..=MOST_PACES, 1..=MOST_SAMPLES);
-        if !(paces.contains(&settings.priors_s.len()) && samples.contains(&settings.horizon)) {
-            return Err(SettingsError::Paces);
+        options: &ExpertMixtureOptions,
+        r_factor: Option<&[f64]>,
+    ) -> Result<Self, RecursiveOptionsError> {
+        let (experts_allowed, samples) = (1..=MOST_EXPERTS, 1..=MOST_SAMPLES);
+        if !(experts_allowed.contains(&options.priors_s.len()) && samples.contains(&options.horizon)) {
+            return Err(RecursiveOptionsError::Experts);
         }
         let expert = |&prior_s: &f64| {
-            let settings = Settings {
-                forgetting_s: settings.forgetting_s,
-                window: settings.window,
+            let options = RecursiveOptions {
+                forgetting_s: options.forgetting_s,
+                window: options.window,
                 prior_s,
                 leak: true,
                 all_terms: true,
-                gate: settings.gate,
+                gate: options.gate,
             };
-            RecursiveEquations::with_root(equations, ranges, &settings, root)
+            RecursiveEquations::with_r_factor(equations, ranges, &options, r_factor)
                 .map(RecursiveEquations::without_deviations)
         };
-        let experts = settings.priors_s.iter().map(expert).collect::<Result<Vec<_>, _>>()?;
-        let blended = experts[0].weighted();
-        let mut given = vec![0.0; blended.places().len()];
-        blended.weights(&mut given);
+        let experts = options.priors_s.iter().map(expert).collect::<Result<Vec<_>, _>>()?;
+        let mixture = experts[0].parametric_session();
+        let mut given = vec![0.0; mixture.places().len()];
+        mixture.weights(&mut given);
         let count = experts.len() + 2;
         let n = equations.outputs();
-        let stride = settings.horizon.div_ceil(CHECKS);
-        let checks = settings.horizon.div_ceil(stride);
+        let stride = options.horizon.div_ceil(CHECKS);
+        let checks = options.horizon.div_ceil(stride);
         // Checks are whole strides apart.
         let horizon = checks * stride;
-        let kept = (checks * count).saturating_mul(blended.snapshot_len());
+        let kept = (checks * count).saturating_mul(mixture.snapshot_len());
         if kept.max(horizon.saturating_mul(n.max(equations.inputs()))) > MOST_NUMBERS {
-            return Err(SettingsError::Paces);
+            return Err(RecursiveOptionsError::Experts);
         }
         let mut work = Workspace::new();
-        let _ = work.take(blended.snapshot_len() + equations.scratch());
+        let _ = work.take(mixture.snapshot_len() + equations.scratch());
         Ok(Self {
             losses: vec![1.0; count],
-            shares: vec![1.0 / count as f64; count],
+            expert_weights: vec![1.0 / count as f64; count],
             inverse: ranges[..n].iter().map(|(low, high)| DEVIATIONS / (high - low)).collect(),
             weights: given.clone(),
             given,
             past: Past {
                 horizon,
                 stride,
-                trial: blended.clone(),
-                snapshots: vec![0.0; checks * count * blended.snapshot_len()],
+                trial: mixture.clone(),
+                snapshots: vec![0.0; checks * count * mixture.snapshot_len()],
                 commands: vec![0.0; horizon * equations.inputs()],
                 seen: 0,
                 unrolled: vec![0.0; horizon * equations.inputs()],
                 predicted: vec![0.0; horizon * n],
                 work,
             },
-            blended,
+            mixture,
             experts,
             frozen: false,
         })
@@ -157,12 +157,12 @@ impl BlendedEquations {
 
     /// The equations of the moment.
     pub fn equations(&self) -> &Equations {
-        self.blended.equations()
+        self.mixture.equations()
     }
 
     /// Shares of the paces in the equations of the moment; then of the equations as given, and of none.
-    pub fn shares(&self) -> &[f64] {
-        &self.shares
+    pub fn expert_weights(&self) -> &[f64] {
+        &self.expert_weights
     }
 
     /// Compares what was expected of this sample one horizon ago, and keeps what is expected from here.
@@ -172,10 +172,10 @@ impl BlendedEquations {
         if !seen.is_multiple_of(*stride) {
             return;
         }
-        let (len, count, n, m) = (trial.snapshot_len(), self.losses.len(), y.len(), self.blended.inputs());
+        let (len, count, n, m) = (trial.snapshot_len(), self.losses.len(), y.len(), self.mixture.inputs());
         let checks = *horizon / *stride;
         let slot = (*seen / *stride) % checks;
-        let known = *seen >= *horizon + self.blended.warm_up();
+        let known = *seen >= *horizon + self.mixture.warm_up();
         if known {
             // The ring is one horizon long: it begins where the oldest command stands.
             let start = (*seen % *horizon) * m;
@@ -198,7 +198,7 @@ impl BlendedEquations {
             if let Some(expert) = self.experts.get(i) {
                 expert.snapshot(snapshot);
             } else {
-                self.blended.snapshot(snapshot);
+                self.mixture.snapshot(snapshot);
                 let weights = &mut snapshot[len - self.given.len()..];
                 if i == self.experts.len() { weights.copy_from_slice(&self.given) } else { weights.fill(0.0) }
             }
@@ -206,59 +206,59 @@ impl BlendedEquations {
         if known {
             let best = self.losses.iter().copied().fold(f64::INFINITY, f64::min);
             let mut sum = 0.0;
-            for (share, loss) in self.shares.iter_mut().zip(&self.losses) {
+            for (share, loss) in self.expert_weights.iter_mut().zip(&self.losses) {
                 *share = num_traits::Float::powi(loss / best, POWER);
                 sum += *share;
             }
-            self.shares.iter_mut().for_each(|share| *share /= sum);
+            self.expert_weights.iter_mut().for_each(|share| *share /= sum);
         }
     }
 
-    fn blend(&mut self) {
+    fn mix(&mut self) {
         let count = self.experts.len();
         for (weight, given) in self.weights.iter_mut().zip(&self.given) {
-            *weight = self.shares[count] * given;
+            *weight = self.expert_weights[count] * given;
         }
-        for (expert, share) in self.experts.iter().zip(&self.shares) {
+        for (expert, share) in self.experts.iter().zip(&self.expert_weights) {
             for (weight, own) in self.weights.iter_mut().zip(expert.weights()) {
                 *weight += share * own;
             }
         }
-        self.blended.set_weights(&self.weights);
+        self.mixture.set_weights(&self.weights);
     }
 }
 
 /// Standard deviations in a design range: a uniform distribution has 3.5, a normal one in its range of a log some 6.
 const DEVIATIONS: f64 = 5.0;
 
-impl Predictor for BlendedEquations {
+impl Predictor for ExpertMixture {
     fn outputs(&self) -> usize {
-        self.blended.outputs()
+        self.mixture.outputs()
     }
 
     fn inputs(&self) -> usize {
-        self.blended.inputs()
+        self.mixture.inputs()
     }
 
     fn warm_up(&self) -> usize {
-        self.blended.warm_up()
+        self.mixture.warm_up()
     }
 
     fn reset(&mut self) {
         self.experts.iter_mut().for_each(Predictor::reset);
-        self.blended.reset();
+        self.mixture.reset();
         self.past.seen = 0;
     }
 
     fn observe(&mut self, y: &[f64]) {
         self.experts.iter_mut().for_each(|expert| expert.observe(y));
-        self.blended.observe(y);
+        self.mixture.observe(y);
         if self.frozen {
             return;
         }
         if y.iter().all(|y| !y.is_nan()) {
             self.check(y);
-            self.blend();
+            self.mix();
         } else {
             self.past.seen = 0;
         }
@@ -266,45 +266,45 @@ impl Predictor for BlendedEquations {
 
     fn advance(&mut self, c: &[f64]) {
         self.experts.iter_mut().for_each(|expert| expert.advance(c));
-        self.blended.advance(c);
+        self.mixture.advance(c);
         let at = (self.past.seen % self.past.horizon) * c.len();
         self.past.commands[at..][..c.len()].copy_from_slice(c);
         self.past.seen = self.past.seen.saturating_add(1);
     }
 
     fn output(&self, y: &mut [f64]) {
-        self.blended.output(y);
+        self.mixture.output(y);
     }
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.blended.rollout(commands, work, y);
+        self.mixture.rollout(commands, work, y);
     }
 
     fn snapshot_len(&self) -> usize {
-        self.blended.snapshot_len()
+        self.mixture.snapshot_len()
     }
 
     fn snapshot(&self, into: &mut [f64]) {
-        self.blended.snapshot(into);
+        self.mixture.snapshot(into);
     }
 
     /// Puts state and coefficients back, of which all paces go on.
     fn restore(&mut self, from: &[f64]) {
-        self.blended.restore(from);
+        self.mixture.restore(from);
         self.experts.iter_mut().for_each(|expert| expert.restore(from));
         self.past.seen = 0;
     }
 
     fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.blended.rollout_batch(count, commands, work, y);
+        self.mixture.rollout_batch(count, commands, work, y);
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
-        self.blended.fork()
+        self.mixture.fork()
     }
 }
 
-impl Learning for BlendedEquations {
+impl Learning for ExpertMixture {
     /// What came of the sample at the first pace; the gates of the others may differ.
     fn outcome(&self) -> Outcome {
         self.experts[0].outcome()
@@ -343,20 +343,20 @@ impl Learning for BlendedEquations {
     }
 }
 
-impl SaveState for BlendedEquations {
+impl SaveState for ExpertMixture {
     fn memory_len(&self) -> usize {
         let experts: usize = self.experts.iter().map(SaveState::memory_len).sum();
         let past = self.past.snapshots.len() + self.past.commands.len() + 1;
-        experts + self.blended.snapshot_len() + self.losses.len() + self.shares.len() + past + 1
+        experts + self.mixture.snapshot_len() + self.losses.len() + self.expert_weights.len() + past + 1
     }
 
     fn save(&self, into: &mut [f64]) {
         assert_eq!(into.len(), self.memory_len(), "room for the memory");
         let mut into = Writer::new(into);
         self.experts.iter().for_each(|expert| expert.save(into.part(expert.memory_len())));
-        self.blended.snapshot(into.part(self.blended.snapshot_len()));
+        self.mixture.snapshot(into.part(self.mixture.snapshot_len()));
         into.numbers(&self.losses);
-        into.numbers(&self.shares);
+        into.numbers(&self.expert_weights);
         into.numbers(&self.past.snapshots);
         into.numbers(&self.past.commands);
         into.count(self.past.seen);
@@ -367,10 +367,10 @@ impl SaveState for BlendedEquations {
         assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
         let mut from = Reader::new(from);
         self.experts.iter_mut().for_each(|expert| expert.load(from.part(expert.memory_len())));
-        self.blended.restore(from.part(self.blended.snapshot_len()));
-        self.blended.weights(&mut self.weights);
+        self.mixture.restore(from.part(self.mixture.snapshot_len()));
+        self.mixture.weights(&mut self.weights);
         from.numbers(&mut self.losses);
-        from.numbers(&mut self.shares);
+        from.numbers(&mut self.expert_weights);
         from.numbers(&mut self.past.snapshots);
         from.numbers(&mut self.past.commands);
         self.past.seen = from.count(MOST_COUNTED);
@@ -378,4 +378,4 @@ impl SaveState for BlendedEquations {
     }
 }
 
-impl Rehearsing for BlendedEquations {}
+impl Rehearsing for ExpertMixture {}

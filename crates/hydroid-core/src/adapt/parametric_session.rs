@@ -11,14 +11,14 @@ use crate::predict::{Predictor, Workspace};
 ///
 /// Snapshot: that of [`EquationsSession`], then the coefficients at the adapted places.
 #[derive(Clone, Debug)]
-pub struct WeightedSession {
+pub struct ParametricSession {
     session: EquationsSession,
     /// Coefficients, `outputs x terms`, and where the adapted ones stand.
     coefficients: Vec<f64>,
     places: Vec<usize>,
 }
 
-impl WeightedSession {
+impl ParametricSession {
     /// A session at the start of a run. The equations have a coefficient at every place that is adapted.
     pub(super) fn new(equations: Equations, places: Vec<usize>) -> Self {
         let coefficients = equations.coefficients().to_vec();
@@ -73,7 +73,7 @@ impl WeightedSession {
     }
 }
 
-impl Predictor for WeightedSession {
+impl Predictor for ParametricSession {
     fn outputs(&self) -> usize {
         self.session.outputs()
     }

@@ -14,20 +14,20 @@ use super::{Innovation, Outcome, Rejection};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-pub struct Gate {
+pub struct InnovationGate {
     /// Where weights begin to fall.
     pub inflate: f64,
     /// Where rows are rejected.
     pub reject: f64,
 }
 
-impl Default for Gate {
+impl Default for InnovationGate {
     fn default() -> Self {
         Self { inflate: 3.0, reject: 10.0 }
     }
 }
 
-impl Gate {
+impl InnovationGate {
     /// Learns from everything that is finite.
     pub const OPEN: Self = Self { inflate: f64::INFINITY, reject: f64::INFINITY };
 }
@@ -48,7 +48,7 @@ const MOST_LEVERAGE: f64 = 1.0;
 /// The noise of the rows, learned from the innovations, and the gate that follows from it.
 #[derive(Clone, Debug)]
 pub(super) struct Noise {
-    gate: Gate,
+    gate: InnovationGate,
     /// Variance of each output's row noise.
     variance: Vec<f64>,
     rows: usize,
@@ -61,7 +61,7 @@ pub(super) struct Noise {
 
 impl Noise {
     /// For rows that come every `row_s` seconds.
-    pub(super) fn new(outputs: usize, gate: Gate, longest: usize, row_s: f64) -> Self {
+    pub(super) fn new(outputs: usize, gate: InnovationGate, longest: usize, row_s: f64) -> Self {
         let rate = (row_s / MEMORY_S).min(LARGEST_SHARE);
         Self { gate, variance: vec![0.0; outputs], rows: 0, streak: 0, longest, rate }
     }
@@ -94,10 +94,10 @@ impl Noise {
         let known = self.rows >= FEWEST_ROWS;
         let mut deviations = 0.0f64;
         for (innovation, variance) in innovations.iter().zip(&self.variance) {
-            let spread = variance * (1.0 + innovation.deviation.min(MOST_LEVERAGE));
+            let predicted = variance * (1.0 + innovation.deviation.min(MOST_LEVERAGE));
             // A row without an innovation is no outlier, even where there is no noise at all.
             if innovation.value != 0.0 {
-                deviations = deviations.max(innovation.value.abs() / num_traits::Float::sqrt(spread));
+                deviations = deviations.max(innovation.value.abs() / num_traits::Float::sqrt(predicted));
             }
         }
         let beyond = known && deviations > self.gate.inflate;

@@ -1,6 +1,6 @@
-//! Settings of recursive equations.
+//! RecursiveOptions of recursive equations.
 
-use super::gate::Gate;
+use super::innovation_gate::InnovationGate;
 use super::increments::Increments;
 use crate::model::sparse::{Equations, EquationsError};
 
@@ -8,7 +8,7 @@ use crate::model::sparse::{Equations, EquationsError};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-pub struct Settings {
+pub struct RecursiveOptions {
     /// Time \[s\] after which a row counts `1/e`; infinite to forget nothing.
     pub forgetting_s: f64,
     /// Intervals that an increment spans \[samples\], at least 1.
@@ -21,14 +21,14 @@ pub struct Settings {
     /// Whether terms that are not in an equation may enter it.
     pub all_terms: bool,
     /// What happens to rows that are far off.
-    pub gate: Gate,
+    pub gate: InnovationGate,
 }
 
 /// Samples of a window or a horizon at the most.
 pub(super) const MOST_SAMPLES: usize = 1_000_000;
 
 /// Paces of a blend at the most.
-pub(super) const MOST_PACES: usize = 16;
+pub(super) const MOST_EXPERTS: usize = 16;
 
 /// Rows that a prior is worth at the most, and at the least one over it: squares and inverses stay numbers.
 const MOST_INFORMATION: f64 = 1e30;
@@ -39,7 +39,7 @@ const MOST_FORGOTTEN: f64 = 300.0;
 
 /// Why equations cannot be adapted.
 #[derive(Clone, Debug, PartialEq)]
-pub enum SettingsError {
+pub enum RecursiveOptionsError {
     /// A time is not positive.
     Time(&'static str),
     /// A window without samples, or one that no log fills.
@@ -53,14 +53,14 @@ pub enum SettingsError {
     /// No equation has a term.
     Nothing,
     /// The prior is not a regular upper triangle over all terms.
-    Root,
+    RFactor,
     /// Several paces need at least one, not too many, and a horizon to compare them by.
-    Paces,
+    Experts,
     /// The terms do not compile.
     Equations(EquationsError),
 }
 
-impl core::fmt::Display for SettingsError {
+impl core::fmt::Display for RecursiveOptionsError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Time(what) => write!(f, "{what} must be a positive number of seconds"),
@@ -72,11 +72,11 @@ impl core::fmt::Display for SettingsError {
             Self::Ranges => {
                 write!(f, "one finite range is needed for each output and input of the equations")
             }
-            Self::Root => write!(f, "the prior must be a regular triangle, and all terms be adapted"),
-            Self::Paces => {
+            Self::RFactor => write!(f, "the prior must be a regular triangle, and all terms be adapted"),
+            Self::Experts => {
                 write!(
                     f,
-                    "a blend needs 1 to {MOST_PACES} paces, and a horizon of 1 to {MOST_SAMPLES} samples that fits the memory"
+                    "an expert mixture needs 1 to {MOST_EXPERTS} experts, and a horizon of 1 to {MOST_SAMPLES} samples that fits the memory"
                 )
             }
             Self::Nothing => write!(f, "the equations have no term to adapt"),
@@ -85,46 +85,46 @@ impl core::fmt::Display for SettingsError {
     }
 }
 
-impl core::error::Error for SettingsError {}
+impl core::error::Error for RecursiveOptionsError {}
 
-impl Settings {
+impl RecursiveOptions {
     /// Whether they make sense for some equations and the ranges of their outputs and inputs.
-    pub(super) fn check(&self, equations: &Equations, ranges: &[(f64, f64)]) -> Result<(), SettingsError> {
+    pub(super) fn check(&self, equations: &Equations, ranges: &[(f64, f64)]) -> Result<(), RecursiveOptionsError> {
         if self.forgetting_s.is_nan() || self.forgetting_s <= 0.0 {
-            return Err(SettingsError::Time("the forgetting time"));
+            return Err(RecursiveOptionsError::Time("the forgetting time"));
         }
         if !(self.prior_s > 0.0 && self.prior_s.is_finite()) {
-            return Err(SettingsError::Time("the time that the prior is worth"));
+            return Err(RecursiveOptionsError::Time("the time that the prior is worth"));
         }
         if !(1..=MOST_SAMPLES).contains(&self.window) {
-            return Err(SettingsError::Window);
+            return Err(RecursiveOptionsError::Window);
         }
         let finite = ranges.iter().all(|(low, high)| low.is_finite() && high.is_finite());
         if ranges.len() != equations.outputs() + equations.inputs() || !finite {
-            return Err(SettingsError::Ranges);
+            return Err(RecursiveOptionsError::Ranges);
         }
         if !(self.gate.inflate > 0.0 && self.gate.inflate <= self.gate.reject) {
-            return Err(SettingsError::Gate);
+            return Err(RecursiveOptionsError::Gate);
         }
         Ok(())
     }
 
     /// The rows that the prior is worth, and the forgetting factor of a row, for regressions of so many terms.
-    pub(super) fn paces(
+    pub(super) fn prior_and_forgetting(
         &self,
         rows: &Increments,
         dt: f64,
         terms: usize,
-    ) -> Result<(f64, f64), SettingsError> {
+    ) -> Result<(f64, f64), RecursiveOptionsError> {
         let information = self.prior_s / (rows.samples() as f64 * dt);
         if !(1.0 / MOST_INFORMATION..=MOST_INFORMATION).contains(&information) {
-            return Err(SettingsError::Extreme("the time that the prior is worth"));
+            return Err(RecursiveOptionsError::Extreme("the time that the prior is worth"));
         }
         let row = rows.stride() as f64 * dt / self.forgetting_s;
         // A direction is given its prior back once in so many rows; until then its covariance grows.
         let turn = row * terms as f64;
         if turn.is_nan() || turn > MOST_FORGOTTEN {
-            return Err(SettingsError::Extreme("the forgetting time"));
+            return Err(RecursiveOptionsError::Extreme("the forgetting time"));
         }
         Ok((information, num_traits::Float::exp(-row)))
     }

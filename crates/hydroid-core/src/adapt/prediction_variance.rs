@@ -5,14 +5,14 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use super::gate::{FEWEST_ROWS, LARGEST_SHARE, MEMORY_S};
+use super::innovation_gate::{FEWEST_ROWS, LARGEST_SHARE, MEMORY_S};
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use crate::model::sparse::{Equations, EquationsError, Sensitivity};
 
 /// Errors of one step beyond so many standard deviations widen the bands no further: one bad sample must not.
 const FARTHEST: f64 = 5.0;
 
-/// What the spread of predictions is made of, output by output.
+/// What the prediction_variance of predictions is made of, output by output.
 ///
 /// `y_{k+h}` as it will be measured differs from the rollout by
 ///
@@ -27,7 +27,7 @@ const FARTHEST: f64 = 5.0;
 /// stands for the way from any step to one `j` steps later). Errors of one step have the variance `a + b`, those over
 /// the window of a row, of which the regression knows its noise, `a + b m`: that tells sensor from equations.
 #[derive(Clone, Debug)]
-pub(super) struct Spread {
+pub(super) struct PredictionVariance {
     sensitivity: Sensitivity,
     /// Variance of the errors of one step, and how many there were.
     one_step: Vec<f64>,
@@ -38,7 +38,7 @@ pub(super) struct Spread {
     rate: f64,
 }
 
-impl Spread {
+impl PredictionVariance {
     /// For equations that have a coefficient at each of the places.
     pub(super) fn new(equations: &Equations, places: &[usize]) -> Result<Self, EquationsError> {
         let n = equations.outputs();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::{
-    Adapter, DirectReadOut, Learning, Outcome, ReadOutError, ReadOutSettings, Rejection, SaveState,
+    Adapter, DirectLastLayer, Learning, Outcome, LastLayerError, LastLayerOptions, Rejection, SaveState,
 };
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{BaseModel, Scaling};
@@ -12,8 +12,8 @@ use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
-const SETTINGS: ReadOutSettings =
-    ReadOutSettings { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
+const OPTIONS: LastLayerOptions =
+    LastLayerOptions { forgetting: 0.99, information: 0.5, leak: true, noise_rate: 0.01 };
 
 fn model(history: usize, horizon: usize, hold: bool, hidden: &[usize]) -> Direct {
     on(if hold { BaseModel::Hold } else { BaseModel::Nothing }, history, horizon, hidden)
@@ -68,8 +68,8 @@ fn on(base: BaseModel, history: usize, horizon: usize, hidden: &[usize]) -> Dire
     Direct { weights, network, scaling, history, horizon, base }
 }
 
-fn learner(model: &Direct, settings: &ReadOutSettings) -> DirectReadOut {
-    DirectReadOut::new(Arc::new(model.clone()), settings).unwrap()
+fn learner(model: &Direct, options: &LastLayerOptions) -> DirectLastLayer {
+    DirectLastLayer::new(Arc::new(model.clone()), options).unwrap()
 }
 
 fn command(k: usize) -> [f64; 2] {
@@ -126,16 +126,16 @@ impl Naive {
 
     /// `R <- R + phi phi'`, then `R <- lambda R + n (1 - lambda) r0 e_j e_j'`; of what is given back to the prior the target is
     /// its own.
-    fn learn(&mut self, phi: &[f64], target: f64, settings: &ReadOutSettings) {
+    fn learn(&mut self, phi: &[f64], target: f64, options: &LastLayerOptions) {
         let error = target - phi.iter().zip(&self.theta).map(|(phi, theta)| phi * theta).sum::<f64>();
         self.weigh(phi, error, 1.0);
         let n = self.theta.len();
-        let (lambda, j) = (settings.forgetting, self.turn);
+        let (lambda, j) = (options.forgetting, self.turn);
         if lambda < 1.0 {
             self.information.iter_mut().flatten().for_each(|r| *r *= lambda);
             let unit: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == j))).collect();
-            let lost = if settings.leak { self.prior[j] - self.theta[j] } else { 0.0 };
-            self.weigh(&unit, lost, n as f64 * (1.0 - lambda) * settings.information);
+            let lost = if options.leak { self.prior[j] - self.theta[j] } else { 0.0 };
+            self.weigh(&unit, lost, n as f64 * (1.0 - lambda) * options.information);
             self.turn = (j + 1) % n;
         }
     }
@@ -178,16 +178,16 @@ fn every_step_learns_as_if_it_were_alone() {
         (4, 6, equations(), vec![7, 5]),
         (3, 1, equations(), vec![]),
     ] {
-        for settings in [
-            SETTINGS,
-            ReadOutSettings { forgetting: 1.0, ..SETTINGS },
-            ReadOutSettings { leak: false, ..SETTINGS },
+        for options in [
+            OPTIONS,
+            LastLayerOptions { forgetting: 1.0, ..OPTIONS },
+            LastLayerOptions { leak: false, ..OPTIONS },
         ] {
             let model = on(below.clone(), p, h, &hidden);
-            let mut adapter = learner(&model, &settings);
+            let mut adapter = learner(&model, &options);
             let mut naive: Vec<Naive> = rows(&model, adapter.weights())
                 .iter()
-                .map(|theta| Naive::new(theta, settings.information))
+                .map(|theta| Naive::new(theta, options.information))
                 .collect();
             for m in 0..60 {
                 adapter.observe(&measured(m));
@@ -200,7 +200,7 @@ fn every_step_learns_as_if_it_were_alone() {
                         let (j, c) = (i / 2 + 1, i % 2);
                         let target =
                             (measured(k + j)[c] - base[j - 1][c]) / model.scaling.correction_scale[c];
-                        naive.learn(&phi, target, &settings);
+                        naive.learn(&phi, target, &options);
                     }
                 }
                 for (row, naive) in rows(&model, adapter.weights()).iter().zip(&naive) {
@@ -257,7 +257,7 @@ fn a_session_resumes_from_a_saved_state() {
         .iter()
         .flat_map(|model| [0, 1, 3, 6, 7, 23, 30, 120].map(|at| (model, at)))
     {
-        let (mut first, mut second) = (learner(model, &SETTINGS), learner(model, &SETTINGS));
+        let (mut first, mut second) = (learner(model, &OPTIONS), learner(model, &OPTIONS));
         walk(&mut first, 0, at);
         walk(&mut second, 5, 90);
         second.load(&saved(&first));
@@ -275,7 +275,7 @@ fn a_snapshot_predicts_as_it_did() {
 }
 
 fn snapshots_of(model: &Direct) {
-    let mut adapter = learner(model, &SETTINGS);
+    let mut adapter = learner(model, &OPTIONS);
     walk(&mut adapter, 0, 60);
     let roll = |session: &dyn Predictor| {
         let commands: Vec<f64> = (60..70).flat_map(command).collect();
@@ -309,8 +309,8 @@ fn snapshots_of(model: &Direct) {
 #[test]
 fn missing_measurements_change_no_weights() {
     let model = model(3, 4, false, &[7, 5]);
-    let settings = ReadOutSettings { leak: false, ..SETTINGS };
-    let (mut whole, mut half) = (learner(&model, &settings), learner(&model, &settings));
+    let options = LastLayerOptions { leak: false, ..OPTIONS };
+    let (mut whole, mut half) = (learner(&model, &options), learner(&model, &options));
     for k in 0..41 {
         // Regressors are the same until the windows are complete that end where it was not measured any more.
         let gone = k >= 37;
@@ -347,9 +347,9 @@ fn missing_measurements_change_no_weights() {
 #[test]
 fn each_number_has_a_band_from_its_own_errors() {
     let model = model(3, 4, true, &[7, 5]);
-    let mut adapter = learner(&model, &SETTINGS);
+    let mut adapter = learner(&model, &OPTIONS);
     let mut work = Workspace::new();
-    let mut bands = |adapter: &mut DirectReadOut, k: usize| {
+    let mut bands = |adapter: &mut DirectLastLayer, k: usize| {
         let (commands, mut bands): (Vec<f64>, _) = ((k + 1..k + 5).flat_map(command).collect(), [0.0; 4]);
         adapter.deviations(&commands, &[1, 4], &mut work, &mut bands);
         bands
@@ -373,7 +373,7 @@ fn each_number_has_a_band_from_its_own_errors() {
 fn a_huge_number_has_no_later_effect() {
     for (hold, hidden) in [(true, vec![7, 5]), (false, vec![7]), (false, vec![])] {
         for far in [1e308, -1e308, 1e200] {
-            let mut adapter = learner(&model(3, 4, hold, &hidden), &SETTINGS);
+            let mut adapter = learner(&model(3, 4, hold, &hidden), &OPTIONS);
             walk(&mut adapter, 0, 60);
             let before = adapter.weights().to_vec();
             adapter.observe(&[far, measured(60)[1]]);
@@ -402,8 +402,8 @@ fn a_last_layer_that_has_changed_is_found() {
     for (k, w) in other.weights[at..].iter_mut().enumerate() {
         *w += 0.2 * (1.3 * k as f64).cos();
     }
-    let settings = ReadOutSettings { forgetting: 1.0, information: 1e-6, ..SETTINGS };
-    let mut adapter = learner(&plain, &settings);
+    let options = LastLayerOptions { forgetting: 1.0, information: 1e-6, ..OPTIONS };
+    let mut adapter = learner(&plain, &options);
     let mut frozen = DirectSession::new(Arc::new(plain)).unwrap();
     let mut world = DirectSession::new(Arc::new(other)).unwrap();
     world.observe(&measured(0));
@@ -441,7 +441,7 @@ fn a_last_layer_that_has_changed_is_found() {
 #[test]
 fn the_filter_stays_stable_over_a_long_run() {
     let model = model(2, 3, true, &[6]);
-    let mut adapter = learner(&model, &ReadOutSettings { forgetting: 0.97, ..SETTINGS });
+    let mut adapter = learner(&model, &LastLayerOptions { forgetting: 0.97, ..OPTIONS });
     for k in 0..200_000 {
         // Nothing happens but noise, and now and then something does.
         let lively = (k / 5000) % 4 == 3;
@@ -453,7 +453,7 @@ fn the_filter_stays_stable_over_a_long_run() {
     let learner = adapter.learner().unwrap();
     assert!(learner.is_sound());
     for i in 0..learner.len() {
-        let most = 0.97_f64.powf(1.0 - learner.len() as f64) / SETTINGS.information;
+        let most = 0.97_f64.powf(1.0 - learner.len() as f64) / OPTIONS.information;
         assert!((0.0..=most).contains(&learner.covariance(i, i)), "{i}: {}", learner.covariance(i, i));
     }
     assert!(adapter.weights().iter().all(|w| w.abs() < 100.0));
@@ -463,16 +463,16 @@ fn the_filter_stays_stable_over_a_long_run() {
 fn a_guard_takes_frozen_companions() {
     let model = Arc::new(model(3, 4, true, &[7, 5]));
     let companion = || -> Box<dyn Adapter> {
-        let mut companion = DirectReadOut::companion(Arc::clone(&model), &SETTINGS).unwrap();
+        let mut companion = DirectLastLayer::companion(Arc::clone(&model), &OPTIONS).unwrap();
         companion.freeze(true);
         Box::new(companion)
     };
     let guard = || {
-        let learner = Box::new(DirectReadOut::new(Arc::clone(&model), &SETTINGS).unwrap());
+        let learner = Box::new(DirectLastLayer::new(Arc::clone(&model), &OPTIONS).unwrap());
         let ranges = [(-1.0, 3.0), (-1.5, 0.5), (0.0, 20.0), (-0.5, 0.5)];
-        let settings =
+        let options =
             GuardOptions { horizon: 4, stride: 1, snapshot_interval: 10, ..GuardOptions::new(0.1) };
-        Guard::new(learner, [companion(), companion()], &ranges, &[0.02, 0.02], settings).unwrap()
+        Guard::new(learner, [companion(), companion()], &ranges, &[0.02, 0.02], options).unwrap()
     };
     let (mut first, mut second) = (guard(), guard());
     let before = first.weights().to_vec();
@@ -500,18 +500,18 @@ fn a_guard_takes_frozen_companions() {
 #[test]
 fn invalid_options_are_refused_with_a_reason() {
     let model = Arc::new(model(3, 4, true, &[7]));
-    for (settings, part) in [
-        (ReadOutSettings { forgetting: 1.1, ..SETTINGS }, "forgetting"),
-        (ReadOutSettings { forgetting: f64::NAN, ..SETTINGS }, "forgetting"),
-        (ReadOutSettings { forgetting: 0.1, ..SETTINGS }, "forgetting"),
-        (ReadOutSettings { information: 0.0, ..SETTINGS }, "worth"),
-        (ReadOutSettings { noise_rate: -0.1, ..SETTINGS }, "noise"),
+    for (options, part) in [
+        (LastLayerOptions { forgetting: 1.1, ..OPTIONS }, "forgetting"),
+        (LastLayerOptions { forgetting: f64::NAN, ..OPTIONS }, "forgetting"),
+        (LastLayerOptions { forgetting: 0.1, ..OPTIONS }, "forgetting"),
+        (LastLayerOptions { information: 0.0, ..OPTIONS }, "worth"),
+        (LastLayerOptions { noise_rate: -0.1, ..OPTIONS }, "noise"),
     ] {
-        let error = DirectReadOut::new(Arc::clone(&model), &settings).unwrap_err();
+        let error = DirectLastLayer::new(Arc::clone(&model), &options).unwrap_err();
         assert!(error.to_string().contains(part) && error.to_string().contains("needed"), "{error}");
     }
     let broken = Arc::new(Direct { history: 0, ..Direct::clone(&model) });
-    assert!(matches!(DirectReadOut::new(broken, &SETTINGS), Err(ReadOutError::Model(_))));
+    assert!(matches!(DirectLastLayer::new(broken, &OPTIONS), Err(LastLayerError::Model(_))));
 }
 
 proptest! {
@@ -527,7 +527,7 @@ proptest! {
             x ^= x << 17;
             if finite { (x % 10_000) as f64 - 5000.0 } else { f64::from_bits(x) }
         };
-        let mut adapter = learner(&model(3, 4, true, &[7, 5]), &SETTINGS);
+        let mut adapter = learner(&model(3, 4, true, &[7, 5]), &OPTIONS);
         let memory: Vec<f64> = (0..adapter.memory_len()).map(|_| next()).collect();
         adapter.load(&memory);
         walk(&mut adapter, 0, 60);
