@@ -17,8 +17,8 @@ use hydroid_core::adapt::kalman::{
     LearnablePlant, RehearsalOptions,
 };
 use hydroid_core::adapt::{
-    Adapter, ExpertMixtureOptions, ExpertMixture, DirectLastLayer, InnovationGate, Outcome, LastLayerOptions,
-    RecursiveEquations, Rehearsing, RecursiveOptions,
+    Adapter, DirectLastLayer, ExpertMixture, ExpertMixtureOptions, InnovationGate, LastLayerOptions, Outcome,
+    RecursiveEquations, RecursiveOptions, Rehearsing,
 };
 use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{

@@ -6,13 +6,13 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::innovation_gate::Noise;
 use super::increments::Increments;
+use super::innovation_gate::Noise;
 use super::least_squares::RecursiveLeastSquares;
-use super::scale::rms_over_range;
 use super::options::{RecursiveOptions, RecursiveOptionsError};
-use super::prediction_variance::PredictionVariance;
 use super::parametric_session::ParametricSession;
+use super::prediction_variance::PredictionVariance;
+use super::scale::rms_over_range;
 use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
 use crate::predict::{Predictor, Workspace};
@@ -131,7 +131,8 @@ impl RecursiveEquations {
         let (scales, r_factor) = match r_factor {
             None => (terms.iter().map(|t| rms_over_range(t, &ranges)).collect(), None),
             Some(r_factor) => {
-                let (scales, r_factor) = unit_columns(r_factor, count).ok_or(RecursiveOptionsError::RFactor)?;
+                let (scales, r_factor) =
+                    unit_columns(r_factor, count).ok_or(RecursiveOptionsError::RFactor)?;
                 if !options.all_terms {
                     return Err(RecursiveOptionsError::RFactor);
                 }
@@ -159,7 +160,9 @@ impl RecursiveEquations {
             let firsts = outputs.iter().map(|&i| places.partition_point(|p| p / count < i)).collect();
             Group {
                 kernel: match &r_factor {
-                    Some(r_factor) => RecursiveLeastSquares::with_r_factor(&theta, information, r_factor, options.leak),
+                    Some(r_factor) => {
+                        RecursiveLeastSquares::with_r_factor(&theta, information, r_factor, options.leak)
+                    }
                     None => RecursiveLeastSquares::new(terms.len(), &theta, information, options.leak),
                 },
                 phi: vec![0.0; terms.len()],
@@ -196,7 +199,9 @@ impl RecursiveEquations {
             inflation: 1.0,
             outcome: Outcome::Waiting,
             innovations: Vec::with_capacity(n),
-            prediction_variance: Some(PredictionVariance::new(&own, &places).map_err(RecursiveOptionsError::Equations)?),
+            prediction_variance: Some(
+                PredictionVariance::new(&own, &places).map_err(RecursiveOptionsError::Equations)?,
+            ),
             expected: vec![f64::NAN; n],
             weights: places.iter().map(|&p| equations.coefficients()[p]).collect(),
             session: ParametricSession::new(own, places),
@@ -330,7 +335,9 @@ fn unit_columns(r_factor: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> 
         return None;
     }
     let norm = |j: usize| {
-        num_traits::Float::sqrt((0..=j).map(|i| r_factor[i * terms + j] * r_factor[i * terms + j]).sum::<f64>())
+        num_traits::Float::sqrt(
+            (0..=j).map(|i| r_factor[i * terms + j] * r_factor[i * terms + j]).sum::<f64>(),
+        )
     };
     let norms: Vec<f64> = (0..terms).map(norm).collect();
     // Squares of finite numbers may be none, and inverses of small ones.

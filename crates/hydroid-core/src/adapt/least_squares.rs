@@ -3,8 +3,8 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::ud_factor::UdFactor;
 use super::memory::{Reader, Writer};
+use super::ud_factor::UdFactor;
 
 /// Recursive least squares for several targets on one regressor.
 ///

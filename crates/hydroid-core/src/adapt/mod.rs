@@ -14,32 +14,32 @@
 //! | [`ExpertMixture`] | several of these at different paces, weighed by what they have predicted of late |
 //! | [`Guard`](guard::Guard) | what another one does, as long as that is to be trusted |
 
-mod expert_mixture;
 mod equations;
-mod ud_factor;
-mod innovation_gate;
+mod expert_mixture;
 pub mod guard;
 mod increments;
+mod innovation_gate;
 pub mod kalman;
+mod last_layer;
 mod least_squares;
 mod memory;
-mod last_layer;
-mod scale;
 mod options;
-mod prediction_variance;
 mod parametric_session;
+mod prediction_variance;
+mod scale;
+mod ud_factor;
 
 use crate::predict::{Predictor, Workspace};
 
-pub use expert_mixture::{ExpertMixtureOptions, ExpertMixture};
 pub use equations::RecursiveEquations;
-pub use ud_factor::UdFactor;
+pub use expert_mixture::{ExpertMixture, ExpertMixtureOptions};
 pub use innovation_gate::InnovationGate;
-pub use least_squares::RecursiveLeastSquares;
 pub use last_layer::{DirectLastLayer, LastLayerError, LastLayerOptions, SHORTEST_FORGETTING};
-pub use scale::rms_over_range;
+pub use least_squares::RecursiveLeastSquares;
 pub use options::{RecursiveOptions, RecursiveOptionsError};
 pub use parametric_session::ParametricSession;
+pub use scale::rms_over_range;
+pub use ud_factor::UdFactor;
 
 /// A prediction session that learns along the run.
 ///

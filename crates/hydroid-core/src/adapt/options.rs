@@ -1,7 +1,7 @@
 //! RecursiveOptions of recursive equations.
 
-use super::innovation_gate::InnovationGate;
 use super::increments::Increments;
+use super::innovation_gate::InnovationGate;
 use crate::model::sparse::{Equations, EquationsError};
 
 /// How to adapt.
@@ -89,7 +89,11 @@ impl core::error::Error for RecursiveOptionsError {}
 
 impl RecursiveOptions {
     /// Whether they make sense for some equations and the ranges of their outputs and inputs.
-    pub(super) fn check(&self, equations: &Equations, ranges: &[(f64, f64)]) -> Result<(), RecursiveOptionsError> {
+    pub(super) fn check(
+        &self,
+        equations: &Equations,
+        ranges: &[(f64, f64)],
+    ) -> Result<(), RecursiveOptionsError> {
         if self.forgetting_s.is_nan() || self.forgetting_s <= 0.0 {
             return Err(RecursiveOptionsError::Time("the forgetting time"));
         }

@@ -1,8 +1,8 @@
 //! The saved state of an adapter is complete.
 
 use hydroid_core::adapt::{
-    Adapter, ExpertMixtureOptions, ExpertMixture, InnovationGate, Learning, Outcome, RecursiveEquations, SaveState,
-    RecursiveOptions,
+    Adapter, ExpertMixture, ExpertMixtureOptions, InnovationGate, Learning, Outcome, RecursiveEquations,
+    RecursiveOptions, SaveState,
 };
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::Workspace;

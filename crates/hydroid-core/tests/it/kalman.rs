@@ -10,7 +10,7 @@ use hydroid_core::model::recurrent::{BaseModel, Linearization, Network, Packed, 
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
-use crate::dense::{Matrix, cells, inverse, product, sample, transposed, options, weights};
+use crate::dense::{Matrix, cells, inverse, options, product, sample, transposed, weights};
 
 fn close(ours: &[f64], theirs: &[f64], what: &str) {
     assert_eq!(ours.len(), theirs.len());

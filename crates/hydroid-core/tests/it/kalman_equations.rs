@@ -1,11 +1,11 @@
 //! Invariants of the Kalman filter over outputs and coefficients of equations.
 
 use hydroid_core::adapt::kalman::{FilterOptions, FilterOptionsError, KalmanEquations, LearnableEquations};
-use hydroid_core::adapt::{Learning, Outcome, Rejection, SaveState, RecursiveOptionsError};
+use hydroid_core::adapt::{Learning, Outcome, RecursiveOptionsError, Rejection, SaveState};
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
-use crate::damped::{RANGES, close, command, equations, learnable, measured, session, options};
+use crate::damped::{RANGES, close, command, equations, learnable, measured, options, session};
 
 #[test]
 fn a_change_of_drag_is_estimated() {

@@ -6,7 +6,7 @@ use hydroid_core::adapt::kalman::{
 use hydroid_core::adapt::{Learning, Outcome};
 use hydroid_core::predict::Predictor;
 
-use crate::damped::{close, command, equations, learnable, measured, session, options};
+use crate::damped::{close, command, equations, learnable, measured, options, session};
 use crate::dense::{Matrix, inverse, product, transposed};
 
 /// The filter as a textbook has it, dense, its Jacobians by central differences of [`Equations::step`].

@@ -12,7 +12,7 @@ use hydroid_core::model::recurrent::{BaseModel, Linearization, Network, Packed, 
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
-use crate::dense::{Matrix, cells, inverse, product, sample, transposed, options, weights};
+use crate::dense::{Matrix, cells, inverse, options, product, sample, transposed, weights};
 
 const ALL: [CovarianceForm; 3] = [
     CovarianceForm::Blocks { group: 1 },
@@ -33,7 +33,8 @@ fn filter(network: Network, options: FilterOptions) -> Filter<LearnableNetwork> 
 
 /// The same samples, some unmeasured, some not learned from, with a restart: state, weights and variances stay alike.
 fn go_on_alike(network: Network, options: &FilterOptions, forms: [CovarianceForm; 2]) {
-    let mut filters = forms.map(|covariance| filter(network, FilterOptions { covariance, ..options.clone() }));
+    let mut filters =
+        forms.map(|covariance| filter(network, FilterOptions { covariance, ..options.clone() }));
     for k in 0..60 {
         let (x, z) = sample(k, network.outputs);
         for filter in &mut filters {

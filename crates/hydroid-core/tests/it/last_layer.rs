@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::{
-    Adapter, DirectLastLayer, Learning, Outcome, LastLayerError, LastLayerOptions, Rejection, SaveState,
+    Adapter, DirectLastLayer, LastLayerError, LastLayerOptions, Learning, Outcome, Rejection, SaveState,
 };
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{BaseModel, Scaling};
@@ -470,8 +470,7 @@ fn a_guard_takes_frozen_companions() {
     let guard = || {
         let learner = Box::new(DirectLastLayer::new(Arc::clone(&model), &OPTIONS).unwrap());
         let ranges = [(-1.0, 3.0), (-1.5, 0.5), (0.0, 20.0), (-0.5, 0.5)];
-        let options =
-            GuardOptions { horizon: 4, stride: 1, snapshot_interval: 10, ..GuardOptions::new(0.1) };
+        let options = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 10, ..GuardOptions::new(0.1) };
         Guard::new(learner, [companion(), companion()], &ranges, &[0.02, 0.02], options).unwrap()
     };
     let (mut first, mut second) = (guard(), guard());

@@ -1,8 +1,8 @@
 //! Recursive sparse regression along runs whose equations are known.
 
 use hydroid_core::adapt::{
-    ExpertMixtureOptions, ExpertMixture, InnovationGate, Learning, Outcome, RecursiveEquations, Rejection, RecursiveOptions,
-    RecursiveOptionsError,
+    ExpertMixture, ExpertMixtureOptions, InnovationGate, Learning, Outcome, RecursiveEquations,
+    RecursiveOptions, RecursiveOptionsError, Rejection,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -106,8 +106,13 @@ fn all_terms_adapt_with_all_terms() {
 fn a_row_is_the_increment_over_a_window_against_the_averaged_library() {
     let terms = vec![Term::monomial(&[0]), Term::monomial(&[1])];
     let equations = Equations::new(terms, vec![-1.0, 1.0], 1, 1, DT, 1).unwrap();
-    let options =
-        RecursiveOptions { forgetting_s: f64::INFINITY, window: 4, prior_s: 1e-12, gate: InnovationGate::OPEN, ..options() };
+    let options = RecursiveOptions {
+        forgetting_s: f64::INFINITY,
+        window: 4,
+        prior_s: 1e-12,
+        gate: InnovationGate::OPEN,
+        ..options()
+    };
     let mut adapter = RecursiveEquations::new(&equations, &[(-1.0, 1.0); 2], &options).unwrap();
     let y: Vec<f64> = (0..200).map(|k| (0.3 * k as f64).sin() + noise(k, 0, 0.1)).collect();
     let c: Vec<f64> = (0..200).map(|k| noise(k, 1, 1.0)).collect();
@@ -309,7 +314,8 @@ fn signals_equal_those_of_the_identification() {
 
 #[test]
 fn invalid_options_are_refused_with_a_reason() {
-    let new = |options: RecursiveOptions| RecursiveEquations::new(&vessel(0.3), &RANGES, &options).map(|_| ());
+    let new =
+        |options: RecursiveOptions| RecursiveEquations::new(&vessel(0.3), &RANGES, &options).map(|_| ());
     let bad = [
         RecursiveOptions { forgetting_s: 0.0, ..options() },
         RecursiveOptions { forgetting_s: f64::NAN, ..options() },
@@ -411,7 +417,11 @@ fn settings_whose_numbers_overflow_are_refused() {
 #[test]
 fn a_row_with_weight_zero_changes_nothing() {
     // An exact model has innovations of zero; then a spike is infinitely many deviations away.
-    let options = RecursiveOptions { gate: InnovationGate { inflate: 3.0, reject: f64::INFINITY }, window: 1, ..options() };
+    let options = RecursiveOptions {
+        gate: InnovationGate { inflate: 3.0, reject: f64::INFINITY },
+        window: 1,
+        ..options()
+    };
     let still = Equations::new(vec![Term::monomial(&[0])], vec![-1.0], 1, 0, DT, 1).unwrap();
     let mut session = RecursiveEquations::new(&still, &[(-1.0, 1.0)], &options).unwrap();
     let mut weightless = 0;

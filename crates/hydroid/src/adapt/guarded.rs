@@ -59,7 +59,11 @@ fn constant_weights(model: &Model, options: &Options) -> KalmanOptions {
     match &model.body {
         Body::Recurrent(network) if network.feedback || network.base != BaseModel::Nothing => {
             // Measurements enter as inputs.
-            KalmanOptions { state_variance: NEGLIGIBLE_VARIANCE, state_noise_per_s: NEGLIGIBLE_VARIANCE, ..filter }
+            KalmanOptions {
+                state_variance: NEGLIGIBLE_VARIANCE,
+                state_noise_per_s: NEGLIGIBLE_VARIANCE,
+                ..filter
+            }
         }
         Body::Recurrent(_) => KalmanOptions {
             state_variance: 1.0,

@@ -57,7 +57,8 @@ pub(super) fn adapter(
     if given_s.is_nan() || given_s < least_s {
         return Err(AdaptError::Forgetting { given_s, least_s });
     }
-    let adapter = DirectLastLayer::new(Arc::clone(direct), &last_layer_options(options, model.description.dt))?;
+    let adapter =
+        DirectLastLayer::new(Arc::clone(direct), &last_layer_options(options, model.description.dt))?;
     let LeastSquaresOptions { forgetting_s, prior_s, leak, .. } = *options;
     Ok((adapter, ResolvedLastLayer { forgetting_s, prior_s, leak }))
 }

@@ -68,7 +68,10 @@ pub struct ResolvedLeastSquares {
 ///
 /// # Errors
 /// If the window is shorter than half a sample or too long.
-pub(super) fn recursive_options(model: &Model, options: &LeastSquaresOptions) -> Result<RecursiveOptions, AdaptError> {
+pub(super) fn recursive_options(
+    model: &Model,
+    options: &LeastSquaresOptions,
+) -> Result<RecursiveOptions, AdaptError> {
     let dt = model.description.dt;
     let wanted = options.window_s.unwrap_or_else(|| default_window_s(model));
     if !(wanted >= 0.5 * dt && wanted / dt < 1e6) {

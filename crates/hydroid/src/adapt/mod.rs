@@ -179,8 +179,12 @@ impl Options {
     /// are set as well, so that [`Method::Kalman`] can be selected.
     pub fn of(model: &Model) -> Self {
         let (method, least_squares, kalman) = match &model.body {
-            Body::Equations(_) => (Method::LeastSquares, LeastSquaresOptions::default(), KalmanOptions::of_equations()),
-            Body::Direct(_) => (Method::LeastSquares, LeastSquaresOptions::for_last_layer(), KalmanOptions::default()),
+            Body::Equations(_) => {
+                (Method::LeastSquares, LeastSquaresOptions::default(), KalmanOptions::of_equations())
+            }
+            Body::Direct(_) => {
+                (Method::LeastSquares, LeastSquaresOptions::for_last_layer(), KalmanOptions::default())
+            }
             Body::Recurrent(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::default()),
             Body::Plant(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::of_plants()),
             // Not adaptable; see `adaptable`.

@@ -190,7 +190,8 @@ fn invalid_adaptations_are_refused() {
     let horizon = evaluate::Options { horizon: 5000, ..evaluate::Options::default() };
     let error = refused(Options { evaluate: horizon, ..Options::default() });
     assert!(matches!(error, AdaptError::Evaluate(_)), "{error}");
-    let error = refused(by_the_filter(KalmanOptions { weight_variance: -1.0, ..KalmanOptions::of_equations() }));
+    let error =
+        refused(by_the_filter(KalmanOptions { weight_variance: -1.0, ..KalmanOptions::of_equations() }));
     assert!(error.to_string().contains("the model cannot be adapted"), "{error}");
     let two = by_least_squares(LeastSquaresOptions { window_s: Some(2.0), ..Default::default() });
     assert!(adapt::adapter(&model, &two, &[]).is_ok());

@@ -46,7 +46,9 @@ impl Learning for RecursiveEquations {
     ) {
         let n = self.outputs();
         assert_eq!(deviations.len(), horizons.len() * n, "a row for each horizon");
-        let (Some(prediction_variance), Some(variances)) = (&self.prediction_variance, self.noise.variances()) else {
+        let (Some(prediction_variance), Some(variances)) =
+            (&self.prediction_variance, self.noise.variances())
+        else {
             deviations.fill(f64::NAN);
             return;
         };
@@ -65,7 +67,14 @@ impl Learning for RecursiveEquations {
         let samples = self.rows.samples();
         let rows = (variances, samples, samples as f64 * self.equations().dt());
         let scratch = work.take(prediction_variance.scratch(horizons.last().copied().unwrap_or(0)));
-        prediction_variance.deviations((self.session.state(), commands), horizons, rows, uncertain, scratch, deviations);
+        prediction_variance.deviations(
+            (self.session.state(), commands),
+            horizons,
+            rows,
+            uncertain,
+            scratch,
+            deviations,
+        );
     }
 }
 

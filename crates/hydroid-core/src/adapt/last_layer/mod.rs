@@ -30,8 +30,8 @@
 //! learned more slowly than its own covariance would let it, never faster. The prior, and forgetting, bound that.
 
 mod adapter;
-mod session;
 mod options;
+mod session;
 mod windows;
 
 use alloc::sync::Arc;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::kalman::{FilterOptions, KalmanNetwork};
 use hydroid_core::adapt::{
-    Adapter, ExpertMixtureOptions, ExpertMixture, DirectLastLayer, InnovationGate, Learning, LastLayerOptions,
+    Adapter, DirectLastLayer, ExpertMixture, ExpertMixtureOptions, InnovationGate, LastLayerOptions, Learning,
 };
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
@@ -168,8 +168,9 @@ fn direct_predictors_that_learn(base: BaseModel) {
     }
     agree(learned.fork().as_ref(), &mut work, 7);
 
-    let companion =
-        || -> Box<dyn Adapter> { Box::new(DirectLastLayer::companion(Arc::clone(&model), &options).unwrap()) };
+    let companion = || -> Box<dyn Adapter> {
+        Box::new(DirectLastLayer::companion(Arc::clone(&model), &options).unwrap())
+    };
     let guarded = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
     let companions = [companion(), companion()];

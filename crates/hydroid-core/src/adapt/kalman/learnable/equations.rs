@@ -6,8 +6,8 @@ use alloc::vec::Vec;
 use num_traits::Float;
 
 use super::Learnable;
-use crate::adapt::scale::rms_over_range;
 use crate::adapt::options::RecursiveOptionsError;
+use crate::adapt::scale::rms_over_range;
 use crate::math::rows::add_product;
 use crate::model::sparse::{Equations, Sensitivity};
 
