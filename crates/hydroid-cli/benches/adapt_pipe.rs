@@ -1,7 +1,7 @@
 //! From a line on standard input to its answer on standard output, through two pipes: `cargo bench -p hydroid-cli
 //! --bench adapt_pipe`. A program in another language sees these times, and its own on top.
 //!
-//! Not divan: what counts is the slowest one in a hundred, and not the mean.
+//! Without divan, because the result is the 99th percentile.
 
 use std::error::Error;
 use std::io::{BufRead, BufReader, Write};

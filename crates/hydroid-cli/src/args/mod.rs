@@ -216,6 +216,7 @@ pub struct Evaluate {
 
 /// Evaluation of predictions.
 #[derive(Clone, Copy, Debug, ClapArgs)]
+#[command(next_help_heading = "Evaluation")]
 pub struct EvaluationArgs {
     /// Longest prediction horizon: samples (100) or seconds (10s)
     #[arg(long, default_value = "100", value_name = "N|Ns")]

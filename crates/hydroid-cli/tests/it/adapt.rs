@@ -37,7 +37,7 @@ fn an_adapted_model_is_written_with_its_history() {
     for key in ["80", "95"] {
         assert!((0.0..=1.0).contains(&report["coverage"][key].as_f64().unwrap()), "{key}");
     }
-    // `frozen` is what `evaluate` says, which also tells how often the ensemble's band holds.
+    // `frozen` equals the output of `evaluate`, which also has the coverage of the ensemble band.
     let evaluated = hydroid(at, &["evaluate", MODEL, "c.csv", "--json"]);
     let mut evaluated: Value = serde_json::from_slice(&evaluated.stdout).unwrap();
     assert!(evaluated.as_object_mut().unwrap().remove("band_coverage").is_some());
@@ -50,7 +50,7 @@ fn an_adapted_model_is_written_with_its_history() {
     assert_eq!(provenance["settings"]["adapted"][0]["runs"][0], "c.csv");
     assert_eq!(provenance["settings"]["adapted"][0]["settings"], report["settings"]);
 
-    // The same for people.
+    // The text output.
     let told = hydroid(at, &["adapt", MODEL, "c.csv", "--horizon", "5s", "--forgetting", "inf"]);
     assert_eq!(told.status.code(), Some(0), "{}", text(&told.stderr));
     let table = text(&told.stdout);
@@ -76,14 +76,14 @@ fn equations_adapt_by_the_kalman_filter() {
     let inspected = hydroid(at, &["inspect", "kalman.safetensors", "--json"]);
     let model: Value = serde_json::from_slice(&inspected.stdout).unwrap();
     assert_eq!(model["description"]["provenance"]["settings"]["adapted"][0]["settings"], report["settings"]);
-    // What was learned is worth something on the next log.
+    // The adapted model is better on the log.
     let judged = |model: &str| {
         let output = hydroid(at, &["evaluate", model, "c.csv", "--json"]);
         let judged: Value = serde_json::from_slice(&output.stdout).unwrap();
         judged["nrmse"][99][0].as_f64().unwrap()
     };
     assert!(judged("kalman.safetensors") < 0.7 * judged(MODEL));
-    // The options of the filter are understood, and a stream takes them.
+    // A stream takes the options of the filter, too.
     let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "--weight-variance", "0.02", "--json"];
     let noise = ["--noise", "u=0.01,v=0.01,r=0.01,P_f=1", "--covariance", "blocks:3"];
     let output = hydroid(at, &[&args[..], &noise].concat());

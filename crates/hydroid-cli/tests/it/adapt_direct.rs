@@ -48,7 +48,7 @@ fn a_direct_predictor_adapts_to_foiling_and_is_written_with_its_history() {
     let adapted = &inspected["description"]["provenance"]["settings"]["adapted"][0];
     assert_eq!(adapted["runs"][0], "lawn.csv");
     assert_eq!(adapted["settings"], alone["settings"]);
-    // What was written predicts on the log as the network from shore never did.
+    // The adapted model predicts better on the log than the initial model.
     let error = |model: &str| {
         let judged =
             run(prepared(), &format!("evaluate {model} lawn.csv --against truth --horizon 20 --json -q"));
@@ -115,7 +115,7 @@ fn a_killed_service_resumes_to_the_same_model() {
     assert_eq!(rest, whole[whole.len() - rest.len()..]);
     let model = |name: &str| fs::read(at.join(name)).unwrap();
     assert_eq!(model("whole.safetensors"), model("resumed.safetensors"));
-    // And the black box has noted what it takes to make it again.
+    // The black box is sufficient for a replay.
     let replayed = run(at, &format!("adapt {MODEL} --replay direct.box"));
     assert_eq!(replayed.status.code(), Some(0), "{}{}", text(&replayed.stdout), text(&replayed.stderr));
 }

@@ -36,7 +36,7 @@ fn a_network_adapts_to_foiling_and_is_written_with_its_history() {
         assert!(mae("adapted", step) < 0.6 * frozen, "{step}: {} {frozen}", mae("adapted", step));
     }
     assert_eq!(report["settings"]["method"], "kalman");
-    // The noise is what the training log shows: 1 cm/s and 1 deg/s.
+    // The noise is that of the training log: 1 cm/s and 1 deg/s.
     for (noise, truth) in report["settings"]["noise"].as_array().unwrap().iter().zip([0.01, 0.01, 0.01745]) {
         assert!((noise.as_f64().unwrap() / truth - 1.0).abs() < 0.1, "{noise}");
     }
@@ -99,7 +99,7 @@ fn the_filter_runs_over_the_training_logs_first() {
     assert!(shore["adapted"]["rmse"][19][0].as_f64() < shore["frozen"]["rmse"][19][0].as_f64());
 }
 
-/// On the water of the shore, the weights that were learned at sea: those that rehearsed it know it still.
+/// Weights adapted while foiling, evaluated at low speed: rehearsal keeps the accuracy there.
 #[test]
 fn training_logs_are_rehearsed() {
     let error = |option: &str, output: &str| {
@@ -195,7 +195,7 @@ fn a_killed_service_resumes_to_the_same_model() {
     assert_eq!(model("whole.safetensors"), model("resumed.safetensors"));
 }
 
-/// What a black box has noted of a network is made again to the last bit, whatever is kept of the covariance.
+/// The recording of a network is replayed bit for bit with every form of the covariance.
 #[test]
 fn a_network_is_replayed_from_its_black_box() {
     let at = prepared();

@@ -90,7 +90,7 @@ fn a_streamed_log_gives_the_same_model_as_a_complete_log() {
 #[test]
 fn bands_cover_the_measurements_under_planned_commands() {
     const AHEAD: usize = 50;
-    // The vessel that the model was made for: what bands know nothing of is a model that is wrong.
+    // The vessel of the training logs: bands do not cover model error.
     let lines = lines("d.csv");
     let names: Vec<&str> = lines[0].split(',').map(|cell| cell.split(" [").next().unwrap()).collect();
     let rows: Vec<Vec<f64>> =
@@ -143,7 +143,7 @@ fn an_answer_comes_before_the_next_line_is_sent() {
             assert_eq!(answer["prediction"]["u"].as_array().unwrap().len(), 2);
         }
     }
-    // A mistake is answered too, and the stream goes on.
+    // A wrong line is answered, and the stream continues.
     service.send("4.9,oops");
     assert_eq!(value(&service.answer())["status"], "error");
     drop(service.child.stdin.take());
@@ -236,7 +236,7 @@ fn invalid_streams_are_refused_with_a_remedy() {
     refused(&["adapt", MODEL, "none.csv", "--stream"], "", "none.csv");
     refused(&["adapt", MODEL, "c.csv", "--timing"], "", "--stream");
     refused(&["adapt", MODEL, "-", "--state", "."], "", "name a file");
-    // States of another model, of other settings, and one that was cut short: none is overwritten.
+    // States of another model or of other options and truncated states are not overwritten.
     let header = lines("c.csv")[..30].join("\n");
     fs::write(at.join("thirty.csv"), header).unwrap();
     done(at, &["adapt", MODEL, "thirty.csv", "--stream", "--state", "kept.state", "-o", "other.safetensors"]);

@@ -82,11 +82,11 @@ fn the_drag_of_a_vessel_is_estimated_and_written_to_a_vessel_file() {
     assert_eq!(history[0]["runs"][0], "a.csv");
     assert_eq!(history[0]["settings"], report["settings"]);
     assert!(done("inspect learned.toml").contains("flying.transition_speed"));
-    // Learned twice, said twice.
+    // A second adaptation adds a second entry.
     hydroid(prepared(), "adapt learned.toml b.csv -o twice.toml -q");
     let twice = json("inspect twice.toml --json");
     assert_eq!(twice["description"]["provenance"]["settings"]["adapted"].as_array().unwrap().len(), 2);
-    // For people: what was learned, parameter by parameter.
+    // The text output lists the parameters.
     let told = done("adapt given.toml a.csv -q");
     assert!(told.contains("filtered") && told.contains("drag.linear[0][0]"), "{told}");
 }

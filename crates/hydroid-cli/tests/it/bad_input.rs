@@ -156,7 +156,7 @@ fn a_constant_output_has_no_equation() {
     }
     write(&folder, "bad.csv", &lines);
     refused(folder.path(), &[IDENTIFY, &["--horizon", "20"]].concat(), &["'u'", "vary"]);
-    // A command that never moves is told, but other commands may do.
+    // A constant command gives a warning only, if another command changes.
     let mut lines = good(400);
     for line in &mut lines[1..] {
         let mut cells: Vec<&str> = line.split(',').collect();
@@ -284,7 +284,7 @@ fn absurd_horizons() {
     }
 }
 
-/// The same samples in two parts of the split would certify what was never tested.
+/// The same samples in two parts of the split would make the evaluation invalid.
 #[test]
 fn logs_in_two_parts_of_the_split() {
     let folder = TempDir::new().unwrap();

@@ -118,7 +118,7 @@ fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
         assert_eq!(inspected["t"][0], 0.0);
         assert!(inspected["head"]["settings"]["learning"]["method"].is_string());
     }
-    // A start again goes on in the same file, behind what is there; other settings do not.
+    // A restart appends to the same file; other options are refused.
     killed(&format!("adapt {MODEL} - --black-box squares.box"), 100);
     let told = text(&ended("inspect squares.box", 0).stdout);
     assert!(told.contains("2 stretches"), "{told}");
@@ -185,7 +185,7 @@ fn unusable_files_are_refused_with_a_remedy() {
     ended(&format!("adapt {MODEL} --replay cut.box"), 0);
 }
 
-/// A full disk does not stop a service: it is told once, and what was written before can be replayed.
+/// A full disk does not stop a service: it is reported once, and the earlier records can be replayed.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_stops_the_recording_only() {
@@ -206,7 +206,7 @@ fn a_full_disk_stops_the_recording_only() {
     assert!(said.ends_with("all identical\n") && !said.starts_with("0 "), "{said}");
 }
 
-/// What went before the first sample is in the memory: logs from shore need not be there, nor those into which faults were put.
+/// The saved state covers the time before the first sample: a replay needs neither training logs nor logs with faults.
 #[test]
 fn replay_needs_no_vessel_file_training_log_or_faults() {
     ended("simulate hydrofoil --seed 5 --duration 60 -o h.csv", 0);

@@ -223,7 +223,7 @@ fn a_model_below_persistence_has_exit_status_one() {
     }
     let args = ["identify", "a.csv", "-o", "out", "--horizon", "2s"];
     assert_eq!(hydroid(folder.path(), &args).status.code(), Some(0));
-    // A log of another vessel that calls its rudder angle what the model calls a moment.
+    // The log of another vessel: its rudder angle has the name that is a moment in the model.
     let log = fs::read_to_string(folder.path().join("b.csv")).unwrap();
     fs::write(folder.path().join("b.csv"), log.replace("RD_ang [rad]", "RD_cmd [N s]")).unwrap();
     let args = ["evaluate", "out/sindy.safetensors", "b.csv"];
@@ -268,7 +268,7 @@ fn a_closed_pipe_is_not_an_error() {
     }
 }
 
-/// Sailed for two minutes, then towed home with the commands at zero.
+/// Two minutes under way, then towed with the commands at zero.
 #[test]
 fn the_end_of_a_log_under_tow_is_left_out_unless_it_is_kept() {
     let folder = TempDir::new().unwrap();

@@ -60,7 +60,7 @@ fn a_closed_loop_writes_all_files() {
     for words in ["north [m]", "cross-track error [m]", "PP_cmd [N]", "time for a command", "--speed 4"] {
         assert!(page.contains(words), "{words}");
     }
-    // The same again, but for what a clock says.
+    // A repetition gives the same result, except for computing times.
     let track = fs::read(at.join("steered/track.csv")).unwrap();
     let again = told(at, &args.replace("-o steered", "-o again --threads 1"), 0);
     assert_eq!(timeless(again), timeless(report));
@@ -134,7 +134,7 @@ fn equations_that_cannot_be_inverted_are_refused_by_fl_and_accepted_by_cem() {
     let words = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{words}");
     assert!(words.contains("fl cannot invert this model") && words.contains("cem"), "{words}");
-    // The remedy that is told.
+    // The remedy of the message.
     let args = "identify a.csv --validate b.csv --test c.csv --outputs u,v,r -o invertible -q --methods sindy --for-control";
     let identified = hydroid(at, args);
     assert!(identified.status.code() < Some(2), "{}", text(&identified.stderr));

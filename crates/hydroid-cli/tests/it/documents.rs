@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What a page can be entered at: its headings as the usual renderers name them.
+/// Anchors of a page: its headings in the form of the usual renderers.
 fn anchors(text: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     let mut code = false;

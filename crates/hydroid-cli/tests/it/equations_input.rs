@@ -55,7 +55,7 @@ fn refused(folder: &TempDir, args: &[&str], words: &[&str]) {
     assert!(!folder.path().join("out").exists(), "{args:?} left something behind");
 }
 
-/// Runs, expects a result, and gives what was said on standard error and output.
+/// Runs, expects success, and returns standard error and standard output.
 fn done(folder: &TempDir, args: &[&str]) -> (String, String) {
     let output = hydroid(folder.path(), &[IDENTIFY, &["--window", "0.5"], args].concat());
     let message = String::from_utf8(output.stderr).unwrap();

@@ -89,9 +89,9 @@ fn the_short_help_has_about_twelve_options_and_the_advanced_help_all() {
         let count = |level: &str| {
             let help = text(&done(folder.path(), &format!("{verb} {level}")).stdout);
             assert!(help.contains("Examples:"), "{help}");
-            help.lines()
-                .filter(|line| line.trim_start().starts_with("--") || line.trim_start().starts_with("-"))
-                .count()
+            let option =
+                |line: &&str| line.trim_start().starts_with('-') && !line.trim_start().starts_with("- ");
+            help.lines().filter(option).count()
         };
         let (short, all) = (count("--help"), count("--help-advanced"));
         assert!((14..=20).contains(&short), "{verb}: {short}");

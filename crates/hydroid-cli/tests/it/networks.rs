@@ -144,7 +144,7 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
     assert_eq!(judged["horizons"].as_array().unwrap().len(), 10);
 }
 
-/// The direct predictor hears of its own table alone, brings the band of its restarts, and does not learn on the way.
+/// The direct predictor uses its own section only, has the band of its restarts, and does not adapt.
 #[test]
 fn a_direct_predictor_is_identified_evaluated_and_inspected() {
     let folder = folder();
@@ -175,7 +175,7 @@ fn a_direct_predictor_is_identified_evaluated_and_inspected() {
     assert_eq!(judged["band_coverage"]["members"], json!(3));
 }
 
-/// Models, and the summary without what a clock says.
+/// Models, and the summary without computing times.
 fn result(path: &Path, out: &str, names: &[&str]) -> (Vec<Vec<u8>>, Value) {
     let file = |name: &&str| fs::read(path.join(out).join(format!("{name}.safetensors"))).unwrap();
     let text = fs::read_to_string(path.join(out).join("identify.json")).unwrap();
@@ -227,7 +227,7 @@ fn start(path: &Path, args: &[&str]) -> Child {
         .unwrap()
 }
 
-/// Waits until the checkpoint is there, or the work is done; says which.
+/// Waits for the checkpoint (true) or the end of the process (false).
 fn kept(child: &mut Child, file: &Path) -> bool {
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_mins(5) {
@@ -276,7 +276,7 @@ fn a_training_that_was_killed_goes_on_to_the_same_model() {
     assert!(!checkpoint.exists());
     let refused = done(path, &job(&[&again[..], &["--resume"]].concat()), &[2]);
     assert!(String::from_utf8_lossy(&refused.stderr).contains("no interrupted training in killed"));
-    // The short trainings that chose the formulation are over in the one, and told of in the other alone.
+    // Only the uninterrupted run reports the short trainings that chose the formulation.
     let (whole, mut summary) = result(path, "whole", &["gru"]);
     let warnings = summary["warnings"].as_array_mut().unwrap();
     let before = warnings.len();

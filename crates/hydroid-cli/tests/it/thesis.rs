@@ -19,7 +19,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// All files below a folder but for what is kept.
+/// All files below a folder except the cache.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     for part in ["figures", "data"] {
@@ -158,7 +158,7 @@ network = { feedback = false, base = "nothing", hidden = 6, epochs = 20 }
     );
 }
 
-/// Killed in the middle and run again, a study comes to the bytes of one that was not.
+/// A study that is killed and run again writes the same bytes as an uninterrupted one.
 #[test]
 fn a_killed_study_resumes() {
     let folder = TempDir::new().unwrap();
@@ -246,7 +246,7 @@ fn built_in_experiments_are_files() {
     let folder = TempDir::new().unwrap();
     let output = hydroid(folder.path(), &["thesis", "--write-experiments", "mine"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    // What was edited is not lost.
+    // Edited files are kept.
     fs::write(folder.path().join("mine/fig5.toml"), "mine").unwrap();
     let refused = hydroid(folder.path(), &["thesis", "--write-experiments", "mine"]);
     assert_eq!(refused.status.code(), Some(2));
