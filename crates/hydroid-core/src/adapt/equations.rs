@@ -1,4 +1,4 @@
-//! Sparse equations whose coefficients are adapted by recursive least squares.
+//! Sparse equations with recursive least squares on their coefficients.
 
 mod adapter;
 
@@ -17,31 +17,31 @@ use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
 use crate::predict::{Predictor, Workspace};
 
-/// Equations with the same terms in them share one regressor and one covariance.
+/// Equations with the same terms, which share a regressor and a covariance.
 #[derive(Clone, Debug)]
 struct Group {
-    /// Terms, by their position in the program.
+    /// Positions of the terms in the program.
     terms: Vec<usize>,
     outputs: Vec<usize>,
-    /// Where each output's coefficients begin among the weights.
+    /// Index of the first coefficient of each output among the weights.
     firsts: Vec<usize>,
     kernel: RecursiveLeastSquares,
     phi: Vec<f64>,
     z: Vec<f64>,
 }
 
-/// An [`Adapter`](super::Adapter) of sparse equations: what is called recursive `SINDy`.
+/// An [`Adapter`](super::Adapter) of sparse equations (recursive SINDy).
 ///
-/// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients. The rows of the regression are increments over a
-/// window of samples against the library averaged over the same window (see `hydroid::sindy::RegressionForm`: the
-/// `Midpoint` rows, every quarter of a window), and each row takes one step of [`RecursiveLeastSquares`].
-/// Rows overlap, so that each counts for the share of it that is new.
+/// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients `Xi`. The rows of the regression are increments over a
+/// window of samples with the library averaged over the same window (the `Midpoint` rows of
+/// `hydroid::sindy::RegressionForm`), one every quarter of a window. Each row is one step of
+/// [`RecursiveLeastSquares`], weighted by the part of its window that no earlier row covered.
 ///
-/// A missing value breaks the window that it stands in, and nothing else. Signals (lag states, past values) are
-/// averaged over an interval like the outputs, as the shore does; nothing is learned before they are warmed up.
+/// A missing value restarts the window. Signals (lag states, past values) are averaged over an interval like the
+/// outputs, as in the identification; rows start after their warm-up.
 ///
-/// Columns are scaled by the root mean square of their term over the design ranges ([`rms_over_range`]), so
-/// that the prior means the same for every term.
+/// Columns are scaled by the root mean square of their term over the design ranges ([`rms_over_range`]), so that the
+/// prior has the same meaning for every term.
 #[derive(Clone, Debug)]
 pub struct RecursiveEquations {
     session: ParametricSession,
@@ -49,48 +49,50 @@ pub struct RecursiveEquations {
     groups: Vec<Group>,
     rows: Increments,
     noise: Noise,
-    /// None where nobody asks for deviations.
+    /// `None` for experts of a mixture, which need no bands.
     prediction_variance: Option<PredictionVariance>,
-    /// What is expected of the next sample.
+    /// One-step prediction of the next sample.
     expected: Vec<f64>,
-    /// Per row.
+    /// Forgetting factor per row.
     lambda: f64,
-    /// Of a row: the part of its window that no row before it had.
+    /// Weight of a row: part of its window that no earlier row covered.
     weight: f64,
     frozen: bool,
-    /// The next row has so many times the noise.
+    /// Factor of the noise variance of the next row.
     inflation: f64,
     outcome: Outcome,
     innovations: Vec<Innovation>,
-    /// The weights in the layout of the session's places.
+    /// Weights in the order of the session's places.
     weights: Vec<f64>,
 }
 
-/// The library over the interval that ends now.
+/// The library over the current interval.
 #[derive(Clone, Debug)]
 struct Library {
     program: Program,
-    /// One over the scale of each term.
+    /// Inverse scale of each term.
     inverse: Vec<f64>,
     slots: Vec<f64>,
-    /// Outputs, inputs and signals at the start of the interval, and which of them are held over it.
+    /// Outputs, inputs and signals at the start of the interval.
     start: Vec<f64>,
+    /// Which of them are held over the interval.
     holds: Vec<bool>,
-    /// Whether the last sample was measured, and one command given since.
+    /// Whether all outputs of the last sample were measured.
     known: bool,
+    /// Whether a command was given since.
     held: bool,
     /// Samples since the start of the run.
     seen: usize,
-    /// A row, before it goes to the groups.
+    /// Regressor of all terms.
     phi: Vec<f64>,
     z: Vec<f64>,
 }
 
 impl RecursiveEquations {
-    /// From equations fitted on shore, and the design range `(low, high)` of each output, then each input.
+    /// From identified equations, and the design range `(low, high)` of each output, then each input.
     ///
     /// # Errors
-    /// If the options make no sense, or there is nothing to adapt.
+    /// If the options are invalid, or there is no coefficient to adapt.
     pub fn new(
         equations: &Equations,
         ranges: &[(f64, f64)],
@@ -99,12 +101,12 @@ impl RecursiveEquations {
         Self::with_r_factor(equations, ranges, options, None)
     }
 
-    /// The same; where all terms are adapted, `r_factor` may be the upper triangle `T` of the second moments `T'T`
-    /// that the library had in the rows that the equations were fitted to, `terms x terms`. It tells in which
-    /// directions these rows know the coefficients, and the scale of each term.
+    /// As [`new`](Self::new), with a prior from the training rows: `r_factor` is the upper triangle `T` (`terms x
+    /// terms`) of the second moments `T'T` of the library in these rows. It sets the scale of each term and the prior
+    /// information in each direction, and requires that all terms are adapted.
     ///
     /// # Errors
-    /// As [`new`](Self::new); if the triangle is not one for all terms of these equations.
+    /// As [`new`](Self::new); if the triangle does not fit the terms or is singular.
     pub fn with_r_factor(
         equations: &Equations,
         ranges: &[(f64, f64)],
@@ -208,22 +210,22 @@ impl RecursiveEquations {
         })
     }
 
-    /// The equations of the moment.
+    /// The equations with the current coefficients.
     pub fn equations(&self) -> &Equations {
         self.session.equations()
     }
 
-    /// The same without deviations, for which nothing is reckoned on the way then.
+    /// Without the computation of standard deviations.
     pub(super) fn without_deviations(self) -> Self {
         Self { prediction_variance: None, ..self }
     }
 
-    /// A session that predicts as this one does and does not learn.
+    /// A session with the current coefficients, without adaptation.
     pub(super) fn parametric_session(&self) -> ParametricSession {
         self.session.clone()
     }
 
-    /// Takes the measurement into the window; says whether a row is ready.
+    /// Adds a measurement to the window and returns whether a row is complete.
     fn collect(&mut self, y: &[f64]) -> bool {
         let Library { program, inverse, slots, start, holds, known, held, seen, phi, z } = &mut self.library;
         *seen = seen.saturating_add(1);
@@ -250,7 +252,7 @@ impl RecursiveEquations {
     fn learn(&mut self) -> Outcome {
         let (phi, z) = (&self.library.phi, &self.library.z);
         if !phi.iter().chain(z).all(|x| x.is_finite()) {
-            // The window holds it: away with all of it.
+            // The non-finite value is part of the window, which restarts.
             self.library.known = false;
             return Outcome::Rejected(Rejection::NotFinite);
         }
@@ -274,21 +276,20 @@ impl RecursiveEquations {
             _ => return outcome,
         };
         let share = share / self.inflation;
-        // Infinitely many deviations, where there was no noise at all.
+        // The weight is zero if the noise variance is zero.
         if !(1.0 / (share * self.weight)).is_finite() {
             return outcome;
         }
         for group in &mut self.groups {
             group.kernel.correct(share * self.weight);
-            // Forgotten is what the next row will be set against; a sample that is not learned from makes
-            // nothing forgotten.
+            // Only rows that are accepted discount earlier rows.
             group.kernel.forget(self.lambda);
         }
         self.publish();
         outcome
     }
 
-    /// Takes the kernels' coefficients into use, in physical units.
+    /// Copies the coefficients of the regression to the session, in physical units.
     fn publish(&mut self) {
         for group in &self.groups {
             let n = group.terms.len();
@@ -308,7 +309,7 @@ impl RecursiveEquations {
         }
     }
 
-    /// The other way: the kernels go on from the session's coefficients.
+    /// Copies the coefficients of the session to the regression.
     fn adopt(&mut self) {
         self.session.weights(&mut self.weights);
         self.update_prediction_variance();
@@ -323,7 +324,8 @@ impl RecursiveEquations {
     }
 }
 
-/// Norms of the columns of an upper triangle, and the triangle with columns of unit norm; none if it is singular.
+/// Norms of the columns of an upper triangle, and the triangle with unit columns; `None` for a singular or non-finite
+/// one.
 fn unit_columns(r_factor: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> {
     if r_factor.len() != terms * terms
         || !(0..terms).all(|j| r_factor[j * terms + j] != 0.0)
@@ -340,7 +342,7 @@ fn unit_columns(r_factor: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> 
         )
     };
     let norms: Vec<f64> = (0..terms).map(norm).collect();
-    // Squares of finite numbers may be none, and inverses of small ones.
+    // Squares can overflow and underflow.
     if !norms.iter().all(|norm| norm.is_finite() && (1.0 / norm).is_finite()) {
         return None;
     }
@@ -348,7 +350,7 @@ fn unit_columns(r_factor: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> 
     Some((norms, unit))
 }
 
-/// The same equations with a coefficient, if only a zero, at every place that is adapted.
+/// The equations with a coefficient, zero where absent, at each adapted place.
 fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, RecursiveOptionsError> {
     let mut ones = vec![0.0; equations.coefficients().len()];
     for &place in places {
@@ -396,7 +398,7 @@ impl Predictor for RecursiveEquations {
         if let Some(prediction_variance) = &mut self.prediction_variance {
             prediction_variance.observe(y, &self.expected);
         }
-        // A second sample at the same time is no error of a step.
+        // A second measurement of the same sample has no one-step error.
         self.expected.fill(f64::NAN);
         self.session.observe(y);
         self.innovations.clear();
@@ -406,7 +408,7 @@ impl Predictor for RecursiveEquations {
     }
 
     fn advance(&mut self, c: &[f64]) {
-        // Two commands without a sample between them: the interval is not one that rows are made of.
+        // An interval without a measurement between two commands is not part of a row.
         let Library { slots, start, known, held, .. } = &mut self.library;
         *known &= !*held;
         *held = true;
@@ -434,7 +436,7 @@ impl Predictor for RecursiveEquations {
         self.session.snapshot(into);
     }
 
-    /// Puts state and coefficients back; the covariance stays, and the window starts anew.
+    /// Restores state and coefficients. The covariance stays, and the window restarts.
     fn restore(&mut self, from: &[f64]) {
         self.session.restore(from);
         self.expected.fill(f64::NAN);

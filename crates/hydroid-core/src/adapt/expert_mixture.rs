@@ -1,4 +1,17 @@
-//! Equations that learn at several paces at once.
+//! Mixture of recursive equations with different priors (expert mixture).
+//!
+//! Each expert `i` is a [`RecursiveEquations`] with its own weight of the prior. Two further experts do not adapt:
+//! the reference coefficients, and zero coefficients, which predict persistence. At each check the experts are rolled
+//! out from their state one horizon ago and compared with the measurement:
+//!
+//! ```text
+//! L_i <- L_i + 1/n sum_c min(((yhat_{i,c} - y_c) / s_c)^2, 25)        L_i = 1 at the start
+//! w_i  = (L_i / min_j L_j)^-3,  normalized to the sum 1
+//! theta = sum_i w_i theta_i
+//! ```
+//!
+//! with `n` outputs of the scale `s_c`, a fifth of the design range. The method is the polynomially weighted average
+//! forecaster (Cesa-Bianchi, Lugosi, *Prediction, Learning, and Games*, 2006, section 2.1).
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -13,87 +26,83 @@ use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace};
 
-/// How fast the equations of a blend learn, and how they are compared.
+/// Options of an [`ExpertMixture`].
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct ExpertMixtureOptions {
-    /// Seconds of sailing that the coefficients given are worth, for each pace; see [`RecursiveOptions::prior_s`].
+    /// Weight of the reference coefficients for each expert \[s\]; see [`RecursiveOptions::prior_s`].
     pub priors_s: Vec<f64>,
     /// See [`RecursiveOptions::forgetting_s`].
     pub forgetting_s: f64,
     /// See [`RecursiveOptions::window`].
     pub window: usize,
-    /// Horizon of the predictions that are compared \[samples\].
+    /// Horizon of the compared predictions \[samples\].
     pub horizon: usize,
-    /// What happens to rows that are far off.
+    /// Innovation gate of the rows.
     pub gate: InnovationGate,
 }
 
-/// Numbers that are kept of the last horizon at the most.
+/// Maximum size of the stored snapshots and commands.
 const MOST_NUMBERS: usize = 1 << 26;
 
-/// Predictions that are compared in one horizon.
+/// Number of comparisons in one horizon.
 const CHECKS: usize = 10;
 
-/// A weight is the past loss to this power: who was a quarter worse (in squared errors) has half the weight.
+/// Exponent of the losses in the weights: a loss that is 26 % larger halves the weight.
 const POWER: i32 = -3;
 
-/// No single squared error counts more than that many variances of the output: one bad sample, or one rollout that
-/// runs away, must not decide for long.
+/// Bound on a squared error, so that a faulty sample or a diverged rollout has a limited effect.
 const WORST: f64 = 25.0;
 
-/// An [`Adapter`](super::Adapter) that walks several [`RecursiveEquations`] along, each with a prior that is worth another time.
-/// How far the model from shore can be trusted is not known on shore: on a vessel that is as it was, the most
-/// cautious predict best, on one that has changed, the quickest. Two more never learn: the equations as
-/// given, and those without a term, for which nothing changes (which wins where all others fail).
+/// An [`Adapter`](super::Adapter) that predicts with the weighted mean of the coefficients of several
+/// [`RecursiveEquations`].
 ///
-/// Predictions are made by one set of equations: the weighted mean of their coefficients. Ten times a horizon, each is
-/// rolled out from where it was one horizon ago, with the coefficients that it had then, and compared with
-/// what came of it; the weights follow from the sums of these squared errors since the session began (a
-/// polynomially weighted forecaster: Cesa-Bianchi, Lugosi, *Prediction, Learning, and Games*, 2006, section 2.1).
+/// The appropriate weight of the prior depends on how much the vessel has changed. Experts with a strong prior
+/// predict best on an unchanged vessel, experts with a weak prior on a changed one.
 ///
-/// Snapshot: that of the mixture equations.
+/// Snapshot: the snapshot of the mean equations.
 #[derive(Clone, Debug)]
 pub struct ExpertMixture {
     experts: Vec<RecursiveEquations>,
     mixture: ParametricSession,
-    /// Of all experts, then of the equations as given, then of those without a term.
+    /// Losses of the experts, the reference coefficients, and zero coefficients.
     losses: Vec<f64>,
     expert_weights: Vec<f64>,
-    /// One over the standard deviation of each output.
+    /// Inverse scale of each output.
     inverse: Vec<f64>,
-    /// Given coefficients at the places that are adapted.
+    /// Reference coefficients at the adapted places.
     given: Vec<f64>,
     weights: Vec<f64>,
     past: Past,
     frozen: bool,
 }
 
-/// What the experts knew at the last checks, and the commands since.
+/// Snapshots of the experts and commands over the last horizon.
 #[derive(Clone, Debug)]
 struct Past {
     horizon: usize,
     stride: usize,
-    /// Rolls out what is put into it.
+    /// Session for the rollouts of the experts.
     trial: ParametricSession,
-    /// Rings: snapshots by check and expert, commands by sample.
+    /// Ring of snapshots, `checks x experts x snapshot`.
     snapshots: Vec<f64>,
+    /// Ring of commands, `horizon x inputs`.
     commands: Vec<f64>,
-    /// Samples since the last that was missing, or the start of the run.
+    /// Samples since the last missing measurement or the start of the run.
     seen: usize,
-    /// The commands of a rollout in their order, its outputs, and memory for it.
+    /// Commands in the order of time.
     unrolled: Vec<f64>,
     predicted: Vec<f64>,
     work: Workspace,
 }
 
 impl ExpertMixture {
-    /// From equations fitted on shore, the design range `(low, high)` of each output, then each input, and the
-    /// triangle of the rows that they were fitted to ([`RecursiveEquations::with_r_factor`]).
+    /// From identified equations, the design range `(low, high)` of each output, then each input, and the R factor of
+    /// the training rows ([`RecursiveEquations::with_r_factor`]).
     ///
     /// # Errors
-    /// If the options make no sense, or there is nothing to adapt.
+    /// If the options are invalid, or there is no coefficient to adapt.
     pub fn new(
         equations: &Equations,
         ranges: &[(f64, f64)],
@@ -124,7 +133,7 @@ impl ExpertMixture {
         let n = equations.outputs();
         let stride = options.horizon.div_ceil(CHECKS);
         let checks = options.horizon.div_ceil(stride);
-        // Checks are whole strides apart.
+        // The horizon is a whole number of strides.
         let horizon = checks * stride;
         let kept = (checks * count).saturating_mul(mixture.snapshot_len());
         if kept.max(horizon.saturating_mul(n.max(equations.inputs()))) > MOST_NUMBERS {
@@ -155,17 +164,18 @@ impl ExpertMixture {
         })
     }
 
-    /// The equations of the moment.
+    /// The equations with the mean coefficients.
     pub fn equations(&self) -> &Equations {
         self.mixture.equations()
     }
 
-    /// Shares of the paces in the equations of the moment; then of the equations as given, and of none.
+    /// Weights of the experts, the reference coefficients, and zero coefficients.
     pub fn expert_weights(&self) -> &[f64] {
         &self.expert_weights
     }
 
-    /// Compares what was expected of this sample one horizon ago, and keeps what is expected from here.
+    /// Updates losses and weights with the predictions that were made one horizon ago, and stores the present
+    /// snapshots.
     fn check(&mut self, y: &[f64]) {
         let Past { horizon, stride, trial, snapshots, commands, seen, unrolled, predicted, work } =
             &mut self.past;
@@ -177,7 +187,7 @@ impl ExpertMixture {
         let slot = (*seen / *stride) % checks;
         let known = *seen >= *horizon + self.mixture.warm_up();
         if known {
-            // The ring is one horizon long: it begins where the oldest command stands.
+            // The oldest command is at the position of the next one.
             let start = (*seen % *horizon) * m;
             let (late, early) = commands.split_at(start);
             unrolled[..early.len()].copy_from_slice(early);
@@ -214,6 +224,7 @@ impl ExpertMixture {
         }
     }
 
+    /// Sets the mean coefficients.
     fn mix(&mut self) {
         let count = self.experts.len();
         for (weight, given) in self.weights.iter_mut().zip(&self.given) {
@@ -228,7 +239,8 @@ impl ExpertMixture {
     }
 }
 
-/// Standard deviations in a design range: a uniform distribution has 3.5, a normal one in its range of a log some 6.
+/// Width of a design range in scales. A uniform distribution has 3.5 standard deviations in its range, a normal one
+/// about 6.
 const DEVIATIONS: f64 = 5.0;
 
 impl Predictor for ExpertMixture {
@@ -288,7 +300,7 @@ impl Predictor for ExpertMixture {
         self.mixture.snapshot(into);
     }
 
-    /// Puts state and coefficients back, of which all paces go on.
+    /// Restores state and coefficients, for all experts.
     fn restore(&mut self, from: &[f64]) {
         self.mixture.restore(from);
         self.experts.iter_mut().for_each(|expert| expert.restore(from));
@@ -305,7 +317,7 @@ impl Predictor for ExpertMixture {
 }
 
 impl Learning for ExpertMixture {
-    /// What came of the sample at the first pace; the gates of the others may differ.
+    /// Outcome of the first expert; the gates of the others may differ.
     fn outcome(&self) -> Outcome {
         self.experts[0].outcome()
     }
@@ -331,12 +343,12 @@ impl Learning for ExpertMixture {
         self.experts.iter_mut().for_each(Learning::restart);
     }
 
-    /// Those of its paces are positive by construction.
+    /// Unknown: the covariances of the experts are positive by construction.
     fn health(&self) -> Health {
         Health::UNKNOWN
     }
 
-    /// None are known: which pace will turn out to be right is not a matter of variances.
+    /// NaN: a mixture has no variance of its own.
     fn deviations(&mut self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
         assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
         deviations.fill(f64::NAN);

@@ -5,18 +5,18 @@ use alloc::vec::Vec;
 
 use super::memory::{Reader, Writer};
 
-/// Collects a run into rows
+/// Collects samples into rows
 ///
 /// ```text
-/// z   = (y_k - y_{k-m}) / (m dt)
+/// z   = (y_k - y_{k-m}) / (m dt)                                    [unit/s]
 /// phi = 1/m sum_{i=k-m}^{k-1} theta((y_i + y_{i+1})/2, c_i)
 /// ```
 ///
-/// increments over `m` samples against the library at the mid-state and under the held command of each
-/// interval, averaged: the noise of `z` falls as `1/m`. A row is ready every `stride` samples.
+/// with increments over `m` samples and the library at the mid-state of each interval under its held command. The
+/// standard deviation of the noise of `z` falls as `1/m`. A row is completed every `stride` samples.
 ///
-/// The window is a ring of blocks of `stride` intervals, each summed from zero: nothing is ever subtracted,
-/// so that no rounding error and no spike outlives the window.
+/// The window is a ring of blocks of `stride` intervals, each summed from zero, so that rounding errors and spikes
+/// leave the window with their block.
 #[derive(Clone, Debug)]
 pub(super) struct Increments {
     outputs: usize,
@@ -28,16 +28,18 @@ pub(super) struct Increments {
     starts: Vec<f64>,
     /// Sum of the library over each block.
     sums: Vec<f64>,
-    /// The block that is being filled, how many intervals it has, and how many full ones there are.
+    /// Index of the incomplete block.
     current: usize,
+    /// Number of its intervals.
     filled: usize,
+    /// Number of complete blocks.
     full: usize,
 }
 
 impl Increments {
-    /// For windows of `samples` intervals, shortened to a multiple of the stride, a quarter of it.
+    /// For windows of `samples` intervals, rounded down to a multiple of the stride, which is a quarter of the
+    /// window.
     pub(super) fn new(samples: usize, outputs: usize, terms: usize, dt: f64) -> Self {
-        // Increments that overlap by three quarters use nearly all that the samples say.
         let stride = (samples / 4).max(1);
         let blocks = (samples / stride).max(1);
         Self {
@@ -54,7 +56,7 @@ impl Increments {
         }
     }
 
-    /// How many numbers [`save`](Self::save) writes.
+    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.starts.len() + self.sums.len() + 3
     }
@@ -75,22 +77,22 @@ impl Increments {
         self.full = from.count(self.blocks);
     }
 
-    /// Intervals in a row.
+    /// Intervals of a row.
     pub(super) fn samples(&self) -> usize {
         self.blocks * self.stride
     }
 
-    /// Samples from row to row.
+    /// Samples between rows.
     pub(super) fn stride(&self) -> usize {
         self.stride
     }
 
-    /// Rows that share a sample with another one.
+    /// Maximum number of rows that contain one sample.
     pub(super) fn overlap(&self) -> usize {
         self.blocks + 1
     }
 
-    /// Starts anew at a sample.
+    /// Restarts the window at a sample.
     pub(super) fn restart(&mut self, y: &[f64]) {
         self.full = 0;
         self.begin(y);
@@ -102,8 +104,8 @@ impl Increments {
         self.sums[self.current * self.terms..][..self.terms].fill(0.0);
     }
 
-    /// Adds an interval: the library over it (number `j` is `theta(j)`) and the outputs at its end. If a row
-    /// is ready, writes it and says so.
+    /// Adds an interval: the library `theta(j)` of term `j` over it and the outputs `y` at its end. Returns whether a
+    /// row was completed and written to `phi` and `z`.
     pub(super) fn push(
         &mut self,
         theta: impl Fn(usize) -> f64,
@@ -120,7 +122,7 @@ impl Increments {
         }
         self.full = (self.full + 1).min(self.blocks);
         let ready = self.full == self.blocks;
-        // The block after this one is the oldest, and the next to be filled.
+        // The next block is the oldest one.
         self.current = (self.current + 1) % self.blocks;
         if ready {
             let m = self.samples() as f64;

@@ -1,4 +1,21 @@
-//! How far a row may be from what is expected, and what happens beyond.
+//! Innovation gate and online estimate of the row noise.
+//!
+//! For a row with the innovations `e_i`, the leverage `l = phi' P phi` and the noise variances `s_i^2`, the largest
+//! normalized innovation is
+//!
+//! ```text
+//! d = max_i |e_i| / (s_i sqrt(1 + min(l, 1)))
+//! w = 1                 d <= inflate
+//! w = inflate / d       inflate < d <= reject          Huber weight
+//! w = 0                 d > reject
+//! ```
+//!
+//! and the noise variance follows the innovations with the rate `a`, where the square is bounded by `(inflate s_i)^2`
+//! for outliers:
+//!
+//! ```text
+//! s_i^2 <- s_i^2 + a (e_i^2 / (1 + l) - s_i^2)
+//! ```
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -6,18 +23,18 @@ use alloc::vec::Vec;
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::{Innovation, Outcome, Rejection};
 
-/// Limits on the largest innovation of a row \[standard deviations\].
+/// Thresholds on the largest normalized innovation of a row \[standard deviations\].
 ///
-/// Beyond `inflate` a row weighs less, as in Huber's estimator: by `inflate / deviations`. Beyond `reject` it
-/// is not learned from at all. A single bad sample stands in a limited number of rows; innovations that stay
-/// large for longer are no outliers but a vessel that has changed, and are believed.
+/// Above `inflate` a row has the Huber weight `inflate / d`, above `reject` it is rejected. A faulty sample is part
+/// of a limited number of rows. Innovations that stay large for more rows are accepted, because the vessel has
+/// changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct InnovationGate {
-    /// Where weights begin to fall.
+    /// Threshold of down-weighting.
     pub inflate: f64,
-    /// Where rows are rejected.
+    /// Threshold of rejection.
     pub reject: f64,
 }
 
@@ -28,50 +45,51 @@ impl Default for InnovationGate {
 }
 
 impl InnovationGate {
-    /// Learns from everything that is finite.
+    /// No gate: every finite row has full weight.
     pub const OPEN: Self = Self { inflate: f64::INFINITY, reject: f64::INFINITY };
 }
 
-/// Rows before the noise is known well enough to judge by.
+/// Rows before the noise estimate is used.
 pub(super) const FEWEST_ROWS: usize = 30;
 
-/// Time \[s\] over which the noise is learned, and the largest share of one row in it: on real vessels the size
-/// of what the model leaves out changes with what the vessel does. (With the forgetting time of the coefficients, a
-/// minute, 64 and 83 % of the tug's innovations were inside the 80 and 95 % band; so, 74 and 90 %.)
+/// Time constant of the noise estimate \[s\]. It is shorter than the forgetting time, because the model error changes
+/// with the manoeuvre.
 pub(super) const MEMORY_S: f64 = 20.0;
+/// Maximum rate of the noise estimate.
 pub(super) const LARGEST_SHARE: f64 = 0.1;
 
-/// The part of an innovation that uncertain coefficients can excuse is bounded by that of the noise. A spike
-/// in an output makes large regressors, whose innovation would otherwise excuse itself.
+/// Bound on the leverage in the test. A spike in an output enlarges the regressor and would otherwise pass its own
+/// test.
 const MOST_LEVERAGE: f64 = 1.0;
 
-/// The noise of the rows, learned from the innovations, and the gate that follows from it.
+/// Noise variance of the rows and the gate.
 #[derive(Clone, Debug)]
 pub(super) struct Noise {
     gate: InnovationGate,
-    /// Variance of each output's row noise.
+    /// Noise variance of each output's rows \[unit^2/s^2\].
     variance: Vec<f64>,
     rows: usize,
-    /// Rows in sequence that were beyond the gate, and how many of them one bad sample can explain.
+    /// Consecutive outliers.
     streak: usize,
+    /// Number of consecutive outliers that one faulty sample can cause.
     longest: usize,
-    /// Share of a row in the noise estimate, once that is settled.
+    /// Rate of the noise estimate in steady state.
     rate: f64,
 }
 
 impl Noise {
-    /// For rows that come every `row_s` seconds.
+    /// For rows at intervals of `row_s` seconds.
     pub(super) fn new(outputs: usize, gate: InnovationGate, longest: usize, row_s: f64) -> Self {
         let rate = (row_s / MEMORY_S).min(LARGEST_SHARE);
         Self { gate, variance: vec![0.0; outputs], rows: 0, streak: 0, longest, rate }
     }
 
-    /// Variance of the noise of each output's rows, once it is known.
+    /// Noise variance of each output's rows; `None` during the first rows.
     pub(super) fn variances(&self) -> Option<&[f64]> {
         (self.rows >= FEWEST_ROWS).then_some(&self.variance)
     }
 
-    /// How many numbers [`save`](Self::save) writes.
+    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.variance.len() + 2
     }
@@ -88,14 +106,14 @@ impl Noise {
         self.streak = from.count(MOST_COUNTED);
     }
 
-    /// Completes the innovations of a row (their values are given, and in `deviation` their `phi' P phi`) and
-    /// decides what happens to it.
+    /// Outcome of a row. On entry `innovations` contain the values, and the leverage `phi' P phi` as `deviation`; on
+    /// return the standard deviations.
     pub(super) fn judge(&mut self, innovations: &mut [Innovation]) -> Outcome {
         let known = self.rows >= FEWEST_ROWS;
         let mut deviations = 0.0f64;
         for (innovation, variance) in innovations.iter().zip(&self.variance) {
             let predicted = variance * (1.0 + innovation.deviation.min(MOST_LEVERAGE));
-            // A row without an innovation is no outlier, even where there is no noise at all.
+            // An innovation of zero is no outlier, even with zero variance.
             if innovation.value != 0.0 {
                 deviations = deviations.max(innovation.value.abs() / num_traits::Float::sqrt(predicted));
             }
@@ -110,7 +128,7 @@ impl Noise {
                 if known { num_traits::Float::sqrt(*variance * (1.0 + leverage)) } else { f64::NAN };
             let mut square = innovation.value * innovation.value / (1.0 + leverage);
             if outlier {
-                // What is not believed does not widen the gate either, by more than the gate itself.
+                // Outliers cannot widen the gate by more than its threshold.
                 square = square.min(self.gate.inflate * self.gate.inflate * *variance);
             }
             *variance += share * (square - *variance);

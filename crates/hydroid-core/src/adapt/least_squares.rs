@@ -1,4 +1,4 @@
-//! Recursive least squares with forgetting that cannot blow up.
+//! Recursive least squares with forgetting and a bounded covariance.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -6,66 +6,59 @@ use alloc::vec::Vec;
 use super::memory::{Reader, Writer};
 use super::ud_factor::UdFactor;
 
-/// Recursive least squares for several targets on one regressor.
+/// Recursive least squares for several targets with one regressor.
 ///
-/// At every row `phi` (n numbers), `z_i = phi' theta_i + noise` for each target `i`. The estimate minimises
+/// A row has the regressor `phi` (`n` numbers) and the targets `z_i = phi' theta_i + noise`. The estimate minimizes
 ///
 /// ```text
 /// sum_k lambda^(t-k) w_k (z_k - phi_k' theta)^2  +  r0 |theta - theta_0|^2
 /// ```
 ///
-/// with weights `w_k`, forgetting factor `lambda` per row, and a prior: the coefficients `theta_0` known
-/// from shore, worth `r0` rows of unit regressors in each direction. The data are forgotten, **the prior is
-/// not**. That is what bounds the covariance: exponential forgetting alone (Ljung, *System Identification*,
-/// 2nd ed., section 11.2) lets `P` grow as `lambda^-t` in directions that are not excited, until noise decides
-/// ("windup"; Fortescue, Kershenbaum, Ydstie 1981). Keeping the prior in the information matrix exactly,
-/// `R <- lambda R + (1 - lambda) r0 I + w phi phi'`, is regularization in the sense of Gunnarsson (*On
-/// covariance modification and regularization in recursive least squares identification*, IFAC SYSID 1994,
-/// who so reads the `beta I` of Salgado, Goodwin, Middleton 1988), and costs `n^3`. Here, one coefficient
-/// at a time, in turn, is given back what `n` rows have made the prior forget:
+/// with the row weights `w_k`, the forgetting factor `lambda` per row, and a prior: the reference coefficients
+/// `theta_0` with the weight of `r0` rows of unit regressors in each direction. Data are forgotten, the prior is not.
+/// With exponential forgetting alone `P` grows as `lambda^-t` in directions without excitation ("windup"; Ljung,
+/// *System Identification*, 2nd ed., section 11.2; Fortescue, Kershenbaum, Ydstie 1981). The exact recursion `R <-
+/// lambda R + (1 - lambda) r0 I + w phi phi'` of the information matrix `R = P^-1` (Gunnarsson, *On covariance
+/// modification and regularization in recursive least squares identification*, IFAC SYSID 1994; Salgado, Goodwin,
+/// Middleton 1988) costs `n^3`. Here each row restores the prior of one coefficient, in turn:
 ///
 /// ```text
 /// R <- lambda R + n (1 - lambda) r0 e_j e_j' + w phi phi'        j = t mod n
 /// ```
 ///
-/// a pseudo-measurement of `theta_j`, at the cost of half an ordinary row. By induction over the visits,
-/// `R >= r0 lambda^(n-1) I` always, so that **no eigenvalue of `P` ever exceeds `lambda^(1-n) / r0`**,
-/// whatever the data. The pseudo-measurement can say `theta_0` (a leak towards the shore-trained
-/// coefficients, which makes the estimate that of the sum above) or the present `theta` (only the bound).
+/// The restoration is a pseudo-measurement of `theta_j` and costs half an ordinary row. By induction `R >= r0
+/// lambda^(n-1) I`, so that **no eigenvalue of `P` exceeds `lambda^(1-n) / r0`**, whatever the data. The
+/// pseudo-measurement has the value `theta_0` (leak towards the reference) or the present `theta` (bound without
+/// leak).
 ///
-/// Measured against the alternatives on six tuning records (geometric mean of adapted over frozen error, 1 is no
-/// gain; forgetting in 20 s and in 60 s; defaults of `hydroid adapt` otherwise):
+/// The measurement update with the weight `w` is
 ///
-/// | | 20 s | 60 s | rollouts diverged | vessel that does not change |
-/// | --- | --- | --- | --- | --- |
-/// | exponential forgetting, no bound | 0.811 | 0.764 | 30 and 1 | 2.14, 1.38 |
-/// | no forgetting beyond the first trace of `P` | 0.764 | 0.765 | 0 | 1.01, 1.01 |
-/// | this bound, no leak | 0.667 | 0.711 | 0 | 1.04, 1.01 |
-/// | this bound, leak | 0.730 | 0.716 | 0 | 0.995, 0.995 |
+/// ```text
+/// K = P phi / (1/w + phi' P phi),    theta_i += K (z_i - phi' theta_i),    P -= K phi' P
+/// ```
 ///
-/// With `lambda = 1` nothing is forgotten and the estimate is batch least squares with the ridge `r0`.
-///
-/// `P` is kept as `U D U'` ([`UdFactor`]): symmetric and positive whatever the rounding (Ljung, section 11.7).
+/// With `lambda = 1` the estimate is batch least squares with the ridge `r0`. `P` is stored as `U D U'`
+/// ([`UdFactor`]).
 #[derive(Clone, Debug)]
 pub struct RecursiveLeastSquares {
     factor: UdFactor,
-    /// The numbers that it began with.
+    /// Initial covariance.
     initial: Vec<f64>,
-    /// Targets x coefficients.
+    /// Coefficients, `targets x n`.
     theta: Vec<f64>,
     prior: Vec<f64>,
     information: f64,
-    /// Upper triangle `T` of a prior information `r0 T'T`, row by row; none for `r0 I`.
+    /// Upper triangle `T` of a prior information `r0 T'T`, row by row; `None` for `r0 I`.
     r_factor: Option<Vec<f64>>,
     leak: bool,
-    /// The coefficient (the row of the triangle) whose prior is restored next.
+    /// Coefficient (row of `T`) whose prior is restored next.
     turn: usize,
     innovations: Vec<f64>,
 }
 
 impl RecursiveLeastSquares {
-    /// From coefficients (`targets x n`, row by row) that are worth `information > 0` rows of unit
-    /// regressors. `leak`: whether forgotten coefficients return to these, or stay where they are.
+    /// Starts from reference coefficients (`targets x n`, row by row) with the weight of `information > 0` rows of
+    /// unit regressors; `leak`: whether forgotten coefficients return to the reference.
     ///
     /// # Panics
     /// If the coefficients do not fill whole rows of `n`, or `information` is not a positive number.
@@ -86,10 +79,9 @@ impl RecursiveLeastSquares {
         }
     }
 
-    /// The same with a prior that knows some directions better than others: `information` rows whose second
-    /// moments are `T'T`. `r_factor` is `T`, upper triangular, row by row, with no zero on its diagonal: the factor of
-    /// the rows that the coefficients come from, say. What is forgotten of this prior is given back row by row
-    /// of `T`, so that `R >= r0 lambda^(n-1) T'T` always.
+    /// As [`new`](Self::new), with the prior information `r0 T'T`, where `r0` is `information` and `T` is `r_factor`:
+    /// a regular upper triangle (`n x n`, row by row), such as the QR factor of the training rows. Forgotten prior
+    /// information is restored row by row of `T`, so that `R >= r0 lambda^(n-1) T'T`.
     ///
     /// # Panics
     /// As [`new`](Self::new); if `r_factor` has not `n x n` numbers.
@@ -100,12 +92,12 @@ impl RecursiveLeastSquares {
         Self { initial: numbers(&factor), factor, r_factor: Some(r_factor.to_vec()), ..own }
     }
 
-    /// How many numbers [`save`](Self::save) writes.
+    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.factor.memory_len() + self.theta.len() + 1
     }
 
-    /// Covariance, coefficients, and whose turn it is; a row that was met is not part of it.
+    /// Writes covariance, coefficients and the index of the next restoration.
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         self.factor.save(into);
         into.numbers(&self.theta);
@@ -119,13 +111,13 @@ impl RecursiveLeastSquares {
         self.innovations.fill(0.0);
     }
 
-    /// The covariance is as at the start; the coefficients stay.
+    /// Resets the covariance to its initial value. The coefficients stay.
     pub fn restart(&mut self) {
         self.factor.load(&mut Reader::new(&self.initial));
         self.turn = 0;
     }
 
-    /// Whether prior and covariance are of a size to compute with: [`UdFactor::is_sound`].
+    /// Whether all numbers are finite and in the range of [`UdFactor::is_sound`].
     pub fn is_sound(&self) -> bool {
         self.factor.is_sound() && self.theta.iter().all(|theta| theta.is_finite())
     }
@@ -140,12 +132,12 @@ impl RecursiveLeastSquares {
         self.theta.is_empty()
     }
 
-    /// The coefficients, `targets x n`, row by row.
+    /// Coefficients, `targets x n`, row by row.
     pub fn coefficients(&self) -> &[f64] {
         &self.theta
     }
 
-    /// The same, to go on from others.
+    /// Mutable coefficients.
     pub fn coefficients_mut(&mut self) -> &mut [f64] {
         &mut self.theta
     }
@@ -155,13 +147,13 @@ impl RecursiveLeastSquares {
         self.factor.covariance(i, j)
     }
 
-    /// `phi' P phi` of a row whose numbers are given by position, in units of the noise variance.
+    /// `phi' P phi` of a regressor that is given by position, in units of the noise variance.
     pub(super) fn variance(&self, phi: impl Fn(usize) -> f64 + Copy) -> f64 {
         self.factor.variance(phi)
     }
 
-    /// Forgets: the data's weight by `lambda`, the prior's not. Once for each row, before
-    /// [`predict`](Self::predict) or after [`correct`](Self::correct).
+    /// Forgetting of one row: discounts the data by `lambda` and restores the prior. To be called once for each row,
+    /// before [`predict`](Self::predict) or after [`correct`](Self::correct).
     pub fn forget(&mut self, lambda: f64) {
         if lambda >= 1.0 {
             return;
@@ -187,7 +179,7 @@ impl RecursiveLeastSquares {
         }
     }
 
-    /// Meets a row without its targets: gives `phi' P phi`. The innovations are to be put in
+    /// Projects a regressor without targets and returns `phi' P phi`. The caller sets
     /// [`innovations_mut`](Self::innovations_mut) before [`correct`](Self::correct).
     ///
     /// # Panics
@@ -197,7 +189,7 @@ impl RecursiveLeastSquares {
         self.factor.project(phi)
     }
 
-    /// Meets a row: gives `phi' P phi` and keeps the innovations `z_i - phi' theta_i`. The variance of an
+    /// Projects a regressor, stores the innovations `z_i - phi' theta_i` and returns `phi' P phi`. The variance of an
     /// innovation is `noise variance x (1/w + phi' P phi)`.
     ///
     /// # Panics
@@ -211,19 +203,18 @@ impl RecursiveLeastSquares {
         self.factor.project(phi)
     }
 
-    /// The innovations of the last [`predict`](Self::predict).
+    /// Innovations of the last [`predict`](Self::predict).
     pub fn innovations(&self) -> &[f64] {
         &self.innovations
     }
 
-    /// The same, to put others in their place; 0 of a target from which there is nothing to learn.
+    /// Mutable innovations; 0 excludes a target from the update.
     pub fn innovations_mut(&mut self) -> &mut [f64] {
         &mut self.innovations
     }
 
-    /// Learns from the row that [`predict`](Self::predict) has met, with weight `w > 0`: `theta_i += K e_i`,
-    /// `K = P phi / (1/w + phi' P phi)`, `P -= K phi' P`. Without a new `predict` there is nothing to learn, nor
-    /// from a row without weight.
+    /// Measurement update with the projected regressor and the weight `w > 0`. Without a new regressor, or with zero
+    /// weight, nothing changes.
     pub fn correct(&mut self, weight: f64) {
         if !(1.0 / weight).is_finite() {
             return;
@@ -237,7 +228,7 @@ impl RecursiveLeastSquares {
     }
 }
 
-/// All of a factor.
+/// The numbers of a covariance.
 fn numbers(factor: &UdFactor) -> Vec<f64> {
     let mut numbers = vec![0.0; factor.memory_len()];
     factor.save(&mut Writer::new(&mut numbers));

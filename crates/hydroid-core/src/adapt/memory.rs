@@ -1,18 +1,18 @@
-//! The memory of an adapter as a flat slice: what is written in one order is read in the same.
+//! State of an adapter as a flat slice. The reader takes the values in the order in which the writer stored them.
 
-/// Far more samples than there ever are; what is added to it still is a count.
+/// Upper limit of stored counters; an increment does not overflow.
 pub(super) const MOST_COUNTED: usize = usize::MAX / 4;
 
-/// Writes numbers one after the other.
+/// Writes numbers in sequence.
 pub(super) struct Writer<'a>(&'a mut [f64]);
 
 impl<'a> Writer<'a> {
-    /// Fills a slice from its start.
+    /// A writer from the start of a slice.
     pub(super) fn new(into: &'a mut [f64]) -> Self {
         Self(into)
     }
 
-    /// The next `len` numbers, to be written by the caller.
+    /// The next `len` numbers, for the caller to fill.
     pub(super) fn part(&mut self, len: usize) -> &'a mut [f64] {
         let (part, rest) = core::mem::take(&mut self.0).split_at_mut(len);
         self.0 = rest;
@@ -23,7 +23,7 @@ impl<'a> Writer<'a> {
         self.part(numbers.len()).copy_from_slice(numbers);
     }
 
-    /// A count: exact up to 2^53, which no counter of samples reaches.
+    /// Writes a counter; exact up to 2^53.
     pub(super) fn count(&mut self, count: usize) {
         self.part(1)[0] = count as f64;
     }
@@ -33,11 +33,11 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Reads them back.
+/// Reads numbers in sequence.
 pub(super) struct Reader<'a>(&'a [f64]);
 
 impl<'a> Reader<'a> {
-    /// Reads a slice from its start.
+    /// A reader from the start of a slice.
     pub(super) fn new(from: &'a [f64]) -> Self {
         Self(from)
     }
@@ -52,8 +52,7 @@ impl<'a> Reader<'a> {
         into.copy_from_slice(self.part(into.len()));
     }
 
-    /// A count, of which the largest that makes sense is known: what was stored outside of the program may
-    /// predict nonsense afterwards, and must not panic.
+    /// Reads a counter and limits it to `most`, so that a damaged state cannot cause a panic.
     pub(super) fn count(&mut self, most: usize) -> usize {
         // Casts saturate, and NaN is 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

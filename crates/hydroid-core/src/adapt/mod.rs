@@ -1,18 +1,18 @@
-//! Learning on board, sample by sample.
+//! Online adaptation, sample by sample.
 //!
-//! An [`Adapter`] is a prediction session ([`Predictor`]) that owns a model and changes its weights as it
-//! walks along a run. Whoever can walk a session (evaluation, a controller) lets it learn on the way, and its
-//! snapshots carry the weights of the moment: a rollout from a snapshot is made by the model as it was then.
+//! An [`Adapter`] is a prediction session ([`Predictor`]) with weights of its own, which it adapts along a run.
+//! Evaluation and controllers use it as any session. Its snapshots contain the weights: a rollout from a snapshot
+//! uses the weights of that time.
 //!
-//! | adapter | what it adapts, and how |
+//! | adapter | adapted weights and method |
 //! | --- | --- |
 //! | [`RecursiveEquations`] | coefficients of sparse equations, by [`RecursiveLeastSquares`] on increments |
-//! | [`KalmanEquations`](kalman::KalmanEquations) | the same, with the outputs, by an extended Kalman [`Filter`](kalman::Filter) |
-//! | [`KalmanPlant`](kalman::KalmanPlant) | motion, propeller force and parameters of a vessel, by such a filter |
-//! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by such a filter |
-//! | [`DirectLastLayer`] | the last layer of a direct predictor, all steps of its horizon at once, by [`RecursiveLeastSquares`] |
-//! | [`ExpertMixture`] | several of these at different paces, weighed by what they have predicted of late |
-//! | [`Guard`](guard::Guard) | what another one does, as long as that is to be trusted |
+//! | [`KalmanEquations`](kalman::KalmanEquations) | outputs and coefficients of sparse equations, by an extended Kalman [`Filter`](kalman::Filter) |
+//! | [`KalmanPlant`](kalman::KalmanPlant) | motion, propeller force and parameters of a vessel, by the filter |
+//! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by the filter |
+//! | [`DirectLastLayer`] | last layer of a direct predictor, all steps of its horizon at once, by [`RecursiveLeastSquares`] |
+//! | [`ExpertMixture`] | several [`RecursiveEquations`] with different priors, weighted by their past errors |
+//! | [`Guard`](guard::Guard) | supervises another adapter |
 
 mod equations;
 mod expert_mixture;
@@ -41,10 +41,10 @@ pub use parametric_session::ParametricSession;
 pub use scale::rms_over_range;
 pub use ud_factor::UdFactor;
 
-/// A prediction session that learns along the run.
+/// A prediction session that adapts its weights along the run.
 ///
-/// It learns in [`observe`](Predictor::observe), from all samples up to this one; [`outcome`](Self::outcome) reports the result.
-/// A [`reset`](Predictor::reset) starts a run and keeps what was learned.
+/// It learns in [`observe`](Predictor::observe), from all samples up to the observed one; [`outcome`](Self::outcome)
+/// reports the result. A [`reset`](Predictor::reset) starts a run and preserves the weights.
 pub trait Learning: Predictor {
     /// Effect of the last observed sample on the weights.
     fn outcome(&self) -> Outcome;
@@ -69,7 +69,7 @@ pub trait Learning: Predictor {
     /// Indicators of the covariance.
     fn health(&self) -> Health;
 
-    /// The guard that this is, if it is one.
+    /// This session as a guard, if it is one.
     fn guard(&self) -> Option<&guard::Guard> {
         None
     }
@@ -144,45 +144,44 @@ impl Health {
     pub const UNKNOWN: Self = Self { least_variance: f64::NAN, min_s_over_r: f64::NAN };
 }
 
-/// What a sample did to the weights.
+/// Effect of a sample on the weights.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Outcome {
-    /// There was nothing to learn from at this sample: a window is filling, a value is missing, or the adapter
-    /// is frozen.
+    /// No update: a window is incomplete, a value is missing, or the adapter is frozen.
     #[default]
     Waiting,
-    /// Learned from with full weight.
+    /// Update with full weight.
     Accepted,
-    /// Learned from with less weight, as from a noisier measurement.
+    /// Update with a reduced weight, equivalent to a larger noise variance.
     Inflated {
         /// The largest innovation, in standard deviations.
         deviations: f64,
-        /// Share of the full weight.
+        /// Weight relative to an accepted sample.
         weight: f64,
     },
-    /// Not learned from.
+    /// No update.
     Rejected(Rejection),
-    /// The weights went back to earlier ones.
+    /// The weights were restored from an earlier snapshot.
     RolledBack,
 }
 
-/// Why a sample was not learned from.
+/// Reason for rejecting a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rejection {
-    /// An innovation farther off than anything that noise explains.
+    /// An innovation exceeds the upper threshold of the gate.
     Outlier {
         /// The largest innovation, in standard deviations.
         deviations: f64,
     },
-    /// Infinite, or so large that the regression overflows.
+    /// A value is infinite, or its square overflows.
     NotFinite,
 }
 
-/// How far an observation was from what was expected.
+/// Innovation of one output: measurement minus prediction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Innovation {
-    /// Observed less expected.
+    /// Measurement minus prediction.
     pub value: f64,
-    /// Standard deviation expected of it: of the noise and of the weights together.
+    /// Its standard deviation, from measurement noise and weight uncertainty.
     pub deviation: f64,
 }

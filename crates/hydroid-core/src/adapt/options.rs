@@ -1,60 +1,59 @@
-//! RecursiveOptions of recursive equations.
+//! Options of recursive least squares for equations.
 
 use super::increments::Increments;
 use super::innovation_gate::InnovationGate;
 use crate::model::sparse::{Equations, EquationsError};
 
-/// How to adapt.
+/// Options of [`RecursiveEquations`](super::RecursiveEquations).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct RecursiveOptions {
-    /// Time \[s\] after which a row counts `1/e`; infinite to forget nothing.
+    /// Time constant of the forgetting \[s\]: a row of this age counts `1/e`; infinite for none.
     pub forgetting_s: f64,
-    /// Intervals that an increment spans \[samples\], at least 1.
+    /// Length `m` of an increment \[samples\], at least 1.
     pub window: usize,
-    /// Seconds of lively sailing that the coefficients given are worth: with the design ranges fully used, so
-    /// long takes the log to count as much as they do.
+    /// Weight of the reference coefficients, as seconds of data that use the whole design range.
     pub prior_s: f64,
-    /// Whether coefficients about which the log has long said nothing return to those given.
+    /// Whether coefficients without excitation return to the reference (leak).
     pub leak: bool,
-    /// Whether terms that are not in an equation may enter it.
+    /// Whether terms with zero coefficients are adapted as well.
     pub all_terms: bool,
-    /// What happens to rows that are far off.
+    /// Innovation gate of the rows.
     pub gate: InnovationGate,
 }
 
-/// Samples of a window or a horizon at the most.
+/// Maximum length of a window or horizon \[samples\].
 pub(super) const MOST_SAMPLES: usize = 1_000_000;
 
-/// Paces of a blend at the most.
+/// Maximum number of experts of a mixture.
 pub(super) const MOST_EXPERTS: usize = 16;
 
-/// Rows that a prior is worth at the most, and at the least one over it: squares and inverses stay numbers.
+/// Maximum weight of a prior \[rows\], and of its inverse; squares and inverses stay finite.
 const MOST_INFORMATION: f64 = 1e30;
 
-/// Forgetting times that pass until a prior is restored in all directions, at the most: the covariance grows by `e` to
-/// this power meanwhile.
+/// Maximum number of forgetting times between two restorations of one direction of the prior. The covariance grows by
+/// `e` to this power in between.
 const MOST_FORGOTTEN: f64 = 300.0;
 
-/// Why equations cannot be adapted.
+/// Error of the options of an adapter of equations.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RecursiveOptionsError {
     /// A time is not positive.
     Time(&'static str),
-    /// A window without samples, or one that no log fills.
+    /// The window is empty or longer than a million samples.
     Window,
-    /// A time that is out of all proportion to the span of a row: numbers would overflow.
+    /// A time is too short or too long relative to the span of a row: numbers would overflow.
     Extreme(&'static str),
-    /// Limits that do not ascend from a positive number.
+    /// The thresholds of the innovation gate are not positive and ascending.
     Gate,
-    /// There is not one range for each output and input, or one is not finite.
+    /// The ranges are not finite, or not one for each output and input.
     Ranges,
     /// No equation has a term.
     Nothing,
-    /// The prior is not a regular upper triangle over all terms.
+    /// The R factor of the prior is not a regular upper triangle over all terms.
     RFactor,
-    /// Several paces need at least one, not too many, and a horizon to compare them by.
+    /// The number of experts or the horizon of a mixture is zero or too large.
     Experts,
     /// The terms do not compile.
     Equations(EquationsError),
@@ -88,7 +87,7 @@ impl core::fmt::Display for RecursiveOptionsError {
 impl core::error::Error for RecursiveOptionsError {}
 
 impl RecursiveOptions {
-    /// Whether they make sense for some equations and the ranges of their outputs and inputs.
+    /// Checks the options for equations and the ranges of their outputs and inputs.
     pub(super) fn check(
         &self,
         equations: &Equations,
@@ -113,7 +112,8 @@ impl RecursiveOptions {
         Ok(())
     }
 
-    /// The rows that the prior is worth, and the forgetting factor of a row, for regressions of so many terms.
+    /// Weight `r0` of the prior \[rows\] and forgetting factor `lambda` of a row, for `terms` coefficients in an
+    /// equation.
     pub(super) fn prior_and_forgetting(
         &self,
         rows: &Increments,
@@ -125,7 +125,7 @@ impl RecursiveOptions {
             return Err(RecursiveOptionsError::Extreme("the time that the prior is worth"));
         }
         let row = rows.stride() as f64 * dt / self.forgetting_s;
-        // A direction is given its prior back once in so many rows; until then its covariance grows.
+        // Each direction of the prior is restored once in `terms` rows.
         let turn = row * terms as f64;
         if turn.is_nan() || turn > MOST_FORGOTTEN {
             return Err(RecursiveOptionsError::Extreme("the forgetting time"));

@@ -1,4 +1,4 @@
-//! Sparse equations whose coefficients travel with the session.
+//! A session of sparse equations with its own coefficients.
 
 use alloc::boxed::Box;
 use alloc::sync::Arc;
@@ -7,40 +7,41 @@ use alloc::vec::Vec;
 use crate::model::sparse::{Equations, EquationsSession};
 use crate::predict::{Predictor, Workspace};
 
-/// A session of equations that are its own, with their coefficients in its snapshots.
+/// A session of equations whose coefficients are part of its snapshots.
 ///
-/// Snapshot: that of [`EquationsSession`], then the coefficients at the adapted places.
+/// Snapshot: the snapshot of [`EquationsSession`], then the coefficients at the adapted places.
 #[derive(Clone, Debug)]
 pub struct ParametricSession {
     session: EquationsSession,
-    /// Coefficients, `outputs x terms`, and where the adapted ones stand.
+    /// Coefficients, `outputs x terms`.
     coefficients: Vec<f64>,
+    /// Indices of the adapted coefficients in `outputs x terms`.
     places: Vec<usize>,
 }
 
 impl ParametricSession {
-    /// A session at the start of a run. The equations have a coefficient at every place that is adapted.
+    /// A session at the start of a run. The equations have a coefficient at each of the places.
     pub(super) fn new(equations: Equations, places: Vec<usize>) -> Self {
         let coefficients = equations.coefficients().to_vec();
         Self { session: EquationsSession::new(Arc::new(equations)), coefficients, places }
     }
 
-    /// The equations of the moment.
+    /// The equations with the current coefficients.
     pub fn equations(&self) -> &Equations {
         self.session.equations()
     }
 
-    /// Writes outputs, inputs and signals of the moment into `slots[1..]` (see [`Equations::load`]).
+    /// Writes outputs, inputs and signals into `slots[1..]` (see [`Equations::load`]).
     pub(super) fn load(&self, c: &[f64], slots: &mut [f64]) {
         self.session.equations().load(self.session.state(), c, slots);
     }
 
-    /// The state of the moment, as [`Equations::step`] moves it.
+    /// State of [`Equations::step`].
     pub(super) fn state(&self) -> &[f64] {
         self.session.state()
     }
 
-    /// The same, to put others in their place.
+    /// Mutable state.
     pub(super) fn state_mut(&mut self) -> &mut [f64] {
         self.session.state_mut()
     }
@@ -50,12 +51,12 @@ impl ParametricSession {
         &self.coefficients
     }
 
-    /// Where the adapted coefficients stand in `outputs x terms`.
+    /// Indices of the adapted coefficients in `outputs x terms`.
     pub fn places(&self) -> &[usize] {
         &self.places
     }
 
-    /// Copies the adapted coefficients out, in the order of the places.
+    /// Copies the adapted coefficients, in the order of the places.
     pub(super) fn weights(&self, into: &mut [f64]) {
         assert_eq!(into.len(), self.places.len(), "one number for each place");
         for (weight, &place) in into.iter_mut().zip(&self.places) {
@@ -63,7 +64,7 @@ impl ParametricSession {
         }
     }
 
-    /// Takes others into use.
+    /// Sets the adapted coefficients.
     pub(super) fn set_weights(&mut self, weights: &[f64]) {
         assert_eq!(weights.len(), self.places.len(), "one number for each place");
         for (weight, &place) in weights.iter().zip(&self.places) {
@@ -127,7 +128,7 @@ impl Predictor for ParametricSession {
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
-        // Equations of its own at once: restoring must not allocate.
+        // The copy gets equations of its own here, because `restore` must not allocate.
         let mut fork = self.clone();
         let _ = fork.session.equations_mut();
         Box::new(fork)

@@ -1,4 +1,20 @@
-//! How far the measurements to come may lie from a rollout of recursive equations.
+//! Variance of the predictions of recursive equations.
+//!
+//! The error of a rollout over `h` samples, compared with the measurement `y_{k+h}`, has the variance
+//!
+//! ```text
+//! sensor noise at the target               a/2
+//! sensor noise at the origin               Phi_h (a/2) Phi_h'
+//! process noise of each step               sum_{j<h} Phi_j b Phi_j'
+//! coefficient uncertainty                  S_h P S_h'
+//! ```
+//!
+//! with the derivatives `Phi_h` and `S_h` of the rollout with respect to the origin and the coefficients
+//! ([`Sensitivity`]; the derivatives over `j` steps from the origin stand for those from any step). `a` and `b` are
+//! diagonal.
+//!
+//! Errors over one step have the variance `a + b`, increments over the `m` samples of a row `a + b m`. The two
+//! equations separate `a` and `b`.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -9,37 +25,25 @@ use super::innovation_gate::{FEWEST_ROWS, LARGEST_SHARE, MEMORY_S};
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use crate::model::sparse::{Equations, EquationsError, Sensitivity};
 
-/// Errors of one step beyond so many standard deviations widen the bands no further: one bad sample must not.
+/// Bound on the normalized error in the variance estimate, so that a single faulty sample has a limited effect.
 const FARTHEST: f64 = 5.0;
 
-/// What the prediction_variance of predictions is made of, output by output.
-///
-/// `y_{k+h}` as it will be measured differs from the rollout by
-///
-/// ```text
-/// noise of the sensor at its end                       variance a/2
-/// noise of the sensor at its start, carried along      Phi_h a/2 Phi_h'
-/// what the equations leave out, step by step           sum_{j<h} Phi_j b Phi_j'
-/// coefficients that are uncertain                      S_h P S_h'
-/// ```
-///
-/// `Phi` and `S` are the derivatives of the rollout to its start and to the coefficients ([`Sensitivity`]; `Phi_j`
-/// stands for the way from any step to one `j` steps later). Errors of one step have the variance `a + b`, those over
-/// the window of a row, of which the regression knows its noise, `a + b m`: that tells sensor from equations.
+/// Online estimate of the one-step errors, and the sensitivities of the rollout.
 #[derive(Clone, Debug)]
 pub(super) struct PredictionVariance {
     sensitivity: Sensitivity,
-    /// Variance of the errors of one step, and how many there were.
+    /// Variance of the one-step errors of each output \[unit^2\].
     one_step: Vec<f64>,
+    /// Number of one-step errors.
     count: usize,
-    /// Samples since each output was measured.
+    /// Samples since the last measurement of each output.
     age: Vec<usize>,
-    /// Share of one error in the variance, once that is settled.
+    /// Rate of the variance estimate in steady state.
     rate: f64,
 }
 
 impl PredictionVariance {
-    /// For equations that have a coefficient at each of the places.
+    /// For equations with coefficients at `places`.
     pub(super) fn new(equations: &Equations, places: &[usize]) -> Result<Self, EquationsError> {
         let n = equations.outputs();
         Ok(Self {
@@ -51,7 +55,7 @@ impl PredictionVariance {
         })
     }
 
-    /// Forgets the run, not what was learned.
+    /// Start of a run. The variance estimate stays.
     pub(super) fn restart(&mut self) {
         self.age.fill(0);
     }
@@ -60,8 +64,8 @@ impl PredictionVariance {
         self.sensitivity.set_coefficients(coefficients);
     }
 
-    /// Takes a measurement and what was expected of it one step before; errors count where the outputs were all
-    /// measured then.
+    /// Updates the variance with a measurement and its one-step prediction, if all outputs were measured at the
+    /// sample before.
     pub(super) fn observe(&mut self, y: &[f64], expected: &[f64]) {
         let fresh = self.age.iter().all(|age| *age == 0);
         let known = self.count >= FEWEST_ROWS;
@@ -80,15 +84,15 @@ impl PredictionVariance {
         }
     }
 
-    /// Numbers of scratch for rollouts of so many steps.
+    /// Length of the scratch memory for rollouts over `steps`.
     pub(super) fn scratch(&self, steps: usize) -> usize {
         let n = self.one_step.len();
         (steps + 1) * n * (1 + self.sensitivity.parameters()) + 3 * n + self.sensitivity.scratch()
     }
 
-    /// Standard deviations at the horizons. `row_noise` are the variances of the rows' noise \[unit/s squared\],
-    /// of windows of `window_s` with `samples` steps, and `uncertain` the variance of an output because of its
-    /// coefficients, of which the derivatives to all are given.
+    /// Standard deviations at the horizons, `horizons x outputs`. `row_noise` are the noise variances of the rows
+    /// \[unit^2/s^2\], whose windows have `samples` intervals and the length `window_s`. `uncertain` returns the
+    /// variance of an output for its derivatives with respect to the coefficients.
     pub(super) fn deviations(
         &self,
         (state, commands): (&[f64], &[f64]),
@@ -112,7 +116,7 @@ impl PredictionVariance {
         self.sensitivity.rollout_in(state, commands, rest, y, s);
         for l in 0..n {
             let (one, window) = (self.one_step[l], row_noise[l] * window_s * window_s);
-            // A window of one step cannot tell: all is drift, which is the wider band.
+            // With one interval the terms cannot be separated: all is process noise, which gives the wider band.
             let slope = (window - one) / samples.saturating_sub(1) as f64;
             drift[l] = if samples == 1 { one } else { slope.clamp(0.0, one) };
             sensor[l] = one - drift[l];
@@ -124,7 +128,7 @@ impl PredictionVariance {
             for i in 0..n {
                 drifted[i] += (0..n).map(|l| phi(step, i, l) * phi(step, i, l) * drift[l]).sum::<f64>();
             }
-            // A horizon that is asked for twice is answered twice.
+            // Horizons may be repeated.
             while horizons.get(next) == Some(&(step + 1)) {
                 for i in 0..n {
                     let start: f64 = (0..n)
@@ -142,7 +146,7 @@ impl PredictionVariance {
         }
     }
 
-    /// How many numbers [`save`](Self::save) writes.
+    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.one_step.len() + self.age.len() + 1
     }

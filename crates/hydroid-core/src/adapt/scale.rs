@@ -1,18 +1,18 @@
-//! The size of a term, from the ranges of its variables.
+//! Scale of a library term over the design ranges of its variables.
 
 use alloc::vec;
 
 use crate::model::sparse::Term;
 
-/// Points at which a term is evaluated.
+/// Number of quadrature points.
 const POINTS: usize = 512;
 
-/// Root mean square of a term where its variables, independently, take all values of their ranges
-/// `(low, high)` alike: what the term's column in a regression is scaled by. It needs the design ranges in a
-/// model file and nothing else, so that a covariance means the same on every log.
+/// Root mean square of a term for independent variables, uniformly distributed over their design ranges `(low,
+/// high)`. The columns of a regression are divided by it, so that a prior covariance has the same meaning for every
+/// term and log.
 ///
-/// The mean is over an additive recurrence (a Kronecker sequence with the square roots of primes), good to
-/// some percent, which is more than a scale needs. A term that is zero or undefined all over has the scale 1.
+/// The mean is taken over an additive recurrence (a Kronecker sequence with the square roots of primes) with an error
+/// of some percent. A term that is zero or undefined everywhere has the scale 1.
 pub fn rms_over_range(term: &Term, ranges: &[(f64, f64)]) -> f64 {
     let mut variables = vec![0.0; ranges.len()];
     let mut sum = 0.0;
@@ -22,7 +22,7 @@ pub fn rms_over_range(term: &Term, ranges: &[(f64, f64)]) -> f64 {
             *variable = low + fraction * (high - low);
         }
         let value = term.value(&variables);
-        // Where a term is undefined (the logarithm of a negative) it has no size.
+        // Undefined values, such as the logarithm of a negative number, are left out.
         if value.is_finite() {
             sum += value * value;
         }

@@ -1,4 +1,4 @@
-//! A covariance matrix that is symmetric and positive by construction: `P = U D U'`.
+//! Covariance matrix in factored form, `P = U D U'`: symmetric and positive definite by construction.
 
 #![expect(
     clippy::inline_always,
@@ -12,20 +12,18 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::memory::{Reader, Writer};
 
-/// `P = U D U'` with `U` unit upper triangular and `D` diagonal and positive (Bierman, *Factorization Methods
-/// for Discrete Sequential Estimation*, 1977, chapter V; Ljung, *System Identification*, 2nd ed., section
-/// 11.7).
+/// `P = U D U'` with `U` unit upper triangular and `D` diagonal and positive (Bierman, *Factorization Methods for
+/// Discrete Sequential Estimation*, 1977, chapter V; Ljung, *System Identification*, 2nd ed., section 11.7).
 ///
-/// A measurement multiplies each `d_j` by a ratio of sums of squares, so that rounding cannot make one
-/// negative, and `P` has no second half that could differ from the first. It costs `1.5 n^2` multiplications,
-/// as many as the plain recursion `P -= K phi' P`, which has neither property.
+/// A measurement multiplies each `d_j` by a ratio of positive sums, so that rounding cannot make a variance negative.
+/// An update needs `1.5 n^2` multiplications, as many as the recursion `P -= K phi' P`.
 ///
-/// Layout: the part of column `j` above the diagonal stands in `columns[j(j-1)/2 ..][..j]`.
+/// Layout: the part of column `j` of `U` above the diagonal is `columns[j(j-1)/2 ..][..j]`.
 #[derive(Clone, Debug)]
 pub struct UdFactor {
     columns: Vec<f64>,
     d: Vec<f64>,
-    /// `f = U' phi` of the row that was projected last.
+    /// `f = U' phi` of the projected regressor.
     f: Vec<f64>,
     gain: Vec<f64>,
     arch: Arch,
@@ -43,7 +41,7 @@ impl UdFactor {
         }
     }
 
-    /// `P = variance (T'T)^-1` for an upper triangular `T`, row by row, without a zero on its diagonal.
+    /// `P = variance (T'T)^-1` for a regular upper triangle `T` (`n x n`, row by row).
     ///
     /// # Panics
     /// If `r_factor` has not `n x n` numbers.
@@ -51,7 +49,7 @@ impl UdFactor {
         let n = r_factor.len().isqrt();
         assert_eq!(n * n, r_factor.len(), "a square matrix");
         let mut own = Self::new(n, variance);
-        // The inverse of T is U D^(1/2): column j by back substitution, divided by its own diagonal.
+        // The inverse of T is U D^(1/2): column j by back substitution, divided by its diagonal element.
         for j in 0..n {
             let diagonal = r_factor[j * n + j];
             own.d[j] = variance / (diagonal * diagonal);
@@ -64,12 +62,12 @@ impl UdFactor {
         own
     }
 
-    /// How many numbers [`save`](Self::save) writes.
+    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.columns.len() + self.d.len()
     }
 
-    /// The covariance; a row that was met is not part of it.
+    /// Writes the covariance without the projected regressor.
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         into.numbers(&self.columns);
         into.numbers(&self.d);
@@ -81,7 +79,7 @@ impl UdFactor {
         self.f.fill(0.0);
     }
 
-    /// Whether all numbers are of a size that squares and products of them can have.
+    /// Whether all numbers are small enough for their squares and products to be finite.
     pub fn is_sound(&self) -> bool {
         let sizes = 1e-100..=1e100;
         self.d.iter().all(|d| sizes.contains(d)) && self.columns.iter().all(|u| u.abs() <= *sizes.end())
@@ -92,7 +90,7 @@ impl UdFactor {
         self.d.len()
     }
 
-    /// Whether there are none.
+    /// Whether the matrix is empty.
     pub fn is_empty(&self) -> bool {
         self.d.is_empty()
     }
@@ -114,18 +112,18 @@ impl UdFactor {
         }
     }
 
-    /// Meets a row: gives `phi' P phi`, never negative.
+    /// Projects a regressor `phi` and returns `phi' P phi >= 0`.
     pub fn project(&mut self, phi: &[f64]) -> f64 {
         self.arch.dispatch(Project { factor: self, phi })
     }
 
-    /// `phi' P phi` of a row that is not met: nothing is kept of it.
+    /// `phi' P phi` without a change of the projected regressor.
     pub(super) fn variance(&self, phi: impl Fn(usize) -> f64 + Copy) -> f64 {
         let f = |j: usize| phi(j) + self.column(j).iter().enumerate().map(|(i, u)| u * phi(i)).sum::<f64>();
         (0..self.len()).map(|j| self.d[j] * f(j) * f(j)).sum()
     }
 
-    /// Meets the row that is 1 at `i` and 0 elsewhere.
+    /// Projects the unit vector `e_i`.
     pub fn project_unit(&mut self, i: usize) {
         self.f[..i].fill(0.0);
         self.f[i] = 1.0;
@@ -134,15 +132,15 @@ impl UdFactor {
         }
     }
 
-    /// Takes a measurement of the row met last, with noise variance `noise > 0`: `P -= K phi' P`. Gives the
-    /// gain `K = P phi / (noise + phi' P phi)`.
+    /// Measurement update with the projected regressor and the noise variance `noise > 0`: `P -= K phi' P`. Returns
+    /// the gain `K = P phi / (noise + phi' P phi)`.
     pub fn absorb(&mut self, noise: f64) -> &[f64] {
         self.arch.dispatch(Absorb { factor: self, noise });
         &self.gain
     }
 }
 
-/// See [`UdFactor::project`].
+/// [`UdFactor::project`] for a vector instruction set.
 struct Project<'a> {
     factor: &'a mut UdFactor,
     phi: &'a [f64],
@@ -164,7 +162,7 @@ impl WithSimd for Project<'_> {
     }
 }
 
-/// See [`UdFactor::absorb`].
+/// [`UdFactor::absorb`] for a vector instruction set.
 struct Absorb<'a> {
     factor: &'a mut UdFactor,
     noise: f64,
@@ -200,12 +198,12 @@ impl WithSimd for Absorb<'_> {
     }
 }
 
-/// Where the part of column `j` above the diagonal begins.
+/// Index of the first element of column `j`.
 fn start(j: usize) -> usize {
     j * j.saturating_sub(1) / 2
 }
 
-/// Scalar product in four partial sums, which the compiler can keep in vectors.
+/// Scalar product in four partial sums, for vector instructions.
 #[inline(always)]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a4, a_rest) = a.as_chunks::<4>();

@@ -44,7 +44,7 @@ fn recursive() -> RecursiveEquations {
     RecursiveEquations::new(&equations(), &RANGES, &options).unwrap()
 }
 
-fn blended() -> ExpertMixture {
+fn mixture() -> ExpertMixture {
     let options = ExpertMixtureOptions {
         priors_s: vec![100.0, 1.0],
         forgetting_s: 20.0,
@@ -106,7 +106,7 @@ fn an_adapter_resumes_from_a_saved_state() {
     // In the warm-up, in a filling window, behind a gap, and long after.
     for at in [0, 1, 3, 9, 10, 61, 62, 97, 500] {
         goes_on_as_if_nothing_had_been(recursive(), recursive(), at);
-        goes_on_as_if_nothing_had_been(blended(), blended(), at);
+        goes_on_as_if_nothing_had_been(mixture(), mixture(), at);
     }
 }
 
@@ -140,7 +140,7 @@ proptest! {
         let memory: Vec<f64> = (0..adapter.memory_len()).map(|_| next()).collect();
         adapter.load(&memory);
         walk(&mut adapter, 0, 100);
-        let mut adapter = blended();
+        let mut adapter = mixture();
         let memory: Vec<f64> = (0..adapter.memory_len()).map(|_| next()).collect();
         adapter.load(&memory);
         walk(&mut adapter, 0, 100);

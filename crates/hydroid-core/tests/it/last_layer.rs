@@ -30,8 +30,7 @@ fn equations() -> BaseModel {
     ))
 }
 
-/// What the model adds to over the horizon of the window that ended at `k`, step by step: equations are walked from the
-/// beginning.
+/// Base of the model over the horizon of the window that ended at `k`; equations are simulated from the start.
 fn base(model: &Direct, k: usize) -> Vec<[f64; 2]> {
     let mut e: Vec<[f64; 2]> = Vec::new();
     match &model.base {
@@ -141,7 +140,7 @@ impl Naive {
     }
 }
 
-/// Rows of the read-out with their biases behind them.
+/// Rows of the last layer with their biases behind them.
 fn rows(model: &Direct, weights: &[f64]) -> Vec<Vec<f64>> {
     let gives = model.network.outputs;
     let features = weights.len() / gives - 1;
@@ -149,7 +148,7 @@ fn rows(model: &Direct, weights: &[f64]) -> Vec<Vec<f64>> {
     matrix.chunks_exact(features).zip(bias).map(|(row, b)| [row, &[*b]].concat()).collect()
 }
 
-/// What the last layer reads of the window that ended at `k`, by loops.
+/// Inputs of the last layer for the window that ended at `k`, by loops.
 fn regressor(model: &Direct, k: usize) -> Vec<f64> {
     let (s, p, h) = (&model.scaling, model.history, model.horizon);
     let outputs =
@@ -167,7 +166,7 @@ fn regressor(model: &Direct, k: usize) -> Vec<f64> {
     x
 }
 
-/// Every number learns from its own target as soon as its regressor is known, as if it were alone.
+/// Each target has the estimate of a regression of its own.
 #[test]
 fn every_step_learns_as_if_it_were_alone() {
     for (p, h, below, hidden) in [
@@ -214,7 +213,7 @@ fn every_step_learns_as_if_it_were_alone() {
     }
 }
 
-fn walk(adapter: &mut dyn Adapter, from: usize, to: usize) -> Vec<u64> {
+fn run(adapter: &mut dyn Adapter, from: usize, to: usize) -> Vec<u64> {
     let (mut seen, mut work) = (Vec::new(), Workspace::new());
     for k in from..to {
         let mut y = measured(k);
@@ -258,15 +257,15 @@ fn a_session_resumes_from_a_saved_state() {
         .flat_map(|model| [0, 1, 3, 6, 7, 23, 30, 120].map(|at| (model, at)))
     {
         let (mut first, mut second) = (learner(model, &OPTIONS), learner(model, &OPTIONS));
-        walk(&mut first, 0, at);
-        walk(&mut second, 5, 90);
+        run(&mut first, 0, at);
+        run(&mut second, 5, 90);
         second.load(&saved(&first));
         assert_eq!(bits(&saved(&second)), bits(&saved(&first)));
-        assert_eq!(walk(&mut first, at, at + 100), walk(&mut second, at, at + 100), "{at}");
+        assert_eq!(run(&mut first, at, at + 100), run(&mut second, at, at + 100), "{at}");
     }
 }
 
-/// With the weights of the moment: of the model as it was then.
+/// A rollout from a snapshot uses the weights of the snapshot.
 #[test]
 fn a_snapshot_predicts_as_it_did() {
     for model in [model(3, 4, false, &[7, 5]), on(equations(), 3, 4, &[7, 5])] {
@@ -276,7 +275,7 @@ fn a_snapshot_predicts_as_it_did() {
 
 fn snapshots_of(model: &Direct) {
     let mut adapter = learner(model, &OPTIONS);
-    walk(&mut adapter, 0, 60);
+    run(&mut adapter, 0, 60);
     let roll = |session: &dyn Predictor| {
         let commands: Vec<f64> = (60..70).flat_map(command).collect();
         let mut y = vec![0.0; 20];
@@ -288,7 +287,7 @@ fn snapshots_of(model: &Direct) {
     adapter.snapshot(&mut snapshot);
     let weights = adapter.weights().to_vec();
     assert_eq!(snapshot[snapshot.len() - weights.len()..], weights);
-    walk(&mut adapter, 60, 120);
+    run(&mut adapter, 60, 120);
     assert_ne!(roll(&adapter), then);
     let mut fork = adapter.fork();
     fork.restore(&snapshot);
@@ -305,7 +304,7 @@ fn snapshots_of(model: &Direct) {
     assert_ne!(adapter.weights(), weights);
 }
 
-/// Weights of an output that is not measured stay; of the other they are what they would be.
+/// The weights of an output without measurements stay; those of the other output are not affected.
 #[test]
 fn missing_measurements_change_no_weights() {
     let model = model(3, 4, false, &[7, 5]);
@@ -343,7 +342,7 @@ fn missing_measurements_change_no_weights() {
     assert!(y[0].is_finite());
 }
 
-/// An output that is not measured for long is not known before its own errors are, and then as well as the other.
+/// The band of an output needs errors of that output.
 #[test]
 fn each_number_has_a_band_from_its_own_errors() {
     let model = model(3, 4, true, &[7, 5]);
@@ -368,13 +367,13 @@ fn each_number_has_a_band_from_its_own_errors() {
     assert!(bands.iter().all(|band| *band > 1e-6), "{bands:?}");
 }
 
-/// A number that is one, and too large to learn from, is no more than missing.
+/// A finite value whose square overflows counts as missing.
 #[test]
 fn a_huge_number_has_no_later_effect() {
     for (hold, hidden) in [(true, vec![7, 5]), (false, vec![7]), (false, vec![])] {
         for far in [1e308, -1e308, 1e200] {
             let mut adapter = learner(&model(3, 4, hold, &hidden), &OPTIONS);
-            walk(&mut adapter, 0, 60);
+            run(&mut adapter, 0, 60);
             let before = adapter.weights().to_vec();
             adapter.observe(&[far, measured(60)[1]]);
             assert_eq!(adapter.outcome(), Outcome::Rejected(Rejection::NotFinite), "{far}");
@@ -393,7 +392,7 @@ fn a_huge_number_has_no_later_effect() {
     }
 }
 
-/// A vessel that the features can tell, with another last layer: it is found, and bands say how well.
+/// A vessel with another last layer on the same features is identified, and the bands cover its outputs.
 #[test]
 fn a_last_layer_that_has_changed_is_found() {
     let plain = model(2, 1, false, &[12]);
@@ -437,7 +436,7 @@ fn a_last_layer_that_has_changed_is_found() {
     assert!(bands[2..].iter().all(|b| b.is_nan()), "beyond what the network gives: {bands:?}");
 }
 
-/// Many samples of little excitation: nothing grows.
+/// The covariance stays bounded over many samples with little excitation.
 #[test]
 fn the_filter_stays_stable_over_a_long_run() {
     let model = model(2, 3, true, &[6]);
@@ -475,10 +474,10 @@ fn a_guard_takes_frozen_companions() {
     };
     let (mut first, mut second) = (guard(), guard());
     let before = first.weights().to_vec();
-    walk(&mut first, 0, 200);
+    run(&mut first, 0, 200);
     assert_ne!(first.weights(), before);
     second.load(&saved(&first));
-    assert_eq!(walk(&mut first, 200, 300), walk(&mut second, 200, 300));
+    assert_eq!(run(&mut first, 200, 300), run(&mut second, 200, 300));
     // What never learns is what a plain session is.
     let mut companion = companion();
     let mut plain = DirectSession::new(Arc::clone(&model)).unwrap();
@@ -529,6 +528,6 @@ proptest! {
         let mut adapter = learner(&model(3, 4, true, &[7, 5]), &OPTIONS);
         let memory: Vec<f64> = (0..adapter.memory_len()).map(|_| next()).collect();
         adapter.load(&memory);
-        walk(&mut adapter, 0, 60);
+        run(&mut adapter, 0, 60);
     }
 }

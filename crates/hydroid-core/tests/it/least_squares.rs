@@ -17,7 +17,7 @@ impl Numbers {
     }
 }
 
-/// The same recursion, written as in the books with a full `P` that is made symmetric by force.
+/// The textbook recursion with a full `P`, symmetrized in each step.
 struct Naive {
     n: usize,
     p: Vec<Vec<f64>>,

@@ -52,8 +52,8 @@ fn noise(k: usize, channel: usize, size: f64) -> f64 {
     size * 2.0 * (x - x.floor() - 0.5)
 }
 
-/// Walks a vessel and whatever else `each` does with its measurements.
-fn sail(plant: &Equations, samples: usize, mut each: impl FnMut(usize, [f64; 2], [f64; 2])) {
+/// Simulates a vessel and calls `each` with its measurements and commands.
+fn simulate(plant: &Equations, samples: usize, mut each: impl FnMut(usize, [f64; 2], [f64; 2])) {
     let mut state = [0.5, 0.0];
     let mut scratch = vec![0.0; plant.scratch()];
     for k in 0..samples {
@@ -65,7 +65,7 @@ fn sail(plant: &Equations, samples: usize, mut each: impl FnMut(usize, [f64; 2],
 #[test]
 fn only_the_changed_drag_is_adapted() {
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
-    sail(&vessel(0.6), 3000, |k, y, c| {
+    simulate(&vessel(0.6), 3000, |k, y, c| {
         adapter.observe(&[y[0] + noise(k, 0, 0.01), y[1] + noise(k, 1, 0.01)]);
         adapter.advance(&c);
     });
@@ -92,7 +92,7 @@ fn all_terms_adapt_with_all_terms() {
         4,
     )
     .unwrap();
-    sail(&current, 3000, |_, y, c| {
+    simulate(&current, 3000, |_, y, c| {
         adapter.observe(&y);
         adapter.advance(&c);
     });
@@ -101,7 +101,7 @@ fn all_terms_adapt_with_all_terms() {
     assert_eq!(adapter.weights().len(), 10);
 }
 
-/// With nothing forgotten and next to no prior, the coefficients are those of least squares on the same rows.
+/// Without forgetting and with a negligible prior, the coefficients equal batch least squares on the same rows.
 #[test]
 fn a_row_is_the_increment_over_a_window_against_the_averaged_library() {
     let terms = vec![Term::monomial(&[0]), Term::monomial(&[1])];
@@ -149,7 +149,7 @@ fn a_row_is_the_increment_over_a_window_against_the_averaged_library() {
 fn a_missing_value_removes_only_its_window() {
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
     let mut learned = Vec::new();
-    sail(&vessel(0.3), 60, |k, mut y, c| {
+    simulate(&vessel(0.3), 60, |k, mut y, c| {
         if k == 30 {
             y[1] = f64::NAN;
         }
@@ -175,7 +175,7 @@ fn a_spike_is_rejected_and_a_lasting_change_is_accepted() {
         let options = RecursiveOptions { gate, ..options() };
         let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options).unwrap();
         let mut rejected = 0;
-        sail(&vessel(0.3), 1500, |k, y, c| {
+        simulate(&vessel(0.3), 1500, |k, y, c| {
             let spike = if k % 200 == 150 { 3.0 } else { 0.0 };
             adapter.observe(&[y[0] + spike + noise(k, 0, 0.01), y[1] + noise(k, 1, 0.01)]);
             adapter.advance(&c);
@@ -196,7 +196,7 @@ fn a_spike_is_rejected_and_a_lasting_change_is_accepted() {
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
     for drag in [0.3, 0.6] {
         adapter.reset();
-        sail(&vessel(drag), 3000, |_, y, c| {
+        simulate(&vessel(drag), 3000, |_, y, c| {
             adapter.observe(&y);
             adapter.advance(&c);
         });
@@ -208,7 +208,7 @@ fn a_spike_is_rejected_and_a_lasting_change_is_accepted() {
 fn infinite_measurements_are_rejected_and_leave_no_trace() {
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
     let mut not_finite = 0;
-    sail(&vessel(0.3), 400, |k, mut y, c| {
+    simulate(&vessel(0.3), 400, |k, mut y, c| {
         if k == 200 {
             y[0] = f64::INFINITY;
         }
@@ -226,7 +226,7 @@ fn snapshots_contain_the_current_weights_and_frozen_sessions_do_not_adapt() {
     let mut early = vec![0.0; adapter.snapshot_len()];
     let commands: Vec<f64> = (0..50).flat_map(command).collect();
     let (mut work, mut before) = (Workspace::new(), vec![0.0; 100]);
-    sail(&vessel(0.6), 1000, |k, y, c| {
+    simulate(&vessel(0.6), 1000, |k, y, c| {
         adapter.observe(&y);
         if k == 200 {
             adapter.snapshot(&mut early);
@@ -249,7 +249,7 @@ fn snapshots_contain_the_current_weights_and_frozen_sessions_do_not_adapt() {
     assert_eq!(y, before);
 
     adapter.freeze(true);
-    sail(&vessel(0.6), 200, |_, y, c| {
+    simulate(&vessel(0.6), 200, |_, y, c| {
         adapter.observe(&y);
         adapter.advance(&c);
         assert_eq!(adapter.outcome(), Outcome::Waiting);
@@ -257,14 +257,14 @@ fn snapshots_contain_the_current_weights_and_frozen_sessions_do_not_adapt() {
     assert_eq!(adapter.weights(), &early[2..]);
 }
 
-/// Nothing to learn: an adapter with nothing accepted predicts to the last bit as the frozen session does.
+/// An adapter without accepted rows predicts bit for bit as the frozen session.
 #[test]
 fn without_adaptation_the_session_equals_the_frozen_session() {
     let equations = vessel(0.3);
     let mut adapter = RecursiveEquations::new(&equations, &RANGES, &options()).unwrap();
     adapter.freeze(true);
     let mut frozen = EquationsSession::new(Arc::new(equations));
-    sail(&vessel(0.6), 100, |_, y, c| {
+    simulate(&vessel(0.6), 100, |_, y, c| {
         adapter.observe(&y);
         frozen.observe(&y);
         adapter.advance(&c);
@@ -341,10 +341,10 @@ fn mixture(window: usize) -> ExpertMixtureOptions {
     }
 }
 
-/// Shares of the cautious pace, the quick one, the equations as given, and none, after 300 s.
-fn shares(drag: f64) -> Vec<f64> {
+/// Weights of the experts with a strong and a weak prior, the reference coefficients and zero coefficients after 300 s.
+fn weights_of_experts(drag: f64) -> Vec<f64> {
     let mut session = ExpertMixture::new(&vessel(0.3), &RANGES, &mixture(8), None).unwrap();
-    sail(&vessel(drag), 3000, |k, y, c| {
+    simulate(&vessel(drag), 3000, |k, y, c| {
         session.observe(&[y[0] + noise(k, 0, 0.01), y[1] + noise(k, 1, 0.01)]);
         session.advance(&c);
     });
@@ -353,9 +353,9 @@ fn shares(drag: f64) -> Vec<f64> {
 
 #[test]
 fn a_mixture_follows_the_best_forgetting_factor() {
-    let [cautious, quick, given, none] = shares(0.9)[..] else { panic!() };
+    let [cautious, quick, given, none] = weights_of_experts(0.9)[..] else { panic!() };
     assert!(quick > 0.8 && quick > cautious && cautious > given, "{cautious} {quick} {given} {none}");
-    let [cautious, quick, given, none] = shares(0.3)[..] else { panic!() };
+    let [cautious, quick, given, none] = weights_of_experts(0.3)[..] else { panic!() };
     assert!(given + cautious > quick && none < 0.01, "{cautious} {quick} {given} {none}");
 }
 
@@ -365,7 +365,7 @@ fn a_mixture_predicts_by_one_expert_and_snapshots_contain_it() {
     let commands: Vec<f64> = (0..40).flat_map(command).collect();
     let (mut work, mut early, mut again) = (Workspace::new(), [0.0; 80], [0.0; 80]);
     let mut snapshot = vec![0.0; session.snapshot_len()];
-    sail(&vessel(0.6), 2000, |k, y, c| {
+    simulate(&vessel(0.6), 2000, |k, y, c| {
         session.observe(&if k % 700 == 650 { [f64::NAN, y[1]] } else { y });
         if k == 1000 {
             session.snapshot(&mut snapshot);
@@ -396,7 +396,7 @@ fn a_mixture_without_experts_or_with_a_singular_prior_is_refused() {
 }
 
 #[test]
-fn settings_whose_numbers_overflow_are_refused() {
+fn options_whose_numbers_overflow_are_refused() {
     let made = |change: &dyn Fn(&mut RecursiveOptions)| {
         let mut options = options();
         change(&mut options);
@@ -455,9 +455,8 @@ fn a_mixture_from_a_damaged_file_is_refused() {
     }
 }
 
-/// Share of measurements inside the band of 80 % at horizons of 1, 5 and 20 samples, of a vessel with noise of
-/// sensors and of forces.
-fn held(sensor: f64, force: f64) -> [f64; 3] {
+/// Coverage of the 80 % band at horizons of 1, 5 and 20 samples, for a vessel with sensor and process noise.
+fn coverage(sensor: f64, force: f64) -> [f64; 3] {
     const HORIZONS: [usize; 3] = [1, 5, 20];
     let mut adapter = RecursiveEquations::new(&vessel(0.4), &RANGES, &options()).unwrap();
     let plant = vessel(0.4);
@@ -496,9 +495,9 @@ fn held(sensor: f64, force: f64) -> [f64; 3] {
 #[test]
 fn bands_cover_the_measurements_with_sensor_or_process_noise() {
     for (sensor, force) in [(0.01, 0.0), (0.0, 0.004), (0.01, 0.002)] {
-        for share in held(sensor, force) {
+        for share in coverage(sensor, force) {
             // The noise is uniform: a single one of 80 % has narrower tails than a normal one.
-            assert!((0.70..0.90).contains(&share), "{sensor} {force}: {:?}", held(sensor, force));
+            assert!((0.70..0.90).contains(&share), "{sensor} {force}: {:?}", coverage(sensor, force));
         }
     }
 }

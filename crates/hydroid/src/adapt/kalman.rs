@@ -1,4 +1,4 @@
-//! An extended Kalman filter over state and weights: for networks, and its options.
+//! Extended Kalman filter over state and weights: options, and the adapter of recurrent networks.
 
 use std::sync::Arc;
 
@@ -11,56 +11,54 @@ use super::AdaptError;
 use crate::log::{Trajectory, noise_level};
 use crate::model::{Body, Model, Port};
 
-/// How networks are adapted, and equations by the filter. Variances are in the units of the scaled network, whose inputs and
-/// outputs are about 1 in size, or of scaled equations
-/// ([`LearnableEquations`](hydroid_core::adapt::kalman::LearnableEquations)), whose state is their outputs.
+/// Options of the extended Kalman filter. Variances are in scaled units: of the scaled network, or of scaled
+/// equations ([`LearnableEquations`](hydroid_core::adapt::kalman::LearnableEquations)), whose state is their outputs.
 ///
-/// The default is for networks; for equations it is [`of_equations`](Self::of_equations).
+/// The default is for networks; [`of_equations`](Self::of_equations) and [`of_plants`](Self::of_plants) have the
+/// defaults for equations and vessels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KalmanOptions {
-    /// Variance of each weight at the start: how far the vessel may be from the model.
+    /// Initial variance of each weight: difference of the vessel from the model.
     pub weight_variance: f64,
-    /// Variance that each weight gains in a second: how fast the vessel may change.
+    /// Process noise of each weight \[variance/s\]: rate of change of the vessel.
     pub weight_noise_per_s: f64,
-    /// Variance of each number of the hidden state at the start of a run. That of equations is as uncertain as its
-    /// measurement.
+    /// Initial variance of each hidden state. The state of equations has the variance of its measurement.
     pub state_variance: f64,
-    /// Variance that each number of the hidden state gains in a second.
+    /// Process noise of each hidden state \[variance/s\].
     pub state_noise_per_s: f64,
-    /// Standard deviation of the noise of each output, in its unit (default: as in the logs that the model was trained on,
-    /// or as in the log that it is adapted on).
+    /// Standard deviation of the measurement noise of each output, in its unit; default from the training runs, or
+    /// from the log to adapt on.
     pub noise: Option<Vec<f64>>,
-    /// The filter takes the variance of the noise for so many times of what it is: what else the model misses from one sample to
-    /// the next is in there.
+    /// Factor of the measurement noise variance. A factor above 1 accounts for model error over one sample.
     pub noise_factor: f64,
-    /// Time constant \[s\] with which weights return to those from shore; infinite not to.
+    /// Time constant \[s\] with which weights return to the reference model; infinite for none.
     pub leak_s: f64,
-    /// Whether, and how, networks rehearse windows of the shore on the way.
+    /// Rehearsal of windows of the training data, for networks.
     #[serde(default)]
     pub rehearsal: Option<Rehearse>,
-    /// Time \[s\] after which a sample counts `1/e`; infinite to forget nothing.
+    /// Time constant of the forgetting \[s\]: a sample of this age counts `1/e`; infinite for none.
     pub forgetting_s: f64,
-    /// Innovations of more standard deviations than this weigh less (Huber); infinite to trust all of them.
+    /// Innovations above this number of standard deviations are down-weighted (Huber); infinite for none.
     pub huber: f64,
     /// Form of the covariance of the weights.
     #[serde(with = "as_text")]
     pub covariance: CovarianceForm,
 }
 
-/// How windows of logs from shore are rehearsed ([`store_rehearsal_windows`](super::store_rehearsal_windows)).
+/// Rehearsal of windows of the training data ([`store_rehearsal_windows`](super::store_rehearsal_windows)).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rehearse {
-    /// Windows that are kept, spread evenly.
+    /// Number of windows, evenly distributed over the training data.
     pub windows: usize,
-    /// Length of each \[s\].
+    /// Length of a window \[s\].
     pub window_s: f64,
-    /// One sample is rehearsed after so many that are sailed.
+    /// Number of observed samples for each rehearsed one.
     pub every: usize,
-    /// Variance of each number of the hidden state at the start of a window.
+    /// Variance of each hidden state at the start of a window.
     pub state_variance: f64,
-    /// Variance of the noise of what is rehearsed, in that of what is measured.
+    /// Noise variance of a rehearsed sample relative to a measurement.
     pub noise_factor: f64,
 }
 
@@ -85,7 +83,7 @@ impl Rehearse {
     }
 }
 
-/// The form of the covariance as on the command line.
+/// Covariance form as the text of the command line.
 mod as_text {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
@@ -118,9 +116,9 @@ impl Default for KalmanOptions {
     }
 }
 
-/// The settings that were used, with what was chosen written out; infinite times are `null`.
+/// Resolved options; infinite times are `null`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[expect(missing_docs, reason = "as in KalmanOptions, of which they are")]
+#[expect(missing_docs, reason = "documented in KalmanOptions")]
 pub struct ResolvedKalman {
     pub weight_variance: f64,
     pub weight_noise_per_s: f64,
@@ -136,20 +134,22 @@ pub struct ResolvedKalman {
     pub covariance: String,
 }
 
-/// Standard deviation of the noise of an output that is not given, at the least: in widths of its range. Of filtered channels
-/// all that is found is too small (0.0002 m/s on the Esso Osaka model); of six networks' errors on its random run that
-/// was left out, this was the floor at which an LSTM ran away no more, while simulated sensors are noisier by themselves.
+/// Minimum standard deviation of an estimated noise, relative to the range of the output. Filtered channels have too
+/// small an estimate, with which recurrent networks can diverge.
 pub(super) const LEAST_NOISE: f64 = 0.0015;
 
-/// Factor of the initial variance and of the noise of the weights of gates (LSTM, GRU), which set the time constants of the
-/// network.
+/// Factor of initial variance and process noise for the weights of gates (LSTM, GRU), which determine the time
+/// constants of the network.
 const GATE_FACTOR: f64 = 5.0;
 
-/// Process noise of the filter on the state alone, for one sample.
+/// Process noise of the filter on the state alone, per sample.
 const STATE_FILTER_PROCESS: f64 = 1e-4;
 
 impl KalmanOptions {
-    /// Standard deviation of the noise of each output.
+    /// Standard deviation of the measurement noise of each output.
+    ///
+    /// # Errors
+    /// If a given value is not positive and finite, or the noise is unknown and there are no runs.
     pub fn noise_of(&self, model: &Model, runs: &[&Trajectory]) -> Result<Vec<f64>, AdaptError> {
         let outputs = &model.description.outputs;
         let noise: Vec<f64> = if let Some(noise) = &self.noise {
@@ -171,13 +171,13 @@ impl KalmanOptions {
         if self.noise.is_some() {
             return Ok(noise);
         }
-        // A channel that was smoothed shows no noise, and is not exact for that.
+        // A smoothed channel shows no noise, but is not exact.
         let least = |port: &Port| LEAST_NOISE * (port.range.high - port.range.low);
         Ok(noise.iter().zip(outputs).map(|(std, port)| std.max(least(port))).collect())
     }
 
-    /// The options of the core's filter where all weights are learned, for outputs of that noise, scaled by `scale`, and steps
-    /// of `dt` seconds.
+    /// Options of the filter with equal variances for all weights. `noise` and `scale` are the noise and the scale of
+    /// each output, `dt` is the sample time \[s\].
     pub(super) fn uniform(&self, weights: usize, noise: &[f64], scale: &[f64], dt: f64) -> FilterOptions {
         let per_sample = |time_s: f64| 1.0 - (-dt / time_s).exp();
         let scaled = |(std, scale): (&f64, &f64)| self.noise_factor * (std / scale).powi(2);
@@ -198,7 +198,7 @@ impl KalmanOptions {
         }
     }
 
-    /// These, with the noise that was taken.
+    /// Resolved options with the given noise.
     pub(super) fn resolved(&self, noise: Vec<f64>) -> ResolvedKalman {
         ResolvedKalman {
             weight_variance: self.weight_variance,
@@ -215,7 +215,7 @@ impl KalmanOptions {
         }
     }
 
-    /// The options for a network.
+    /// Options of the filter for a network.
     fn filter_options(&self, network: &Recurrent, noise: &[f64], dt: f64) -> FilterOptions {
         let scale = &network.scaling.correction_scale;
         let mut filter = self.uniform(network.weights.len(), noise, scale, dt);
@@ -227,7 +227,7 @@ impl KalmanOptions {
     }
 }
 
-/// The session that adapts a network, and the settings that it was made with. `runs` tell the noise where nothing else does.
+/// Adapter of a network and its resolved options. `runs` give the noise if options and model do not.
 pub(super) fn adapter(
     model: &Model,
     network: &Arc<Recurrent>,
@@ -242,7 +242,7 @@ pub(super) fn adapter(
     Ok((Box::new(adapter), options.resolved(noise)))
 }
 
-/// The model with a filter on its state alone; none for those whose state a measurement enters otherwise.
+/// The model with a filter on its state alone; `None` for networks with output feedback or a base.
 pub(super) fn filtered(model: &Model, noise: &[f64]) -> Option<Model> {
     let Body::Recurrent(network) = &model.body else { return None };
     if network.feedback || network.base != BaseModel::Nothing {
@@ -255,7 +255,7 @@ pub(super) fn filtered(model: &Model, noise: &[f64]) -> Option<Model> {
     Some(Model { body: Body::Recurrent(body), ..model.clone() })
 }
 
-/// The model with the weights that an adapter of its network has.
+/// The model with the weights of an adapter.
 pub(super) fn learned(model: &Model, network: &Recurrent, weights: &[f64]) -> Result<Model, AdaptError> {
     if weights.len() != network.weights.len() || weights.iter().any(|w| !w.is_finite()) {
         return Err(AdaptError::Weights);

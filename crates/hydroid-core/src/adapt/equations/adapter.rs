@@ -1,4 +1,4 @@
-//! Recursive equations as an adapter: learning and persistence.
+//! Adaptation and saved state of recursive equations.
 
 use super::super::memory::{MOST_COUNTED, Reader, Writer};
 use super::super::prediction_variance::PredictionVariance;
@@ -31,12 +31,12 @@ impl Learning for RecursiveEquations {
         self.groups.iter_mut().for_each(|group| group.kernel.restart());
     }
 
-    /// Its covariance is positive by construction.
+    /// Unknown: the covariance is positive by construction.
     fn health(&self) -> Health {
         Health::UNKNOWN
     }
 
-    /// Known after some rows: of what the sensors add, what the equations leave out, and uncertain coefficients.
+    /// From sensor noise, process noise and coefficient uncertainty; NaN during the first rows.
     fn deviations(
         &mut self,
         commands: &[f64],
@@ -52,8 +52,8 @@ impl Learning for RecursiveEquations {
             deviations.fill(f64::NAN);
             return;
         };
-        // Of the coefficients of one output the covariance is that of its group, times the noise of its rows; those
-        // of two outputs are independent, as their noise is taken to be.
+        // The coefficients of one output have the covariance of their group times the noise variance of its rows.
+        // Different outputs are independent, as is their noise.
         let uncertain = |s: &[f64]| -> f64 {
             let of_group = |group: &Group| -> f64 {
                 let of_output = |(&output, &first): (&usize, &usize)| {
@@ -81,7 +81,7 @@ impl Learning for RecursiveEquations {
 impl SaveState for RecursiveEquations {
     fn memory_len(&self) -> usize {
         let kernels: usize = self.groups.iter().map(|group| group.kernel.memory_len()).sum();
-        // Two flags and a counter of the library, and whether the adapter is frozen.
+        // Two flags and a counter of the library, and the flag of a frozen adapter.
         let rest = self.library.start.len() + self.expected.len() + 4;
         let rest = rest + self.prediction_variance.as_ref().map_or(0, PredictionVariance::memory_len);
         self.session.snapshot_len() + self.rows.memory_len() + self.noise.memory_len() + kernels + rest

@@ -1,4 +1,4 @@
-//! It learns, says what it did, and can be saved.
+//! Adaptation and saved state of the last layer.
 
 use super::DirectLastLayer;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
@@ -10,7 +10,7 @@ impl Learning for DirectLastLayer {
         self.outcome
     }
 
-    /// Of the last step of the horizon: what a window had to say of this sample.
+    /// Of the last step of the horizon, whose target is the present sample.
     fn innovations(&self) -> &[Innovation] {
         &self.innovations
     }
@@ -33,13 +33,13 @@ impl Learning for DirectLastLayer {
         }
     }
 
-    /// Its covariance is positive by construction.
+    /// The covariance is positive by construction.
     fn health(&self) -> Health {
         Health { min_s_over_r: self.s_over_r, ..Health::UNKNOWN }
     }
 
-    /// From the errors of each step of late and the uncertainty of the weights; NaN beyond the horizon of the network, and
-    /// where errors are not known yet.
+    /// From the error variance of each step and the uncertainty of the weights, `sqrt(variance (1 + phi' P phi))`;
+    /// NaN beyond the horizon of the network, and for targets with too few errors.
     fn deviations(
         &mut self,
         commands: &[f64],
@@ -51,7 +51,7 @@ impl Learning for DirectLastLayer {
         assert_eq!(deviations.len(), horizons.len() * n, "a row for each horizon");
         let (h, m) = (self.model().horizon, self.session.inputs());
         deviations.fill(f64::NAN);
-        // Without inputs there are no commands to know.
+        // A model without inputs needs no commands.
         let given = &commands[..commands.len().min(h * m)];
         let missing = given.is_empty() && m > 0 || given.iter().any(|c| c.is_nan());
         let unknown = (0..self.seen.len()).all(|i| !self.is_known(i));

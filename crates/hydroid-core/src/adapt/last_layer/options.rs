@@ -1,32 +1,32 @@
-//! How a read-out learns.
+//! Options of the adaptation of a last layer.
 
 use crate::model::direct::DirectError;
 
-/// How a [`DirectLastLayer`](super::DirectLastLayer) learns. One window is completed in each sample.
+/// Options of a [`DirectLastLayer`](super::DirectLastLayer). Each sample completes one window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LastLayerOptions {
-    /// `lambda`: a window counts `lambda^n` when it is `n` samples old; 1 to forget nothing.
+    /// Forgetting factor `lambda` per sample; 1 for none.
     pub forgetting: f64,
-    /// `r0`: what the weights from shore are worth, in windows with regressors of 1 in each direction.
+    /// Weight `r0` of the reference weights, in windows with unit regressors in each direction.
     pub information: f64,
-    /// Whether weights of which the run has long said nothing return to those from shore.
+    /// Whether weights without excitation return to the reference (leak).
     pub leak: bool,
-    /// Share of a window in the variances that bands are made of.
+    /// Rate of the error variances.
     pub noise_rate: f64,
 }
 
-/// Why a read-out cannot learn so.
+/// Error of the options or the model.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LastLayerError {
-    /// The model makes no sense.
+    /// The model is invalid.
     Model(DirectError),
-    /// A number that is none, or not one that it can be.
+    /// A number is not finite or out of range.
     Number {
-        /// Which.
+        /// Name of the option.
         what: &'static str,
-        /// What was given.
+        /// Given value.
         value: f64,
-        /// What is needed.
+        /// Valid values.
         needed: &'static str,
     },
 }
@@ -42,14 +42,14 @@ impl core::fmt::Display for LastLayerError {
 
 impl core::error::Error for LastLayerError {}
 
-/// Windows that a prior is worth at the most, and at the least one over it: squares and inverses stay numbers.
+/// Maximum weight of the prior \[windows\], and of its inverse; squares and inverses stay finite.
 const MOST_INFORMATION: f64 = 1e30;
 
-/// What is forgotten in one sample at the most: until the prior has been restored in all directions the covariance grows by its
-/// inverse in each.
+/// Minimum forgetting factor. The covariance grows by its inverse in each sample until the prior has been restored in
+/// all directions.
 const LEAST_FORGETTING: f64 = 0.9;
 
-/// The shortest forgetting time \[samples\]: `exp(-1 / 9.5)` is just above what may be kept at the least.
+/// Minimum forgetting time \[samples\]: `exp(-1 / 9.5)` is just above the minimum forgetting factor.
 pub const SHORTEST_FORGETTING: f64 = 9.5;
 
 impl LastLayerOptions {
@@ -57,19 +57,19 @@ impl LastLayerOptions {
         let Self { forgetting, information, leak: _, noise_rate } = *self;
         let sound = [
             (
-                "the share of what was learned that is kept from sample to sample",
+                "the forgetting factor per sample",
                 forgetting,
                 (LEAST_FORGETTING..=1.0).contains(&forgetting),
                 "between 0.9 and 1 are needed, which is a forgetting time of 9.5 samples or more",
             ),
             (
-                "what the model from shore is worth, in samples,",
+                "the weight of the reference model in samples",
                 information,
                 (1.0 / MOST_INFORMATION..=MOST_INFORMATION).contains(&information),
                 "more than 0 and no more than 1e30 are needed: give a prior of some milliseconds to some minutes",
             ),
             (
-                "the rate of the noise",
+                "the rate of the noise estimate",
                 noise_rate,
                 (0.0..=1.0).contains(&noise_rate),
                 "between 0 and 1 is needed",

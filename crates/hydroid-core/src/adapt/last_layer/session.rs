@@ -1,4 +1,4 @@
-//! It predicts as the network with the read-out of the moment does.
+//! Predictions with the adapted last layer.
 
 use alloc::boxed::Box;
 
@@ -27,11 +27,11 @@ impl Predictor for DirectLastLayer {
         self.outcome = Outcome::Waiting;
     }
 
-    /// What is infinite was not measured.
+    /// Infinite values count as missing.
     fn observe(&mut self, y: &[f64]) {
         let inflation = core::mem::replace(&mut self.inflation, 1.0);
         self.session.observe(y);
-        if self.windows.measure(y, self.session.past().0, inflation) {
+        if self.windows.observe(y, self.session.past().0, inflation) {
             self.learn();
         }
         if y.iter().any(|y| y.is_infinite()) {
@@ -44,7 +44,7 @@ impl Predictor for DirectLastLayer {
         self.session.advance(c);
         let outputs = self.session.past().0;
         let present = &outputs[outputs.len() - self.session.outputs()..];
-        self.windows.pass(c, present, self.session.memory());
+        self.windows.advance(c, present, self.session.memory());
     }
 
     fn output(&self, y: &mut [f64]) {
@@ -67,11 +67,11 @@ impl Predictor for DirectLastLayer {
         self.session.snapshot(into);
     }
 
-    /// It learns again from windows that begin here; how sure it is of the weights stays as it is.
+    /// Restores state and weights. The windows restart here, and the covariance stays.
     fn restore(&mut self, from: &[f64]) {
         self.session.restore(from);
         self.windows.restart(self.session.past(), self.session.memory());
-        self.hand_over();
+        self.sync_learner();
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

@@ -1,4 +1,4 @@
-//! The windows whose targets are still to come.
+//! Windows whose targets are not yet complete.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -7,24 +7,24 @@ use crate::adapt::memory::{Reader, Writer};
 use crate::model::direct::{Direct, Window, push};
 use crate::model::recurrent::BaseModel;
 
-/// Outputs, commands and measurements since the beginning of the oldest window: all of them share one row of samples.
+/// Outputs, commands and measurements since the start of the oldest window. All open windows share these samples.
 ///
-/// At the sample `m` the oldest window is that which ended at `k = m - H`; it read the outputs from `k - p + 1` on, and the last of its targets
-/// is `y_m`.
+/// At the sample `m` the oldest window ended at `k = m - H`. It read the outputs from `k - p + 1`, and its last
+/// target is `y_m`.
 #[derive(Clone, Debug)]
 pub(super) struct Windows {
     window: Window,
-    /// Outputs as the network read them, measured or predicted: `k-p+1 .. m`.
+    /// Inputs of the network, measured or predicted outputs: `k-p+1 .. m`.
     outputs: Vec<f64>,
     /// Commands: `k-p+1 .. m-1`.
     commands: Vec<f64>,
-    /// Outputs as they were measured, NaN where they were not: `k+1 .. m`.
+    /// Measured outputs, NaN where missing: `k+1 .. m`.
     measured: Vec<f64>,
-    /// What the noise of each of these rows counts for.
+    /// Factor of the noise variance of each measurement.
     inflation: Vec<f64>,
-    /// What the model's equations remembered at each sample `k .. m`; empty without equations.
+    /// Memory of the base equations at the samples `k .. m`; empty without equations.
     memory: Vec<f64>,
-    /// Whether the present sample was not taken yet.
+    /// Whether the present sample has not been observed yet.
     open: bool,
 }
 
@@ -43,7 +43,7 @@ impl Windows {
         }
     }
 
-    /// Nothing is known of the past but what a session remembers of it.
+    /// Restarts the windows with the past of a session.
     pub(super) fn restart(&mut self, (outputs, commands): (&[f64], &[f64]), memory: &[f64]) {
         self.outputs.fill(f64::NAN);
         self.commands.fill(f64::NAN);
@@ -56,9 +56,9 @@ impl Windows {
         self.open = true;
     }
 
-    /// Takes a measurement, and the outputs that the session remembers with it (a value that is measured for the first time stands
-    /// for those before it). Gives whether it is the first of this sample.
-    pub(super) fn measure(&mut self, y: &[f64], outputs: &[f64], inflation: f64) -> bool {
+    /// Stores a measurement and the past outputs of the session (the first measurement of an output also replaces its
+    /// earlier values). Returns whether this is the first measurement of the sample.
+    pub(super) fn observe(&mut self, y: &[f64], outputs: &[f64], inflation: f64) -> bool {
         let at = self.outputs.len() - outputs.len();
         self.outputs[at..].copy_from_slice(outputs);
         let at = self.measured.len() - y.len();
@@ -71,8 +71,8 @@ impl Windows {
         core::mem::take(&mut self.open)
     }
 
-    /// Moves on under a command to a sample of which this is predicted, and at which equations remember this.
-    pub(super) fn pass(&mut self, c: &[f64], predicted: &[f64], memory: &[f64]) {
+    /// Advances by one sample with its command, the predicted outputs, and the memory of the base equations.
+    pub(super) fn advance(&mut self, c: &[f64], predicted: &[f64], memory: &[f64]) {
         push(&mut self.outputs, predicted);
         push(&mut self.commands, c);
         push(&mut self.memory, memory);
@@ -83,7 +83,7 @@ impl Windows {
         self.open = true;
     }
 
-    /// Outputs, commands that had passed and commands that came of the oldest window; none while something of it is not known.
+    /// Outputs, past commands and commands over the horizon of the oldest window; `None` if a value is unknown.
     pub(super) fn oldest(&self) -> Option<[&[f64]; 3]> {
         let outputs = &self.outputs[..self.window.outputs()];
         let (passed, ahead) = self.commands.split_at((self.window.p - 1) * self.window.m);
@@ -91,15 +91,15 @@ impl Windows {
         (known(outputs) && known(&self.commands)).then_some([outputs, passed, ahead])
     }
 
-    /// Of the oldest window: the outputs at its end, what equations remembered there, and the commands that came.
-    pub(super) fn oldest_below(&self) -> [&[f64]; 3] {
+    /// Last outputs, memory of the base equations and commands over the horizon of the oldest window.
+    pub(super) fn oldest_base(&self) -> [&[f64]; 3] {
         let Window { n, m, p, h } = self.window;
         let memory = &self.memory[..self.memory.len() / (h + 1)];
         [&self.outputs[(p - 1) * n..p * n], memory, &self.commands[(p - 1) * m..]]
     }
 
-    /// `x <- t - x` of the oldest window's targets, scaled; NaN where nothing was measured. `of_equations` is what equations say of
-    /// them, where the model adds to these.
+    /// `x <- t - x` with the scaled targets `t` of the oldest window; NaN for missing targets. `of_equations` is the
+    /// prediction of the base equations.
     pub(super) fn subtract_from_targets(&self, model: &Direct, of_equations: &[f64], x: &mut [f64]) {
         let Window { n, p, .. } = self.window;
         let s = &model.scaling;
@@ -114,7 +114,7 @@ impl Windows {
         }
     }
 
-    /// What the noise of a target counts for.
+    /// Factor of the noise variance of a target.
     pub(super) fn inflation(&self, target: usize) -> f64 {
         self.inflation[target / self.window.n]
     }
