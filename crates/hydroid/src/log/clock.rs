@@ -60,7 +60,7 @@ pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
 }
 
 /// A value rounded to few digits if they agree within 1e-6 relative.
-pub(crate) fn sensible(x: f64) -> f64 {
+pub(crate) fn round_if_close(x: f64) -> f64 {
     for digits in 0..4 {
         let rounded: f64 = format!("{x:.digits$e}").parse().unwrap_or(x);
         if (rounded - x).abs() <= 1e-6 * x.abs() {
@@ -84,9 +84,9 @@ impl Clock {
         let (mut sum, mut singles) = (0.0, 0_usize);
         let mut regular = true;
         for step in steps().filter(|s| *s <= max_gap_s) {
-            let whole = (step / usual).round().max(1.0);
-            regular &= (step - whole * usual).abs() <= TOLERANCE * usual;
-            if whole == 1.0 {
+            let multiple = (step / usual).round().max(1.0);
+            regular &= (step - multiple * usual).abs() <= TOLERANCE * usual;
+            if multiple == 1.0 {
                 sum += step;
                 singles += 1;
             }
@@ -94,9 +94,9 @@ impl Clock {
         let mean = if singles > 0 { sum / singles as f64 } else { usual };
         let mut step_s = nominal(usual, mean);
         if !regular {
-            let grid = sensible(mean);
+            let grid = round_if_close(mean);
             regular = on_grid(t, grid, max_gap_s);
-            step_s = if regular { grid } else { sensible(usual) };
+            step_s = if regular { grid } else { round_if_close(usual) };
         }
         Some(Self {
             step_s,
@@ -110,8 +110,8 @@ impl Clock {
 /// The median step if it is a round number that agrees with the mean, else the mean: stamps with few digits
 /// do not drift along the mean.
 fn nominal(median: f64, mean: f64) -> f64 {
-    let round = sensible(median);
-    if round != median && (mean - round).abs() <= 1e-4 * round { round } else { sensible(mean) }
+    let round = round_if_close(median);
+    if round != median && (mean - round).abs() <= 1e-4 * round { round } else { round_if_close(mean) }
 }
 
 fn on_grid(t: &[f64], step: f64, max_gap_s: f64) -> bool {
@@ -132,10 +132,10 @@ mod tests {
 
     #[test]
     fn round_steps_are_recognised() {
-        assert_eq!(sensible(0.100_000_000_000_23), 0.1);
-        assert_eq!(sensible(0.05), 0.05);
-        assert_eq!(sensible(0.109_5), 0.1095);
-        assert_eq!(sensible(0.033_333_333), 0.033_333_333);
+        assert_eq!(round_if_close(0.100_000_000_000_23), 0.1);
+        assert_eq!(round_if_close(0.05), 0.05);
+        assert_eq!(round_if_close(0.109_5), 0.1095);
+        assert_eq!(round_if_close(0.033_333_333), 0.033_333_333);
     }
 
     #[test]

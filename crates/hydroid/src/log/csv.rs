@@ -1,11 +1,11 @@
-//! A log as it stands in its file: named columns of numbers, with the lines they came from.
+//! Reader of CSV files: named columns of numbers with their line numbers in the file.
 //!
-//! Everything is read before anything is judged: text in a column that nobody selects is no error. What a
-//! cell holds that is not a number is remembered ([`RawColumn::bad`]) and told when the column is used.
+//! The reader does not check values: text in a column that is not selected is no error. A cell that is not a
+//! number is stored ([`RawColumn::bad`]) and reported when the column is selected.
 //!
-//! Understood are commas, semicolons and tabs as separators (found by counting them in the header), quotes,
-//! a byte order mark, line ends of every system, spaces around cells, a comma as decimal mark where the
-//! separator is another, a `#` before the header, and ISO 8601 time stamps. Blank, `NaN`, `NA`, `null` and `-` are missing.
+//! The reader accepts commas, semicolons and tabs as separators (detected in the header), quotes, a byte order
+//! mark, line ends of every system, spaces around cells, a decimal comma if the separator is not a comma,
+//! a `#` before the header, and ISO 8601 time stamps. Blank, `NaN`, `NA`, `null` and `-` are missing.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read};
@@ -14,10 +14,10 @@ use std::path::Path;
 use super::error::LogError;
 use super::stamp;
 
-/// A log as read, before any selection.
+/// The columns of a log file before selection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawLog {
-    /// The file, as it was named.
+    /// Path of the file as given.
     pub path: String,
     /// Columns in the order of the file.
     pub columns: Vec<RawColumn>,
@@ -25,21 +25,21 @@ pub struct RawLog {
     pub lines: Vec<u64>,
 }
 
-/// One column of a log as read.
+/// One column of a log file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawColumn {
     /// Name from the header, without the unit.
     pub name: String,
     /// Unit from the header (`name [unit]`).
     pub unit: Option<String>,
-    /// One number per row in the unit of the file; NaN where the cell is blank or no finite number. Time
+    /// One value per row in the unit of the file; NaN for a blank cell or a cell without a finite number. Time
     /// stamps are seconds since 1970 (UTC).
     pub values: Vec<f64>,
     /// The first cell that is neither blank nor a finite number.
     pub bad: Option<BadCell>,
-    /// How many cells are neither blank nor a finite number.
+    /// Number of cells that are neither blank nor a finite number.
     pub bad_cells: usize,
-    /// The first cell, where the column holds time stamps: its values are then no numbers of the file.
+    /// The first cell of a column of time stamps.
     pub stamps: Option<FirstStamp>,
 }
 
@@ -48,9 +48,9 @@ pub struct RawColumn {
 pub struct FirstStamp {
     /// Line in the file, from 1.
     pub line: u64,
-    /// Its text.
+    /// Text of the cell.
     pub text: String,
-    /// Whether it says its zone; without one it is taken as UTC.
+    /// Whether the stamp contains a time zone; the default is UTC.
     pub zoned: bool,
 }
 
@@ -59,9 +59,9 @@ pub struct FirstStamp {
 pub struct BadCell {
     /// Line in the file, from 1.
     pub line: u64,
-    /// Beginning of its text.
+    /// Beginning of the text of the cell.
     pub text: String,
-    /// Whether it is a number, but infinite.
+    /// Whether the cell holds an infinite number.
     pub infinite: bool,
 }
 
@@ -87,7 +87,7 @@ impl RawLog {
 /// Reads the log in a file.
 ///
 /// # Errors
-/// If the file cannot be read or is no table with a header; see [`LogError`].
+/// If the file cannot be read or is not a table with a header; see [`LogError`].
 pub fn read(path: &Path) -> Result<RawLog, LogError> {
     let name = path.display().to_string();
     let failed = |source: std::io::Error| match source.kind() {
@@ -102,7 +102,7 @@ pub fn read(path: &Path) -> Result<RawLog, LogError> {
     read_from(file, &name)
 }
 
-/// Reads a log from any source of bytes; `name` stands for the file in messages.
+/// Reads a log from any reader; `name` is the file name in messages.
 ///
 /// # Errors
 /// As [`read`].
@@ -112,14 +112,14 @@ pub fn read_from(mut reader: impl Read, name: &str) -> Result<RawLog, LogError> 
     parse(&bytes, name)
 }
 
-/// The table in a text that is already in memory.
+/// Parses a table in memory.
 fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
     let path = || name.to_owned();
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         return Err(LogError::NotUtf8 {
             path: path(),
             line: 1,
-            remedy: "it is UTF-16: save it as `CSV UTF-8`",
+            remedy: "the encoding is UTF-16: save the file as `CSV UTF-8`",
         });
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
@@ -127,7 +127,7 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
         let before = &bytes[..e.valid_up_to()];
         let line = 1 + count(before, b'\n');
         let remedy = if bytes.contains(&0) {
-            "is it a CSV file at all? Export the log as CSV"
+            "the file does not seem to be CSV: export the log as CSV"
         } else {
             "save the file as `CSV UTF-8` (a degree sign or an umlaut from an old encoding is the usual cause)"
         };
@@ -151,7 +151,7 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
             .read_byte_record(record)
             .map_err(|e| LogError::Read { path: name.to_owned(), source: std::io::Error::other(e) })
     };
-    // A first line of blank cells only is no header.
+    // A first line of only blank cells is not a header.
     let header: Vec<String> = loop {
         if !next(&mut record)? {
             return Err(LogError::Empty { path: path() });
@@ -161,7 +161,7 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
         }
     };
     let mut columns = header_columns(&header, name)?;
-    // Rows may stop after the last named column.
+    // A row may end after the last named column.
     let needed = header.iter().rposition(|h| !h.is_empty()).map_or(0, |p| p + 1);
     let mut lines = Vec::new();
     let mut counter = LineCounter::new(bytes);
@@ -189,7 +189,7 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
     if lines.is_empty() {
         return Err(LogError::HeaderOnly { path: path() });
     }
-    // A nameless column is an artefact of a trailing separator, or an index that a program added.
+    // A column without a name comes from a trailing separator or is an index written by a program.
     columns.retain(|c| !c.name.is_empty() || c.values.iter().any(|v| !v.is_nan()));
     name_the_nameless(&mut columns);
     Ok(RawLog { path: path(), columns, lines })
@@ -203,7 +203,7 @@ fn count(bytes: &[u8], byte: u8) -> u64 {
     bytes.iter().filter(|&&b| b == byte).count() as u64
 }
 
-/// Lines as an editor counts them; the position of a record counts the blank lines before it as its own.
+/// Line numbers as in an editor. The position of a record from the parser includes the blank lines before it.
 struct LineCounter<'a> {
     bytes: &'a [u8],
     end_of_line: u8,
@@ -254,28 +254,28 @@ impl RawColumn {
         self.values.push(value);
     }
 
-    /// Whether nothing else than stamps stands in the column so far: they do not mix with numbers.
+    /// Whether all cells so far are time stamps; a column does not mix stamps and numbers.
     fn takes_stamps(&self) -> bool {
         self.stamps.is_some() || self.bad_cells == 0 && self.values.iter().all(|x| x.is_nan())
     }
 }
 
-/// What stands in a cell.
+/// Content of a cell.
 pub enum Cell {
     /// A finite number.
     Number(f64),
     /// A time stamp.
     Stamp(stamp::Stamp),
-    /// Nothing was measured.
+    /// A missing value.
     Missing,
-    /// None of these.
+    /// Any other text.
     Bad {
-        /// A number, but no finite one.
+        /// Whether the text is an infinite number.
         infinite: bool,
     },
 }
 
-/// Reads a cell without the spaces around it.
+/// Parses a trimmed cell.
 pub fn number(cell: &str, decimal_comma: bool) -> Cell {
     if cell.is_empty() {
         return Cell::Missing;
@@ -302,12 +302,12 @@ fn is_missing(cell: &str) -> bool {
     cell == "-" || ["na", "n/a", "nan", "null", "none"].iter().any(|m| cell.eq_ignore_ascii_case(m))
 }
 
-/// A cell without the spaces around it. The whole file was checked to be UTF-8, and separators are ASCII.
+/// Trims a cell. The file is valid UTF-8 and separators are ASCII.
 fn text(cell: &[u8]) -> &str {
     std::str::from_utf8(cell.trim_ascii()).unwrap_or("\u{fffd}")
 }
 
-/// The separator that stands most often in the first line, outside quotes.
+/// The most frequent separator in the first line, outside quotes.
 pub fn delimiter(bytes: &[u8]) -> u8 {
     let mut counts = [(b',', 0_usize), (b';', 0), (b'\t', 0)];
     let mut quoted = false;
@@ -318,11 +318,11 @@ pub fn delimiter(bytes: &[u8]) -> u8 {
             c.1 += 1;
         }
     }
-    // The first of equals: the comma.
+    // A tie selects the first candidate, the comma.
     counts.iter().rev().max_by_key(|c| c.1).map_or(b',', |c| c.0)
 }
 
-/// Whether numbers are written with a comma: cells `1,5` and none `1.5` in the first rows.
+/// Whether numbers have a decimal comma: the first rows contain cells like `1,5` and none like `1.5`.
 fn has_decimal_comma(bytes: &[u8], delimiter: u8) -> bool {
     let rows = bytes.split(|&b| b == b'\n').skip(1).take(200);
     let mut comma = false;
@@ -336,7 +336,7 @@ fn has_decimal_comma(bytes: &[u8], delimiter: u8) -> bool {
     comma
 }
 
-/// The columns that a header names, without values.
+/// Empty columns with the names and units of the header.
 pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogError> {
     if header.iter().all(|h| h.is_empty() || h.parse::<f64>().is_ok() || stamp::parse(h).is_some()) {
         let first_row =
@@ -344,7 +344,7 @@ pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, L
         return Err(LogError::NoHeader { path: path.to_owned(), first_row });
     }
     let mut columns: Vec<RawColumn> = Vec::with_capacity(header.len());
-    // A set, so that a header of very many columns stays quick.
+    // A set keeps the time linear in the number of columns.
     let mut seen = std::collections::HashMap::new();
     for (i, cell) in header.iter().enumerate() {
         let cell = if i == 0 { cell.trim_start_matches('#').trim_start() } else { cell };
@@ -371,7 +371,7 @@ pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, L
     Ok(columns)
 }
 
-/// Gives columns without a name one by their place.
+/// Names columns without a name by position.
 pub fn name_the_nameless(columns: &mut [RawColumn]) {
     for i in 0..columns.len() {
         if columns[i].name.is_empty() {
@@ -384,7 +384,7 @@ pub fn name_the_nameless(columns: &mut [RawColumn]) {
     }
 }
 
-/// `name [unit]` in its two parts.
+/// Splits `name [unit]` into name and unit.
 pub(crate) fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
     let cell = cell.trim();
     if let Some(inner) = cell.strip_suffix(']')

@@ -40,7 +40,7 @@ impl Grid {
         for pair in t.windows(2) {
             place += ((pair[1] - pair[0]) / step).round().max(1.0);
             check_size(place, step, columns)?;
-            places.push(whole(place));
+            places.push(truncate(place));
         }
         let rows = places.last().map_or(0, |p| p + 1);
         let put = |values: &Vec<f64>, places: &[usize]| {
@@ -126,7 +126,7 @@ pub(crate) fn check_size(rows: f64, step: f64, columns: &Columns) -> Result<(), 
     clippy::cast_sign_loss,
     reason = "checked by the callers; casts saturate"
 )]
-pub(crate) fn whole(x: f64) -> usize {
+pub(crate) fn truncate(x: f64) -> usize {
     x as usize
 }
 

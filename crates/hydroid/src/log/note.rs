@@ -1,6 +1,6 @@
 //! Notes to the user on changes and defects of a log.
 
-/// How much a note matters.
+/// Severity of a note.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -13,11 +13,11 @@ pub enum Severity {
 /// A change or a defect of a log: cut, dropped, converted, resampled or noticed.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Note {
-    /// How much it matters.
+    /// Severity.
     pub severity: Severity,
     /// One sentence that names the file.
     pub message: String,
-    /// What the user can do.
+    /// Remedy for the user.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }
@@ -45,7 +45,7 @@ impl Note {
     }
 }
 
-/// Singular or plural of a counted thing, with its number.
+/// A number with the singular or plural of its noun.
 pub(crate) fn count(n: usize, one: &str) -> String {
     if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") }
 }

@@ -1,9 +1,8 @@
-//! From logs as read to runs that models can learn from.
+//! Preparation of logs: conversion to runs on a regular clock.
 //!
-//! The order of work, file by file: select columns, convert units, refuse what cannot be true, leave out ends
-//! where the vessel is towed, find the clock, split at jumps in time, put each part on a regular clock (its own, if
-//! it has one), hold and shift the commands, cut where a measurement is missing too long. Whatever was changed is
-//! told in a [`Note`].
+//! The steps for each file: select columns, convert units, reject impossible values, remove towed ends,
+//! estimate the clock, split at jumps in time, resample each part unless its clock is regular, hold and shift the
+//! commands, and cut where an output is missing for longer than the gap limit. A [`Note`] reports each change.
 
 use super::align::{CommandTiming, InputDelay};
 use super::clock::{self, Clock};
@@ -20,53 +19,53 @@ use super::selection::Selection;
 use super::towed;
 use super::trajectory::{Channel, Table, Trajectory};
 
-/// Fewest samples of a run.
+/// Smallest number of samples of a run.
 pub(crate) const FEWEST_SAMPLES: usize = 3;
 
-/// Longest usual step \[s\] of a clock that does not say that it counts seconds.
+/// Longest usual step \[s\] of a clock without a unit.
 const LONGEST_UNSTATED_S: f64 = 30.0;
 
-/// Below this share of the log's step a step is warned of.
+/// A step below this share of the step of the log causes a warning.
 const FINER: f64 = 0.99;
-/// Below this share of the log's step (a half, but for rounding) a step is refused.
+/// A step below this share of the step of the log (one half, with a margin for rounding) is an error.
 const FINEST: f64 = 0.4999;
 
-/// How logs are put on a clock.
+/// Options of the preparation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PrepareOptions {
-    /// Step \[s\] to resample to, half the log's at least. Without it: the log's own. Of a log without a time
-    /// column it is the step between the rows.
+    /// Step \[s\] after resampling, at least half the step of the log. Default: the step of the log. For a log
+    /// without a time column: the step between rows.
     pub dt: Option<f64>,
-    /// Longest time \[s\] that an output may be missing. Without it: 1 s or 10 samples of the slowest
-    /// output, whichever is longer.
+    /// Longest time \[s\] that an output may be missing. Default: the longer of 1 s and 10 samples of the slowest
+    /// output.
     pub max_gap_s: Option<f64>,
-    /// Which interval the command in a row belongs to.
+    /// Interval in which the command of a row acts.
     pub command_timing: CommandTiming,
-    /// How much later a command acts than it is logged.
+    /// Delay between the logging and the effect of a command.
     pub input_delay: InputDelay,
-    /// Whether to keep the ends of a log at which all commands are zero for 20 s or longer and the vessel gathers
-    /// way all the same.
+    /// Whether to keep the towed ends of a log: all commands are zero for 20 s or longer while the speed of the
+    /// vessel grows.
     pub keep_towed: bool,
 }
 
-/// Runs on regular clocks of one step, and what was done to get them.
+/// Runs with a common step, and notes on their preparation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prepared {
     /// The runs, in the order of the logs; all share channels and step.
     pub runs: Vec<Trajectory>,
-    /// For each run the position of its log.
+    /// Index of the log of each run.
     pub sources: Vec<usize>,
-    /// The selection with what was guessed written out: reads another log in the same way.
+    /// The complete selection, including the columns chosen by name. It applies to other logs.
     pub selection: Selection,
-    /// What was converted, cut, dropped, resampled or noticed.
+    /// Notes on conversions, cuts, dropped samples, resampling and defects.
     pub notes: Vec<Note>,
 }
 
-/// Makes runs from logs.
+/// Converts logs to runs.
 ///
 /// # Errors
-/// If a log cannot be used as asked for; the message names file, line, column and remedy.
+/// If a log cannot be prepared with these options; the message names file, line, column and remedy.
 pub fn prepare(
     logs: &[RawLog],
     selection: &Selection,
@@ -101,7 +100,7 @@ pub fn prepare(
     let path = if logs.len() == 1 { first.path.clone() } else { format!("the {} logs", logs.len()) };
     if runs.is_empty() {
         let found = files.iter().map(|f| f.columns.rows()).max().unwrap_or(0).min(FEWEST_SAMPLES - 1);
-        let remedy = "look at the gaps with `hydroid inspect`; a longer gap limit (--max-gap) or a shorter input delay keeps more";
+        let remedy = "list the gaps with `hydroid inspect`; a longer gap limit (--max-gap) or a shorter input delay keeps more samples";
         return Err(LogError::TooShort { path, found, needed: FEWEST_SAMPLES, remedy: remedy.to_owned() });
     }
     note_constants(&path, &runs, &mut notes)?;
@@ -120,7 +119,7 @@ fn check(options: &PrepareOptions) -> Result<(), LogError> {
     options.input_delay.check()
 }
 
-/// The selection applied to all logs, with the channels that the first of them gives.
+/// Applies the selection to all logs, with the channels of the first log.
 fn resolve_all(
     logs: &[RawLog],
     selection: &Selection,
@@ -129,7 +128,7 @@ fn resolve_all(
 ) -> Result<(Vec<Resolved>, Selection), LogError> {
     let first = Resolved::new(&logs[0], selection, dt, notes)?;
     let column = |s: &resolve::Source| logs[0].columns[s.column].name.clone();
-    // What was guessed from the first log holds for all.
+    // The columns chosen by name in the first log apply to all logs.
     let mut concrete = selection.clone();
     if concrete.outputs.is_empty() {
         concrete.outputs = first.outputs.iter().map(|s| respec(s, column(s))).collect();
@@ -199,7 +198,7 @@ impl File {
         Ok(Self { columns, clock, max_gap_s })
     }
 
-    /// The parts between jumps in time, on the step `dt`, cut to what can be used.
+    /// The usable parts between jumps in time, with step `dt`.
     fn runs(
         &self,
         name: &str,
@@ -250,32 +249,32 @@ impl File {
             if *n > 0 {
                 let cells = count(*n, "blank cell");
                 notes.push(Note::info(format!(
-                    "{path}: {cells} of the command `{}` hold the value before",
+                    "{path}: {cells} of the command `{}` hold the previous value",
                     channel.name
                 )));
             }
         }
-        let mut tell = |n: usize, what: &str| {
+        let mut add_note = |n: usize, what: &str| {
             if n > 0 {
                 notes.push(Note::info(format!("{path}: {} {what}", count(n, "sample"))));
             }
         };
-        tell(absent, "left out by the log count as missing measurements");
-        tell(front, "dropped at the beginning, before the first command is known");
-        tell(back, "dropped at the end, where the shifted command is not known");
-        tell(short, "dropped in pieces of fewer than 3 samples");
-        let whole = found.len() == 1 && found[0].1.len() == 1;
+        add_note(absent, "without a row in the log count as missing measurements");
+        add_note(front, "dropped at the beginning, before the first command is known");
+        add_note(back, "dropped at the end, where the shifted command is unknown");
+        add_note(short, "dropped in pieces of fewer than 3 samples");
+        let single = found.len() == 1 && found[0].1.len() == 1;
         let runs: Vec<Trajectory> = found
             .iter()
-            .flat_map(|(grid, usable)| usable.iter().map(|part| self.run(name, grid, *part, whole)))
+            .flat_map(|(grid, usable)| usable.iter().map(|part| self.run(name, grid, *part, single)))
             .collect();
         self.note_missing(&runs, notes);
         Ok(runs)
     }
 
-    fn run(&self, name: &str, grid: &Grid, (from, to): (usize, usize), whole: bool) -> Trajectory {
+    fn run(&self, name: &str, grid: &Grid, (from, to): (usize, usize), single: bool) -> Trajectory {
         let t0 = grid.t0 + from as f64 * grid.dt;
-        let name = if whole {
+        let name = if single {
             name.to_owned()
         } else {
             format!("{name} ({t0:.1} s to {:.1} s)", t0 + (to - from - 1) as f64 * grid.dt)
@@ -299,7 +298,7 @@ impl File {
         }
     }
 
-    /// Rows between jumps in time longer than the gap limit.
+    /// Splits rows at jumps in time longer than the gap limit.
     fn parts(&self, notes: &mut Vec<Note>) -> Vec<(usize, usize)> {
         let t = &self.columns.t;
         let jumps: Vec<usize> = (1..t.len()).filter(|&k| t[k] - t[k - 1] > self.max_gap_s).collect();
@@ -324,25 +323,25 @@ impl File {
             notes.push(
                 Note::warning(format!(
                     "{path}: the clock is irregular (steps of {shortest_s:.4} s to {longest_s:.4} s, usually {step_s:.4} s); \
-                     resampled to {dt:.4} s, measurements by interpolation"
+                     resampled to {dt:.4} s with interpolated measurements"
                 ))
-                .with_remedy("record with the time at which each value was measured; choose the step with --dt"),
+                .with_remedy("record the time of each measurement; set the step with --dt"),
             );
         } else if !native {
             notes.push(Note::info(format!("{path}: resampled from {step_s} s to {dt} s")));
         }
     }
 
-    /// Warns of a step below the log's: its values are made of measurements from after them.
+    /// Warns of a step below the step of the log: interpolated samples depend on later measurements.
     fn note_finer(&self, dt: f64, notes: &mut Vec<Note>) {
         let (path, step) = (&self.columns.path, self.clock.step_s);
         if dt < FINER * step {
             notes.push(
                 Note::warning(format!(
-                    "{path}: the step of {dt} s is shorter than the log's ({step} s): values between samples are interpolated from the next measurement, \
-                     so that predictions over less than {step} s look better than they are"
+                    "{path}: the step of {dt} s is shorter than the step of the log ({step} s): values between samples are interpolated with the next measurement, \
+                     and errors of predictions over less than {step} s are underestimated"
                 ))
-                .with_remedy(format!("leave --dt at {step} or above, or judge horizons from {step} s on only")),
+                .with_remedy(format!("set --dt to {step} or more, or evaluate only horizons of {step} s or longer")),
             );
         }
     }
@@ -354,7 +353,7 @@ impl File {
             if missing > 0 {
                 let all: usize = runs.iter().map(Trajectory::len).sum();
                 notes.push(Note::info(format!(
-                    "{}: `{}` is missing in {missing} of {all} samples; nothing is put in its place",
+                    "{}: `{}` is missing in {missing} of {all} samples; missing values are not filled in",
                     self.columns.path, channel.name
                 )));
             }
@@ -362,7 +361,7 @@ impl File {
     }
 }
 
-/// Refuses a step of which most samples would be interpolated.
+/// Rejects a step for which most samples would be interpolated.
 fn check_step(columns: &Columns, clock: &Clock, options: &PrepareOptions) -> Result<(), LogError> {
     let step = clock.step_s;
     match options.dt {
@@ -380,16 +379,16 @@ fn check_step(columns: &Columns, clock: &Clock, options: &PrepareOptions) -> Res
     }
 }
 
-/// How many cuts of one part are told one by one.
+/// Number of cuts of one part with a note of their own.
 const SHOWN_CUTS: usize = 5;
 
-/// Tells what was cut out between and around the usable parts.
+/// Adds notes on the cuts between and around the usable parts.
 fn note_cuts(path: &str, grid: &Grid, usable: &[(usize, usize)], notes: &mut Vec<Note>) {
     let time = |k: usize| grid.t0 + k as f64 * grid.dt;
-    let mut tell = |from: usize, to: usize, place: &str| {
+    let mut note_cut = |from: usize, to: usize, place: &str| {
         if from < to {
             notes.push(Note::warning(format!(
-                "{path}: {} {place} cut out, {:.2} s to {:.2} s: some output is missing there",
+                "{path}: {} {place} cut out, {:.2} s to {:.2} s: an output is missing there",
                 count(to - from, "sample"),
                 time(from),
                 time(to - 1),
@@ -397,21 +396,21 @@ fn note_cuts(path: &str, grid: &Grid, usable: &[(usize, usize)], notes: &mut Vec
         }
     };
     let (Some(first), Some(last)) = (usable.first(), usable.last()) else {
-        tell(0, grid.rows, "");
+        note_cut(0, grid.rows, "");
         return;
     };
-    tell(0, first.0, "at the beginning");
+    note_cut(0, first.0, "at the beginning");
     for pair in usable.windows(2).take(SHOWN_CUTS) {
-        tell(pair[0].1, pair[1].0, "in between");
+        note_cut(pair[0].1, pair[1].0, "in the middle");
     }
     if usable.len() > SHOWN_CUTS + 1 {
         let (from, to) = (usable[SHOWN_CUTS].1, last.0);
-        tell(from, to, &format!("and more of the kind ({} in all)", count(usable.len() - 1, "cut")));
+        note_cut(from, to, &format!("in further cuts ({} in total)", count(usable.len() - 1, "cut")));
     }
-    tell(last.1, grid.rows, "at the end");
+    note_cut(last.1, grid.rows, "at the end");
 }
 
-/// The step of all runs: as told, or the logs' own if they agree, or the longest of them.
+/// The common step of all runs: the given step, else the longest step of the logs.
 fn common_step(files: &[File], options: &PrepareOptions, notes: &mut Vec<Note>) -> f64 {
     if let Some(dt) = options.dt {
         return dt;
@@ -424,36 +423,35 @@ fn common_step(files: &[File], options: &PrepareOptions, notes: &mut Vec<Note>) 
             Note::warning(format!(
                 "the logs have different steps, from {shortest:.4} s to {longest:.4} s; all are resampled to {longest:.4} s"
             ))
-            .with_remedy("choose the step with --dt"),
+            .with_remedy("set the step with --dt"),
         );
     }
     longest
 }
 
-/// Notes channels that never change; none may be left that does.
+/// Adds notes on constant channels. An error if all outputs are constant.
 fn note_constants(path: &str, runs: &[Trajectory], notes: &mut Vec<Note>) -> Result<(), LogError> {
     let constant = |table: fn(&Trajectory) -> &Table, i: usize| {
         let mut values = runs.iter().flat_map(|r| table(r).column(i)).filter(|x| !x.is_nan());
         let first = values.next();
         values.all(|x| Some(x) == first)
     };
-    let mut still = 0;
+    let mut constant_outputs = 0;
     for (i, channel) in runs[0].outputs.channels().iter().enumerate() {
         if constant(|r| &r.outputs, i) {
-            still += 1;
-            notes.push(
-                Note::warning(format!("the output `{}` never changes", channel.name))
-                    .with_remedy("leave it out, or check the sensor: nothing can be learned about it"),
-            );
+            constant_outputs += 1;
+            notes.push(Note::warning(format!("the output `{}` is constant", channel.name)).with_remedy(
+                "a constant output cannot be identified: remove it from --outputs or check the sensor",
+            ));
         }
     }
-    if still == runs[0].outputs.width() {
+    if constant_outputs == runs[0].outputs.width() {
         return Err(LogError::NothingMoves { path: path.to_owned() });
     }
     for (i, channel) in runs[0].inputs.channels().iter().enumerate() {
         if constant(|r| &r.inputs, i) {
-            notes.push(Note::warning(format!("the input `{}` never changes", channel.name)).with_remedy(
-                "its effect cannot be learned from these logs; leave it out or record with it moving",
+            notes.push(Note::warning(format!("the input `{}` is constant", channel.name)).with_remedy(
+                "its effect cannot be identified from these logs: remove it from --inputs or record a log in which it varies",
             ));
         }
     }

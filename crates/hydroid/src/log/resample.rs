@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 use super::align::{CommandTiming, InputDelay};
 use super::columns::Columns;
 use super::error::LogError;
-use super::grid::{Grid, check_size, whole};
+use super::grid::{Grid, check_size, truncate};
 
 /// Tolerance, in new steps, within which a stamp coincides with an instant.
 const AT: f64 = 1e-6;
@@ -46,7 +46,7 @@ impl Resampling {
         let (t0, last) = (t[0], t[t.len() - 1]);
         let span = (last - t0) / self.dt + AT;
         check_size(span, self.dt, columns)?;
-        let rows = whole(span) + 1;
+        let rows = truncate(span) + 1;
         let instants = || (0..rows).map(|k| t0 + k as f64 * self.dt);
         let measured = |channels: &[Vec<f64>]| -> Vec<Vec<f64>> {
             let units = columns.output_channels.iter().map(|c| c.unit == "rad");

@@ -9,8 +9,8 @@ use super::error::LogError;
 /// A channel and the column it comes from, as written on the command line or in `hydroid.toml`:
 /// `NAME`, `NAME=COLUMN`, `NAME=COLUMN [unit]`, `NAME=COLUMN [unit] * 0.01`.
 ///
-/// The unit is the one that the column is in, where its header does not say so (or says it wrongly); the
-/// stored numbers are SI. The scale multiplies what stands in the log before the unit is converted.
+/// The unit is the unit of the column and overrides the unit of the header; stored values are SI. The scale
+/// multiplies the values of the log before the conversion of the unit.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct ChannelSpec {
@@ -18,20 +18,20 @@ pub struct ChannelSpec {
     pub name: String,
     /// Name of the column in the log.
     pub column: String,
-    /// Unit of the column, where it is stated here.
+    /// Unit of the column, if given.
     pub unit: Option<String>,
-    /// Factor on the numbers of the log.
+    /// Factor on the values of the log.
     pub scale: f64,
 }
 
 impl ChannelSpec {
-    /// The channel that is called as its column.
+    /// A channel with the name of its column.
     pub fn named(name: impl Into<String>) -> Self {
         let name = name.into();
         Self { column: name.clone(), name, unit: None, scale: 1.0 }
     }
 
-    /// A channel under another name than its column's.
+    /// A channel whose name differs from the name of its column.
     pub fn renamed(name: impl Into<String>, column: impl Into<String>) -> Self {
         Self { name: name.into(), column: column.into(), unit: None, scale: 1.0 }
     }
@@ -39,7 +39,7 @@ impl ChannelSpec {
     /// Several specifications separated by commas, as in `--outputs u,v,r=YAW [deg/s]`.
     ///
     /// # Errors
-    /// If one of them cannot be understood.
+    /// If a specification is invalid.
     pub fn parse_list(text: &str) -> Result<Vec<Self>, LogError> {
         text.split(',').map(str::parse).collect()
     }
@@ -54,7 +54,7 @@ impl FromStr for ChannelSpec {
             Some((name, source)) => (Some(name.trim()), source.trim()),
             None => (None, text.trim()),
         };
-        // ` * 0.01` counts as a scale where a number follows; a column may be called `a*b`.
+        // ` * 0.01` is a scale only if a number follows: a column may have the name `a*b`.
         let (source, scale) = match source.rsplit_once('*') {
             Some((front, factor)) if factor.trim().parse::<f64>().is_ok() => {
                 (front.trim(), factor.trim().parse::<f64>().unwrap_or(f64::NAN))
@@ -67,10 +67,10 @@ impl FromStr for ChannelSpec {
         let (column, unit) = name_and_unit(source);
         let name = name.unwrap_or(column);
         if column.is_empty() {
-            return Err(bad("the column's name is empty"));
+            return Err(bad("the name of the column is empty"));
         }
         if name.is_empty() {
-            return Err(bad("the channel's name is empty"));
+            return Err(bad("the name of the channel is empty"));
         }
         Ok(Self { name: name.to_owned(), column: column.to_owned(), unit: unit.map(str::to_owned), scale })
     }
@@ -78,7 +78,7 @@ impl FromStr for ChannelSpec {
 
 impl fmt::Display for ChannelSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // A bare name would lose a `=` inside the column's name, which no bare name can hold.
+        // A column name with `=` needs the form `NAME=COLUMN`.
         if self.name == self.column {
             f.write_str(&self.name)?;
         } else {
@@ -108,17 +108,17 @@ impl From<ChannelSpec> for String {
     }
 }
 
-/// The two columns of an anemometer.
+/// Columns of wind speed and wind direction.
 ///
-/// They become the inputs `wind_x = U^2 cos(direction)` and `wind_y = U^2 sin(direction)` \[m^2/s^2\], which a
-/// force that grows with the square of the wind is linear in. Relative wind is the better choice: its
-/// direction turns with the vessel.
+/// The columns are converted to the inputs `wind_x = U^2 cos(direction)` and `wind_y = U^2 sin(direction)`
+/// \[m^2/s^2\]. A wind force proportional to the squared speed is linear in these inputs. Use the relative wind:
+/// its direction is relative to the vessel.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wind {
     /// Wind speed \[m/s\].
     pub speed: ChannelSpec,
-    /// Wind direction \[rad\], in the vessel's frame or in the world's.
+    /// Wind direction \[rad\] in the body frame or in the world frame.
     pub direction: ChannelSpec,
 }
 
@@ -129,24 +129,24 @@ impl FromStr for Wind {
     fn from_str(text: &str) -> Result<Self, LogError> {
         let (speed, direction) = text.split_once(',').ok_or_else(|| LogError::BadSpec {
             text: text.to_owned(),
-            reason: "wind needs two columns, SPEED,DIRECTION".to_owned(),
+            reason: "wind requires two columns, SPEED,DIRECTION".to_owned(),
         })?;
         Ok(Self { speed: speed.parse()?, direction: direction.parse()? })
     }
 }
 
-/// What to take from a log. What is left out is guessed from the names and told in the notes.
+/// Columns of a log to use. Columns that are not given are chosen by name and reported in the notes.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Selection {
-    /// Time column, with its unit if that is not seconds: `timestamp [ms]`; ISO 8601 stamps need
-    /// none. Without it the first of `t`, `time`, `t_s`, `timestamp`, `time_s`.
+    /// Time column, with its unit unless it is in seconds or ISO 8601 stamps: `timestamp [ms]`. Default: the first
+    /// of `t`, `time`, `t_s`, `timestamp`, `time_s`.
     pub time: Option<String>,
-    /// Outputs. Empty: `u`, `v` and `r`, those that exist.
+    /// Outputs. If empty: `u`, `v` and `r`, as far as they exist.
     pub outputs: Vec<ChannelSpec>,
-    /// Inputs. Empty: all columns whose names end in `_cmd` or `_ang`.
+    /// Inputs. If empty: all columns whose names end in `_cmd` or `_ang`.
     pub inputs: Vec<ChannelSpec>,
-    /// Wind, as two more inputs.
+    /// Wind columns, which give two additional inputs.
     pub wind: Option<Wind>,
 }
 
@@ -154,7 +154,7 @@ impl Selection {
     /// Outputs and inputs as lists of specifications: `Selection::of("u,v,r", "n,delta")`.
     ///
     /// # Errors
-    /// If one of the specifications cannot be understood.
+    /// If a specification is invalid.
     pub fn of(outputs: &str, inputs: &str) -> Result<Self, LogError> {
         Ok(Self {
             outputs: ChannelSpec::parse_list(outputs)?,

@@ -1,42 +1,41 @@
-//! Which runs are learned from, which choose, which judge.
+//! Split of runs into training, validation and test.
 //!
-//! A model is judged on what it has not seen. Neighbouring samples of one run are nearly the same sample, so
-//! runs are held back as a whole where there are enough of them, and in contiguous blocks where not; samples
-//! are never drawn at random.
+//! Neighbouring samples of a run are strongly correlated. Complete runs are therefore held out if there are at
+//! least three, otherwise contiguous blocks of a run; samples are never drawn at random.
 
 use super::error::LogError;
 use super::note::Note;
 use super::prepare::FEWEST_SAMPLES;
 use super::trajectory::Trajectory;
 
-/// Runs by their use.
+/// Training, validation and test runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Split {
-    /// To fit models.
+    /// Runs that fit the models.
     pub train: Vec<Trajectory>,
-    /// To choose between fitted models (thresholds, degrees, when to stop).
+    /// Runs that select among fitted models (thresholds, degrees, early stopping).
     pub validation: Vec<Trajectory>,
-    /// To judge the model that was chosen, once.
+    /// Runs that evaluate the selected model once.
     pub test: Vec<Trajectory>,
-    /// What was decided, and why.
+    /// Notes on the split.
     pub notes: Vec<Note>,
 }
 
-/// Shares of a single run that are trained on, and trained on or validated on.
+/// Ends of the training and the validation block of a single run, as shares of its length.
 const BLOCKS: [f64; 2] = [0.6, 0.8];
-/// A run that holds less than this share of all samples is too short to validate or test on, and one with
-/// more than the other share too valuable.
+/// Smallest and largest share of all samples in a run for validation or test.
 const SANE: std::ops::RangeInclusive<f64> = 0.04..=0.5;
 
 /// Splits runs into training, validation and test.
 ///
-/// Three runs and more: the last is the test, the one before it validates, the rest is trained on; where one
-/// of these two would be very short or very long, the two runs of the most suitable length are taken.
-/// Two runs: the second is the test, the last quarter of the first validates. One run, or several of which
-/// one is nearly all: the longest in contiguous blocks of 60, 20 and 20 %, the others are trained on.
+/// Three runs and more: the last run is the test, the run before it the validation, all others the training.
+/// If one of the two is very short or very long, the latest runs of suitable length replace them.
+/// Two runs: the second is the test, the last quarter of the first the validation. A single run, or several
+/// runs with one dominant: the longest run is split into contiguous blocks of 60, 20 and 20 %, the others are
+/// training.
 ///
 /// # Errors
-/// If there are no runs, or too few samples for three parts.
+/// If there are no runs or too few samples for three parts.
 pub fn split_runs(runs: Vec<Trajectory>) -> Result<Split, LogError> {
     let total: usize = runs.iter().map(Trajectory::len).sum();
     let share = |run: &Trajectory| run.len() as f64 / total.max(1) as f64;
@@ -56,11 +55,11 @@ pub fn split_runs(runs: Vec<Trajectory>) -> Result<Split, LogError> {
             Ok(take(runs, n - 2, n - 1, Note::info(note)))
         }
         _ => {
-            // The latest runs of a length that suits.
+            // The latest runs of suitable length.
             let mut fit = (0..runs.len()).rev().filter(|&i| sane(&runs[i]));
             if let (Some(test), Some(validation)) = (fit.next(), fit.next()) {
                 let note = format!(
-                    "split by run: test on {}, validation on {}; the last runs are too short or too long for it",
+                    "split by run: test on {}, validation on {}; the last runs are too short or too long for validation and test",
                     runs[test].name, runs[validation].name
                 );
                 Ok(take(runs, validation, test, Note::info(note)))
@@ -71,11 +70,11 @@ pub fn split_runs(runs: Vec<Trajectory>) -> Result<Split, LogError> {
     }
 }
 
-/// Splits runs whose use is stated. Without test runs, all is split as by [`split_runs`] (there must be no
-/// validation runs then); without validation runs, the last quarter of the longest training run validates.
+/// Splits runs with given roles. Without test runs, all runs are split as by [`split_runs`] (there must be no
+/// validation runs); without validation runs, the validation is the last quarter of the longest training run.
 ///
 /// # Errors
-/// If there is nothing to train or to test on, or too few samples.
+/// If there is no training or no test run, or too few samples.
 pub fn split_named(
     mut train: Vec<Trajectory>,
     validation: Vec<Trajectory>,
@@ -91,10 +90,10 @@ pub fn split_named(
             let run = train.remove(longest);
             let at = run.len() * 3 / 4;
             long_enough(std::slice::from_ref(&run), &[at, run.len() - at])?;
-            let note = format!("no validation log is named: the last quarter of {} validates", run.name);
+            let note = format!("no validation log is given: validation on the last quarter of {}", run.name);
             train.insert(longest, run.slice(0, at));
             let validation = vec![run.slice(at, run.len())];
-            let notes = vec![Note::info(note).with_remedy("--validate names logs of their own")];
+            let notes = vec![Note::info(note).with_remedy("give separate validation logs with --validate")];
             Ok(Split { train, validation, test, notes })
         }
     }
@@ -120,7 +119,7 @@ fn halves(runs: &[Trajectory]) -> Result<Split, LogError> {
     long_enough(runs, &[at, runs[0].len() - at, runs[1].len()])?;
     let note =
         format!("two runs: test on {}, validation on the last quarter of {}", runs[1].name, runs[0].name);
-    let remedy = "a third run would give a validation that no training sample touches";
+    let remedy = "a third run would make the validation independent of the training";
     Ok(Split {
         train: vec![runs[0].slice(0, at)],
         validation: vec![runs[0].slice(at, runs[0].len())],
@@ -134,14 +133,15 @@ fn blocks_of_longest(runs: &[Trajectory]) -> Result<Split, LogError> {
     blocks(runs, longest)
 }
 
-/// The run `longest` in three contiguous blocks; all others are trained on.
+/// Splits the run `longest` into three contiguous blocks; all other runs are training.
 fn blocks(runs: &[Trajectory], longest: usize) -> Result<Split, LogError> {
     let run = &runs[longest];
-    let [a, b] = BLOCKS.map(|share| super::grid::whole(run.len() as f64 * share));
+    let [a, b] = BLOCKS.map(|share| super::grid::truncate(run.len() as f64 * share));
     long_enough(runs, &[a, b - a, run.len() - b])?;
     let note =
         format!("{} is split into contiguous blocks: 60 % training, 20 % validation, 20 % test", run.name);
-    let remedy = "separate runs are a stricter test: wind, load and sensors stay the same within one run";
+    let remedy =
+        "separate runs are a stricter test, because wind, load and sensors are the same within one run";
     let (validation, test) = (vec![run.slice(a, b)], vec![run.slice(b, run.len())]);
     let train =
         runs.iter().enumerate().map(|(i, r)| if i == longest { r.slice(0, a) } else { r.clone() }).collect();
@@ -154,7 +154,7 @@ fn long_enough(runs: &[Trajectory], parts: &[usize]) -> Result<(), LogError> {
             path: runs.iter().map(|r| r.name.as_str()).take(3).collect::<Vec<_>>().join(", "),
             found: runs.iter().map(Trajectory::len).sum(),
             needed: 5 * FEWEST_SAMPLES,
-            remedy: "there is too little for training, validation and test: record for longer".to_owned(),
+            remedy: "the samples are too few for training, validation and test: record for longer".to_owned(),
         }),
         _ => Ok(()),
     }

@@ -32,11 +32,11 @@ pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>)
     let Some((first, last)) = under_command(&columns.inputs[..commands], n) else { return };
     let mut keep = 0..n;
     for (stretch, edge) in [(0..first, true), (last + 1..n, false)] {
-        let Some(output) = gathers(columns, stretch.clone(), first..last + 1) else { continue };
+        let Some(output) = growing_output(columns, stretch.clone(), first..last + 1) else { continue };
         let (from, to) = (columns.t[stretch.start], columns.t[stretch.end - 1]);
         notes.push(
             Note::warning(format!(
-                "{}: {} of the log, {:.1} s from line {} to line {}, is left out: all commands are exactly zero, and `{}` grows all \
+                "{}: {} of the log, {:.1} s from line {} to line {}, is removed: all commands are exactly zero, and `{}` grows all \
                  the same, as where a vessel is towed or pushed",
                 columns.path,
                 if edge { "the beginning" } else { "the end" },
@@ -45,7 +45,7 @@ pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>)
                 columns.lines[stretch.end - 1],
                 columns.output_channels[output].name,
             ))
-            .with_remedy("--keep-towed keeps it"),
+            .with_remedy("keep it with --keep-towed"),
         );
         if edge {
             keep.start = stretch.end;
@@ -76,7 +76,7 @@ fn under_command(commands: &[Vec<f64>], rows: usize) -> Option<(usize, usize)> {
 }
 
 /// The first output that grows in a stretch of rows, relative to its standard deviation under command.
-fn gathers(
+fn growing_output(
     columns: &Columns,
     stretch: std::ops::Range<usize>,
     under_command: std::ops::Range<usize>,
@@ -113,7 +113,7 @@ fn second_by_second(values: impl Iterator<Item = (f64, f64)>) -> impl Iterator<I
     })
 }
 
-/// Standard deviation of what is measured.
+/// Standard deviation of the measured values.
 fn deviation(y: &[f64]) -> f64 {
     let measured = || y.iter().filter(|y| y.is_finite());
     let n = measured().count().max(1) as f64;

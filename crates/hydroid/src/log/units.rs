@@ -1,17 +1,17 @@
-//! Units as they stand in headers, and their way to SI.
+//! Units of columns and their conversion to SI.
 //!
-//! Inside hydroid everything is metre, second, radian, newton, volt. The one exception is the rate of
-//! rotation of a shaft, which stays in revolutions per second (`rps`) where the log counts revolutions:
-//! propeller coefficients are given that way. A unit that is not known is kept, with factor 1.
+//! Values are stored in metres, seconds, radians, newtons and volts. The shaft speed is an exception: a column
+//! in revolutions is stored in revolutions per second (`rps`), the unit of propeller coefficients. An unknown
+//! unit is kept with factor 1.
 //!
-//! Logs write units in many ways: `/sec` and `/second` are `/s`, and case counts only where it tells two units
-//! apart (`Nm`, `NM`, `nm`; `Ns`, `ns`; `mV` and a megavolt). `kn` is knots and `kN` is kilonewtons; any other
-//! spelling of the two (`KN`, `Kn`) is taken as knots, since speeds are what nearly every log holds, and
-//! [`Unit::is_doubtful`] says that it was a guess.
+//! `/sec` and `/second` are read as `/s`. Case matters only for units that differ in case alone
+//! (`Nm`, `NM`, `nm`; `Ns`, `ns`; `mV` and a megavolt). `kn` is knots and `kN` is kilonewtons. Any other
+//! spelling of the two (`KN`, `Kn`) is read as knots, because nearly every log contains speeds;
+//! [`Unit::is_doubtful`] reports this guess.
 
 use std::f64::consts::TAU;
 
-/// What a unit measures; only units of the same quantity convert into each other.
+/// Physical quantity of a unit. Only units of the same quantity can be converted into each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// m/s.
@@ -34,25 +34,25 @@ pub enum Quantity {
     Time,
     /// V.
     Voltage,
-    /// Pure numbers.
+    /// Dimensionless.
     Number,
 }
 
-/// A unit that hydroid cannot take.
+/// An ambiguous unit or an impossible conversion.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UnitError {
     /// `nm`: nautical miles, nanometres or newton metres?
     #[error("the unit `nm` may mean nautical miles or newton metres; write `NM`, `N m` or `m`")]
     Ambiguous,
-    /// Written in a case that could be either of two units.
+    /// The case of the letters does not select one of two units.
     #[error("the unit `{text}` may mean {one} or {other}; write it in the usual case")]
     AmbiguousCase {
-        /// The unit as it was written.
+        /// Text of the unit.
         text: String,
         /// One meaning.
         one: &'static str,
-        /// Another.
+        /// The other meaning.
         other: &'static str,
     },
     /// The two units measure different things.
@@ -60,7 +60,7 @@ pub enum UnitError {
     Incompatible {
         /// Unit of the log.
         from: String,
-        /// Unit asked for.
+        /// Requested unit.
         to: String,
     },
 }
@@ -68,15 +68,15 @@ pub enum UnitError {
 /// A parsed unit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
-    /// As it was written.
+    /// Text of the unit in the log.
     pub text: String,
-    /// Symbol of the unit that the numbers are stored in.
+    /// Symbol of the unit of the stored values.
     pub si: String,
-    /// Stored number = number in the log times this.
+    /// Stored value divided by the value in the log.
     pub factor: f64,
-    /// What it measures; nothing for a unit that is not known.
+    /// Physical quantity; `None` for an unknown unit.
     pub quantity: Option<Quantity>,
-    /// Number in the quantity's own base unit = number in the log times this.
+    /// Value in the base unit of the quantity divided by the value in the log.
     base: f64,
 }
 
@@ -94,8 +94,8 @@ const fn known(quantity: Quantity, si: &'static str, base: f64, names: &'static 
 
 const DEGREE: f64 = TAU / 360.0;
 
-// Names are compared after removing spaces, `*`, `·` and `.`, `^` likewise, and writing `/sec` as `/s`: first
-// as they stand, then without regard to case.
+// Names are compared after removing spaces, `*`, `·`, `.` and `^`, and writing `/sec` as `/s`: first with case,
+// then without.
 const TABLE: &[Known] = &[
     known(Quantity::Speed, "m/s", 1.0, &["m/s", "mps", "ms-1", "meter/s", "metre/s", "meters/s", "metres/s"]),
     known(Quantity::Speed, "m/s", 1852.0 / 3600.0, &["kn", "knot", "knots", "kt", "kts"]),
@@ -152,10 +152,10 @@ const TABLE: &[Known] = &[
 ];
 
 impl Unit {
-    /// Reads a unit as it stands in a header.
+    /// Parses the unit of a header.
     ///
     /// # Errors
-    /// For `nm`, which means two things on a ship, and for a spelling such as `NS` that could be two units.
+    /// For the ambiguous unit `nm` and for a spelling such as `NS` that matches two units.
     pub fn parse(text: &str) -> Result<Self, UnitError> {
         let text = text.trim();
         let squeezed: String = text
@@ -180,13 +180,12 @@ impl Unit {
         })
     }
 
-    /// Whether hydroid knows it.
+    /// Whether the unit is known.
     pub fn is_known(&self) -> bool {
         self.quantity.is_some()
     }
 
-    /// Whether it is written in a case that could be another unit as well, and was taken as the likelier one:
-    /// `KN` as knots.
+    /// Whether the spelling matches two units and the likelier one was chosen: `KN` as knots.
     pub fn is_doubtful(&self) -> bool {
         self.text.eq_ignore_ascii_case("kn") && !matches!(self.text.as_str(), "kn" | "kN")
     }
@@ -194,7 +193,7 @@ impl Unit {
     /// Factor from this unit to another.
     ///
     /// # Errors
-    /// If they measure different things, or one of them is not known and they are not the same.
+    /// If the units have different quantities, or if they differ and one of them is unknown.
     pub fn to(&self, other: &Self) -> Result<f64, UnitError> {
         if self.si == other.si && !self.is_known() && !other.is_known() {
             return Ok(1.0);
@@ -206,7 +205,7 @@ impl Unit {
     }
 }
 
-/// The entry of a unit whose text was squeezed: as it stands, else without regard to case where that leaves one.
+/// Looks up a normalized unit: first with case, then without if only one entry matches.
 fn find(squeezed: &str, text: &str) -> Result<Option<&'static Known>, UnitError> {
     let exact = |name: &str| TABLE.iter().find(|k| k.names.contains(&name));
     if let Some(known) = exact(squeezed) {
@@ -215,7 +214,7 @@ fn find(squeezed: &str, text: &str) -> Result<Option<&'static Known>, UnitError>
     let lower = squeezed.to_lowercase();
     let plain = ["/seconds", "/second", "/sec"].iter().fold(lower, |name, long| name.replace(long, "/s"));
     match plain.as_str() {
-        // Knots (see the module); a unit whose prefix is a million times another's is nothing to guess.
+        // `KN` is knots (see the module). `MV` is not guessed: milli and mega differ by a factor of 1e9.
         "kn" => return Ok(exact("kn")),
         "mv" if squeezed.starts_with('M') => return Ok(None),
         _ => {}
@@ -229,11 +228,10 @@ fn find(squeezed: &str, text: &str) -> Result<Option<&'static Known>, UnitError>
     }
 }
 
-/// The unit that the end of a bare column name states (`u_mps`, `heading_deg`), if any, and the name
-/// without it.
+/// The unit in the suffix of a column name (`u_mps`, `heading_deg`), if any, and the name without the suffix.
 ///
-/// Only endings that cannot well mean anything else count. `clock` says that the column is the time, for
-/// which `_ms` and `_us` count too; elsewhere they are the pulse widths of servo signals, which stay.
+/// Only unambiguous suffixes are units. The suffixes `_ms` and `_us` are units only if `clock` is set, which
+/// marks the time column; elsewhere they denote the pulse widths of servo signals, which are not converted.
 pub(crate) fn from_name(name: &str, clock: bool) -> Option<(&str, &'static str)> {
     const ENDINGS: &[(&str, &str)] = &[
         ("mps", "m/s"),
@@ -259,7 +257,7 @@ pub(crate) fn from_name(name: &str, clock: bool) -> Option<(&str, &'static str)>
         return None;
     }
     let clock_endings = if clock { CLOCK } else { &[] };
-    // Case tells the short ones apart (`N`, `n`); the long ones are what they are.
+    // Short suffixes are case-sensitive (`N`, `n`); long suffixes are not.
     let fits = |e: &str| e == ending || e.len() > 2 && e.eq_ignore_ascii_case(ending);
     ENDINGS.iter().chain(clock_endings).find(|(e, _)| fits(e)).map(|(_, unit)| (stem, *unit))
 }

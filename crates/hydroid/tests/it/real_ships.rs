@@ -116,7 +116,7 @@ fn the_ugly_log_is_prepared_with_warnings() {
     let selection =
         Selection::of("u=u_mps,v=v_mps,r=r_radps", "left=pwm_left_us,right=pwm_right_us").unwrap();
     let doubts = log::inspect(&raw[1], &selection, &PrepareOptions::default()).unwrap().notes;
-    assert!(doubts.iter().any(|note| note.message.contains("the sway is not to be trusted")));
+    assert!(doubts.iter().any(|note| note.message.contains("the sway is unreliable")));
     let prepared = log::prepare(&raw, &selection, &PrepareOptions::default()).unwrap();
     let split = split_named(prepared.runs, Vec::new(), Vec::new()).unwrap();
     let result = identify(&job(split, 100, 1), &mut silent()).unwrap();

@@ -1,12 +1,12 @@
-//! By how many samples commands act later than they are logged.
+//! Estimate of the input delay: the time between the logging and the effect of a command.
 //!
-//! For every delay `d` the increments of all outputs are regressed on the state and on the command `d` samples
-//! before, `y_{k+1} - y_k ~ 1, y_k, y_k |y_k|, c_{k-d}, c_{k-d} |c_{k-d}|`, and the residuals compared:
-//! the right delay explains most. Where the increments are noise, commands and outputs are first averaged over
-//! the same few samples, which leaves the delay between them as it is. The estimate is an *effective* delay:
-//! dead time and the lag of an actuator look alike here.
+//! For every delay `d` the increments of all outputs are regressed on the state and the delayed command,
+//! `y_{k+1} - y_k ~ 1, y_k, y_k |y_k|, c_{k-d}, c_{k-d} |c_{k-d}|`. The estimate is the delay with the smallest
+//! residual. If the increments are mostly noise, commands and outputs are first averaged over the same
+//! number of samples, which does not change the delay between them. The estimate is an *effective* delay: the
+//! regression does not distinguish dead time from actuator lag.
 //!
-//! Then each input is tried by itself, the others at the common delay.
+//! A second regression varies the delay of each input separately, with the others at the common delay.
 
 use super::super::align::{CommandTiming, InputDelay};
 use super::super::note::Note;
@@ -14,39 +14,39 @@ use super::super::prepare::PrepareOptions;
 use super::super::trajectory::Trajectory;
 use super::lags::{EARLIEST, Fixed, LATEST, Problem};
 
-/// Commands must explain this share of what the state alone does not.
+/// Smallest share of the residual without commands that the commands must explain.
 const EXPLAINED: f64 = 0.01;
-/// So many rows' worth of residual the best of all delays explains by chance.
+/// Reduction of the residual by chance at the best of all delays, in rows.
 const CHANCE: f64 = 8.0;
-/// Samples that noisy outputs and their commands are averaged over.
+/// Averaging window of noisy outputs and their commands \[samples\].
 const AVERAGED: usize = 10;
 
-/// How far an estimate can be trusted.
+/// Confidence of an estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Confidence {
-    /// The commands explain next to nothing at any delay, or all delays explain the same.
+    /// The commands explain almost none of the residual at any delay, or all delays explain equally much.
     None,
-    /// There is a best delay, but others are nearly as good, or it lies at the edge of what was tried.
+    /// The best delay is at the edge of the searched range, or other delays are nearly as good.
     Low,
-    /// One delay, within a sample or two, is clearly best.
+    /// The best delay is unique within one or two samples.
     High,
 }
 
-/// The delay that explains the outputs best.
+/// Estimated delay of the commands.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct DelayEstimate {
-    /// Delay in samples of the runs; negative if the log shows commands late.
+    /// Delay in samples of the runs; negative if commands are logged after they act.
     pub samples: i64,
-    /// The same in seconds.
+    /// Delay \[s\].
     pub seconds: f64,
-    /// Shortest and longest delay that explain nearly as much.
+    /// Shortest and longest delay with nearly the same residual.
     pub range: (i64, i64),
-    /// Share of the residual of the state alone that the command explains at this delay.
+    /// Share of the residual without commands that the commands explain at this delay.
     pub explained: f64,
-    /// How much smaller the residual is than without a delay, as a share.
+    /// Relative reduction of the residual from zero delay to this delay.
     pub better_than_zero: f64,
-    /// How far to trust it.
+    /// Confidence of the estimate.
     pub confidence: Confidence,
 }
 
@@ -55,16 +55,16 @@ pub(super) struct Delays {
     pub(super) per_input: Vec<Option<DelayEstimate>>,
 }
 
-/// How the runs that were looked at were made.
+/// Preparation of the inspected runs.
 pub(super) struct Applied<'a> {
     pub(super) options: &'a PrepareOptions,
-    /// Step of the log \[s\], whose samples an input delay counts.
+    /// Step of the log \[s\], the unit of an input delay in samples.
     pub(super) step_s: f64,
 }
 
 impl Applied<'_> {
-    /// The input delay to give instead of the one in force, if that leaves a delay of so many samples of the
-    /// runs, or of so many seconds.
+    /// The corrected input delay, if a delay of `samples` of the runs, or `seconds`, remains with the present
+    /// one.
     fn with(&self, samples: i64, seconds: f64) -> InputDelay {
         let same_step = self.options.dt.is_none_or(|dt| (dt - self.step_s).abs() <= 1e-3 * dt);
         match self.options.input_delay {
@@ -78,37 +78,37 @@ impl Applied<'_> {
 }
 
 impl DelayEstimate {
-    /// What the user should know of the common delay, beside the delays of the inputs by themselves.
+    /// Note on the common delay, given the separate delays of the inputs.
     pub(super) fn note(&self, path: &str, own: &[(&str, &Self)], applied: &Applied) -> Option<Note> {
         if self.confidence == Confidence::None {
             return Some(
-                Note::info(format!("{path}: the input delay cannot be told from this log"))
-                    .with_remedy("record a few clear steps of each command"),
+                Note::info(format!("{path}: the input delay cannot be estimated from this log"))
+                    .with_remedy("record several steps of each command"),
             );
         }
         if self.samples == 0 || self.better_than_zero < 0.005 {
             return None;
         }
-        let told: Vec<_> = own.iter().filter(|(_, d)| d.confidence != Confidence::None).collect();
-        let earliest = told.iter().map(|(_, d)| d.range.0).max();
-        let latest = told.iter().map(|(_, d)| d.range.1).min();
-        if earliest > latest && told.len() > 1 {
-            // A delay of the logger would be the same for all.
+        let estimates: Vec<_> = own.iter().filter(|(_, d)| d.confidence != Confidence::None).collect();
+        let earliest = estimates.iter().map(|(_, d)| d.range.0).max();
+        let latest = estimates.iter().map(|(_, d)| d.range.1).min();
+        if earliest > latest && estimates.len() > 1 {
+            // A delay of the logger is the same for all inputs.
             let list: Vec<String> =
-                told.iter().map(|(name, d)| format!("{} for `{name}`", d.samples)).collect();
+                estimates.iter().map(|(name, d)| format!("{} for `{name}`", d.samples)).collect();
             return Some(
-                Note::info(format!("{path}: commands seem to act later than they are logged, each by its own number of samples: {}", list.join(", ")))
-                    .with_remedy(format!("this looks like the lag of actuators, not like a delay of the log: leave --input-delay at {} and let the model learn it", applied.options.input_delay)),
+                Note::info(format!("{path}: commands seem to act after they are logged, with a different delay in samples for each input: {}", list.join(", ")))
+                    .with_remedy(format!("the cause is probably actuator lag and not a delay of the log: keep --input-delay {}, the model identifies the lag", applied.options.input_delay)),
             );
         }
         let Self { samples, seconds, range, better_than_zero, .. } = self;
         let right = applied.with(*samples, *seconds);
         if (range.0..=range.1).contains(&0) {
-            // No delay explains the log nearly as well: nothing to tell.
+            // Zero delay is nearly as good: no note.
             return None;
         }
         let share = 100.0 * better_than_zero;
-        let trusted = if self.confidence == Confidence::High { "" } else { ", with little certainty" };
+        let trusted = if self.confidence == Confidence::High { "" } else { ", low confidence" };
         if *samples < 0 {
             let after = if applied.options.command_timing == CommandTiming::Before {
                 format!(
@@ -123,7 +123,7 @@ impl DelayEstimate {
                     -samples, -range.1, -range.0
                 ))
                 .with_remedy(format!(
-                    "{after}. In closed loop the command follows the measurement, and this may mislead"
+                    "{after}. The estimate may be wrong for a log in closed loop, where the command follows the measurement"
                 )),
             );
         }
@@ -134,7 +134,7 @@ impl DelayEstimate {
         let note =
             if self.confidence == Confidence::High { Note::warning(message) } else { Note::info(message) };
         Some(note.with_remedy(format!(
-            "try --input-delay {right} and compare on validation runs; an actuator's lag looks like a delay too"
+            "try --input-delay {right} and compare on validation runs; actuator lag has a similar effect"
         )))
     }
 }
@@ -162,7 +162,7 @@ pub(super) fn estimate(runs: &[Trajectory], noisy: bool) -> Delays {
     Delays { common, per_input }
 }
 
-/// The best of the residuals of all delays, with so many rows more than terms.
+/// Estimate from the residuals of all delays; `rows` is the number of rows minus the number of terms.
 fn judge(scores: &[f64], without: f64, free: f64, dt: f64) -> Option<DelayEstimate> {
     let best = scores.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
     let zero = scores.get(usize::try_from(-EARLIEST).ok()?)?;
@@ -171,7 +171,7 @@ fn judge(scores: &[f64], without: f64, free: f64, dt: f64) -> Option<DelayEstima
         return None;
     }
     let delay = |i: usize| EARLIEST + i64::try_from(i).unwrap_or(0);
-    // What chance and the slow change of commands leave open: neighbours whose residual is as low.
+    // Neighbouring delays with a residual that does not differ significantly.
     let open = lowest + (0.1 * (without - lowest)).max(CHANCE * lowest / free);
     let near = |i: &usize| scores[*i] <= open;
     let from = (0..=best.0).rev().take_while(near).last().unwrap_or(best.0);

@@ -4,14 +4,14 @@ use super::super::note::Note;
 use super::super::trajectory::Trajectory;
 use super::delay::DelayEstimate;
 
-/// Distinct values are counted up to here.
+/// Largest count of distinct values.
 const MOST_LEVELS: usize = 1000;
-/// An input that moves less often \[1/min\] excites little.
+/// Smallest rate of moves of a well excited input \[1/min\].
 pub(super) const FEW_MOVES: f64 = 0.5;
-/// A move smaller than this share of the range is noise of the command's sensor.
+/// Smallest change that counts as a move, as a share of the range; smaller changes are sensor noise.
 const SMALL_MOVE: f64 = 0.02;
 
-/// One input, over all runs of the log.
+/// Excitation of one input over all runs of the log.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct InputReport {
     /// Name.
@@ -22,7 +22,7 @@ pub struct InputReport {
     pub min: f64,
     /// Largest value.
     pub max: f64,
-    /// Whether it never moves.
+    /// Whether the input is constant.
     pub constant: bool,
     /// Number of different values (1000 stands for 1000 and more).
     pub levels: usize,
@@ -30,7 +30,7 @@ pub struct InputReport {
     pub moves_per_minute: f64,
     /// Share of the samples within 0.5 % of the range from the smallest or the largest value.
     pub at_limits: f64,
-    /// By how many samples it acts later than it is logged, the others at the common delay.
+    /// Delay of this input, with the others at the common delay.
     pub delay: Option<DelayEstimate>,
 }
 
@@ -67,10 +67,10 @@ pub(super) fn reports(runs: &[Trajectory], notes: &mut Vec<Note>) -> Vec<InputRe
         if !constant && report.moves_per_minute < FEW_MOVES {
             notes.push(
                 Note::warning(format!(
-                    "the input `{}` hardly moves ({moves} moves in {minutes:.1} min): its effect can hardly be told from drift and wind",
+                    "the input `{}` hardly moves ({moves} moves in {minutes:.1} min): its effect is hard to separate from drift and wind",
                     channel.name
                 ))
-                .with_remedy("record manoeuvres in which it moves often and over its whole range"),
+                .with_remedy("record manoeuvres in which it moves often and over its full range"),
             );
         }
         reports.push(report);
@@ -78,7 +78,7 @@ pub(super) fn reports(runs: &[Trajectory], notes: &mut Vec<Note>) -> Vec<InputRe
     reports
 }
 
-/// Moves away from a level that was held, by more than `least`; a ramp is one move per `least` it passes.
+/// Number of changes by more than `least` from the last level; a ramp counts once per `least`.
 fn moves(values: impl Iterator<Item = f64>, least: f64) -> usize {
     let mut level = None;
     let mut moves = 0;

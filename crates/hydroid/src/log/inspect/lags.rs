@@ -1,28 +1,28 @@
-//! The regressions behind the estimate of delays: one for all inputs together, one for each by itself.
+//! Regressions for the estimate of delays: one with a common delay, one for each input separately.
 //!
-//! All of the regression of one input but its own two columns is the same at every delay: its sums of products
-//! are taken once, those of the columns of all delays with the rest in one pass per input. The work grows with
-//! the square of the number of inputs, and rows are thinned where there are many.
+//! In the regression of one input only its own two columns depend on the delay. The products of all other columns
+//! are therefore computed once, and the products of the columns of all delays in one pass per input. The cost is
+//! quadratic in the number of inputs; long logs are thinned.
 
 use super::super::trajectory::{Table, Trajectory};
 
-/// Delays that are tried, in samples.
+/// Searched delays \[samples\].
 pub(super) const EARLIEST: i64 = -10;
 pub(super) const LATEST: i64 = 40;
-/// Number of them.
+/// Number of searched delays.
 const DELAYS: usize = 51;
-/// Most rows of a regression; more are thinned evenly.
+/// Largest number of rows of a regression; more rows are thinned evenly.
 const MOST_ROWS: usize = 8_000;
-/// Most products that the sums of one regression are made of: with many inputs, fewer rows have to do.
+/// Largest number of products of one regression; it limits the rows if there are many inputs.
 const MOST_PRODUCTS: usize = 40_000_000;
-/// With more inputs no delays are looked for: there is no telling them apart.
+/// Largest number of inputs for which delays are estimated; more inputs cannot be separated.
 const MOST_INPUTS: usize = 100;
-/// Fewest rows for each term of a regression.
+/// Smallest number of rows per term of a regression.
 const ROWS_PER_TERM: usize = 5;
 
-/// The regression at one delay after another: rows, columns and what stays the same.
+/// Data of the regressions, common to all delays.
 pub(super) struct Problem {
-    /// Averaged outputs and inputs of each run, one vector per channel, all of one length.
+    /// Averaged outputs and inputs of each run, one vector per channel, of equal lengths.
     outputs: Vec<Vec<Vec<f64>>>,
     inputs: Vec<Vec<Vec<f64>>>,
     /// Run and sample of each row.
@@ -58,21 +58,21 @@ impl Problem {
         (rows.len() >= fewest).then_some(Self { outputs, inputs, rows })
     }
 
-    /// Number of rows beyond that of the terms.
+    /// Number of rows minus number of terms.
     pub(super) fn free(&self) -> f64 {
         let terms = 1 + 2 * self.outputs[0].len() + 2 * self.inputs[0].len();
         self.rows.len().saturating_sub(terms).max(1) as f64
     }
 
-    /// Residual with each input at a delay of its own, or left out: the mean over the outputs of the residual's
-    /// share of the increments' variance.
+    /// Residual for given delays of the inputs (`None` omits an input): residual variance divided by the variance
+    /// of the increments, averaged over the outputs.
     pub(super) fn residual(&self, delays: &[Option<i64>]) -> f64 {
         let (design, terms, width) = self.design(delays);
         residual_share(&mut gram(&design, width), width, terms)
     }
 
-    /// The rows of the regression, one after the other: terms, then increments. Also the number of terms and
-    /// of all columns.
+    /// Rows of the regression (terms, then increments), row-major, with the number of terms and of all
+    /// columns.
     pub(super) fn design(&self, delays: &[Option<i64>]) -> (Vec<f64>, usize, usize) {
         let states = self.outputs[0].len();
         let used: Vec<(usize, i64)> =
@@ -86,7 +86,7 @@ impl Problem {
                 design.extend([y[k], y[k] * y[k].abs()]);
             }
             for &(i, d) in &used {
-                // Rows keep clear of both ends, so that the index is within the run.
+                // Rows near both ends are excluded, so the index is within the run.
                 let j = usize::try_from(i64::try_from(k).unwrap_or(0) - d).unwrap_or(0);
                 let x = self.inputs[run][i][j];
                 design.extend([x, x * x.abs()]);
@@ -97,7 +97,7 @@ impl Problem {
     }
 }
 
-/// The regression with all inputs at one delay, of which one input at a time leaves for another.
+/// Regression with all inputs at the common delay except one.
 pub(super) struct Fixed {
     design: Vec<f64>,
     gram: Vec<f64>,
@@ -113,14 +113,14 @@ impl Fixed {
         Self { design, gram, terms, width }
     }
 
-    /// Residuals with one input at every delay in turn, and without it.
+    /// Residuals with one input at each delay, and without this input.
     pub(super) fn scan(&self, problem: &Problem, input: usize) -> (Vec<f64>, f64) {
         let (terms, width) = (self.terms, self.width);
         let states = width - terms;
         let own = terms - 2 * problem.inputs[0].len() + 2 * input;
         let (cross, moving) = self.cross(problem, input);
-        // The terms that stay, then the two of every delay, then the increments; of the latter two, products
-        // among the columns of one delay are all that is needed.
+        // Order of columns: constant terms, two per delay, increments. Products between columns of different
+        // delays are not needed.
         let kept: Vec<usize> = (0..terms).filter(|a| *a != own && *a != own + 1).collect();
         let columns = kept.len() + 2 * DELAYS + states;
         let (delays_at, targets_at) = (kept.len(), kept.len() + 2 * DELAYS);
@@ -135,7 +135,7 @@ impl Fixed {
             }
             line[targets_at..].copy_from_slice(&self.gram[a * width + terms..(a + 1) * width]);
         }
-        // One small Gram matrix per delay: two columns of the input, then the increments.
+        // One Gram matrix per delay: two columns of the input, then the increments.
         let small = 2 + states;
         let target = |i: usize| self.gram[(terms + i) * (width + 1)];
         let mut parts = vec![0.0; DELAYS * small * small];
@@ -190,8 +190,8 @@ impl Fixed {
         (scores, without)
     }
 
-    /// Products of an input's two columns at every delay with all columns, row by row; and those of the two
-    /// with each other: square, mixed, square.
+    /// Products of the two columns of an input at every delay with all columns, row-major, and among the two:
+    /// square, mixed, square.
     pub(super) fn cross(&self, problem: &Problem, input: usize) -> (Vec<f64>, Vec<(f64, f64, f64)>) {
         let width = self.width;
         let mut cross = vec![0.0; 2 * DELAYS * width];
@@ -201,7 +201,7 @@ impl Fixed {
             for (r, &(run, k)) in places.iter().enumerate() {
                 let command = &problem.inputs[run][input];
                 let latest = usize::try_from(-EARLIEST).map_or(k, |ahead| k + ahead);
-                // From the earliest delay, which is farthest ahead, back in time.
+                // From the smallest delay (latest sample) backwards in time.
                 for (d, x) in command[..=latest].iter().rev().take(DELAYS).enumerate() {
                     let square = x * x.abs();
                     (block[2 * d][r], block[2 * d + 1][r]) = (*x, square);
@@ -218,10 +218,10 @@ impl Fixed {
     }
 }
 
-/// Rows whose products are added together.
+/// Number of rows in one block of sums.
 const TOGETHER: usize = 4;
 
-/// Adds to `sums` the products of one column with the columns `from..` of a few rows.
+/// Adds to `sums` the products of one column with the columns `from..` over a block of rows.
 fn add_products(sums: &mut [f64], column: &[f64; TOGETHER], rows: &[f64], width: usize, from: usize) {
     if rows.len() == TOGETHER * width {
         let [p, q, r, s] = [0, 1, 2, 3].map(|i| &rows[i * width + from..(i + 1) * width]);
@@ -252,10 +252,10 @@ fn gram(design: &[f64], width: usize) -> Vec<f64> {
     gram
 }
 
-/// A term of which this share is left adds nothing to the terms before (a constant input, say).
+/// A term with this share of its diagonal left is linearly dependent on the terms before (a constant input).
 const NOTHING_NEW: f64 = 1e-9;
 
-/// Eliminates the first `terms` variables from an upper Gram matrix whose diagonal once was `before`.
+/// Eliminates the first `terms` variables from an upper Gram matrix; `before` is its original diagonal.
 fn eliminate(gram: &mut [f64], width: usize, terms: usize, before: &[f64]) {
     for p in 0..terms {
         let pivot = gram[p * width + p];
@@ -271,22 +271,22 @@ fn eliminate(gram: &mut [f64], width: usize, terms: usize, before: &[f64]) {
     }
 }
 
-/// What the first `terms` variables of an upper Gram matrix leave of the others' diagonal, as a share of its
-/// value before, averaged.
+/// Mean share of the diagonal of an upper Gram matrix that is left after elimination of the first `terms`
+/// variables.
 fn residual_share(gram: &mut [f64], width: usize, terms: usize) -> f64 {
     let before: Vec<f64> = (0..width).map(|i| gram[i * width + i]).collect();
     eliminate(gram, width, terms, &before);
     mean_share((terms..width).map(|i| (gram[i * width + i], before[i])))
 }
 
-/// Mean of what is left as a share of what was there before, where there was anything.
+/// Mean ratio of the diagonal after and before elimination, over positive entries.
 fn mean_share(left_and_before: impl Iterator<Item = (f64, f64)>) -> f64 {
     let shares = left_and_before.filter(|(_, before)| *before > 0.0).map(|(left, b)| left.max(0.0) / b);
     let (sum, n) = shares.fold((0.0, 0_usize), |(sum, n), x| (sum + x, n + 1));
     sum / n.max(1) as f64
 }
 
-/// Scaled to unit size, so that squares of small and large channels weigh alike.
+/// Scales a channel to unit size, so that quadratic terms have comparable size.
 fn standard(mut values: Vec<f64>) -> Vec<f64> {
     let known = || values.iter().filter(|x| !x.is_nan());
     let n = known().count().max(1) as f64;
@@ -299,7 +299,7 @@ fn standard(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// Means over `window` samples, from each sample on.
+/// Forward moving average over `window` samples.
 fn average(values: &[f64], window: usize) -> Vec<f64> {
     values.windows(window).map(|w| w.iter().sum::<f64>() / window as f64).collect()
 }
@@ -310,7 +310,7 @@ mod tests {
     use super::super::delay::estimate;
     use super::*;
 
-    /// Two outputs that three inputs drive, each by a delay of its own; the third input is the second again.
+    /// Two outputs driven by three inputs with different delays; the third input equals the second.
     fn run(rows: usize) -> Trajectory {
         let mut state = 88_172_645_463_325_252_u64;
         let mut draw = move || {
@@ -349,7 +349,7 @@ mod tests {
 
     #[test]
     fn trying_one_input_at_a_time_is_the_regression_with_only_that_input_moved() {
-        // Not a multiple of the rows that are added together.
+        // Not a multiple of the block size.
         let problem = Problem::new(&[run(1_003)], 1).unwrap();
         assert!(!problem.rows.len().is_multiple_of(TOGETHER));
         let fixed = Fixed::new(&problem, 3);

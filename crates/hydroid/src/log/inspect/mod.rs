@@ -1,7 +1,6 @@
-//! What is in a log and where it will hurt, as data.
+//! Inspection of a log: content and defects, as data.
 //!
-//! Nothing is changed and nothing is printed here. Facts stand in the fields; what a user should know is in
-//! [`Inspection::notes`], in plain words with what to do about it.
+//! The inspection does not modify the log and prints nothing. [`Inspection::notes`] lists defects with remedies.
 
 mod delay;
 mod excitation;
@@ -23,10 +22,10 @@ use super::prepare::{PrepareOptions, prepare};
 use super::resolve::{self, Resolved};
 use super::selection::Selection;
 
-/// Share of repeated samples from which on it is told.
+/// Share of repeated samples above which a note is added.
 const MANY_REPEATS: f64 = 0.15;
 
-/// A log looked at.
+/// Result of the inspection of a log.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Inspection {
     /// The file.
@@ -35,36 +34,34 @@ pub struct Inspection {
     pub rows: usize,
     /// Time from the first row to the last \[s\], where there is a time column.
     pub duration_s: Option<f64>,
-    /// The clock, where time runs forwards.
+    /// The clock, if time increases.
     pub clock: Option<Clock>,
     /// Jumps in time longer than the gap limit: time \[s\] before each, and its length \[s\].
     pub jumps: Vec<(f64, f64)>,
     /// All columns of the file.
     pub columns: Vec<ColumnReport>,
-    /// Channels taken as outputs, and how noisy they are.
+    /// Outputs and their noise.
     pub outputs: Vec<NoiseReport>,
-    /// Channels taken as inputs, and how much they move.
+    /// Inputs and their excitation.
     pub inputs: Vec<InputReport>,
-    /// Share of rows in which every output that repeats at all repeats the row before.
+    /// Share of rows that repeat the previous row in all outputs with repetitions.
     pub repeated_rows: f64,
-    /// By how many samples the commands act later than they are logged, all together, beyond what the options
-    /// shift them by.
+    /// Common delay of the commands that remains after the shift by the options.
     pub input_delay: Option<DelayEstimate>,
-    /// Pairs of columns that should show the same and do not.
+    /// Pairs of columns that should agree and do not.
     pub disagreements: Vec<Disagreement>,
-    /// What the preparation would do, and what will hurt, with remedies.
+    /// Notes of the preparation and defects of the log, with remedies.
     pub notes: Vec<Note>,
 }
 
-/// Looks at a log as it is read with these options: what they put right (a late command, an input delay, a
-/// slow sensor) is not told of any more, and delays are those that are left.
+/// Inspects a log prepared with these options. Defects that the options correct (command timing, input delay,
+/// a slow sensor) are not reported, and delays are the remaining ones.
 ///
-/// Outputs and inputs that neither the selection nor the names of the columns tell are left out of the
-/// report, with a note; a log that cannot be prepared is reported as far as it goes, with the reason among
-/// the notes.
+/// If outputs or inputs are neither selected nor recognized by name, the report omits them and contains a note. If the
+/// preparation fails, the report is partial and the notes contain the error.
 ///
 /// # Errors
-/// If the selection names a column that does not exist, or a channel that cannot be understood.
+/// If the selection names a column that does not exist or has an invalid specification.
 pub fn inspect(
     log: &RawLog,
     selection: &Selection,
@@ -100,7 +97,7 @@ pub fn inspect(
     if let Err(e @ LogError::NoInputs { .. }) = &resolved {
         inspection.notes.push(Note::warning(e.to_string()));
         without_inputs = true;
-        // An output as its own input: enough to look at the clock and at the outputs.
+        // An output serves as the input, so that the clock and the outputs can be inspected.
         let mut stand_in = resolve::outputs_or_default(log, &selection)?.swap_remove(0);
         stand_in.name.push_str(" (no input)");
         selection.inputs = vec![stand_in];
@@ -116,7 +113,7 @@ pub fn inspect(
         }
         Err(e) => return Err(e),
     };
-    look(&mut inspection, log, &selection, options, &resolved);
+    inspect_runs(&mut inspection, log, &selection, options, &resolved);
     if without_inputs {
         let own = |n: &Note| !n.message.contains("(no input)");
         inspection.notes.retain(own);
@@ -127,8 +124,8 @@ pub fn inspect(
     Ok(inspection)
 }
 
-/// The parts that need time, outputs and inputs.
-fn look(
+/// The part of the report that requires time, outputs and inputs.
+fn inspect_runs(
     inspection: &mut Inspection,
     log: &RawLog,
     selection: &Selection,
@@ -154,7 +151,7 @@ fn look(
     let noisy = inspection.outputs.iter().any(|o| o.mostly_noise) || repeated > MANY_REPEATS;
     let delays = delay::estimate(&prepared.runs, noisy);
     for (report, own) in inspection.inputs.iter_mut().zip(delays.per_input) {
-        // What hardly moves shows no delay, whatever fits best.
+        // The delay of an input that hardly moves cannot be estimated.
         report.delay = own.filter(|_| report.moves_per_minute >= excitation::FEW_MOVES);
     }
     inspection.input_delay = delays.common;
@@ -181,7 +178,7 @@ fn clock_report(inspection: &mut Inspection, columns: &Columns, options: &Prepar
     inspection.jumps = t.windows(2).filter(|p| p[1] - p[0] > limit).map(|p| (p[0], p[1] - p[0])).collect();
 }
 
-/// A slow sensor that is logged fast repeats its samples: the vessel seems to stand still and then to jump.
+/// A sensor slower than the log repeats its samples: the output is constant between steps.
 fn repeats(inspection: &mut Inspection, columns: &Columns) {
     let repeating: Vec<&Vec<f64>> = columns
         .outputs
@@ -202,7 +199,7 @@ fn repeats(inspection: &mut Inspection, columns: &Columns) {
         let step = inspection.clock.map_or(1.0, |c| c.step_s) / (1.0 - share);
         inspection.notes.push(
             Note::warning(format!(
-                "{}: {:.0} % of the rows repeat the measurement of the row before: the sensor is slower than the log",
+                "{}: {:.0} % of the rows repeat the measurement of the previous row: the sensor is slower than the log",
                 columns.path,
                 100.0 * share
             ))
@@ -216,10 +213,10 @@ fn disagree(inspection: &mut Inspection) {
         let (what, correlation) = (d.quantity, d.correlation);
         inspection.notes.push(
             Note::warning(format!(
-                "{}: `{}` and `{}` should both show the {what}, but their correlation is {correlation:.2}: the {what} is not to be trusted",
+                "{}: `{}` and `{}` should both show the {what}, but their correlation is {correlation:.2}: the {what} is unreliable",
                 inspection.path, d.first, d.second
             ))
-            .with_remedy(format!("do not identify the {what} from this log; leave it out of --outputs")),
+            .with_remedy(format!("do not identify the {what} from this log: remove it from --outputs")),
         );
     }
 }

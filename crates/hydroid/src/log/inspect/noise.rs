@@ -1,16 +1,16 @@
-//! How noisy the outputs are, and whether they were smoothed.
+//! Estimate of the noise of the outputs, and detection of smoothing.
 //!
-//! White noise of standard deviation `sigma` on a smooth signal shows in the second differences
+//! White noise of standard deviation `sigma` on a smooth signal is estimated from the second differences
 //! `y_{k+1} - 2 y_k + y_{k-1}`: their autocovariance at lag 1 is `-4 sigma^2` (at lag 0: `6 sigma^2`),
 //! so that `sigma^2 = -gamma_1 / 4` where the ratio is near -2/3. Increments `y_{k+1} - y_k` with a
 //! lag-1 autocorrelation near -1/2 are nearly all noise. A moving average over `W` samples, or a
-//! Savitzky-Golay derivative of that window, leaves in the differences the two edges of its window: a lone peak
-//! of the autocorrelation at lag `W`. Third differences show it best: the signal itself is gone from them.
+//! Savitzky-Golay derivative with that window, causes an isolated peak of the autocorrelation of the differences at
+//! lag `W`. Third differences are used, because they remove the smooth signal.
 
 use super::super::note::Note;
 use super::super::trajectory::Trajectory;
 
-/// Largest smoothing window that is looked for, in samples.
+/// Largest smoothing window in the search \[samples\].
 const LONGEST_WINDOW: usize = 100;
 
 /// Noise of one output over all runs of the log.
@@ -24,7 +24,7 @@ pub struct NoiseReport {
     pub increment_correlation: Option<f64>,
     /// Whether the change from sample to sample is mostly noise.
     pub mostly_noise: bool,
-    /// Standard deviation of the white noise, if there is any.
+    /// Standard deviation of the white noise, if detected.
     pub noise_std: Option<f64>,
     /// Window \[samples\] over which the output seems to have been smoothed.
     pub smoothing_window: Option<usize>,
@@ -62,7 +62,7 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
                     "the change of `{}` from sample to sample is mostly noise (standard deviation about {std:.2e} {})",
                     channel.name, channel.unit
                 ))
-                .with_remedy("identify regresses increments over several windows and chooses; --window fixes one"),
+                .with_remedy("identify compares regressions over several windows; --window fixes one"),
             );
         }
         if let Some(window) = smoothing_window {
@@ -73,7 +73,7 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
                     window as f64 * dt
                 ))
                 .with_remedy(format!(
-                    "judge predictions at horizons longer than {:.1} s only: shorter ones are flattered",
+                    "evaluate only horizons longer than {:.1} s: errors at shorter horizons are underestimated",
                     window as f64 * dt
                 )),
             );
@@ -109,7 +109,7 @@ pub fn noise_level(runs: &[&Trajectory]) -> Vec<f64> {
     (0..outputs).map(level).collect()
 }
 
-/// Autocovariance at a lag over all runs, around zero, and the number of products it is the mean of.
+/// Autocovariance at a lag over all runs, without removal of the mean, and the number of products.
 fn covariance(series: &[Vec<f64>], lag: usize) -> (f64, usize) {
     let (mut sum, mut n) = (0.0, 0_usize);
     for d in series {
@@ -131,7 +131,7 @@ fn correlation(series: &[Vec<f64>], lag: usize) -> Option<f64> {
     (n >= 20 && r.is_finite()).then_some(r)
 }
 
-/// The lag of a lone peak of the autocorrelation.
+/// The lag of an isolated peak of the autocorrelation.
 fn smoothing_window(differences: &[Vec<f64>]) -> Option<usize> {
     let r: Vec<f64> =
         (0..=LONGEST_WINDOW).map_while(|lag| correlation(differences, lag)).map(f64::abs).collect();
@@ -139,7 +139,7 @@ fn smoothing_window(differences: &[Vec<f64>]) -> Option<usize> {
         return None;
     }
     let (peak, height) = r.iter().copied().enumerate().skip(5).max_by(|a, b| a.1.total_cmp(&b.1))?;
-    // All lags but the first ones and the neighbours of the peak.
+    // All lags except the first ones and the neighbours of the peak.
     let others = || r.iter().enumerate().skip(5).filter(|(lag, _)| lag.abs_diff(peak) > 2).map(|(_, x)| *x);
     let highest = others().fold(0.0, f64::max);
     (height > 0.15 && height > 2.0 * highest && peak < LONGEST_WINDOW).then_some(peak)

@@ -3,7 +3,7 @@
 use super::super::csv::{RawColumn, RawLog};
 use super::super::units::{self, Unit};
 
-/// A correlation below this makes two measurements of one quantity doubtful.
+/// Smallest correlation of two consistent measurements of one quantity.
 const DOUBTFUL: f64 = 0.5;
 
 /// One column of the file, in its own unit.
@@ -13,7 +13,7 @@ pub struct ColumnReport {
     pub name: String,
     /// Unit, from the header or from the end of the name; empty if not stated.
     pub unit: String,
-    /// Smallest value; nothing if there is none. So for the next three.
+    /// Smallest value. This field and the next three are `None` for a column without values.
     pub min: Option<f64>,
     /// Largest value.
     pub max: Option<f64>,
@@ -25,11 +25,11 @@ pub struct ColumnReport {
     pub missing: usize,
     /// Longest run of rows without a value.
     pub longest_missing: usize,
-    /// Cells with text or an infinite number, counted as missing too.
+    /// Cells with text or an infinite number; also counted as missing.
     pub not_numbers: usize,
-    /// Share of rows that repeat the value of the row before.
+    /// Share of rows that repeat the value of the previous row.
     pub repeated: f64,
-    /// Whether there is only one value.
+    /// Whether the column is constant.
     pub constant: bool,
 }
 
@@ -73,16 +73,16 @@ fn unit_of(column: &RawColumn) -> String {
     column.unit.clone().or_else(ending).unwrap_or_default()
 }
 
-/// Two columns that by name and unit measure the same velocity, and do not move together.
+/// Two columns of the same velocity, by name and unit, with a low correlation.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Disagreement {
-    /// One column.
+    /// First column.
     pub first: String,
-    /// The other.
+    /// Second column.
     pub second: String,
-    /// What they should show.
+    /// Name of the velocity.
     pub quantity: &'static str,
-    /// Their correlation.
+    /// Correlation of the columns.
     pub correlation: f64,
 }
 
@@ -122,7 +122,7 @@ fn velocity(column: &RawColumn) -> Option<(&str, &'static str)> {
         "r" => ("yaw rate", "rad/s"),
         _ => return None,
     };
-    // A command or a pulse width may begin with the same letter.
+    // The name of a command or a pulse width may begin with the same letter.
     let si = si_of(column);
     (si == unit || si.is_empty() && !super::super::resolve::is_command_name(&column.name))
         .then_some((letter, quantity))

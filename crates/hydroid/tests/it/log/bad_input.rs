@@ -128,11 +128,7 @@ fn different_columns_in_two_files() {
 #[test]
 fn a_constant_channel() {
     let p = prepared(&table(20, u, |_| "5".into()));
-    assert!(
-        p.notes.iter().any(|n| n.is_warning() && n.message.contains("`n` never changes")),
-        "{:?}",
-        p.notes
-    );
+    assert!(p.notes.iter().any(|n| n.is_warning() && n.message.contains("`n` is constant")), "{:?}", p.notes);
     says(&error(&table(20, |_| "1".into(), n)), &["no output ever changes"]);
 }
 

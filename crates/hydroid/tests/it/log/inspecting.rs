@@ -71,7 +71,7 @@ fn commands_without_effect_have_no_delay() {
     let text = table(3000, |k| columns[k].0.to_string(), |k| columns[k].1.to_string());
     let found = found(&text);
     assert_eq!(found.input_delay.unwrap().confidence, Confidence::None);
-    assert!(found.notes.iter().any(|n| n.message.contains("cannot be told")));
+    assert!(found.notes.iter().any(|n| n.message.contains("cannot be estimated")));
 }
 
 #[test]

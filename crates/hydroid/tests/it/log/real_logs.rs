@@ -92,9 +92,7 @@ fn the_problems_of_the_ugly_log_are_reported() {
     assert!(!found.clock.unwrap().regular);
     assert!((0.40..0.50).contains(&found.repeated_rows), "{}", found.repeated_rows);
     let warned = |part: &str| found.notes.iter().any(|n| n.is_warning() && n.message.contains(part));
-    assert!(
-        warned("irregular") && warned("repeat the measurement") && warned("the sway is not to be trusted")
-    );
+    assert!(warned("irregular") && warned("repeat the measurement") && warned("the sway is unreliable"));
     assert!((found.disagreements[0].correlation - 0.17).abs() < 0.02);
 }
 
@@ -113,7 +111,7 @@ fn the_noise_of_simulated_logs_is_estimated_and_their_delay_is_zero() {
     let rudder = found.inputs[1].delay.as_ref().unwrap();
     assert!(rudder.samples == 0 && rudder.confidence == Confidence::High, "{rudder:?}");
     assert!(
-        found.notes.iter().any(|n| n.remedy.as_ref().is_some_and(|r| r.contains("leave --input-delay at 0")))
+        found.notes.iter().any(|n| n.remedy.as_ref().is_some_and(|r| r.contains("keep --input-delay 0")))
     );
 }
 

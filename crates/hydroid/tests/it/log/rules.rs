@@ -108,7 +108,7 @@ fn a_run_is_cut_only_where_an_output_is_missing_too_long() {
     assert!((p.runs[1].t0 - 6.0).abs() < 1e-9);
     assert_eq!(input(&p, 1, 0)[0], 3600.0);
     assert_ne!(p.runs[0].name, p.runs[1].name);
-    assert!(has_note(&p, "20 samples in between cut out"), "{:?}", p.notes);
+    assert!(has_note(&p, "20 samples in the middle cut out"), "{:?}", p.notes);
     let longer = PrepareOptions { max_gap_s: Some(3.0), ..PrepareOptions::default() };
     assert_eq!(prepared_with(&table(100, holes, n), &longer).runs.len(), 1);
 }
@@ -145,7 +145,7 @@ fn rows_left_out_are_missing_measurements() {
     assert_eq!(p.runs[0].len(), 30);
     assert!(p.runs[0].outputs.row(10)[0].is_nan());
     assert_eq!(p.runs[0].inputs.row(10), [81.0]);
-    assert!(has_note(&p, "left out by the log"), "{:?}", p.notes);
+    assert!(has_note(&p, "without a row in the log"), "{:?}", p.notes);
 }
 
 #[test]

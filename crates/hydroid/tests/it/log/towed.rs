@@ -36,11 +36,13 @@ fn a_towed_end_is_removed() {
     let p = prepared(&text);
     assert_eq!((p.runs.len(), p.runs[0].len(), p.runs[0].t0), (1, AFTER, 0.0));
     assert!(
-        has_note(&p, "the end of the log, 39.9 s from line 1302 to line 1701, is left out"),
+        has_note(&p, "the end of the log, 39.9 s from line 1302 to line 1701, is removed"),
         "{:?}",
         p.notes
     );
-    assert!(p.notes.iter().any(|n| n.is_warning() && n.remedy.as_deref() == Some("--keep-towed keeps it")));
+    assert!(
+        p.notes.iter().any(|n| n.is_warning() && n.remedy.as_deref() == Some("keep it with --keep-towed"))
+    );
     let kept = prepared_with(&text, &PrepareOptions { keep_towed: true, ..PrepareOptions::default() });
     assert_eq!(kept.runs[0].len(), ROWS);
     assert!(!has_note(&kept, "left out"), "{:?}", kept.notes);
