@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use hydroid::adapt::{Options, adapter};
 use hydroid_core::predict::Predictor;
-use hydroid_live::black_box::{Recorded, Recorder, Source};
+use hydroid_live::black_box::{Recorder, RecordingAdapter, Source};
 
 struct Counting;
 
@@ -44,7 +44,7 @@ fn a_recorded_session_allocates_nothing() {
     let settings = boat::settings(&folder.path().join("boat.box"));
     let source = Source::Stream("test");
     let recorder = Recorder::new(&settings, &model, adapter.as_ref(), &options, &(), source).unwrap();
-    let mut recorded = Recorded::new(adapter, Some(recorder));
+    let mut recorded = RecordingAdapter::new(adapter, Some(recorder));
     recorded.reset();
     let mut before = 0;
     // Once the guard has made its first test: past the end of the first segment, and a few times to the disk.

@@ -9,13 +9,13 @@ mod claims;
 mod error;
 pub mod error_k;
 mod experiment;
-mod lab;
-mod look;
 mod outcome;
 mod page;
-mod peak;
+mod palette;
+mod peak_memory;
 mod plan;
 pub mod recipe;
+mod runner;
 mod store;
 
 use std::collections::BTreeMap;
@@ -26,8 +26,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use hydroid::atomic;
-use lab::Lab;
 use outcome::{Outcome, Picture, Sheet};
+use runner::Runner;
 
 pub use claims::{Holds, Judged};
 pub use error::StudyError;
@@ -99,15 +99,15 @@ pub fn run(
         }
     }
     let store = Store::new(folder.join("cache"), program);
-    let mut lab = Lab::new(plan, &store, watch);
+    let mut runner = Runner::new(plan, &store, watch);
     let chosen: Vec<&(String, Experiment)> =
         plan.experiments.iter().filter(|(name, _)| only.is_empty() || only.contains(name)).collect();
     let (mut done, mut seconds) = (Vec::new(), Vec::new());
     for (i, (name, experiment)) in chosen.iter().enumerate() {
-        lab.place = (i, chosen.len());
-        lab.at.clone_from(name);
+        runner.place = (i, chosen.len());
+        runner.at.clone_from(name);
         let clock = Instant::now();
-        let outcome = experiment.run.run(&lab).map_err(|error| match error {
+        let outcome = experiment.run.run(&runner).map_err(|error| match error {
             StudyError::Cancelled(_) | StudyError::Cannot { .. } => error,
             error => StudyError::In { name: name.clone(), error: Box::new(error) },
         })?;

@@ -1,4 +1,4 @@
-//! What comes of an experiment.
+//! Result of an experiment.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -114,7 +114,7 @@ pub(super) struct Tabled {
     pub(super) caption: String,
 }
 
-/// What comes of an experiment.
+/// Result of an experiment.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Outcome {
     pub(super) pictures: Vec<Shown>,

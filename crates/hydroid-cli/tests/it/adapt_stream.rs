@@ -229,8 +229,8 @@ fn invalid_streams_are_refused_with_a_remedy() {
     refused(&["adapt", MODEL, "-"], "", "standard input is empty");
     refused(&["adapt", MODEL, "-"], "1,2,3\n", "not column names");
     refused(&["adapt", MODEL, "-"], "t,u,v\n", "no column `r`");
-    refused(&["adapt", MODEL, "-", "--horizons", "5,1"], "", "must ascend");
-    refused(&["adapt", MODEL, "-", "--horizons", "0"], "", "must ascend");
+    refused(&["adapt", MODEL, "-", "--horizons", "5,1"], "", "must be ascending");
+    refused(&["adapt", MODEL, "-", "--horizons", "0"], "", "must be ascending");
     refused(&["adapt", MODEL, "-", "--horizon", "5s"], "", "--horizons");
     refused(&["adapt", MODEL, "-", "--input-delay=-3"], "", "must be known when the next sample comes");
     refused(&["adapt", MODEL, "none.csv", "--stream"], "", "none.csv");

@@ -125,10 +125,7 @@ fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
     ended(&format!("adapt {MODEL} --replay squares.box"), 0);
     let refused = ended(&format!("adapt {MODEL} c.csv --stream --prior 3 --black-box squares.box"), 2);
     let refused = text(&refused.stderr);
-    assert!(
-        refused.contains("prior_s: 10.0 there, 3.0 here") && refused.contains("put it aside"),
-        "{refused}"
-    );
+    assert!(refused.contains("prior_s: 10.0 there, 3.0 here") && refused.contains("move it"), "{refused}");
 }
 
 #[test]
@@ -155,9 +152,9 @@ fn unusable_files_are_refused_with_a_remedy() {
     ended(&format!("adapt {MODEL} c.csv --stream -q --black-box kept.box -o learned.safetensors"), 0);
     refused(
         "adapt learned.safetensors --replay kept.box",
-        "another model; give the one that it was written with",
+        "another model; give the unchanged model file with which it was written",
     );
-    refused(&format!("adapt {MODEL} --replay c.csv"), "no black box");
+    refused(&format!("adapt {MODEL} --replay c.csv"), "not a black box");
     refused(&format!("adapt {MODEL} --replay none.box"), "name another file");
     refused(&format!("adapt {MODEL} c.csv --replay kept.box"), "cannot be used with");
     refused(&format!("adapt {MODEL} --replay kept.box --prior 3"), "cannot be used with");
@@ -169,9 +166,9 @@ fn unusable_files_are_refused_with_a_remedy() {
     refused("inspect kept.box --latex", "is a black box");
     let bytes = fs::read(at.join("kept.box")).unwrap();
     for (name, place, words) in [
-        ("head.box", 30, "its head is damaged"),
+        ("head.box", 30, "the header is damaged"),
         ("version.box", 8, "reads format 1"),
-        ("middle.box", bytes.len() - 120_000, "damaged; copy it anew"),
+        ("middle.box", bytes.len() - 120_000, "damaged; copy the file again"),
     ] {
         let mut damaged = bytes.clone();
         damaged[place] ^= 64;

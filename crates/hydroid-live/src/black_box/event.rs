@@ -1,8 +1,8 @@
-//! An event of the guard as a few numbers, and back.
+//! Encoding of guard events as numbers.
 
 use hydroid_core::adapt::guard::{Action, Cause, Expert};
 
-/// Numbers of an event: what it is, then what it says.
+/// Numbers of an event: its code, then its values.
 pub(super) const WORDS: usize = 5;
 
 const CAUSES: [Cause; 4] = [Cause::Record, Cause::Test, Cause::Guarantee, Cause::NotFinite];
@@ -28,7 +28,7 @@ pub(super) fn encode(action: &Action) -> [f64; WORDS] {
     }
 }
 
-/// None for numbers that say nothing: they may come from anywhere.
+/// Decodes an event; `None` for invalid numbers, because the file is untrusted.
 pub(super) fn decode(words: &[f64]) -> Option<Action> {
     let &[code, a, b, c, d] = words else { return None };
     // Casts saturate, and NaN is 0.

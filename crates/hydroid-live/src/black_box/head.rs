@@ -1,9 +1,9 @@
-//! The head of the file: of which model, how it learns, and the sizes of all that follows.
+//! Header of the file: model, options of the adapter, and sizes.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::record::Places;
+use super::record::RowLayout;
 use hydroid::adapt::Options;
 use hydroid::fingerprint::Fingerprint;
 use hydroid::log::Channel;
@@ -12,15 +12,15 @@ pub(super) const MAGIC: &[u8; 8] = b"HYDROBOX";
 const VERSION: u32 = 1;
 /// Bytes before the JSON.
 const BEFORE: usize = 24;
-/// Sizes beyond these are none of a box.
-const MOST_HORIZONS: usize = 64;
-const FARTHEST: usize = 10_000;
-const MOST_STEPS: usize = 1 << 30;
-/// Time of the walk \[s\] that a kill may cost at the most.
-const WRITTEN_EVERY_S: f64 = 1.0;
-/// Seconds of steps that are written at once at the most: where a gap is walked over.
-const ROOM: usize = 8;
-/// Numbers of a segment's start.
+/// Largest accepted sizes.
+const MAX_HORIZONS: usize = 64;
+const MAX_SIZE: usize = 10_000;
+const MAX_STEPS: usize = 1 << 30;
+/// Longest time of the recording that is lost if the process is killed \[s\].
+const WRITE_INTERVAL_S: f64 = 1.0;
+/// Capacity of the write buffer in write intervals, for steps over a gap.
+const BUFFER_INTERVALS: usize = 8;
+/// Number of words at the start of a segment.
 pub(super) const START: usize = 6;
 
 /// A model's file.
@@ -33,21 +33,21 @@ pub struct ModelFile {
     pub fingerprint: String,
 }
 
-/// What a box is of.
+/// Header of a black box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Head {
-    /// Version of hydroid that wrote it: another one may learn otherwise.
+    /// Version of hydroid that wrote the file; the arithmetic of another one may differ.
     pub hydroid: String,
     /// The model.
     pub model: ModelFile,
     /// Name and kind of the model.
     pub named: [String; 2],
-    /// Where the samples came from: names of the runs, or of the stream.
+    /// Names of the runs, or of the stream.
     pub runs: Vec<String>,
-    /// How the model learned and how the samples were read, as in the state of a stream.
+    /// Settings of adaptation and reading, as in the state file of a stream.
     pub settings: Value,
-    /// The options of which the adapter can be made again, as TOML: it has infinite numbers, and JSON has not.
+    /// Options with which the adapter is rebuilt, as TOML, which has infinite numbers.
     pub(super) options: String,
     /// Sample time \[s\].
     pub dt: f64,
@@ -57,36 +57,36 @@ pub struct Head {
     pub inputs: Vec<Channel>,
     /// Horizons of the predictions \[samples\].
     pub horizons: Vec<usize>,
-    /// Numbers of the adapter's memory.
+    /// Number of values of the adapter's state.
     pub memory: usize,
     /// Segments of the ring.
     pub segments: usize,
-    /// Steps that a segment holds.
+    /// Steps in a segment.
     pub steps: usize,
 }
 
 impl Head {
-    /// How the steps' numbers are laid out.
-    pub(super) fn places(&self) -> Places {
-        Places::new(self.outputs.len(), self.inputs.len(), self.horizons.len())
+    /// Layout of a row.
+    pub(super) fn layout(&self) -> RowLayout {
+        RowLayout::new(self.outputs.len(), self.inputs.len(), self.horizons.len())
     }
 
     /// Bytes of a segment.
     pub(super) fn segment_len(&self) -> usize {
-        8 * (START + self.memory + self.steps * (self.places().len() + 1))
+        8 * (START + self.memory + self.steps * (self.layout().len() + 1))
     }
 
-    /// Steps after which they are written.
+    /// Steps in a write interval.
     pub(super) fn every(&self) -> usize {
-        // Casts saturate; a step of no time is refused, and none is so short.
+        // Casts saturate, and the value is bounded.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let every = (WRITTEN_EVERY_S / self.dt * (1.0 + 1e-9)).floor().clamp(1.0, 1e6) as usize;
+        let every = (WRITE_INTERVAL_S / self.dt * (1.0 + 1e-9)).floor().clamp(1.0, 1e6) as usize;
         every
     }
 
-    /// Steps that are written at once at the most.
-    pub(super) fn room(&self) -> usize {
-        ROOM * self.every()
+    /// Capacity of the write buffer \[steps\].
+    pub(super) fn buffer_steps(&self) -> usize {
+        BUFFER_INTERVALS * self.every()
     }
 
     /// Names of outputs, then inputs.
@@ -98,7 +98,7 @@ impl Head {
         toml::from_str(&self.options).map_err(|e| e.message().to_owned())
     }
 
-    /// As the first bytes of a file.
+    /// Encodes the header.
     pub(super) fn encode(&self) -> Result<Vec<u8>, serde_json::Error> {
         let json = serde_json::to_vec(self)?;
         let mut bytes = MAGIC.to_vec();
@@ -110,46 +110,46 @@ impl Head {
         Ok(bytes)
     }
 
-    /// From the bytes of a file; gives where the ring begins as well.
+    /// Decodes the header; returns the offset of the ring too.
     pub(super) fn decode(bytes: &[u8]) -> Result<(Self, usize), String> {
         let damaged = |reason: &str| {
-            format!("its head is damaged ({reason}); copy it anew from where it was written, or remove it")
+            format!("the header is damaged ({reason}); copy the file again from its origin, or remove it")
         };
         let Some((before, rest)) = bytes.split_first_chunk::<BEFORE>().filter(|_| bytes.starts_with(MAGIC))
         else {
-            return Err("it is no black box: give a file that --black-box has written".to_owned());
+            return Err("it is not a black box: give a file that --black-box has written".to_owned());
         };
         let word =
             |at: usize| u32::from_le_bytes([before[at], before[at + 1], before[at + 2], before[at + 3]]);
         let version = word(8);
         if version != VERSION {
             return Err(format!(
-                "it has format {version}, and this program reads format {VERSION}; read it with the version of hydroid that wrote it"
+                "the file has format {version}, and this program reads format {VERSION}; read it with the version of hydroid that wrote it"
             ));
         }
         let len = usize::try_from(word(12)).unwrap_or(usize::MAX);
         let json = rest.get(..len).ok_or_else(|| damaged("it was cut short"))?;
         if before[16..] != sum(json).to_le_bytes() {
-            return Err(damaged("its sum is another"));
+            return Err(damaged("the checksum does not match"));
         }
         let head: Self = serde_json::from_slice(json).map_err(|e| damaged(&e.to_string()))?;
         head.check().map_err(damaged)?;
         Ok((head, BEFORE + len))
     }
 
-    /// Whether all sizes can be: then none of what is made of them overflows.
+    /// Checks the sizes, so that products of them do not overflow.
     pub(super) fn check(&self) -> Result<(), &'static str> {
         let sound = self.dt > 0.0
             && self.dt.is_finite()
             && !self.outputs.is_empty()
-            && self.outputs.len().max(self.inputs.len()) <= FARTHEST
-            && self.horizons.len() <= MOST_HORIZONS
+            && self.outputs.len().max(self.inputs.len()) <= MAX_SIZE
+            && self.horizons.len() <= MAX_HORIZONS
             && self.horizons.windows(2).all(|pair| pair[0] < pair[1])
-            && self.horizons.iter().all(|h| (1..=FARTHEST).contains(h))
-            && (1..=FARTHEST).contains(&self.segments)
-            && self.steps.max(self.memory) <= MOST_STEPS
+            && self.horizons.iter().all(|h| (1..=MAX_SIZE).contains(h))
+            && (1..=MAX_SIZE).contains(&self.segments)
+            && self.steps.max(self.memory) <= MAX_STEPS
             && self.segment_len().checked_mul(self.segments).is_some();
-        if sound { Ok(()) } else { Err("sizes that none has") }
+        if sound { Ok(()) } else { Err("invalid sizes") }
     }
 }
 

@@ -1,35 +1,35 @@
-//! The black box of a learner: a ring file with the last minutes of what it was given and what came of it, from which
-//! the same can be made again, bit for bit.
+//! Black box of an adapter: a ring file with the calls and results of the last minutes, from which a replay computes the same
+//! results to the last bit.
 //!
-//! | part | what it is |
+//! | part | content |
 //! | --- | --- |
-//! | [`Recorded`], [`Recorder`] | the adapter on whose walk all calls are noted; what notes them |
-//! | `record`, `event` | a step of the walk as a row of numbers |
-//! | `head`, `ring` | the file: its head, and the ring of segments behind it |
-//! | [`BlackBox`] | a file that was read; [`Step`], a row of it; [`Summary`], what is to be said of it all |
-//! | [`replay`](fn@replay) | makes the adapter again, gives it the same calls, and compares |
+//! | [`RecordingAdapter`], [`Recorder`] | wrapper around an adapter; writer of its calls |
+//! | `record`, `event` | a step as a row of numbers |
+//! | `head`, `ring` | header of the file, and ring of segments |
+//! | [`BlackBox`] | a file that was read; [`Step`], one of its rows; [`Summary`] of all rows |
+//! | [`replay`](fn@replay) | rebuilds the adapter, repeats the calls, and compares the results |
 //!
 //! # File
 //!
 //! ```text
 //! head      "HYDROBOX", format version (u32), length of the JSON (u32), its sum (u64), the JSON
-//! segment   start: "SEGMENT\n", sequence, steps before it, whether it goes on where the one before ended,
+//! segment   start: "SEGMENT\n", sequence, steps before it, whether it continues the previous one,
 //!           sum of the memory, sum of the start (six u64)
-//!           memory: all that the adapter goes on from, f64
+//!           memory: state of the adapter, f64
 //!           steps: a row of f64 each, and its sum (u64)
 //! ```
 //!
-//! All is little-endian; sums are XXH3 (64 bits). Segments have their places, one behind the other, and are written in turn. The sum of
-//! a step depends on sequence and place, so that a row that an earlier turn has left is none of this one. A step that is not
-//! whole ends its segment: the kill came there.
+//! All numbers are little-endian, and sums are XXH3 (64 bits). The segments are written in turn. The sum of a step depends on sequence
+//! and position, so that rows of an earlier turn are recognized. An incomplete step ends its segment: the process was killed
+//! while it was written.
 
 mod event;
 mod head;
-mod made;
 mod read;
+mod rebuild;
 mod record;
-mod recorded;
 mod recorder;
+mod recording_adapter;
 mod replay;
 mod ring;
 mod step;
@@ -45,45 +45,45 @@ use hydroid::progress::Progress;
 
 pub use head::{Head, ModelFile};
 pub use read::BlackBox;
-pub use recorded::Recorded;
 pub use recorder::{Recorder, Source};
+pub use recording_adapter::RecordingAdapter;
 pub use replay::{Difference, Replayed, replay};
 pub use step::Step;
 pub use summary::{Outcomes, Summary};
 
-/// Minutes that a box holds where nothing else is asked for, and at the least.
-pub const MINUTES: f64 = 5.0;
-/// See [`MINUTES`].
-pub const FEWEST_MINUTES: f64 = 2.0;
-/// The most minutes that a box can hold: a week.
-pub const MOST_MINUTES: f64 = 7.0 * 24.0 * 60.0;
+/// Default duration of a recording \[min\].
+pub const DEFAULT_MINUTES: f64 = 5.0;
+/// Least duration of a recording \[min\].
+pub const MIN_MINUTES: f64 = 2.0;
+/// Largest duration of a recording \[min\]: a week.
+pub const MAX_MINUTES: f64 = 7.0 * 24.0 * 60.0;
 
-/// Where to keep a black box, and of which model.
+/// Options of a recording.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
+pub struct RecordingOptions {
     /// The file.
     pub path: PathBuf,
-    /// Minutes that it holds at the least, once they have passed.
+    /// Least duration that the file holds \[min\].
     pub minutes: f64,
     /// The model's file.
     pub model: ModelFile,
 }
 
-/// Why a black box cannot be written, read or replayed.
+/// Errors of a black box.
 #[derive(Debug, thiserror::Error)]
 pub enum BlackBoxError {
-    /// A file that is no box, or damaged, or of another model.
+    /// The file is not a black box, or is damaged, or belongs to another model.
     #[error("the black box {} cannot be used: {reason}", path.display())]
     Unusable {
         /// The file.
         path: PathBuf,
-        /// Why, and what to do.
+        /// Cause and remedy.
         reason: String,
     },
-    /// It cannot hold so much, or so little.
-    #[error("a black box of {minutes} minutes: give from {FEWEST_MINUTES} to {MOST_MINUTES}")]
+    /// Invalid duration.
+    #[error("a black box of {minutes} minutes is not possible; give {MIN_MINUTES} to {MAX_MINUTES}")]
     Minutes {
-        /// Asked for.
+        /// Given value.
         minutes: f64,
     },
     /// The file cannot be written.
@@ -103,7 +103,7 @@ impl BlackBoxError {
 /// Whether a file is a black box, by its first bytes.
 pub fn is_black_box(path: &Path) -> bool {
     use std::io::Read as _;
-    // A pipe gives its bytes once.
+    // The bytes of a pipe can be read only once.
     if !path.metadata().is_ok_and(|m| m.is_file()) {
         return false;
     }
@@ -122,7 +122,7 @@ pub fn adapt_recorded(
     shore: &TrainingRuns,
     runs: &[&Trajectory],
     options: &Options,
-    recording: Option<&Settings>,
+    recording: Option<&RecordingOptions>,
     progress: Progress<'_>,
 ) -> Result<Adapted, BlackBoxError> {
     let (mut adapter, used) = adapter(model, options, runs)?;
@@ -135,7 +135,7 @@ pub fn adapt_recorded(
         }
         None => None,
     };
-    let mut adapter = Recorded::new(adapter, recorder);
+    let mut adapter = RecordingAdapter::new(adapter, recorder);
     let adapted = adapt_by(model, &mut adapter, used, frozen, runs, options, progress)?;
     adapter.finish()?;
     Ok(adapted)

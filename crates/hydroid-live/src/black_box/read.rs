@@ -1,4 +1,4 @@
-//! A box that was read.
+//! Reading a black box.
 
 use std::path::{Path, PathBuf};
 
@@ -8,39 +8,39 @@ use super::ring::{MAGIC, place_of, start_sum, step_sum};
 use super::step::Step;
 use hydroid::fingerprint::Fingerprint;
 
-/// Larger files are none of these.
-const LARGEST: u64 = 1 << 36;
+/// Largest accepted file \[bytes\].
+const MAX_BYTES: u64 = 1 << 36;
 
-/// Segments are counted from 1, and no box has so many.
-const MOST: u64 = 1 << 62;
+/// Largest accepted sequence number.
+const MAX_SEQUENCE: u64 = 1 << 62;
 
-/// The content of a file.
+/// Content of a black box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlackBox {
-    /// Where it was.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What it is of.
+    /// Header.
     pub head: Head,
-    /// Where the ring begins.
+    /// Offset of the ring.
     pub(super) start: usize,
     /// From the oldest to the newest.
     pub(super) segments: Vec<Segment>,
-    /// Segments of which the start is not whole: one that was being written when the kill came, or damaged ones.
+    /// Segments with an incomplete start: interrupted or damaged ones.
     pub torn: usize,
 }
 
-/// A stretch of steps, and the memory that it begins from.
+/// A segment: state of the adapter and steps.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Segment {
     pub(super) sequence: u64,
     /// Steps before it.
     pub(super) before: u64,
-    /// Whether it begins where the one before ended.
-    pub(super) goes_on: bool,
+    /// Whether it continues the previous segment.
+    pub(super) continues: bool,
     pub(super) memory: Vec<f64>,
-    /// Row by row.
+    /// Rows of the steps.
     pub(super) rows: Vec<f64>,
-    /// Whether there are whole steps far behind one that is not: neither a kill nor a failing power leaves such.
+    /// Whether complete steps follow far behind an incomplete one, which an interruption cannot cause.
     pub(super) damaged: bool,
 }
 
@@ -48,24 +48,24 @@ impl BlackBox {
     /// Reads a file.
     ///
     /// # Errors
-    /// If it cannot be read, or is no box.
+    /// If the file cannot be read, or is not a black box.
     pub fn read(path: &Path) -> Result<Self, BlackBoxError> {
         let wrong = |reason: String| BlackBoxError::unusable(path, reason);
         let metadata = std::fs::metadata(path)
-            .map_err(|e| wrong(format!("it cannot be read ({e}); name another file")))?;
-        if !metadata.is_file() || metadata.len() > LARGEST {
-            return Err(wrong("it is no black box: give a file that --black-box has written".to_owned()));
+            .map_err(|e| wrong(format!("the file cannot be read ({e}); name another file")))?;
+        if !metadata.is_file() || metadata.len() > MAX_BYTES {
+            return Err(wrong("it is not a black box: give a file that --black-box has written".to_owned()));
         }
-        let bytes =
-            std::fs::read(path).map_err(|e| wrong(format!("it cannot be read ({e}); name another file")))?;
+        let bytes = std::fs::read(path)
+            .map_err(|e| wrong(format!("the file cannot be read ({e}); name another file")))?;
         let own = Self::decode(&bytes).map_err(wrong)?;
         Ok(Self { path: path.to_owned(), ..own })
     }
 
-    /// From the bytes of a file; says what is wrong with them. What was being written when the kill came is left out.
+    /// Decodes the content of a file. What was being written when the kill came is left out.
     ///
     /// # Errors
-    /// If they are no box, or the head is damaged.
+    /// If the bytes are not a black box, or the header is damaged; the text is the reason.
     pub fn decode(bytes: &[u8]) -> Result<Self, String> {
         let (head, start) = Head::decode(bytes)?;
         let (mut segments, mut torn) = (Vec::new(), 0);
@@ -75,7 +75,7 @@ impl BlackBox {
             let Some(from) = bytes.get(at..) else { break };
             match segment(&from[..from.len().min(head.segment_len())], &head, place) {
                 Some(segment) => segments.push(segment),
-                // A place that was never written is not there, or zero.
+                // A place that was never written is missing or zero.
                 None => torn += usize::from(from.iter().take(8 * START).any(|&byte| byte != 0)),
             }
         }
@@ -87,27 +87,27 @@ impl BlackBox {
         self.segments.last().map(|segment| segment.sequence)
     }
 
-    /// Whether steps in the middle cannot be read, and not only those that were being written at the end.
+    /// Whether steps other than the last ones cannot be read.
     pub fn is_damaged(&self) -> bool {
         self.segments.iter().any(|segment| segment.damaged)
     }
 
     /// All steps, from the oldest to the newest.
     pub fn steps(&self) -> impl Iterator<Item = Step<'_>> {
-        let len = self.head.places().len();
+        let len = self.head.layout().len();
         let rows = self.segments.iter().flat_map(move |segment| segment.rows.chunks_exact(len));
         rows.map(|row| Step::new(&self.head, row))
     }
 }
 
-/// A segment that is whole up to some step.
+/// Decodes a segment up to its first incomplete step.
 fn segment(bytes: &[u8], head: &Head, place: usize) -> Option<Segment> {
     let (words, rest) = bytes.split_at_checked(8 * START)?;
     let (words, _) = words.as_chunks::<8>();
     let words: [u64; START] = std::array::from_fn(|i| u64::from_le_bytes(words[i]));
-    let [magic, sequence, before, goes_on, memory_sum, sum] = words;
+    let [magic, sequence, before, continues, memory_sum, sum] = words;
     let in_place = place_of(sequence, head.segments as u64) == place as u64;
-    if magic != MAGIC || sum != start_sum(&words) || !in_place || sequence.max(before) > MOST {
+    if magic != MAGIC || sum != start_sum(&words) || !in_place || sequence.max(before) > MAX_SEQUENCE {
         return None;
     }
     let (memory, steps) = rest.split_at_checked(8 * head.memory)?;
@@ -117,7 +117,7 @@ fn segment(bytes: &[u8], head: &Head, place: usize) -> Option<Segment> {
     if hash.value() != memory_sum {
         return None;
     }
-    let len = head.places().len();
+    let len = head.layout().len();
     let whole = |(at, bytes): (usize, &[u8])| {
         let row = numbers(bytes);
         let sum = row.last().map(|sum| sum.to_bits());
@@ -129,9 +129,9 @@ fn segment(bytes: &[u8], head: &Head, place: usize) -> Option<Segment> {
         row.truncate(len);
         rows.extend(row);
     }
-    // Where the power failed, the disk may have the end of what was written at once, and not its beginning.
-    let damaged = steps.skip(head.room()).any(|step| whole(step).is_some());
-    Some(Segment { sequence, before, goes_on: goes_on != 0, memory, rows, damaged })
+    // After a power failure the disk may contain the end of a write without its beginning.
+    let damaged = steps.skip(head.buffer_steps()).any(|step| whole(step).is_some());
+    Some(Segment { sequence, before, continues: continues != 0, memory, rows, damaged })
 }
 
 fn numbers(bytes: &[u8]) -> Vec<f64> {

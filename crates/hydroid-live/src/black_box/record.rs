@@ -1,8 +1,7 @@
-//! A step of the walk as a row of numbers.
+//! A step as a row of numbers.
 //!
-//! A step is up to three calls in this order: `reset`, `advance` with a command, `observe` with a measurement. Behind them
-//! stands what came of the measurement, and what was predicted from it under a command that is held. What there is none of
-//! is NaN.
+//! A step has up to three calls in this order: `reset`, `advance` with a command, `observe` with a measurement. The results of
+//! the measurement and the predictions under a held command follow. Missing values are NaN.
 
 use hydroid_core::adapt::guard::Guard;
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
@@ -15,15 +14,15 @@ use super::head::Head;
 pub(super) const RESET: u8 = 1;
 pub(super) const ADVANCE: u8 = 2;
 pub(super) const OBSERVE: u8 = 4;
-/// Predictions were made.
-pub(super) const FORESEEN: u8 = 8;
+/// The row contains predictions.
+pub(super) const PREDICTED: u8 = 8;
 
-/// Events beside one of each output.
-const MORE_EVENTS: usize = 6;
+/// Capacity for events in addition to one for each output.
+const EXTRA_EVENTS: usize = 6;
 
-/// Where what stands in a row.
+/// Layout of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Places {
+pub(super) struct RowLayout {
     outputs: usize,
     inputs: usize,
     horizons: usize,
@@ -40,17 +39,17 @@ pub(super) enum Part {
     Measured,
     Held,
     Estimate,
-    /// Horizon by horizon.
+    /// Predictions, by horizon.
     Prediction,
-    /// Kind, and two numbers of it.
+    /// Code of the outcome, and two values.
     Outcome,
-    /// How many, then values, then deviations.
+    /// Number of innovations, then values, then standard deviations.
     Innovations,
-    /// Least variance and `min S / R`.
+    /// Values of [`Health`](hydroid_core::adapt::Health).
     Health,
-    /// The model that predicts, and the records of all three.
+    /// Active model, and test errors of all three.
     Guard,
-    /// How many, then each.
+    /// Number of events, then the events.
     Events,
 }
 
@@ -72,7 +71,7 @@ impl Part {
     ];
 }
 
-impl Places {
+impl RowLayout {
     pub(super) fn new(outputs: usize, inputs: usize, horizons: usize) -> Self {
         Self { outputs, inputs, horizons }
     }
@@ -88,15 +87,15 @@ impl Places {
             Part::Innovations => 1 + 2 * n,
             Part::Health => 2,
             Part::Guard => 4,
-            Part::Events => 1 + self.most_events() * event::WORDS,
+            Part::Events => 1 + self.max_events() * event::WORDS,
         }
     }
 
-    fn most_events(self) -> usize {
-        self.outputs + MORE_EVENTS
+    fn max_events(self) -> usize {
+        self.outputs + EXTRA_EVENTS
     }
 
-    /// Numbers of a row.
+    /// Length of a row.
     pub(super) fn len(self) -> usize {
         Part::ALL.into_iter().map(|part| self.width(part)).sum()
     }
@@ -106,12 +105,12 @@ impl Places {
         start..start + self.width(part)
     }
 
-    /// Where what came of the measurement begins: all behind it is made again in a replay.
+    /// Index of the first result; a replay computes all results.
     pub(super) fn results(self) -> usize {
         self.range(Part::Estimate).start
     }
 
-    /// What the number at a place is, in words.
+    /// Description of the value at an index.
     pub(super) fn name(self, place: usize, head: &Head) -> String {
         let output = |i: usize| head.outputs.get(i).map_or("?", |channel| channel.name.as_str());
         let n = self.outputs.max(1);
@@ -122,41 +121,41 @@ impl Places {
             let ahead = head.horizons.get(i / n).copied().unwrap_or(0);
             format!("the prediction of {} {ahead} samples ahead", output(i % n))
         } else if of(Part::Outcome).is_some() {
-            "what became of the sample".to_owned()
+            "the status of the sample".to_owned()
         } else if let Some(i) = of(Part::Innovations) {
             match i.checked_sub(1) {
                 None => "the number of innovations".to_owned(),
                 Some(i) if i < n => format!("the innovation of {}", output(i)),
-                Some(i) => format!("the deviation of the innovation of {}", output(i - n)),
+                Some(i) => format!("the standard deviation of the innovation of {}", output(i - n)),
             }
         } else if let Some(i) = of(Part::Health) {
             ["the least variance of a weight", "the smallest S/R of the filter"][i].to_owned()
         } else if let Some(i) = of(Part::Guard) {
             let names = ["the model that predicts", "the adapted model", "the snapshot", "the frozen model"];
-            if i == 0 { names[0].to_owned() } else { format!("the record of {}", names[i]) }
+            if i == 0 { names[0].to_owned() } else { format!("the test error of {}", names[i]) }
         } else if of(Part::Events).is_some() {
-            "what the guard did".to_owned()
+            "the events of the guard".to_owned()
         } else {
-            "what was given".to_owned()
+            "a recorded call".to_owned()
         }
     }
 }
 
-/// Makes rows: what an adapter says of itself after a call.
+/// Writes the results of an adapter into a row.
 #[derive(Debug)]
-pub(super) struct Gatherer {
-    pub(super) places: Places,
+pub(super) struct RowBuilder {
+    pub(super) layout: RowLayout,
     horizons: Vec<usize>,
     commands: Vec<f64>,
     rollout: Vec<f64>,
     work: Workspace,
 }
 
-impl Gatherer {
+impl RowBuilder {
     pub(super) fn new(head: &Head) -> Self {
         let farthest = head.horizons.last().copied().unwrap_or(0);
         Self {
-            places: head.places(),
+            layout: head.layout(),
             horizons: head.horizons.clone(),
             commands: vec![f64::NAN; farthest * head.inputs.len()],
             rollout: vec![f64::NAN; farthest * head.outputs.len()],
@@ -164,10 +163,10 @@ impl Gatherer {
         }
     }
 
-    /// After `observe`: what came of it.
+    /// Writes the results of `observe`.
     pub(super) fn observed(&mut self, adapter: &dyn Adapter, row: &mut [f64]) {
-        let places = self.places;
-        adapter.output(&mut row[places.range(Part::Estimate)]);
+        let layout = self.layout;
+        adapter.output(&mut row[layout.range(Part::Estimate)]);
         let (kind, a, b) = match adapter.outcome() {
             Outcome::Waiting => (0.0, f64::NAN, f64::NAN),
             Outcome::Accepted => (1.0, f64::NAN, f64::NAN),
@@ -176,18 +175,18 @@ impl Gatherer {
             Outcome::Rejected(Rejection::NotFinite) => (4.0, f64::NAN, f64::NAN),
             Outcome::RolledBack => (5.0, f64::NAN, f64::NAN),
         };
-        row[places.range(Part::Outcome)].copy_from_slice(&[kind, a, b]);
+        row[layout.range(Part::Outcome)].copy_from_slice(&[kind, a, b]);
         let innovations = adapter.innovations();
-        let into = &mut row[places.range(Part::Innovations)];
+        let into = &mut row[layout.range(Part::Innovations)];
         into[0] = innovations.len() as f64;
-        let (values, deviations) = into[1..].split_at_mut(places.outputs);
+        let (values, deviations) = into[1..].split_at_mut(layout.outputs);
         for ((value, deviation), innovation) in values.iter_mut().zip(deviations).zip(innovations) {
             (*value, *deviation) = (innovation.value, innovation.deviation);
         }
-        // Where nothing was measured, health is that of an earlier sample, which no memory keeps.
+        // Without a measurement, health is that of an earlier sample, which is not part of the saved state.
         if !innovations.is_empty() {
             let health = adapter.health();
-            row[places.range(Part::Health)].copy_from_slice(&[health.least_variance, health.min_s_over_r]);
+            row[layout.range(Part::Health)].copy_from_slice(&[health.least_variance, health.min_s_over_r]);
         }
         if let Some(guard) = adapter.guard() {
             self.guarded(guard, row);
@@ -197,17 +196,17 @@ impl Gatherer {
     fn guarded(&self, guard: &Guard, row: &mut [f64]) {
         let [learner, kept, frozen] = guard.record();
         let active = guard.active().index() as f64;
-        row[self.places.range(Part::Guard)].copy_from_slice(&[active, learner, kept, frozen]);
-        let into = &mut row[self.places.range(Part::Events)];
-        let events = &guard.events()[..guard.events().len().min(self.places.most_events())];
+        row[self.layout.range(Part::Guard)].copy_from_slice(&[active, learner, kept, frozen]);
+        let into = &mut row[self.layout.range(Part::Events)];
+        let events = &guard.events()[..guard.events().len().min(self.layout.max_events())];
         into[0] = events.len() as f64;
         for (into, event) in into[1..].chunks_exact_mut(event::WORDS).zip(events) {
             into.copy_from_slice(&event::encode(&event.action));
         }
     }
 
-    /// Predictions under a command that is held from here on; none where it is not known.
-    pub(super) fn foreseen(&mut self, adapter: &dyn Adapter, held: &[f64], row: &mut [f64]) {
+    /// Writes predictions under a held command, if the command is known.
+    pub(super) fn predicted(&mut self, adapter: &dyn Adapter, held: &[f64], row: &mut [f64]) {
         if held.iter().any(|c| c.is_nan()) || self.horizons.is_empty() {
             return;
         }
@@ -215,9 +214,9 @@ impl Gatherer {
             into.copy_from_slice(held);
         }
         adapter.rollout(&self.commands, &mut self.work, &mut self.rollout);
-        row[self.places.range(Part::Held)].copy_from_slice(held);
-        let n = self.places.outputs;
-        let into = &mut row[self.places.range(Part::Prediction)];
+        row[self.layout.range(Part::Held)].copy_from_slice(held);
+        let n = self.layout.outputs;
+        let into = &mut row[self.layout.range(Part::Prediction)];
         for (into, horizon) in into.chunks_exact_mut(n).zip(&self.horizons) {
             into.copy_from_slice(&self.rollout[(horizon - 1) * n..horizon * n]);
         }

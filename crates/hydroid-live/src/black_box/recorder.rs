@@ -1,77 +1,77 @@
-//! What notes the calls of a walk, and writes them once in a second of it.
+//! Recorder of the calls of an adapter, which writes once in a second of the recording.
 
 use hydroid_core::adapt::Adapter;
 use serde::Serialize;
 
 use super::head::Head;
-use super::record::{ADVANCE, FORESEEN, Gatherer, OBSERVE, Part, RESET};
+use super::record::{ADVANCE, OBSERVE, PREDICTED, Part, RESET, RowBuilder};
 use super::ring::{Ring, step_sum};
-use super::{BlackBoxError, FEWEST_MINUTES, MOST_MINUTES, Settings};
+use super::{BlackBoxError, MAX_MINUTES, MIN_MINUTES, RecordingOptions};
 use hydroid::adapt::Options;
 use hydroid::atomic::WriteError;
 use hydroid::log::{Note, Trajectory};
 use hydroid::model::Model;
 
-/// What is walked along.
+/// Source of the samples.
 #[derive(Clone, Copy, Debug)]
 pub enum Source<'a> {
-    /// A live stream of this name. An earlier box of the same stream is gone on with, and what is written is on the disk.
+    /// A live stream of this name. An earlier recording of the stream is continued, and writes are synchronized with the disk.
     Stream(&'a str),
-    /// Runs, one after the other, each begun by a reset.
+    /// Runs one after the other; each begins with a reset.
     Runs(&'a [&'a Trajectory]),
 }
 
-/// Notes the calls that an adapter gets, and what came of them. After the first step nothing in it allocates.
+/// Records the calls of an adapter and their results. It does not allocate after the first step.
 #[derive(Debug)]
 pub struct Recorder {
     ring: Ring,
-    gatherer: Gatherer,
-    /// Where each run begins \[s\]; none for a stream.
+    builder: RowBuilder,
+    /// Start time of each run \[s\]; empty for a stream.
     starts: Vec<f64>,
     run: Option<usize>,
-    /// Time of a sample, and samples observed since.
+    /// Time of a sample, and number of samples since.
     t: f64,
     since: f64,
     dt: f64,
-    /// The step that is being made.
+    /// The current step.
     row: Vec<f64>,
     calls: u8,
-    /// The memory that the segment begins from.
+    /// State of the adapter at the start of the segment.
     memory: Vec<f64>,
     segment: Phase,
-    goes_on: bool,
-    /// Steps closed so far, those before the segment, and those that a segment holds.
+    continues: bool,
+    /// Completed steps, steps before the segment, and capacity of a segment.
     steps: u64,
     before: u64,
-    most: u64,
+    max_steps: u64,
     pending: Vec<u8>,
     waiting: usize,
-    /// Steps of a second, and those that wait at the most.
+    /// Steps in a write interval, and capacity of the buffer.
     every: usize,
-    room: usize,
-    trouble: Option<WriteError>,
-    told: bool,
+    buffer_steps: usize,
+    write_error: Option<WriteError>,
+    reported: bool,
 }
 
-/// What there is of a segment.
+/// State of the current segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// It begins with the next call.
+    /// The next call begins a segment.
     None,
-    /// Its memory was taken.
+    /// The state of the adapter has been copied.
     Taken,
-    /// It is in the file.
+    /// The start of the segment is in the file.
     Begun,
 }
 
 impl Recorder {
-    /// A box of an adapter that [`adapter`](hydroid::adapt::adapter) has made of a model, options and the runs of the source
-    /// (none for a stream); `described` is what is to be said of its settings.
+    /// Recorder of an adapter that [`adapter`](hydroid::adapt::adapter) created from a model, options and the runs of the source
+    /// (none for a stream); `described` are the settings for the header.
     ///
     /// # Errors
-    /// If it cannot be written there, or a file is there that cannot be gone on with.
+    /// If the file cannot be written or continued.
     pub fn new(
-        settings: &Settings,
+        settings: &RecordingOptions,
         model: &Model,
         adapter: &dyn Adapter,
         options: &Options,
@@ -79,7 +79,7 @@ impl Recorder {
         source: Source<'_>,
     ) -> Result<Self, BlackBoxError> {
         let minutes = settings.minutes;
-        if !(FEWEST_MINUTES..=MOST_MINUTES).contains(&minutes) {
+        if !(MIN_MINUTES..=MAX_MINUTES).contains(&minutes) {
             return Err(BlackBoxError::Minutes { minutes });
         }
         let runs = match source {
@@ -92,19 +92,19 @@ impl Recorder {
         let ring = match source {
             Source::Stream(name) => {
                 head.runs = vec![name.to_owned()];
-                Ring::go_on(&settings.path, &head, true)?
+                Ring::resume(&settings.path, &head, true)?
             }
             Source::Runs(runs) => {
                 head.runs = runs.iter().map(|run| run.name.clone()).collect();
                 Ring::create(&settings.path, &head, false)?
             }
         };
-        let gatherer = Gatherer::new(&head);
-        let len = gatherer.places.len();
-        let room = head.room();
+        let builder = RowBuilder::new(&head);
+        let len = builder.layout.len();
+        let buffer_steps = head.buffer_steps();
         Ok(Self {
             ring,
-            gatherer,
+            builder,
             starts: runs.iter().map(|run| run.t0).collect(),
             run: None,
             t: f64::NAN,
@@ -114,25 +114,25 @@ impl Recorder {
             calls: 0,
             memory: vec![0.0; head.memory],
             segment: Phase::None,
-            goes_on: false,
+            continues: false,
             steps: 0,
             before: 0,
-            most: head.steps as u64,
-            pending: Vec::with_capacity(room * 8 * (len + 1)),
+            max_steps: head.steps as u64,
+            pending: Vec::with_capacity(buffer_steps * 8 * (len + 1)),
             waiting: 0,
             every: head.every(),
-            room,
-            trouble: None,
-            told: false,
+            buffer_steps,
+            write_error: None,
+            reported: false,
         })
     }
 
-    /// The next sample is observed at this time, those behind it one step after the other.
+    /// States the time of the next sample; later samples follow at the sample time.
     pub(super) fn at(&mut self, t: f64) {
         (self.t, self.since) = (t, 0.0);
     }
 
-    /// The adapter became another one than its walk would have made it: a segment begins.
+    /// The state of the adapter was changed from outside: begins a segment.
     pub(super) fn changed(&mut self, adapter: &dyn Adapter) {
         self.close(adapter);
         self.end_segment(adapter, false);
@@ -153,35 +153,34 @@ impl Recorder {
     pub(super) fn advance(&mut self, adapter: &dyn Adapter, c: &[f64]) {
         self.settle(adapter, c);
         self.begin_call(adapter, ADVANCE);
-        self.row[self.gatherer.places.range(Part::Command)].copy_from_slice(c);
+        self.row[self.builder.layout.range(Part::Command)].copy_from_slice(c);
     }
 
     /// Before the adapter observes.
     pub(super) fn observe(&mut self, adapter: &dyn Adapter, y: &[f64]) {
         self.begin_call(adapter, OBSERVE);
-        self.row[self.gatherer.places.range(Part::Measured)].copy_from_slice(y);
+        self.row[self.builder.layout.range(Part::Measured)].copy_from_slice(y);
     }
 
-    /// After it did.
+    /// After the adapter has observed.
     pub(super) fn observed(&mut self, adapter: &dyn Adapter) {
-        self.row[self.gatherer.places.range(Part::Time)][0] = self.t + self.since * self.dt;
+        self.row[self.builder.layout.range(Part::Time)][0] = self.t + self.since * self.dt;
         self.since += 1.0;
-        self.gatherer.observed(adapter, &mut self.row);
+        self.builder.observed(adapter, &mut self.row);
     }
 
-    /// The sample that was observed last is done with, and this is the command that acts from here on: predictions are made
-    /// under it.
+    /// Completes the last step with the predictions under the command of the next interval.
     pub(super) fn settle(&mut self, adapter: &dyn Adapter, held: &[f64]) {
         if self.calls & OBSERVE != 0 {
-            self.gatherer.foreseen(adapter, held, &mut self.row);
-            self.calls |= FORESEEN;
+            self.builder.predicted(adapter, held, &mut self.row);
+            self.calls |= PREDICTED;
             self.close(adapter);
         }
     }
 
-    /// Writes what waits, where it is time: between an answer and the next call.
+    /// Writes the buffer if due.
     pub(super) fn write_if_due(&mut self, adapter: &dyn Adapter) {
-        // A place that cannot be written is told at once.
+        // A file that cannot be written is reported at once.
         if self.waiting >= self.every || self.segment == Phase::Taken {
             self.write(adapter);
         }
@@ -191,28 +190,28 @@ impl Recorder {
         }
     }
 
-    /// Writes all that there is.
+    /// Writes the buffer.
     ///
     /// # Errors
-    /// If it, or something before, could not be written and nobody was told.
+    /// If a write has failed and was not reported.
     pub(super) fn finish(&mut self, adapter: &dyn Adapter) -> Result<(), BlackBoxError> {
         self.close(adapter);
         self.write(adapter);
-        self.trouble.take().filter(|_| !self.told).map_or(Ok(()), |error| Err(error.into()))
+        self.write_error.take().filter(|_| !self.reported).map_or(Ok(()), |error| Err(error.into()))
     }
 
-    /// What could not be written, once.
-    pub(super) fn take_trouble(&mut self) -> Option<Note> {
-        let error = self.trouble.take()?;
-        let told = std::mem::replace(&mut self.told, true);
-        (!told).then(|| Note::warning(format!("of the black box: {error}")))
+    /// Note on the first failed write.
+    pub(super) fn take_write_error(&mut self) -> Option<Note> {
+        let error = self.write_error.take()?;
+        let reported = std::mem::replace(&mut self.reported, true);
+        (!reported).then(|| Note::warning(format!("the black box cannot be written: {error}")))
     }
 
-    /// A call that cannot be in the same step as those before begins another.
+    /// Begins another step if the call cannot follow those of the current step.
     fn begin_call(&mut self, adapter: &dyn Adapter, call: u8) {
         if self.calls >= call {
             self.close(adapter);
-            // Of a log nobody tells when there is time to write.
+            // A log has no pauses in which to write.
             if !self.starts.is_empty() && self.waiting >= self.every {
                 self.write(adapter);
             }
@@ -228,14 +227,14 @@ impl Recorder {
         (self.segment, self.before) = (Phase::Taken, self.steps);
     }
 
-    /// Puts the step that is being made to those that wait.
+    /// Moves the current step to the buffer.
     fn close(&mut self, adapter: &dyn Adapter) {
         if self.calls == 0 {
             return;
         }
-        let places = self.gatherer.places;
-        self.row[places.range(Part::Calls)][0] = f64::from(self.calls);
-        self.row[places.range(Part::Run)][0] =
+        let layout = self.builder.layout;
+        self.row[layout.range(Part::Calls)][0] = f64::from(self.calls);
+        self.row[layout.range(Part::Run)][0] =
             if self.starts.is_empty() { 0.0 } else { self.run.unwrap_or(0) as f64 };
         let sequence =
             if self.segment == Phase::Begun { self.ring.sequence() } else { self.ring.sequence() + 1 };
@@ -246,25 +245,25 @@ impl Recorder {
         self.pending.extend_from_slice(&sum.to_le_bytes());
         self.row.fill(f64::NAN);
         (self.calls, self.steps, self.waiting) = (0, self.steps + 1, self.waiting + 1);
-        if self.steps - self.before == self.most {
+        if self.steps - self.before == self.max_steps {
             self.end_segment(adapter, true);
-        } else if self.waiting == self.room {
+        } else if self.waiting == self.buffer_steps {
             self.write(adapter);
         }
     }
 
-    fn end_segment(&mut self, adapter: &dyn Adapter, goes_on: bool) {
+    fn end_segment(&mut self, adapter: &dyn Adapter, continues: bool) {
         self.write(adapter);
-        // After trouble the next one has begun already, from here.
-        if self.segment == Phase::Begun || !goes_on {
-            (self.segment, self.goes_on) = (Phase::None, goes_on);
+        // After a failed write the next segment has begun already.
+        if self.segment == Phase::Begun || !continues {
+            (self.segment, self.continues) = (Phase::None, continues);
         }
     }
 
     fn write(&mut self, adapter: &dyn Adapter) {
         let mut result = Ok(());
         if self.segment == Phase::Taken {
-            result = self.ring.begin(self.ring.sequence() + 1, self.before, self.goes_on, &self.memory);
+            result = self.ring.begin(self.ring.sequence() + 1, self.before, self.continues, &self.memory);
             if result.is_ok() {
                 self.segment = Phase::Begun;
             }
@@ -275,9 +274,9 @@ impl Recorder {
         self.pending.clear();
         self.waiting = 0;
         if let Err(error) = result {
-            // What is lost leaves a hole: the next segment begins behind it, in its place or the next.
-            self.trouble = Some(error);
-            self.goes_on = false;
+            // The lost steps are a gap: the next segment begins after it.
+            self.write_error = Some(error);
+            self.continues = false;
             self.take_memory(adapter);
         }
     }

@@ -1,40 +1,40 @@
-//! The same again: the adapter is made anew, gets the calls that were noted, and has to say the same.
+//! Replay: the adapter is rebuilt, gets the recorded calls, and its results are compared bit by bit.
 
 use hydroid_core::adapt::Adapter;
 use serde::Serialize;
 
-use super::record::{ADVANCE, FORESEEN, Gatherer, OBSERVE, Part, RESET, calls};
+use super::record::{ADVANCE, OBSERVE, PREDICTED, Part, RESET, RowBuilder, calls};
 use super::{BlackBox, BlackBoxError, Step};
 use hydroid::model::Model;
 
-/// Where a replay first was not what was recorded.
+/// First difference between replay and recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
     /// Time of the sample \[s\].
     pub t: f64,
-    /// What differs, in words.
+    /// Description of the value.
     pub what: String,
-    /// The number in the box.
+    /// Recorded value.
     pub recorded: f64,
-    /// The number that was made.
+    /// Value of the replay.
     pub replayed: f64,
 }
 
-/// What came of a replay.
+/// Result of a replay.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Replayed {
     /// Samples observed.
     pub samples: usize,
-    /// Samples of which something differs.
+    /// Samples with a difference.
     pub different: usize,
-    /// The first of them.
+    /// The first difference.
     pub first: Option<Difference>,
 }
 
-/// Replays a box on the model that it is of, whose file has the given fingerprint; `each` is shown every step as it was made.
+/// Replays a black box with its model, whose file has the given fingerprint; `each` gets every computed step.
 ///
 /// # Errors
-/// If the box is of another model or another version, is damaged, or holds nothing.
+/// If the black box belongs to another model or version, is damaged, or is empty.
 pub fn replay(
     model: &Model,
     fingerprint: &str,
@@ -45,40 +45,40 @@ pub fn replay(
     let wrong = |reason: String| BlackBoxError::unusable(&black_box.path, reason);
     if head.model.fingerprint != fingerprint {
         return Err(wrong(format!(
-            "it is of another model; give the one that it was written with, {} as it was then",
+            "it belongs to another model; give the unchanged model file with which it was written, {}",
             head.model.file
         )));
     }
     let this = env!("CARGO_PKG_VERSION");
     if head.hydroid != this {
         return Err(wrong(format!(
-            "hydroid {} wrote it, and this is {this}, which may learn otherwise: replay it with that one",
+            "hydroid {} wrote the file, and the results of this version ({this}) may differ: replay it with the version that wrote it",
             head.hydroid
         )));
     }
     if black_box.is_damaged() {
         return Err(wrong(
-            "steps in the middle of it are damaged; copy it anew from where it was written (`hydroid inspect` shows what can be read)"
+            "steps in the middle of the file are damaged; copy the file again from its origin (`hydroid inspect` shows the readable steps)"
                 .to_owned(),
         ));
     }
     if black_box.segments.is_empty() {
-        return Err(wrong("nothing was written in it yet: it needs a sample at least".to_owned()));
+        return Err(wrong("the file contains no samples yet".to_owned()));
     }
     let mut adapter = head.adapter(model).map_err(|reason| {
-        wrong(format!("the adapter cannot be made again ({reason}); copy it anew from where it was written"))
+        wrong(format!("the adapter cannot be rebuilt ({reason}); copy the file again from its origin"))
     })?;
     let mut player = Player {
         black_box,
-        gatherer: Gatherer::new(head),
-        row: vec![f64::NAN; head.places().len()],
+        builder: RowBuilder::new(head),
+        row: vec![f64::NAN; head.layout().len()],
         replayed: Replayed::default(),
         t: f64::NAN,
     };
     let mut end = None;
     let mut memory = vec![0.0; head.memory];
     for segment in &black_box.segments {
-        if segment.goes_on && end == Some((segment.sequence, segment.before)) {
+        if segment.continues && end == Some((segment.sequence, segment.before)) {
             adapter.save(&mut memory);
             player.compare_memory(&segment.memory, &memory);
         }
@@ -95,7 +95,7 @@ pub fn replay(
 
 struct Player<'a> {
     black_box: &'a BlackBox,
-    gatherer: Gatherer,
+    builder: RowBuilder,
     row: Vec<f64>,
     replayed: Replayed,
     /// Of the last sample.
@@ -104,8 +104,8 @@ struct Player<'a> {
 
 impl Player<'_> {
     fn play(&mut self, adapter: &mut dyn Adapter, recorded: &[f64]) {
-        let places = self.gatherer.places;
-        let results = places.results();
+        let layout = self.builder.layout;
+        let results = layout.results();
         self.row[..results].copy_from_slice(&recorded[..results]);
         self.row[results..].fill(f64::NAN);
         let calls = calls(recorded);
@@ -113,21 +113,21 @@ impl Player<'_> {
             adapter.reset();
         }
         if calls & ADVANCE != 0 {
-            adapter.advance(&recorded[places.range(Part::Command)]);
+            adapter.advance(&recorded[layout.range(Part::Command)]);
         }
         if calls & OBSERVE != 0 {
-            adapter.observe(&recorded[places.range(Part::Measured)]);
-            self.gatherer.observed(adapter, &mut self.row);
+            adapter.observe(&recorded[layout.range(Part::Measured)]);
+            self.builder.observed(adapter, &mut self.row);
             self.replayed.samples += 1;
-            self.t = recorded[places.range(Part::Time)][0];
+            self.t = recorded[layout.range(Part::Time)][0];
         }
-        if calls & FORESEEN != 0 {
-            self.gatherer.foreseen(adapter, &recorded[places.range(Part::Held)], &mut self.row);
+        if calls & PREDICTED != 0 {
+            self.builder.predicted(adapter, &recorded[layout.range(Part::Held)], &mut self.row);
         }
         let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits() && !(a.is_nan() && b.is_nan());
         let mut pairs = recorded[results..].iter().zip(&self.row[results..]);
         if let Some(place) = pairs.position(differs) {
-            let what = places.name(results + place, &self.black_box.head);
+            let what = layout.name(results + place, &self.black_box.head);
             self.note(what, recorded[results + place], self.row[results + place]);
         }
     }
@@ -135,7 +135,11 @@ impl Player<'_> {
     fn compare_memory(&mut self, recorded: &[f64], made: &[f64]) {
         let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits() && !(a.is_nan() && b.is_nan());
         if let Some(place) = recorded.iter().zip(made).position(differs) {
-            self.note(format!("number {place} of the memory after it"), recorded[place], made[place]);
+            self.note(
+                format!("value {place} of the state of the adapter after it"),
+                recorded[place],
+                made[place],
+            );
         }
     }
 

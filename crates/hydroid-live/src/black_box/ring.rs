@@ -1,4 +1,4 @@
-//! The ring of segments in the file: begun, filled, and begun anew in turn.
+//! Ring of segments in the file.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek as _, SeekFrom, Write as _};
@@ -12,35 +12,35 @@ use hydroid::fingerprint::Fingerprint;
 
 pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"SEGMENT\n");
 
-/// Numbers that are written at a time.
+/// Numbers in one write.
 const CHUNK: usize = 8192;
 
-/// The file, and the place in it.
+/// The file and the current segment.
 #[derive(Debug)]
 pub(super) struct Ring {
     file: File,
     path: PathBuf,
-    /// Bytes before the ring, of a segment, and of a segment before its steps.
+    /// Offset of the ring, length of a segment, and offset of the steps in it \[bytes\].
     start: usize,
     segment_len: usize,
     before_steps: usize,
     segments: u64,
-    /// Of the segment that is being written.
+    /// Sequence number of the current segment.
     sequence: u64,
     /// Bytes of steps in it.
     written: usize,
-    /// Whether what is written is to be on the disk, and not in the system's hands alone.
+    /// Whether writes are synchronized with the disk.
     durable: bool,
     chunk: Vec<u8>,
 }
 
 impl Ring {
-    /// A file of its own; what stands there is replaced if it is a box.
+    /// Creates a file; an existing black box is replaced.
     pub(super) fn create(path: &Path, head: &Head, durable: bool) -> Result<Self, BlackBoxError> {
         if exists(path)? && !super::is_black_box(path) {
             return Err(BlackBoxError::unusable(
                 path,
-                "it is there and no black box, and is not overwritten: name another file",
+                "the file exists, is not a black box, and is not overwritten: name another file",
             ));
         }
         let failed = |source| WriteError { path: path.to_owned(), source };
@@ -49,8 +49,8 @@ impl Ring {
         Ok(Self::open(path, head, bytes.len(), durable).map_err(failed)?)
     }
 
-    /// The same, or one that an earlier session has left: the next segment is the oldest of it.
-    pub(super) fn go_on(path: &Path, head: &Head, durable: bool) -> Result<Self, BlackBoxError> {
+    /// Creates a file, or continues one of an earlier session at its oldest segment.
+    pub(super) fn resume(path: &Path, head: &Head, durable: bool) -> Result<Self, BlackBoxError> {
         if !exists(path)? {
             return Self::create(path, head, durable);
         }
@@ -78,22 +78,22 @@ impl Ring {
         })
     }
 
-    /// Of the segment that is being written.
+    /// Sequence number of the current segment.
     pub(super) fn sequence(&self) -> u64 {
         self.sequence
     }
 
-    /// Begins a segment in the place of the oldest; `steps` went before it. An attempt that fails leaves the ring as it was.
+    /// Begins a segment in place of the oldest, after `steps` steps. A failed attempt does not change the ring.
     pub(super) fn begin(
         &mut self,
         sequence: u64,
         steps: u64,
-        goes_on: bool,
+        continues: bool,
         memory: &[f64],
     ) -> Result<(), WriteError> {
         let mut hash = Fingerprint::new();
         hash.numbers(memory);
-        let mut words = [MAGIC, sequence, steps, u64::from(goes_on), hash.value(), 0];
+        let mut words = [MAGIC, sequence, steps, u64::from(continues), hash.value(), 0];
         words[START - 1] = start_sum(&words);
         let place = self.place(sequence);
         let mut attempt = || -> io::Result<()> {
@@ -135,12 +135,12 @@ impl Ring {
     }
 }
 
-/// Where in the ring a segment stands: sequences count from 1.
+/// Position of a segment in the ring; sequence numbers begin with 1.
 pub(super) fn place_of(sequence: u64, segments: u64) -> u64 {
     sequence.wrapping_sub(1) % segments
 }
 
-/// The sum of a segment's start.
+/// Checksum of the start of a segment.
 pub(super) fn start_sum(words: &[u64; START]) -> u64 {
     let mut hash = Fingerprint::new();
     for &word in &words[..START - 1] {
@@ -149,7 +149,7 @@ pub(super) fn start_sum(words: &[u64; START]) -> u64 {
     hash.value()
 }
 
-/// The sum of a step at a place of a segment.
+/// Checksum of a step at its position in a segment.
 pub(super) fn step_sum(sequence: u64, place: u64, row: &[f64]) -> u64 {
     let mut hash = Fingerprint::new();
     hash.word(sequence);
@@ -158,14 +158,15 @@ pub(super) fn step_sum(sequence: u64, place: u64, row: &[f64]) -> u64 {
     hash.value()
 }
 
-/// Whether there is a file; what is none cannot be one.
+/// Whether the file exists; folders and devices are refused.
 fn exists(path: &Path) -> Result<bool, BlackBoxError> {
     match std::fs::metadata(path) {
         Ok(metadata) if metadata.is_file() => Ok(true),
-        Ok(_) => Err(BlackBoxError::unusable(path, "it is a folder or a device: name a file")),
+        Ok(_) => Err(BlackBoxError::unusable(path, "it is a folder or a device; name a file")),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
-        Err(error) => {
-            Err(BlackBoxError::unusable(path, format!("it cannot be read ({error}); name another file")))
-        }
+        Err(error) => Err(BlackBoxError::unusable(
+            path,
+            format!("the file cannot be read ({error}); name another file"),
+        )),
     }
 }

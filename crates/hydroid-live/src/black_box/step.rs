@@ -1,4 +1,4 @@
-//! A step as it is shown.
+//! Access to a recorded step.
 
 use std::fmt::Write as _;
 
@@ -10,14 +10,14 @@ use super::head::Head;
 use super::record::{ADVANCE, OBSERVE, Part, RESET, calls};
 use hydroid::adapt::events::EventText;
 
-/// A step of the walk: calls that the adapter got, and what came of them.
+/// A recorded step: calls of the adapter and their results.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
     head: &'a Head,
     row: &'a [f64],
 }
 
-/// What became of samples, in the order of their numbers in a row.
+/// Status words, in the order of their codes in a row.
 pub(super) const OUTCOMES: [&str; 6] =
     ["waiting", "accepted", "inflated", "rejected", "rejected", "rolled_back"];
 
@@ -27,7 +27,7 @@ impl<'a> Step<'a> {
     }
 
     fn part(self, part: Part) -> &'a [f64] {
-        &self.row[self.head.places().range(part)]
+        &self.row[self.head.layout().range(part)]
     }
 
     fn count(x: f64) -> usize {
@@ -37,12 +37,12 @@ impl<'a> Step<'a> {
         count
     }
 
-    /// Whether a sample was observed in it: a walk may end, or begin anew, without one.
+    /// Whether a sample was observed in this step.
     pub fn is_sample(self) -> bool {
         calls(self.row) & OBSERVE != 0
     }
 
-    /// Whether a run begins with it.
+    /// Whether a run begins with this step.
     pub fn is_reset(self) -> bool {
         calls(self.row) & RESET != 0
     }
@@ -57,22 +57,22 @@ impl<'a> Step<'a> {
         self.head.runs.get(Self::count(self.part(Part::Run)[0])).map_or("", String::as_str)
     }
 
-    /// What was measured, output by output; NaN where nothing was.
+    /// Measured outputs; NaN if missing.
     pub fn measured(self) -> &'a [f64] {
         self.part(Part::Measured)
     }
 
-    /// The outputs as they are estimated.
+    /// Estimated outputs.
     pub fn estimate(self) -> &'a [f64] {
         self.part(Part::Estimate)
     }
 
-    /// One word for what became of the sample; see the answers of a stream.
+    /// Status of the sample, as in the answers of a stream.
     pub fn status(self) -> &'static str {
         OUTCOMES.get(Self::count(self.part(Part::Outcome)[0])).unwrap_or(&OUTCOMES[0])
     }
 
-    /// Innovations and their standard deviations; none where nothing was learned from.
+    /// Innovations and their standard deviations; empty without an update.
     fn innovations(self) -> (&'a [f64], &'a [f64]) {
         let part = self.part(Part::Innovations);
         let (values, deviations) = part[1..].split_at(self.head.outputs.len());
@@ -80,7 +80,7 @@ impl<'a> Step<'a> {
         (&values[..count], &deviations[..count])
     }
 
-    /// Sum of the squared innovations in standard deviations; NaN where there are none.
+    /// Normalized innovation squared (NIS); NaN without innovations.
     pub fn nis(self) -> f64 {
         let (values, deviations) = self.innovations();
         if values.is_empty() {
@@ -89,35 +89,35 @@ impl<'a> Step<'a> {
         values.iter().zip(deviations).map(|(value, deviation)| (value / deviation).powi(2)).sum()
     }
 
-    /// Least variance of a weight, and `min S / R`; NaN where they are not known.
+    /// Least variance of a weight, and `min_s_over_r` of [`Health`](hydroid_core::adapt::Health); NaN if unknown.
     pub fn health(self) -> [f64; 2] {
         let part = self.part(Part::Health);
         [part[0], part[1]]
     }
 
-    /// The model that predicts, under guard.
+    /// The model that predicts; `None` without a guard.
     pub fn active(self) -> Option<Expert> {
         let active = self.part(Part::Guard)[0];
         Expert::ALL.get(Self::count(active)).filter(|_| !active.is_nan()).copied()
     }
 
-    /// What the guard did.
+    /// Events of the guard.
     pub(super) fn events(self) -> impl Iterator<Item = Action> {
         let part = self.part(Part::Events);
         part[1..].chunks_exact(event::WORDS).take(Self::count(part[0])).filter_map(event::decode)
     }
 
-    /// The same, a word and a text for each; `names` are those of outputs, then inputs.
-    pub(super) fn worded(self, names: &[String]) -> impl Iterator<Item = (&'static str, String)> {
+    /// Name and description of each event; `names` are those of outputs, then inputs.
+    pub(super) fn described(self, names: &[String]) -> impl Iterator<Item = (&'static str, String)> {
         self.events().map(move |action| {
             let mut text = String::new();
-            // Memory takes all that is written into it.
+            // Writing into memory cannot fail.
             let _ = write!(text, "{}", EventText { action: &action, names });
             (action.name(), text)
         })
     }
 
-    /// All of it as JSON, named as in the answers of a stream; what is not known is `null`.
+    /// The step as JSON, with the keys of the answers of a stream; unknown values are `null`.
     pub fn json(self) -> Value {
         let head = self.head;
         let named = |channels: &[hydroid::log::Channel], numbers: &[f64]| -> Value {
@@ -164,7 +164,7 @@ impl<'a> Step<'a> {
         }
         let names = head.names();
         let event = |(action, text)| json!({ "action": action, "text": text });
-        let events: Vec<Value> = self.worded(&names).map(event).collect();
+        let events: Vec<Value> = self.described(&names).map(event).collect();
         if !events.is_empty() {
             put("events", Value::Array(events));
         }

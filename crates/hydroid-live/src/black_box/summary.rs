@@ -1,11 +1,11 @@
-//! What is to be said of a box as a whole.
+//! Summary of a black box.
 
 use serde::Serialize;
 
 use super::{BlackBox, Head};
 use hydroid::adapt::LoggedEvent;
 
-/// How many samples became what.
+/// Number of samples with each status.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[expect(missing_docs, reason = "the words of the stream's answers")]
 pub struct Outcomes {
@@ -16,43 +16,43 @@ pub struct Outcomes {
     pub rolled_back: usize,
 }
 
-/// A box in short.
+/// Summary of a black box.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// Model, settings, names and sizes.
     pub head: Head,
-    /// Times of the first and of the last sample \[s\]; NaN where there is none.
+    /// Times of the first and of the last sample \[s\]; NaN if empty.
     pub t: [f64; 2],
     /// Samples observed.
     pub samples: usize,
-    /// Stretches that do not go on where the one before ended: a start of the service is one.
-    pub stretches: usize,
-    /// What became of the samples.
+    /// Sessions: parts that do not continue the previous one, as after a restart.
+    pub sessions: usize,
+    /// Number of samples with each status.
     pub outcomes: Outcomes,
-    /// Samples from which the learner, its snapshot and the model from shore predicted; zeros without a guard.
+    /// Samples at which the adapted model, its snapshot and the reference model predicted; zeros without a guard.
     pub predicted_by: [usize; 3],
-    /// The smallest variance of a weight, and the smallest `S_ii / R_ii`; NaN where they were not known.
+    /// Smallest variance of a weight; NaN if unknown.
     pub least_variance: f64,
-    /// See [`least_variance`](Self::least_variance).
+    /// Smallest `min_s_over_r` of [`Health`](hydroid_core::adapt::Health); NaN if unknown.
     pub min_s_over_r: f64,
-    /// The largest sum of squared innovations, and its time \[s\].
+    /// Largest NIS, and its time \[s\].
     pub largest_nis: [f64; 2],
-    /// What the guard did.
+    /// Events of the guard.
     pub events: Vec<LoggedEvent>,
-    /// Segments that were left out: torn by a kill, or damaged.
+    /// Segments that were left out: incomplete or damaged.
     pub torn: usize,
-    /// Whether steps in the middle could not be read.
+    /// Whether steps in the middle cannot be read.
     pub damaged: bool,
 }
 
 impl BlackBox {
-    /// In short.
+    /// Summary of all steps.
     pub fn summary(&self) -> Summary {
         let mut own = Summary {
             head: self.head.clone(),
             t: [f64::NAN; 2],
             samples: 0,
-            stretches: self.stretches(),
+            sessions: self.sessions(),
             outcomes: Outcomes::default(),
             predicted_by: [0; 3],
             least_variance: f64::NAN,
@@ -77,7 +77,7 @@ impl BlackBox {
             if let Some(active) = step.active() {
                 own.predicted_by[active.index()] += 1;
             }
-            // The smaller of a number and NaN is the number.
+            // The minimum of a number and NaN is the number.
             let [variance, min_s_over_r] = step.health();
             own.least_variance = own.least_variance.min(variance);
             own.min_s_over_r = own.min_s_over_r.min(min_s_over_r);
@@ -85,7 +85,7 @@ impl BlackBox {
             if nis > own.largest_nis[0] || (own.largest_nis[0].is_nan() && !nis.is_nan()) {
                 own.largest_nis = [nis, t];
             }
-            let happened = step.worded(&names).map(|(action, text)| LoggedEvent {
+            let happened = step.described(&names).map(|(action, text)| LoggedEvent {
                 run: step.run().to_owned(),
                 t,
                 action,
@@ -96,11 +96,12 @@ impl BlackBox {
         own
     }
 
-    fn stretches(&self) -> usize {
+    fn sessions(&self) -> usize {
         let mut pairs = 1;
         for pair in self.segments.windows(2) {
-            pairs +=
-                usize::from(!(pair[1].goes_on && pair[0].sequence.checked_add(1) == Some(pair[1].sequence)));
+            pairs += usize::from(
+                !(pair[1].continues && pair[0].sequence.checked_add(1) == Some(pair[1].sequence)),
+            );
         }
         pairs.min(self.segments.len())
     }

@@ -1,4 +1,4 @@
-//! An answer as one line of JSON.
+//! Answers: one line of JSON for each line of the stream.
 
 use std::io::Write as _;
 
@@ -7,18 +7,18 @@ use hydroid_core::adapt::Outcome;
 use super::session::Session;
 use hydroid::adapt::{BAND_80, BAND_95};
 
-/// What became of a line.
+/// Status of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Status {
-    /// Used: what the adapter made of it.
+    /// Used, with the outcome of the adapter.
     Used(Outcome),
-    /// Used, and a new run began with it.
+    /// Used as the first sample of a new run.
     Reset,
-    /// Not after the last one.
+    /// Not after the last sample.
     Late,
-    /// Between the places of the model.
+    /// Between the grid points of the model.
     Between,
-    /// Not read.
+    /// Not readable.
     Error,
 }
 
@@ -60,7 +60,7 @@ impl Writer {
     /// Begins an answer.
     pub(super) fn begin(&mut self, line: u64, t: Option<f64>, status: Status, note: &str) {
         self.line.clear();
-        // Memory takes all that is written into it.
+        // Writing into memory cannot fail.
         let _ = write!(self.line, "{{\"line\":{line},\"t\":");
         number(&mut self.line, t.unwrap_or(f64::NAN));
         let _ = write!(self.line, ",\"status\":\"{}\"", status.name());
@@ -74,7 +74,7 @@ impl Writer {
         }
     }
 
-    /// What was learned, and what is expected.
+    /// Adds innovation, estimate and prediction.
     pub(super) fn session(&mut self, session: &Session) {
         let line = &mut self.line;
         let innovations = session.adapter().innovations();
@@ -131,7 +131,7 @@ fn entry(line: &mut Vec<u8>, key: &[u8], first: bool) {
     line.extend_from_slice(key);
 }
 
-/// Not finite is `null`; all others come back to the last bit.
+/// Writes a number that is read back exactly, or `null` if it is not finite.
 fn number(line: &mut Vec<u8>, x: f64) {
     let _ = serde_json::to_writer(line, &x);
 }

@@ -1,40 +1,39 @@
-//! The places of samples on the grid of a model.
+//! Assignment of samples to the time grid of the model.
 
 use hydroid::log::LogError;
 
-/// Most places that are walked without a sample.
-const MOST_SKIPPED: f64 = 1e6;
-/// Share of a deviation from the grid by which the grid follows the samples, and of an interval in the mean.
-const FOLLOW: f64 = 1.0 / 16.0;
-/// Intervals below this share of the step are those of a stream that is faster than the model.
-const FASTER: f64 = 0.75;
+/// Largest number of grid points without a sample in a row.
+const MAX_SKIPPED: f64 = 1e6;
+/// Gain with which the grid follows deviations of the samples, and weight of an interval in the mean.
+const TRACKING_GAIN: f64 = 1.0 / 16.0;
+/// A stream with intervals below this share of the sample time is faster than the model.
+const FASTER_SHARE: f64 = 0.75;
 
-/// Where a sample belongs.
+/// Position of a sample on the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Arrival {
     /// The first of a session.
     First,
-    /// So many steps after the one before.
+    /// This number of steps after the previous one.
     Next(usize),
-    /// After a gap \[s\] longer than the limit: a new session begins with it.
+    /// After a gap \[s\] longer than the limit: a new run begins.
     Gap(f64),
-    /// Not after the present place, but so many seconds before it.
+    /// Not after the last sample, but this time \[s\] before it.
     Late(f64),
-    /// Between two places, or a second one at the present place.
+    /// Between two grid points, or a second sample at the last one.
     Between,
 }
 
-/// Places `dt` apart. The first sample is at one; from there on a sample within half a step of a place is
-/// taken as it, and the grid follows the samples slowly, so that it does not drift away from a clock that runs
-/// a little faster or slower.
+/// A time grid with spacing `dt`. The first sample defines its origin. A later sample within half a step of a grid point is
+/// assigned to it, and the grid slowly follows the samples, so that it does not drift from a clock with another rate.
 ///
-/// Of a stream with several samples in a step, the one nearest to a place is to be taken, and not the first one
-/// that comes within half a step of it: there half of the mean interval of the stream is the limit before a place.
+/// Of several samples in a step the nearest to the grid point is used: if the stream is faster than the model, half of its mean
+/// interval is the limit before a grid point.
 #[derive(Clone, Debug)]
 pub(super) struct Clock {
     dt: f64,
     max_gap: f64,
-    /// Time of the present place, of the sample that was taken as it, and of the last line after that \[s\].
+    /// Times of the last grid point, of its sample, and of the last line \[s\].
     place: f64,
     taken: f64,
     seen: f64,
@@ -49,33 +48,33 @@ impl Clock {
         if !(max_gap > 0.0 && max_gap.is_finite()) {
             return Err(bad("it must be a positive number of seconds".to_owned()));
         }
-        if max_gap / dt > MOST_SKIPPED {
+        if max_gap / dt > MAX_SKIPPED {
             return Err(bad(format!("the model steps {dt} s: give a million steps at the most")));
         }
         Ok(Self { dt, max_gap, place: f64::NAN, taken: f64::NAN, seen: f64::NAN, interval: dt })
     }
 
-    /// Whether there was no sample yet.
+    /// Whether no sample has arrived yet.
     pub(super) fn is_new(&self) -> bool {
         self.taken.is_nan()
     }
 
-    /// Time of the sample that was taken last \[s\].
+    /// Time of the last sample on the grid \[s\].
     pub(super) fn taken(&self) -> f64 {
         self.taken
     }
 
-    /// Says where a sample belongs, and passes there if it is to be used.
+    /// Position of a sample; advances to it if the sample is used.
     pub(super) fn arrive(&mut self, t: f64) -> Arrival {
         if self.is_new() {
             self.begin(t);
             return Arrival::First;
         }
         if t <= self.seen {
-            // Behind a line that was not used itself it is not late.
+            // A sample after the last used one is not late, even if it is before the last line.
             return if t > self.taken { Arrival::Between } else { Arrival::Late(self.taken - t) };
         }
-        self.interval += FOLLOW * 2.0 * ((t - self.seen).min(self.dt) - self.interval);
+        self.interval += TRACKING_GAIN * 2.0 * ((t - self.seen).min(self.dt) - self.interval);
         self.seen = t;
         let gap = t - self.taken;
         if gap > self.max_gap * (1.0 + 1e-9) {
@@ -84,13 +83,13 @@ impl Clock {
         }
         let steps = ((t - self.place) / self.dt).round();
         let late = t - self.place - steps * self.dt;
-        let fast = self.interval < FASTER * self.dt;
-        // More steps than a gap has come from a state that is none.
-        if !(1.0..=MOST_SKIPPED + 1.0).contains(&steps) || fast && late < -0.5 * self.interval {
+        let fast = self.interval < FASTER_SHARE * self.dt;
+        // More steps than a gap allows come from an invalid state.
+        if !(1.0..=MAX_SKIPPED + 1.0).contains(&steps) || fast && late < -0.5 * self.interval {
             return Arrival::Between;
         }
         self.place += steps * self.dt;
-        self.place += FOLLOW * late;
+        self.place += TRACKING_GAIN * late;
         self.taken = t;
         // Below the limit above.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -101,13 +100,13 @@ impl Clock {
         (self.place, self.taken, self.seen) = (t, t, t);
     }
 
-    /// What is kept of it in a state file.
+    /// Values for a state file.
     pub(super) fn memory(&self) -> [f64; 4] {
         [self.place, self.taken, self.seen, self.interval]
     }
 
-    /// The other way. Nonsense gives a clock that takes nothing, or too much, and does not panic.
-    pub(super) fn recall(&mut self, memory: [f64; 4]) {
+    /// Restores the values of [`memory`](Self::memory). Invalid values do not panic.
+    pub(super) fn restore(&mut self, memory: [f64; 4]) {
         [self.place, self.taken, self.seen, self.interval] = memory;
     }
 }
@@ -120,7 +119,7 @@ mod tests {
         Clock::new(0.1, 1.0).unwrap()
     }
 
-    /// The arrivals of samples at these times.
+    /// Positions of samples at these times.
     fn arrivals(times: impl IntoIterator<Item = f64>) -> Vec<Arrival> {
         let mut clock = clock();
         times.into_iter().map(|t| clock.arrive(t)).collect()
@@ -148,7 +147,7 @@ mod tests {
         for k in 0..1000 {
             let t = f64::from(k) * 0.01;
             let taken = matches!(clock.arrive(t), Arrival::Next(_));
-            // Once the clock has found out how fast it is.
+            // After the mean interval has converged.
             assert!(k < 30 || taken == (k % 10 == 0), "{k}");
         }
     }

@@ -1,12 +1,12 @@
-//! Which command acts at which place, and will act at the places to come.
+//! Alignment of the commands of a stream with the samples of the model.
 
 use hydroid::log::{CommandTiming, InputDelay, LogError};
 
 /// Longest delay \[samples\].
-const LONGEST: i64 = 100_000;
+const MAX_DELAY: i64 = 100_000;
 
-/// The commands of the last places, as a log has them: row `k` of the stream holds a command that begins to act
-/// `by` places later (-1 for [`CommandTiming::After`] without a delay: it has acted when it is read).
+/// Commands of the last samples. The command of row `k` begins to act `by` samples later (-1 for [`CommandTiming::After`] without
+/// a delay: the command has acted when the row is read).
 #[derive(Clone, Debug)]
 pub(super) struct Commands {
     inputs: usize,
@@ -14,7 +14,7 @@ pub(super) struct Commands {
     after: bool,
     /// The command of the last line; NaN where none was given yet.
     last: Vec<f64>,
-    /// Commands of the last `by + 1` places in a ring, and where the oldest stands.
+    /// Ring of the commands of the last `by + 1` samples, and index of the oldest.
     ring: Vec<f64>,
     oldest: usize,
 }
@@ -29,12 +29,12 @@ impl Commands {
         delay.check()?;
         let after = timing == CommandTiming::After;
         let by = delay.samples(dt).saturating_sub(i64::from(after));
-        if !(-1..=LONGEST).contains(&by) {
+        if !(-1..=MAX_DELAY).contains(&by) {
             return Err(LogError::BadOption {
                 what: "an input delay",
                 value: delay.to_string(),
                 reason: format!(
-                    "the command that acts must be known when the next sample comes: a stream takes one sample ahead to {LONGEST} behind"
+                    "the command that acts must be known when the next sample comes: a stream takes one sample ahead to {MAX_DELAY} behind"
                 ),
             });
         }
@@ -45,21 +45,26 @@ impl Commands {
         Ok(own)
     }
 
-    /// Forgets which command acted when; the last one is kept.
+    /// Clears the ring; the last command remains.
     pub(super) fn restart(&mut self) {
         self.ring.fill(f64::NAN);
     }
 
-    /// The first sample of a session: its command.
+    /// Takes the command of the first sample of a run; true if a missing command was held.
     pub(super) fn begin(&mut self, command: &[f64]) -> bool {
         let held = self.take(command);
         self.push();
         held
     }
 
-    /// Walks `steps` places on to a sample with this command: gives `act` the command of each interval, NaN in it
-    /// where it is not known. Says whether a missing command was held.
-    pub(super) fn walk(&mut self, steps: usize, command: &[f64], mut act: impl FnMut(usize, &[f64])) -> bool {
+    /// Advances `steps` samples to one with this command and calls `act` with the command of each interval (NaN if unknown).
+    /// True if a missing command was held.
+    pub(super) fn advance_to(
+        &mut self,
+        steps: usize,
+        command: &[f64],
+        mut act: impl FnMut(usize, &[f64]),
+    ) -> bool {
         let mut held = false;
         if self.after {
             held = self.take(command);
@@ -86,8 +91,7 @@ impl Commands {
         held
     }
 
-    /// The commands of the intervals from here on: those that are on their way, then the plan (its last row held),
-    /// or else the last command.
+    /// Commands of the intervals to come: delayed commands, then the plan with its last row held, or the last command.
     pub(super) fn ahead(&self, plan: &[f64], into: &mut [f64]) {
         let under_way = usize::try_from(self.by).unwrap_or(0);
         let last_row = (plan.len() / self.inputs.max(1)).saturating_sub(1);
@@ -105,7 +109,7 @@ impl Commands {
         }
     }
 
-    /// Whether the command that acts from here on is known.
+    /// Whether the command of the next interval is known.
     pub(super) fn known(&self) -> bool {
         self.by < 0 || !self.oldest().iter().any(|c| c.is_nan())
     }
@@ -122,7 +126,7 @@ impl Commands {
         held
     }
 
-    /// The last command becomes that of the next place.
+    /// Appends the last command to the ring.
     fn push(&mut self) {
         let at = self.oldest * self.inputs;
         self.ring[at..at + self.inputs].copy_from_slice(&self.last);
@@ -141,19 +145,19 @@ impl Commands {
         &self.ring[(self.oldest + age) % self.rows() * self.inputs..][..self.inputs]
     }
 
-    /// How many numbers are kept in a state file.
+    /// Number of values in a state file.
     pub(super) fn memory_len(&self) -> usize {
         self.last.len() + self.ring.len()
     }
 
-    /// What is kept: the last command, then those of the ring from the oldest on.
+    /// Values for a state file: the last command, then the ring from the oldest on.
     pub(super) fn memory(&self) -> Vec<f64> {
         let ring = (0..self.rows()).flat_map(|age| self.row(age));
         self.last.iter().chain(ring).copied().collect()
     }
 
-    /// The other way.
-    pub(super) fn recall(&mut self, memory: &[f64]) {
+    /// Restores the values of [`memory`](Self::memory).
+    pub(super) fn restore(&mut self, memory: &[f64]) {
         let (last, ring) = memory.split_at(self.inputs);
         self.last.copy_from_slice(last);
         self.ring.copy_from_slice(ring);
@@ -165,19 +169,19 @@ impl Commands {
 mod tests {
     use super::*;
 
-    /// Commands 1, 2, .. at places 0, 1, 2, 5, 6: what acts on each interval.
+    /// Commands that act on each interval, for commands 1, 2, .. at samples 0, 1, 2, 5, 6.
     fn acts(timing: CommandTiming, delay: i64) -> Vec<f64> {
         let mut commands = Commands::new(1, 0.1, timing, InputDelay::Samples(delay)).unwrap();
         let mut acted = Vec::new();
         commands.begin(&[1.0]);
         for (steps, command) in [(1, 2.0), (1, f64::NAN), (3, 4.0), (1, 5.0)] {
-            let held = commands.walk(steps, &[command], |_, c| acted.push(c[0]));
+            let held = commands.advance_to(steps, &[command], |_, c| acted.push(c[0]));
             assert_eq!(held, command.is_nan());
         }
         acted.iter().map(|c| if c.is_nan() { -1.0 } else { *c }).collect()
     }
 
-    /// The same places, timings and delays as logs have (`log::grid`).
+    /// The alignment is that of logs (`log::grid`).
     #[test]
     fn commands_act_as_in_a_log() {
         use CommandTiming::{After, Before};
@@ -195,7 +199,7 @@ mod tests {
         let mut commands = Commands::new(1, 0.1, CommandTiming::Before, InputDelay::Samples(2)).unwrap();
         commands.begin(&[1.0]);
         assert!(!commands.known());
-        commands.walk(2, &[2.0], |_, _| {});
+        commands.advance_to(2, &[2.0], |_, _| {});
         assert!(commands.known());
         let ahead = |plan: &[f64]| {
             let mut into = [0.0; 6];
@@ -210,14 +214,14 @@ mod tests {
     fn memory_comes_back_wherever_the_ring_stood() {
         let mut commands = Commands::new(2, 0.1, CommandTiming::Before, InputDelay::Samples(3)).unwrap();
         commands.begin(&[1.0, 2.0]);
-        commands.walk(5, &[3.0, f64::NAN], |_, _| {});
+        commands.advance_to(5, &[3.0, f64::NAN], |_, _| {});
         let mut other = Commands::new(2, 0.1, CommandTiming::Before, InputDelay::Samples(3)).unwrap();
-        other.recall(&commands.memory());
+        other.restore(&commands.memory());
         assert_eq!(commands.memory().len(), commands.memory_len());
         for command in [[4.0, 5.0], [6.0, 7.0], [8.0, 9.0]] {
             let walk = |commands: &mut Commands| {
                 let mut acted = Vec::new();
-                commands.walk(2, &command, |_, c| acted.extend_from_slice(c));
+                commands.advance_to(2, &command, |_, c| acted.extend_from_slice(c));
                 acted
             };
             assert_eq!(walk(&mut commands), walk(&mut other));

@@ -1,8 +1,8 @@
-//! How long answers took, over a session of any length in a fixed amount of memory.
+//! Histogram of the response times of a session, in constant memory.
 
 use hydroid::adapt::Times;
 
-/// Ratio of the bounds of a bin, and bins: from 0.1 us to 20 minutes.
+/// Ratio of the bounds of a bin, and number of bins: from 0.1 us to 20 minutes.
 const RATIO: f64 = 1.02;
 const BINS: usize = 1200;
 const SHORTEST_US: f64 = 0.1;
@@ -28,7 +28,7 @@ impl Latency {
         self.longest_us = self.longest_us.max(us);
     }
 
-    /// To 2 %; the longest is exact. NaN without any.
+    /// Quantiles with an error of at most 2 %, and the exact maximum; NaN without samples.
     pub(super) fn times(&self) -> Times {
         let all: u64 = self.bins.iter().sum();
         let at = |share: f64| {

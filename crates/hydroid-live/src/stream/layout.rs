@@ -1,4 +1,4 @@
-//! Which columns of a stream are what: from its header, or from the keys of its first object.
+//! Assignment of the columns of a stream, from the CSV header or from the keys of the first JSON object.
 
 use hydroid::log::line::{Resolved, Source, Time, find, unknown};
 use hydroid::log::line::{delimiter, header_columns, name_the_nameless};
@@ -7,29 +7,29 @@ use hydroid::model::{Model, Reading};
 
 use super::StreamError;
 
-/// How a line is written.
+/// Format of a line.
 #[derive(Clone, Debug)]
 pub(super) enum Format {
     /// Cells between separators.
     Csv {
         /// The separator.
         delimiter: u8,
-        /// Cells that a line must have: up to the last column with a name.
+        /// Least number of cells: up to the last column with a name.
         needed: usize,
-        /// Cells that it may have.
+        /// Largest number of cells.
         most: usize,
     },
-    /// An object with the keys of these columns.
+    /// A JSON object.
     Json {
-        /// Keys as they are written, unit included.
+        /// Keys of the columns, unit included.
         keys: Vec<String>,
     },
 }
 
-/// Where everything stands in a line.
+/// Positions of the channels in a line.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    /// Where the stream comes from, for messages.
+    /// Name of the stream, for messages.
     pub(super) name: String,
     pub(super) format: Format,
     /// Names of the columns, for messages.
@@ -38,7 +38,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// From the first line of the stream that is not blank.
+    /// From the first line that is not blank.
     pub(super) fn new(
         line: &str,
         name: &str,
@@ -55,11 +55,11 @@ impl Layout {
         let selection = &reading.selection;
         let columns = Resolved::new(&log, selection, reading.options.dt, notes)?;
         let (outputs, inputs) = (columns.output_channels(), columns.input_channels());
-        // An empty run has the channels that the stream has, and the model says whether they are its own.
+        // The model checks an empty run with the channels of the stream.
         model.check(&[Trajectory {
             name: name.to_owned(),
             t0: 0.0,
-            // Of a stream with a clock it is the model that decides; another step that is said is a mistake.
+            // With a time column the model decides; another stated sample time is an error.
             dt: reading.options.dt.unwrap_or(model.description.dt),
             outputs: Table::new(outputs, Vec::new()),
             inputs: Table::new(inputs, Vec::new()),
@@ -69,13 +69,12 @@ impl Layout {
         Ok(Self { name: name.to_owned(), format, names, columns })
     }
 
-    /// Whether nobody says in which unit the time counts.
+    /// Whether the unit of the time is not stated.
     pub(super) fn time_is_unstated(&self) -> bool {
         matches!(&self.columns.time, Time::Column { stated: false, .. })
     }
 
-    /// The inputs as they stand in a line: those with a column of their own, then speed and direction of the
-    /// wind.
+    /// Columns of the inputs without the wind.
     pub(super) fn commands(&self) -> &[Source] {
         &self.columns.inputs
     }
@@ -92,8 +91,7 @@ fn csv(line: &str, name: &str) -> Result<(Format, RawLog), LogError> {
     Ok((format, RawLog { path: name.to_owned(), columns, lines: Vec::new() }))
 }
 
-/// The keys of the first object are the columns. An output that it leaves out may come later; that it has none of
-/// them, or not all commands, is a mistake: nothing could be predicted.
+/// The keys of the first object are the columns. It needs all commands and at least one output; other outputs may come later.
 fn object(
     line: &str,
     name: &str,

@@ -1,5 +1,4 @@
-//! A line of a stream as numbers in SI units. Lines come from outside: whatever they hold, reading them gives
-//! numbers or says what is wrong, and never panics.
+//! Conversion of a line to numbers in SI units. Lines are untrusted: any content gives numbers or an error, and never a panic.
 
 use std::borrow::Cow;
 
@@ -17,7 +16,7 @@ const LONGEST_TIME_S: f64 = 1e12;
 /// The key of planned commands.
 const PLAN: &str = "commands";
 
-/// What a line says.
+/// Content of a line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Sample {
     /// Time \[s\].
@@ -26,25 +25,25 @@ pub(super) struct Sample {
     pub(super) outputs: Vec<f64>,
     /// Inputs, wind last; NaN is missing.
     pub(super) inputs: Vec<f64>,
-    /// Planned commands, row by row like `inputs`; NaN where the last command holds.
+    /// Planned commands, row by row like `inputs`; NaN for the last command.
     pub(super) plan: Vec<f64>,
 }
 
-/// What stands at one place of a line.
+/// Content of a cell.
 enum Item<'a> {
     Text(Cow<'a, str>),
     Number(f64),
     Missing,
 }
 
-/// Where a value stands, for messages.
+/// Position of a value, for messages.
 struct Place<'a> {
     layout: &'a Layout,
     line: u64,
 }
 
 impl Layout {
-    /// Reads line number `line`, which is row number `row` of the samples.
+    /// Reads line `line` of the stream, data row `row`.
     pub(super) fn read(&self, text: &str, line: u64, row: u64, sample: &mut Sample) -> Result<(), LogError> {
         let place = Place { layout: self, line };
         sample.plan.clear();
@@ -67,7 +66,7 @@ impl Layout {
                 let object = place.object(text)?;
                 let item = |column: usize| place.item(object.get(&keys[column]), &self.names[column]);
                 place.fill(item, false, row, sample)?;
-                // A column of that name is a column.
+                // A column of that name has precedence.
                 match object.get(PLAN).filter(|_| !keys.iter().any(|key| key == PLAN)) {
                     Some(plan) => place.plan(plan, &mut sample.plan),
                     None => Ok(()),
@@ -91,7 +90,7 @@ impl Place<'_> {
     fn item<'a>(&self, value: Option<&'a Value>, column: &str) -> Result<Item<'a>, LogError> {
         match value {
             None | Some(Value::Null) => Ok(Item::Missing),
-            // Numbers that no double can hold come out infinite, or not at all.
+            // Numbers beyond the range of f64 are read as infinite.
             Some(Value::Number(x)) => Ok(Item::Number(x.as_f64().unwrap_or(f64::INFINITY))),
             Some(Value::String(text)) => Ok(Item::Text(Cow::Borrowed(text.trim()))),
             Some(Value::Bool(_) | Value::Array(_) | Value::Object(_)) => Err(self.bad(format!(
@@ -186,7 +185,7 @@ impl Place<'_> {
         LogError::TextInNumbers { path, line, column, text, remedy }
     }
 
-    /// Rows of the commands that have columns; the wind is not planned.
+    /// Rows of planned commands, without the wind.
     fn plan(&self, plan: &Value, into: &mut Vec<f64>) -> Result<(), LogError> {
         let sources = self.layout.commands();
         let width = sources.len();
@@ -222,7 +221,7 @@ impl Place<'_> {
     }
 }
 
-/// The cells of a line. Each line stands for itself: a quoted cell ends with it.
+/// The cells of a line; a quoted cell ends with the line.
 pub(super) fn cells(line: &str, delimiter: u8) -> Vec<Cow<'_, str>> {
     if !line.contains('"') {
         return line.split(char::from(delimiter)).map(Cow::Borrowed).collect();
@@ -240,7 +239,7 @@ pub(super) fn cells(line: &str, delimiter: u8) -> Vec<Cow<'_, str>> {
     }
 }
 
-/// The keys of the first object, without that of planned commands.
+/// The keys of the first object without planned commands.
 pub(super) fn keys(line: &str, name: &str) -> Result<Vec<String>, LogError> {
     let object: Map<String, Value> = serde_json::from_str(line).map_err(|error| LogError::BadLine {
         path: name.to_owned(),

@@ -1,16 +1,16 @@
-//! Lines of a source that may send anything, and never an end of line.
+//! Lines of an untrusted source, in bounded memory.
 
 use std::io::{self, BufRead};
 
 /// Longest line \[bytes\].
 pub const LONGEST_LINE: usize = 1 << 20;
 
-/// What stands between two ends of line.
+/// A line without its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Line<'a> {
     /// All of it.
     Whole(&'a [u8]),
-    /// More than [`LONGEST_LINE`]: dropped.
+    /// Longer than [`LONGEST_LINE`]; the content is dropped.
     TooLong,
 }
 
@@ -22,12 +22,12 @@ pub struct Lines<R> {
 }
 
 impl<R: BufRead> Lines<R> {
-    /// From the start of a source.
+    /// Lines of a source.
     pub fn new(reader: R) -> Self {
         Self { reader, buffer: Vec::new() }
     }
 
-    /// The next line without its end, or nothing at the end of the source. Waits until it is there.
+    /// The next line without its end, or `None` at the end of the source. Blocks until a line is complete.
     ///
     /// # Errors
     /// If the source cannot be read.

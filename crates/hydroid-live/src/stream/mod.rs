@@ -1,29 +1,28 @@
-//! A model that learns from a live stream: each line that comes in is answered at once.
+//! Online adaptation to a live stream: each line is answered at once.
 //!
-//! [`Stream`] takes lines, CSV with a header or JSON objects, and writes one JSON line for each: what became of the
-//! sample, the outputs as they are estimated, predictions with their bands. It knows the learner as an
-//! [`Adapter`] and nothing else, so that whatever learns can be served.
+//! [`Stream`] reads lines (CSV with a header, or JSON objects) and writes one line of JSON for each: status of the sample,
+//! estimate of the outputs, predictions with bands. The model is any [`Adapter`].
 //!
-//! | part | what it is |
+//! | part | content |
 //! | --- | --- |
-//! | [`Lines`] | lines of a source that may send anything |
-//! | `layout`, `line` | which columns are what; a line as numbers |
-//! | `clock`, `commands` | the place of a sample on the model's grid; which command acts where |
-//! | `session` | the walk of the adapter |
-//! | `answer`, `latency`, `summary` | what is said of it |
-//! | [`Recorder`] | the black box, if there is one |
-//! | [`State`], `keep` | the file from which a stream goes on after it was killed |
+//! | [`Lines`] | lines of an untrusted source |
+//! | `layout`, `line` | assignment of columns; a line as numbers |
+//! | `clock`, `commands` | time grid of the model; alignment of the commands |
+//! | `session` | the adapter along the stream |
+//! | `answer`, `latency`, `summary` | answers and statistics |
+//! | [`Recorder`] | optional black box |
+//! | [`State`], `persistence` | state file for a restart |
 //!
-//! A line that cannot be used is answered as well, and changes nothing.
+//! A line that cannot be used is answered too, and does not change the state.
 
 mod answer;
 mod clock;
 mod commands;
-mod keep;
 mod latency;
 mod layout;
 mod line;
 mod lines;
+mod persistence;
 mod session;
 mod state;
 mod summary;
@@ -46,54 +45,54 @@ use hydroid::atomic::WriteError;
 use hydroid::fingerprint::Fingerprint;
 use hydroid::log::{LogError, Note};
 use hydroid::model::{Mismatch, Model, Reading};
-use keep::Keeper;
 use latency::Latency;
 use layout::Layout;
 use line::Sample;
-use session::{Session, Walked};
+use persistence::StateFile;
+use session::{Session, Transition};
 
 pub use lines::{LONGEST_LINE, Line, Lines};
 pub use state::State;
 pub(crate) use state::differences;
 pub use summary::{LineCounts, Summary};
 
-/// Farthest horizon \[samples\].
-pub const FARTHEST: usize = 10_000;
+/// Largest horizon \[samples\].
+pub const MAX_HORIZON: usize = 10_000;
 
-/// Gaps \[s\] from which on a time without a unit is doubted to be in seconds.
+/// Shortest gap \[s\] at which a time without a unit is probably not in seconds.
 const DOUBTFUL_S: f64 = 30.0;
 
-/// How to serve.
+/// Options of a stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Where the stream comes from, for messages.
+    /// Name of the stream, for messages.
     pub name: String,
-    /// Which columns are what, and how commands are aligned.
+    /// Selection of columns, and alignment of commands.
     pub reading: Reading,
     /// Horizons of the predictions, ascending \[samples\].
     pub horizons: Vec<usize>,
-    /// Whether answers say how long they took: they are not the same twice then.
+    /// Whether answers contain their computing time, which is not reproducible.
     pub timing: bool,
 }
 
-/// Why a stream cannot be served.
+/// Errors of a stream.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
-    /// Header or options.
+    /// Invalid header or options.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// The stream's channels are not the model's.
+    /// The channels of the stream are not those of the model.
     #[error(transparent)]
     Mismatch(#[from] Mismatch),
-    /// Horizons do not ascend, or there are too far ones.
-    #[error("horizons must ascend from 1 to {FARTHEST} samples at the most")]
+    /// The horizons do not ascend, or are too large.
+    #[error("the horizons must be ascending numbers of samples from 1 to {MAX_HORIZON}")]
     Horizons,
-    /// A state file that cannot be gone on from. It is left as it is.
+    /// The state file cannot be resumed. It is not changed.
     #[error("the state {} cannot be used: {reason}", path.display())]
     State {
         /// The file.
         path: PathBuf,
-        /// Why, and what to do.
+        /// Cause and remedy.
         reason: String,
     },
     /// The state cannot be written.
@@ -104,14 +103,14 @@ pub enum StreamError {
     Output(io::Error),
 }
 
-/// The fingerprint of a model file.
+/// Hash of a model file.
 pub fn fingerprint(file: &[u8]) -> String {
     let mut hash = Fingerprint::new();
     hash.bytes(file);
     hash.hex()
 }
 
-/// A stream that is served.
+/// A live stream with its adapter.
 pub struct Stream {
     model: Model,
     options: Options,
@@ -124,27 +123,27 @@ pub struct Stream {
     note: String,
     /// Names of outputs, then inputs.
     names: Vec<String>,
-    /// Lines that came, and rows among them.
+    /// Number of lines, and of data rows among them.
     line: u64,
     row: u64,
     counts: LineCounts,
     latency: Latency,
-    keeper: Option<Keeper>,
+    state_file: Option<StateFile>,
     notes: Vec<Note>,
-    /// Time up to which an earlier session has answered.
+    /// Time of the last sample of an earlier session.
     answered: Option<f64>,
 }
 
 impl Stream {
-    /// A stream that begins.
+    /// A stream before its first line.
     ///
     /// # Errors
-    /// If options make no sense.
+    /// If an option is invalid.
     pub fn new(model: &Model, adapter: Box<dyn Adapter>, options: Options) -> Result<Self, StreamError> {
         let dt = model.description.dt;
         let horizons = &options.horizons;
         let ascend = horizons.windows(2).all(|pair| pair[0] < pair[1]);
-        if !ascend || horizons.iter().any(|h| !(1..=FARTHEST).contains(h)) {
+        if !ascend || horizons.iter().any(|h| !(1..=MAX_HORIZON).contains(h)) {
             return Err(StreamError::Horizons);
         }
         let reading = &options.reading.options;
@@ -165,22 +164,21 @@ impl Stream {
             row: 0,
             counts: LineCounts::default(),
             latency: Latency::new(),
-            keeper: None,
+            state_file: None,
             notes: Vec::new(),
             answered: None,
         })
     }
 
-    /// Notes the walk in a black box from here on.
+    /// Records the adapter in a black box from now on.
     pub fn record(&mut self, recorder: Recorder) {
         self.session.record(recorder);
     }
 
-    /// Takes a line, and writes and flushes its answer if it has one: the header and blank lines have none. Then
-    /// keeps the state if it is time.
+    /// Processes a line, writes and flushes its answer (the header and blank lines have none), and saves the state if due.
     ///
     /// # Errors
-    /// If the header cannot be used, or nothing can be written.
+    /// If the header is invalid, or a file cannot be written.
     pub fn serve(&mut self, line: Line<'_>, out: &mut dyn Write) -> Result<(), StreamError> {
         let start = Instant::now();
         self.line = self.line.saturating_add(1);
@@ -192,10 +190,10 @@ impl Stream {
             self.latency.add(elapsed_us());
             self.notes.extend(self.session.settle(&self.commands));
         }
-        self.keep_if_due()
+        self.save_if_due()
     }
 
-    /// Reads and uses a line; says whether there is an answer.
+    /// Processes a line; true if there is an answer.
     fn take(&mut self, line: Line<'_>) -> Result<bool, StreamError> {
         let (name, number) = (&self.options.name, self.line);
         let bad = |reason: String| LogError::BadLine { path: name.clone(), line: number, reason };
@@ -248,14 +246,14 @@ impl Stream {
         Ok(true)
     }
 
-    /// Walks to the sample if it has a place, and notes what is to be said of it.
+    /// Advances to the sample if it is on the grid, and collects remarks.
     fn use_sample(&mut self) -> Status {
         let (sample, commands) = (&self.sample, &mut self.commands);
-        let (walked, reset) = match self.clock.arrive(sample.t) {
+        let (transition, reset) = match self.clock.arrive(sample.t) {
             Arrival::Late(by) => {
-                say(&mut self.note, format_args!("{by:.3} s before the last sample that was used"));
+                say(&mut self.note, format_args!("the sample is {by:.3} s before the last used one"));
                 if by > DOUBTFUL_S {
-                    say(&mut self.note, format_args!("if the clock began anew, start a new session"));
+                    say(&mut self.note, format_args!("start a new session if the clock was reset"));
                 }
                 return Status::Late;
             }
@@ -264,35 +262,39 @@ impl Stream {
             Arrival::Gap(gap) => {
                 say(
                     &mut self.note,
-                    format_args!("no sample for {gap:.3} s: a new run begins, what was learned is kept"),
+                    format_args!("no sample for {gap:.3} s: a new run begins, the weights are kept"),
                 );
                 if gap > DOUBTFUL_S && self.layout.as_ref().is_some_and(Layout::time_is_unstated) {
                     say(
                         &mut self.note,
-                        format_args!("if the time does not count seconds, say so with --time 'NAME [ms]'"),
+                        format_args!(
+                            "if the time is not in seconds, state its unit, as in --time 'NAME [ms]'"
+                        ),
                     );
                 }
                 (self.session.begin(commands, sample), true)
             }
             Arrival::Next(steps) => {
                 if steps > 1 {
-                    say(&mut self.note, format_args!("{} places without a sample were predicted", steps - 1));
+                    say(&mut self.note, format_args!("{} missing samples were predicted", steps - 1));
                 }
-                (self.session.walk(steps, commands, sample), false)
+                (self.session.advance_to(steps, commands, sample), false)
             }
         };
-        self.tell(walked);
+        self.add_remarks(transition);
         let outcome = self.session.adapter().outcome();
         match outcome {
             Outcome::Inflated { deviations, weight } => say(
                 &mut self.note,
-                format_args!("{deviations:.1} standard deviations off, learned from with weight {weight:.2}"),
+                format_args!(
+                    "innovation of {deviations:.1} standard deviations, accepted with weight {weight:.2}"
+                ),
             ),
             Outcome::Rejected(Rejection::Outlier { deviations }) => {
-                say(&mut self.note, format_args!("{deviations:.1} standard deviations off"));
+                say(&mut self.note, format_args!("innovation of {deviations:.1} standard deviations"));
             }
             Outcome::Rejected(Rejection::NotFinite) => {
-                say(&mut self.note, format_args!("too large to learn from"));
+                say(&mut self.note, format_args!("value too large for the filter"));
             }
             Outcome::Waiting | Outcome::Accepted | Outcome::RolledBack => {}
         }
@@ -309,29 +311,29 @@ impl Stream {
         if reset { Status::Reset } else { Status::Used(outcome) }
     }
 
-    fn tell(&mut self, walked: Walked) {
-        if walked.held {
-            say(&mut self.note, format_args!("a missing command holds the last one"));
+    fn add_remarks(&mut self, transition: Transition) {
+        if transition.held {
+            say(&mut self.note, format_args!("a missing command was replaced by the last one"));
         }
-        if walked.lost {
-            say(&mut self.note, format_args!("the run begins here: the command before is not known"));
+        if transition.lost {
+            say(&mut self.note, format_args!("a new run begins because the previous command is unknown"));
         }
         if !self.commands.known() {
-            say(&mut self.note, format_args!("the command that acts now is not known yet"));
+            say(&mut self.note, format_args!("the current command is not known yet"));
         }
     }
 
-    /// Whether the header, or the first object, has come.
+    /// Whether the header or the first object has arrived.
     pub fn has_begun(&self) -> bool {
         self.layout.is_some()
     }
 
-    /// What was converted or noticed since the last call.
+    /// Notes since the last call.
     pub fn take_notes(&mut self) -> Vec<Note> {
         std::mem::take(&mut self.notes)
     }
 
-    /// What came of the lines so far.
+    /// Summary of the lines so far.
     pub fn summary(&self) -> Summary {
         let [all, of_80, of_95] = self.session.banded().map(|n| n as f64);
         Summary {
@@ -341,7 +343,7 @@ impl Stream {
         }
     }
 
-    /// The weights of the moment.
+    /// Current weights of the adapter.
     pub fn weights(&self) -> &[f64] {
         self.session.adapter().weights()
     }
@@ -352,6 +354,6 @@ fn say(note: &mut String, remark: std::fmt::Arguments<'_>) {
     if !note.is_empty() {
         note.push_str("; ");
     }
-    // Memory takes all that is written into it.
+    // Writing into memory cannot fail.
     let _ = note.write_fmt(remark);
 }

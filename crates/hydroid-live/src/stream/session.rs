@@ -1,45 +1,45 @@
-//! An adapter on its walk along a stream: what was expected of a sample, what came, and what is expected next.
+//! The adapter along a stream: prediction of each sample, update, and prediction of the next ones.
 
 use hydroid_core::adapt::{Adapter, Learning as _};
 use hydroid_core::predict::{Predictor as _, Workspace};
 
 use super::commands::Commands;
 use super::line::Sample;
-use crate::black_box::{BlackBoxError, Recorded, Recorder};
+use crate::black_box::{BlackBoxError, Recorder, RecordingAdapter};
 use hydroid::adapt::{BAND_80, BAND_95};
 use hydroid::log::Note;
 
-/// The walk. After the first sample nothing in it allocates.
+/// The adapter along a stream. It does not allocate after the first sample.
 pub(super) struct Session {
-    adapter: Recorded<'static>,
+    adapter: RecordingAdapter<'static>,
     dt: f64,
     horizons: Vec<usize>,
     missing: Vec<f64>,
-    /// Of the sample that comes next: value and standard deviation.
+    /// Prediction of the next sample and its standard deviation.
     expected: Vec<f64>,
     expected_deviations: Vec<f64>,
     estimate: Vec<f64>,
     commands: Vec<f64>,
-    /// The command that acts from here on.
+    /// Command of the next interval.
     held: Vec<f64>,
     rollout: Vec<f64>,
     deviations: Vec<f64>,
     work: Workspace,
-    /// Measurements with a band of one step, and those inside the band of 80 % and of 95 %.
+    /// Number of measurements with a one-step band, and of those inside the 80 % and the 95 % band.
     banded: [usize; 3],
 }
 
-/// What happened on the way to a sample.
+/// Remarks on the step to a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Walked {
-    /// A command was missing and the one before was held.
+pub(super) struct Transition {
+    /// A missing command was replaced by the last one.
     pub(super) held: bool,
-    /// The command of an interval was not known: the session began anew behind it.
+    /// The command of an interval was unknown: a new run began after it.
     pub(super) lost: bool,
 }
 
 impl Session {
-    /// Horizons ascend, and none is 0.
+    /// The horizons ascend and are positive.
     pub(super) fn new(adapter: Box<dyn Adapter>, horizons: Vec<usize>, dt: f64) -> Self {
         let (n, m) = (adapter.outputs(), adapter.inputs());
         let last = horizons.last().copied().unwrap_or(0);
@@ -54,24 +54,24 @@ impl Session {
             deviations: vec![f64::NAN; horizons.len() * n],
             work: Workspace::new(),
             banded: [0; 3],
-            adapter: Recorded::new(adapter, None),
+            adapter: RecordingAdapter::new(adapter, None),
             dt,
             horizons,
         }
     }
 
-    /// Notes the walk from here on.
+    /// Records the calls of the adapter from now on.
     pub(super) fn record(&mut self, recorder: Recorder) {
         self.adapter.record(recorder);
     }
 
-    /// The answer was sent: what is noted may be written. Says what cannot be.
+    /// Writes the recording after an answer; returns a note if that fails.
     pub(super) fn settle(&mut self, commands: &Commands) -> Option<Note> {
         commands.ahead(&[], &mut self.held);
         self.adapter.settle(&self.held)
     }
 
-    /// Writes what is noted, at the end.
+    /// Writes the rest of the recording.
     pub(super) fn finish(&mut self) -> Result<(), BlackBoxError> {
         self.adapter.finish()
     }
@@ -89,22 +89,27 @@ impl Session {
     }
 
     /// Begins a run with a sample.
-    pub(super) fn begin(&mut self, commands: &mut Commands, sample: &Sample) -> Walked {
+    pub(super) fn begin(&mut self, commands: &mut Commands, sample: &Sample) -> Transition {
         self.adapter.to(sample.t, 0, self.dt);
         self.adapter.reset();
         commands.restart();
         let held = commands.begin(&sample.inputs);
         self.adapter.observe(&sample.outputs);
         self.predict(commands, sample);
-        Walked { held, lost: false }
+        Transition { held, lost: false }
     }
 
-    /// Walks on to a sample, over places that have none.
-    pub(super) fn walk(&mut self, steps: usize, commands: &mut Commands, sample: &Sample) -> Walked {
+    /// Advances to a sample, over grid points without one.
+    pub(super) fn advance_to(
+        &mut self,
+        steps: usize,
+        commands: &mut Commands,
+        sample: &Sample,
+    ) -> Transition {
         self.adapter.to(sample.t, steps.saturating_sub(1), self.dt);
         let Self { adapter, missing, expected, expected_deviations, work, .. } = self;
         let mut lost = false;
-        let held = commands.walk(steps, &sample.inputs, |step, command| {
+        let held = commands.advance_to(steps, &sample.inputs, |step, command| {
             if command.iter().any(|c| c.is_nan()) {
                 adapter.reset();
                 expected.fill(f64::NAN);
@@ -126,7 +131,7 @@ impl Session {
         self.adapter.observe(&sample.outputs);
         self.compare(sample);
         self.predict(commands, sample);
-        Walked { held, lost }
+        Transition { held, lost }
     }
 
     fn compare(&mut self, sample: &Sample) {
@@ -148,23 +153,23 @@ impl Session {
         self.adapter.deviations(&self.commands, &self.horizons, &mut self.work, &mut self.deviations);
     }
 
-    /// The outputs as they are estimated now.
+    /// Current estimate of the outputs.
     pub(super) fn estimate(&self) -> &[f64] {
         &self.estimate
     }
 
-    /// An output at all horizons.
+    /// Prediction of an output at all horizons.
     pub(super) fn prediction(&self, output: usize) -> impl Iterator<Item = f64> {
         let n = self.missing.len();
         self.horizons.iter().map(move |h| self.rollout[(h - 1) * n + output])
     }
 
-    /// Its standard deviations at all horizons.
+    /// Standard deviations of the prediction of an output.
     pub(super) fn deviations(&self, output: usize) -> impl Iterator<Item = f64> {
         self.deviations.chunks_exact(self.missing.len()).map(move |row| row[output])
     }
 
-    /// Measurements that had a band of one step, and how many were inside that of 80 % and of 95 %.
+    /// Number of measurements with a one-step band, and of those inside the 80 % and the 95 % band.
     pub(super) fn banded(&self) -> [usize; 3] {
         self.banded
     }

@@ -1,4 +1,4 @@
-//! The state of a stream as a file, so that a service that is killed goes on as if it had not been.
+//! State file of a stream, with which a restarted service continues exactly.
 //!
 //! One safetensors file, written whole or not at all, with three tensors in double precision: `memory` (of the
 //! adapter), `clock`, and `commands`; in its metadata under `hydroid_stream` a JSON [`Head`].
@@ -18,30 +18,30 @@ use hydroid::fingerprint::Fingerprint;
 const KEY: &str = "hydroid_stream";
 const VERSION: u32 = 1;
 const HYDROID: &str = env!("CARGO_PKG_VERSION");
-/// Larger files are none of these.
-const LARGEST: u64 = 1 << 32;
-/// Numbers of a clock.
+/// Largest accepted file \[bytes\].
+const MAX_BYTES: u64 = 1 << 32;
+/// Number of values of a clock.
 const CLOCK: usize = 4;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Head {
     version: u32,
-    /// Version of hydroid: another one may learn otherwise.
+    /// Version of hydroid; the arithmetic of another one may differ.
     hydroid: String,
     /// Fingerprint of the model's file.
     model: String,
     settings: Value,
-    /// Fingerprint of the numbers.
+    /// Hash of the numbers.
     sum: String,
 }
 
-/// All that a stream goes on from.
+/// Complete state of a stream.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
     /// Fingerprint of the model's file.
     pub(super) model: String,
-    /// How to learn, and how to read.
+    /// Options of the adapter and of the reading.
     pub(super) settings: Value,
     pub(super) clock: [f64; CLOCK],
     pub(super) commands: Vec<f64>,
@@ -58,10 +58,10 @@ fn sum(clock: &[f64], commands: &[f64], memory: &[f64]) -> String {
 }
 
 impl State {
-    /// As the bytes of a file.
+    /// Encodes the content of a file.
     ///
     /// # Errors
-    /// If there is more than a file can hold.
+    /// If the encoding fails.
     pub fn encode(&self) -> io::Result<Vec<u8>> {
         let head = Head {
             version: VERSION,
@@ -85,10 +85,10 @@ impl State {
         safetensors::serialize(views, Some(metadata)).map_err(io::Error::other)
     }
 
-    /// From the bytes of a file; says what is wrong with them.
+    /// Decodes the content of a file.
     ///
     /// # Errors
-    /// If they are no state, or were cut short or changed.
+    /// If the bytes are not a state file, or are truncated or altered; the text is the reason.
     pub fn decode(bytes: &[u8]) -> Result<Self, String> {
         let damaged = |reason: String| {
             format!("it is damaged, or no state of a stream ({reason}); remove it to start anew")
@@ -97,7 +97,7 @@ impl State {
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| damaged(e.to_string()))?;
         let json = metadata.metadata().as_ref().and_then(|metadata| metadata.get(KEY));
         let json = json.ok_or_else(|| damaged(format!("no `{KEY}` in it")))?;
-        // The version first: another one has other fields.
+        // The version comes first: other versions have other fields.
         let value: Value = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
         let version = value["version"].as_u64();
         if let Some(version) = version.filter(|version| *version != u64::from(VERSION)) {
@@ -128,7 +128,7 @@ impl State {
         Ok(Self { model: head.model, settings: head.settings, clock, commands, memory })
     }
 
-    /// Whether a stream of this model with these settings can go on from it.
+    /// Checks that the state belongs to this model with these settings; the error is the reason.
     pub(super) fn fits(&self, model: &str, settings: &Value) -> Result<(), String> {
         if self.model != model {
             return Err(
@@ -144,22 +144,22 @@ impl State {
         Err(format!("it is of other settings ({}); give those, or name another file", others.join("; ")))
     }
 
-    /// Reads a file; nothing where there is none.
+    /// Reads a file; `None` if it does not exist.
     pub(super) fn read(path: &Path) -> Result<Option<Self>, StreamError> {
         let wrong = |reason: String| StreamError::State { path: path.to_owned(), reason };
         match std::fs::metadata(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(wrong(format!("it cannot be read ({error}); name another file"))),
+            Err(error) => return Err(wrong(format!("the file cannot be read ({error}); name another file"))),
             Ok(metadata) if !metadata.is_file() => {
-                return Err(wrong("it is a folder or a device: name a file".to_owned()));
+                return Err(wrong("it is a folder or a device; name a file".to_owned()));
             }
-            Ok(metadata) if metadata.len() > LARGEST => {
+            Ok(metadata) if metadata.len() > MAX_BYTES => {
                 return Err(wrong("it is too large for a state: name another file".to_owned()));
             }
             Ok(_) => {}
         }
-        let bytes =
-            std::fs::read(path).map_err(|e| wrong(format!("it cannot be read ({e}); name another file")))?;
+        let bytes = std::fs::read(path)
+            .map_err(|e| wrong(format!("the file cannot be read ({e}); name another file")))?;
         Self::decode(&bytes).map(Some).map_err(wrong)
     }
 
@@ -170,7 +170,7 @@ impl State {
     }
 }
 
-/// Names what differs, leaf by leaf.
+/// Lists the leaves in which two JSON values differ.
 pub(crate) fn differences(name: &str, saved: &Value, asked: &Value, into: &mut Vec<String>) {
     match (saved, asked) {
         (Value::Object(a), Value::Object(b)) => {

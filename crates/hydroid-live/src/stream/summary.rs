@@ -1,4 +1,4 @@
-//! What came of a stream, for the end of it.
+//! Summary of a stream.
 
 use std::fmt;
 
@@ -6,28 +6,28 @@ use super::answer::Status;
 use hydroid::adapt::{Coverage, Times};
 use hydroid_core::adapt::Outcome;
 
-/// How many lines had which status.
+/// Number of lines with each status.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LineCounts {
-    /// Learned from with full weight.
+    /// Accepted with full weight.
     pub accepted: u64,
-    /// Learned from with less weight.
+    /// Accepted with reduced weight.
     pub inflated: u64,
-    /// Not learned from.
+    /// Rejected by the innovation gate.
     pub rejected: u64,
-    /// Used, with nothing to learn from yet.
+    /// Used before the adapter can learn.
     pub waiting: u64,
-    /// After which the weights went back.
+    /// After which the weights were restored.
     pub rolled_back: u64,
-    /// With which a new run began.
+    /// First samples of new runs.
     pub reset: u64,
-    /// Not after the last one.
+    /// Not after the last sample.
     pub late: u64,
-    /// Between the places of the model.
+    /// Between the grid points of the model.
     pub between: u64,
-    /// Not read.
+    /// Not readable.
     pub error: u64,
-    /// Not answered, because an earlier session has answered them.
+    /// Skipped because an earlier session has answered them.
     pub skipped: u64,
 }
 
@@ -48,14 +48,14 @@ impl LineCounts {
     }
 }
 
-/// A stream at its end.
+/// Summary of a stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
     /// Lines by status.
     pub lines: LineCounts,
-    /// Share of the measurements inside the bands of the step before; NaN where there was none.
+    /// Share of the measurements inside the one-step bands; NaN without bands.
     pub coverage: Coverage,
-    /// From a line to its answer, written and flushed \[microseconds\].
+    /// Time from a line to its flushed answer \[microseconds\].
     pub latency: Times,
 }
 
@@ -74,9 +74,9 @@ impl fmt::Display for Summary {
             (lines.error, "error"),
             (lines.skipped, "skipped"),
         ];
-        let told: Vec<String> =
+        let listed: Vec<String> =
             counts.iter().filter(|(n, _)| *n > 0).map(|(n, name)| format!("{n} {name}")).collect();
-        writeln!(f, "lines: {}", if told.is_empty() { "none".to_owned() } else { told.join(", ") })?;
+        writeln!(f, "lines: {}", if listed.is_empty() { "none".to_owned() } else { listed.join(", ") })?;
         let percent = |share: f64| {
             if share.is_nan() { "no band".to_owned() } else { format!("{:.1} %", 100.0 * share) }
         };

@@ -96,7 +96,7 @@ fn every_adapter_is_replayed_bit_for_bit() {
         assert!(compared > 800 && replayed.samples > compared, "{name}: {compared}");
         let black_box = BlackBox::read(&path).unwrap();
         let summary = black_box.summary();
-        assert_eq!((summary.samples, summary.stretches, summary.torn), (replayed.samples, 1, 0));
+        assert_eq!((summary.samples, summary.sessions, summary.torn), (replayed.samples, 1, 0));
         let outcomes = summary.outcomes;
         assert!(outcomes.accepted > 200 && outcomes.waiting > 0, "{name}: {outcomes:?}");
         assert_eq!(summary.events.is_empty(), options.guard.is_none(), "{name}");
@@ -133,7 +133,7 @@ fn the_ring_buffer_holds_the_last_minutes() {
     assert!(to > 599.0 && to - from > 119.0, "{from} {to}");
     assert!(replayed.samples <= 2400, "a ring of four minutes");
     assert_eq!(fs::metadata(&path).unwrap().len(), longest, "it does not grow");
-    assert_eq!(BlackBox::read(&path).unwrap().summary().stretches, 1);
+    assert_eq!(BlackBox::read(&path).unwrap().summary().sessions, 1);
 }
 
 #[test]
@@ -152,15 +152,15 @@ fn a_killed_recording_loses_one_second_and_a_restart_appends() {
     }
     drop(killed);
     let summary = BlackBox::read(&path).unwrap().summary();
-    assert_eq!(summary.stretches, 4, "five sessions in a ring of four segments");
+    assert_eq!(summary.sessions, 4, "five sessions in a ring of four segments");
     assert_eq!(played(&path).0.first, None);
     // Other settings are not mixed into it, and it is not lost by them.
     let kept = fs::read(&path).unwrap();
     let reason = stream(&path, &adapt::Options::default(), "test").err().unwrap();
-    assert!(reason.contains("other settings") && reason.contains("put it aside"), "{reason}");
+    assert!(reason.contains("other settings") && reason.contains("move it"), "{reason}");
     fs::write(&path, "t,u\n0,1\n").unwrap();
     let reason = stream(&path, &options, "test").err().unwrap();
-    assert!(reason.contains("no black box"), "{reason}");
+    assert!(reason.contains("not a black box"), "{reason}");
     assert_eq!(fs::read(&path).unwrap().len(), 8);
     fs::write(&path, kept).unwrap();
 }
@@ -180,10 +180,11 @@ fn invalid_recordings_are_refused_with_a_reason() {
     };
     let mut black_box = BlackBox::read(&path).unwrap();
     assert!(
-        why(&black_box, "other").contains("another model; give the one that it was written with, boat.sa")
+        why(&black_box, "other")
+            .contains("another model; give the unchanged model file with which it was written, boat.sa")
     );
     black_box.head.hydroid = "0.0.1".to_owned();
-    assert!(why(&black_box, "boat").contains("hydroid 0.0.1 wrote it"));
+    assert!(why(&black_box, "boat").contains("hydroid 0.0.1 wrote the file"));
     let bytes = fs::read(&path).unwrap();
     // In the middle, where no kill comes.
     let mut damaged = bytes.clone();
@@ -192,14 +193,14 @@ fn invalid_recordings_are_refused_with_a_reason() {
     let black_box = BlackBox::decode(&damaged).unwrap();
     assert!(black_box.is_damaged() && black_box.summary().damaged);
     assert!(black_box.summary().samples > 50);
-    assert!(why(&black_box, "boat").contains("damaged; copy it anew"));
+    assert!(why(&black_box, "boat").contains("damaged; copy the file again"));
     let mut other = bytes.clone();
     other[8] = 9;
     assert!(BlackBox::decode(&other).unwrap_err().contains("format 9"));
     other = bytes;
     other[40] ^= 1;
-    assert!(BlackBox::decode(&other).unwrap_err().contains("copy it anew"));
-    assert!(BlackBox::decode(b"t,u,v").unwrap_err().contains("no black box"));
+    assert!(BlackBox::decode(&other).unwrap_err().contains("copy the file again"));
+    assert!(BlackBox::decode(b"t,u,v").unwrap_err().contains("not a black box"));
 }
 
 /// XXH3 of the words, as the format prescribes.

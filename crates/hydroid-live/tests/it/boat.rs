@@ -7,7 +7,7 @@ use hydroid::evaluate::DesignRange;
 use hydroid::log::{Channel, ChannelSpec};
 use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use hydroid_core::model::sparse::{Equations, Term};
-use hydroid_live::black_box::{ModelFile, Settings};
+use hydroid_live::black_box::{ModelFile, RecordingOptions};
 
 /// Surge and yaw rate, propeller and rudder: `du/dt = -0.3 u|u| + 0.5 n`, `dr/dt = -r + 0.8 delta`.
 pub(crate) fn model() -> Model {
@@ -46,8 +46,8 @@ pub(crate) fn model() -> Model {
     }
 }
 
-pub(crate) fn settings(path: &Path) -> Settings {
-    Settings {
+pub(crate) fn settings(path: &Path) -> RecordingOptions {
+    RecordingOptions {
         path: path.to_owned(),
         minutes: 2.0,
         model: ModelFile { file: "boat.safetensors".to_owned(), fingerprint: "boat".to_owned() },

@@ -49,14 +49,14 @@ fn every_kind_of_line_has_its_answer() {
     for (line, status, words) in [
         ("0.1,1.1,5,1,10", "waiting", ""),
         ("0.12,1.1,5,1,10", "between", ""),
-        ("0.1,1.1,5,1,10", "late", "0.000 s before the last sample"),
-        ("0.2,,5,,10", "waiting", "a missing command holds the last one"),
+        ("0.1,1.1,5,1,10", "late", "0.000 s before the last used one"),
+        ("0.2,,5,,10", "waiting", "a missing command was replaced by the last one"),
         ("0.3,1.1,five,1,10", "error", "test, line 8, column `r`: `five` is not a number"),
         ("0.3,1.1,5,1", "error", "4 cells where the header names 5 columns"),
         (",1.1,5,1,10", "error", "column `t`: the time is missing"),
         ("0.3,1e300,5,1,10", "error", "more than any vessel does"),
         ("0.3,inf,5,1,10", "error", "is infinite"),
-        ("0.5,1.1,5,1,10", "waiting", "2 places without a sample were predicted"),
+        ("0.5,1.1,5,1,10", "waiting", "2 missing samples were predicted"),
         ("1.6,1.1,5,1,10", "reset", "no sample for 1.100 s"),
         ("1.7,\"1.1\",5,1,10", "waiting", ""),
     ] {
@@ -221,11 +221,11 @@ fn a_stream_resumes_from_its_state_after_any_line() {
     for killed in [1, 2, 3, 30, 31, 77, 200, 201, 202, 203, 204, 399] {
         let path = folder.path().join(format!("{killed}.state"));
         let mut first = stream();
-        assert_eq!(first.keep_in(&path, "m".to_owned(), &1).unwrap(), None);
+        assert_eq!(first.persist_in(&path, "m".to_owned(), &1).unwrap(), None);
         serve(&mut first, &lines[..killed]);
         drop(first);
         let mut second = stream();
-        let from = second.keep_in(&path, "m".to_owned(), &1).unwrap();
+        let from = second.persist_in(&path, "m".to_owned(), &1).unwrap();
         let answers = serve(&mut second, &lines);
         let time = |answer: &str| serde_json::from_str::<Value>(answer).ok().and_then(|a| a["t"].as_f64());
         let last = expected[..killed].iter().filter_map(|answer| time(answer)).fold(f64::NAN, f64::max);
@@ -247,7 +247,7 @@ fn a_state_of_another_model_is_refused_and_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.state");
     let mut first = stream();
-    first.keep_in(&path, "m".to_owned(), &1).unwrap();
+    first.persist_in(&path, "m".to_owned(), &1).unwrap();
     for line in lines(30) {
         first.serve(Line::Whole(line.as_bytes()), &mut Vec::new()).unwrap();
     }
@@ -256,7 +256,7 @@ fn a_state_of_another_model_is_refused_and_kept() {
     assert!(State::decode(&bytes).is_ok());
     let refused = |reading: Reading, model: &str, settings: i32, words: &str| {
         let mut second = stream_reading(reading).unwrap();
-        let error = second.keep_in(&path, model.to_owned(), &settings).unwrap_err().to_string();
+        let error = second.persist_in(&path, model.to_owned(), &settings).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     };
     let reading = model().description.reading;

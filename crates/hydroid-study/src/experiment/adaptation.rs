@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::StudyError;
-use super::super::lab::{Lab, Learned, Sailed};
+use super::super::runner::{Learned, LoadedRecord, Runner};
 use hydroid::adapt::{self, Options};
 use hydroid::evaluate::{self, Against, Evaluation};
 
@@ -49,17 +49,17 @@ pub(super) fn options(guarded: bool, learned: &Learned) -> Options {
 
 /// A model along a record.
 pub(super) fn adaptation(
-    lab: &Lab<'_>,
+    runner: &Runner<'_>,
     learned: &Learned,
-    sailed: &Sailed,
+    loaded: &LoadedRecord,
     guarded: bool,
 ) -> Result<Along, StudyError> {
-    lab.fits(learned, sailed)?;
-    let key = lab.store.key("adaptation", &guarded, &[learned.key, sailed.key]);
-    lab.store.get("adaptation", key, || {
+    runner.fits(learned, loaded)?;
+    let key = runner.store.key("adaptation", &guarded, &[learned.key, loaded.key]);
+    runner.store.get("adaptation", key, || {
         let options = options(guarded, learned);
         let adapted =
-            adapt::adapt(&learned.model, &[&sailed.run], &options, &mut lab.progress("adapting"))?.report;
+            adapt::adapt(&learned.model, &[&loaded.run], &options, &mut runner.progress("adapting"))?.report;
         Ok(Along {
             frozen: Errors::of(adapted.frozen),
             filtered: adapted.frozen_filtered.map(Errors::of),

@@ -7,9 +7,9 @@ use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::State;
 
 use super::super::StudyError;
-use super::super::lab::{Lab, Learned, Sailed};
-use super::super::look;
 use super::super::outcome::{Outcome, Sheet};
+use super::super::palette;
+use super::super::runner::{Learned, LoadedRecord, Runner};
 use super::adaptation::options;
 use super::{OUTPUTS, median, range};
 use hydroid::adapt;
@@ -51,13 +51,13 @@ struct Walk {
 }
 
 impl Along {
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
-        let sailed = lab.record(&self.record)?;
-        let models = lab.models(&self.model)?;
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
+        let loaded = runner.record(&self.record)?;
+        let models = runner.models(&self.model)?;
         let Some(learned) = models.first() else { return Ok(Outcome::default()) };
-        lab.fits(learned, &sailed)?;
-        let key = lab.store.key("along", self, &[learned.key, sailed.key]);
-        let walk = lab.store.get("along", key, || self.walk(learned, &sailed))?;
+        runner.fits(learned, &loaded)?;
+        let key = runner.store.key("along", self, &[learned.key, loaded.key]);
+        let walk = runner.store.get("along", key, || self.walk(learned, &loaded))?;
         let mut outcome = Outcome::default();
         let names = ["frozen", "adapted", "guarded"];
         let mut sheet = Sheet::new(
@@ -66,7 +66,7 @@ impl Along {
         );
         for (way, errors) in names.iter().zip(&walk.errors) {
             for (t, error) in walk.t.iter().zip(errors) {
-                let u = speed(&sailed, *t);
+                let u = speed(&loaded, *t);
                 let [a, b, c] = *error;
                 sheet.row(vec![(*t).into(), u.into(), (*way).into(), a.into(), b.into(), c.into()]);
             }
@@ -75,19 +75,19 @@ impl Along {
         let steps = self.steps;
         outcome.chart(
             "error_over_time",
-            self.figure(&walk, &sailed),
+            self.figure(&walk, &loaded),
             format!(
                 "{}, trained at low speed, along {}: the error against the truth of the prediction that was made at that time for {steps} steps ({:.1} s) later, in means over eight origins (4 s). Each take-off is new to the frozen network and known to the adapted one after its first. Vertical lines: the guard changes the model that predicts.",
-                look::title(&self.model),
+                palette::title(&self.model),
                 self.record,
-                steps as f64 * sailed.run.dt,
+                steps as f64 * loaded.run.dt,
             ),
         );
         let coverage = walk.coverage();
         outcome.measure("band_80_holds", coverage);
         outcome.chart(
             "bands",
-            self.bands(&walk, sailed.run.dt),
+            self.bands(&walk, loaded.run.dt),
             format!(
                 "What the adapted network predicts {steps} steps ahead, with its 80 % band, and what was measured then, around the first flight. Along the whole record the bands of u, v, r hold {:.0} % of the measurements.",
                 100.0 * coverage
@@ -95,11 +95,11 @@ impl Along {
         );
         outcome.chart(
             "track",
-            track(&sailed),
+            track(&loaded),
             format!("The track of {}: afloat grey, flying black.", self.record),
         );
         let flying = |errors: &[[f64; 3]]| {
-            let aloft = walk.t.iter().zip(errors).filter(|(t, _)| speed(&sailed, **t) > TRANSITION);
+            let aloft = walk.t.iter().zip(errors).filter(|(t, _)| speed(&loaded, **t) > TRANSITION);
             aloft.map(|(_, error)| error[0]).collect::<Vec<f64>>()
         };
         let (frozen, adapted) = (flying(&walk.errors[0]), flying(&walk.errors[1]));
@@ -108,8 +108,8 @@ impl Along {
         Ok(outcome)
     }
 
-    fn walk(&self, learned: &Learned, sailed: &Sailed) -> Result<Walk, StudyError> {
-        let run = &sailed.run;
+    fn walk(&self, learned: &Learned, loaded: &LoadedRecord) -> Result<Walk, StudyError> {
+        let run = &loaded.run;
         let truth = run.truth.as_ref().unwrap_or(&run.outputs);
         let mut adapted = adapt::adapter(&learned.model, &options(false, learned), &[run])?.0;
         let mut guarded = adapt::adapter(&learned.model, &options(true, learned), &[run])?.0;
@@ -167,7 +167,7 @@ impl Along {
         let to = (from + 160).min(walk.t.len());
         let ahead = self.steps as f64 * dt;
         let mut figure = Figure::new("Predictions with their bands", "time [s]")
-            .key(Key::Line(look::line(&self.model)), format!("predicted {ahead:.1} s before"))
+            .key(Key::Line(palette::line(&self.model)), format!("predicted {ahead:.1} s before"))
             .key(Key::Area(style::BAND), "80 % band")
             .key(Key::Line(style::MEASURED_LINE), "measured");
         for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
@@ -185,19 +185,19 @@ impl Along {
                     .height(120.0)
                     .mark(band)
                     .mark(Mark::Line(Line::new(line(&walk.measured), style::MEASURED_LINE)))
-                    .mark(Mark::Line(Line::new(line(&walk.said), look::line(&self.model)))),
+                    .mark(Mark::Line(Line::new(line(&walk.said), palette::line(&self.model)))),
             );
         }
         figure
     }
 
-    fn figure(&self, walk: &Walk, sailed: &Sailed) -> Figure {
+    fn figure(&self, walk: &Walk, loaded: &LoadedRecord) -> Figure {
         let strokes = [
-            look::way("frozen", &self.model),
-            look::line(&self.model),
+            palette::way("frozen", &self.model),
+            palette::line(&self.model),
             Stroke { width: 1.2, colour: style::INK, ..style::MEASURED_LINE },
         ];
-        let speeds = walk.t.iter().map(|&t| (t, speed(sailed, t))).collect();
+        let speeds = walk.t.iter().map(|&t| (t, speed(loaded, t))).collect();
         let events = Stroke { colour: style::ALARM, width: 0.8, ..style::MEASURED_LINE };
         let mut figure = Figure::new("Error of the prediction over time", "time [s]")
             .key(Key::Line(strokes[0]), "frozen")
@@ -237,8 +237,8 @@ impl Walk {
 }
 
 /// Where the vessel went, by mode.
-fn track(sailed: &Sailed) -> Figure {
-    let states = sailed.simulated.states();
+fn track(loaded: &LoadedRecord) -> Figure {
+    let states = loaded.simulated.states();
     let part = |flying: bool| {
         let point = |state: &State| {
             let here = (state.u > TRANSITION) == flying;
@@ -261,11 +261,11 @@ fn track(sailed: &Sailed) -> Figure {
 }
 
 /// True speed at a time.
-fn speed(sailed: &Sailed, t: f64) -> f64 {
+fn speed(loaded: &LoadedRecord, t: f64) -> f64 {
     // Casts saturate.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let k = (t / sailed.run.dt).round() as usize;
-    sailed.simulated.states().get(k).map_or(f64::NAN, |state| state.u)
+    let k = (t / loaded.run.dt).round() as usize;
+    loaded.simulated.states().get(k).map_or(f64::NAN, |state| state.u)
 }
 
 /// Logarithms of means over eight origins.

@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::StudyError;
-use super::super::lab::Lab;
-use super::super::look;
 use super::super::outcome::{Outcome, Sheet};
+use super::super::palette;
+use super::super::runner::Runner;
 use super::median;
 use super::table::judged;
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Points, Sign};
@@ -33,7 +33,7 @@ impl Amount {
         (Vec::new(), self.series.iter().flat_map(|series| &series.models).collect())
     }
 
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
         let mut outcome = Outcome::default();
         let mut table = Sheet::new(
             "amount",
@@ -45,12 +45,16 @@ impl Amount {
         for series in &self.series {
             let mut points = Vec::new();
             for name in &series.models {
-                let models = lab.models(name)?;
-                let found =
-                    models.iter().map(|learned| judged(lab, name, learned)).collect::<Result<Vec<_>, _>>()?;
+                let models = runner.models(name)?;
+                let found = models
+                    .iter()
+                    .map(|learned| judged(runner, name, learned))
+                    .collect::<Result<Vec<_>, _>>()?;
                 let middle = |c: usize| median(found.iter().map(|judged| judged.at_20[c]).collect());
-                let plan = lab.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
-                let minutes = lab.plan().records.get(&plan.train).map_or(f64::NAN, |r| r.duration_s / 60.0);
+                let plan =
+                    runner.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
+                let minutes =
+                    runner.plan().records.get(&plan.train).map_or(f64::NAN, |r| r.duration_s / 60.0);
                 points.push((minutes.log10(), middle(0).log10()));
                 table.row(vec![
                     series.name.as_str().into(),
@@ -62,7 +66,7 @@ impl Amount {
                 ]);
                 outcome.measure(&format!("{name}_u_20"), middle(0));
             }
-            let stroke = look::line(&series.models[0]);
+            let stroke = palette::line(&series.models[0]);
             figure = figure.key(Key::Line(stroke), series.name.clone());
             panel = panel.mark(Mark::Line(Line::new(points.clone(), stroke))).mark(Mark::Points(Points {
                 points,

@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::super::StudyError;
 use super::super::error_k::{self, Block, Record};
-use super::super::lab::Lab;
-use super::super::look;
 use super::super::outcome::{Cell, Outcome, Sheet};
+use super::super::palette;
+use super::super::runner::Runner;
 use super::{OUTPUTS, median};
 
 /// Error(k) over a record.
@@ -20,9 +20,9 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
-        let sailed = lab.record(&self.record)?;
-        let record = Record::of(&sailed.simulated)?;
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
+        let loaded = runner.record(&self.record)?;
+        let record = Record::of(&loaded.simulated)?;
         let mut outcome = Outcome::default();
         let mut table =
             Sheet::new("error_k_means", &["model", "where", "blocks", "u [m/s]", "v [m/s]", "r [rad/s]"]);
@@ -32,11 +32,13 @@ impl Blocks {
         );
         let mut plants = None;
         for name in &self.models {
-            let models = lab.models(name)?;
-            let all: Vec<Vec<Block>> = lab.each(&format!("Error(k) of {name}"), &models, |learned| {
-                lab.fits(learned, &sailed)?;
-                let key = lab.store.key("error_k", &(), &[learned.key, sailed.key]);
-                lab.store.get("error_k", key, || error_k::blocks(&record, learned.model.session().as_mut()))
+            let models = runner.models(name)?;
+            let all: Vec<Vec<Block>> = runner.each(&format!("Error(k) of {name}"), &models, |learned| {
+                runner.fits(learned, &loaded)?;
+                let key = runner.store.key("error_k", &(), &[learned.key, loaded.key]);
+                runner
+                    .store
+                    .get("error_k", key, || error_k::blocks(&record, learned.model.session().as_mut()))
             })?;
             for (learned, blocks) in models.iter().zip(&all) {
                 for block in blocks {
@@ -62,7 +64,7 @@ impl Blocks {
                 let of = |c: usize, of: fn(&Block) -> [f64; 3]| {
                     median(chosen.iter().map(|blocks| mean(blocks.iter().map(|b| of(b)[c]))).collect())
                 };
-                let mut row = vec![look::title(name).into(), (*word).into(), count.into()];
+                let mut row = vec![palette::title(name).into(), (*word).into(), count.into()];
                 row.extend((0..3).map(|c| Cell::Number(of(c, |b| b.model))));
                 table.row(row);
                 if place == 2 && name == &self.models[0] {
@@ -77,10 +79,10 @@ impl Blocks {
             }
             if let (None, Some(blocks)) = (&plants, all.first()) {
                 plants = Some(blocks.clone());
-                let title = look::title(name);
+                let title = palette::title(name);
                 outcome.chart(
                     "error_k",
-                    error_k::figure(blocks, &title, look::line(name), record.run.dt),
+                    error_k::figure(blocks, &title, palette::line(name), record.run.dt),
                     format!(
                         "Error(k): the mean absolute error of 10 windows of 20 steps from sample k on, of the {title} and of C0, a perfect model of low speed that starts from the true state, along {}. C0 is better where it is right, and useless beyond the change of mode.",
                         self.record
@@ -95,7 +97,7 @@ impl Blocks {
             row.extend((0..3).map(|c| Cell::Number(mean(chosen.iter().map(|b| b.c0[c])))));
             table.row(row);
         }
-        let floor = lab.store.get("floor", lab.store.key("floor", &(), &[sailed.key]), || {
+        let floor = runner.store.get("floor", runner.store.key("floor", &(), &[loaded.key]), || {
             Ok(error_k::noise_floor(&record)?.to_vec())
         })?;
         let mut row =

@@ -8,9 +8,9 @@ use hydroid_core::control::Status;
 use hydroid_core::vessel::VesselParams;
 
 use super::super::StudyError;
-use super::super::lab::Lab;
-use super::super::look;
 use super::super::outcome::{Cell, Outcome, Sheet};
+use super::super::palette;
+use super::super::runner::Runner;
 use super::median;
 use hydroid::closed_loop::{
     self, ClosedLoopError, Conditions, ControlMethod, ControllerOptions, Metrics, Run, Sample, Scenario,
@@ -22,7 +22,7 @@ use hydroid::simulate;
 use hydroid_report::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke};
 use hydroid_report::style;
 
-/// How long a circle is sailed, and from when on errors count \[s\].
+/// How long a circle is result, and from when on errors count \[s\].
 const DURATION_S: f64 = 120.0;
 const SETTLED_S: f64 = 40.0;
 /// Gain of the integral \[1/s^3\]: a fifth of what makes the loop unstable, chosen on circles that are not shown.
@@ -58,7 +58,7 @@ pub struct Circle {
 
 /// Of a circle: where the vessel and its reference were, and the distance of the point from the reference.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Sailed {
+struct CircleResult {
     /// Root mean square distance, clean \[m\].
     clean: f64,
     /// The same with noise, the median of the seeds \[m\].
@@ -76,7 +76,7 @@ impl Circles {
         (Vec::new(), self.circles.iter().flat_map(|circle| &circle.models).collect())
     }
 
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
         let mut outcome = Outcome::default();
         let mut table = Sheet::new(
             "circles",
@@ -98,25 +98,25 @@ impl Circles {
         for (i, circle) in self.circles.iter().enumerate() {
             let vessel = simulate::built_in(&circle.plant)
                 .ok_or_else(|| StudyError::missing("plant", &circle.plant))?;
-            let truth = Model::of_vessel(&vessel, 0.1).map_err(|error| lab.cannot(error))?;
+            let truth = Model::of_vessel(&vessel, 0.1).map_err(|error| runner.cannot(error))?;
             let mut models = vec![(String::from(TRUTH), None, truth)];
             for name in &circle.models {
-                let learned = lab.models(name)?;
+                let learned = runner.models(name)?;
                 if let Some(first) = learned.first() {
                     models.push((name.clone(), Some(first.key), first.model.clone()));
                 }
             }
             let what = format!("circles of the {} at {} m/s", circle.plant, circle.speed_m_s);
-            let all = lab.each(&what, &models, |(name, key, model)| {
+            let all = runner.each(&what, &models, |(name, key, model)| {
                 let settings = (circle, &self.seeds, name);
                 let on: Vec<_> = key.iter().copied().collect();
-                lab.store.get("circle", lab.store.key("circle", &settings, &on), || {
+                runner.store.get("circle", runner.store.key("circle", &settings, &on), || {
                     Ok(self.simulate_circle(circle, &vessel, model))
                 })
             })?;
             let mut drawn = Vec::new();
             for ((name, ..), result) in models.iter().zip(all) {
-                let word = if name == TRUTH { name.clone() } else { look::title(name) };
+                let word = if name == TRUTH { name.clone() } else { palette::title(name) };
                 let mut row: Vec<Cell> = vec![
                     circle.plant.as_str().into(),
                     circle.radius_m.into(),
@@ -124,16 +124,16 @@ impl Circles {
                     word.clone().into(),
                 ];
                 match result {
-                    Ok(sailed) => {
+                    Ok(result) => {
                         row.extend(
-                            [sailed.clean, sailed.noisy, sailed.integral, 100.0 * sailed.not_tracking]
+                            [result.clean, result.noisy, result.integral, 100.0 * result.not_tracking]
                                 .map(Cell::Number),
                         );
                         let of = format!("{}_{}", if name == TRUTH { "truth" } else { name }, i);
-                        outcome.measure(&format!("{of}_clean"), sailed.clean);
-                        outcome.measure(&format!("{of}_noisy"), sailed.noisy);
-                        outcome.measure(&format!("{of}_integral"), sailed.integral);
-                        drawn.push((word, name.clone(), sailed.points));
+                        outcome.measure(&format!("{of}_clean"), result.clean);
+                        outcome.measure(&format!("{of}_noisy"), result.noisy);
+                        outcome.measure(&format!("{of}_integral"), result.integral);
+                        drawn.push((word, name.clone(), result.points));
                     }
                     Err(why) => {
                         row.extend([const { Cell::Nothing }; 4]);
@@ -171,7 +171,7 @@ impl Circles {
         circle: &Circle,
         vessel: &VesselParams,
         model: &Model,
-    ) -> Result<Sailed, String> {
+    ) -> Result<CircleResult, String> {
         let words = |error: ClosedLoopError| error.to_string();
         let task = Task::Circle { radius: circle.radius_m };
         let course =
@@ -214,7 +214,7 @@ impl Circles {
             run.samples.iter().step_by(5).map(point).collect()
         });
         let middle = |of: &dyn Fn(&Run) -> f64| median(noisy.iter().map(of).collect());
-        Ok(Sailed { clean, noisy: middle(&rms), integral, not_tracking: middle(&not_tracking), points })
+        Ok(CircleResult { clean, noisy: middle(&rms), integral, not_tracking: middle(&not_tracking), points })
     }
 }
 
@@ -222,7 +222,7 @@ impl Circles {
 type Drawn = (String, String, Vec<[f64; 4]>);
 
 fn stroke(name: &str) -> Stroke {
-    if name == TRUTH { Stroke { width: 2.4, ..style::PERSISTENCE_LINE } } else { look::line(name) }
+    if name == TRUTH { Stroke { width: 2.4, ..style::PERSISTENCE_LINE } } else { palette::line(name) }
 }
 
 fn track(circle: &Circle, drawn: &[Drawn]) -> Figure {

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use hydroid_core::adapt::kalman::CovarianceForm;
 
 use super::super::StudyError;
-use super::super::lab::Lab;
-use super::super::look;
 use super::super::outcome::{Outcome, Sheet};
+use super::super::palette;
+use super::super::runner::Runner;
 use super::adaptation;
 use super::median;
 use hydroid::adapt;
@@ -34,33 +34,34 @@ struct Spent {
 }
 
 impl Cost {
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
-        let sailed = lab.record(&self.record)?;
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
+        let loaded = runner.record(&self.record)?;
         let mut outcome = Outcome::default();
         let mut table =
             Sheet::new("cost", &["network", "covariance", "a sample [us]", "kept [kB]", "20 steps: u [m/s]"]);
         let mut panel = Panel::new("adapted error of u after 20 steps [m/s]").height(320.0).decades();
         let mut figure = Figure::new("Accuracy against the cost of a step", "a sample [us]").x_decades();
         for name in &self.models {
-            let models = lab.models(name)?;
+            let models = runner.models(name)?;
             let mut points = Vec::new();
             for words in &self.covariances {
                 let covariance: CovarianceForm = words.parse().map_err(|error| {
-                    lab.cannot(format_args!("'{words}' is no form of the covariance: {error}"))
+                    runner.cannot(format_args!("'{words}' is no form of the covariance: {error}"))
                 })?;
                 // One after the other: what is measured is time.
                 let mut all = Vec::new();
                 for learned in models.iter() {
-                    lab.fits(learned, &sailed)?;
-                    let key = lab.store.key("cost", words, &[learned.key, sailed.key]);
-                    all.push(lab.store.get("cost", key, || {
+                    runner.fits(learned, &loaded)?;
+                    let key = runner.store.key("cost", words, &[learned.key, loaded.key]);
+                    all.push(runner.store.get("cost", key, || {
                         let mut options = adaptation::options(false, learned);
                         options.kalman.covariance = covariance;
-                        let runs = [&sailed.run];
+                        let runs = [&loaded.run];
                         let memory = adapt::adapter(&learned.model, &options, &runs)?.0.memory_len();
                         let what = format!("{name}, {words}");
                         let report =
-                            adapt::adapt(&learned.model, &runs, &options, &mut lab.progress(&what))?.report;
+                            adapt::adapt(&learned.model, &runs, &options, &mut runner.progress(&what))?
+                                .report;
                         Ok(Spent {
                             us: report.us_per_sample.median,
                             memory,
@@ -72,7 +73,7 @@ impl Cost {
                 let (us, error) = (of(&|s| s.us), of(&|s| s.error));
                 points.push(((us.log10(), error.log10()), words.clone()));
                 table.row(vec![
-                    look::title(name).into(),
+                    palette::title(name).into(),
                     words.as_str().into(),
                     us.into(),
                     of(&|s| s.memory as f64 * 8e-3).into(),
@@ -80,7 +81,7 @@ impl Cost {
                 ]);
                 outcome.measure(&format!("{name}_{words}_us"), us);
             }
-            let (colour, sign) = (look::colour(name), Sign::Disc);
+            let (colour, sign) = (palette::colour(name), Sign::Disc);
             for (point, words) in points {
                 let label = Some(words);
                 panel = panel.mark(Mark::Points(Points {
@@ -91,7 +92,7 @@ impl Cost {
                     label,
                 }));
             }
-            figure = figure.key(Key::Sign(sign, colour), look::title(name));
+            figure = figure.key(Key::Sign(sign, colour), palette::title(name));
         }
         outcome.chart(
             "accuracy_cost",

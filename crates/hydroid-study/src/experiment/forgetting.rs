@@ -6,9 +6,9 @@ use hydroid_core::adapt::Adapter;
 use hydroid_core::predict::Workspace;
 
 use super::super::StudyError;
-use super::super::lab::{Lab, Learned, Sailed};
-use super::super::look;
 use super::super::outcome::{Cell, Outcome, Sheet};
+use super::super::palette;
+use super::super::runner::{Learned, LoadedRecord, Runner};
 use super::median;
 use hydroid::adapt::{self, KalmanOptions, Options};
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel};
@@ -49,9 +49,9 @@ impl Forgetting {
         (vec![&self.sea, &self.known, &self.shore], self.models.iter().collect())
     }
 
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
         let [sea, known, shore] =
-            [lab.record(&self.sea)?, lab.record(&self.known)?, lab.record(&self.shore)?];
+            [runner.record(&self.sea)?, runner.record(&self.known)?, runner.record(&self.shore)?];
         let mut outcome = Outcome::default();
         let mut table = Sheet::new(
             "forgetting",
@@ -70,20 +70,24 @@ impl Forgetting {
         let mut figure = Figure::new("Epochs over one record", "epoch").x_range(1.0, self.epochs as f64);
         let (mut worse, mut epochs) = (Vec::new(), Vec::new());
         for name in &self.models {
-            let models = lab.models(name)?;
-            let stories = lab.each(&format!("{name} over {} epochs", self.epochs), &models, |learned| {
-                let settings = (self.shore_s, self.epochs);
-                let key =
-                    lab.store.key("forgetting", &settings, &[learned.key, sea.key, known.key, shore.key]);
-                lab.store.get("forgetting", key, || self.story(lab, learned, &sea, &known, &shore))
-            })?;
+            let models = runner.models(name)?;
+            let stories =
+                runner.each(&format!("{name} over {} epochs", self.epochs), &models, |learned| {
+                    let settings = (self.shore_s, self.epochs);
+                    let key = runner.store.key(
+                        "forgetting",
+                        &settings,
+                        &[learned.key, sea.key, known.key, shore.key],
+                    );
+                    runner.store.get("forgetting", key, || self.story(runner, learned, &sea, &known, &shore))
+                })?;
             let middle = |of: &dyn Fn(&Story) -> f64| median(stories.iter().map(of).collect());
             for (way, word) in ["unprotected", "guarded, after the shore"].into_iter().enumerate() {
                 let curve: Vec<f64> = (0..self.epochs).map(|e| middle(&|s| s.epochs[way][e][0])).collect();
                 let before = middle(&|s| s.before[0]);
                 let (after, on) = (middle(&|s| s.held[way][0]), middle(&|s| s.on[way][0]));
                 table.row(vec![
-                    look::title(name).into(),
+                    palette::title(name).into(),
                     word.into(),
                     curve[0].into(),
                     curve[1.min(self.epochs - 1)].into(),
@@ -98,13 +102,13 @@ impl Forgetting {
                 } else {
                     outcome.measure(&format!("{name}_guarded_on_over_before"), on / before);
                 }
-                let mut stroke = look::line(name);
+                let mut stroke = palette::line(name);
                 if way == 1 {
                     stroke.dash = hydroid_report::figure::Dash::Dashed;
                 }
                 let points = curve.iter().enumerate().map(|(e, x)| (e as f64 + 1.0, x.log10())).collect();
                 panel = panel.mark(Mark::Line(Line::new(points, stroke)));
-                figure = figure.key(Key::Line(stroke), format!("{}, {word}", look::title(name)));
+                figure = figure.key(Key::Line(stroke), format!("{}, {word}", palette::title(name)));
             }
         }
         outcome.measure("epochs_last_over_first", epochs.iter().copied().fold(0.0, f64::max));
@@ -120,7 +124,7 @@ impl Forgetting {
         outcome.table(
             table,
             format!(
-                "At home: along {}, which is sailed at low speed, with the weights that predict at the end of the sea, held, and a filter on the state alone; and sailing on, as the session that goes on learning does. Guarded: {} s of what it was trained on are walked through first, and the guard chooses who predicts.",
+                "At home: along {}, which is loaded at low speed, with the weights that predict at the end of the sea, held, and a filter on the state alone; and sailing on, as the session that goes on learning does. Guarded: {} s of what it was trained on are walked through first, and the guard chooses who predicts.",
                 self.known, self.shore_s
             ),
         );
@@ -129,14 +133,14 @@ impl Forgetting {
 
     fn story(
         &self,
-        lab: &Lab<'_>,
+        runner: &Runner<'_>,
         learned: &Learned,
-        sea: &Sailed,
-        known: &Sailed,
-        shore: &Sailed,
+        sea: &LoadedRecord,
+        known: &LoadedRecord,
+        shore: &LoadedRecord,
     ) -> Result<Story, StudyError> {
         let model = &learned.model;
-        [sea, known, shore].into_iter().try_for_each(|record| lab.fits(learned, record))?;
+        [sea, known, shore].into_iter().try_for_each(|record| runner.fits(learned, record))?;
         let mut story =
             Story { epochs: Default::default(), before: [0.0; 3], held: [[0.0; 3]; 2], on: [[0.0; 3]; 2] };
         for (way, guarded) in [false, true].into_iter().enumerate() {
@@ -152,7 +156,7 @@ impl Forgetting {
                 adapt::replay_training_runs(session.as_mut(), &[&shore.run.slice(0, samples)]);
             }
             for epoch in 0..self.epochs {
-                lab.tell("epochs at sea", epoch as f64 / self.epochs as f64)?;
+                runner.tell("epochs at sea", epoch as f64 / self.epochs as f64)?;
                 story.epochs[way].push(errors(session.as_mut(), sea));
             }
             let weights = session.guard().map_or_else(|| session.weights(), |guard| guard.active_weights());
@@ -164,8 +168,8 @@ impl Forgetting {
 }
 
 /// Errors along a record with these weights, and a filter on the state alone.
-fn held(learned: &Learned, weights: &[f64], sailed: &Sailed) -> Result<[f64; 3], StudyError> {
-    let (_, used) = adapt::adapter(&learned.model, &Options::default(), &[&sailed.run])?;
+fn held(learned: &Learned, weights: &[f64], loaded: &LoadedRecord) -> Result<[f64; 3], StudyError> {
+    let (_, used) = adapt::adapter(&learned.model, &Options::default(), &[&loaded.run])?;
     let model = adapt::learned(&learned.model, weights, &[], &used)?;
     let sure = KalmanOptions {
         weight_variance: 0.0,
@@ -176,14 +180,14 @@ fn held(learned: &Learned, weights: &[f64], sailed: &Sailed) -> Result<[f64; 3],
         ..KalmanOptions::default()
     };
     let mut session =
-        adapt::adapter(&model, &Options { kalman: sure, ..Options::default() }, &[&sailed.run])?.0;
+        adapt::adapter(&model, &Options { kalman: sure, ..Options::default() }, &[&loaded.run])?.0;
     session.freeze(true);
-    Ok(errors(session.as_mut(), sailed))
+    Ok(errors(session.as_mut(), loaded))
 }
 
 /// Mean errors against the truth, 20 steps ahead; what learns learns on the way.
-fn errors(session: &mut dyn Adapter, sailed: &Sailed) -> [f64; 3] {
-    let run = &sailed.run;
+fn errors(session: &mut dyn Adapter, loaded: &LoadedRecord) -> [f64; 3] {
+    let run = &loaded.run;
     let truth = run.truth.as_ref().unwrap_or(&run.outputs);
     let (mut work, mut y) = (Workspace::new(), [0.0; 3 * STEPS]);
     let (mut sums, mut count) = ([0.0; 3], 0.0);

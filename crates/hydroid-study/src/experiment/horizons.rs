@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::StudyError;
-use super::super::lab::{Lab, Learned, Sailed};
-use super::super::look;
 use super::super::outcome::{Cell, Outcome, Sheet};
+use super::super::palette;
+use super::super::runner::{Learned, LoadedRecord, Runner};
 use super::adaptation::{Along, Errors, HORIZON, adaptation};
 use super::{OUTPUTS, median, range};
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel};
@@ -55,25 +55,26 @@ type Way<'a> = &'a dyn Fn(&Along) -> Option<&Errors>;
 type Spread = (f64, f64, f64);
 
 impl Horizons {
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
-        let records = lab.records(&self.records)?;
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
+        let records = runner.records(&self.records)?;
         let mut outcome = Outcome::default();
         let mut table = Sheet::new(
             format!("{}_error", self.error.word()),
             &["network", "output", "", "1 step", "20 steps", "100 steps"],
         );
         for name in &self.models {
-            let models = lab.models(name)?;
-            let pairs: Vec<(&Learned, &Sailed)> = models
+            let models = runner.models(name)?;
+            let pairs: Vec<(&Learned, &LoadedRecord)> = models
                 .iter()
                 .flat_map(|model| records.iter().map(move |record| (model, &**record)))
                 .collect();
-            let all = lab.each(&format!("{name} along the records"), &pairs, |(model, record)| {
-                adaptation(lab, model, record, false)
+            let all = runner.each(&format!("{name} along the records"), &pairs, |(model, record)| {
+                adaptation(runner, model, record, false)
             })?;
             self.one(name, &all, &mut table, &mut outcome);
         }
-        let of = format!("{} of training and {} of noise", lab.models(&self.models[0])?.len(), records.len());
+        let of =
+            format!("{} of training and {} of noise", runner.models(&self.models[0])?.len(), records.len());
         outcome.table(
             table,
             format!("The {} error against the truth, medians over seeds, {of}.", self.error.word()),
@@ -92,7 +93,7 @@ impl Horizons {
             ("state filtered", &|one| one.filtered.as_ref()),
             ("adapted", &|one| Some(&one.adapted)),
         ];
-        let network = look::title(name);
+        let network = palette::title(name);
         let mut figure = Figure::new(
             format!("{network}: {} error over the horizon, frozen and adapted", self.error.word()),
             "steps of 0.1 s ahead",
@@ -127,16 +128,16 @@ impl Horizons {
                     top = curve.iter().map(|(.., high)| *high).fold(top, f64::max);
                     let points =
                         curve.iter().enumerate().map(|(n, (_, low, high))| (step(n), *low, *high)).collect();
-                    panel = panel.mark(Mark::Band { points, colour: look::colour(name), opacity: 0.18 });
+                    panel = panel.mark(Mark::Band { points, colour: palette::colour(name), opacity: 0.18 });
                 }
                 let points = curve.iter().enumerate().map(|(n, (middle, ..))| (step(n), *middle)).collect();
-                panel = panel.mark(Mark::Line(Line::new(points, look::way(way, name))));
+                panel = panel.mark(Mark::Line(Line::new(points, palette::way(way, name))));
             }
             figure = figure.panel(panel.range(0.0, 1.05 * top));
         }
         for (way, _) in ways {
             figure = figure.key(
-                Key::Line(look::way(way, name)),
+                Key::Line(palette::way(way, name)),
                 if way == "frozen" { "frozen, as trained" } else { way },
             );
         }
@@ -190,7 +191,7 @@ impl Horizons {
         if !worse.is_empty() {
             outcome.remarks.push(format!(
                 "{}: the adapted error is not below the frozen one at some horizons of {}.",
-                look::title(name),
+                palette::title(name),
                 worse.join(", ")
             ));
         }
@@ -198,7 +199,7 @@ impl Horizons {
         if diverged > 0 {
             outcome.remarks.push(format!(
                 "{}: {diverged} rollouts diverged and are left out of all values.",
-                look::title(name)
+                palette::title(name)
             ));
         }
     }

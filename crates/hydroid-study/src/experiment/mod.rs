@@ -15,8 +15,8 @@ mod table;
 use serde::{Deserialize, Serialize};
 
 use super::StudyError;
-use super::lab::Lab;
 use super::outcome::Outcome;
+use super::runner::Runner;
 
 /// What is done to answer a question.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -90,18 +90,18 @@ impl Kind {
         }
     }
 
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
         match self {
             Self::Schematic(schematic) => Ok(schematic.run()),
-            Self::Circles(circles) => circles.run(lab),
-            Self::Blocks(blocks) => blocks.run(lab),
-            Self::Horizons(horizons) => horizons.run(lab),
-            Self::Along(along) => along.run(lab),
-            Self::Recipe(recipe) => recipe.run(lab),
-            Self::Forgetting(forgetting) => forgetting.run(lab),
-            Self::Amount(amount) => amount.run(lab),
-            Self::Cost(cost) => cost.run(lab),
-            Self::Table(table) => table.run(lab),
+            Self::Circles(circles) => circles.run(runner),
+            Self::Blocks(blocks) => blocks.run(runner),
+            Self::Horizons(horizons) => horizons.run(runner),
+            Self::Along(along) => along.run(runner),
+            Self::Recipe(recipe) => recipe.run(runner),
+            Self::Forgetting(forgetting) => forgetting.run(runner),
+            Self::Amount(amount) => amount.run(runner),
+            Self::Cost(cost) => cost.run(runner),
+            Self::Table(table) => table.run(runner),
         }
     }
 }

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::StudyError;
-use super::super::lab::Lab;
-use super::super::look;
 use super::super::outcome::{Cell, Outcome, Sheet};
+use super::super::palette;
 use super::super::recipe::{self, DIFFERENCES, HORIZONS, Row, THRESHOLDS, Verdict};
+use super::super::runner::Runner;
 use super::median;
 use hydroid::identify::output_ranges;
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Points, Sign};
@@ -27,26 +27,26 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
-        let [train, test] = [lab.record(&self.train)?, lab.record(&self.test)?];
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
+        let [train, test] = [runner.record(&self.train)?, runner.record(&self.test)?];
         let degrees: Vec<(u8, usize)> = self
             .degrees
             .iter()
             .flat_map(|&degree| (0..DIFFERENCES.len()).map(move |d| (degree, d)))
             .collect();
-        let rows: Vec<Vec<Row>> = lab.each("the recipe of the thesis", &degrees, |&(degree, d)| {
-            let key = lab.store.key("recipe", &(degree, d), &[train.key, test.key]);
-            lab.store.get("recipe", key, || {
+        let rows: Vec<Vec<Row>> = runner.each("the recipe of the thesis", &degrees, |&(degree, d)| {
+            let key = runner.store.key("recipe", &(degree, d), &[train.key, test.key]);
+            runner.store.get("recipe", key, || {
                 recipe::recipe(&train.run, &test.run, &[degree], &DIFFERENCES[d..=d], &THRESHOLDS)
             })
         })?;
         let rows: Vec<Row> = rows.into_iter().flatten().collect();
-        let ours = lab.models(&self.ours)?;
-        let ranges = output_ranges(&[&train.run]);
-        let found: Vec<Option<recipe::Errors>> = lab.each("hydroid's equations", &ours, |learned| {
-            lab.fits(learned, &test)?;
-            let key = lab.store.key("from truth", &(), &[learned.key, train.key, test.key]);
-            lab.store.get("equations", key, || {
+        let ours = runner.models(&self.ours)?;
+        let ranges = ranges(&[&train.run]);
+        let found: Vec<Option<recipe::Errors>> = runner.each("hydroid's equations", &ours, |learned| {
+            runner.fits(learned, &test)?;
+            let key = runner.store.key("from truth", &(), &[learned.key, train.key, test.key]);
+            runner.store.get("equations", key, || {
                 let test = recipe::judged(learned.model.session().as_mut(), &ranges, &test.run)?;
                 Ok((test.diverged == 0).then(|| recipe::errors(&test.mae)))
             })
@@ -160,7 +160,7 @@ fn figure(rows: &[Row], ours: f64) -> Figure {
             }));
         figure = figure.key(Key::Sign(sign, colour), format!("thesis, propeller in {unit}"));
     }
-    let line = look::line("sindy");
+    let line = palette::line("sindy");
     panel = panel.mark(Mark::Line(Line::new(vec![(-2.9, ours.log10()), (-0.15, ours.log10())], line)));
     figure.key(Key::Line(line), "hydroid, defaults").panel(panel)
 }

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use hydroid_core::predict::Workspace;
 
 use super::super::StudyError;
-use super::super::lab::{Lab, Learned, Sailed};
-use super::super::look;
 use super::super::outcome::{Cell, Outcome, Sheet};
+use super::super::palette;
+use super::super::runner::{Learned, LoadedRecord, Runner};
 use super::adaptation::{adaptation, options};
 use super::{OUTPUTS, median};
 use hydroid::adapt;
@@ -71,18 +71,18 @@ impl Comparison {
         (records, models.flatten().collect())
     }
 
-    pub(super) fn run(&self, lab: &Lab<'_>) -> Result<Outcome, StudyError> {
+    pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
         let mut outcome = Outcome::default();
         let mut panel = Panel::new("error of u after 20 steps, hydrofoil [m/s]").height(340.0).decades();
         let mut rows = Vec::new();
         for method in &self.methods {
-            let row = Row::new(method, lab)?;
+            let row = Row::new(method, runner)?;
             row.tell(&mut outcome);
             if let (Some(found), Some(name)) = (&row.hydrofoil, &method.hydrofoil) {
                 panel = panel.mark(Mark::Points(Points {
                     points: vec![(found.seconds.max(1e-3).log10(), found.judged.at_20[0].log10())],
                     sign: Sign::Disc,
-                    colour: look::colour(name),
+                    colour: palette::colour(name),
                     radius: 5.0,
                     label: Some(method.name.clone()),
                 }));
@@ -116,16 +116,16 @@ struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    fn new(method: &'a MethodRow, lab: &Lab<'_>) -> Result<Self, StudyError> {
+    fn new(method: &'a MethodRow, runner: &Runner<'_>) -> Result<Self, StudyError> {
         let of = |name: &Option<String>| -> Result<Option<Found>, StudyError> {
             let Some(name) = name else { return Ok(None) };
-            let models = lab.models(name)?;
+            let models = runner.models(name)?;
             let judged: Vec<Judged> =
-                models.iter().map(|learned| judged(lab, name, learned)).collect::<Result<_, _>>()?;
+                models.iter().map(|learned| judged(runner, name, learned)).collect::<Result<_, _>>()?;
             Ok(Some(middle(&models, &judged)))
         };
         let learning = match (&method.learns, &method.sea) {
-            (Some(name), Some(sea)) => Some(learning(lab, name, &*lab.record(sea)?)?),
+            (Some(name), Some(sea)) => Some(learning(runner, name, &*runner.record(sea)?)?),
             _ => None,
         };
         let (simple, hydrofoil, fast) = (of(&method.simple)?, of(&method.hydrofoil)?, of(&method.fast)?);
@@ -252,14 +252,14 @@ fn middle(models: &[Learned], judged: &[Judged]) -> Found {
 }
 
 /// A model on its own test record.
-pub(super) fn judged(lab: &Lab<'_>, name: &str, learned: &Learned) -> Result<Judged, StudyError> {
-    let plan = lab.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
-    let test = lab.record(&plan.test)?;
-    let key = lab.store.key("judged", &(), &[learned.key, test.key]);
-    lab.store.get("judged", key, || {
+pub(super) fn judged(runner: &Runner<'_>, name: &str, learned: &Learned) -> Result<Judged, StudyError> {
+    let plan = runner.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
+    let test = runner.record(&plan.test)?;
+    let key = runner.store.key("judged", &(), &[learned.key, test.key]);
+    runner.store.get("judged", key, || {
         let names: Vec<&str> = plan.outputs.iter().map(String::as_str).collect();
         if names != ["u", "v", "r"] {
-            return Err(lab.cannot(format_args!("'{name}' has other outputs than u, v, r")));
+            return Err(runner.cannot(format_args!("'{name}' has other outputs than u, v, r")));
         }
         let run = test.simulated.to_trajectory(&names)?;
         let options = evaluate::Options {
@@ -272,7 +272,8 @@ pub(super) fn judged(lab: &Lab<'_>, name: &str, learned: &Learned) -> Result<Jud
         let mut session = learned.model.session();
         let ranges = learned.model.output_ranges();
         let what = format!("judging {name}");
-        let found = evaluate(name, session.as_mut(), &ranges, &[&run], &options, &mut lab.progress(&what))?;
+        let found =
+            evaluate(name, session.as_mut(), &ranges, &[&run], &options, &mut runner.progress(&what))?;
         let (mut work, mut y) = (Workspace::new(), vec![0.0; 20 * names.len()]);
         session.reset();
         let mut times = Vec::new();
@@ -291,17 +292,17 @@ pub(super) fn judged(lab: &Lab<'_>, name: &str, learned: &Learned) -> Result<Jud
 }
 
 /// A model that learns along a record: medians over seeds.
-fn learning(lab: &Lab<'_>, name: &str, sea: &Sailed) -> Result<Learning, StudyError> {
+fn learning(runner: &Runner<'_>, name: &str, sea: &LoadedRecord) -> Result<Learning, StudyError> {
     let mut all = Vec::new();
-    for learned in lab.models(name)?.iter() {
-        let along = adaptation(lab, learned, sea, false)?;
-        let key = lab.store.key("learning", &(), &[learned.key, sea.key]);
-        all.push(lab.store.get("learning", key, || {
+    for learned in runner.models(name)?.iter() {
+        let along = adaptation(runner, learned, sea, false)?;
+        let key = runner.store.key("learning", &(), &[learned.key, sea.key]);
+        all.push(runner.store.get("learning", key, || {
             // By itself: what is measured is time, which those that went side by side have taken from each other.
             let mut options = options(false, learned);
             options.evaluate.origin_stride = 500;
             let memory = adapt::adapter(&learned.model, &options, &[&sea.run])?.0.memory_len();
-            let timed = adapt::adapt(&learned.model, &[&sea.run], &options, &mut lab.progress("timing"))?;
+            let timed = adapt::adapt(&learned.model, &[&sea.run], &options, &mut runner.progress("timing"))?;
             let left = along.adapted.mean[19][0] / along.frozen.mean[19][0];
             Ok(Learning { memory, us: timed.report.us_per_sample.median, left })
         })?);

@@ -4,18 +4,18 @@ use std::path::Path;
 
 use anyhow::Context;
 use hydroid::model::Model;
-use hydroid_live::black_box::{BlackBox, MINUTES, ModelFile, Settings};
+use hydroid_live::black_box::{BlackBox, DEFAULT_MINUTES, ModelFile, RecordingOptions};
 use hydroid_live::stream::fingerprint;
 
 use super::super::Outcome;
 use crate::args::{Adapt, Global};
 
-/// Settings of the black box, if one is requested.
-pub fn settings(args: &Adapt) -> anyhow::Result<Option<Settings>> {
+/// RecordingOptions of the black box, if one is requested.
+pub fn settings(args: &Adapt) -> anyhow::Result<Option<RecordingOptions>> {
     let Some(path) = &args.black_box.black_box else { return Ok(None) };
-    Ok(Some(Settings {
+    Ok(Some(RecordingOptions {
         path: path.clone(),
-        minutes: args.black_box.black_box_minutes.unwrap_or(MINUTES),
+        minutes: args.black_box.black_box_minutes.unwrap_or(DEFAULT_MINUTES),
         model: ModelFile {
             file: args.model.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             fingerprint: of_file(&args.model)?,

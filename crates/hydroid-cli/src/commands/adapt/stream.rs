@@ -90,7 +90,7 @@ pub fn run(
                 std::fs::read(&args.model)
                     .with_context(|| format!("{} cannot be read", args.model.display()))?
             };
-        if let Some(t) = stream.keep_in(path, fingerprint(&file), &settings)? {
+        if let Some(t) = stream.persist_in(path, fingerprint(&file), &settings)? {
             let note =
                 format!("resuming from {} at {t} s: lines up to this time are skipped", path.display());
             ui::print_notes(&[Note::info(note)], global);

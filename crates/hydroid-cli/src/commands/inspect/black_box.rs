@@ -27,10 +27,10 @@ pub fn show(file: &Path, summary: &Summary, global: Global) {
         format!("{} samples from {first:.2} to {last:.2} s", summary.samples)
     };
     outln!("{}: black box of hydroid {}, {span}", file.display(), head.hydroid);
-    if summary.stretches > 1 {
+    if summary.sessions > 1 {
         outln!(
             "{} segments in time: between them the service was restarted or could not write",
-            summary.stretches
+            summary.sessions
         );
     }
     let [name, kind] = &head.named;

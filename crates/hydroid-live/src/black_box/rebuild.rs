@@ -1,4 +1,4 @@
-//! How an adapter is made, so that it can be made again without the log that it was made on.
+//! Rebuilding an adapter without the log with which it was created.
 
 use serde::Serialize;
 
@@ -9,11 +9,11 @@ use hydroid::log::Trajectory;
 use hydroid::model::Model;
 use hydroid_core::adapt::Adapter;
 
-/// How far ahead the farther prediction of a step is \[s\].
-const AHEAD_S: f64 = 2.0;
+/// Second horizon of the recorded predictions \[s\].
+const SECOND_HORIZON_S: f64 = 2.0;
 
-/// Segments of the ring, and the share of the minutes asked for that each of them holds. One is being overwritten at the worst,
-/// and a service that is started again begins another: two hold what was asked for.
+/// Segments of the ring, and share of the requested minutes in each. In the worst case one segment is being overwritten and a
+/// restarted service has begun another; the other two hold the requested minutes.
 const SEGMENTS: usize = 4;
 const SHARE: f64 = 0.5;
 
@@ -25,7 +25,7 @@ fn resolved(options: &Options, model: &Model, runs: &[&Trajectory]) -> Options {
 }
 
 impl Head {
-    /// Of an adapter that [`adapter`] made of these.
+    /// Header for an adapter that [`adapter`] created from these.
     pub(super) fn of(
         model: &Model,
         file: ModelFile,
@@ -39,7 +39,7 @@ impl Head {
         // Casts saturate, and NaN is 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let samples = |time_s: f64| (time_s / dt).ceil().max(1.0) as usize;
-        let mut horizons = vec![1, samples(AHEAD_S - 0.5 * dt).min(1000)];
+        let mut horizons = vec![1, samples(SECOND_HORIZON_S - 0.5 * dt).min(1000)];
         horizons.dedup();
         let channels = |ports: &[hydroid::model::Port]| {
             ports.iter().map(|port| port.channel.clone()).collect::<Vec<_>>()
@@ -59,14 +59,14 @@ impl Head {
             segments: SEGMENTS,
             steps: samples(60.0 * SHARE * minutes),
         };
-        head.check().map_err(|e| format!("it would have {e}; give fewer minutes"))?;
+        head.check().map_err(|e| format!("the file would have {e}; give fewer minutes"))?;
         Ok(head)
     }
 
-    /// Whether what another head says goes on where this one stopped.
+    /// Whether a recording with another header continues this one.
     pub(super) fn fits(&self, other: &Self) -> Result<(), String> {
         let value = |head: &Self| {
-            // The source may be another file of the same stream.
+            // The stream may have another name.
             let head = Self { runs: Vec::new(), ..head.clone() };
             serde_json::to_value(head).unwrap_or_default()
         };
@@ -76,12 +76,12 @@ impl Head {
             return Ok(());
         }
         Err(format!(
-            "it is there, of another model or other settings ({}), and is not overwritten: put it aside, or name another file",
+            "the file exists with another model or other settings ({}) and is not overwritten: move it, or name another file",
             others.join("; ")
         ))
     }
 
-    /// The adapter again.
+    /// Rebuilds the adapter.
     pub(super) fn adapter(&self, model: &Model) -> Result<Box<dyn Adapter>, String> {
         let (adapter, _) = adapter(model, &self.options()?, &[]).map_err(|e: AdaptError| e.to_string())?;
         let sizes = (adapter.outputs(), adapter.inputs(), adapter.memory_len());

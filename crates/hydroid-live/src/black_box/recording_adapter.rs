@@ -1,4 +1,4 @@
-//! An adapter whose walk is noted.
+//! Wrapper that records the calls of an adapter.
 
 use hydroid_core::adapt::guard::Guard;
 use hydroid_core::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
@@ -7,42 +7,42 @@ use hydroid_core::predict::{Predictor, Workspace};
 use super::{BlackBoxError, Recorder};
 use hydroid::log::Note;
 
-/// Passes everything on to the adapter, and tells a recorder of it if there is one.
-pub struct Recorded<'a> {
+/// An adapter with an optional recorder of its calls.
+pub struct RecordingAdapter<'a> {
     adapter: Box<dyn Adapter + 'a>,
     recorder: Option<Recorder>,
 }
 
-impl<'a> Recorded<'a> {
-    /// An adapter, and what notes its walk.
+impl<'a> RecordingAdapter<'a> {
+    /// Wraps an adapter.
     pub fn new(adapter: Box<dyn Adapter + 'a>, recorder: Option<Recorder>) -> Self {
         Self { adapter, recorder }
     }
 
-    /// Notes its walk from here on.
+    /// Records the calls from now on.
     pub(crate) fn record(&mut self, recorder: Recorder) {
         self.recorder = Some(recorder);
     }
 
-    /// So many steps on from here a sample is observed at this time.
+    /// States the time of the sample that is observed `steps` steps later.
     pub(crate) fn to(&mut self, t: f64, steps: usize, dt: f64) {
         if let Some(recorder) = &mut self.recorder {
             recorder.at(t - steps as f64 * dt);
         }
     }
 
-    /// There is time to write: the command that acts from here on is known, and nobody waits.
+    /// Completes the step with the command of the next interval, and writes if due. Called when no answer is pending.
     pub(crate) fn settle(&mut self, held: &[f64]) -> Option<Note> {
         let recorder = self.recorder.as_mut()?;
         recorder.settle(self.adapter.as_ref(), held);
         recorder.write_if_due(self.adapter.as_ref());
-        recorder.take_trouble()
+        recorder.take_write_error()
     }
 
-    /// Writes all that is left.
+    /// Writes the rest of the recording.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the file cannot be written.
     pub fn finish(&mut self) -> Result<(), BlackBoxError> {
         match &mut self.recorder {
             Some(recorder) => recorder.finish(self.adapter.as_ref()),
@@ -57,7 +57,7 @@ impl<'a> Recorded<'a> {
     }
 }
 
-impl Predictor for Recorded<'_> {
+impl Predictor for RecordingAdapter<'_> {
     fn outputs(&self) -> usize {
         self.adapter.outputs()
     }
@@ -120,7 +120,7 @@ impl Predictor for Recorded<'_> {
     }
 }
 
-impl Learning for Recorded<'_> {
+impl Learning for RecordingAdapter<'_> {
     fn outcome(&self) -> Outcome {
         self.adapter.outcome()
     }
@@ -167,7 +167,7 @@ impl Learning for Recorded<'_> {
     }
 }
 
-impl SaveState for Recorded<'_> {
+impl SaveState for RecordingAdapter<'_> {
     fn memory_len(&self) -> usize {
         self.adapter.memory_len()
     }
@@ -182,4 +182,4 @@ impl SaveState for Recorded<'_> {
     }
 }
 
-impl Rehearsing for Recorded<'_> {}
+impl Rehearsing for RecordingAdapter<'_> {}

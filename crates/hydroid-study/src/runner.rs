@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::peak;
+use super::peak_memory;
 use super::plan::{Drive, ModelPlan, Plan, Record};
 use super::store::{Key, Store};
 use super::{StudyError, Told, Watch};
@@ -20,7 +20,7 @@ use hydroid::simulate::{self, Simulated, simulate};
 
 /// A simulated log, under its key.
 #[derive(Debug)]
-pub(super) struct Sailed {
+pub(super) struct LoadedRecord {
     pub(super) name: String,
     pub(super) key: Key,
     pub(super) simulated: Simulated,
@@ -47,7 +47,7 @@ pub(super) struct About {
 }
 
 /// Where experiments are made.
-pub(super) struct Lab<'a> {
+pub(super) struct Runner<'a> {
     plan: &'a Plan,
     pub(super) store: &'a Store,
     watch: Watch<'a>,
@@ -55,11 +55,11 @@ pub(super) struct Lab<'a> {
     pub(super) place: (usize, usize),
     /// The name of the one at work.
     pub(super) at: String,
-    records: Mutex<BTreeMap<String, Arc<Sailed>>>,
+    records: Mutex<BTreeMap<String, Arc<LoadedRecord>>>,
     models: Mutex<BTreeMap<String, Arc<Vec<Learned>>>>,
 }
 
-impl<'a> Lab<'a> {
+impl<'a> Runner<'a> {
     pub(super) fn new(plan: &'a Plan, store: &'a Store, watch: Watch<'a>) -> Self {
         let (records, models) = (Mutex::default(), Mutex::default());
         Self { plan, store, watch, place: (0, 1), at: String::new(), records, models }
@@ -92,34 +92,34 @@ impl<'a> Lab<'a> {
     }
 
     /// A record by its name.
-    pub(super) fn record(&self, name: &str) -> Result<Arc<Sailed>, StudyError> {
-        let there = |records: &Mutex<BTreeMap<String, Arc<Sailed>>>| {
+    pub(super) fn record(&self, name: &str) -> Result<Arc<LoadedRecord>, StudyError> {
+        let there = |records: &Mutex<BTreeMap<String, Arc<LoadedRecord>>>| {
             records.lock().unwrap_or_else(PoisonError::into_inner).get(name).map(Arc::clone)
         };
-        if let Some(sailed) = there(&self.records) {
-            return Ok(sailed);
+        if let Some(loaded) = there(&self.records) {
+            return Ok(loaded);
         }
         let record = self.plan.records.get(name).ok_or_else(|| StudyError::missing("record", name))?;
         self.tell(&format!("simulating {name}"), 0.0)?;
         let simulated = simulate(&options(record)?, &mut self.progress(name))?;
         let run = Trajectory { name: name.to_owned(), ..simulated.to_trajectory(&["u", "v", "r"])? };
         let key = self.store.key("record", record, &[]);
-        let sailed = Arc::new(Sailed { name: name.to_owned(), key, simulated, run });
+        let loaded = Arc::new(LoadedRecord { name: name.to_owned(), key, simulated, run });
         self.records
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
-            .insert(name.to_owned(), Arc::clone(&sailed));
-        Ok(sailed)
+            .insert(name.to_owned(), Arc::clone(&loaded));
+        Ok(loaded)
     }
 
     /// Whether a model can walk along a record: the same outputs and inputs, and the same sample time.
-    pub(super) fn fits(&self, learned: &Learned, sailed: &Sailed) -> Result<(), StudyError> {
-        let fits = learned.model.check(std::slice::from_ref(&sailed.run));
-        fits.map_err(|error| self.cannot(format_args!("a model on the record '{}': {error}", sailed.name)))
+    pub(super) fn fits(&self, learned: &Learned, loaded: &LoadedRecord) -> Result<(), StudyError> {
+        let fits = learned.model.check(std::slice::from_ref(&loaded.run));
+        fits.map_err(|error| self.cannot(format_args!("a model on the record '{}': {error}", loaded.name)))
     }
 
     /// Several records by their names.
-    pub(super) fn records(&self, names: &[String]) -> Result<Vec<Arc<Sailed>>, StudyError> {
+    pub(super) fn records(&self, names: &[String]) -> Result<Vec<Arc<LoadedRecord>>, StudyError> {
         names.iter().map(|name| self.record(name)).collect()
     }
 
@@ -148,9 +148,9 @@ impl<'a> Lab<'a> {
         let key = self.store.key("model", &alone, &[train.key, validate.key, test.key]);
         let (model, about) = self.store.model(&format!("{name}-seed{seed}"), key, || {
             let names: Vec<&str> = plan.outputs.iter().map(String::as_str).collect();
-            let part = |sailed: &Sailed| -> Result<Vec<Trajectory>, StudyError> {
-                let run = sailed.simulated.to_trajectory(&names)?;
-                Ok(vec![Trajectory { name: sailed.name.clone(), ..run }])
+            let part = |loaded: &LoadedRecord| -> Result<Vec<Trajectory>, StudyError> {
+                let run = loaded.simulated.to_trajectory(&names)?;
+                Ok(vec![Trajectory { name: loaded.name.clone(), ..run }])
             };
             let of = &plan.network;
             let networks = NetworkTrainingOptions {
@@ -179,11 +179,11 @@ impl<'a> Lab<'a> {
             };
             let what = format!("training {name}, seed {seed}");
             let mut progress = self.progress(&what);
-            peak::reset();
+            peak_memory::reset();
             let mut found =
                 identify_with_stages(&job, &mut |stage: &identify::Stage<'_>| progress(stage.fraction))?;
             let candidate = found.candidates.swap_remove(0);
-            Ok((candidate.model, About { seconds: candidate.train_seconds, peak_mb: peak::mb() }))
+            Ok((candidate.model, About { seconds: candidate.train_seconds, peak_mb: peak_memory::mb() }))
         })?;
         Ok(Learned { key, seed, model, about })
     }

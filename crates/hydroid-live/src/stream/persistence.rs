@@ -1,0 +1,112 @@
+//! Saving and resuming the state of a stream.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::{State, Stream, StreamError};
+use hydroid::log::Note;
+
+/// Longest time of the stream that is lost if the process is killed \[s\].
+const SAVE_INTERVAL_S: f64 = 1.0;
+
+/// The state file and its identification.
+pub(super) struct StateFile {
+    path: PathBuf,
+    model: String,
+    settings: Value,
+    /// Time of the last sample in the file; NaN before the first.
+    saved: f64,
+    failed: bool,
+}
+
+impl Stream {
+    /// Saves the state in a file at least once in a second of the stream, and resumes from the file if it exists: lines up to
+    /// its time are then skipped. `model` is the [`fingerprint`](super::fingerprint) of the model's file,
+    /// `settings` are those of the adapter. Returns the time of the resumed state.
+    ///
+    /// # Errors
+    /// If the file exists and is not a state of this model with these settings.
+    pub fn persist_in(
+        &mut self,
+        path: &Path,
+        model: String,
+        settings: &impl Serialize,
+    ) -> Result<Option<f64>, StreamError> {
+        let wrong = |reason: String| StreamError::State { path: path.to_owned(), reason };
+        let settings = serde_json::json!({ "learning": settings, "reading": self.options.reading });
+        let state = State::read(path)?;
+        if let Some(state) = &state {
+            state.fits(&model, &settings).map_err(wrong)?;
+            let lens = (state.commands.len(), state.memory.len());
+            if lens != (self.commands.memory_len(), self.session.adapter().memory_len()) {
+                return Err(wrong("it has another size; remove it to start anew".to_owned()));
+            }
+            self.clock.restore(state.clock);
+            self.commands.restore(&state.commands);
+            self.session.adapter_mut().load(&state.memory);
+            self.answered = Some(self.clock.taken());
+        }
+        let (path, saved) = (path.to_owned(), self.clock.taken());
+        self.state_file = Some(StateFile { path, model, settings, saved, failed: false });
+        Ok(self.answered)
+    }
+
+    /// Saves the state if the next sample might come after the end of the interval.
+    pub(super) fn save_if_due(&mut self) -> Result<(), StreamError> {
+        let (t, dt) = (self.clock.taken(), self.model.description.dt);
+        match &mut self.state_file {
+            // A sample may be half a step away from its grid point.
+            Some(state_file) if state_file.saved.is_nan() && !t.is_nan() => self.save_state(),
+            Some(state_file) if t - state_file.saved + 1.5 * dt > SAVE_INTERVAL_S && t > state_file.saved => {
+                let failed = state_file.failed;
+                // A full disk must not stop the predictions. A file that can never be written is reported at the first sample.
+                let result = self.save_state();
+                if let (Err(error), Some(state_file)) = (&result, &mut self.state_file) {
+                    state_file.failed = true;
+                    if !failed {
+                        self.notes.push(Note::warning(error.to_string()));
+                    }
+                }
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn save_state(&mut self) -> Result<(), StreamError> {
+        let Some(state_file) = &mut self.state_file else { return Ok(()) };
+        let adapter = self.session.adapter();
+        let mut memory = vec![0.0; adapter.memory_len()];
+        adapter.save(&mut memory);
+        let state = State {
+            model: state_file.model.clone(),
+            settings: state_file.settings.clone(),
+            clock: self.clock.memory(),
+            commands: self.commands.memory(),
+            memory,
+        };
+        state.write(&state_file.path)?;
+        (state_file.saved, state_file.failed) = (self.clock.taken(), false);
+        Ok(())
+    }
+
+    /// Saves the state and the rest of the recording, at the end or after an interruption.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn finish(&mut self) -> Result<(), StreamError> {
+        // The state is saved even if the recording fails.
+        if let Err(error) = self.session.finish() {
+            self.notes.push(Note::warning(error.to_string()));
+        }
+        let behind =
+            |state_file: &StateFile| self.clock.taken() > state_file.saved || state_file.saved.is_nan();
+        if !self.clock.is_new() && self.state_file.as_ref().is_some_and(behind) {
+            self.save_state()
+        } else {
+            Ok(())
+        }
+    }
+}
