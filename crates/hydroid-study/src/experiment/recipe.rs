@@ -42,7 +42,7 @@ impl Recipe {
         })?;
         let rows: Vec<Row> = rows.into_iter().flatten().collect();
         let ours = runner.models(&self.ours)?;
-        let ranges = ranges(&[&train.run]);
+        let ranges = output_ranges(&[&train.run]);
         let found: Vec<Option<recipe::Errors>> = runner.each("hydroid's equations", &ours, |learned| {
             runner.fits(learned, &test)?;
             let key = runner.store.key("from truth", &(), &[learned.key, train.key, test.key]);
