@@ -8,55 +8,53 @@ use super::regression_form::{Nodes, RegressionForm, Rows};
 use super::robust::{HuberWeights, ResidualHistogram};
 use crate::log::Trajectory;
 
-/// Rows that one task handles: the split depends on the data alone, so that the result does not depend on
-/// the number of threads.
+/// Rows per task. The split depends only on the data, so the result does not depend on the number of threads.
 const TASK_ROWS: usize = 4096;
 
-/// Pieces in flight at once; bounds the memory whatever the length of the log.
+/// Largest number of concurrent pieces; it bounds the memory for logs of any length.
 const BATCH: usize = 32;
 
-/// Library points evaluated at a time.
+/// Library points per evaluation.
 const POINTS: usize = 256;
 
-/// The regression of all runs: columns are the terms, then the outputs' derivatives.
+/// Regression of all runs. Columns: terms, then derivatives of the outputs.
 #[derive(Clone, Debug)]
 pub struct Assembled {
     /// Factor of `[theta | dy/dt]`.
     pub qr: QrFactor,
-    /// The same of as many contiguous groups of rows as were asked for; empty where fewer than two were.
-    /// Rows of the same group are neighbours in time, so that groups drawn with replacement keep what
-    /// neighbours share.
+    /// Factors of contiguous groups of rows, for a block bootstrap that preserves the correlation of neighbouring
+    /// rows; empty for fewer than two groups.
     pub groups: Vec<QrFactor>,
-    /// Rows left out because a sample in them was missing.
+    /// Number of rows omitted because of a missing sample.
     pub skipped: u64,
-    /// ResidualHistogram of the residuals of each output, where [`AssemblyOptions::robust`] asks for them.
+    /// Histogram of the residuals of each output, if [`AssemblyOptions::robust`] is set.
     pub residuals: Vec<ResidualHistogram>,
 }
 
-/// How rows are streamed.
+/// Options of the assembly of rows.
 #[derive(Clone, Debug, Default)]
 pub struct AssemblyOptions<'a> {
-    /// Variables of the program beyond outputs and inputs.
+    /// Additional variables of the program after outputs and inputs.
     pub signals: &'a [Signal],
-    /// Number of groups whose factors are kept beside the total.
+    /// Number of groups of rows with a factor of their own.
     pub groups: usize,
-    /// Weight of each sample of each run; empty for 1 throughout. A row has the smallest weight of its
-    /// samples, and is left out where that is zero.
+    /// Weight of each sample of each run; empty for unit weights. The weight of a row is the smallest weight of
+    /// its samples; a row with weight zero is omitted.
     pub weights: &'a [Vec<f64>],
-    /// Rows that depart from these equations lose weight.
+    /// Equations for a robust loss: rows with large residuals get smaller weights.
     pub robust: Option<HuberWeights>,
 }
 
-/// Folds all runs into one qr. Rows that touch a missing sample are left out.
+/// QR factor of all runs. Rows with a missing sample are omitted.
 pub fn assemble(program: &Program, runs: &[&Trajectory], regression: RegressionForm) -> Assembled {
     assemble_with(program, runs, regression, &AssemblyOptions::default())
 }
 
-/// Folds all runs into one qr, with signals, weights and groups. Rows that touch a sample at which a
-/// signal is not warmed up yet are left out like those that touch a missing one.
+/// QR factor of all runs, with signals, weights and groups. Rows with a missing sample, or with a sample in
+/// the warm-up of a signal, are omitted.
 ///
 /// # Panics
-/// If sample weights are given and are not those of these runs.
+/// If the shape of the sample weights does not match the runs.
 pub fn assemble_with(
     program: &Program,
     runs: &[&Trajectory],
@@ -98,7 +96,7 @@ pub fn assemble_with(
     Assembled { qr, groups, skipped, residuals }
 }
 
-/// Index of the run, rows and group of every piece, in order. A piece is in one group.
+/// Index of the run, rows and group of each piece, in order. A piece belongs to one group.
 fn tasks(runs: &[&Trajectory], regression: RegressionForm, groups: usize) -> Vec<(usize, Rows, usize)> {
     let all: Vec<(usize, Rows)> = runs
         .iter()
@@ -127,10 +125,10 @@ fn tasks(runs: &[&Trajectory], regression: RegressionForm, groups: usize) -> Vec
     tasks
 }
 
-/// A run and the signals made from it.
+/// A run and its signals.
 struct RunData<'a> {
     run: &'a Trajectory,
-    /// Values at the samples, and whether they are held over an interval.
+    /// Values at the samples, and whether they are constant over an interval.
     signals: Vec<(Vec<f64>, bool)>,
 }
 
@@ -150,23 +148,23 @@ impl<'a> RunData<'a> {
     }
 }
 
-/// What one task gives.
+/// Result of one task.
 struct TaskResult {
     qr: QrFactor,
     skipped: u64,
     residuals: Vec<ResidualHistogram>,
 }
 
-/// Scratch of one task.
+/// Workspace of one task.
 struct TaskScratch<'a> {
     program: &'a Program,
     nodes: Nodes,
     outputs: usize,
     /// Library slots of `POINTS` points.
     slots: Vec<f64>,
-    /// Library terms of all points that a group of rows needs, term by term.
+    /// Library terms of all points of a group of rows, one term after another.
     library: Vec<f64>,
-    /// Rows waiting to be folded in, column by column.
+    /// Buffered rows, column-major.
     block: Vec<f64>,
     options: &'a AssemblyOptions<'a>,
 }
@@ -207,8 +205,8 @@ impl<'a> TaskScratch<'a> {
         part
     }
 
-    /// Multiplies the rows of the block by the square roots of their weights and gives the number of those
-    /// that had a say and lose it.
+    /// Multiplies the rows of the block by the square roots of their weights. Returns the number of rows whose
+    /// weight becomes zero.
     fn weigh(&mut self, weights: &[f64], rows: &Rows, first: usize, count: usize) -> usize {
         let mut lost = 0;
         for i in 0..count {
@@ -225,7 +223,7 @@ impl<'a> TaskScratch<'a> {
         lost
     }
 
-    /// The library at `points` points from `first` on, term by term, into `self.library`.
+    /// Evaluates the library at `points` points from `first` on into `self.library`, one term after another.
     fn evaluate(&mut self, source: &RunData<'_>, first: usize, points: usize) {
         let run = source.run;
         let terms = self.program.len();
@@ -285,8 +283,8 @@ impl<'a> TaskScratch<'a> {
         }
     }
 
-    /// Writes `count` rows into the block and gives the number of those that touch no missing sample; the
-    /// others become zero, which is to say nothing.
+    /// Writes `count` rows into the block; rows with a missing sample become zero. Returns the number of the other
+    /// rows.
     fn fill_block(&mut self, run: &Trajectory, rows: &Rows, first: usize, count: usize) -> usize {
         let terms = self.program.len();
         let (library, outputs) = self.block.split_at_mut(terms * BLOCK_ROWS);
@@ -315,7 +313,7 @@ impl<'a> TaskScratch<'a> {
                 *value = weighted(&rows.kernel.outputs, window);
             }
         }
-        // NaN and infinity leave a NaN here.
+        // NaN and infinity give NaN here.
         let mut trace = [0.0; BLOCK_ROWS];
         for column in self.block.chunks_exact_mut(BLOCK_ROWS) {
             column[count..].fill(0.0);
@@ -334,8 +332,7 @@ impl<'a> TaskScratch<'a> {
     }
 }
 
-/// Sum of products in eight lanes, which the compiler turns into vector instructions: the weak form of a million
-/// samples takes a third to a sixth of the time (`cargo bench -p hydroid --bench sindy -- weak`).
+/// Sum of products in eight lanes, which the compiler vectorizes (`cargo bench -p hydroid --bench sindy -- weak`).
 fn dot(weights: &[f64], values: &[f64]) -> f64 {
     let (weights, values) = (weights.chunks_exact(8), values.chunks_exact(8));
     let rest = weights.remainder().iter().zip(values.remainder()).map(|(w, v)| w * v).sum::<f64>();
@@ -348,7 +345,7 @@ fn dot(weights: &[f64], values: &[f64]) -> f64 {
     lanes.iter().sum::<f64>() + rest
 }
 
-/// Sum of the values under the non-zero weights: a missing value that has no weight does not matter.
+/// Weighted sum over the non-zero weights; values with weight zero may be missing.
 fn weighted(weights: &[f64], values: impl Iterator<Item = f64>) -> f64 {
     weights.iter().zip(values).filter(|(w, _)| **w != 0.0).map(|(w, value)| w * value).sum()
 }

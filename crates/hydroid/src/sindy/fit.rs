@@ -1,4 +1,4 @@
-//! From runs to equations: scaling, thresholded regression, and back to physical units.
+//! Sparse regression: scaling, thresholded least squares, and conversion to physical units.
 
 use hydroid_core::model::sparse::{Equations, Program, Shape, Signal, Term};
 
@@ -14,7 +14,7 @@ use super::stepwise::stepwise;
 use super::stlsq::{SparseSolution, stlsq};
 use crate::log::Trajectory;
 
-/// A regression that has been streamed once and can be solved for many thresholds.
+/// An assembled regression, which can be solved for many thresholds.
 #[derive(Clone, Debug)]
 pub struct LinearRegression {
     terms: Vec<Term>,
@@ -22,35 +22,35 @@ pub struct LinearRegression {
     inputs: usize,
     signals: Vec<Signal>,
     dt: f64,
-    /// Factor with scaled columns; those of unidentifiable terms are zero.
+    /// Factor with scaled columns; columns of unidentifiable terms are zero.
     plain: QrFactor,
-    /// The same of groups of rows.
+    /// Factors of the groups of rows.
     groups: Vec<QrFactor>,
-    /// Rows, counted as independent ones.
+    /// Effective number of independent rows.
     effective: f64,
     unidentifiable: Vec<usize>,
-    /// Physical coefficient = scaled coefficient x `output_scale[i]` / `term_scale[j]`.
+    /// Physical coefficient = scaled coefficient * `output_scale[i]` / `term_scale[j]`.
     term_scale: Vec<f64>,
     output_scale: Vec<f64>,
     skipped: u64,
 }
 
-/// Identified equations and how they came about.
+/// Identified equations with residuals and contributions.
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// The equations, in physical units.
     pub equations: Equations,
-    /// RMS of each equation's residual \[unit of the output per second\].
+    /// RMS residual of each equation \[unit of the output per second\].
     pub residual_rms: Vec<f64>,
     /// Contribution of each coefficient in the sense of [`Scaling`], `outputs x terms`.
     pub scaled: Vec<f64>,
 }
 
 impl LinearRegression {
-    /// Streams the runs through the library into a qr.
+    /// Assembles the regression of the runs.
     ///
     /// # Errors
-    /// If there are too few rows for the terms, an output does not vary, or the runs do not belong together.
+    /// If there are too few rows for the terms, an output is constant, or the runs have different channels or steps.
     pub fn new(
         runs: &[&Trajectory],
         terms: Vec<Term>,
@@ -61,11 +61,10 @@ impl LinearRegression {
         Self::with(runs, terms, regression, &options)
     }
 
-    /// Streams the runs through the library into a qr, with weights, a robust loss, and groups for an
-    /// ensemble.
+    /// Assembles the regression of the runs with weights, a robust loss, and groups for an ensemble.
     ///
     /// # Errors
-    /// As [`LinearRegression::new`]; if the weights are not those of the runs, or the loss has no sense.
+    /// As [`LinearRegression::new`]; also if the weights do not match the runs, or the loss is invalid.
     pub fn with(
         runs: &[&Trajectory],
         terms: Vec<Term>,
@@ -116,7 +115,7 @@ impl LinearRegression {
                 if let Some(constant) = deviations.iter().position(|d| *d == 0.0) {
                     return Err(FitError::Constant(first.outputs.channels()[constant].name.clone()));
                 }
-                // A term that is zero throughout keeps its place with any scale.
+                // The scale of a term that is zero on all rows is arbitrary.
                 let scale = |j| Some(rms(j)).filter(|s| *s > 0.0).unwrap_or(1.0);
                 ((0..terms.len()).map(scale).collect(), deviations)
             }
@@ -127,8 +126,8 @@ impl LinearRegression {
         let inverse: Vec<f64> = term_scale.iter().chain(&output_scale).map(|s| 1.0 / s).collect();
         let scaled = qr.scaled(&inverse);
         let unidentifiable = unidentifiable(&scaled, terms.len());
-        // What the data cannot tell from earlier terms takes no part: a ridge would shrinkage a coefficient
-        // out among twins, and a vessel that leaves the training range would tell them apart.
+        // Terms that depend linearly on earlier terms are excluded: a ridge would distribute a coefficient among
+        // them, with wrong predictions outside the training range.
         let mask: Vec<f64> =
             (0..scaled.width()).map(|j| if unidentifiable.contains(&j) { 0.0 } else { 1.0 }).collect();
         let plain = scaled.scaled(&mask);
@@ -164,25 +163,24 @@ impl LinearRegression {
         self.skipped
     }
 
-    /// Terms that are zero throughout or depend on earlier terms to rounding: nobody can identify them
-    /// from these runs, and no equation has them.
+    /// Unidentifiable terms: zero on all rows or linearly dependent on earlier terms. No equation contains
+    /// them.
     pub fn unidentifiable(&self) -> &[usize] {
         &self.unidentifiable
     }
 
-    /// Condition number of some terms with columns of unit norm.
+    /// Condition number of the given terms with columns of unit norm.
     pub fn condition(&self, terms: &[usize]) -> f64 {
         self.plain.condition(terms)
     }
 
-    /// Rows, counted as independent ones: [`RegressionForm::effective_rows`].
+    /// Effective number of independent rows: [`RegressionForm::effective_rows`].
     pub fn effective_rows(&self) -> f64 {
         self.effective
     }
 
-    /// Upper qr `T` of the second moments `T'T` of the library in the rows, `terms x terms`, row by row, in
-    /// physical units, as a prior that knows every term a little: `shrinkage` of the moments is taken from a library of the
-    /// same sizes whose terms have nothing to do with each other.
+    /// Upper triangular `T` of the second moments `T'T` of the library, `terms x terms`, row-major, in physical
+    /// units, as a prior. The moments are shrunk by `shrinkage` towards their diagonal.
     pub fn r_factor(&self, shrinkage: f64) -> Vec<f64> {
         let count = self.terms.len();
         let rows = self.rows() as f64;
@@ -201,7 +199,7 @@ impl LinearRegression {
             .collect()
     }
 
-    /// Triangles of the groups of rows, scaled as the total is.
+    /// Factors of the groups of rows, with the scales of the total.
     pub(super) fn groups(&self) -> &[QrFactor] {
         &self.groups
     }
@@ -211,13 +209,13 @@ impl LinearRegression {
         self.outputs
     }
 
-    /// Physical unit of coefficient `(equation, term)` in scaled ones.
+    /// Factor from scaled to physical coefficient `(equation, term)`.
     pub(super) fn unit(&self, equation: usize, term: usize) -> f64 {
         self.output_scale[equation] / self.term_scale[term]
     }
 
-    /// RMS of the residual that least squares on all terms leaves of each equation, in standard deviations
-    /// of the output per second.
+    /// RMS residual of each equation for least squares on all terms, in standard deviations of the output per
+    /// second.
     pub fn least_squares_rms(&self) -> Vec<f64> {
         let columns: Vec<usize> =
             (0..self.terms.len()).filter(|j| !self.unidentifiable.contains(j)).collect();
@@ -225,16 +223,16 @@ impl LinearRegression {
         (0..self.outputs).map(|i| self.plain.solve(&columns, self.terms.len() + i).residual / rows).collect()
     }
 
-    /// Solves for sparse equations.
+    /// Solves the sparse regression.
     ///
     /// # Errors
-    /// If no coefficients obey the constraints, or the coefficients are not finite numbers.
+    /// If no coefficients satisfy the constraints, or the coefficients are not finite.
     pub fn fit(&self, options: &FitOptions) -> Result<Fit, FitError> {
         let solutions = self.solve(&self.plain, options)?;
         self.in_physical_units(solutions, options.substeps)
     }
 
-    /// Scaled coefficients of all equations from a qr with the columns of this regression.
+    /// Scaled coefficients of all equations from a QR factor with the columns of this regression.
     pub(super) fn solve(
         &self,
         plain: &QrFactor,
@@ -274,14 +272,14 @@ impl LinearRegression {
         }
         let weight = (ridge * self.rows() as f64).sqrt();
         let count = self.terms.len();
-        // What takes no part is not brought back by its penalty.
+        // The penalty must not make excluded terms active.
         let weights: Vec<f64> = (0..plain.width())
             .map(|j| if j < count && plain.column_norm(j) > 0.0 { weight } else { 0.0 })
             .collect();
         plain.with_ridge(&weights)
     }
 
-    /// Back to physical units.
+    /// Converts to physical units.
     fn in_physical_units(&self, solutions: Vec<SparseSolution>, substeps: usize) -> Result<Fit, FitError> {
         let count = self.terms.len();
         let mut coefficients = Vec::with_capacity(self.outputs * count);
@@ -289,7 +287,7 @@ impl LinearRegression {
         let mut residual_rms = Vec::with_capacity(self.outputs);
         let columns: Vec<usize> = (0..count).collect();
         for (i, (solution, scale)) in solutions.into_iter().zip(&self.output_scale).enumerate() {
-            // Of the data, not of the penalty that a ridge adds to them.
+            // The residual of the data without the ridge penalty.
             let residual = self.plain.residual(&columns, &solution.coefficients, count + i);
             coefficients
                 .extend(solution.coefficients.iter().zip(&self.term_scale).map(|(c, s)| c * scale / s));
@@ -310,8 +308,8 @@ impl LinearRegression {
     }
 }
 
-/// A term that has no value on the data is told from a sample that is missing. What moves between samples must not
-/// pass a pole there either: the rows of the regression stand between the samples.
+/// Distinguishes a term that is undefined on the data from a missing sample. A varying signal must not pass a pole
+/// between samples either, because the rows are evaluated there.
 fn check_defined(runs: &[&Trajectory], terms: &[Term], signals: &[Signal]) -> Result<(), FitError> {
     let undefined = |shape: Shape| matches!(shape, Shape::Reciprocal | Shape::Log);
     for term in terms {
@@ -343,7 +341,7 @@ fn check_defined(runs: &[&Trajectory], terms: &[Term], signals: &[Signal]) -> Re
     Ok(())
 }
 
-/// A variable at the samples of a run, and whether it is held between them.
+/// A variable at the samples of a run, and whether it is held between samples.
 fn series(run: &Trajectory, variable: usize, signals: &[Signal]) -> Option<(Vec<f64>, bool)> {
     let (n, m) = (run.outputs.width(), run.inputs.width());
     if variable < n {
@@ -372,7 +370,7 @@ fn check_weights(runs: &[&Trajectory], weights: &[Vec<f64>]) -> Result<(), FitEr
     Ok(())
 }
 
-/// Columns among the first `terms` that are zero or depend on earlier ones.
+/// Columns among the first `terms` that are zero or linearly dependent on earlier columns.
 fn unidentifiable(qr: &QrFactor, terms: usize) -> Vec<usize> {
     let (present, mut missing): (Vec<usize>, Vec<usize>) = (0..terms).partition(|&j| qr.column_norm(j) > 0.0);
     let dependent = qr.solve(&present, terms).dependent;
@@ -386,7 +384,7 @@ fn term_scale(term: &Term, scales: &[f64]) -> f64 {
     term.factors().iter().map(|f| scales[usize::from(f.variable)].powi(f.shape.degree())).product()
 }
 
-/// Standard deviation of each output over all runs; zero where it does not vary beyond rounding.
+/// Standard deviation of each output over all runs; zero if it varies only by rounding errors.
 fn deviations(runs: &[&Trajectory]) -> Vec<f64> {
     let width = runs.first().map_or(0, |run| run.outputs.width());
     (0..width)

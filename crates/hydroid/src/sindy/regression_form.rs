@@ -1,26 +1,26 @@
-//! How a log becomes rows of a regression.
+//! Forms of the regression: rows as weighted sums of samples.
 //!
-//! Every regression of `dy/dt = Xi theta(y, c)` used here is linear in the outputs on the left and in the
-//! library on the right: a row is
+//! All regressions of `dy/dt = Xi theta(y, c)` are linear in the outputs on the left and in the library on the
+//! right. A row is
 //!
 //! ```text
 //! sum_j g_j y_{i+j}  =  Xi sum_j w_j theta_{i+j}
 //! ```
 //!
 //! with weights `g` (1/s) and `w`, where `theta_k` is the library at sample `k` or between samples `k` and
-//! `k + 1`. A new regression is a new pair of weights.
+//! `k + 1`. The weights define the form.
 
 /// Where the library is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Nodes {
     /// At the samples: `theta(y_k, c_k)`.
     Samples,
-    /// In the middle of the intervals: `theta((y_k + y_{k+1})/2, c_k)`, the command being the one that was
-    /// held over the interval.
+    /// At the midpoints of the intervals: `theta((y_k + y_{k+1})/2, c_k)` with the command held over the
+    /// interval.
     Midpoints,
 }
 
-/// Weights of one kind of row.
+/// Weights of a row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RowWeights {
     /// Weights `g` of the outputs \[1/s\].
@@ -29,45 +29,45 @@ pub struct RowWeights {
     pub library: Vec<f64>,
 }
 
-/// The regression that the coefficients come from.
+/// Form of the regression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RegressionForm {
     /// Increments over `intervals` samples against the library averaged over the same intervals, each
-    /// evaluated at its mid-state and its own held command. With one interval this is the zero-order-hold
-    /// midpoint rule `(y_{k+1} - y_k)/dt = Xi theta((y_k + y_{k+1})/2, c_k)`, of second order in `dt` and,
-    /// unlike central differences, right about which command moved what. More intervals average the
+    /// evaluated at its midpoint with its held command. With one interval this is the midpoint rule with
+    /// zero-order hold, `(y_{k+1} - y_k)/dt = Xi theta((y_k + y_{k+1})/2, c_k)`, of second order in `dt`. Unlike
+    /// central differences it uses the command that acts in the interval. More intervals average the
     /// measurement noise.
     Midpoint {
         /// Number of intervals in an increment, at least 1.
         intervals: usize,
     },
     /// Central differences `(y_{k+1} - y_{k-1})/(2 dt) = Xi theta(y_k, c_k)`, one-sided of second order at
-    /// the ends of a run: what PySINDy does by default. It spans two held commands and sees one; here for
+    /// the ends of a run, the default of PySINDy. A row spans two held commands and uses one. Provided for
     /// comparison.
     Central,
     /// The weak form: both sides are averaged over a window of `intervals` under the test function
-    /// `phi(s) = (1 - s^2)^4`, which goes smoothly to zero at both ends of the window (Messenger and Bortz,
+    /// `phi(s) = (1 - s^2)^4`, which vanishes smoothly at both ends of the window (Messenger and Bortz,
     /// J. Comput. Phys. 443 (2021) 110525):
     ///
     /// ```text
     /// sum_k phi_k (y_{k+1} - y_k)/dt  =  Xi sum_k phi_k theta((y_k + y_{k+1})/2, c_k),   sum_k phi_k = 1
     /// ```
     ///
-    /// with `phi_k` at the middle of interval `k`. Summed by parts, the samples on the left are weighted with
-    /// differences of `phi`: nothing is differentiated but the test function. White noise of deviation
-    /// `sigma` leaves about `5.9 sigma / (T sqrt(intervals))` of the row, where `T = intervals dt`. Unlike an
-    /// increment, which hangs on its two end samples, every sample of the window averages. Data that obey
-    /// the midpoint rule satisfy every row exactly, and every interval sees the command held over it.
+    /// with `phi_k` at the midpoint of interval `k`. Summation by parts weights the samples on the left with
+    /// differences of `phi`: only the test function is differentiated. White noise of standard deviation `sigma`
+    /// causes an error of about `5.9 sigma / (T sqrt(intervals))` in a row, where `T = intervals dt`. An increment
+    /// depends on its two end samples; the weak form averages all samples of the window. Data that satisfy the
+    /// midpoint rule satisfy every row exactly, and each interval has its held command.
     Weak {
         /// Number of intervals in a window, at least 1.
         intervals: usize,
     },
     /// Derivative of the parabola fitted to `2 half + 1` samples, against the
-    /// library at the middle one (Savitzky and Golay, Anal. Chem. 36 (1964) 1627). Here for comparison: the
-    /// left side is averaged and the right side is not, so that the full noise of one sample stands in every
-    /// product of the library and pulls coefficients towards zero; and a derivative averaged over commands
-    /// that changed meets the one command of the middle. [`RegressionForm::Weak`] averages both sides alike.
+    /// library at the middle sample (Savitzky and Golay, Anal. Chem. 36 (1964) 1627). Provided for comparison:
+    /// only the left side is averaged. The noise of the middle sample biases the coefficients towards zero, and
+    /// the library uses one command while the derivative is averaged over several.
+    /// [`RegressionForm::Weak`] averages both sides.
     Smoothed {
         /// Samples on either side of the middle one, at least 1.
         half: usize,
@@ -80,7 +80,7 @@ impl Default for RegressionForm {
     }
 }
 
-/// One kind of row and the positions where it is used.
+/// Weights of a row and the positions of its use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows {
     /// The weights.
@@ -89,7 +89,7 @@ pub struct Rows {
     pub first: usize,
     /// Number of rows.
     pub count: usize,
-    /// Samples between the starts of two rows.
+    /// Samples between the starts of consecutive rows.
     pub stride: usize,
 }
 
@@ -102,7 +102,7 @@ impl RegressionForm {
         }
     }
 
-    /// Intervals that a row reaches over.
+    /// Number of intervals of a row.
     pub fn window(self) -> usize {
         match self {
             Self::Midpoint { intervals } | Self::Weak { intervals } => intervals.max(1),
@@ -111,9 +111,9 @@ impl RegressionForm {
         }
     }
 
-    /// Samples between the starts of two rows: rows that overlap by three quarters (increments) or seven
-    /// eighths (the weak form, whose windows count little near their ends) use nearly all that the samples
-    /// say.
+    /// Samples between the starts of consecutive rows. Rows overlap by three quarters (increments) or seven
+    /// eighths (weak form, with small weights near the ends of a window), which uses nearly all information in
+    /// the samples.
     pub fn stride(self) -> usize {
         match self {
             Self::Midpoint { intervals } => (intervals / 4).max(1),
@@ -122,9 +122,9 @@ impl RegressionForm {
         }
     }
 
-    /// What `rows` overlapping rows are worth in independent ones: `rows stride / window`, as many as stand
-    /// side by side. Neighbouring rows share their samples and with them their noise; taken for independent
-    /// they would make every junk term look significant.
+    /// Effective number of independent rows among `rows` overlapping rows: `rows stride / window`, the number of
+    /// disjoint windows. Overlapping rows share noise; treated as independent, they would make spurious
+    /// terms significant.
     pub fn effective_rows(self, rows: u64) -> f64 {
         (rows as f64 * self.stride() as f64 / self.window() as f64).max(1.0)
     }
@@ -162,7 +162,7 @@ impl RegressionForm {
         }
     }
 
-    /// All rows that a run of `len` samples with sample time `dt` gives; empty where it is too short.
+    /// All rows of a run of `len` samples with sample time `dt`; empty if the run is too short.
     pub fn rows(self, len: usize, dt: f64) -> Vec<Rows> {
         let (window, stride) = (self.window(), self.stride());
         if len <= window {

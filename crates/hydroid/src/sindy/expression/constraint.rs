@@ -11,13 +11,13 @@ use super::scanner::Scanner;
 /// The coefficient of a term in the equation of an output.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Coefficient {
-    /// The output, whose equation it is.
+    /// Output of the equation.
     pub output: usize,
-    /// The term that it multiplies.
+    /// Term of the coefficient.
     pub term: Term,
 }
 
-/// How a sum of coefficients stands to its bound.
+/// Relation of a sum of coefficients to its bound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Relation {
     /// `<=`
@@ -31,16 +31,16 @@ pub enum Relation {
 /// `sum factor x coefficient <= bound`, or `>=`, or `=`, on coefficients in physical units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraint {
-    /// Each coefficient once, with its factor, which is not 0; at least one.
+    /// Coefficients without duplicates, with non-zero factors; at least one.
     pub sum: Vec<(f64, Coefficient)>,
-    /// How the sum stands to the bound.
+    /// Relation of the sum to the bound.
     pub relation: Relation,
     /// The bound.
     pub bound: f64,
 }
 
 impl Constraint {
-    /// In the parser in which it is read; `names` are those of all variables.
+    /// In the notation of the parser; `names` are the names of all variables.
     pub fn text(&self, names: &[impl AsRef<str>]) -> String {
         let mut text = String::new();
         for (i, (factor, Coefficient { output, term })) in self.sum.iter().enumerate() {
@@ -87,7 +87,7 @@ pub(super) fn read(
     whole.relation = relation;
     side(parser, scanner, -1.0, &mut whole)?;
     whole.sum.retain(|(factor, _)| *factor != 0.0);
-    // The bound stands on the right; a zero has no sign.
+    // The bound is on the right; negative zero is normalized.
     whole.bound = 0.0 - whole.bound;
     let finite = whole.bound.is_finite() && whole.sum.iter().all(|(factor, _)| factor.is_finite());
     if whole.sum.is_empty() || !finite {
@@ -97,7 +97,7 @@ pub(super) fn read(
     Ok(whole)
 }
 
-/// One side, brought to the left: numbers into the bound, coefficients into the sum.
+/// Moves one side to the left: numbers to the bound, coefficients to the sum.
 fn side(
     parser: &mut ExpressionParser,
     scanner: &mut Scanner<'_>,
@@ -136,7 +136,7 @@ fn side(
     }
 }
 
-/// `OUTPUT:`, if it stands here.
+/// `OUTPUT:`, if it is next.
 fn output(parser: &ExpressionParser, scanner: &mut Scanner<'_>) -> Option<usize> {
     let before = scanner.mark();
     let outputs = &parser.channels[..parser.outputs.min(parser.channels.len())];
@@ -164,7 +164,7 @@ fn add(
     Ok(())
 }
 
-/// Neither a number nor `OUTPUT:`.
+/// Error for text that is neither a number nor `OUTPUT:`.
 fn no_coefficient(parser: &ExpressionParser, scanner: &Scanner<'_>) -> ExpressionError {
     let outputs = &parser.channels[..parser.outputs.min(parser.channels.len())];
     let word = scanner.word();

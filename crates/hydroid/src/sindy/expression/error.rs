@@ -1,20 +1,20 @@
-//! What is wrong with an expression, and where.
+//! Errors of the expression parser.
 
-/// Text that is not an expression.
+/// Invalid expression.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("'{text}', character {position}: {reason}")]
 pub struct ExpressionError {
     /// The whole text.
     pub text: String,
-    /// Where the reader stopped, in characters from 1 on.
+    /// Position of the error in characters, from 1.
     pub position: usize,
-    /// What is wrong there, with what was expected and what there is.
+    /// Cause, with the expected and the found text.
     pub reason: String,
-    /// The known name that is most like an unknown one, if one is like it.
+    /// The known name most similar to an unknown one, if any.
     pub nearest: Option<String>,
 }
 
-/// The known name that is most like a word, if one is like it at all.
+/// The known name most similar to a word, if any.
 pub(crate) fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
     let lower = word.to_lowercase();
     known
@@ -24,7 +24,7 @@ pub(crate) fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> O
         .map(|(_, name)| name.to_owned())
 }
 
-/// Names for a message, the first of very many.
+/// List of names for a message, truncated if long.
 pub(crate) fn list(names: &[String]) -> String {
     const SHOWN: usize = 20;
     let shown = names.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");

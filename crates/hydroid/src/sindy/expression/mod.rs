@@ -1,4 +1,4 @@
-//! Terms and constraints as text, in the parser in which `Term::name` and `Signal::name` print them.
+//! Parser of terms and constraints in the notation of `Term::name` and `Signal::name`.
 
 mod constraint;
 mod error;
@@ -15,12 +15,12 @@ pub(crate) use error::{list, nearest};
 
 use scanner::Scanner;
 
-/// What expressions can speak of: channels, and the signals that are made from them on the way.
+/// Parser with its channels and the signals that parsed expressions require.
 ///
-/// A term is a product, written with spaces or `*`, and perhaps divided: `1`, `u`, `u^2`, `u v`, `u |u|`,
+/// A term is a product, written with spaces or `*`, with an optional division: `1`, `u`, `u^2`, `u v`, `u |u|`,
 /// `sin(delta)`, `cos(delta)`, `ln(u)`, `sgn(u)`, `v r/u`, `above(u, 2.5, 12)` and `below(u, 2.5, 12)` for the two
-/// modes of a gate at 2.5 with slope 12. In the place of a channel may stand a lag state, `lag(n, 1.5 s)`, or a
-/// past value, `u(-0.5 s)`; times count to a millisecond.
+/// modes of a gate at 2.5 with slope 12. A lag state, `lag(n, 1.5 s)`, or a past value, `u(-0.5 s)`, can replace a
+/// channel; times have a resolution of one millisecond.
 ///
 /// ```
 /// use hydroid::sindy::expression::ExpressionParser;
@@ -44,7 +44,7 @@ pub struct ExpressionParser {
 }
 
 impl ExpressionParser {
-    /// Names of outputs, then inputs; how many are outputs; and the sample time \[s\], in which past values count.
+    /// Names of outputs, then inputs; the number of outputs; and the sample time \[s\] of past values.
     pub fn new(channels: impl IntoIterator<Item = impl Into<String>>, outputs: usize, dt: f64) -> Self {
         let channels = channels.into_iter().map(Into::into).collect();
         Self { channels, outputs, dt, signals: Vec::new() }
@@ -56,12 +56,12 @@ impl ExpressionParser {
         Self::new(outputs.iter().chain(inputs).map(|channel| channel.name.clone()), outputs.len(), run.dt)
     }
 
-    /// The same with signals that there are already.
+    /// Adds existing signals.
     pub fn with_signals(self, signals: Vec<Signal>) -> Self {
         Self { signals, ..self }
     }
 
-    /// The signals that expressions have asked for so far, in the order of their variables.
+    /// The signals of the parsed expressions, in the order of their variables.
     pub fn signals(&self) -> &[Signal] {
         &self.signals
     }
@@ -72,15 +72,15 @@ impl ExpressionParser {
         self.channels.iter().cloned().chain(signals).collect()
     }
 
-    /// Reads a term. Signals that it needs and that are not there yet are added.
+    /// Parses a term and adds its new signals.
     ///
     /// # Errors
-    /// With the position, if the text is not a term of these channels; nothing is added then.
+    /// If the text is not a term of these channels; the error has the position, and no signal is added.
     pub fn term(&mut self, text: &str) -> Result<Term, ExpressionError> {
         self.parse_all(text, Self::product)
     }
 
-    /// Reads a constraint on coefficients, `OUTPUT: TERM` being the coefficient of a term in the equation of an
+    /// Parses a constraint on coefficients. `OUTPUT: TERM` denotes the coefficient of a term in the equation of an
     /// output: `u: u |u| <= 0`, `v: u r = u: v r`, `v: r - 2 r: v >= 0.1`.
     ///
     /// # Errors

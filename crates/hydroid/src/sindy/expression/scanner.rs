@@ -1,4 +1,4 @@
-//! A place in a text, and what can be read from there.
+//! Scanner of expressions.
 
 use super::error::ExpressionError;
 
@@ -7,7 +7,7 @@ pub(super) struct Scanner<'a> {
     at: usize,
 }
 
-/// Whether a character can stand in a name without quoting.
+/// Whether a character is allowed in a name without quotes.
 pub(super) fn is_name_char(c: char) -> bool {
     c.is_alphanumeric() || matches!(c, '_' | '.')
 }
@@ -25,7 +25,7 @@ impl<'a> Scanner<'a> {
         self.at == self.text.len()
     }
 
-    /// The place, to come back to.
+    /// Position, for backtracking.
     pub(super) fn mark(&self) -> usize {
         self.at
     }
@@ -42,7 +42,7 @@ impl<'a> Scanner<'a> {
         self.rest().chars().next()
     }
 
-    /// Takes a text that stands here.
+    /// Consumes a text if it is next.
     pub(super) fn eat(&mut self, text: &str) -> bool {
         let is_here = self.rest().starts_with(text);
         if is_here {
@@ -51,16 +51,16 @@ impl<'a> Scanner<'a> {
         is_here
     }
 
-    /// Takes what must come next, after spaces.
+    /// Consumes a required text, after spaces.
     pub(super) fn demand(&mut self, text: &str, what: &str) -> Result<(), ExpressionError> {
         self.skip_space();
         if self.eat(text) { Ok(()) } else { Err(self.expected(what)) }
     }
 
-    /// Takes the word `word( `, which opens a function, if it stands here.
+    /// Consumes `word(`, the start of a function, if it is next.
     pub(super) fn eat_call(&mut self, word: &str) -> bool {
         let call = self.rest().strip_prefix(word).and_then(|rest| rest.strip_prefix('('));
-        // `sin(-0.5 s)` is the past of a channel that is called sin.
+        // `sin(-0.5 s)` is a past value of a channel with the name `sin`.
         let is_call = call.is_some_and(|inside| !inside.trim_start().starts_with('-'));
         if is_call {
             self.at += word.len() + 1;
@@ -68,7 +68,7 @@ impl<'a> Scanner<'a> {
         is_call
     }
 
-    /// The longest of some names that stands here whole.
+    /// The longest of the names that is next as a complete word.
     pub(super) fn eat_name(&mut self, names: &[String]) -> Option<usize> {
         let rest = self.rest();
         let stands = |name: &str| {
@@ -78,13 +78,13 @@ impl<'a> Scanner<'a> {
             })
         };
         let found = (0..names.len()).filter(|&i| stands(&names[i]));
-        // Of equal names the first.
+        // The first of equal names.
         let longest = found.max_by_key(|&i| (names[i].len(), std::cmp::Reverse(i)))?;
         self.at += names[longest].len();
         Some(longest)
     }
 
-    /// What stands here up to the end of a word.
+    /// The text up to the end of the word.
     pub(super) fn word(&self) -> &'a str {
         let rest = self.rest();
         &rest[..rest.find(|c| !is_name_char(c)).unwrap_or(rest.len())]
@@ -96,7 +96,7 @@ impl<'a> Scanner<'a> {
         self.eat_number().ok_or_else(|| self.expected(what))
     }
 
-    /// A finite number, if one stands here: digits with sign, point and exponent.
+    /// A finite number, if it is next: digits with sign, point and exponent.
     pub(super) fn eat_number(&mut self) -> Option<f64> {
         let bytes = self.rest().as_bytes();
         let mut end = 0;

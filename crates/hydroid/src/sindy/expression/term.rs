@@ -1,4 +1,4 @@
-//! Terms from text.
+//! Parser of terms.
 
 use hydroid_core::model::sparse::{Factor, Gate, Real, Shape, Signal, Term};
 
@@ -6,17 +6,17 @@ use super::ExpressionParser;
 use super::error::{ExpressionError, list, nearest};
 use super::scanner::{Scanner, is_name_char};
 
-/// Factors at the most: what is longer is no term that anybody means.
+/// Largest number of factors.
 const MOST_FACTORS: usize = 1_000;
 
 const FACTOR: &str = "a factor such as u, u^2, |u| or sin(delta)";
 
-/// Functions of one variable, by the parser for them.
+/// Functions of one variable by name.
 const FUNCTIONS: [(&str, Shape); 4] =
     [("sin", Shape::Sin), ("cos", Shape::Cos), ("ln", Shape::Log), ("sgn", Shape::Sign)];
 
 impl ExpressionParser {
-    /// A product of factors, up to what cannot be one.
+    /// A product of factors.
     pub(super) fn product(&mut self, scanner: &mut Scanner<'_>) -> Result<Term, ExpressionError> {
         let mut factors = Vec::new();
         scanner.skip_space();
@@ -46,7 +46,7 @@ impl ExpressionParser {
         }
     }
 
-    /// Whether a name that begins with an unusual character stands here.
+    /// Whether a name with an unusual first character is next.
     fn starts_name(&self, scanner: &mut Scanner<'_>) -> bool {
         let mark = scanner.mark();
         let found = scanner.eat_name(&self.channels).is_some();
@@ -90,7 +90,7 @@ impl ExpressionParser {
             }
         }
         let variable = self.variable(scanner)?;
-        // An exponent joins what would be many factors.
+        // An exponent replaces repeated factors.
         let n = exponent(scanner)?;
         factors.push(Factor { variable, shape: Shape::Power(n) });
         Ok(())
@@ -114,7 +114,7 @@ impl ExpressionParser {
             scanner.skip_space();
             let here = scanner.mark();
             let seconds = scanner.number("a time constant such as 1.5 s")?;
-            // As names have it.
+            // Rounded as in names.
             let seconds = (seconds * 1e3).round() / 1e3;
             if !(1e-3..=1e6).contains(&seconds) {
                 scanner.back_to(here);
@@ -133,7 +133,7 @@ impl ExpressionParser {
         let here = scanner.mark();
         let seconds = scanner.number("a time before now, as in u(-0.5 s)")?;
         let samples = (-seconds / self.dt).round();
-        // Names have times to a millisecond.
+        // Times in names have a resolution of one millisecond.
         let exact = (samples * self.dt + seconds).abs() <= 6e-4 + 1e-6 * seconds.abs();
         if !((1.0..=f64::from(u16::MAX)).contains(&samples) && exact) {
             scanner.back_to(here);
@@ -147,7 +147,7 @@ impl ExpressionParser {
         }
         scanner.demand("s", "'s', for seconds")?;
         scanner.demand(")", "')'")?;
-        // Within the range of the type, see above.
+        // Within the range of the type (checked above).
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let samples = samples as u16;
         self.signal(Signal::Past { variable, samples }, scanner)
@@ -176,7 +176,7 @@ impl ExpressionParser {
             .map_err(|_| scanner.error(String::from("more channels than terms can name"), None))
     }
 
-    /// The variable of a signal, which is added if there is none yet.
+    /// The variable of a signal; a new signal is added.
     fn signal(&mut self, signal: Signal, scanner: &Scanner<'_>) -> Result<u16, ExpressionError> {
         let place = self.signals.iter().position(|known| *known == signal).unwrap_or_else(|| {
             self.signals.push(signal);
@@ -187,7 +187,7 @@ impl ExpressionParser {
     }
 }
 
-/// The exponent behind a variable, 1 where there is none.
+/// The exponent of a variable, 1 by default.
 fn exponent(scanner: &mut Scanner<'_>) -> Result<u8, ExpressionError> {
     let before = scanner.mark();
     scanner.skip_space();
@@ -207,7 +207,7 @@ fn exponent(scanner: &mut Scanner<'_>) -> Result<u8, ExpressionError> {
     }
 }
 
-/// A factor as often as its exponent says.
+/// Repeats a factor by its exponent.
 fn power(
     scanner: &mut Scanner<'_>,
     factors: &mut Vec<Factor>,

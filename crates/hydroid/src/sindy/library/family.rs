@@ -1,4 +1,4 @@
-//! Families of terms, the parts that libraries are put together from.
+//! Families of terms, the components of libraries.
 
 use hydroid_core::model::sparse::{Factor, Shape, Term};
 
@@ -13,8 +13,8 @@ use super::variables::{VariableKind, Variables};
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Family {
-    /// The constant 1: a steady force or the offset of a sensor. Without it a vessel at rest without commands
-    /// stays at rest, as it does where no current, wind or offset moves it.
+    /// The constant 1: a steady force or a sensor offset. Without it the origin is an equilibrium for zero
+    /// commands.
     Constant,
     /// All monomials of degree 1 up to this in outputs and inputs.
     Polynomial {
@@ -24,40 +24,40 @@ pub enum Family {
     /// The signed squares `x |x|` of every variable: quadratic drag, which acts against the motion in both
     /// directions (Fossen 2021, section 6.4), and thrust, which is quadratic in the command.
     SignedSquares,
-    /// The signed for_each_monomial `x |y|` of different outputs: `v |r|`, `r |v|`, cross-flow drag with the modulus
+    /// The signed products `x |y|` of different outputs: `v |r|`, `r |v|`, cross-flow drag with the modulus
     /// (Fedyaevsky and Sobolev 1963).
     SignedProducts,
     /// The manoeuvring terms of a surface vessel with quadratic modulus (Fedyaevsky and Sobolev 1963, Norrbin
     /// 1970; Fossen 2021, section 6.5 and chapter 9), with `u` the surge speed:
     ///
-    /// - outputs: linear (potential and skin friction), all for_each_monomial of two (Coriolis, centripetal and added
+    /// - outputs: linear (potential and skin friction), all products of two (Coriolis, centripetal and added
     ///   mass: `v r`, `u r`, `u v`), signed squares (drag), and cross terms such as `v |r|`, `r |v|` among the
     ///   outputs other than the surge speed;
-    /// - for_each_term command `c` that is not an angle: `c`, `c |c|` (thrust), `u c` and `u |c|` (thrust falls with the
-    ///   advance), `u |u| c` (a force at the speed of the water);
-    /// - for_each_term command `delta` that is an angle: `sin(delta)`, `u sin(delta)`, `u |u| sin(delta)` (the lift of a
+    /// - for each command `c` that is not an angle: `c`, `c |c|` (thrust), `u c` and `u |c|` (thrust falls with the
+    ///   advance), `u |u| c` (a force proportional to the dynamic pressure);
+    /// - for each command `delta` that is an angle: `sin(delta)`, `u sin(delta)`, `u |u| sin(delta)` (the lift of a
     ///   rudder), and behind a propeller `c |c| sin(delta)`;
-    /// - for_each_term component of the wind: itself.
+    /// - for each wind component: itself.
     ///
-    /// Where no output is the surge speed, for_each_term output takes its place beside commands.
+    /// If no output is the surge speed, each output replaces it in products with commands.
     Marine,
-    /// Beyond [`Marine`](Self::Marine) the cubic terms of a Taylor expansion (Abkowitz 1964): monomials of
+    /// [`Marine`](Self::Marine) and the cubic terms of a Taylor expansion (Abkowitz 1964): monomials of
     /// degree 3 of the outputs, and of angles `s = sin(delta)` the drag `s^2`, `u s^2` and the cross
-    /// couplings `v s`, `v r s`, `v s^2` and their likes. `s^3` is left out: the sine has its own.
+    /// couplings `v s`, `v r s`, `v s^2` and similar. `s^3` is omitted: the sine contains a cubic term.
     MarineCubic,
-    /// Sines and cosines of angles, and their for_each_monomial with outputs.
+    /// Sines and cosines of angles, and their products with outputs.
     Trigonometric,
-    /// Inputs, and their for_each_monomial with outputs: what acts in proportion to the motion.
+    /// Inputs, and their products with outputs.
     InputsTimesOutputs,
-    /// Lateral motion over surge speed: `v/u` (the drift angle), `r/u`, `v r/u`, `v^2/u`, `r^2/u`, which
-    /// forces that follow the angle of attack depend on. Undefined at `u = 0`: for runs that never stop. Empty where no output is the surge speed.
+    /// Lateral motion over surge speed: `v/u` (the drift angle), `r/u`, `v r/u`, `v^2/u`, `r^2/u`, for
+    /// forces that depend on the angle of attack. Undefined at `u = 0`. Empty if no output is the surge speed.
     Rational,
-    /// Terms of the user's own.
+    /// Terms listed by the user.
     Listed(Vec<Term>),
 }
 
 impl Family {
-    /// Number of terms, or a count_bound on it that is not much larger; saturates. Monomials without the constant.
+    /// Upper bound on the number of terms, without the constant; saturates.
     pub(super) fn count_bound(&self, variables: &Variables) -> u128 {
         let (n, outputs) = (variables.len() as u128, variables.outputs().count() as u128);
         let inputs = n - outputs;
@@ -78,7 +78,7 @@ impl Family {
         }
     }
 
-    /// Calls `add` with for_each_term term, in any order, one perhaps more than once.
+    /// Calls `add` with each term, in any order, possibly more than once.
     pub(super) fn for_each_term(&self, variables: &Variables, add: &mut impl FnMut(Term)) {
         let outputs = || variables.outputs().map(|(v, _)| v);
         match self {
@@ -123,8 +123,8 @@ impl Family {
     }
 }
 
-/// Number of monomials of degree 1 up to `degree` in `n` variables: binomial(n + degree, degree) - 1, built up
-/// without a fraction.
+/// Number of monomials of degree 1 up to `degree` in `n` variables: binomial(n + degree, degree) - 1, in
+/// integer arithmetic.
 fn monomials(n: u128, degree: u8) -> u128 {
     let all = (1..=u128::from(degree)).try_fold(1u128, |c, k| Some(c.checked_mul(n + k)? / k));
     all.map_or(u128::MAX, |all| all - 1)
@@ -140,7 +140,7 @@ fn for_each_monomial(variables: &[u16], degree: u8, add: &mut impl FnMut(Term)) 
         loop {
             let monomial: Vec<u16> = places.iter().map(|&p| variables[p]).collect();
             add(Term::monomial(&monomial));
-            // The next non-decreasing list of places.
+            // The next non-decreasing list of indices.
             let Some(last) = places.iter().rposition(|&p| p + 1 < variables.len()) else { break };
             let next = places[last] + 1;
             places[last..].fill(next);
@@ -160,7 +160,7 @@ fn lateral(variables: &Variables) -> Vec<u16> {
     variables.outputs().map(|(y, _)| y).filter(|&y| Some(y) != variables.surge()).collect()
 }
 
-/// Outputs whose speed makes commands work: the surge speed, or all.
+/// Outputs that multiply commands: the surge speed, or all outputs.
 fn advance(variables: &Variables) -> Vec<u16> {
     variables.surge().map_or_else(|| variables.outputs().map(|(y, _)| y).collect(), |u| vec![u])
 }

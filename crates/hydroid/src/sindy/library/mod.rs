@@ -1,4 +1,4 @@
-//! Libraries: which terms an equation may have.
+//! Libraries: the candidate terms of the equations.
 
 mod family;
 mod text;
@@ -13,7 +13,7 @@ pub use family::Family;
 pub use text::UnknownLibrary;
 pub use variables::{VariableKind, Variables};
 
-/// The union of some families of terms.
+/// The union of families of terms.
 ///
 /// ```
 /// use hydroid::sindy::{Family, Library, Variables};
@@ -29,11 +29,11 @@ pub struct Library {
     families: Vec<Family>,
 }
 
-/// Up to this number of terms outside the polynomials [`Library::count`] is exact.
+/// Largest number of terms outside the polynomials for which [`Library::count`] is exact.
 const EXACT_COUNT_LIMIT: u128 = 20_000;
 
 impl Library {
-    /// The union of families. Their order has no meaning.
+    /// The union of families, in any order.
     pub fn new(families: Vec<Family>) -> Self {
         Self { families }
     }
@@ -48,17 +48,17 @@ impl Library {
         Self::new(vec![Family::Constant, Family::Marine])
     }
 
-    /// The same with cubic terms ([`Family::MarineCubic`]).
+    /// The terms of a surface vessel with cubic terms ([`Family::MarineCubic`]), the constant included.
     pub fn marine_cubic() -> Self {
         Self::new(vec![Family::Constant, Family::MarineCubic])
     }
 
-    /// These terms and no others.
+    /// A library of exactly these terms.
     pub fn listed(terms: Vec<Term>) -> Self {
         Self::new(vec![Family::Listed(terms)])
     }
 
-    /// This library and one family more.
+    /// Adds a family.
     pub fn with(mut self, family: Family) -> Self {
         if !self.families.contains(&family) {
             self.families.push(family);
@@ -66,19 +66,19 @@ impl Library {
         self
     }
 
-    /// This library without the family of the constant.
+    /// Removes the constant.
     pub fn without_constant(mut self) -> Self {
         self.families.retain(|family| *family != Family::Constant);
         self
     }
 
-    /// Its families.
+    /// The families.
     pub fn families(&self) -> &[Family] {
         &self.families
     }
 
-    /// Number of terms, without making those of a polynomial, which can be very many; saturates. Exact
-    /// unless the terms outside the polynomials are more than any search can use; then an upper bound.
+    /// Number of terms, computed without generating the monomials; saturates. For very many terms outside the
+    /// polynomials it is an upper bound.
     pub fn count(&self, variables: &Variables) -> usize {
         let is_polynomial = |family: &Family| matches!(family, Family::Polynomial { .. });
         let degrees = self.families.iter().filter_map(|family| match family {
@@ -105,12 +105,11 @@ impl Library {
         usize::try_from(polynomial.saturating_add(others)).unwrap_or(usize::MAX)
     }
 
-    /// The terms, each once, simple ones first: by degree (an angle's sine counts one), then signed squares
-    /// before signed products before others before fractions, then in the order of the variables. The order
-    /// of monomials is that of PySINDy.
+    /// The terms without duplicates, ordered by degree (the sine of an angle has degree 1), then signed squares, signed
+    /// products, other terms and fractions, then by variables. Monomials are ordered as in PySINDy.
     ///
-    /// It matters where a log tells two terms not apart, because a propeller never turned astern: the
-    /// earlier one stays, and `n |n|` is thrust.
+    /// If two terms are linearly dependent on a log, the regression keeps the earlier one: `n |n|` instead of `n^2`
+    /// if a propeller never turns astern.
     pub fn terms(&self, variables: &Variables) -> Vec<Term> {
         let mut terms = Vec::new();
         self.families.iter().for_each(|family| family.for_each_term(variables, &mut |term| terms.push(term)));
@@ -120,7 +119,7 @@ impl Library {
     }
 }
 
-/// Whether a polynomial of a degree has the term.
+/// Whether a polynomial library of this degree contains the term.
 fn is_monomial(term: &Term, degree: u8, variables: &Variables) -> bool {
     let powers = term.factors().iter().all(|f| matches!(f.shape, Shape::Power(_)));
     powers
@@ -128,9 +127,9 @@ fn is_monomial(term: &Term, degree: u8, variables: &Variables) -> bool {
         && term.highest_variable().is_none_or(|v| usize::from(v) < variables.len())
 }
 
-/// By what terms are ordered.
+/// Sort key of a term.
 fn order_key(term: &Term) -> (usize, u8, Vec<u16>, Term) {
-    // Each variable as often as it stands in the product: x x before x y before y y.
+    // Each variable is repeated by its power: x x before x y before y y.
     let mut product = Vec::new();
     for factor in term.factors() {
         let times = match factor.shape {
@@ -141,7 +140,7 @@ fn order_key(term: &Term) -> (usize, u8, Vec<u16>, Term) {
         product.extend(std::iter::repeat_n(factor.variable, times));
     }
     let has = |wanted: fn(&Shape) -> bool| term.factors().iter().any(|f| wanted(&f.shape));
-    // With the modulus in the variable of the power it is a signed square.
+    // A modulus of the same variable as the power is a signed square.
     let signed = term
         .factors()
         .windows(2)

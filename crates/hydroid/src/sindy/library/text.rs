@@ -1,11 +1,11 @@
-//! Libraries in words, as tables show them and as the command line takes them.
+//! Text form of libraries in tables and on the command line.
 
 use std::fmt;
 use std::str::FromStr;
 
 use super::{Family, Library};
 
-/// Families with their short names, in the order in which they are shown.
+/// Families with their short names, in display order.
 const NAMES: [(&str, Family); 8] = [
     ("marine", Family::Marine),
     ("marine cubic", Family::MarineCubic),
@@ -17,16 +17,16 @@ const NAMES: [(&str, Family); 8] = [
     ("constant", Family::Constant),
 ];
 
-/// Text that names no library.
+/// Unknown library.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "there is no library '{word}'{}: write one or several of degree N, marine, marine cubic, x|x|, x|y|, trigonometric, inputs x outputs, rational, joined by +, and 'no constant' behind a comma",
+    "there is no library '{word}'{}: write one or several of degree N, marine, marine cubic, x|x|, x|y|, trigonometric, inputs x outputs, rational, joined by +, and optionally ', no constant' at the end",
     nearest.as_ref().map_or_else(String::new, |name| format!(", did you mean '{name}'?"))
 )]
 pub struct UnknownLibrary {
-    /// The part that is not known.
+    /// The unknown part.
     pub word: String,
-    /// The known name that is most like it, if one is like it.
+    /// The most similar known name, if any.
     pub nearest: Option<String>,
 }
 
@@ -69,7 +69,7 @@ impl fmt::Display for Library {
 impl FromStr for Library {
     type Err = UnknownLibrary;
 
-    /// Reads what `Display` writes, but for listed terms, which need the names of channels. `-` and `_` do for
+    /// Parses the output of `Display`, except listed terms, which require channel names. `-` and `_` replace
     /// spaces: `marine-cubic`.
     fn from_str(text: &str) -> Result<Self, UnknownLibrary> {
         let plain = text.to_lowercase().replace(['-', '_'], " ");

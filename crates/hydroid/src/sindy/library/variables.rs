@@ -1,18 +1,18 @@
-//! What a library must know of the variables that its terms are of.
+//! Variables of a library and their kinds.
 
 use crate::log::{Channel, Trajectory};
 
-/// What a variable is, as far as terms depend on it.
+/// Kind of a variable.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VariableKind {
-    /// A speed, a rate, a force, a rate of rotation: anything that can stand to a power.
+    /// A quantity with meaningful powers: a speed, a rate, a force, a shaft speed.
     #[default]
     Plain,
-    /// An angle \[rad\]: of a rudder, of roll. A force follows its sine.
+    /// An angle \[rad\], for example of a rudder or of roll. Forces depend on its sine.
     Angle,
-    /// A component of the wind as `--wind` makes it, `U^2 cos` or `U^2 sin` \[m^2/s^2\]: a force of the wind is
-    /// linear in it (Fossen 2021, section 10.1).
+    /// A wind component from `--wind`, `U^2 cos` or `U^2 sin` \[m^2/s^2\]; the wind force is linear in it (Fossen
+    /// 2021, section 10.1).
     Wind,
 }
 
@@ -25,25 +25,24 @@ pub struct Variables {
 }
 
 impl Variables {
-    /// Variables of given kinds. The surge speed is taken to be the first of three or more outputs.
+    /// Variables of given kinds. The surge speed is the first of three or more outputs.
     pub fn new(outputs: Vec<VariableKind>, inputs: Vec<VariableKind>) -> Self {
         let surge = (outputs.len() >= 3).then_some(0);
         Self { outputs, inputs, surge }
     }
 
-    /// So many outputs and inputs of no special kind.
+    /// Outputs and inputs of the plain kind.
     pub fn plain(outputs: usize, inputs: usize) -> Self {
         Self::new(vec![VariableKind::Plain; outputs], vec![VariableKind::Plain; inputs])
     }
 
-    /// Those of a run. An angle is what has the unit `rad`; components of the wind are known by the names and
-    /// the unit that the reader of logs gives them; the surge speed is the output `u`, else the first of
-    /// three or more.
+    /// The variables of a run. Channels in `rad` are angles; wind components are recognized by the names and the
+    /// unit from the log reader; the surge speed is the output `u`, else the first of three or more outputs.
     pub fn of(run: &Trajectory) -> Self {
         Self::of_channels(run.outputs.channels(), run.inputs.channels())
     }
 
-    /// The same for the channels of outputs and inputs.
+    /// The variables of given output and input channels.
     pub fn of_channels(outputs: &[Channel], inputs: &[Channel]) -> Self {
         let kinds = |channels: &[Channel]| channels.iter().map(kind).collect();
         let variables = Self::new(kinds(outputs), kinds(inputs));
@@ -57,18 +56,17 @@ impl Variables {
         self.outputs.len() + self.inputs.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no variables.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The output that is the surge speed, if one is.
+    /// The output of the surge speed, if any.
     pub fn surge(&self) -> Option<u16> {
         self.surge
     }
 
-    /// All variables; those beyond the 65,536 that a term can name are left out, and no program compiles with
-    /// so many.
+    /// All variables, up to the 65,536 that a term can address; programs have fewer.
     pub fn all(&self) -> impl Iterator<Item = (u16, VariableKind)> + Clone {
         (0..=u16::MAX).zip(self.outputs.iter().chain(&self.inputs).copied())
     }

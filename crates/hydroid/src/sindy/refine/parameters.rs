@@ -1,23 +1,23 @@
-//! What is refined of equations, as a list of numbers.
+//! Parameter vector of the refinement.
 
 use hydroid_core::model::sparse::{Equations, EquationsError, Factor, Gate, Real, Shape, Signal, Term};
 
 use crate::sindy::structure::{GateSpec, Lag};
 
-/// The numbers that are refined: coefficients, then logarithms of time constants, then centre and logarithm of the slope
-/// of each gate.
+/// Refined parameters: coefficients, logarithms of time constants, then centre and logarithm of the slope of each
+/// gate.
 #[derive(Clone, Debug)]
 pub(super) struct Parameters {
     base: Equations,
     places: Vec<usize>,
-    /// Places of lags among the signals.
+    /// Indices of the lags among the signals.
     lags: Vec<usize>,
-    /// Gates with the variables that they are on.
+    /// Gates with their variables.
     gates: Vec<(u16, Gate)>,
 }
 
 impl Parameters {
-    /// Of equations, with those of their lags and gates that are free.
+    /// Parameters of equations, with the free lags and gates.
     pub(super) fn new(base: &Equations, lags: &[Lag], gates: &[GateSpec]) -> Self {
         let free = |signal: &Signal| match *signal {
             Signal::Lag { input, time_constant_s } => lags.iter().any(|lag| {
@@ -44,32 +44,32 @@ impl Parameters {
         Self { base: base.clone(), places, lags, gates: known }
     }
 
-    /// None: equations as they are.
+    /// No parameters: the equations are unchanged.
     pub(super) fn fixed(base: &Equations) -> Self {
         Self { base: base.clone(), places: Vec::new(), lags: Vec::new(), gates: Vec::new() }
     }
 
-    /// Their number.
+    /// Number of parameters.
     pub(super) fn len(&self) -> usize {
         self.places.len() + self.nonlinear()
     }
 
-    /// Number of those that are no coefficients.
+    /// Number of parameters that are not coefficients.
     pub(super) fn nonlinear(&self) -> usize {
         self.lags.len() + 2 * self.gates.len()
     }
 
-    /// Terms of the table of all coefficients.
+    /// Number of terms in the table of coefficients.
     pub(super) fn terms(&self) -> usize {
         self.base.terms().len()
     }
 
-    /// Places of the coefficients in the table of all.
+    /// Indices of the coefficients in the table.
     pub(super) fn places(&self) -> &[usize] {
         &self.places
     }
 
-    /// Their values in the equations that they were made from.
+    /// Values in the original equations.
     pub(super) fn start(&self) -> Vec<f64> {
         let coefficients = self.places.iter().map(|&place| self.base.coefficients()[place]);
         let lags = self.lags.iter().map(|&i| match self.base.signals()[i] {
@@ -80,13 +80,13 @@ impl Parameters {
         coefficients.chain(lags).chain(gates).collect()
     }
 
-    /// Sizes that steps of finite differences are small beside: one for each parameter that is no coefficient.
+    /// Scales of the finite differences, one for each parameter that is not a coefficient.
     pub(super) fn sizes(&self) -> Vec<f64> {
         let lags = self.lags.iter().map(|_| 1.0);
         lags.chain(self.gates.iter().flat_map(|(_, gate)| [1.0 / gate.slope.0, 1.0])).collect()
     }
 
-    /// The equations that have these values.
+    /// The equations with these parameters.
     pub(super) fn equations(&self, values: &[f64]) -> Result<Equations, EquationsError> {
         let (coefficients, nonlinear) = values.split_at(self.places.len());
         let (lags, gates) = nonlinear.split_at(self.lags.len());
@@ -109,7 +109,7 @@ impl Parameters {
         Equations::with_signals(terms, table, b.outputs(), b.inputs(), signals, b.dt(), b.substeps())
     }
 
-    /// A term with the gates where they are now.
+    /// A term with the present gates.
     fn with_gates(&self, term: &Term, moved: &[Gate]) -> Term {
         if self.gates.is_empty() {
             return term.clone();

@@ -1,4 +1,4 @@
-//! Multi-step errors of equations on windows of runs, and their derivatives, folded into factors.
+//! Multiple shooting: multi-step errors of equations on windows of runs and their derivatives, as QR factors.
 
 use hydroid_core::model::sparse::{Equations, Sensitivity};
 use hydroid_core::predict::Workspace;
@@ -9,53 +9,53 @@ use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
 use crate::sindy::qr::{BLOCK_ROWS, QrFactor};
 
-/// Samples that one task goes through.
+/// Samples per task.
 const TASK_SAMPLES: usize = 1_500;
 
-/// Tasks at the most, so that memory does not grow with the runs.
+/// Largest number of tasks, which bounds the memory.
 const MAX_TASKS: usize = 96;
 
-/// Steps of the inner search for the outputs at the start of a window: they enter almost linearly.
+/// Gauss-Newton steps for the initial outputs of a window; the problem is almost linear in them.
 const START_STEPS: usize = 2;
 
-/// Steps of finite differences, in the sizes of parameters: central differences then have some eight digits.
+/// Relative step of central finite differences; the derivatives have about eight digits.
 const DIFFERENCE: f64 = 1e-4;
 
-/// Warm-ups that a process begins before its first window.
+/// Start of the process before its first window, in warm-ups.
 const SETTLING: usize = 3;
 
-/// What is predicted, and what an error weighs.
+/// Windows and weights of the errors.
 #[derive(Clone, Debug)]
 pub(super) struct Windows<'a> {
     pub(super) runs: &'a [&'a Trajectory],
     /// Length of a window \[samples\].
     pub(super) horizon: usize,
-    /// From the start of one to that of the next.
+    /// Samples between the starts of consecutive windows.
     pub(super) stride: usize,
-    /// Weight of an error of each output, one over its standard deviation.
+    /// Weight of an error of each output: the inverse of its standard deviation.
     pub(super) weights: Vec<f64>,
-    /// The same of the measurement at the start.
+    /// Weight of the measurement error at the start of a window.
     pub(super) start: Vec<f64>,
     pub(super) ranges: &'a [DesignRange],
     /// Bound of a Huber loss in standard deviations.
     pub(super) huber: Option<f64>,
 }
 
-/// The problem around one set of parameters.
+/// Linearization at one set of parameters.
 #[derive(Clone, Debug)]
 pub(super) struct Linearization {
     /// Sum of the loss over all errors.
     pub(super) cost: f64,
-    /// Errors compared.
+    /// Number of errors.
     pub(super) errors: u64,
     /// Sum of squares of the unweighted errors of each output, and their number.
     pub(super) squares: Vec<(f64, u64)>,
-    /// `[J r]` of consecutive windows, the starts of the windows eliminated.
+    /// Factors of `[J r]` of consecutive windows, with the initial outputs eliminated.
     pub(super) parts: Vec<QrFactor>,
 }
 
 impl Linearization {
-    /// All parts together.
+    /// Combines all parts.
     pub(super) fn merged(&self) -> Option<QrFactor> {
         let mut parts = self.parts.iter();
         let mut merged = parts.next()?.clone();
@@ -64,7 +64,7 @@ impl Linearization {
     }
 }
 
-/// Windows of a run that one task goes through.
+/// Windows of a run in one task.
 struct Task<'a> {
     run: &'a Trajectory,
     first: usize,
@@ -73,8 +73,8 @@ struct Task<'a> {
 }
 
 impl Windows<'_> {
-    /// The errors and their derivatives at some values of the parameters; none where a rollout diverges, or there are
-    /// no windows. The same on any number of threads.
+    /// Errors and their derivatives at given parameters; `None` if a rollout diverges or there are no windows. The
+    /// result does not depend on the number of threads.
     pub(super) fn linearise(&self, parameters: &Parameters, values: &[f64]) -> Option<Linearization> {
         let equations = parameters.equations(values).ok()?;
         let perturbations = perturbations(parameters, values)?;
@@ -114,7 +114,7 @@ impl Windows<'_> {
         let starts = (samples / self.stride).max(1) * self.stride;
         let mut tasks = Vec::new();
         for run in self.runs {
-            // Commands of the last sample lead beyond it.
+            // The command of the last sample acts after the run.
             let last = run.len().saturating_sub(self.horizon);
             let mut first = warm_up;
             while first < last {
@@ -126,7 +126,7 @@ impl Windows<'_> {
     }
 }
 
-/// Equations with each parameter that is no coefficient a little smaller and larger, and one over the difference.
+/// Equations with each parameter except coefficients decreased and increased, and the inverse of the difference.
 fn perturbations(parameters: &Parameters, values: &[f64]) -> Option<Vec<(Equations, Equations, f64)>> {
     let first = parameters.places().len();
     let perturbed = |at: usize, by: f64| {
@@ -141,7 +141,7 @@ fn perturbations(parameters: &Parameters, values: &[f64]) -> Option<Vec<(Equatio
     parameters.sizes().into_iter().enumerate().map(one).collect()
 }
 
-/// What one task found.
+/// Result of one task.
 struct TaskResult {
     cost: f64,
     errors: u64,
@@ -158,7 +158,7 @@ struct Linearizer<'a> {
     width: usize,
 }
 
-/// Buffers of a task.
+/// Workspace of a task.
 struct Buffers {
     y: Vec<f64>,
     s: Vec<f64>,
@@ -173,7 +173,7 @@ impl Linearizer<'_> {
     fn process(&self, task: &Task<'_>) -> Option<TaskResult> {
         let (n, h) = (self.equations.outputs(), self.windows.horizon);
         let run = task.run;
-        // Equations and their perturbations remember different things of the same past.
+        // The states of the perturbed equations differ for the same past.
         let all: Vec<&Equations> = std::iter::once(self.equations)
             .chain(self.perturbations.iter().flat_map(|(low, high, _)| [low, high]))
             .collect();
@@ -197,7 +197,7 @@ impl Linearizer<'_> {
                 state[..n].copy_from_slice(run.outputs.row(k));
             }
             let starts = k >= task.first && (k - task.first).is_multiple_of(self.windows.stride);
-            // A window whose start or past has a gap says little that others do not.
+            // Windows with a gap at the start or in the past are skipped.
             if starts && states.iter().flatten().all(|x| x.is_finite()) {
                 self.window(run, k, &states, &mut buffers, &mut part)?;
             }
@@ -293,7 +293,7 @@ impl Linearizer<'_> {
             }
         }
         householder(&mut buffers.matrix, rows, n, columns);
-        // What the starts leave.
+        // The rows after elimination of the initial outputs.
         let mut row = n;
         while row < rows {
             let take = (rows - row).min(BLOCK_ROWS - buffers.filled);
@@ -318,7 +318,7 @@ impl Linearizer<'_> {
         (!y.chunks_exact(n).any(bad)).then_some(())
     }
 
-    /// A Gauss-Newton step of the outputs at the start.
+    /// A Gauss-Newton step of the initial outputs.
     fn start_step(
         &self,
         y: &[f64],
@@ -355,7 +355,7 @@ impl Linearizer<'_> {
     }
 }
 
-/// Householder reflections that make the first `first` columns (column by column) upper triangular.
+/// Householder reflections that make the first `first` columns (column-major) upper triangular.
 fn householder(matrix: &mut [f64], rows: usize, first: usize, columns: usize) {
     for j in 0..first {
         let (head, tail) = matrix.split_at_mut((j + 1) * rows);
@@ -376,7 +376,7 @@ fn householder(matrix: &mut [f64], rows: usize, first: usize, columns: usize) {
     }
 }
 
-/// Solves `A x = b` for a symmetric positive definite `A`, given as rows of `[A b]`; zero where it is singular.
+/// Solves `A x = b` for a symmetric positive definite `A`, given as rows of `[A b]`; zero if `A` is singular.
 fn solve_spd(matrix: &mut [f64], n: usize) -> Vec<f64> {
     let w = n + 1;
     for j in 0..n {
