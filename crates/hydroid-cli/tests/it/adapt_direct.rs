@@ -62,7 +62,7 @@ fn a_direct_predictor_adapts_to_foiling_and_is_written_with_its_history() {
 fn invalid_input_is_refused() {
     for (options, words) in [
         ("--learner kalman", "by least squares"),
-        ("--weight-variance 0.1", "recurrent networks"),
+        ("--weight-variance 0.1", "a recurrent network"),
         ("--window 1", "apply to equations"),
         ("--all-terms", "apply to equations"),
         ("--prior 0", "worth"),

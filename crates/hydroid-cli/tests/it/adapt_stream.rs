@@ -174,7 +174,7 @@ fn a_killed_service_resumes_with_the_same_answers_and_model() {
         let answers: Vec<String> = text(&again.stdout).lines().map(str::to_owned).collect();
         let lost = killed + answers.len() - (expected.len());
         assert!(lost <= 12, "more than the last second was lost: {lost} lines");
-        assert!(text(&again.stderr).contains("going on from"));
+        assert!(text(&again.stderr).contains("resuming from"));
         assert_eq!(answers, expected[expected.len() - answers.len()..]);
         let read = |file: &str| fs::read(at.join(file)).unwrap();
         assert!(read(&model) == read("whole.safetensors"), "killed after {killed}");

@@ -159,5 +159,5 @@ fn invalid_input_is_refused() {
         assert!(told.contains(words) && !told.contains("panicked"), "{args}: {told}");
     }
     let help = done("adapt --help").split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(help.contains("learned.toml") && help.contains("masses, drag"), "{help}");
+    assert!(help.contains("learned.toml") && help.contains("vessel file"), "{help}");
 }

@@ -246,7 +246,7 @@ fn files_that_are_no_models() {
     let both = ["inspect", "out/sindy.safetensors", "--latex", "--json"];
     let output = hydroid(folder.path(), &both);
     assert_eq!(output.status.code(), Some(2));
-    assert!(String::from_utf8(output.stdout).unwrap().contains("leave one out"));
+    assert!(String::from_utf8(output.stdout).unwrap().contains("exclude each other"));
     refused(folder.path(), &["evaluate", "text.safetensors", "bad.csv"], &["not a hydroid model"]);
     refused(folder.path(), &["evaluate", "bad.csv", "bad.csv"], &["bad.csv", "not a hydroid model"]);
     // A good model on a log that is too short for the horizon, and without truth.
@@ -309,7 +309,7 @@ fn options_for_a_log_without_a_log() {
     assert!(document["error"].as_str().unwrap().contains("standard output"));
     refused(folder.path(), &["simulate", "simple", "--duration", "1e9"], &["duration", "samples"]);
     let slip = ["simulate", "simple", "--excitation", "lawn-mower", "--leg", "1e-7"];
-    refused(folder.path(), &slip, &["leg", "shortest"]);
+    refused(folder.path(), &slip, &["leg", "too short"]);
 }
 
 #[test]

@@ -88,7 +88,8 @@ fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
         let answers = killed(&serve, 1500);
         let replay = format!("adapt {MODEL} --replay {file}");
         let said = text(&ended(&replay, 0).stdout);
-        let samples: usize = said.strip_suffix(" samples replayed, all the same\n").unwrap().parse().unwrap();
+        let samples: usize =
+            said.strip_suffix(" samples replayed, all identical\n").unwrap().parse().unwrap();
         assert!((answers.len() - 10..=answers.len()).contains(&samples), "{samples} of {}", answers.len());
 
         let once = ended(&format!("{replay} --json"), 0);
@@ -121,7 +122,7 @@ fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
     // A restart appends to the same file; other options are refused.
     killed(&format!("adapt {MODEL} - --black-box squares.box"), 100);
     let told = text(&ended("inspect squares.box", 0).stdout);
-    assert!(told.contains("2 stretches"), "{told}");
+    assert!(told.contains("2 segments in time"), "{told}");
     ended(&format!("adapt {MODEL} --replay squares.box"), 0);
     let refused = ended(&format!("adapt {MODEL} c.csv --stream --prior 3 --black-box squares.box"), 2);
     let refused = text(&refused.stderr);
@@ -137,7 +138,7 @@ fn a_complete_log_is_recorded_too() {
     assert_eq!(with["adapted"], without["adapted"], "to note it changes nothing");
     let rows = fs::read_to_string(prepared().join("c.csv")).unwrap().lines().count() - 1;
     let said = text(&ended(&format!("adapt {MODEL} --replay log.box"), 0).stdout);
-    assert_eq!(said, format!("{rows} samples replayed, all the same\n"));
+    assert_eq!(said, format!("{rows} samples replayed, all identical\n"));
     let told = text(&ended("inspect log.box", 0).stdout);
     assert!(told.contains("from c.csv, sample time 0.1 s"), "{told}");
 }

@@ -149,7 +149,6 @@ fn the_guard_costs_little_without_faults() {
 }
 
 #[test]
-#[ignore = "slow tier: .ci/run runs it"]
 fn diverged_weights_return_to_the_initial_weights() {
     let (model, _) = pretrained("gru");
     let log = lawn();

@@ -96,6 +96,7 @@ fn worst_error(name: &str) -> f64 {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn errors_along_the_log_are_those_of_the_reference() {
     for name in NAMES {
         let worst = worst_error(name);

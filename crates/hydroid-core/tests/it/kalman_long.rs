@@ -126,6 +126,7 @@ fn voyage(samples: usize) {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_hundred_thousand_samples() {
     voyage(100_000);
 }
