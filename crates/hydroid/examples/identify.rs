@@ -1,9 +1,11 @@
 //! Identifies sparse equations of a simulated boat and writes the model: `cargo run --release --example identify`.
 
+use std::collections::BTreeMap;
+
 use hydroid::excitation::Excitation;
-use hydroid::identify::{Job, Method, identify};
+use hydroid::identify::{Job, Method, NetworkTrainingOptions, SindyOptions, identify};
 use hydroid::log::split_runs;
-use hydroid::model;
+use hydroid::model::{self, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
 use hydroid_core::vessel::VesselParams;
@@ -17,13 +19,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let job = Job {
         methods: vec![Method::Sindy],
         split: split_runs(vec![run])?,
-        reading: Default::default(),
+        reading: Reading::default(),
         horizon: 100,
         origin_stride: 10,
         seed: 0,
-        ranges: Default::default(),
-        sindy: Default::default(),
-        networks: Default::default(),
+        ranges: BTreeMap::default(),
+        sindy: SindyOptions::default(),
+        networks: NetworkTrainingOptions::default(),
     };
     let identified = identify(&job, &mut silent())?;
     let best = &identified.candidates[identified.best.ok_or("every model diverged")?];

@@ -30,7 +30,7 @@ struct Group {
     z: Vec<f64>,
 }
 
-/// An [`Adapter`](super::Adapter) of sparse equations (recursive SINDy).
+/// An [`Adapter`](super::Adapter) of sparse equations (recursive `SINDy`).
 ///
 /// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients `Xi`. The rows of the regression are increments over a
 /// window of samples with the library averaged over the same window (the `Midpoint` rows of

@@ -89,7 +89,7 @@ impl BacksteppingOptions {
 /// Without adaptation and limits, the law equals feedback linearization with `k_p = q + k_1 k_2` and `k_d = k_1 + k_2`; the laws differ in
 /// their response to model error.
 ///
-/// # FilterOptions
+/// # `FilterOptions`
 ///
 /// One rate `k` for all gains ([`BacksteppingOptions::with_rate`]): `k_p = 2 k^2`, `k_d = 2 k`, a damping of 0.7. `k` should stay below
 /// about `0.2 / h` for samples of `h` seconds and below the bandwidth of the actuators. The disturbances converge within about `10 / k`

@@ -55,14 +55,14 @@ pub struct SindyOptions {
     /// measurements by hardly more than the noise of the sensors, the default), `true` (wherever predictions get better by
     /// it) or `false`.
     pub refine: RefineOption,
-    /// EnsembleSize of the ensemble that tells how sure the coefficients are.
+    /// `EnsembleSize` of the ensemble that tells how sure the coefficients are.
     pub members: EnsembleSize,
     /// Whether the equations are for a control law that inverts them: terms are linear in one function of each command
     /// (`c`, `sin(c)` or `c |c|`), which is chosen on the validation runs.
     pub for_control: bool,
 }
 
-/// EnsembleSize of an ensemble at the most: quantiles are no better for more, and each is a fit.
+/// `EnsembleSize` of an ensemble at the most: quantiles are no better for more, and each is a fit.
 const MAX_MEMBERS: usize = 1000;
 
 /// A number of members.
@@ -112,7 +112,7 @@ pub enum Auto {
     Auto,
 }
 
-/// LagOption of actuators.
+/// `LagOption` of actuators.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -232,7 +232,7 @@ impl SindyOptions {
         Ok(())
     }
 
-    /// LagOption that are looked for or given, by the place of the input.
+    /// `LagOption` that are looked for or given, by the place of the input.
     ///
     /// # Errors
     /// If an input does not exist, or a time constant is not positive.

@@ -82,7 +82,10 @@ impl From<InputDelay> for String {
 }
 
 impl InputDelay {
-    /// Refuses delays that are no numbers or beyond any log.
+    /// Checks that the delay is a number and not beyond any log.
+    ///
+    /// # Errors
+    /// If it is not.
     pub fn check(self) -> Result<(), LogError> {
         let sane = match self {
             Self::Samples(n) => n.unsigned_abs() < 1_000_000_000,

@@ -337,6 +337,9 @@ fn has_decimal_comma(bytes: &[u8], delimiter: u8) -> bool {
 }
 
 /// Empty columns with the names and units of the header.
+///
+/// # Errors
+/// If the line is no header, or two columns have the same name.
 pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogError> {
     if header.iter().all(|h| h.is_empty() || h.parse::<f64>().is_ok() || stamp::parse(h).is_some()) {
         let first_row =

@@ -60,6 +60,9 @@ pub struct Resolved {
 impl Resolved {
     /// Applies a selection to a log; what was guessed or converted goes to `notes`. `dt` is the step of a log
     /// without time.
+    ///
+    /// # Errors
+    /// If a channel, a unit or the clock cannot be resolved.
     pub fn new(
         log: &RawLog,
         selection: &Selection,

@@ -48,7 +48,10 @@ fn fastest(channel: &Channel) -> Option<(f64, &'static str)> {
     }
 }
 
-/// Refuses a value of an output that no vessel has.
+/// Checks that a value of an output is possible for a vessel.
+///
+/// # Errors
+/// If it is not.
 pub fn check_value(channel: &Channel, value: f64, path: &str, line: u64) -> Result<(), LogError> {
     match fastest(channel) {
         Some((limit, unit)) if value.abs() > limit => Err(LogError::Absurd {

@@ -154,7 +154,7 @@ pub(super) fn fit_constrained(
     Ok(solutions.into_iter().flatten().collect())
 }
 
-/// Solves equations that are coupled_terms together.
+/// Solves equations that are `coupled_terms` together.
 fn solve_group(
     prepared: &LinearRegression,
     plain: &QrFactor,

@@ -1,5 +1,5 @@
 //! Bootstrap ensemble of a fit: intervals and inclusion probabilities of the coefficients (bagging: Breiman,
-//! Machine Learning 24 (1996) 123; ensemble SINDy: Fasel, Kutz, Brunton and Brunton, Proc. R. Soc. A 478
+//! Machine Learning 24 (1996) 123; ensemble `SINDy`: Fasel, Kutz, Brunton and Brunton, Proc. R. Soc. A 478
 //! (2022) 20210904).
 //!
 //! Rows that are neighbours in time are correlated, so contiguous blocks of rows are drawn (block bootstrap:

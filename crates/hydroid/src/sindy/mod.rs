@@ -1,4 +1,4 @@
-//! Sparse identification of nonlinear dynamics (SINDy: Brunton, Proctor and Kutz, PNAS 113 (2016) 3932):
+//! Sparse identification of nonlinear dynamics (`SINDy`: Brunton, Proctor and Kutz, PNAS 113 (2016) 3932):
 //! `dy/dt = Xi theta(y, c)` with few non-zero coefficients.
 
 mod active_set;

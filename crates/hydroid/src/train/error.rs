@@ -9,7 +9,7 @@ use crate::progress::Cancelled;
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
     /// Invalid option.
-    #[error("{what} = {value} is invalid: give {needed}")]
+    #[error("{what} = {value} is invalid; expected: {needed}")]
     InvalidOption {
         /// Name.
         what: &'static str,

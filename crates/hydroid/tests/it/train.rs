@@ -136,7 +136,7 @@ fn an_interrupted_training_resumes_to_the_same_model() {
         same(&whole, &with(&settings, Some(&path), &mut |_| ControlFlow::Break(())).unwrap());
         let other = TrainOptions { learning_rate: 0.01, ..settings };
         let error = with(&other, Some(&path), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
-        assert!(error.contains("other settings") && error.contains("checkpoint"), "{error}");
+        assert!(error.contains("other options") && error.contains("checkpoint"), "{error}");
         std::fs::write(&path, b"not a checkpoint").unwrap();
         let error = with(&other, Some(&path), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
         assert!(error.contains("remove it to start anew"), "{error}");
@@ -204,7 +204,7 @@ fn invalid_arguments_are_refused() {
     assert!(of(|s| s.window_s = Some(1e4)).contains("needs 100021 samples"));
     assert!(of(|s| s.window_s = Some(1e4)).contains("or a shorter wash_out_s or window_s"));
     assert!(
-        of(|s| s.patience = Some(0)).contains("patience = 0 is invalid: give at least 1, or leave it out")
+        of(|s| s.patience = Some(0)).contains("patience = 0 is invalid; expected: at least 1, or leave it out")
     );
     assert!(of(|s| s.batch = 0).contains("batch = 0"));
     assert!(of(|s| s.hidden = 0).contains("at least 1"));

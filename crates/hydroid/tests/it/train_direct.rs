@@ -147,7 +147,7 @@ fn settings_that_are_not_for_it_are_refused() {
     assert!(told(TrainOptions { hidden: 5000, ..settings() }).contains("5000 units"));
     assert!(told(TrainOptions { window_s: Some(95.0), ..settings() }).contains("long enough"));
     let recurrent = TrainOptions { history_s: Some(1.0), ..TrainOptions::of(CellKind::Gru) };
-    assert!(told(recurrent).contains("history_s = given cannot be"));
+    assert!(told(recurrent).contains("history_s = given is invalid"));
 }
 
 fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {

@@ -25,7 +25,7 @@ pub(in crate::model) struct Structure {
     history: usize,
     horizon: usize,
     hold: bool,
-    /// BaseModel equations; excludes `hold`.
+    /// `BaseModel` equations; excludes `hold`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     equations: Option<Library>,
 }

@@ -46,6 +46,7 @@ pub enum Body {
 }
 
 /// Content of a model's file.
+#[expect(clippy::large_enum_variant, reason = "one value exists at a time, while a file is written")]
 pub(super) enum Encoded {
     /// Structure and tensors of a safetensors file.
     Tensors(Structure, Vec<Tensor>),

@@ -44,7 +44,7 @@ pub(super) struct ScalingFields {
     correction_scale: Vec<f64>,
 }
 
-/// BaseModel of the network.
+/// `BaseModel` of the network.
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum BaseFields {

@@ -1,4 +1,4 @@
-//! Coefficients, lags and gates that nelder_mead the errors of predictions over many steps.
+//! Coefficients, lags and gates that `nelder_mead` the errors of predictions over many steps.
 //!
 //! A regression asks how well the equations explain derivatives. That is neither the most likely answer under noise of
 //! measurement, nor what a model is judged by. With the terms chosen, [`refine`] minimises instead
@@ -68,7 +68,7 @@ pub struct RefineOptions<'a> {
     pub constraints: &'a Constraints,
 }
 
-/// RefinedEquations equations.
+/// `RefinedEquations` equations.
 #[derive(Clone, Debug)]
 pub struct RefinedEquations {
     /// The equations.

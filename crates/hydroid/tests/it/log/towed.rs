@@ -45,7 +45,7 @@ fn a_towed_end_is_removed() {
     );
     let kept = prepared_with(&text, &PrepareOptions { keep_towed: true, ..PrepareOptions::default() });
     assert_eq!(kept.runs[0].len(), ROWS);
-    assert!(!has_note(&kept, "left out"), "{:?}", kept.notes);
+    assert!(!has_note(&kept, "is removed"), "{:?}", kept.notes);
 }
 
 #[test]
