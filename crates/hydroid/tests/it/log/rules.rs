@@ -335,7 +335,7 @@ fn a_step_below_the_logs_is_warned_of() {
     let finer = |dt: f64| {
         let p =
             prepared_with(&table(20, u, n), &PrepareOptions { dt: Some(dt), ..PrepareOptions::default() });
-        p.notes.iter().any(|n| n.is_warning() && n.message.contains("interpolated from the next measurement"))
+        p.notes.iter().any(|n| n.is_warning() && n.message.contains("interpolated with the next measurement"))
     };
     assert!(finer(0.05) && finer(0.09));
     assert!(!finer(0.0995) && !finer(0.1) && !finer(0.2));
