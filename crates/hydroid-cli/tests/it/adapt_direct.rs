@@ -65,7 +65,7 @@ fn invalid_input_is_refused() {
         ("--weight-variance 0.1", "a recurrent network"),
         ("--window 1", "apply to equations"),
         ("--all-terms", "apply to equations"),
-        ("--prior 0", "worth"),
+        ("--prior 0", "weight of the reference model"),
         ("--forgetting 0", "forgetting"),
         ("--forgetting=-1", "forgetting"),
     ] {

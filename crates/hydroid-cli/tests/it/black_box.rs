@@ -109,8 +109,8 @@ fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
         }
         let guarded = name != "free";
         assert_eq!(told.contains("no events"), !guarded, "{told}");
-        let spike = told.lines().find(|line| line.contains("spike") && line.contains("not used"));
-        assert_eq!(spike.is_some_and(|line| line.contains("u is")), guarded, "{told}");
+        let spike = told.lines().find(|line| line.contains("spike") && line.contains("rejected"));
+        assert_eq!(spike.is_some_and(|line| line.contains("u deviates")), guarded, "{told}");
         assert_eq!(told.contains("by the adapted model"), guarded);
         let inspected = ended(&format!("inspect {file} --json"), 0);
         let inspected: Value = serde_json::from_slice(&inspected.stdout).unwrap();
@@ -162,7 +162,7 @@ fn unusable_files_are_refused_with_a_remedy() {
     refused(&format!("adapt {MODEL}"), "LOG|-");
     refused(&format!("adapt {MODEL} c.csv --black-box c.csv"), "not overwritten");
     refused(&format!("adapt {MODEL} c.csv --stream --black-box ."), "name a file");
-    refused(&format!("adapt {MODEL} c.csv --black-box x.box --black-box-minutes 1"), "give from 2");
+    refused(&format!("adapt {MODEL} c.csv --black-box x.box --black-box-minutes 1"), "give 2 to");
     refused(&format!("adapt {MODEL} c.csv --black-box-minutes 5"), "--black-box");
     refused("inspect kept.box --latex", "is a black box");
     let bytes = fs::read(at.join("kept.box")).unwrap();
@@ -199,7 +199,7 @@ fn a_full_disk_stops_the_recording_only() {
     assert_eq!(output.status.code(), Some(0), "{told}");
     let rows = fs::read_to_string(prepared().join("c.csv")).unwrap().lines().count() - 1;
     assert_eq!(text(&output.stdout).lines().count(), rows, "all lines are answered");
-    assert_eq!(told.matches("of the black box: cannot write").count(), 1, "{told}");
+    assert_eq!(told.matches("black box cannot be written: cannot write").count(), 1, "{told}");
     let said = text(&ended(&format!("adapt {MODEL} --replay full.box"), 0).stdout);
     assert!(said.ends_with("all identical\n") && !said.starts_with("0 "), "{said}");
 }

@@ -212,7 +212,7 @@ fn adaptive_augmentation_reduces_the_error() {
     let (base, learned) = (of("fl"), of("fl --adaptive-augmentation"));
     let off = |report: &Value| report["rms_cross_track"].as_f64().unwrap();
     assert!(off(&learned) < 0.8 * off(&base), "{} beside {}", off(&learned), off(&base));
-    let said = |report: &Value| report["controller"]["learned"].as_bool();
+    let said = |report: &Value| report["controller"]["adaptive_augmentation"].as_bool();
     assert_eq!((said(&base), said(&learned)), (Some(false), Some(true)));
     assert_eq!(
         timeless(of("fl --adaptive-augmentation")),
@@ -295,7 +295,7 @@ fn wrong_input_is_refused_with_a_remedy() {
     refused("control hydrofoil --controller fl --mass 0", "mass");
     refused("control hydrofoil --controller fl --delay=-1", "delay");
     refused("control hydrofoil --controller fl --delay 0.25", "give 0.2 or 0.3");
-    refused("control hydrofoil --controller fl --duration 30 --evaluate-from 30s", "below that");
+    refused("control hydrofoil --controller fl --duration 30 --evaluate-from 30s", "a smaller --evaluate-from");
     refused("control hydrofoil --controller fl --rate 2", "--rate needs --controller backstepping");
     refused("control hydrofoil --controller backstepping --bandwidth 1,1", "needs --controller fl");
     refused("control hydrofoil --controller backstepping --integral 1", "needs --controller fl");
@@ -306,10 +306,10 @@ fn wrong_input_is_refused_with_a_remedy() {
     refused("control hydrofoil --controller fl --adapt --training-time 10s", "--training-log");
     refused("control hydrofoil --controller cem --candidates 100000 --horizon 1000", "reduce one of them");
     refused("control hydrofoil --controller cem --horizon 500", "or --gauss-newton-steps 0");
-    refused("control hydrofoil --controller fl --adapt --learner least-squares", "direct predictors");
+    refused("control hydrofoil --controller fl --adapt --learner least-squares", "a direct predictor");
     refused("control hydrofoil --controller fl --gusts 5,0", "gusts");
-    refused("control hydrofoil --controller fl --runs 0", "voyages");
-    refused("control hydrofoil --controller fl --runs 3 --mass-variation 1", "spread");
+    refused("control hydrofoil --controller fl --runs 0", "number of runs");
+    refused("control hydrofoil --controller fl --runs 3 --mass-variation 1", "dispersion");
     refused("control hydrofoil --controller fl --rate-limits 0,1", "--rate-limits");
     refused("control hydrofoil --controller fl --reference path", "--reference");
     refused("control hydrofoil --controller cem --candidates 1", "candidates");

@@ -57,7 +57,7 @@ pub enum ClosedLoopError {
     Channels(String),
     /// The run ends before the evaluation starts.
     #[error(
-        "the evaluation starts at {from_s} s, but the run takes {duration_s} s: give a smaller --from or a longer --duration"
+        "the evaluation starts at {from_s} s, but the run takes {duration_s} s: give a smaller --evaluate-from or a longer --duration"
     )]
     EvaluationStart {
         /// Start of the evaluation \[s\].
