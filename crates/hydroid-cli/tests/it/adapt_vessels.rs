@@ -116,6 +116,7 @@ fn a_vessel_takes_the_sample_time_and_the_columns_of_the_log() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_vessel_on_a_stream_resumes_to_the_same_bytes() {
     let at = prepared();
     let options = "--horizons 1,20 -q";

@@ -79,6 +79,7 @@ fn a_closed_loop_writes_all_files() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn identified_equations_work_with_every_controller_and_adapt() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();

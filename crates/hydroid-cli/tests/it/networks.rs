@@ -254,6 +254,7 @@ fn epochs(checkpoint: &Path) -> [u64; 2] {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_training_that_was_killed_goes_on_to_the_same_model() {
     let folder = folder();
     let path = folder.path();

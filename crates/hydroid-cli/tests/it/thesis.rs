@@ -36,6 +36,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 /// The whole study in its small version: every claim that holds with a margin of two and more in the study holds here, every
 /// document is what it promises to be, and a second run changes nothing.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn the_quick_study_writes_all_results() {
     let folder = TempDir::new().unwrap();
     let output = hydroid(folder.path(), &["thesis", "--quick", "--json"]);
@@ -160,6 +161,7 @@ network = { feedback = false, base = "nothing", hidden = 6, epochs = 20 }
 
 /// A study that is killed and run again writes the same bytes as an uninterrupted one.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_killed_study_resumes() {
     let folder = TempDir::new().unwrap();
     own(&folder.path().join("mine"));

@@ -89,12 +89,14 @@ fn ten_minutes_of_the_hydrofoil_give_lag_mode_and_motion() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn the_hydrofoil_from_ten_other_minutes() {
     the_hydrofoil_is_found(40, 1.0);
 }
 
 /// Not every ten minutes say as much.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn ten_less_excited_minutes_of_the_hydrofoil() {
     the_hydrofoil_is_found(0, 1.75);
 }
@@ -122,6 +124,7 @@ fn the_simple_vessel_gets_no_change_of_mode() {
 /// over 51 samples the motion. Where it does not fail it works moderately: a hundred times the error of what
 /// hydroid finds.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn the_settings_of_the_thesis_have_moderate_accuracy() {
     let [train, test] = [0, 1].map(|seed| run(VesselParams::hydrofoil(), 600.0, seed));
     let rows = recipe(&train, &test, &[2], &[DIFFERENCES[0], DIFFERENCES[2]], &[0.0, 0.05, 0.5]).unwrap();

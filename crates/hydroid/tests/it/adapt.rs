@@ -201,6 +201,7 @@ fn invalid_adaptations_are_refused() {
 /// The defaults were chosen with the zigzag at 10 rps (documentation of `hydroid::adapt::least_squares`), never with these: on
 /// that of 15 deg adapting gains little, on the others much; 30 s ahead it gains on one of the three alone.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn esso_adapts_to_an_unseen_propeller_speed() {
     let Some(data) = std::env::var_os("HYDROID_DATA").map(PathBuf::from) else {
         let _ = writeln!(std::io::stderr(), "skipped: no HYDROID_DATA");

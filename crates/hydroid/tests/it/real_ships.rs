@@ -65,6 +65,7 @@ fn means(ship: &Ship, data: &Path) -> (IdentifyResult, Vec<f64>, f64) {
 
 /// The ridge stands still; what is called best on the tug keeps learning along the run.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn cybership_is_a_tenth_below_the_ridge_that_validation_chooses() {
     let Some(data) = data() else { return };
     let (result, means, ridge) = means(&CYBERSHIP, &data);
@@ -82,6 +83,7 @@ fn cybership_is_a_tenth_below_the_ridge_that_validation_chooses() {
 
 /// Without the ends at which the ship is towed, for the ridge as well: README says what it is with them.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn esso_is_a_tenth_below_the_ridge_that_validation_chooses() {
     let Some(data) = data() else { return };
     let (result, means, ridge) = means(&ESSO, &data);
@@ -94,6 +96,7 @@ fn esso_is_a_tenth_below_the_ridge_that_validation_chooses() {
 /// Ten minutes of the hydrofoil in one log: two minutes of validation once chose equations that ran away on
 /// the very data they had been fitted to, and a good log was called of no use.
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_short_log_has_a_robust_validation() {
     let Some(path) = data().map(|data| data.join("../reference/records/both_val.csv")) else { return };
     if !path.exists() {

@@ -204,7 +204,8 @@ fn invalid_arguments_are_refused() {
     assert!(of(|s| s.window_s = Some(1e4)).contains("needs 100021 samples"));
     assert!(of(|s| s.window_s = Some(1e4)).contains("or a shorter wash_out_s or window_s"));
     assert!(
-        of(|s| s.patience = Some(0)).contains("patience = 0 is invalid; expected: at least 1, or leave it out")
+        of(|s| s.patience = Some(0))
+            .contains("patience = 0 is invalid; expected: at least 1, or leave it out")
     );
     assert!(of(|s| s.batch = 0).contains("batch = 0"));
     assert!(of(|s| s.hidden = 0).contains("at least 1"));
