@@ -296,7 +296,10 @@ fn wrong_input_is_refused_with_a_remedy() {
     refused("control hydrofoil --controller fl --mass 0", "mass");
     refused("control hydrofoil --controller fl --delay=-1", "delay");
     refused("control hydrofoil --controller fl --delay 0.25", "give 0.2 or 0.3");
-    refused("control hydrofoil --controller fl --duration 30 --evaluate-from 30s", "a smaller --evaluate-from");
+    refused(
+        "control hydrofoil --controller fl --duration 30 --evaluate-from 30s",
+        "a smaller --evaluate-from",
+    );
     refused("control hydrofoil --controller fl --rate 2", "--rate needs --controller backstepping");
     refused("control hydrofoil --controller backstepping --bandwidth 1,1", "needs --controller fl");
     refused("control hydrofoil --controller backstepping --integral 1", "needs --controller fl");
