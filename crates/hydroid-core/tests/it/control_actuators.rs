@@ -182,7 +182,7 @@ fn invalid_actuators_are_refused() {
     let wide = make(Map::Sine, Lag::None, Limits::between([-2.0, 1.0]));
     assert_eq!(
         wide.to_string(),
-        "command 0 acts through its sine, and its limits go beyond a quarter of a turn: give narrower ones"
+        "command 0 acts through its sine, and its limits exceed 90 degrees: give narrower ones"
     );
     let count = Actuators::new(&[Channel::default(); 2], &[unit], 0.1, 0.0).unwrap_err();
     assert_eq!(count, ControlError::Count { expected: 2, given: 1 });

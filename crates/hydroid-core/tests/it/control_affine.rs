@@ -143,7 +143,7 @@ fn invalid_arguments_are_refused_with_a_reason() {
     assert_eq!(told(wrong), "a time constant is 0: a positive number is needed");
     let mut wrong = good.clone();
     wrong.effectors.pop();
-    assert_eq!(told(wrong), "the network gives 9 numbers, outputs and inputs ask for 6");
+    assert_eq!(told(wrong), "the network gives 9 numbers, and outputs and inputs need 6");
     let mut wrong = good.clone();
     wrong.weights[3] = f64::NAN;
     assert!(ControlAffineSession::new(Arc::new(wrong.clone())).is_err());

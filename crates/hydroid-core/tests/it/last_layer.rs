@@ -502,7 +502,7 @@ fn invalid_options_are_refused_with_a_reason() {
         (LastLayerOptions { forgetting: 1.1, ..OPTIONS }, "forgetting"),
         (LastLayerOptions { forgetting: f64::NAN, ..OPTIONS }, "forgetting"),
         (LastLayerOptions { forgetting: 0.1, ..OPTIONS }, "forgetting"),
-        (LastLayerOptions { information: 0.0, ..OPTIONS }, "worth"),
+        (LastLayerOptions { information: 0.0, ..OPTIONS }, "weight of the reference model"),
         (LastLayerOptions { noise_rate: -0.1, ..OPTIONS }, "noise"),
     ] {
         let error = DirectLastLayer::new(Arc::clone(&model), &options).unwrap_err();

@@ -102,7 +102,10 @@ fn every_adapter_is_replayed_bit_for_bit() {
         assert_eq!(summary.events.is_empty(), options.guard.is_none(), "{name}");
         if options.guard.is_some() {
             assert!(
-                summary.events.iter().any(|event| event.action == "spike" && event.text.contains("u is"))
+                summary
+                    .events
+                    .iter()
+                    .any(|event| event.action == "spike" && event.text.contains("u deviates"))
             );
             assert_eq!(summary.predicted_by.iter().sum::<usize>(), summary.samples);
         }

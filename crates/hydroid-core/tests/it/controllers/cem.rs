@@ -367,7 +367,7 @@ fn invalid_options_are_refused() {
     );
     assert_eq!(
         make(good, Cost { effort: vec![0.0], ..quadratic() }),
-        "limits for 2 commands are needed, and there are 1"
+        "2 commands need as many limits, and there are 1"
     );
     let limit = SoftLimit { output: 3, range: [0.0, 1.0], weight: 1.0 };
     assert_eq!(

@@ -336,7 +336,7 @@ fn invalid_options_are_refused() {
     let good = FeedbackLinearizationOptions::new(1.0);
     assert_eq!(
         make(FeedbackLinearizationOptions { lookahead: 0.0, ..good }),
-        "the distance of the point ahead is 0: a finite number greater than 0 is needed"
+        "the lookahead distance is 0: a finite number greater than 0 is needed"
     );
     assert_eq!(
         make(FeedbackLinearizationOptions { integral: 99.0, ..good }),
