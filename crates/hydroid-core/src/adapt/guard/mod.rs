@@ -198,7 +198,7 @@ impl Guard {
         self.selector.active
     }
 
-    /// The weights of the active model, in the layout of [`Adapter::weights`]. A control law that inverts the model uses these.
+    /// The weights of the active model, in the layout of [`Learning::weights`](crate::adapt::Learning::weights). A control law that inverts the model uses these.
     pub fn active_weights(&self) -> &[f64] {
         self.expert(self.selector.active).weights()
     }
