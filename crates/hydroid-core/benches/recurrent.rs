@@ -62,7 +62,7 @@ fn through_time_vanilla<T: Scalar>(bencher: Bencher, sequences: usize) {
     through_time::<T>(bencher, VANILLA, sequences);
 }
 
-/// 1,000 sequences of commands tried for 100 steps each, outputs fed back; so many at a time.
+/// 1,000 sequences of commands tried for 100 steps each, outputs fed back, in batches of the given size.
 #[divan::bench(types = [f32, f64], args = [50, 100, 250, 1000])]
 fn rollout_lstm_1000<T: Scalar>(bencher: Bencher, at_a_time: usize) {
     let mut rollout = Rollout::<T>::new(&LSTM, at_a_time);

@@ -27,7 +27,7 @@ pub(crate) fn add_parts<T: Scalar>(sum: &mut [T], rows: &[T], stride: usize, x: 
     blocks::<1, T>(sum, rows, stride, x, done);
 }
 
-/// `out += A X`, matrices row by row, those on the right of so many columns.
+/// `out += A X`, matrices row by row, the matrices on the right with the given number of columns.
 pub(crate) fn add_product(out: &mut [f64], a: &[f64], x: &[f64], columns: usize) {
     Arch::new().dispatch(AddProduct { out, a, x, columns });
 }

@@ -111,7 +111,7 @@ impl PlantModel {
     }
 }
 
-/// From rest under each corner of the limits, for so many seconds.
+/// From rest under each corner of the limits, for the given time \[s\].
 fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
     const LONG_S: f64 = 120.0;
     let mut ranges = [[0.0, 0.0]; 4];

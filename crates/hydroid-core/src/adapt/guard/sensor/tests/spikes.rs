@@ -127,7 +127,7 @@ fn a_spike_in_the_first_samples_leaves_no_offset() {
     }
 }
 
-/// A spike that nothing follows for a while: what it was once stayed in where innovations were of late, and another one hid behind it.
+/// An isolated spike does not hide a later one: a rejected value takes no part in the mean of the innovations.
 #[test]
 fn a_spike_before_an_outage_hides_no_other() {
     let all = verdicts(wave, |k, x| match k {
