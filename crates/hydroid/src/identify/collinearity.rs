@@ -25,9 +25,9 @@ pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training:
             named.extend([first, second]);
             notes.push(
                 Note::warning(format!(
-                    "inputs '{first}' and '{second}' move together in the training runs (correlation {correlation:.4}): their effects cannot be told apart, and a coefficient of one may be that of the other"
+                    "inputs '{first}' and '{second}' move together in the training runs (correlation {correlation:.4}): their effects cannot be separated, and their coefficients may be exchanged"
                 ))
-                .with_remedy("log a run in which each moves by itself, or leave one of them out"),
+                .with_remedy("log a run in which each moves independently, or remove one of them from --inputs"),
             );
         }
     }
@@ -35,10 +35,10 @@ pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training:
         if !named.contains(&name) {
             notes.push(
                 Note::warning(format!(
-                    "input '{name}' moves only together with other channels in the training runs: its effect cannot be told from theirs, and these terms are left out: {}",
+                    "input '{name}' moves only together with other channels in the training runs: its effect cannot be separated from theirs, and these terms are omitted: {}",
                     terms.join(", ")
                 ))
-                .with_remedy("log a run in which it moves by itself, or leave one of the inputs out"),
+                .with_remedy("log a run in which it moves independently, or remove one of the inputs"),
             );
         }
     }

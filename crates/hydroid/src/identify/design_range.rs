@@ -56,7 +56,7 @@ impl GivenRange {
             Ok(self)
         } else {
             Err(format!(
-                "{}:{} is no range: give two finite numbers, the lower one first",
+                "{}:{} is not a range: give two finite numbers, the lower one first",
                 self.low, self.high
             ))
         }
@@ -67,7 +67,7 @@ impl std::str::FromStr for GivenRange {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("'{text}' is no range: write LOW:HIGH, as in 0:6, or 0:12 [kn]");
+        let wrong = || format!("'{text}' is not a range: write LOW:HIGH, as in 0:6, or 0:12 [kn]");
         let (numbers, unit) = match text.split_once('[') {
             None => (text, None),
             Some((numbers, unit)) => {
@@ -136,7 +136,7 @@ pub(super) fn design_ranges(
         };
         let (low, high) = (factor * range.low, factor * range.high);
         if !(low.is_finite() && high.is_finite() && low < high) {
-            return Err(wrong(format!("{low} to {high} is no range")));
+            return Err(wrong(format!("{low} to {high} is not a range")));
         }
         all[place].range = DesignRange { low, high };
         all[place].given = true;

@@ -11,15 +11,15 @@ use crate::train::TrainError;
 /// Error of an identification.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
-    /// A library that there is not.
+    /// Unknown library.
     #[error(transparent)]
     Library(UnknownLibrary),
-    /// A text that is no term or constraint.
+    /// Invalid term or constraint.
     #[error("{key}: {error}")]
     Expression {
         /// The setting.
         key: &'static str,
-        /// What is wrong, and where.
+        /// Cause and position.
         error: ExpressionError,
     },
     /// A term or constraint that cannot be used.
@@ -27,10 +27,10 @@ pub enum IdentifyError {
     Constraint {
         /// As given.
         text: String,
-        /// Why, and what would do.
+        /// Cause and remedy.
         why: String,
     },
-    /// A setting is of a channel that there is not.
+    /// Unknown channel in a setting.
     #[error("{key}: there is no {what} '{name}'{hint} There are {known}")]
     NoChannel {
         /// The setting.
@@ -41,12 +41,12 @@ pub enum IdentifyError {
         name: String,
         /// The nearest name.
         hint: String,
-        /// The names that there are.
+        /// The known names.
         known: String,
     },
-    /// A gate that is given splits nothing.
+    /// A mode of a given gate has too few samples.
     #[error(
-        "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, give runs that visit both modes, or let it be found (--gate auto)",
+        "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, add runs in both modes, or use the search for gates (--gate auto)",
         100.0 * share
     )]
     ModeNotVisited {
@@ -62,7 +62,7 @@ pub enum IdentifyError {
     NoRuns(&'static str),
     /// Two parts of the split share samples.
     #[error(
-        "'{first}' and '{second}' hold the same measurements, in whole or in part: a model judged on what it was fitted to or chosen on is judged by nobody. Name each log once"
+        "'{first}' and '{second}' share measurements: training, validation and test must be disjoint for a valid evaluation. Name each log once"
     )]
     DataLeakage {
         /// One run.
@@ -77,7 +77,7 @@ pub enum IdentifyError {
         what: &'static str,
         /// As given.
         value: String,
-        /// What would do.
+        /// Valid values.
         needed: &'static str,
     },
     /// A design range that cannot be used.
@@ -88,27 +88,27 @@ pub enum IdentifyError {
         /// Why.
         why: String,
     },
-    /// A network is to stand on equations, and there are none.
+    /// The base model of a network is missing.
     #[error(
-        "{} is to correct equations (base = \"equations\"), and there are none: add sindy or lagged to the methods, or choose base = \"hold\" or \"nothing\"",
+        "{} requires equations as its base model (base = \"equations\"), but no equations were found: add sindy or lagged to the methods, or set base = \"hold\" or \"nothing\"",
         method.name()
     )]
     NoBase {
         /// The method.
         method: Method,
     },
-    /// A network that reads inputs alone, on runs without any.
+    /// A network without output feedback on runs without inputs.
     #[error(
-        "the logs have no inputs, and a network that does not see its outputs reads nothing else: name inputs (--inputs), or set feedback = true under [{}]",
+        "the logs have no inputs, and a network without output feedback has no other variables: select inputs (--inputs), or set feedback = true under [{}]",
         method.name()
     )]
     NoInputs {
         /// The method.
         method: Method,
     },
-    /// A horizon that no run can be judged at.
+    /// A horizon longer than all runs.
     #[error(
-        "a horizon of {horizon} samples ({horizon_s} s) cannot be used: the longest of the {part} runs has {longest} samples, and a prediction needs one to start from. Give a horizon of at most {} samples, or longer runs",
+        "a horizon of {horizon} samples ({horizon_s} s) cannot be used: the longest of the {part} runs has {longest} samples, one of which is the origin. Set a horizon of at most {} samples, or longer runs",
         longest.saturating_sub(1)
     )]
     Horizon {
@@ -123,7 +123,7 @@ pub enum IdentifyError {
     },
     /// The warm-up of a model leaves no origin in the runs of a part.
     #[error(
-        "it cannot be judged: before its predictions count it must have seen {warm_up} samples of a run and each output once, and the horizon has {horizon} samples; none of the {part} runs has both (the longest has {longest} samples). Give longer runs, a shorter --horizon, or a network a shorter wash_out_s"
+        "it cannot be evaluated: the warm-up requires {warm_up} samples and a measurement of each output, the horizon {horizon} samples; all {part} runs are shorter than both together (the longest has {longest} samples). Use longer runs, a shorter --horizon, or a shorter wash_out_s of the network"
     )]
     NotEvaluable {
         /// `validation` or `test`.
@@ -137,14 +137,14 @@ pub enum IdentifyError {
     },
     /// There is no checkpoint to resume.
     #[error(
-        "there is no interrupted training in {} to go on with (--resume): leave out --resume, or name its folder with -o",
+        "there is no interrupted training in {} to resume: remove --resume, or give the folder of the training with -o",
         folder.display()
     )]
     NoCheckpoint {
-        /// Where trainings are kept.
+        /// Folder of the checkpoints.
         folder: PathBuf,
     },
-    /// No network.
+    /// The training of a network failed.
     #[error("{}: {error}", method.name())]
     Train {
         /// The method.
@@ -152,7 +152,7 @@ pub enum IdentifyError {
         /// Why.
         error: TrainError,
     },
-    /// No equations.
+    /// The search for equations failed.
     #[error(transparent)]
     Sindy(#[from] SearchError),
     /// The runs cannot be evaluated.

@@ -57,7 +57,7 @@ impl SindyOptions {
             let of = |why: String| IdentifyError::Constraint { text: text.clone(), why };
             if !is_supported(&rule) {
                 return Err(of(String::from(
-                    "an inequality is of one coefficient and 0, as in u: u |u| <= 0; relations of several, and other numbers, take =",
+                    "an inequality must compare one coefficient with 0, as in u: u |u| <= 0; several coefficients and other numbers require =",
                 )));
             }
             if let Some((_, lost)) = rule.sum.iter().find(|(_, at)| !known.contains(&at.term)) {
@@ -67,7 +67,7 @@ impl SindyOptions {
                 let near = nearest(&name, all.iter().map(String::as_str));
                 let hint = near.map_or_else(String::new, |near| format!(", did you mean '{near}'?"));
                 return Err(of(format!(
-                    "no library that is tried has the term '{name}'{hint} Choose a library that has it (library), or list it (terms)"
+                    "no library of the search has the term '{name}'{hint} Choose a library with this term (library), or list it (terms)"
                 )));
             }
             rules.push(rule);
@@ -84,7 +84,7 @@ fn parser_for(run: &Trajectory) -> ExpressionParser {
     ExpressionParser::new(channels.map(|c| c.name.clone()), run.outputs.width(), run.dt)
 }
 
-/// Lag states and the past are of the whole model, and have settings of their own.
+/// Lag states and past values are properties of the model, with separate settings.
 fn refuse_signals(parser: &ExpressionParser, key: &'static str, text: &str) -> Result<(), IdentifyError> {
     if parser.signals().is_empty() {
         return Ok(());

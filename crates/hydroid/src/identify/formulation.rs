@@ -84,7 +84,7 @@ pub(super) fn select_formulation(
     };
     let told: Vec<String> = tried.iter().map(|&(score, i)| format!("{} {score:.3}", choices[i].1)).collect();
     notes.push(Note::info(format!(
-        "{}: {}, by the validation error after short trainings: {}; feedback and base in [network] set it",
+        "{}: {}, by the validation error after short trainings: {}; set feedback and base in [network] to override",
         method.name(),
         choices[best].1,
         told.join(", ")

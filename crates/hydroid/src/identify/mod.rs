@@ -212,7 +212,7 @@ fn methods(job: &Job) -> Result<Vec<Method>, IdentifyError> {
     Ok(methods)
 }
 
-/// The warning where one method gave nothing that can be used.
+/// The warning for a method that failed.
 fn no_model(method: &str, error: &IdentifyError) -> Note {
     Note::warning(format!("no model by the method {method}: {}", error.without_method()))
 }

@@ -142,7 +142,7 @@ impl NetworkTrainingOptions {
         all.into_iter().chain([self.own(cell)]).collect()
     }
 
-    /// What networks with these cells are told.
+    /// Options of networks with these cells.
     fn own(&self, cell: CellKind) -> &NetworkOptions {
         match cell {
             CellKind::Lstm => &self.lstm,
@@ -176,7 +176,7 @@ impl NetworkTrainingOptions {
             let settings = with_default_maps(self.settings(cell, 0), run);
             let wrong = |error| IdentifyError::Train { method, error };
             settings.check(run.outputs.width()).map_err(wrong)?;
-            // Runs without inputs are the matter of this method alone, and told when its turn comes.
+            // Runs without inputs are an error of this method only, reported by its training.
             let (inputs, outputs) = (run.inputs.width().max(1), run.outputs.width());
             let sizes = match cell {
                 CellKind::Direct => settings.perceptron(inputs, outputs, settings.spans(run.dt)).map(|_| ()),
@@ -206,18 +206,17 @@ impl NetworkTrainingOptions {
             let task = task(job, parts, None);
             let kept = self.choices(cell, job.seed, parts.train[0]).into_iter().map(|(settings, _)| {
                 let [same_settings, same_data] = task.is_kept_in(&settings, &path);
-                // What equations the training stood on is not known before they are found again.
+                // The base equations of the training are unknown before the search.
                 (same_settings, same_data || settings.base == BaseKind::Equations)
             });
             let reason = match kept.max().unwrap_or_default() {
                 (true, true) => continue,
                 (true, false) => {
-                    "it is of a training on other data, with other ranges or on top of equations"
+                    "it belongs to a training on other data, with other ranges or with equations as the base"
                 }
-                (false, _) => "it is of a training with other settings, or damaged",
+                (false, _) => "it belongs to a training with other settings, or is damaged",
             };
-            let reason =
-                format!("{reason}; go on with the command that it began with, or leave out --resume");
+            let reason = format!("{reason}; resume with the original command, or remove --resume");
             return Err(IdentifyError::Train { method, error: TrainError::Checkpoint { path, reason } });
         }
         if found { Ok(()) } else { Err(IdentifyError::NoCheckpoint { folder: folder.clone() }) }
@@ -245,7 +244,7 @@ fn default_learning_rate(base: BaseKind) -> f64 {
     }
 }
 
-/// What a network is trained on.
+/// Training data of a network.
 fn task<'a>(job: &Job, parts: &'a Parts<'_>, equations: Option<Arc<Equations>>) -> train::Job<'a> {
     train::Job {
         runs: &parts.train,
@@ -269,8 +268,8 @@ fn warm_up(settings: &TrainOptions, parts: &Parts<'_>, equations: Option<&Equati
     (wash_out + 1).max(equations.map_or(1, Equations::warm_up))
 }
 
-/// Trains a network. `left` is how many trainings of networks share what is left of the budget, this one among them,
-/// and `spent_s` what those before it took.
+/// Trains a network. `left` is the number of networks that share the remaining budget, this one included, and
+/// `spent_s` the time of the earlier trainings.
 pub(super) fn train(
     job: &Job,
     parts: &Parts<'_>,
@@ -295,7 +294,7 @@ pub(super) fn train(
             networks.budget_s.map(|budget| ((budget - spent_s) / left.max(1) as f64).max(1e-3 * budget));
     }
     let equations = equations.filter(|_| choices.iter().any(|(s, _)| s.base == BaseKind::Equations));
-    // Better known before the training than after.
+    // Reported before the training.
     for (settings, _) in &choices {
         check_evaluable(job, parts, warm_up(settings, parts, equations.as_deref()))?;
     }
@@ -315,7 +314,7 @@ pub(super) fn train(
         }
         (Ok(trained), Some(file)) if !networks.resume => {
             notes.push(Note::info(format!(
-                "{}: went on from {}, an interrupted training of the same job; the result is that of one without interruption",
+                "{}: resumed from {}, an interrupted training of the same job; the result equals a training without interruption",
                 method.name(),
                 file.display()
             )));
@@ -333,18 +332,18 @@ fn of_refit(method: Method, trained: &Trained, refit: &Refit) -> Note {
     let name = method.name();
     match refit.outcome {
         Outcome::Taken => Note::info(format!(
-            "{name}: trained once more over {} epochs on training and validation runs together; its errors on the validation runs are those of the network before",
+            "{name}: refitted over {} epochs on training and validation runs together; the validation errors are those before the refit",
             trained.history.len()
         )),
         Outcome::Worse => Note::warning(format!(
-            "{name}: the training on training and validation runs together went wrong (error {:.3} on the validation runs, {:.3} before it): the network before it stands",
+            "{name}: the refit on training and validation runs together failed (error {:.3} on the validation runs, {:.3} before): the network before the refit is kept",
             refit.validation, trained.validation
         ))
-        .with_remedy("a smaller learning_rate, or another --seed"),
+        .with_remedy("set a smaller learning_rate, or another --seed"),
         Outcome::Budget => Note::warning(format!(
-            "{name}: the time was over before it had learned from training and validation runs together: the network before it stands"
+            "{name}: the time budget ended before the refit on training and validation runs together: the network before the refit is kept"
         ))
-        .with_remedy("a longer --budget"),
+        .with_remedy("set a longer --budget"),
     }
 }
 
@@ -354,11 +353,15 @@ fn retire_checkpoint(file: &Path, reason: &str) -> Result<Note, TrainError> {
     let renamed = std::fs::rename(file, &old);
     renamed.map_err(|source| TrainError::Checkpoint {
         path: file.to_owned(),
-        reason: format!("it is of another training and cannot be renamed ({source}): move it away"),
+        reason: format!("it belongs to another training and cannot be renamed ({source}): move the file"),
     })?;
-    // What stands behind the semicolon is what to do where it was to be gone on with.
+    // The text after the semicolon is the remedy for --resume.
     let why = reason.split(';').next().unwrap_or(reason);
-    Ok(Note::info(format!("{} cannot be gone on from ({why}): it is now {}", file.display(), old.display())))
+    Ok(Note::info(format!(
+        "{} cannot be resumed ({why}): it was renamed to {}",
+        file.display(),
+        old.display()
+    )))
 }
 
 /// Training record for the model file: options that reproduce the training, without values that change from

@@ -1,4 +1,4 @@
-//! Settings of the search for equations.
+//! Options of the search for equations.
 
 use std::collections::BTreeMap;
 
@@ -12,57 +12,54 @@ use crate::sindy::{
     Structure, StructureSpec, weak_form_from_noise,
 };
 
-/// Settings of the search for equations. What is not given is chosen on the validation runs.
+/// Options of the search for equations. Options that are not given are selected on the validation runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SindyOptions {
-    /// The one library to use, in words: `marine`, `degree 2 + x|x|`, `marine + rational` ...
+    /// The library by name: `marine`, `degree 2 + x|x|`, `marine + rational` ...
     pub library: Option<String>,
-    /// Terms in words, `u |u|`, `v r`, `n |n| sin(delta)`: added to the library that is given by name or degree, and
-    /// the whole library where none is.
+    /// Listed terms, `u |u|`, `v r`, `n |n| sin(delta)`: added to the library given by name or degree; without one
+    /// they are the complete library.
     pub terms: Vec<String>,
-    /// What coefficients must obey, `OUTPUT: TERM` being one of them: `u: u |u| <= 0`, `v: u r = r: u v`.
+    /// Constraints on coefficients, where `OUTPUT: TERM` denotes a coefficient: `u: u |u| <= 0`, `v: u r = r: u v`.
     pub constraints: Vec<String>,
-    /// Whether linear and quadratic damping may not push: the coefficients of `y` and `y |y|` in the equation of
+    /// Whether linear and quadratic damping are dissipative: the coefficients of `y` and `y |y|` in the equation of
     /// `y` are not positive.
     pub dissipative: Option<bool>,
-    /// Degree of the polynomial library; without it 1 and 2 are tried, beside Fossen's terms.
+    /// Degree of the polynomial library; default: a search over 1, 2 and the marine terms.
     pub degree: Option<u8>,
-    /// Whether the library has signed squares `x |x|`; without it both are tried.
+    /// Whether the library has signed squares `x |x|`; default: a search over both.
     pub signed_squares: Option<bool>,
-    /// Whether the library has the constant 1, a steady force or the offset of a sensor; without it yes.
+    /// Whether the library has the constant 1, a steady force or a sensor offset; default: true.
     pub constant: Option<bool>,
-    /// Actuators that follow their commands with a lag: `"auto"` (looked for, the default), `"none"`, or the
-    /// time constants \[s\] by input.
+    /// Actuator lags: `"auto"` (search, the default), `"none"`, or the time constants \[s\] by input.
     pub lag: LagOption,
-    /// Where the equations change: `"auto"` (looked for, the default), `"none"`, or a gate on an output.
+    /// Gate between two modes: `"auto"` (search, the default), `"none"`, or a gate on an output.
     pub gate: GateOption,
-    /// How long ago the past of lagged equations was \[s\]; without it several are tried.
+    /// Delay of the past values in lagged equations \[s\]; default: a search.
     pub past_s: Option<f64>,
-    /// Window of the regression \[s\]; without it several are tried.
+    /// Window of the regression \[s\]; default: a search.
     pub window_s: Option<f64>,
     /// Central differences instead of the weak form.
     pub central_differences: bool,
     /// Thresholded least squares with this threshold, in standard deviations of the output per second;
-    /// without it backward elimination with several tolerances is tried.
+    /// default: a search over tolerances of backward elimination.
     pub threshold: Option<f64>,
-    /// Ridge penalty for each row, on columns of unit RMS; without it several are tried.
+    /// Ridge penalty for each row, on columns of unit RMS; default: a search.
     pub ridge: Option<f64>,
-    /// Residuals beyond so many standard deviations count linearly (Huber), so that spikes in a log hardly
-    /// move the coefficients; without it least squares.
+    /// Bound of the Huber loss in standard deviations, against spikes in the logs; default: least squares.
     pub huber: Option<f64>,
-    /// Whether the chosen equations are refined by predictions over many steps: `"auto"` (where these miss the
-    /// measurements by hardly more than the noise of the sensors, the default), `true` (wherever predictions get better by
-    /// it) or `false`.
+    /// Whether the selected equations are refined on multi-step predictions: `"auto"` (if their errors are close to
+    /// the sensor noise, the default), `true` (if the predictions improve) or `false`.
     pub refine: RefineOption,
-    /// `EnsembleSize` of the ensemble that tells how sure the coefficients are.
+    /// Size of the ensemble for the uncertainty of the coefficients.
     pub members: EnsembleSize,
-    /// Whether the equations are for a control law that inverts them: terms are linear in one function of each command
-    /// (`c`, `sin(c)` or `c |c|`), which is chosen on the validation runs.
+    /// Whether the equations are control-affine, for control laws that invert them: terms are linear in one function of
+    /// each command (`c`, `sin(c)` or `c |c|`), which is selected on the validation runs.
     pub for_control: bool,
 }
 
-/// `EnsembleSize` of an ensemble at the most: quantiles are no better for more, and each is a fit.
+/// Largest size of an ensemble; each member is a fit.
 const MAX_MEMBERS: usize = 1000;
 
 /// A number of members.
@@ -76,11 +73,11 @@ impl Default for EnsembleSize {
     }
 }
 
-/// A word in place of a value.
+/// A keyword in place of a value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Keyword {
-    /// Looked for.
+    /// Search.
     #[default]
     Auto,
     /// None.
@@ -93,7 +90,7 @@ pub enum Keyword {
 pub enum RefineOption {
     /// By the errors of predictions and the noise of the sensors.
     Keyword(Auto),
-    /// As it is said.
+    /// As given.
     Fixed(bool),
 }
 
@@ -103,16 +100,16 @@ impl Default for RefineOption {
     }
 }
 
-/// The word for what decides itself.
+/// The keyword `auto`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Auto {
-    /// It decides itself.
+    /// Automatic.
     #[default]
     Auto,
 }
 
-/// `LagOption` of actuators.
+/// Actuator lags.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -131,7 +128,7 @@ impl Default for LagOption {
     }
 }
 
-/// A change of mode.
+/// Gate between two modes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -154,11 +151,11 @@ impl Default for GateOption {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FixedGate {
-    /// Name of the output that decides the mode.
+    /// Output that selects the mode.
     pub output: String,
-    /// Where the two modes weigh the same, in the output's unit.
+    /// Value with equal weights of both modes, in the unit of the output.
     pub centre: f64,
-    /// How sharp the change is, per unit.
+    /// Slope, per unit of the output.
     pub slope: f64,
 }
 
@@ -207,10 +204,10 @@ impl std::str::FromStr for GateOption {
 }
 
 impl SindyOptions {
-    /// Whether the settings make sense.
+    /// Checks the options.
     ///
     /// # Errors
-    /// If one of them is not a number that it can be.
+    /// If a number is outside its range.
     pub fn check(&self) -> Result<(), IdentifyError> {
         let settings = [
             ("window", "a positive number of seconds", self.window_s, f64::MIN_POSITIVE),
@@ -232,7 +229,7 @@ impl SindyOptions {
         Ok(())
     }
 
-    /// `LagOption` that are looked for or given, by the place of the input.
+    /// Lags to search or given lags, by the index of the input.
     ///
     /// # Errors
     /// If an input does not exist, or a time constant is not positive.
@@ -259,14 +256,14 @@ impl SindyOptions {
         Ok(StructureSpec::Fixed(lags))
     }
 
-    /// A gate that is looked for or given.
+    /// Gate to search or given gate.
     ///
     /// # Errors
-    /// If the output does not exist, a number is not one, or a mode has hardly a sample in the training runs.
+    /// If the output does not exist, a number is invalid, or a mode has too few samples in the training runs.
     pub fn gate(&self, training: &[&Trajectory]) -> Result<StructureSpec<GateSpec>, IdentifyError> {
         let given = match &self.gate {
             GateOption::Keyword(Keyword::Auto) => {
-                // A gate within a gate is for nobody to read.
+                // Nested gates are not supported.
                 let lists = training.first().map_or(Ok(false), |run| self.lists_gates(run))?;
                 return Ok(if lists { StructureSpec::Absent } else { StructureSpec::Search });
             }
@@ -291,10 +288,10 @@ impl SindyOptions {
         Ok(StructureSpec::Fixed(schedule))
     }
 
-    /// The libraries of one mode to try, the simplest first.
+    /// Libraries of one mode in the search, the simplest first.
     ///
     /// # Errors
-    /// If there is no library of the name that is given, or a listed term is none.
+    /// If the library is unknown or a listed term is invalid.
     pub fn libraries(&self, run: &Trajectory) -> Result<Vec<Library>, IdentifyError> {
         let listed = self.listed(run)?;
         let named = self.library.is_some() || self.degree.is_some() || self.signed_squares.is_some();
@@ -327,9 +324,8 @@ impl SindyOptions {
         Ok(libraries.map(|library| library.with(Family::Listed(listed.clone()))).collect())
     }
 
-    /// What to try, for training runs and a horizon in samples, with what was found about lags and modes.
-    /// These are combined with the richer libraries alone; `plain` says whether all libraries stand without them
-    /// as well.
+    /// Candidates of the search for training runs and a horizon in samples, with the lags and gates found before.
+    /// These are combined only with the richer libraries; `plain` adds all libraries without them.
     pub fn grid(
         &self,
         training: &[&Trajectory],
@@ -345,7 +341,7 @@ impl SindyOptions {
             (false, Some(window)) => vec![RegressionForm::Weak { intervals: intervals(window / dt) }],
             (false, None) => {
                 let mut list = vec![1, share(0.2), share(0.5), share(1.0), share(2.0)];
-                // And the shortest that averages the noise away.
+                // The shortest window that averages out the noise.
                 list.extend(weak_form_from_noise(training).map(RegressionForm::window));
                 list.sort_unstable();
                 list.dedup();
@@ -372,7 +368,7 @@ impl SindyOptions {
             ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
             constraints: Vec::new(),
-            // What is given stays as it is given.
+            // Given options are not varied.
             refine: (self.refine != RefineOption::Fixed(false)).then_some(RefineScope {
                 lags: !matches!(self.lag, LagOption::Fixed(_)),
                 gate: !matches!(self.gate, GateOption::Fixed(_)),
@@ -382,7 +378,7 @@ impl SindyOptions {
     }
 }
 
-/// The library that lags and gates are looked for with.
+/// The library for the search of lags and gates.
 pub(super) fn reference(libraries: &[Library]) -> Library {
     let marine = libraries.iter().find(|library| library.families().contains(&Family::Marine));
     marine.or(libraries.last()).cloned().unwrap_or_else(Library::marine)

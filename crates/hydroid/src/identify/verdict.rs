@@ -75,7 +75,7 @@ pub(super) fn spikes(training: &[&Trajectory], settings: &SindyOptions) -> Optio
         .collect();
     (!told.is_empty()).then(|| {
         Note::warning(format!("the training runs have spikes in {}", told.join(", "))).with_remedy(
-            "give --huber 1.345, so that they hardly count, or blank them in the log; lags and changes of mode are found less surely among them: give those that you know (--lag, --gate)",
+            "set --huber 1.345 to limit their weight, or blank them in the log; the search for lags and gates is less reliable with spikes: give known ones (--lag, --gate)",
         )
     })
 }
@@ -94,11 +94,11 @@ pub(super) fn warnings(
     for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
         notes.push(
             Note::warning(format!(
-                "'{}' is not identified: over {horizon_s} s its error is {:.2} of its own variation, keeping the last value gives {:.2}, the mean 1",
+                "'{}' is not identified: over {horizon_s} s its NRMSE is {:.2}, of persistence {:.2}, of the mean 1",
                 verdict.channel, verdict.nrmse, verdict.persistence
             ))
             .with_remedy(
-                "do not use what it says of this output; check the sensor (hydroid inspect), and log runs that move this output by its own commands",
+                "do not use predictions of this output; check the sensor (hydroid inspect), and log runs in which the commands excite this output",
             ),
         );
     }
@@ -106,10 +106,10 @@ pub(super) fn warnings(
         if evaluation.runs.unused > 0 {
             notes.push(
                 Note::warning(format!(
-                    "{} of the {part} runs ({} samples) are too short for a horizon of {horizon_s} s and are not judged",
+                    "{} of the {part} runs ({} samples) are too short for a horizon of {horizon_s} s and are not evaluated",
                     evaluation.runs.unused, evaluation.runs.unused_samples
                 ))
-                .with_remedy("choose a shorter --horizon, or a longer --max-gap where gaps cut the log"),
+                .with_remedy("set a shorter --horizon, or a longer --max-gap if gaps cut the log"),
             );
         }
         if evaluation.diverged > 0 {
@@ -121,10 +121,10 @@ pub(super) fn warnings(
             });
             notes.push(
                 Note::warning(format!(
-                    "{} of {} {part} rollouts diverge{place}: no model is called best",
+                    "{} of {} {part} rollouts diverge{place}: no model is selected as best",
                     evaluation.diverged, evaluation.windows
                 ))
-                .with_remedy("give training runs that cover these speeds and commands, or a smaller degree"),
+                .with_remedy("add training runs that cover these speeds and commands, or reduce the degree"),
             );
         }
     }
@@ -137,7 +137,7 @@ pub(super) fn warnings(
                     "input '{}' never moves in the training runs: its effect cannot be identified",
                     summary.channel.name
                 ))
-                .with_remedy("leave it out, or log a run in which it moves"),
+                .with_remedy("remove it from --inputs, or log a run in which it moves"),
             );
         }
     }
@@ -157,20 +157,20 @@ fn search_warnings(found: &SearchResult, notes: &mut Vec<Note>) {
     {
         notes.push(
             Note::warning(format!(
-                "the ridge that was chosen ({largest}) is the largest that was tried: the coefficients are shrunk to about {:.0} %, and these logs do not tell how much is right",
+                "the selected ridge ({largest}) is the largest in the search: the coefficients are shrunk to about {:.0} %, and these logs do not determine the right amount",
                 100.0 / (1.0 + largest)
             ))
-            .with_remedy("log runs that move every input by itself; compare with --ridge 0.1"),
+            .with_remedy("log runs in which each input moves independently; compare with --ridge 0.1"),
         );
     }
     let StabilityCheck { rollouts, unbounded } = found.stability;
     if unbounded > 0 {
         notes.push(
             Note::warning(format!(
-                "{unbounded} of {rollouts} rollouts from random states and commands inside the training envelope run away: the equations are not stable everywhere"
+                "{unbounded} of {rollouts} rollouts from random states and commands inside the training envelope diverge: the equations are not stable everywhere"
             ))
             .with_remedy(
-                "do not let a controller or a simulation go where no log has been; try --dissipative, a smaller library, or log runs that cover more of the envelope",
+                "keep controllers and simulations inside the training range; try --dissipative, a smaller library, or logs that cover more of the envelope",
             ),
         );
     }

@@ -111,7 +111,11 @@ fn runs_too_short_for_evaluation_are_refused_before_training() {
     let (beside, heard) = done(&job(&[Method::Gru, Method::Sindy], [400, 200, 75], true));
     let beside = beside.unwrap();
     assert_eq!((beside.candidates.len(), beside.best, heard), (1, Some(0), 0));
-    assert!(notes(&beside).contains("no model by the method gru: it cannot be judged"), "{}", notes(&beside));
+    assert!(
+        notes(&beside).contains("no model by the method gru: it cannot be evaluated"),
+        "{}",
+        notes(&beside)
+    );
 
     let mut given = job(&[Method::Gru], [400, 200, 75], true);
     given.networks.gru.wash_out_s = Some(4.9);
@@ -166,7 +170,7 @@ fn the_same_job_resumes_and_another_job_restarts() {
     // The same job goes on, and says so.
     std::fs::rename(&old, &file).unwrap();
     let again = done(&kept).0.unwrap();
-    assert!(notes(&again).contains("gru: went on from"), "{}", notes(&again));
+    assert!(notes(&again).contains("gru: resumed from"), "{}", notes(&again));
     assert_eq!(again.candidates[0].model, whole.candidates[0].model);
     assert!(!old.exists());
 
@@ -176,7 +180,7 @@ fn the_same_job_resumes_and_another_job_restarts() {
     insists.networks.resume = true;
     let again = done(&insists).0.unwrap();
     assert_eq!(again.candidates[0].model, whole.candidates[0].model);
-    assert!(!notes(&again).contains("went on from"));
+    assert!(!notes(&again).contains("resumed from"));
 
     // What cannot be read is not lost either.
     std::fs::write(&file, b"not a checkpoint").unwrap();
@@ -227,7 +231,7 @@ fn validation_uses_the_network_before_the_refit() {
     assert_ne!((&after.test, &after.model.body), (&before.test, &before.model.body));
     let runs = |of: &hydroid::model::Model| of.description.provenance.training.len();
     assert_eq!((runs(&before.model), runs(&after.model)), (1, 2));
-    assert!(notes(&again).contains("gru: trained once more over 40 epochs on"), "{}", notes(&again));
+    assert!(notes(&again).contains("gru: refitted over 40 epochs on"), "{}", notes(&again));
 }
 
 /// A range that was stated teaches nothing: leaving the training runs is told all the same.
