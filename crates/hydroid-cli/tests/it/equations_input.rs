@@ -75,7 +75,7 @@ fn invalid_options_of_equations() {
         ),
         (&["--term", "lag(n_cmd, 1 s)"], &["lag(n_cmd, 1 s)", "--lag n=1.5"]),
         (&["--constraint", "w: u <= 0"], &["constraints", "no output 'w'", "u, r"]),
-        (&["--constraint", "u: u <= -1"], &["'u: u <= -1'", "one coefficient and 0"]),
+        (&["--constraint", "u: u <= -1"], &["'u: u <= -1'", "one coefficient with 0"]),
         (&["--constraint", "u: u^7 <= 0"], &["u: u^7 <= 0", "no library of the search has the term 'u^7'"]),
         (&["--constraint", "u: u < 0"], &["character 6", "<="]),
         (&["--constraint", "u: u = 1", "--constraint", "u: u = 2"], &["no coefficients obey"]),
