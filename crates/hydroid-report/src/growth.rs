@@ -17,14 +17,14 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
     let (heading, id) = ("Error over the horizon", "error");
     let test = &candidate.test;
     if test.windows == 0 || test.horizons.is_empty() {
-        let why = "No window of the test runs could be rolled out: there is no error to show.";
+        let why = "No test rollout was possible: there is no error to show.";
         return Ok(Section::new(id, heading, nothing(why)));
     }
     let caption = html! {
         "NRMSE of open-loop predictions: the error in standard deviations of the output. "
-        "At 1 the prediction is worth no more than the mean."
+        "The mean as prediction gives 1."
         @if test.nrmse.iter().chain(&candidate.validation.nrmse).flatten().any(|nrmse| *nrmse > TOP) {
-            " A curve that leaves its panel goes on beyond " (TOP) "; the tables have its values."
+            " Curves are cut off at " (TOP) "; the tables contain the values."
         }
     };
     let chart = figure(&chart(candidate).svg()?, &caption);
@@ -93,8 +93,8 @@ fn windows(candidate: &Candidate) -> Markup {
         format!("{} windows, {diverged}", number::count(evaluation.windows))
     };
     html! {
-        "Each window starts from a measured sample and rolls the model on under the true commands, without looking again. "
-        "Test: " (told(test)) ". Validation, where settings were chosen: " (told(validation)) "."
+        "Each rollout starts from a measured sample and uses the recorded commands, without further measurements. "
+        "Test: " (told(test)) ". Validation runs, on which settings were chosen: " (told(validation)) "."
         @if let Some(first) = test.divergences.first() {
             " The first to diverge: " (first.run) " from " (seconds_text(first.origin_s)) "\u{a0}s, in " (first.channel)
             " after " (number::duration(first.horizon as f64 * test.dt)) "."

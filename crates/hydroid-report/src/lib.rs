@@ -1,15 +1,15 @@
-//! What was found, as one self-contained HTML page with figures.
+//! Reports: self-contained HTML pages with figures.
 //!
-//! [`identification`] makes the page of an identification, [`steering`](fn@steering) that of a voyage. A page loads nothing from outside, needs no script,
-//! and the same input gives the same bytes: what changes from run to run (a date, a duration) is in the
-//! page only if the [`Context`] says so.
+//! [`identification`] writes the page of an identification, [`closed_loop`](fn@closed_loop) the page of a closed-loop run. A
+//! page loads nothing from outside; a short inline script shows the values of curves. The same input gives the same bytes:
+//! date and duration are on the page only if the [`Context`] contains them.
 //!
-//! [`figure`] draws, [`style`] holds what things look like; the other modules are the sections of the page,
-//! in the order in which they stand there.
+//! [`figure`] draws, [`style`] holds colours and line styles, and each of the other modules is a section of the page.
 
 pub mod figure;
 pub mod style;
 
+mod closed_loop;
 mod coefficients;
 mod data;
 mod equations;
@@ -27,7 +27,6 @@ mod rollouts;
 mod selection;
 mod series;
 mod settings;
-mod steering;
 mod summary;
 
 use equations::Sparse;
@@ -35,26 +34,26 @@ use figure::FigureError;
 use hydroid::identify::{Candidate, IdentifyResult};
 use hydroid::log::{Note, Split, Trajectory};
 
-pub use steering::{Steered, steering};
+pub use closed_loop::{ClosedLoopReport, closed_loop};
 
-/// What a report says beside the result itself.
+/// Content of a report in addition to the result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Context {
-    /// Heading of the page: the vessel, the occasion.
+    /// Heading of the page.
     pub title: String,
-    /// The command line that makes the page again.
+    /// Command line that reproduces the page.
     pub command: String,
-    /// The logs, as they were named.
+    /// Names of the logs.
     pub sources: Vec<String>,
-    /// What was done to the logs when they were read.
+    /// Notes from reading the logs.
     pub notes: Vec<Note>,
     /// Version of hydroid.
     pub hydroid: String,
     /// Seed of the run.
     pub seed: u64,
-    /// Settings to be told, name and value, in this order.
+    /// Settings, name and value.
     pub settings: Vec<(String, String)>,
-    /// When and where the page was made, if that is to be told.
+    /// Date and place for the page, if any.
     pub made: Option<String>,
 }
 
@@ -73,13 +72,13 @@ impl Default for Context {
     }
 }
 
-/// Why a page could not be made.
+/// Errors of a report.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReportError {
-    /// A figure could not be written.
+    /// A figure cannot be drawn.
     #[error(transparent)]
     Figure(#[from] FigureError),
-    /// The runs are not those of the result.
+    /// The runs do not belong to the result.
     #[error("run '{run}' has other channels than the model: a report needs the runs that were identified")]
     OtherRuns {
         /// The run.
@@ -87,7 +86,7 @@ pub enum ReportError {
     },
 }
 
-/// What all sections are made from.
+/// Content of all sections.
 struct Subject<'a> {
     result: &'a IdentifyResult,
     split: &'a Split,

@@ -1,4 +1,4 @@
-//! All methods that were tried, side by side, and how fast the one that learns does so.
+//! Comparison of the methods, and settings of the model that adapts online.
 
 use maud::{Markup, html};
 
@@ -28,8 +28,8 @@ pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
     let body = html! {
         (table(&heads, &rows, 2))
         p.small {
-            "Validation: mean NRMSE over all outputs and horizons on the validation runs, which decides. Then the NRMSE on the test runs, "
-            (horizon) " ahead. All are judged on the same windows. Weights: coefficients that are not zero, or weights of a network. A more complex method is called best only if its validation error is lower by 2 % at least; the test runs have no say."
+            "Validation: mean NRMSE over all outputs and horizons on the validation runs, by which the model is chosen. Outputs: NRMSE on the test runs, "
+            (horizon) " ahead. All methods are evaluated on the same rollouts. Weights: non-zero coefficients, or weights of a network. A more complex method is chosen only if its validation error is at least 2 % lower; the test runs do not influence the choice."
         }
         @if let Some(learning) = learning { p { (learning) } }
     };
@@ -51,15 +51,15 @@ fn row(candidate: &Candidate, best: bool) -> Vec<Markup> {
     cells
 }
 
-/// How the model that learns does so.
+/// Settings of the model that adapts online.
 fn learning(candidate: &Candidate) -> Option<Markup> {
     let settings = &candidate.model.learning.as_ref()?.settings;
     let dt = candidate.model.description.dt;
     let priors: Vec<String> = settings.priors_s.iter().map(|s| duration(*s)).collect();
     Some(html! {
-        "The model that learns starts from equations with all terms and adapts every coefficient at several paces: the equations from shore are worth "
-        (priors.join(", ")) " of sailing. The paces, the equations as they were and “nothing changes” are blended by how well each predicted so far. A sample is forgotten to 1/e in "
+        "The adaptive model starts from equations with all terms and adapts every coefficient in several experts with different priors. The identified equations count as much as "
+        (priors.join(", ")) " of data. The prediction is an expert mixture of these, of the initial equations and of persistence, weighted by their past errors. The weight of a sample falls to 1/e in "
         (duration(settings.forgetting_s)) "; increments span " (duration(settings.window as f64 * dt))
-        ". Evaluation lets it learn along each run; at every origin it knows what came before, and nothing later."
+        ". In the evaluation the model adapts along each run; a prediction uses samples up to its origin only."
     })
 }

@@ -26,7 +26,7 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
     let longest =
         walks.iter().max_by_key(|walk| walk.rollouts.len()).filter(|walk| !walk.rollouts.is_empty());
     let Some(walk) = longest else {
-        let why = "No test run is long enough for a rollout over the horizon: there is nothing to compare.";
+        let why = "No test run is long enough for a rollout over the horizon.";
         return Ok(Section::new(id, heading, nothing(why)));
     };
     let over = number::duration(walk.horizon as f64 * walk.run.dt);
@@ -49,19 +49,19 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
             &members,
             closer,
             &html! {
-                "A closer look at a typical place: around the rollout whose error is the median of all "
+                "Detail around the rollout with the median error of all "
                 (number::count(walk.rollouts.len())) " in this run (" (number::ratio(middle))
                 " standard deviations, mean over outputs and time)."
             },
         )?);
     }
     let body = html! {
-        p { "The model starts from what was measured and then sees the commands alone. It never looks at the outputs again until the next circle." }
+        p { "Each rollout starts from a measurement (circle) and uses the commands only." }
         (columns(&blocks))
         @if !members.is_empty() {
             p.small {
-                "The shaded band holds nine tenths of the rollouts of the " (members.len()) " members of the ensemble: what " (if candidate.model.is_network() { "other first weights do" } else { "the uncertainty of the coefficients does" }) " to the prediction; where that is little, it hides behind the line. "
-                "Not in it are the noise of the sensors, waves and wind that were not measured, and whatever the model cannot say; measurements may lie outside."
+                "The shaded band contains 90 % of the rollouts of the " (members.len()) " members of the ensemble and shows the effect of " (if candidate.model.is_network() { "the initial weights" } else { "the uncertainty of the coefficients" }) " on the prediction. A narrow band is hidden by the line. "
+                "The band does not contain sensor noise, unmeasured waves and wind, and model error; measurements may lie outside."
             }
         }
         @if candidate.model.description.inputs.len() > COMMANDS {

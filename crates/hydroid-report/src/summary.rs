@@ -1,4 +1,4 @@
-//! The first screen: what was found, from what, and whether it is any good.
+//! Summary: verdict, errors of the outputs, data, warnings.
 
 use maud::{Markup, html};
 
@@ -26,7 +26,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
         }
         (facts(subject))
         @if !warnings.is_empty() {
-            h3 { "What to know before using it" }
+            h3 { "Warnings" }
             (notes(&warnings[..warnings.len().min(SHOWN)]))
             @if warnings.len() > SHOWN {
                 details {
@@ -74,60 +74,59 @@ fn headline(subject: &Subject<'_>) -> Markup {
         return banner(
             "bad",
             "Nothing was identified.",
-            &html! { "There is no model to show: the pages below tell what data there were." },
+            &html! { "There is no model to show. The sections below describe the data." },
         );
     };
     let over = horizon(candidate);
     let (test, validation) = (&candidate.test, &candidate.validation);
     if verdicts.is_empty() || test.windows == 0 {
-        let why =
-            html! { "No test window could be rolled out, so nothing can be said about what it predicts." };
+        let why = html! { "No test rollout was possible, so the prediction error is unknown." };
         return banner("bad", "This model was not judged.", &why);
     }
     if subject.result.best.is_none() {
         if test.diverged + validation.diverged == 0 {
-            let why = html! { "None was good enough to be called best; what follows is the first of them." };
+            let why = html! { "No model was good enough to be recommended. The sections below show the first one." };
             return banner("bad", "No model is recommended.", &why);
         }
         let text = html! {
             (number::count(test.diverged)) " of " (number::count(test.windows)) " test rollouts and "
             (number::count(validation.diverged)) " of " (number::count(validation.windows))
-            " validation rollouts over " (over) " run away. The figures below leave these out and flatter it."
+            " validation rollouts over " (over) " diverge. The errors below leave these out and are therefore too small."
         };
         return banner("bad", "Do not use this model: it diverges.", &text);
     }
     if sound.is_empty() {
-        let text = html! { "Over " (over) " no output is predicted at least a tenth better than by keeping the last value or the mean." };
+        let text = html! { "Over " (over) " no output is predicted at least 10 % better than by persistence or the mean." };
         return banner("bad", "This model is of no use.", &text);
     }
     if !bad.is_empty() {
         let text = html! {
             "Over " (over) ", " (list(&sound)) @if sound.len() == 1 { " is" } @else { " are" }
-            " predicted better than by trivial means; " (list(&bad))
-            @if bad.len() == 1 { " is not: do not use what the model says of it." } @else { " are not: do not use what the model says of them." }
+            " predicted better than by persistence and the mean; " (list(&bad))
+            @if bad.len() == 1 { " is not: do not use the prediction of this output." } @else { " are not: do not use the predictions of these outputs." }
             (learns(candidate))
         };
         return banner("usable", "Usable in part.", &text);
     }
     if usable.is_empty() {
         let text = html! {
-            "On data that it has not seen, " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
-            " predicted over " (over) " with at most half of the error that trivial means leave." (learns(candidate))
+            "On test data, " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
+            " predicted over " (over) " with at most half of the error of persistence and the mean." (learns(candidate))
         };
         return banner("good", "A good model.", &text);
     }
     let text = html! {
-        "On data that it has not seen, all outputs are predicted over " (over) " better than by trivial means"
+        "On test data, all outputs are predicted over " (over) " better than by persistence and the mean"
         @if !good.is_empty() { "; " (list(&good)) " with at most half of their error" } "." (learns(candidate))
     };
     banner("usable", "A usable model.", &text)
 }
 
-/// Of a model that learns on the way, that it does.
+/// Remark on a model that adapts online.
 fn learns(candidate: &Candidate) -> Markup {
     html! {
         @if candidate.model.learning.is_some() {
-            " This model keeps learning: the figures are those of a model that has learned along the test runs up to each origin. The equations below are where it starts from; see the methods side by side for models that stay as they are."
+            " This model adapts online: its errors are those of the model adapted along the test runs up to each origin. The equations below are its initial ones. The comparison of methods includes models that do not adapt."
         }
     }
 }
@@ -173,9 +172,9 @@ fn legend(candidate: &Candidate) -> Markup {
     html! {
         p.small {
             "Error of open-loop predictions " (horizon(candidate)) " ahead on the test runs, in standard deviations of the output (NRMSE): "
-            "0 is perfect, 1 is what predicting the mean gives; “last value” keeps what was measured at the start. "
-            "Good: at most half of the better trivial prediction. Usable: at most nine tenths."
-            @if beyond { " A full bar stands for " (BAR_END) " and all that is beyond it." }
+            "0 is perfect, and the mean as prediction gives 1. “Last value” is persistence of the measurement at the origin. "
+            "Good: at most half of the error of the better of persistence and mean. Usable: at most 90 % of it."
+            @if beyond { " A full bar means " (BAR_END) " or more." }
         }
     }
 }
@@ -206,12 +205,12 @@ fn facts(subject: &Subject<'_>) -> Markup {
                 }
             }
             @if let Some(candidate) = subject.candidate {
-                dt { "Judged by" }
+                dt { "Evaluation" }
                 dd {
                     (number::count(candidate.test.windows)) " rollouts of " (horizon(candidate)) " on "
-                    (runs_text(candidate.test.runs.used)) " that played no part in fitting or choosing"
+                    (runs_text(candidate.test.runs.used)) " that were not used for fitting or selection"
                     @if candidate.test.runs.unused > 0 {
-                        "; " (runs_text(candidate.test.runs.unused)) " too short for the horizon and not judged"
+                        "; " (runs_text(candidate.test.runs.unused)) " too short for the horizon and not evaluated"
                     }
                     @if candidate.test.diverged > 0 { "; " (number::count(candidate.test.diverged)) " of them diverged" }
                 }

@@ -12,7 +12,7 @@ use hydroid::closed_loop::{
     TunedAutopilot, tune_autopilot,
 };
 use hydroid::model::{self, Model};
-use hydroid_report::Steered;
+use hydroid_report::ClosedLoopReport;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -183,7 +183,7 @@ impl OutputFiles<'_> {
         text.push('\n');
         atomic::write(&folder.join("control.json"), |out| out.write_all(text.as_bytes()))?;
         let title = format!("Closed loop of {}: {}", scene.vessel.name, steering.method.name());
-        let page = hydroid_report::steering(&Steered {
+        let page = hydroid_report::closed_loop(&ClosedLoopReport {
             title: &title,
             command: &ui::command_line(),
             facts: &setup::facts(args, steering, scene),
@@ -191,7 +191,7 @@ impl OutputFiles<'_> {
             path: &scene.track.path,
             run,
             metrics,
-            fleet,
+            trials: fleet,
             tuned,
         })?;
         atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;

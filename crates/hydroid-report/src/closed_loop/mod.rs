@@ -1,7 +1,7 @@
-//! The page of a voyage, or of many.
+//! The page of a closed-loop run, or of Monte Carlo trials.
 
 mod figures;
-mod many;
+mod monte_carlo;
 
 use maud::{Markup, html};
 
@@ -12,26 +12,26 @@ use hydroid::closed_loop::{Metrics, MonteCarlo, Run, TunedAutopilot};
 use hydroid_core::guidance::Path;
 use hydroid_core::vessel::VesselParams;
 
-/// What a page about steering is made from.
+/// Content of a closed-loop page.
 #[derive(Clone, Copy, Debug)]
-pub struct Steered<'a> {
+pub struct ClosedLoopReport<'a> {
     /// Heading of the page.
     pub title: &'a str,
-    /// The command line that makes the page again.
+    /// Command line that reproduces the page.
     pub command: &'a str,
-    /// What is to be told of controller, model, task and conditions: name and value.
+    /// Settings of controller, model, task and conditions: name and value.
     pub facts: &'a [(String, String)],
     /// The true vessel: names and units of the commands.
     pub vessel: &'a VesselParams,
     /// The path.
     pub path: &'a Path,
-    /// A voyage, sample by sample; of many the first.
+    /// The run; with Monte Carlo trials the first one.
     pub run: &'a Run,
-    /// Its figures.
+    /// Metrics of the run.
     pub metrics: &'a Metrics,
-    /// All voyages, where there are many.
-    pub fleet: Option<&'a MonteCarlo>,
-    /// How the autopilot was tuned, where it steers.
+    /// Monte Carlo trials, if any.
+    pub trials: Option<&'a MonteCarlo>,
+    /// Tuning of the autopilot, if used.
     pub tuned: Option<&'a TunedAutopilot>,
 }
 
@@ -39,10 +39,10 @@ pub struct Steered<'a> {
 ///
 /// # Errors
 /// If a figure cannot be written.
-pub fn steering(subject: &Steered<'_>) -> Result<String, ReportError> {
+pub fn closed_loop(subject: &ClosedLoopReport<'_>) -> Result<String, ReportError> {
     let mut sections = vec![summary(subject)];
-    if let Some(fleet) = subject.fleet {
-        sections.push(many::section(fleet)?);
+    if let Some(trials) = subject.trials {
+        sections.push(monte_carlo::section(trials)?);
     }
     sections.push(track(subject)?);
     sections.push(errors(subject)?);
@@ -51,24 +51,26 @@ pub fn steering(subject: &Steered<'_>) -> Result<String, ReportError> {
     Ok(page(subject.title, &sections))
 }
 
-fn summary(subject: &Steered<'_>) -> Section {
-    let Steered { metrics, fleet, .. } = subject;
-    let (class, title, words) = match fleet {
-        Some(fleet) if fleet.held < fleet.runs => (
+fn summary(subject: &ClosedLoopReport<'_>) -> Section {
+    let ClosedLoopReport { metrics, trials, .. } = subject;
+    let (class, title, words) = match trials {
+        Some(trials) if trials.held < trials.runs => (
             "bad",
-            "Not always held.",
+            "Not always within the tolerance.",
             format!(
-                "{} of {} voyages left their course or did not settle.",
-                number::count(fleet.runs - fleet.held),
-                number::count(fleet.runs)
+                "{} of {} runs left the tolerance or did not settle.",
+                number::count(trials.runs - trials.held),
+                number::count(trials.runs)
             ),
         ),
-        Some(fleet) => {
-            ("good", "Held.", format!("All {} voyages held their course.", number::count(fleet.runs)))
-        }
-        None if metrics.held => ("good", "Held.", held(metrics)),
+        Some(trials) => (
+            "good",
+            "Within the tolerance.",
+            format!("All {} runs stayed within the tolerance.", number::count(trials.runs)),
+        ),
+        None if metrics.held => ("good", "Within the tolerance.", held(metrics)),
         None if metrics.diverged => {
-            ("bad", "Lost.", String::from("The state of the vessel stopped being a number."))
+            ("bad", "Lost.", String::from("The state of the vessel became non-finite."))
         }
         None if metrics.arrived == Some(false) => {
             ("bad", "Not arrived.", String::from("The end of the path was not reached in time."))
@@ -76,18 +78,16 @@ fn summary(subject: &Steered<'_>) -> Section {
         None => (
             "bad",
             "Lost.",
-            String::from(
-                "The vessel was farther from its reference than the tolerance after the time from which errors count.",
-            ),
+            String::from("The vessel was outside the tolerance after the start of the evaluation."),
         ),
     };
     let body = html! {
         header {
-            p.kicker { "hydroid · steering report" }
+            p.kicker { "hydroid · closed-loop report" }
             h1 { (subject.title) }
         }
         div class={ "banner " (class) } role="status" { strong { (title) } " " (words) }
-        @if fleet.is_none() { (figures_table(metrics)) }
+        @if trials.is_none() { (figures_table(metrics)) }
         dl.facts { @for (name, value) in subject.facts { dt { (name) } dd { (readable(value)) } } }
     };
     Section::new("summary", "Summary", body)
@@ -95,8 +95,8 @@ fn summary(subject: &Steered<'_>) -> Section {
 
 fn held(metrics: &Metrics) -> String {
     match metrics.settled_after {
-        Some(after) if after > 0.0 => format!("Settled after {} s, and stayed.", text(after, 3)),
-        _ => String::from("The vessel was never farther from its reference than the tolerance."),
+        Some(after) if after > 0.0 => format!("Settled after {} s.", text(after, 3)),
+        _ => String::from("The vessel never left the tolerance."),
     }
 }
 
@@ -114,13 +114,13 @@ fn figures_table(metrics: &Metrics) -> Markup {
         rows.iter().map(|(name, value, unit)| vec![cell(name), cell(value), cell(unit)]).collect();
     html! {
         (table(&[cell("figure"), cell("value"), cell("")], &rows, 1))
-        p.small { "Errors count from " (text(metrics.from_s, 3)) " s on, and are those of the point that is to be on the path." }
+        p.small { "Errors of the controlled point from " (text(metrics.from_s, 3)) " s on." }
     }
 }
 
-fn track(subject: &Steered<'_>) -> Result<Section, ReportError> {
+fn track(subject: &ClosedLoopReport<'_>) -> Result<Section, ReportError> {
     let caption = html! {
-        "The path, and the track of the vessel’s origin, coloured by what the controller said of its command. "
+        "The reference path, and the track of the vessel’s origin, coloured by the status of the controller. "
         "Both axes have the same scale."
     };
     let counts: Vec<Vec<Markup>> = subject
@@ -141,9 +141,9 @@ fn track(subject: &Steered<'_>) -> Result<Section, ReportError> {
     Ok(Section::new("track", "Track", body))
 }
 
-fn errors(subject: &Steered<'_>) -> Result<Section, ReportError> {
-    let errors = html! { "How far the point that is to be on the path is to starboard of it, and from its reference. Errors count from the upright line on." };
-    let speeds = html! { "Its speed over ground less the one asked for, and both." };
+fn errors(subject: &ClosedLoopReport<'_>) -> Result<Section, ReportError> {
+    let errors = html! { "Cross-track error of the controlled point (positive to starboard) and its distance from the reference. The vertical line is the start of the evaluation." };
+    let speeds = html! { "Speed error, and speed over ground of the vessel and of the reference." };
     let body = html! {
         (columns(&[
             figure(&figures::errors(subject).svg()?, &errors),
@@ -153,9 +153,10 @@ fn errors(subject: &Steered<'_>) -> Result<Section, ReportError> {
     Ok(Section::new("errors", "Errors", body))
 }
 
-fn commands(subject: &Steered<'_>) -> Result<Section, ReportError> {
-    let limits = html! { "Commands as they were given, with their limits dashed." };
-    let times = html! { "Time from what was measured to the command, with all that was learned before it; the last bar holds all that took longer." };
+fn commands(subject: &ClosedLoopReport<'_>) -> Result<Section, ReportError> {
+    let limits = html! { "Commands, with their limits dashed." };
+    let times =
+        html! { "Computing time of a command, adaptation included. The last bar contains all longer times." };
     let body = html! {
         (columns(&[
             figure(&figures::commands(subject).svg()?, &limits),
@@ -165,17 +166,17 @@ fn commands(subject: &Steered<'_>) -> Result<Section, ReportError> {
     Ok(Section::new("commands", "Commands", body))
 }
 
-fn settings(subject: &Steered<'_>) -> Section {
+fn settings(subject: &ClosedLoopReport<'_>) -> Section {
     let body = html! {
         details {
             summary { "Command that reproduces this page" }
             pre.copy.wrap { (readable(subject.command)) }
         }
         @if let Some(tuned) = subject.tuned {
-            h3 { "How the autopilot was tuned" }
+            h3 { "Tuning of the autopilot" }
             p {
-                "The best of " (number::count(tuned.tried)) " points of a grid on " (tuned.seeds.len()) " seeds of its own, in still water: "
-                "cross-track and speed error together " (text(tuned.score, 3)) "."
+                "The best of " (number::count(tuned.tried)) " grid points on " (tuned.seeds.len()) " separate seeds, without current: "
+                "sum of cross-track and speed error " (text(tuned.score, 3)) "."
             }
             dl.facts {
                 dt { "natural frequency of the heading" } dd { (text(tuned.best.omega, 3)) " rad/s" }

@@ -1,19 +1,19 @@
-//! Figures of a voyage.
+//! Figures of a closed-loop run.
 
 use hydroid_core::control::Status;
 use plotters::style::RGBColor;
 
-use super::Steered;
+use super::ClosedLoopReport;
 use crate::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke, envelope, steps};
 use crate::style;
 use hydroid::closed_loop::Sample;
 
-/// Points of a line at the most.
+/// Largest number of points of a line.
 const POINTS: usize = 1_500;
 
 const SOLID: Dash = Dash::Solid;
 
-/// Colour and name of what a status means for the track.
+/// Class of a status, index into [`KINDS`].
 fn kind(status: Status) -> usize {
     match status {
         Status::Tracking => 0,
@@ -25,8 +25,8 @@ fn kind(status: Status) -> usize {
 const KINDS: [(RGBColor, &str); 3] =
     [(style::MODEL, "tracking"), (style::COMMAND, "at a limit"), (style::ALARM, "lost, singular or blind")];
 
-/// From above: east to the right, north up, one scale.
-pub(super) fn track(subject: &Steered<'_>) -> Figure {
+/// Track of the vessel and reference path.
+pub(super) fn track(subject: &ClosedLoopReport<'_>) -> Figure {
     let moments = &subject.run.samples;
     let path = &subject.path;
     let places = 600;
@@ -84,7 +84,7 @@ pub(super) fn track(subject: &Steered<'_>) -> Figure {
     figure.panel(panel)
 }
 
-fn over_time(subject: &Steered<'_>, of: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
+fn over_time(subject: &ClosedLoopReport<'_>, of: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
     let points: Vec<(f64, f64)> = subject.run.samples.iter().map(|m| (m.t, of(m))).collect();
     envelope(points.into_iter(), POINTS / 2)
 }
@@ -92,30 +92,30 @@ fn over_time(subject: &Steered<'_>, of: impl Fn(&Sample) -> f64) -> Vec<(f64, f6
 /// The line of the vessel.
 const VESSEL: Stroke = Stroke { width: 1.4, ..style::MODEL_LINE };
 
-fn line(subject: &Steered<'_>, of: fn(&Sample) -> f64, stroke: Stroke) -> Mark {
+fn line(subject: &ClosedLoopReport<'_>, of: fn(&Sample) -> f64, stroke: Stroke) -> Mark {
     Mark::Line(Line::new(over_time(subject, of), stroke))
 }
 
-/// Where errors begin to count.
-fn counts(subject: &Steered<'_>) -> Mark {
+/// Start of the evaluation.
+fn counts(subject: &ClosedLoopReport<'_>) -> Mark {
     let stroke = Stroke { colour: style::AXIS, width: 1.2, dash: SOLID };
     Mark::Verticals { at: vec![subject.metrics.from_s], stroke }
 }
 
-/// Errors of the place over time.
-pub(super) fn errors(subject: &Steered<'_>) -> Figure {
+/// Position errors over time.
+pub(super) fn errors(subject: &ClosedLoopReport<'_>) -> Figure {
     let panel = |label: &str, of| Panel::new(label).mark(counts(subject)).mark(line(subject, of, VESSEL));
-    Figure::new("Errors of the place over time", "time [s]")
+    Figure::new("Position errors over time", "time [s]")
         .panel(panel("cross-track error [m]", |m| m.cross_track))
         .panel(panel("distance from the reference [m]", |m| m.distance))
 }
 
 /// Speed and its error over time.
-pub(super) fn speeds(subject: &Steered<'_>) -> Figure {
+pub(super) fn speeds(subject: &ClosedLoopReport<'_>) -> Figure {
     let error = line(subject, |m| m.speed_error, VESSEL);
     Figure::new("Speed over time", "time [s]")
         .key(Key::Line(VESSEL), "vessel")
-        .key(Key::Line(style::PERSISTENCE_LINE), "asked for")
+        .key(Key::Line(style::PERSISTENCE_LINE), "reference")
         .panel(Panel::new("speed error [m/s]").mark(counts(subject)).mark(error))
         .panel(
             Panel::new("speed over ground [m/s]")
@@ -125,7 +125,7 @@ pub(super) fn speeds(subject: &Steered<'_>) -> Figure {
 }
 
 /// Commands and their limits.
-pub(super) fn commands(subject: &Steered<'_>) -> Figure {
+pub(super) fn commands(subject: &ClosedLoopReport<'_>) -> Figure {
     let run = subject.run;
     let channels = [&subject.vessel.commands.propeller, &subject.vessel.commands.rudder];
     let limit = Stroke { colour: style::ALARM, width: 1.0, dash: Dash::Dashed };
@@ -151,7 +151,7 @@ pub(super) fn commands(subject: &Steered<'_>) -> Figure {
     figure
 }
 
-/// Bars of how often what comes up; the last bar takes in what is larger than nearly all.
+/// Histogram; the last bar contains the largest 1 %.
 pub(super) fn histogram(values: &[f64], bins: usize) -> Vec<(f64, f64, f64)> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -176,7 +176,7 @@ pub(super) fn histogram(values: &[f64], bins: usize) -> Vec<(f64, f64, f64)> {
 }
 
 /// Times of the commands.
-pub(super) fn times(subject: &Steered<'_>) -> Figure {
+pub(super) fn times(subject: &ClosedLoopReport<'_>) -> Figure {
     let times: Vec<f64> = subject.run.samples.iter().map(|m| m.time_us).collect();
     let (times, unit) = if subject.metrics.us_per_command.median >= 1000.0 {
         (times.iter().map(|t| 1e-3 * t).collect(), "ms")

@@ -1,4 +1,4 @@
-//! The page of a voyage.
+//! The page of a closed-loop run.
 
 use super::*;
 use hydroid::closed_loop::{
@@ -9,7 +9,7 @@ use hydroid::progress::silent;
 use hydroid_core::vessel::VesselParams;
 
 #[test]
-fn the_page_shows_track_errors_commands_and_many_voyages() {
+fn the_page_shows_track_errors_commands_and_many_runs() {
     let vessel = VesselParams::hydrofoil();
     let course = Track::new(&Task::Circle { radius: 15.0 }, &SpeedOptions::cruise(1.5)).unwrap();
     let mut scene = Scenario::new(vessel.clone(), course);
@@ -24,7 +24,7 @@ fn the_page_shows_track_errors_commands_and_many_voyages() {
     let metrics = Metrics::of(&run, 5.0);
     let many = monte_carlo(&steering, &scene, &calm, &Dispersion::default(), 3, 5.0, &mut silent()).unwrap();
     let facts = [(String::from("controller"), String::from("fl"))];
-    let subject = Steered {
+    let subject = ClosedLoopReport {
         title: "A circle",
         command: "hydroid control <x>",
         facts: &facts,
@@ -32,7 +32,7 @@ fn the_page_shows_track_errors_commands_and_many_voyages() {
         path: &scene.track.path,
         run: &run,
         metrics: &metrics,
-        fleet: Some(&many),
+        trials: Some(&many),
         tuned: None,
     };
     let page = steering_page(&subject);
@@ -45,6 +45,6 @@ fn the_page_shows_track_errors_commands_and_many_voyages() {
     assert_eq!(page, steering_page(&subject));
 }
 
-fn steering_page(subject: &Steered<'_>) -> String {
-    steering(subject).unwrap()
+fn steering_page(subject: &ClosedLoopReport<'_>) -> String {
+    closed_loop(subject).unwrap()
 }

@@ -1,4 +1,4 @@
-//! Many voyages.
+//! Section on Monte Carlo trials.
 
 use maud::{Markup, html};
 
@@ -10,50 +10,50 @@ use crate::page::{Section, cell, columns, figure, table};
 use crate::style;
 use hydroid::closed_loop::{Metrics, MonteCarlo, Summary, Trial};
 
-/// Voyages that are listed.
+/// Number of runs in the table.
 const SHOWN: usize = 12;
 
-pub(super) fn section(fleet: &MonteCarlo) -> Result<Section, ReportError> {
+pub(super) fn section(trials: &MonteCarlo) -> Result<Section, ReportError> {
     let row = |name: &str, summary: &Summary, unit: &str| {
         let figures = [summary.median, summary.p95, summary.max].map(|x| cell(text(x, 3)));
         std::iter::once(cell(name)).chain(figures).chain([cell(unit)]).collect::<Vec<Markup>>()
     };
     let rows = [
-        row("distance from the reference, RMS", &fleet.rms_position, "m"),
-        row("distance from the path, RMS", &fleet.rms_cross_track, "m"),
-        row("distance from the path, largest", &fleet.max_cross_track, "m"),
-        row("speed error, RMS", &fleet.rms_speed, "m/s"),
+        row("distance from the reference, RMS", &trials.rms_position, "m"),
+        row("distance from the path, RMS", &trials.rms_cross_track, "m"),
+        row("distance from the path, largest", &trials.max_cross_track, "m"),
+        row("speed error, RMS", &trials.rms_speed, "m/s"),
     ];
     let heads = ["figure", "median", "95 of 100 below", "largest", ""].map(cell);
-    let dispersion = &fleet.dispersion;
+    let dispersion = &trials.dispersion;
     let body = html! {
         p {
-            (number::count(fleet.runs)) " voyages, each with its own seed; mass by up to ±" (text(100.0 * dispersion.mass, 2))
+            (number::count(trials.runs)) " runs, each with its own seed; mass varies by up to ±" (text(100.0 * dispersion.mass, 2))
             " %, current up to " (text(dispersion.current, 2)) " m/s and wind up to " (text(dispersion.wind, 3))
-            " N from any direction. " (number::count(fleet.held)) " held their course, " (number::count(fleet.diverged))
-            " diverged; " (number::count(fleet.violations)) " commands were outside of their limits, "
-            (number::count(fleet.undetected_losses)) " samples were lost without a status that says so."
+            " N from any direction. " (number::count(trials.held)) " stayed within the tolerance, " (number::count(trials.diverged))
+            " diverged; " (number::count(trials.violations)) " commands violated their limits, "
+            (number::count(trials.undetected_losses)) " samples were outside the tolerance without a status that reports it."
         }
         (table(&heads, &rows, 1))
         (columns(&[
-            figure(&bars(fleet, "distance from the path, RMS [m]", |m| m.rms_cross_track).svg()?, &html! { "How many voyages had what distance from the path." }),
-            figure(&bars(fleet, "speed error, RMS [m/s]", |m| m.rms_speed).svg()?, &html! { "How many voyages had what speed error." }),
+            figure(&bars(trials, "distance from the path, RMS [m]", |m| m.rms_cross_track).svg()?, &html! { "Histogram of the RMS distance from the path." }),
+            figure(&bars(trials, "speed error, RMS [m/s]", |m| m.rms_speed).svg()?, &html! { "Histogram of the RMS speed error." }),
         ]))
-        h3 { "The farthest off" }
-        (worst(fleet))
+        h3 { "Runs with the largest errors" }
+        (worst(trials))
     };
     Ok(Section::new("monte-carlo", "Monte Carlo", body))
 }
 
-fn bars(fleet: &MonteCarlo, label: &str, of: fn(&Metrics) -> f64) -> Figure {
-    let values: Vec<f64> = fleet.trials.iter().map(|trial| of(&trial.metrics)).collect();
+fn bars(trials: &MonteCarlo, label: &str, of: fn(&Metrics) -> f64) -> Figure {
+    let values: Vec<f64> = trials.trials.iter().map(|trial| of(&trial.metrics)).collect();
     let bars = Mark::Bars { bars: histogram(&values, 25), colour: style::BAND };
-    Figure::new(label, label).panel(Panel::new("voyages").height(130.0).mark(bars))
+    Figure::new(label, label).panel(Panel::new("runs").height(130.0).mark(bars))
 }
 
-fn worst(fleet: &MonteCarlo) -> Markup {
-    let mut order: Vec<&Trial> = fleet.trials.iter().collect();
-    // The figures of a voyage that came to nothing are infinite, never NaN.
+fn worst(trials: &MonteCarlo) -> Markup {
+    let mut order: Vec<&Trial> = trials.trials.iter().collect();
+    // The errors of a diverged run are infinite, never NaN.
     order.sort_by(|a, b| {
         let (a, b) = (&a.metrics, &b.metrics);
         a.held.cmp(&b.held).then(b.rms_position.total_cmp(&a.rms_position))
