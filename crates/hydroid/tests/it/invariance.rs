@@ -32,6 +32,24 @@ impl System {
         let rows = self.coefficients.chunks_exact(self.terms.len());
         rows.map(|row| row.iter().zip(&theta).map(|(x, t)| x * t).sum()).collect()
     }
+
+    fn active(&self) -> usize {
+        self.coefficients.iter().filter(|c| **c != 0.0).count()
+    }
+}
+
+/// RMS error of the accelerations along a run, relative to their RMS, for each output.
+fn relative_errors(system: &System, found: &System, run: &Trajectory) -> [f64; OUTPUTS] {
+    let (mut errors, mut squares) = ([0.0; OUTPUTS], [0.0; OUTPUTS]);
+    for k in 0..run.len() {
+        let (y, c) = (run.outputs.row(k), run.inputs.row(k));
+        let (truth, got) = (system.rate(y, c), found.rate(y, c));
+        for i in 0..OUTPUTS {
+            errors[i] += (got[i] - truth[i]).powi(2);
+            squares[i] += truth[i].powi(2);
+        }
+    }
+    std::array::from_fn(|i| (errors[i] / squares[i]).sqrt())
 }
 
 /// Every output is damped and driven by a command; it may have quadratic drag, a steady force, and has up to
@@ -262,7 +280,9 @@ proptest! {
         }
     }
 
-    /// Exact data of a random sparse system: its terms, no others, and its coefficients to eight digits.
+    /// Exact data of a random sparse system: its terms, no others, and its coefficients to eight digits. Backward
+    /// elimination may drop terms that explain less than 1e-5 of the accelerations, as of two outputs that one command
+    /// drives: it then has fewer terms, and the accelerations to 1 %.
     #[test]
     fn a_random_sparse_system_is_found_exactly(system in system(), seed in 10usize..1000) {
         let run = by_midpoints(&system, 1_500, seed);
@@ -271,15 +291,14 @@ proptest! {
         for regression in [RegressionForm::Midpoint { intervals: 1 }, RegressionForm::Weak { intervals: 12 }] {
             for optimizer in [Optimizer::Stepwise(1e-3), Optimizer::Stlsq(1e-6)] {
                 let found = fit(&run, &system.terms, regression, optimizer, 0.0).equations;
-                for (k, (got, expected)) in found.coefficients().iter().zip(&system.coefficients).enumerate() {
-                    prop_assert_eq!(
-                        *got == 0.0,
-                        *expected == 0.0,
-                        "term {} of {}: {} for {}, {:?}, {:?}",
-                        k % system.terms.len(), k / system.terms.len(), got, expected, regression, optimizer
-                    );
-                    prop_assert!((got - expected).abs() <= 1e-8, "{k}: {got} for {expected}");
-                }
+                let found = System { terms: system.terms.clone(), coefficients: found.coefficients().to_vec() };
+                let exact = found.coefficients.iter().zip(&system.coefficients).all(|(got, expected)| {
+                    (*got == 0.0) == (*expected == 0.0) && (got - expected).abs() <= 1e-8
+                });
+                let simpler = matches!(optimizer, Optimizer::Stepwise(_))
+                    && found.active() < system.active()
+                    && relative_errors(&system, &found, &run).iter().all(|error| *error <= 0.01);
+                prop_assert!(exact || simpler, "{found:?}, {regression:?}, {optimizer:?}");
             }
         }
     }
@@ -294,17 +313,7 @@ proptest! {
         let run = run.unwrap();
         let found = fit(&run, &system.terms, WEAK, Optimizer::Stepwise(0.05), 0.0).equations;
         let found = System { terms: system.terms.clone(), coefficients: found.coefficients().to_vec() };
-        let (mut errors, mut squares) = ([0.0; OUTPUTS], [0.0; OUTPUTS]);
-        for k in 0..run.len() {
-            let (y, c) = (run.outputs.row(k), run.inputs.row(k));
-            let (truth, got) = (system.rate(y, c), found.rate(y, c));
-            for i in 0..OUTPUTS {
-                errors[i] += (got[i] - truth[i]).powi(2);
-                squares[i] += truth[i].powi(2);
-            }
-        }
-        for i in 0..OUTPUTS {
-            prop_assert!(errors[i] <= 0.02f64.powi(2) * squares[i], "{i}: {}", (errors[i] / squares[i]).sqrt());
-        }
+        let errors = relative_errors(&system, &found, &run);
+        prop_assert!(errors.iter().all(|error| *error <= 0.02), "{errors:?}");
     }
 }
