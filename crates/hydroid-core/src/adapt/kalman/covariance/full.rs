@@ -66,7 +66,7 @@ impl FullCovariance {
     pub(super) fn new<M: Learnable>(model: &M, options: &FilterOptions, learned: Vec<usize>) -> Self {
         let (n, outputs, rows) = (model.state_len(), model.outputs(), model.rows());
         let tt = PackedSymmetric::new(
-            learned.iter().map(|&b| (model.blocks()[b].len(), b * rows, model.split(b))),
+            learned.iter().map(|&b| (model.blocks()[b].len(), b * rows, model.rows_of(b))),
         );
         let width = tt.width();
         let mut places = vec![None; width];
@@ -316,7 +316,7 @@ impl WithSimd for LocalProducts<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { sums, block, local, matrix, out } = self;
         let count = matrix.len() / block.padded;
-        let rows = block.rows(local.len() / block.padded);
+        let rows = block.rows;
         let out = out[block.row * count..(block.row + rows) * count].chunks_exact_mut(count);
         for (partials, out) in local.chunks_exact(block.padded).zip(out) {
             sums.product(simd, partials, matrix, out);

@@ -11,20 +11,14 @@ use crate::math::vectors::{Pack, Vectors};
 /// Numbers in a cache line.
 const LINE: usize = f64::LINE;
 
-/// Two sets of partial sums: of each inner product one cache line.
+/// Partial sums, one cache line for each inner product.
 #[repr(align(64))]
-pub(super) struct LaneSums(pub(super) [[f64; LINE * LINE]; 2]);
+pub(super) struct LaneSums([f64; LINE * LINE]);
 
 impl LaneSums {
     #[inline(always)]
     pub(super) fn new() -> Self {
-        Self([[0.0; LINE * LINE]; 2])
-    }
-
-    /// Sums of the first lines of a set, one for each number of `into`, at most as many as a line has numbers.
-    #[inline(always)]
-    pub(super) fn sums<S: Simd>(&self, simd: S, lot: usize, into: &mut [f64]) {
-        f64::line_sums(simd, &self.0[lot], into);
+        Self([0.0; LINE * LINE])
     }
 
     /// `out = matrix row`, with rows of whole lines. The result does not depend on the width of the vectors.
@@ -35,7 +29,7 @@ impl LaneSums {
         let row_vectors = f64::whole::<S>(row).0;
         let groups = matrix.chunks(LINE * row.len());
         for (matrix, out) in groups.zip(out.chunks_mut(LINE)) {
-            let lines = f64::whole_mut::<S>(&mut self.0[0]).0.chunks_exact_mut(parts);
+            let lines = f64::whole_mut::<S>(&mut self.0).0.chunks_exact_mut(parts);
             for (of, line) in matrix.chunks_exact(row.len()).zip(lines) {
                 let of = &f64::whole::<S>(of).0[..row_vectors.len()];
                 for part in 0..parts {
@@ -46,7 +40,7 @@ impl LaneSums {
                     line[part] = sum.v;
                 }
             }
-            self.sums(simd, 0, out);
+            f64::line_sums(simd, &self.0, out);
         }
     }
 }

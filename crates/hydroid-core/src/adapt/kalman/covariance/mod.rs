@@ -5,7 +5,6 @@ mod full;
 mod lane_sums;
 mod packed;
 mod panels;
-mod register_tile;
 mod structured;
 
 use alloc::boxed::Box;

@@ -10,8 +10,6 @@ use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::lane_sums::LaneSums;
-use super::register_tile::RegisterTile;
 use crate::math::aligned::Aligned;
 use crate::math::rows::dot;
 use crate::math::vectors::{Pack, Vectors};
@@ -42,8 +40,8 @@ pub(super) struct Block {
     pub(super) padded: usize,
     /// First row of the block in the product `L P`.
     pub(super) row: usize,
-    /// Number of leading weights that act through the first local row alone, if all others act through the second alone.
-    pub(super) split: Option<usize>,
+    /// Number of nonzero local rows.
+    pub(super) rows: usize,
 }
 
 impl Block {
@@ -56,11 +54,6 @@ impl Block {
     #[inline(always)]
     pub(super) fn row_of<'a>(&self, matrix: &'a [f64], rows: usize, row: usize) -> &'a [f64] {
         &matrix[self.panel(rows)][row * self.padded..][..self.padded]
-    }
-
-    /// Number of nonzero local rows, of `rows`.
-    pub(super) fn rows(&self, rows: usize) -> usize {
-        if self.split == Some(self.len) { 1 } else { rows }
     }
 
     /// Range of the weights among the padded weights.
@@ -116,12 +109,13 @@ pub(super) fn least(numbers: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl PackedSymmetric {
-    /// A zero matrix. Each block is given by its number of weights, its first row in the product `L P`, and its split.
-    pub(super) fn new(layout: impl Iterator<Item = (usize, usize, Option<usize>)>) -> Self {
+    /// A zero matrix. Each block is given by its number of weights, its first row in the product `L P`, and its nonzero
+    /// local rows.
+    pub(super) fn new(layout: impl Iterator<Item = (usize, usize, usize)>) -> Self {
         let (mut width, mut blocks) = (0, Vec::new());
-        for (len, row, split) in layout {
+        for (len, row, rows) in layout {
             let padded = len.next_multiple_of(f64::LINE);
-            blocks.push(Block { start: width, len, padded, row, split });
+            blocks.push(Block { start: width, len, padded, row, rows });
             width += padded;
         }
         let len = blocks.iter().map(|block| block.len * (width - block.start)).sum();
@@ -239,7 +233,7 @@ impl FusedPass<'_, '_> {
     fn tiles<S: Simd, const RANK: usize, const ROWS: usize>(self, simd: S) {
         let Self { matrix, update, vectors, scale, rows } = self;
         let downdate = update.downdate.unwrap_or(&[]);
-        let (mut begin, mut lane_sums) = (0, LaneSums::new());
+        let mut begin = 0;
         for (i, above) in matrix.blocks.iter().enumerate() {
             let w_rows = from_fn::<_, RANK, _>(|q| {
                 &above.row_of(downdate, update.rank, vectors.start + q)[..above.len]
@@ -249,19 +243,6 @@ impl FusedPass<'_, '_> {
             });
             for (j, block) in matrix.blocks.iter().enumerate().skip(i) {
                 let len = above.len * block.padded;
-                if rows.len() == update.rows
-                    && let (Some(_), Some(_)) = (above.split, block.split)
-                    && RANK == 3
-                    && size_of::<<f64 as Vectors>::V<S>>() == 64
-                {
-                    let numbers = &mut matrix.tiles[begin..begin + len];
-                    let tile =
-                        RegisterTile::<RANK, ROWS> { above, block, mirror: i != j, scale, numbers, downdate };
-                    if tile.update::<S>(simd, update, &mut lane_sums) {
-                        begin += len;
-                        continue;
-                    }
-                }
                 let w = if RANK == 0 { &[] } else { &downdate[block.panel(update.rank)] };
                 let l = &update.local[block.panel(update.rows)];
                 let mut tile = Tile::<RANK, ROWS> {

@@ -50,11 +50,9 @@ pub trait Learnable: Clone + Send + Sync {
     /// Number of local rows of every block; a block with fewer has zero rows.
     fn rows(&self) -> usize;
 
-    /// Number of leading weights of a block that act through its first local row alone, if all others act through the second
-    /// alone; `None` otherwise.
-    fn split(&self, block: usize) -> Option<usize> {
-        let _ = block;
-        None
+    /// Number of local rows of a block that are not zero: the first ones.
+    fn rows_of(&self, _block: usize) -> usize {
+        self.rows()
     }
 
     /// The first block on whose weights the output depends directly: `D` is zero in the rows of the blocks before.

@@ -51,8 +51,8 @@ impl Learnable for LearnableNetwork {
         self.blocks.rows()
     }
 
-    fn split(&self, block: usize) -> Option<usize> {
-        Some(self.blocks.split(block))
+    fn rows_of(&self, block: usize) -> usize {
+        self.blocks.rows_of(block)
     }
 
     fn first_output_block(&self) -> usize {

@@ -67,8 +67,8 @@ impl<M: Learnable> Learnable for SharedWeightStates<M> {
         self.model.rows()
     }
 
-    fn split(&self, block: usize) -> Option<usize> {
-        self.model.split(block)
+    fn rows_of(&self, block: usize) -> usize {
+        self.model.rows_of(block)
     }
 
     fn first_output_block(&self) -> usize {

@@ -71,11 +71,9 @@ impl Blocks {
         self.rows
     }
 
-    /// How many of a block's weights, the first, work through its first row alone; the others do through the second alone.
-    pub fn split(&self, block: usize) -> usize {
-        let len = self.places[block].len();
-        // Of an LSTM's unit all but the output gate, which comes last of four.
-        if self.rows == 2 && block < self.projection { len / 4 * 3 } else { len }
+    /// Number of nonzero local rows of a block.
+    pub fn rows_of(&self, block: usize) -> usize {
+        if block < self.projection { self.rows } else { 1 }
     }
 
     /// Where the weights of each block stand in the flat weights.
