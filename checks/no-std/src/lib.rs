@@ -9,14 +9,14 @@ use core::alloc::{GlobalAlloc, Layout};
 use core::panic::PanicInfo;
 
 use hydroid_core::adapt::{Learning};
-use hydroid_core::adapt::kalman::{KalmanPlant, LearnablePlant, FilterOptions};
+use hydroid_core::adapt::kalman::{KalmanNetwork, KalmanPlant, LearnablePlant, FilterOptions};
 use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{
     AffinePlant, Controller, Estimate, FeedbackLinearization, FeedbackLinearizationOptions,
 };
 use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, TimedReference};
 use hydroid_core::model::recurrent::{
-    BaseModel, Cell, Network, Recurrent, RecurrentSession, Rollout, Scaling, StateFilter,
+    BaseModel, Cell, Network, Recurrent, RecurrentSession, Rollout, Scaling,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::model::{PlantModel, PlantSession};
@@ -117,9 +117,8 @@ fn recurrent(rd: f64) -> f64 {
         base: BaseModel::Nothing,
         feedback: false,
         wash_out: 10,
-        state_filter: Some(StateFilter { process: 1e-4, initial: 1.0, noise: one() }),
     };
-    let Ok(mut session) = RecurrentSession::new(Arc::new(model)) else { return f64::NAN };
+    let Ok(mut session) = KalmanNetwork::state_filter(Arc::new(model), 1e-4, 1.0, &[1.0]) else { return f64::NAN };
     session.advance(&[rd]);
     session.observe(&[rd]);
     let mut y = [0.0];

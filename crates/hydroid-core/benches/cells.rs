@@ -5,10 +5,10 @@
 use std::sync::Arc;
 
 use divan::Bencher;
+use hydroid_core::adapt::kalman::KalmanNetwork;
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{
     BaseModel, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Scaling,
-    StateFilter,
 };
 use hydroid_core::predict::{Predictor, Workspace};
 
@@ -80,7 +80,7 @@ fn set_weights(bencher: Bencher, name: &str) {
     bencher.bench_local(|| packed.set_weights(divan::black_box(&weights)));
 }
 
-fn session(name: &str, feedback: bool, filtered: bool) -> RecurrentSession {
+fn session(name: &str, feedback: bool) -> RecurrentSession {
     let network = network(name, if feedback { 5 } else { 2 });
     let scaling = Scaling {
         output_mean: vec![0.0; 3],
@@ -89,7 +89,6 @@ fn session(name: &str, feedback: bool, filtered: bool) -> RecurrentSession {
         input_scale: vec![1.0; 2],
         correction_scale: vec![1.0; 3],
     };
-    let filter = StateFilter { process: 1e-4, initial: 1.0, noise: vec![1e-3; 3] };
     let model = Recurrent {
         network,
         weights: numbers(network.weights()),
@@ -97,7 +96,6 @@ fn session(name: &str, feedback: bool, filtered: bool) -> RecurrentSession {
         base: BaseModel::Nothing,
         feedback,
         wash_out: 100,
-        state_filter: filtered.then_some(filter),
     };
     RecurrentSession::new(Arc::new(model)).unwrap()
 }
@@ -105,16 +103,17 @@ fn session(name: &str, feedback: bool, filtered: bool) -> RecurrentSession {
 /// A rollout of 100 samples of a network that sees its outputs.
 #[divan::bench(args = NAMES)]
 fn rollout_100(bencher: Bencher, name: &str) {
-    let mut session = session(name, true, false);
+    let mut session = session(name, true);
     session.observe(&[0.1, 0.2, 0.3]);
     let (commands, mut y, mut work) = (numbers::<f64>(200), vec![0.0; 300], Workspace::new());
     bencher.bench_local(|| session.rollout(divan::black_box(&commands), &mut work, &mut y));
 }
 
-/// A sample of a walk with the filter on the hidden state.
+/// A sample of the filter of the hidden state.
 #[divan::bench(args = NAMES)]
 fn state_filter_sample(bencher: Bencher, name: &str) {
-    let mut session = session(name, false, true);
+    let model = Arc::new(session(name, false).model().clone());
+    let mut session = KalmanNetwork::state_filter(model, 1e-4, 1.0, &[1e-3; 3]).unwrap();
     bencher.bench_local(|| {
         session.observe(divan::black_box(&[0.1, 0.2, 0.3]));
         session.advance(divan::black_box(&[0.4, -0.2]));

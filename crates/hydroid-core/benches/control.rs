@@ -118,8 +118,8 @@ fn session(name: &str) -> Box<dyn Predictor> {
         let read_out = !matches!(cell, Cell::Lstm { .. });
         let network = Network { cell, inputs: if feedback { 5 } else { 2 }, outputs: 3, read_out };
         let weights = (0..network.weights()).map(|k| 0.3 * number(k)).collect();
-        let (scaling, state_filter) = (scaling(), None);
-        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1, state_filter };
+        let scaling = scaling();
+        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1 };
         Box::new(RecurrentSession::new(Arc::new(model)).expect("parts that fit"))
     };
     match name {

@@ -34,7 +34,7 @@ use hydroid_core::model::affine::{ControlAffine, ControlAffineSession, Effector}
 use hydroid_core::model::direct::{Batch, Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{
     BaseModel, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Rollout, Scaling,
-    StateFilter, Tape,
+    Tape,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::model::{Persistence, PlantModel, PlantSession};
@@ -135,12 +135,10 @@ fn recurrent_sessions(equations: &Arc<Equations>) -> Vec<Box<dyn Predictor>> {
         Cell::Gru { hidden: 6 },
         Cell::Vanilla { hidden: 6, layers: 2 },
     ] {
-        let filter = StateFilter { process: 1e-4, initial: 1.0, noise: vec![0.1; 3] };
-        for (base, feedback, state_filter) in [
-            (BaseModel::Nothing, false, None),
-            (BaseModel::Nothing, false, Some(filter)),
-            (BaseModel::Hold, true, None),
-            (BaseModel::Equations(equations.clone()), true, None),
+        for (base, feedback) in [
+            (BaseModel::Nothing, false),
+            (BaseModel::Hold, true),
+            (BaseModel::Equations(equations.clone()), true),
         ] {
             let network = Network { cell, inputs: if feedback { 5 } else { 2 }, outputs: 3, read_out: true };
             derivatives_allocate_nothing(network);
@@ -153,8 +151,12 @@ fn recurrent_sessions(equations: &Arc<Equations>) -> Vec<Box<dyn Predictor>> {
                 input_scale: ones[..2].to_vec(),
                 correction_scale: ones,
             };
-            let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter };
-            sessions.push(Box::new(RecurrentSession::new(Arc::new(model)).unwrap()));
+            let model = Arc::new(Recurrent { network, weights, scaling, base, feedback, wash_out: 5 });
+            if !feedback {
+                let filtered = KalmanNetwork::state_filter(Arc::clone(&model), 1e-4, 1.0, &[0.1; 3]);
+                sessions.push(Box::new(filtered.unwrap()));
+            }
+            sessions.push(Box::new(RecurrentSession::new(model).unwrap()));
         }
     }
     sessions
@@ -197,8 +199,8 @@ fn learning_networks_allocate_nothing() {
         };
         let uniform = FilterOptions::uniform(weights.len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
         let options = FilterOptions { leak: 1e-4, huber: 3.0, covariance, ..uniform };
-        let (base, state_filter) = (BaseModel::Nothing, None);
-        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter };
+        let base = BaseModel::Nothing;
+        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5 };
         let (windows, samples, initial_state) = (2, 10, 0.1);
         let rehearsal = RehearsalOptions { windows, samples, every: 2, initial_state, noise_factor: 1.0 };
         let mut session = KalmanNetwork::with_rehearsal(Arc::new(model), options, Some(rehearsal)).unwrap();

@@ -136,7 +136,6 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
             "wash_out": recurrent.wash_out,
             "wash_out_s": recurrent.wash_out as f64 * model.description.dt,
             "state": recurrent.network.state_len(),
-            "state_filter": recurrent.state_filter,
             "scaling": scaling(&recurrent.scaling),
             "tensors": tensors(&recurrent.network.tensors()),
             "base": base(&recurrent.base),

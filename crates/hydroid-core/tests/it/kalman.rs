@@ -156,7 +156,7 @@ fn session(network: Network, base: BaseModel, feedback: bool) -> KalmanNetwork {
         correction_scale: vec![if matches!(base, BaseModel::Hold) { 0.2 } else { 2.0 }; n],
     };
     let weights = weights(network, 0.6);
-    let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter: None };
+    let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5 };
     KalmanNetwork::new(Arc::new(model), options(network)).unwrap()
 }
 

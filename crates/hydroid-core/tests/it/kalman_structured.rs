@@ -279,7 +279,7 @@ fn session(
     if !noisy {
         options.weight_noise.fill(0.0);
     }
-    let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5, state_filter: None };
+    let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 5 };
     KalmanNetwork::new(Arc::new(model), options).unwrap()
 }
 

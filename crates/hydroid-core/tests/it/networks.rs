@@ -69,7 +69,7 @@ pub(crate) fn pretrained(name: &str) -> (Recurrent, Vec<f64>) {
     let noise = sigma.iter().zip(&scaling.output_scale).map(|(s, scale)| (s / scale).powi(2)).collect();
     let weights = weights_of(&network, &bytes);
     let (base, feedback, wash_out) = (BaseModel::Nothing, false, 100);
-    (Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter: None }, noise)
+    (Recurrent { network, weights, scaling, base, feedback, wash_out }, noise)
 }
 
 pub(crate) fn golden_json(name: &str) -> Value {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use hydroid_core::model::recurrent::{
-    BaseModel, Cell, Network, Packed, Part, Recurrent, RecurrentError, RecurrentSession, Scaling, StateFilter,
+    BaseModel, Cell, Network, Packed, Part, Recurrent, RecurrentError, RecurrentSession, Scaling,
 };
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -48,7 +48,7 @@ fn model(cell: Cell, base: BaseModel, feedback: bool) -> Recurrent {
         correction_scale: vec![2.0, 0.3],
     };
     let weights = numbers(network.weights(), 0.5).iter().map(|x| 0.6 * x).collect();
-    Recurrent { network, weights, scaling, base, feedback, wash_out: 7, state_filter: None }
+    Recurrent { network, weights, scaling, base, feedback, wash_out: 7 }
 }
 
 fn every_model() -> impl Iterator<Item = Recurrent> {
@@ -292,24 +292,4 @@ fn parts_that_contradict_one_another_are_refused() {
         refused(&|m| m.base = BaseModel::Equations(Arc::new(alien.clone()))),
         RecurrentError::Equations { equations: (2, 1), model: (2, 2) }
     );
-    let filter =
-        |process, initial, noise: &[f64]| Some(StateFilter { process, initial, noise: noise.to_vec() });
-    assert_eq!(refused(&|m| m.state_filter = filter(-1.0, 1.0, &[1.0, 1.0])), number(Part::FilterProcess, 0));
-    for process in [f64::NAN, f64::INFINITY] {
-        let told = refused(&|m| m.state_filter = filter(process, 1.0, &[1.0, 1.0]));
-        assert_eq!(told, number(Part::FilterProcess, 0), "{process}");
-    }
-    assert_eq!(refused(&|m| m.state_filter = filter(0.0, 0.0, &[1.0, 1.0])), number(Part::FilterInitial, 0));
-    assert_eq!(refused(&|m| m.state_filter = filter(0.0, 1.0, &[1.0, 0.0])), number(Part::FilterNoise, 1));
-    assert_eq!(refused(&|m| m.state_filter = filter(0.0, 1.0, &[1.0])), length(Part::FilterNoise, 2, 1));
-    assert_eq!(
-        refused(&|m| (m.base, m.state_filter) = (BaseModel::Hold, filter(0.0, 1.0, &[1.0, 1.0]))),
-        RecurrentError::Filter
-    );
-    let large = |m: &mut Recurrent| {
-        m.network.cell = Cell::Gru { hidden: 513 };
-        m.weights = vec![0.0; m.network.weights()];
-        m.state_filter = filter(0.0, 1.0, &[1.0, 1.0]);
-    };
-    assert_eq!(refused(&large), RecurrentError::FilterSize { what: "numbers in the state", given: 513 });
 }

@@ -3,25 +3,26 @@
 
 use std::sync::Arc;
 
-use hydroid_core::model::recurrent::{
-    BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
-};
+use hydroid_core::adapt::kalman::KalmanNetwork;
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling};
 use hydroid_core::predict::{Predictor, Workspace};
 
 use crate::networks::{NAMES, pretrained, rows};
 
-/// A network trained on low speed alone. The filter is that of the reference: process noise 1e-4, measurement noise
-/// as simulated (1 cm/s, 1 cm/s, 1 deg/s).
-fn model(name: &str, filtered: bool) -> Recurrent {
+/// A network trained at low speed. The filter is that of the reference: process noise 1e-4, measurement noise as simulated
+/// (1 cm/s, 1 cm/s, 1 deg/s).
+fn filtered(name: &str) -> KalmanNetwork {
     let (model, noise) = pretrained(name);
-    let state_filter = filtered.then_some(StateFilter { process: 1e-4, initial: 1.0, noise });
-    Recurrent { state_filter, ..model }
+    KalmanNetwork::state_filter(Arc::new(model), 1e-4, 1.0, &noise).unwrap()
+}
+
+fn frozen(name: &str) -> RecurrentSession {
+    RecurrentSession::new(Arc::new(pretrained(name).0)).unwrap()
 }
 
 /// Mean absolute errors against the truth at horizons 1..100 of each output, over windows that begin every 5 samples
 /// from the 100th on.
-fn errors(model: &Recurrent, log: &[Vec<f64>]) -> Vec<[f64; 3]> {
-    let mut session = RecurrentSession::new(Arc::new(model.clone())).unwrap();
+fn errors(session: &mut dyn Predictor, log: &[Vec<f64>]) -> Vec<[f64; 3]> {
     let commands: Vec<f64> = log.iter().flat_map(|row| [row[1], row[2]]).collect();
     let (mut sums, mut windows) = (vec![[0.0; 3]; 100], 0.0);
     let (mut work, mut y) = (Workspace::new(), vec![0.0; 300]);
@@ -48,8 +49,9 @@ fn frozen_and_filtered_errors_are_those_of_the_reference() {
     let log = rows("lawn3.csv");
     for name in NAMES {
         let reference = rows(&format!("{name}_error_by_horizon.csv"));
-        for (filtered, first) in [(false, 1), (true, 13)] {
-            let ours = errors(&model(name, filtered), &log);
+        let sessions: [(&mut dyn Predictor, usize); 2] = [(&mut frozen(name), 1), (&mut filtered(name), 13)];
+        for (session, first) in sessions {
+            let ours = errors(session, &log);
             let mut worst = 0.0_f64;
             for (ours, row) in ours.iter().zip(&reference) {
                 for i in 0..3 {
@@ -57,28 +59,28 @@ fn frozen_and_filtered_errors_are_those_of_the_reference() {
                 }
             }
             println!(
-                "{name}, filtered {filtered}: largest relative difference {worst:.1e}; 20 steps {:?}",
+                "{name}, column {first}: largest relative difference {worst:.1e}; 20 steps {:?}",
                 ours[19]
             );
-            assert!(worst < 1e-6, "{name}, filtered {filtered}: {worst:e}");
+            assert!(worst < 1e-6, "{name}, column {first}: {worst:e}");
         }
     }
 }
 
-/// What is missing is left out: the filter lives on what other sensors say, and a run with none is open loop.
+/// Missing channels are left out of the update; a run without measurements is open loop.
 #[test]
 fn missing_channels_are_left_out() {
     let log = rows("lawn3.csv");
-    let model = model("gru", true);
-    let mut sessions = [0, 1, 2].map(|_| RecurrentSession::new(Arc::new(model.clone())).unwrap());
-    let mut frozen = RecurrentSession::new(Arc::new(Recurrent { state_filter: None, ..model })).unwrap();
+    let mut sessions = [0, 1, 2].map(|_| filtered("gru"));
+    let mut open = frozen("gru");
     let mut errors = [0.0; 4];
     for row in &log[..3000] {
-        let all = &row[3..6];
-        sessions[0].observe(all);
+        sessions[0].observe(&row[3..6]);
         sessions[1].observe(&[row[3], f64::NAN, f64::NAN]);
         sessions[2].observe(&[f64::NAN; 3]);
-        for (session, error) in sessions.iter_mut().chain([&mut frozen]).zip(&mut errors) {
+        let [all, one, none] = &mut sessions;
+        let sessions: [&mut dyn Predictor; 4] = [all, one, none, &mut open];
+        for (session, error) in sessions.into_iter().zip(&mut errors) {
             session.advance(&row[1..3]);
             let mut y = [0.0; 3];
             session.output(&mut y);
@@ -86,11 +88,10 @@ fn missing_channels_are_left_out() {
         }
     }
     println!("mean error in u one sample ahead: {errors:?}");
-    assert_eq!(sessions[2].hidden(), frozen.hidden(), "without measurements, open loop");
+    assert_eq!(sessions[2].filter().state(), open.hidden(), "without measurements, open loop");
     assert!(errors[0] < 0.3 * errors[3] && errors[1] < 0.3 * errors[3], "{errors:?}");
 }
 
-/// The filter's scratch was made for as many outputs as the state has numbers.
 #[test]
 fn outputs_may_be_more_than_the_state_has_numbers() {
     for hidden in [1, 2] {
@@ -104,14 +105,13 @@ fn outputs_may_be_more_than_the_state_has_numbers() {
             input_scale: vec![1.0],
             correction_scale: ones,
         };
-        let state_filter = Some(StateFilter { process: 1e-3, initial: 1.0, noise: vec![0.01; 3] });
         let (base, feedback) = (BaseModel::Nothing, false);
-        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1, state_filter };
-        // It follows measurements of the network itself, begun elsewhere.
-        let open = Recurrent { state_filter: None, ..model.clone() };
-        let mut truth = RecurrentSession::new(Arc::new(open.clone())).unwrap();
-        let mut blind = RecurrentSession::new(Arc::new(open)).unwrap();
-        let mut filtered = RecurrentSession::new(Arc::new(model)).unwrap();
+        let model = Recurrent { network, weights, scaling, base, feedback, wash_out: 1 };
+        // The filter follows measurements of the network itself from another initial state.
+        let open = Arc::new(model);
+        let mut truth = RecurrentSession::new(Arc::clone(&open)).unwrap();
+        let mut blind = RecurrentSession::new(Arc::clone(&open)).unwrap();
+        let mut filtered = KalmanNetwork::state_filter(open, 1e-3, 1.0, &[0.01; 3]).unwrap();
         truth.observe(&[0.0; 3]);
         (0..20).for_each(|_| truth.advance(&[-1.0]));
         let mut far = [0.0; 2];
@@ -120,23 +120,21 @@ fn outputs_may_be_more_than_the_state_has_numbers() {
             truth.output(&mut y);
             filtered.observe(&y);
             truth.advance(&[0.5]);
-            for (session, far) in [&mut filtered, &mut blind].into_iter().zip(&mut far) {
-                session.advance(&[0.5]);
-                if k == 3 {
-                    let ours = session.hidden().iter().zip(truth.hidden());
-                    *far = ours.map(|(a, b)| (a - b).abs()).sum();
-                }
+            filtered.advance(&[0.5]);
+            blind.advance(&[0.5]);
+            if k == 3 {
+                far = [filtered.filter().state(), blind.hidden()]
+                    .map(|state| state.iter().zip(truth.hidden()).map(|(a, b)| (a - b).abs()).sum());
             }
         }
         assert!(far[0] < 0.2 * far[1], "{hidden}: {far:?}");
     }
 }
 
-/// Numbers beyond all bounds do not end a session: it starts again.
+/// The session restarts after numbers beyond all bounds.
 #[test]
 fn a_diverged_filter_restarts() {
-    let model = Arc::new(model("lstm", true));
-    let mut session = RecurrentSession::new(model).unwrap();
+    let mut session = filtered("lstm");
     let log = rows("lawn3.csv");
     for (k, row) in log[..300].iter().enumerate() {
         let wild = if k % 50 == 20 { 1e300 } else { row[3] };

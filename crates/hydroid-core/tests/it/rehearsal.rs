@@ -24,8 +24,8 @@ fn model(weights: Vec<f64>) -> Arc<Recurrent> {
         input_scale: ones.clone(),
         correction_scale: ones,
     };
-    let (base, feedback, wash_out, state_filter) = (BaseModel::Nothing, false, 20, None);
-    Arc::new(Recurrent { network: NETWORK, weights, scaling, base, feedback, wash_out, state_filter })
+    let (base, feedback, wash_out) = (BaseModel::Nothing, false, 20);
+    Arc::new(Recurrent { network: NETWORK, weights, scaling, base, feedback, wash_out })
 }
 
 fn options(covariance: CovarianceForm) -> FilterOptions {

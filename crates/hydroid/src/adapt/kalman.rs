@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::kalman::{CovarianceForm, FilterOptions, KalmanNetwork, RehearsalOptions};
-use hydroid_core::model::recurrent::{BaseModel, Layout, Recurrent, StateFilter};
+use hydroid_core::model::recurrent::{BaseModel, Layout, Recurrent};
+use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 
 use super::AdaptError;
@@ -236,23 +237,21 @@ pub(super) fn adapter(
 ) -> Result<(Box<dyn Adapter>, ResolvedKalman), AdaptError> {
     let noise = options.noise_of(model, runs)?;
     let filter = options.filter_options(network, &noise, model.description.dt);
-    let plain = Arc::new(Recurrent { state_filter: None, ..(**network).clone() });
     let rehearsal = options.rehearsal.map(|rehearse| rehearse.of(model.description.dt));
-    let adapter = KalmanNetwork::with_rehearsal(plain, filter, rehearsal)?;
+    let adapter = KalmanNetwork::with_rehearsal(Arc::clone(network), filter, rehearsal)?;
     Ok((Box::new(adapter), options.resolved(noise)))
 }
 
-/// The model with a filter on its state alone; `None` for networks with output feedback or a base.
-pub(super) fn filtered(model: &Model, noise: &[f64]) -> Option<Model> {
-    let Body::Recurrent(network) = &model.body else { return None };
+/// A session that filters the state alone; `None` for networks with output feedback or a base.
+pub(super) fn filtered(model: &Model, noise: &[f64]) -> Result<Option<Box<dyn Predictor>>, AdaptError> {
+    let Body::Recurrent(network) = &model.body else { return Ok(None) };
     if network.feedback || network.base != BaseModel::Nothing {
-        return None;
+        return Ok(None);
     }
     let variance = |(std, scale): (&f64, &f64)| (std / scale).powi(2);
-    let noise = noise.iter().zip(&network.scaling.correction_scale).map(variance).collect();
-    let filter = StateFilter { process: STATE_FILTER_PROCESS, initial: 1.0, noise };
-    let body = Arc::new(Recurrent { state_filter: Some(filter), ..(**network).clone() });
-    Some(Model { body: Body::Recurrent(body), ..model.clone() })
+    let noise: Vec<f64> = noise.iter().zip(&network.scaling.correction_scale).map(variance).collect();
+    let session = KalmanNetwork::state_filter(Arc::clone(network), STATE_FILTER_PROCESS, 1.0, &noise)?;
+    Ok(Some(Box::new(session)))
 }
 
 /// The model with the weights of an adapter.
@@ -282,8 +281,7 @@ mod tests {
         };
         let weights = vec![0.1; network.weights()];
         let (base, wash_out) = (BaseModel::Nothing, 0);
-        let model =
-            Recurrent { network, weights, scaling, base, feedback: false, wash_out, state_filter: None };
+        let model = Recurrent { network, weights, scaling, base, feedback: false, wash_out };
         let options = KalmanOptions::default();
         let filter = options.filter_options(&model, &[0.01], 0.1);
         let gates = Layout::new(&network).gates(network.cell);

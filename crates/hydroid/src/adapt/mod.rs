@@ -4,17 +4,19 @@
 //! weights of that time, adapted from the samples up to it.
 
 mod equations;
+#[doc(hidden)]
 pub mod events;
 mod guarded;
 mod kalman;
 mod last_layer;
-pub mod least_squares;
+mod least_squares;
 mod metrics;
 mod plant;
 
 use hydroid_core::adapt::guard::GuardError;
 use hydroid_core::adapt::kalman::{KalmanError, RehearsalOptions};
 use hydroid_core::adapt::{Adapter, LastLayerError, RecursiveOptionsError};
+use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
@@ -23,15 +25,21 @@ use crate::model::{Body, Model};
 use crate::progress::Progress;
 use metrics::MeteredAdapter;
 
-pub use events::LoggedEvent;
 pub use hydroid_core::adapt::InnovationGate;
 pub use hydroid_core::adapt::guard::GuardOptions;
 pub use hydroid_core::adapt::kalman::CovarianceForm;
-pub use kalman::{KalmanOptions, Rehearse, ResolvedKalman};
-pub use last_layer::ResolvedLastLayer;
-pub use least_squares::{FORGETTING_S, LeastSquaresOptions, PRIOR_S, ResolvedLeastSquares};
-pub use metrics::{BAND_80, BAND_95, Counts, Coverage, Times};
+pub use kalman::{KalmanOptions, Rehearse};
+pub use least_squares::LeastSquaresOptions;
+pub use metrics::{Counts, Coverage, Times};
 pub use plant::LearnedParameter;
+#[doc(hidden)]
+pub use {
+    events::LoggedEvent,
+    kalman::ResolvedKalman,
+    last_layer::ResolvedLastLayer,
+    least_squares::ResolvedLeastSquares,
+    metrics::{BAND_80, BAND_95},
+};
 
 /// Adaptation method of equations. Recurrent networks and vessels always use the filter, direct predictors least squares.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -253,14 +261,15 @@ fn learner(
     }
 }
 
-/// A network with a state filter; `None` for models with output feedback or a base, or with unknown noise.
-pub(crate) fn state_filtered(model: &Model) -> Option<Model> {
+/// A session of a network with a state filter; `None` for models with output feedback or a base, or with unknown noise.
+pub(crate) fn state_filtered(model: &Model) -> Option<Box<dyn Predictor>> {
     let noise = KalmanOptions::default().noise_of(model, &[]).ok()?;
-    kalman::filtered(model, &noise)
+    kalman::filtered(model, &noise).ok()?
 }
 
 /// Runs an adapter along training runs of its model, so that its covariance reflects what they determine of the weights, and resets
 /// its state. A filter with equal initial variances of all weights would forget the training data quickly.
+#[doc(hidden)]
 pub fn replay_training_runs(adapter: &mut dyn Adapter, training_runs: &[&Trajectory]) {
     for run in training_runs {
         adapter.reset();
@@ -274,6 +283,7 @@ pub fn replay_training_runs(adapter: &mut dyn Adapter, training_runs: &[&Traject
 
 /// Stores windows of training runs, evenly spread, in the rehearsal memory of an adapter; each has a wash-out of its own length.
 /// No effect without rehearsal.
+#[doc(hidden)]
 pub fn store_rehearsal_windows(adapter: &mut dyn Adapter, training_runs: &[&Trajectory]) {
     let Some(&RehearsalOptions { windows, samples, .. }) = adapter.rehearsal() else { return };
     let wash_in = samples.max(adapter.warm_up());
@@ -329,6 +339,7 @@ pub fn adapt(
 
 /// The evaluations of a model that does not learn.
 #[derive(Clone, Debug)]
+#[doc(hidden)]
 pub struct Frozen {
     /// The model, restarted from each measurement.
     pub restarted: Evaluation,
@@ -369,9 +380,7 @@ impl Frozen {
             (ResolvedOptions::Kalman(_), _, Some(vessel)) => {
                 Some(plant::filtered(model, vessel, &options.kalman, runs)?)
             }
-            (ResolvedOptions::Kalman(used), None, None) => {
-                kalman::filtered(model, &used.noise).map(|model| model.session())
-            }
+            (ResolvedOptions::Kalman(used), None, None) => kalman::filtered(model, &used.noise)?,
         };
         let filtered = match filtered {
             Some(mut session) => {
@@ -390,6 +399,7 @@ impl Frozen {
 ///
 /// # Errors
 /// As [`adapt`].
+#[doc(hidden)]
 pub fn adapt_by(
     model: &Model,
     adapter: &mut dyn Adapter,

@@ -19,9 +19,7 @@ pub(super) enum SessionModel {
 impl SessionModel {
     /// Session with constant weights. An inputs-only network gets a state filter, as in adaptation.
     pub(super) fn frozen(model: &Model) -> Self {
-        let filtered = adapt::state_filtered(model);
-        let session = filtered.as_ref().unwrap_or(model).session();
-        Self::Frozen(session)
+        Self::Frozen(adapt::state_filtered(model).unwrap_or_else(|| model.session()))
     }
 
     /// Session that adapts; `rehearsal` fills its rehearsal store first ([`adapt::replay_training_runs`]).

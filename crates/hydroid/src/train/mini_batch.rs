@@ -95,7 +95,6 @@ impl Architecture {
                 base: base.clone(),
                 feedback: *feedback,
                 wash_out: shape.wash_out,
-                state_filter: None,
             }),
             Self::Direct { network, horizon, base } => TrainedNetwork::Direct(Direct {
                 network: network.clone(),

@@ -10,7 +10,7 @@ use hydroid::model::{
     Body, Description, Members, Model, ModelError, NamedTensor, Port, Provenance, Reading, decode,
     weights_from_torch, write,
 };
-use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling, StateFilter};
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling};
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::Workspace;
 use proptest::prelude::*;
@@ -32,11 +32,6 @@ fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -
         training_range: None,
         noise: None,
     };
-    let state_filter = (base == BaseModel::Nothing && !feedback).then(|| StateFilter {
-        process: 1.0 / 3.0,
-        initial: 0.1,
-        noise: vec![0.2; outputs],
-    });
     let scaling = Scaling {
         output_mean: vec![0.0; outputs],
         output_scale: vec![1.0; outputs],
@@ -44,7 +39,7 @@ fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -
         input_scale: vec![1.0; inputs],
         correction_scale: vec![1.0; outputs],
     };
-    let recurrent = Recurrent { network, weights, scaling, base, feedback, wash_out: 7, state_filter };
+    let recurrent = Recurrent { network, weights, scaling, base, feedback, wash_out: 7 };
     Model {
         description: Description {
             name: network.cell.name().to_owned(),
@@ -305,7 +300,7 @@ proptest! {
         }
     }
 
-    /// Files that are whole, of any sizes, with a state filter or without.
+    /// Complete files of networks of any size.
     #[test]
     fn sound_files_are_used_without_harm(
         hidden in 1usize..6,
@@ -322,19 +317,8 @@ proptest! {
         };
         let network = Network { cell, inputs, outputs, read_out: true };
         let model = model(network, some_weights(&network), BaseModel::Nothing, false);
-        prop_assert!(model.recurrent().unwrap().state_filter.is_some());
         used(&decoded(&bytes(&model)).unwrap());
     }
-}
-
-/// The matrix of a state filter grows with the square of the state, which the bytes of a file do not bound.
-#[test]
-fn a_state_filter_of_a_large_network_is_refused() {
-    let network =
-        Network { cell: Cell::Vanilla { hidden: 9, layers: 60 }, inputs: 1, outputs: 1, read_out: true };
-    let told = refusal(&bytes(&model(network, some_weights(&network), BaseModel::Nothing, false)));
-    assert!(told.contains("at most 512 numbers in the state, not 540"), "{told}");
-    assert!(decoded(&bytes(&model(network, some_weights(&network), BaseModel::Hold, false))).is_ok());
 }
 
 /// Files that PyTorch wrote become models that give PyTorch's outputs, and what is written of these models holds the very

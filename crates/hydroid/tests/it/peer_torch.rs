@@ -52,7 +52,6 @@ fn model(network: Network) -> Model {
         base: BaseModel::Nothing,
         feedback: false,
         wash_out: 1,
-        state_filter: None,
     };
     Model {
         description: Description {

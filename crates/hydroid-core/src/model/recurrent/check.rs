@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::model::{BaseModel, Recurrent, StateFilter};
+use super::model::{BaseModel, Recurrent};
 use super::network::NetworkError;
 
 /// A part of a recurrent model that holds numbers.
@@ -20,12 +20,6 @@ pub enum Part {
     InputScale,
     /// [`Scaling::correction_scale`](super::Scaling::correction_scale).
     CorrectionScale,
-    /// [`StateFilter::process`](super::StateFilter::process).
-    FilterProcess,
-    /// [`StateFilter::initial`](super::StateFilter::initial).
-    FilterInitial,
-    /// [`StateFilter::noise`](super::StateFilter::noise).
-    FilterNoise,
 }
 
 impl fmt::Display for Part {
@@ -37,9 +31,6 @@ impl fmt::Display for Part {
             Self::InputMean => "the inputs' means",
             Self::InputScale => "the inputs' scales",
             Self::CorrectionScale => "the corrections' scales",
-            Self::FilterProcess => "the state filter's process noise",
-            Self::FilterInitial => "the state filter's initial variance",
-            Self::FilterNoise => "the state filter's measurement noise",
         })
     }
 }
@@ -79,15 +70,6 @@ pub enum RecurrentError {
         /// Inputs and outputs of the model.
         model: (usize, usize),
     },
-    /// A state filter on a network that sees its outputs or corrects something.
-    Filter,
-    /// A state filter on a larger network than one can be afforded on.
-    FilterSize {
-        /// Of what: `numbers in the state` or `outputs`.
-        what: &'static str,
-        /// How many there are.
-        given: usize,
-    },
 }
 
 impl fmt::Display for RecurrentError {
@@ -108,14 +90,6 @@ impl fmt::Display for RecurrentError {
                 "the equations below the network have {} inputs and {} outputs, the model {} and {}",
                 equations.0, equations.1, model.0, model.1
             ),
-            Self::Filter => f.write_str(
-                "a state filter is for networks that give the outputs themselves from inputs alone: leave out the filter, or feedback and base",
-            ),
-            Self::FilterSize { what, given } => write!(
-                f,
-                "a state filter keeps a matrix of the size of the state, and is for at most {} {what}, not {given}: leave it out, or take a smaller network",
-                StateFilter::MOST
-            ),
         }
     }
 }
@@ -133,7 +107,6 @@ impl Part {
     fn wanted(self) -> (&'static str, fn(f64) -> bool) {
         match self {
             Self::Weights | Self::OutputMean | Self::InputMean => ("", |_| true),
-            Self::FilterProcess => ("non-negative ", |x| x >= 0.0),
             _ => ("positive ", |x| x > 0.0),
         }
     }
@@ -181,19 +154,6 @@ impl Recurrent {
         {
             let equations = (equations.inputs(), equations.outputs());
             return Err(RecurrentError::Equations { equations, model: (inputs, outputs) });
-        }
-        if let Some(filter) = &self.state_filter {
-            if self.feedback || !matches!(self.base, BaseModel::Nothing) {
-                return Err(RecurrentError::Filter);
-            }
-            for (what, given) in [("numbers in the state", self.network.state_len()), ("outputs", outputs)] {
-                if given > StateFilter::MOST {
-                    return Err(RecurrentError::FilterSize { what, given });
-                }
-            }
-            Part::FilterProcess.check(&[filter.process], 1)?;
-            Part::FilterInitial.check(&[filter.initial], 1)?;
-            Part::FilterNoise.check(&filter.noise, outputs)?;
         }
         Ok(())
     }

@@ -11,13 +11,12 @@ mod model;
 mod network;
 mod session;
 pub(crate) mod single;
-mod state_filter;
 mod vanilla;
 
 pub use batch::{LANES, Rollout, Tape};
 pub use check::{Part, RecurrentError};
 pub use layout::{GateRow, LayerLayout, Layout};
-pub use model::{BaseModel, Recurrent, Scaling, StateFilter};
+pub use model::{BaseModel, Recurrent, Scaling};
 pub use network::{Cell, Network, NetworkError, Tensor};
 pub use session::RecurrentSession;
 pub use single::{Blocks, Change, Gradient, LayerPartials, Linearization, Packed};

@@ -9,7 +9,6 @@ use super::batch_rollout::BatchRollout;
 use super::check::RecurrentError;
 use super::model::{BaseModel, Recurrent, Scaling};
 use super::single::Packed;
-use super::state_filter::Covariance;
 use crate::model::persistence::take_measured;
 use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
@@ -19,11 +18,7 @@ use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 /// once each output has been measured: until then, measured values are held, the equations of the base advance their lags
 /// ([`Equations::wait`](crate::model::sparse::Equations::wait)), and a network with feedback keeps its state.
 ///
-/// With a [`StateFilter`](super::StateFilter) a measurement corrects the hidden state, and the present outputs are read out from it, from
-/// the second sample on.
-///
-/// The snapshot is `[present outputs, memory of the equations, hidden state]`. The covariance of the filter is not part of it, because
-/// predictions do not depend on it.
+/// The snapshot is `[present outputs, memory of the equations, hidden state]`.
 #[derive(Clone, Debug)]
 pub struct RecurrentSession {
     model: Arc<Recurrent>,
@@ -31,7 +26,6 @@ pub struct RecurrentSession {
     /// Outputs, then the memory of the base, then the state of the network.
     state: Vec<f64>,
     scratch: Vec<f64>,
-    filter: Option<Covariance>,
     /// Whether the weights travel with the snapshots.
     own_weights: bool,
 }
@@ -46,18 +40,17 @@ impl RecurrentSession {
         let weights = Arc::new(Packed::new(model.network, &model.weights));
         let len = front_len(&model) + model.network.state_len();
         let scratch = vec![0.0; scratch_len(&model, &weights)];
-        let filter = model.state_filter.as_ref().map(|filter| Covariance::new(filter, &weights));
-        let mut session = Self { model, weights, state: vec![0.0; len], scratch, filter, own_weights: false };
+        let mut session = Self { model, weights, state: vec![0.0; len], scratch, own_weights: false };
         session.reset();
         Ok(session)
     }
 
-    /// A session whose weights are its own, to be changed on the way; without a filter on its state.
+    /// A session whose weights can be changed; snapshots contain them.
     ///
     /// # Errors
     /// As [`Recurrent::check`].
     pub fn with_own_weights(model: Arc<Recurrent>) -> Result<Self, RecurrentError> {
-        Ok(Self { own_weights: true, filter: None, ..Self::new(model)? })
+        Ok(Self { own_weights: true, ..Self::new(model)? })
     }
 
     /// Weights of the moment, as [`Network::tensors`](super::Network::tensors) has them.
@@ -131,9 +124,6 @@ impl RecurrentSession {
         let hidden = &mut self.state[front_len(&self.model)..];
         if !hidden.iter().all(|h| h.is_finite()) {
             hidden.fill(0.0);
-            if let Some(filter) = &mut self.filter {
-                filter.reset();
-            }
         }
     }
 }
@@ -224,40 +214,14 @@ impl Predictor for RecurrentSession {
         let (front, hidden) = self.state.split_at_mut(front_len(&self.model));
         front.fill(f64::NAN);
         hidden.fill(0.0);
-        if let Some(filter) = &mut self.filter {
-            filter.reset();
-        }
     }
 
     fn observe(&mut self, y: &[f64]) {
-        let model = &*self.model;
-        let (outputs, hidden) = self.state.split_at_mut(front_len(model));
-        match &mut self.filter {
-            Some(filter) if filter.has_moved() => {
-                let (predicted, rest) = self.scratch.split_at_mut(model.outputs());
-                let z = &mut rest[..model.outputs()];
-                let Scaling { output_mean, correction_scale, .. } = &model.scaling;
-                for i in 0..z.len() {
-                    z[i] = (y[i] - output_mean[i]) / correction_scale[i];
-                }
-                self.weights.output(hidden, predicted);
-                filter.observe(&self.weights, hidden, z, predicted);
-                read_out(model, &self.weights, hidden, outputs, predicted);
-            }
-            _ => take_measured(&mut outputs[..model.outputs()], y),
-        }
+        take_measured(&mut self.state[..self.model.outputs()], y);
     }
 
     fn advance(&mut self, c: &[f64]) {
         let (model, weights) = (&*self.model, &*self.weights);
-        if let Some(filter) = &mut self.filter {
-            let (outputs, hidden) = self.state.split_at_mut(front_len(model));
-            let (x, rest) = self.scratch.split_at_mut(model.network.inputs);
-            model.scale(outputs, c, x);
-            filter.step(weights, hidden, x);
-            read_out(model, weights, hidden, outputs, &mut rest[..model.outputs()]);
-            return self.start_again_if_lost();
-        }
         if self.is_waiting() {
             wait(model, weights, &mut self.state, c, &mut self.scratch);
         } else {

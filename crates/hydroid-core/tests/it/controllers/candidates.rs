@@ -8,9 +8,7 @@ use hydroid_core::adapt::{
     Adapter, DirectLastLayer, ExpertMixture, ExpertMixtureOptions, InnovationGate, LastLayerOptions, Learning,
 };
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
-use hydroid_core::model::recurrent::{
-    BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
-};
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::model::{PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -68,11 +66,11 @@ fn scaling() -> Scaling {
     }
 }
 
-fn network(cell: Cell, base: BaseModel, feedback: bool, state_filter: Option<StateFilter>) -> Arc<Recurrent> {
+fn network(cell: Cell, base: BaseModel, feedback: bool) -> Arc<Recurrent> {
     let read_out = !matches!(cell, Cell::Lstm { .. });
     let network = Network { cell, inputs: if feedback { 5 } else { 2 }, outputs: 3, read_out };
     let weights = (0..network.weights()).map(|k| 0.4 * wild(k)).collect();
-    Arc::new(Recurrent { network, weights, scaling: scaling(), base, feedback, wash_out: 1, state_filter })
+    Arc::new(Recurrent { network, weights, scaling: scaling(), base, feedback, wash_out: 1 })
 }
 
 /// From a session that has moved, and on equations with gates, a lag and ten integration steps in a sample.
@@ -101,22 +99,20 @@ fn batches_of_equations_equal_single_rollouts() {
 #[test]
 fn batches_of_recurrent_networks_equal_single_rollouts() {
     let below = Arc::new(equations(&VesselParams::simple(), Force::Hidden));
-    let filter = StateFilter { process: 1e-4, initial: 1.0, noise: vec![0.1; 3] };
     for cell in [
         Cell::Lstm { hidden: 6, projection: Some(3) },
         Cell::Gru { hidden: 6 },
         Cell::Vanilla { hidden: 6, layers: 2 },
     ] {
-        for (base, feedback, state_filter) in [
-            (BaseModel::Nothing, false, None),
-            (BaseModel::Nothing, false, Some(filter.clone())),
-            (BaseModel::Nothing, true, None),
-            (BaseModel::Hold, false, None),
-            (BaseModel::Hold, true, None),
-            (BaseModel::Equations(Arc::clone(&below)), false, None),
-            (BaseModel::Equations(Arc::clone(&below)), true, None),
+        for (base, feedback) in [
+            (BaseModel::Nothing, false),
+            (BaseModel::Nothing, true),
+            (BaseModel::Hold, false),
+            (BaseModel::Hold, true),
+            (BaseModel::Equations(Arc::clone(&below)), false),
+            (BaseModel::Equations(Arc::clone(&below)), true),
         ] {
-            let mut session = RecurrentSession::new(network(cell, base, feedback, state_filter)).unwrap();
+            let mut session = RecurrentSession::new(network(cell, base, feedback)).unwrap();
             let mut work = side_by_side(&session, 9);
             walk(&mut session, 12);
             agree(&session, &mut work, 15);
@@ -186,7 +182,7 @@ fn direct_predictors_that_learn(base: BaseModel) {
 /// draws towards the model from shore.
 #[test]
 fn batches_of_adapting_sessions_equal_single_rollouts() {
-    let model = network(Cell::Gru { hidden: 5 }, BaseModel::Nothing, false, None);
+    let model = network(Cell::Gru { hidden: 5 }, BaseModel::Nothing, false);
     let learner = |learns: bool| -> Box<dyn Adapter> {
         let deviation = if learns { 0.1 } else { 0.0 };
         let options = FilterOptions::uniform(model.weights.len(), deviation, 0.0, (1.0, 1e-4), &[0.01; 3]);
@@ -231,8 +227,8 @@ fn batches_of_other_models_equal_single_rollouts() {
     let past = vec![Signal::Past { variable: 0, samples: 2 }];
     let terms = vec![Term::monomial(&[5])];
     let below = Arc::new(Equations::with_signals(terms, vec![0.1, 0.0, 0.0], 3, 2, past, DT, 1).unwrap());
-    let on_past = network(Cell::Gru { hidden: 3 }, BaseModel::Equations(Arc::clone(&below)), true, None);
-    let plain = network(Cell::Gru { hidden: 3 }, BaseModel::Nothing, false, None);
+    let on_past = network(Cell::Gru { hidden: 3 }, BaseModel::Equations(Arc::clone(&below)), true);
+    let plain = network(Cell::Gru { hidden: 3 }, BaseModel::Nothing, false);
     let (inputs, outputs) = Direct::lengths(3, 4, 3, 2);
     let perceptron = Perceptron { inputs, hidden: vec![6], outputs };
     let weights = (0..perceptron.weights()).map(|k| 0.3 * wild(k)).collect();

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::model::recurrent::{
-    BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling, StateFilter,
-};
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling};
 use hydroid_core::model::sparse::Equations;
 use hydroid_core::predict::Predictor;
 use safetensors::tensor::SafeTensors;
@@ -28,9 +26,6 @@ pub(in crate::model) struct Structure {
     base: BaseFields,
     feedback: bool,
     wash_out: usize,
-    /// Whether measurements correct the hidden state.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    state_filter: Option<StateFilter>,
 }
 
 /// The fields of [`Scaling`].
@@ -56,7 +51,7 @@ enum BaseFields {
 impl Structure {
     /// The model, with its numbers from the file.
     pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
-        let Self { network, scaling, base, feedback, wash_out, state_filter } = self;
+        let Self { network, scaling, base, feedback, wash_out } = self;
         // Sizes are checked before anything is allocated.
         network.check().map_err(|error| error.to_string())?;
         if wash_out > MAX_WASH_OUT {
@@ -73,7 +68,7 @@ impl Structure {
                 BaseModel::Equations(Arc::new(terms.read(tensors, &description)?))
             }
         };
-        let recurrent = Recurrent { network, weights, scaling, base, feedback, wash_out, state_filter };
+        let recurrent = Recurrent { network, weights, scaling, base, feedback, wash_out };
         recurrent.check().map_err(|error| error.to_string())?;
         let scaling = &recurrent.scaling;
         check_channels(scaling.output_mean.len(), scaling.input_mean.len(), &description)?;
@@ -136,7 +131,6 @@ impl Kind for Arc<Recurrent> {
             base,
             feedback: self.feedback,
             wash_out: self.wash_out,
-            state_filter: self.state_filter.clone(),
         };
         Ok(Encoded::Tensors(super::Structure::Recurrent(structure), tensors))
     }
@@ -161,10 +155,6 @@ impl Kind for Arc<Recurrent> {
                 "outputs: corrections of equations of motion over a sample (a grey box)"
             }
         };
-        let filter = match &self.state_filter {
-            Some(_) => "state filter: measurements correct the hidden state",
-            None => "no state filter",
-        };
         vec![
             format!(
                 "{}, {output_layer}; hidden state of length {}",
@@ -174,7 +164,6 @@ impl Kind for Arc<Recurrent> {
             inputs.to_owned(),
             outputs.to_owned(),
             format!("wash-out: {} samples, {:.3} s", self.wash_out, self.wash_out as f64 * description.dt),
-            filter.to_owned(),
         ]
     }
 

@@ -81,6 +81,14 @@ impl KalmanNetwork {
             return Err(KalmanError::Options(error));
         }
         let session = RecurrentSession::with_own_weights(model).map_err(KalmanError::Model)?;
+        Self::around(session, options, rehearsal)
+    }
+
+    fn around(
+        session: RecurrentSession,
+        options: FilterOptions,
+        rehearsal: Option<RehearsalOptions>,
+    ) -> Result<Self, KalmanError> {
         let model = session.model();
         let network = LearnableNetwork::new(Packed::new(model.network, &model.weights));
         let rehearsal = rehearsal.map(|options| Rehearsal::new(&network, options));
@@ -99,7 +107,7 @@ impl KalmanNetwork {
 
     /// A session that filters the hidden state alone and leaves the weights as they are, for a network without feedback and
     /// base. `process` is the variance that each state gains in a sample, `initial` its variance at the start of a run, `noise`
-    /// the variance of the measurement of each output, all in scaled units.
+    /// the variance of the measurement of each output, all in scaled units. Sessions share the weights, and snapshots do not contain them.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -109,8 +117,11 @@ impl KalmanNetwork {
         initial: f64,
         noise: &[f64],
     ) -> Result<Self, KalmanError> {
-        let weights = model.weights.len();
-        Self::new(model, FilterOptions::uniform(weights, 0.0, 0.0, (initial, process), noise))
+        let options = FilterOptions::uniform(model.weights.len(), 0.0, 0.0, (initial, process), noise);
+        let session = RecurrentSession::new(model).map_err(KalmanError::Model)?;
+        let mut filtered = Self::around(session, options, None)?;
+        filtered.filter.learn(false);
+        Ok(filtered)
     }
 
     /// The model with its initial weights.
