@@ -5,13 +5,17 @@
 //! `simulate` (commands to logs), `model` (identified models and their files), `sindy` (sparse regression), `adapt` (online
 //! adaptation along a log), `train` (networks), `closed_loop` (controllers on a simulated vessel), `identify` (from runs to a judged
 //! model).
+//!
+//! Items that are hidden in this documentation serve the other crates of the workspace and its tests. They are no part of the API.
 
 pub mod adapt;
+#[doc(hidden)]
 pub mod atomic;
 pub mod closed_loop;
 pub mod evaluate;
 pub mod excitation;
 pub mod faults;
+#[doc(hidden)]
 pub mod fingerprint;
 pub mod identify;
 pub mod log;
@@ -19,6 +23,7 @@ pub mod model;
 pub mod progress;
 pub mod simulate;
 pub mod sindy;
+#[doc(hidden)]
 pub mod toml_file;
 pub mod train;
 

@@ -290,12 +290,12 @@ fn logs_in_two_parts_of_the_split() {
     let folder = TempDir::new().unwrap();
     write(&folder, "bad.csv", &good(400));
     write(&folder, "copy.csv", &good(400));
-    let words = ["same measurements", "bad.csv"];
+    let words = ["share measurements", "bad.csv"];
     for rest in [&["--test", "bad.csv"][..], &["--validate", "bad.csv", "--test", "copy.csv"]] {
         refused(folder.path(), &[IDENTIFY, &["--horizon", "20"], rest].concat(), &words);
     }
     let thrice = ["identify", "bad.csv", "copy.csv", "bad.csv", "-o", "out", "--outputs", "u,r"];
-    refused(folder.path(), &[&thrice[..], &["--inputs", "n_cmd,d_cmd"]].concat(), &["same measurements"]);
+    refused(folder.path(), &[&thrice[..], &["--inputs", "n_cmd,d_cmd"]].concat(), &["share measurements"]);
 }
 
 #[test]

@@ -29,10 +29,10 @@ pub struct LeastSquaresOptions {
 }
 
 /// Default time constant of the forgetting \[s\].
-pub const FORGETTING_S: f64 = 60.0;
+pub(super) const FORGETTING_S: f64 = 60.0;
 
 /// Default weight of the reference model \[s\].
-pub const PRIOR_S: f64 = 10.0;
+pub(super) const PRIOR_S: f64 = 10.0;
 
 impl Default for LeastSquaresOptions {
     fn default() -> Self {

@@ -15,8 +15,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::log::Channel;
 
+#[doc(hidden)]
+pub use band::BAND;
 pub(crate) use band::quantile;
-pub use band::{BAND, Band, BandCoverage, band_coverage, bands};
+pub use band::{Band, BandCoverage, band_coverage, bands};
 pub use windows::evaluate;
 
 /// Outputs that the session observes.
@@ -175,6 +177,7 @@ pub struct Evaluation {
 }
 
 /// Largest number of blocks in [`Evaluation::blocks`].
+#[doc(hidden)]
 pub const BLOCKS: usize = 16;
 
 impl Evaluation {
@@ -199,6 +202,7 @@ fn null_is_nan<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<
 }
 
 /// Mean of the finite values.
+#[doc(hidden)]
 pub fn mean_finite(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) =
         values.filter(|v| v.is_finite()).fold((0.0, 0usize), |(sum, count), v| (sum + v, count + 1));

@@ -14,11 +14,14 @@ mod record;
 mod segment;
 mod streams;
 
-pub use compose::Composer;
-pub use envelope::Envelope;
 pub use error::ExcitationError;
 pub use kind::{Circle, Excitation, LawnMower, LowSpeed, Turn};
 pub(crate) use record::low_speed_ceiling;
-pub use record::{held, low_speed, low_speed_range, mixed};
-pub use segment::{Segment, Shape, Signal};
 pub(crate) use streams::{Purpose, stream};
+#[doc(hidden)]
+pub use {
+    compose::Composer,
+    envelope::Envelope,
+    record::{held, low_speed, low_speed_range, mixed},
+    segment::{Segment, Shape, Signal},
+};

@@ -26,6 +26,7 @@ use crate::model::{Model, Reading};
 use crate::progress::Progress;
 use crate::train;
 
+#[doc(hidden)]
 pub use data_summary::{ChannelSummary, data_summary, output_ranges};
 pub use design_range::{ChannelRange, GivenRange, GivenRanges};
 pub use error::IdentifyError;

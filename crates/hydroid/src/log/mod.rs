@@ -24,18 +24,25 @@ mod split;
 mod stamp;
 mod towed;
 mod trajectory;
+#[doc(hidden)]
 pub mod units;
 
 pub use align::{CommandTiming, InputDelay};
-pub use clock::Clock;
-pub use columns::rows;
-pub use csv::{BadCell, FirstStamp, RawColumn, RawLog, read, read_from};
+pub use csv::{RawLog, read, read_from};
 pub use error::LogError;
-pub use inspect::{Inspection, inspect, noise_level};
+pub use inspect::{Inspection, inspect};
 pub use note::{Note, Severity};
 pub use prepare::{PrepareOptions, Prepared, prepare};
 pub use selection::{ChannelSpec, Selection, Wind};
 pub use split::{Split, split_named, split_runs};
+pub use trajectory::{Channel, Table, Trajectory};
+#[doc(hidden)]
+pub use {
+    clock::Clock,
+    columns::rows,
+    csv::{BadCell, FirstStamp, RawColumn},
+    inspect::noise_level,
+};
 
 /// Parts of reading that a stream, which is read line by line, shares with a file.
 #[doc(hidden)]
@@ -45,5 +52,3 @@ pub mod line {
     pub use super::sanity::check_value;
     pub use super::stamp::Stamp;
 }
-
-pub use trajectory::{Channel, Table, Trajectory};

@@ -22,14 +22,19 @@ use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
 pub use file::{ModelError, decode, encode, read, write};
 pub(crate) use inversion::{InvertibleModel, WeightMap};
-pub use jacobian::{JacobianEntry, JacobianText};
+pub use kinds::Body;
 pub(crate) use kinds::NotInvertible;
-pub use kinds::{Body, cell_text};
-pub use members::{MAX_MEMBERS, Members};
-pub use modes::{Mode, Modes, NamedGate};
+pub use members::Members;
 pub use named_equations::NamedEquations;
 pub use torch::{NamedTensor, weights_from_torch};
-pub use units::{TermCoefficient, UnitProduct};
+#[doc(hidden)]
+pub use {
+    jacobian::{JacobianEntry, JacobianText},
+    kinds::cell_text,
+    members::MAX_MEMBERS,
+    modes::{Mode, Modes, NamedGate},
+    units::{TermCoefficient, UnitProduct},
+};
 
 /// A model with its description.
 #[derive(Clone, Debug, PartialEq)]

@@ -43,7 +43,7 @@ impl Criterion {
     }
 }
 
-/// Solves one equation by bidirectional elimination: as [`super::stepwise`] on `rows` independent rows, and
+/// Solves one equation by bidirectional elimination: as `stepwise` on `rows` independent rows, and
 /// removed terms return if they have become significant.
 pub fn stepwise_bidirectional(
     ridged: &QrFactor,

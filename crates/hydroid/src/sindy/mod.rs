@@ -27,29 +27,36 @@ mod structure_constraints;
 mod structure_search;
 mod substitution;
 
-pub use assemble::{Assembled, AssemblyOptions, assemble, assemble_with};
-pub use constraints::{Coefficient, ConstraintError, Constraints, Equality, Sign};
-pub use criterion::{Criterion, stepwise_bidirectional};
-pub use ensemble::{BootstrapOptions, Ensemble};
+pub use constraints::{Constraints, Sign};
 pub use error::FitError;
-pub use expression::{Constraint, ExpressionError, ExpressionParser, Relation};
 pub use fit::{Fit, LinearRegression};
-pub use library::{Family, Library, UnknownLibrary, VariableKind, Variables};
-pub use nelder_mead::{NelderMeadOptions, nelder_mead};
-pub use noise::{NOISE_SHARE, noise_std, spike_share, weak_form_from_noise};
+pub use library::{Family, Library, Variables};
 pub use options::{FitOptions, Optimizer, RegressionOptions, Scaling};
-pub use parsimony::{BlockLosses, Difference, combine_equations};
-pub use qr::{BLOCK_ROWS, QrFactor, Solution};
-pub use refine::{Attempt, Outcome, RefineOptions, RefinedEquations, Refinement, noise_excess, refine};
-pub use regression_form::{Nodes, RegressionForm, RowWeights, Rows};
-pub use robust::{HuberWeights, Loss, ResidualHistogram};
-pub use search::{
-    MOST_TERMS, RefineScope, SearchError, SearchGrid, SearchOptions, SearchResult, Trial, search, substeps,
+pub use regression_form::RegressionForm;
+
+// Parts of the search for the other crates and the tests of this workspace.
+#[doc(hidden)]
+pub use {
+    assemble::{Assembled, AssemblyOptions, assemble, assemble_with},
+    constraints::{Coefficient, ConstraintError, Equality},
+    criterion::{Criterion, stepwise_bidirectional},
+    ensemble::{BootstrapOptions, Ensemble},
+    expression::{Constraint, ExpressionError, ExpressionParser, Relation},
+    noise::{noise_std, weak_form_from_noise},
+    qr::{BLOCK_ROWS, QrFactor},
+    refine::{Outcome, RefineOptions, RefinedEquations, Refinement, noise_excess, refine},
+    regression_form::{RowWeights, Rows},
+    robust::Loss,
+    search::{RefineScope, SearchError, SearchGrid, SearchOptions, SearchResult, Trial, search, substeps},
+    stepwise::stepwise,
+    stlsq::stlsq,
+    structure::{GateSpec, Lag, Structure},
+    structure_constraints::dissipative,
+    substitution::gated,
 };
-pub use stability::{StabilityCheck, StabilityOptions, stability_check};
-pub use stepwise::stepwise;
-pub use stlsq::{SparseSolution, stlsq};
-pub use structure::{GateSpec, Lag, Structure};
-pub use structure_constraints::{couples_outputs, dissipative, is_supported};
-pub use structure_search::{StructureSpec, structure_search};
-pub use substitution::{gated, substitute_variable};
+
+pub(crate) use library::{UnknownLibrary, VariableKind};
+pub(crate) use noise::spike_share;
+pub(crate) use stability::StabilityCheck;
+pub(crate) use structure_constraints::is_supported;
+pub(crate) use structure_search::{StructureSpec, structure_search};

@@ -4,7 +4,7 @@
 
 /// Stopping criteria.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NelderMeadOptions {
+pub(super) struct NelderMeadOptions {
     /// Stop if the values at the corners differ by less.
     pub spread: f64,
     /// Maximum number of evaluations.
@@ -13,7 +13,7 @@ pub struct NelderMeadOptions {
 
 /// Minimiser near `start` and its value, from an initial simplex with the edge `edge[i]` along variable `i`.
 /// A value that is not finite counts as infinite.
-pub fn nelder_mead(
+pub(super) fn nelder_mead(
     mut f: impl FnMut(&[f64]) -> f64,
     start: &[f64],
     edge: &[f64],

@@ -5,7 +5,7 @@ use crate::log::Trajectory;
 
 /// Maximum share of the noise in the left-hand side of a row. Shorter windows leave more noise; longer
 /// windows average the motion and leave few independent rows.
-pub const NOISE_SHARE: f64 = 0.06;
+pub(super) const NOISE_SHARE: f64 = 0.06;
 
 /// Ratio of successive window lengths.
 const GROWTH: f64 = 1.25;
@@ -40,7 +40,7 @@ pub fn noise_std(runs: &[&Trajectory]) -> Vec<f64> {
 const SPIKE_LIMIT: f64 = 10.0;
 
 /// Share of the samples of each output that are spikes. A spike appears in four third differences.
-pub fn spike_share(runs: &[&Trajectory]) -> Vec<f64> {
+pub(crate) fn spike_share(runs: &[&Trajectory]) -> Vec<f64> {
     let deviations = noise_std(runs);
     deviations
         .iter()
@@ -62,7 +62,7 @@ pub fn spike_share(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
-/// The weak form with the shortest window in whose rows the noise is at most the share [`NOISE_SHARE`] of the
+/// The weak form with the shortest window in whose rows the noise is at most the share `NOISE_SHARE` of the
 /// left-hand side of every output (RMS); if there is none, the window with the smallest share. `None` if the
 /// runs are too short for any window.
 pub fn weak_form_from_noise(runs: &[&Trajectory]) -> Option<RegressionForm> {

@@ -8,7 +8,7 @@ use super::fit::Fit;
 /// Losses of one model, block by block of the validation and training runs
 /// ([`Evaluation::blocks`](crate::evaluate::Evaluation::blocks)).
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct BlockLosses {
+pub(super) struct BlockLosses {
     /// Losses on the validation runs.
     pub validation: Vec<f64>,
     /// Losses on excerpts of the training runs; may be empty.
@@ -17,7 +17,7 @@ pub struct BlockLosses {
 
 /// Mean paired difference and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Difference {
+pub(super) struct Difference {
     /// Mean of the differences.
     pub mean: f64,
     /// Its standard error.
@@ -27,7 +27,7 @@ pub struct Difference {
 impl BlockLosses {
     /// Mean difference between these losses and others on the same blocks. The comparison is paired: the
     /// difficulty that a block has for both models cancels.
-    pub fn paired_difference(&self, other: &Self) -> Difference {
+    pub(super) fn paired_difference(&self, other: &Self) -> Difference {
         let parts = [(&self.validation, &other.validation), (&self.training, &other.training)];
         let (mut mean, mut variance) = (0.0, 0.0);
         for (a, b) in parts.into_iter().filter(|(a, _)| !a.is_empty()) {
@@ -43,13 +43,13 @@ impl BlockLosses {
 
     /// Whether these losses are at most one standard error larger than others (one-standard-error rule:
     /// Breiman et al., Classification and Regression Trees, 1984, section 3.4.3).
-    pub fn is_within_one_standard_error(&self, other: &Self) -> bool {
+    pub(super) fn is_within_one_standard_error(&self, other: &Self) -> bool {
         let difference = self.paired_difference(other);
         difference.mean <= difference.error
     }
 
     /// Whether these losses are smaller than others by more than one standard error.
-    pub fn is_significantly_better(&self, other: &Self) -> bool {
+    pub(super) fn is_significantly_better(&self, other: &Self) -> bool {
         let difference = self.paired_difference(other);
         difference.mean < -difference.error
     }
@@ -60,7 +60,7 @@ impl BlockLosses {
 ///
 /// # Errors
 /// If the joint library is too large to compile.
-pub fn combine_equations(rows: &[&Fit]) -> Result<Fit, EquationsError> {
+pub(super) fn combine_equations(rows: &[&Fit]) -> Result<Fit, EquationsError> {
     let Some(first) = rows.first() else { return Err(EquationsError::Step) };
     let mut terms: Vec<Term> = Vec::new();
     for fit in rows {

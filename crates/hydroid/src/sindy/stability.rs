@@ -13,7 +13,7 @@ use crate::evaluate::DesignRange;
 
 /// Options of the stability check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StabilityOptions {
+pub(super) struct StabilityOptions {
     /// Number of rollouts.
     pub rollouts: usize,
     /// Length of a rollout \[samples\].
@@ -41,7 +41,7 @@ impl StabilityCheck {
 /// Rolls equations out from initial outputs drawn uniformly from their design ranges, under commands drawn
 /// uniformly from their ranges and held for random times. The commands before a rollout equal its first
 /// command.
-pub fn stability_check(
+pub(super) fn stability_check(
     equations: &Equations,
     outputs: &[DesignRange],
     inputs: &[DesignRange],

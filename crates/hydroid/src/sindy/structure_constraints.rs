@@ -9,12 +9,12 @@ use super::library::Variables;
 use super::structure::Structure;
 
 /// Whether the solver supports a constraint: an equality, or the sign of one coefficient.
-pub fn is_supported(rule: &Constraint) -> bool {
+pub(crate) fn is_supported(rule: &Constraint) -> bool {
     rule.relation == Relation::Equal || rule.sum.len() == 1 && rule.bound == 0.0
 }
 
 /// Whether a constraint couples the equations of several outputs.
-pub fn couples_outputs(rule: &Constraint) -> bool {
+pub(super) fn couples_outputs(rule: &Constraint) -> bool {
     rule.sum.windows(2).any(|pair| pair[0].1.output != pair[1].1.output)
 }
 

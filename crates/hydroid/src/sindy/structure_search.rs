@@ -62,7 +62,7 @@ const MAX_STEPS: usize = 4;
 ///
 /// # Errors
 /// If the work was interrupted.
-pub fn structure_search(
+pub(crate) fn structure_search(
     runs: &[&Trajectory],
     library: &Library,
     regression: RegressionForm,

@@ -4,7 +4,7 @@ use hydroid_core::model::sparse::{Factor, Gate, Term};
 
 /// The term with the variable `to` in place of `from`: a lag state in place of its command, or a past value
 /// in place of the present one.
-pub fn substitute_variable(term: &Term, from: u16, to: u16) -> Term {
+pub(super) fn substitute_variable(term: &Term, from: u16, to: u16) -> Term {
     let swap = |f: &Factor| if f.variable == from { Factor { variable: to, ..*f } } else { *f };
     Term::new(term.factors().iter().map(swap).collect())
 }

@@ -52,6 +52,7 @@ mod random;
 mod refit;
 mod restarts;
 mod scaling;
+#[doc(hidden)]
 pub mod schedule;
 mod validation;
 mod weight_average;
@@ -82,6 +83,7 @@ use restarts::Restarts;
 
 pub use error::TrainError;
 pub use options::{BaseKind, CellKind, Precision, Schedule, TrainOptions};
+#[doc(hidden)]
 pub use refit::{Outcome, Refit, refit_checkpoint};
 
 /// Data of a training.

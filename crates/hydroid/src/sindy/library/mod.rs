@@ -10,8 +10,9 @@ use hydroid_core::model::sparse::{Shape, Term};
 use serde::{Deserialize, Serialize};
 
 pub use family::Family;
-pub use text::UnknownLibrary;
-pub use variables::{VariableKind, Variables};
+pub(crate) use text::UnknownLibrary;
+pub(crate) use variables::VariableKind;
+pub use variables::Variables;
 
 /// The union of families of terms.
 ///

@@ -26,7 +26,8 @@ mod shooting;
 use hydroid_core::model::sparse::Equations;
 
 use self::levenberg_marquardt::{LinearConstraints, Prior, levenberg_marquardt};
-pub use self::outcome::{Attempt, Outcome, Refinement};
+pub(super) use self::outcome::Attempt;
+pub use self::outcome::{Outcome, Refinement};
 use self::parameters::Parameters;
 use self::shooting::Windows;
 use super::constraints::Constraints;

@@ -42,7 +42,7 @@ pub struct SearchGrid {
     pub ridges: Vec<f64>,
     /// Loss of the residuals, in all trials.
     pub loss: Loss,
-    /// Constraints on the coefficients, in all trials; each must be [supported](super::is_supported) by the
+    /// Constraints on the coefficients, in all trials; each must be supported by the
     /// solver.
     pub constraints: Vec<Constraint>,
     /// Scope of the refinement of the selected equations; none for no refinement.
@@ -152,7 +152,7 @@ pub enum SearchError {
         "the rollouts of all {0} trials diverge on the validation or training runs: no equations are selected. Give training runs that cover the speeds and commands of the validation runs, a smaller degree, or a shorter horizon"
     )]
     AllDiverged(usize),
-    /// The library has more than [`MOST_TERMS`] terms.
+    /// The library has more than `MOST_TERMS` terms.
     #[error(
         "the library '{library}' has {terms} terms over these outputs and inputs; the maximum is {MOST_TERMS}. Choose a smaller degree or fewer inputs"
     )]
@@ -178,7 +178,7 @@ pub enum SearchError {
 }
 
 /// Maximum number of terms of a library: the cost of the selection grows with their cube.
-pub const MOST_TERMS: usize = 1_000;
+pub(super) const MOST_TERMS: usize = 1_000;
 
 /// Integration steps per sample that keep the inner step at or below 0.1 s. RK4 is then accurate to the noise
 /// of a log for motions slower than about ten per second.
