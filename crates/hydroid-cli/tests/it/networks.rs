@@ -123,7 +123,6 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
         "wash-out: 10 samples, 1.000 s",
         "design range",
         ", training range",
-        "no state filter",
         "trained for 3 epochs",
     ] {
         assert!(shown.contains(part), "{part}: {shown}");
