@@ -1,4 +1,4 @@
-//! The table of coefficients: values, how sure they are, units, and what each term contributes.
+//! Table of coefficients: values, 90 % intervals, units and contributions.
 
 use maud::{Markup, html};
 
@@ -9,26 +9,25 @@ use super::page::{cell, nothing, table};
 use hydroid::model::Modes;
 use hydroid::sindy::SearchResult;
 
-/// A term that fewer members of the ensemble have than this is marked.
+/// A term in a smaller share of the ensemble members is marked.
 const DOUBTFUL: f64 = 0.5;
 
-/// What the tables below are.
+/// Explanation of the columns.
 pub(super) fn about(found: &SearchResult) -> Markup {
     let members = found.ensemble.as_ref().map(|ensemble| ensemble.members.len());
     html! {
         p.small {
             @if let Some(members) = members {
-                "90 %: the interval that holds nine tenths of the " (members) " members of an ensemble, each fitted anew to "
-                "stretches of the training runs that were drawn with replacement, at the chosen settings; kept: the share of the members "
-                "that have the term at all, marked where it is less than half: such a term may be a stand-in for others. "
+                "“90 %” is the interval that contains 90 % of the " (members) " members of an ensemble. "
+                "Each member is fitted with the chosen settings to parts of the training runs, drawn with replacement (bootstrap). "
+                "“Kept” is the share of the members that contain the term. A share below one half is marked: such a term may stand for collinear ones. "
             }
-            "Share: root mean square of the term over the training runs, of the sum over the equation. "
-            "Terms can cancel, so that a small share of a small sum may matter."
+            "“Share” is the root mean square of the term over the training runs, relative to the sum over all terms of the equation. "
+            "Terms can cancel, so that a term with a small share may still matter."
         }
     }
 }
 
-/// The coefficients of one equation.
 pub(super) fn coefficients(
     names: &[&str],
     modes: &Modes,
@@ -70,7 +69,7 @@ pub(super) fn coefficients(
                     } @else { (number::NONE) }
                 });
                 row.push(html! {
-                    @if inclusion < DOUBTFUL { span.caution title="fewer than half of the members have it" { (kept) " ⚠" } }
+                    @if inclusion < DOUBTFUL { span.caution title="fewer than half of the members contain this term" { (kept) " ⚠" } }
                     @else { (kept) }
                 });
             }

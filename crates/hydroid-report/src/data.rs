@@ -1,4 +1,4 @@
-//! What data there were.
+//! The section on the data.
 
 use maud::{Markup, html};
 
@@ -9,9 +9,8 @@ use super::{ReportError, Subject, series, style};
 use hydroid::identify::{ChannelSummary, data_summary};
 use hydroid::log::{Note, Split, Trajectory};
 
-/// Training runs that are drawn.
+/// Number of training runs that are drawn.
 const DRAWN: usize = 3;
-/// Names of the parts of a split.
 const PARTS: [&str; 3] = ["training", "validation", "test"];
 
 pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
@@ -25,7 +24,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
     let warned = subject.context.notes.len() - told.len();
     let mut drawings = Vec::new();
     for run in split.train.iter().take(DRAWN) {
-        let caption = html! { "Outputs of the training run " b { (run.name) } ", as measured." };
+        let caption = html! { "Measured outputs of the training run " b { (run.name) } "." };
         drawings.push(figure(&series::outputs(run).svg()?, &caption));
         if run.inputs.width() > 0 {
             let caption = html! { "Inputs of the training run " b { (run.name) } "." };
@@ -33,8 +32,8 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
         }
     }
     let caption = html! {
-        "What each part covers, beside the training runs (shaded); the mark in a bar is the mean. "
-        "Where the test leaves the training range, the model is asked for what it has not seen."
+        "Range of each channel in each part of the data. The range of the training runs is shaded. The mark in a bar is the mean. "
+        "Where the test runs leave the training range, the model extrapolates."
     };
     let chart = figure(&chart(&channels)?, &caption);
     let body = html! {
@@ -42,12 +41,12 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
         (channel_table(&channels))
         (columns(&drawings))
         @if split.train.len() > DRAWN {
-            p.small { "Of " (split.train.len()) " training runs the first " (DRAWN) " are drawn." }
+            p.small { "The figures show the first " (DRAWN) " of " (split.train.len()) " training runs." }
         }
         @if !told.is_empty() {
             details {
                 summary {
-                    "What was done to the logs when they were read (" (number::count(told.len()))
+                    "Preparation of the logs (" (number::count(told.len()))
                     @if told.len() == 1 { " note" } @else { " notes" }
                     @if warned > 0 { "; warnings are in the summary" } ")"
                 }
@@ -117,6 +116,6 @@ fn channel_table(channels: &[ChannelSummary]) -> Markup {
         .collect();
     html! {
         (table(&heads, &rows, 1))
-        p.small { "Least and largest value by part; mean and standard deviation (std) of the training runs." }
+        p.small { "Smallest and largest value in each part. Mean and standard deviation (std) are those of the training runs." }
     }
 }

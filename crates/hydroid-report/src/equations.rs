@@ -1,4 +1,4 @@
-//! The equations, set as formulas, as a table and as text to copy.
+//! Identified equations as formulas, as a table and as text to copy.
 
 use std::collections::HashSet;
 use std::fmt::Write as _;
@@ -15,22 +15,21 @@ use hydroid::log::Trajectory;
 use hydroid::model::{Mode, Modes, NamedEquations};
 use hydroid::sindy::SearchResult;
 
-/// Width of a line of the text to copy.
+/// Line width of the text to copy.
 const LINE: usize = 92;
 
-/// A candidate that is made of equations; what this section and its tables are made from.
+/// A candidate that consists of equations.
 #[derive(Clone, Copy)]
 pub(super) struct Sparse<'a> {
-    /// The candidate.
     pub(super) candidate: &'a Candidate,
-    /// The search that found its equations.
+    /// The search result.
     pub(super) found: &'a SearchResult,
-    /// The equations as people read them.
+    /// The equations with names.
     pub(super) motion: NamedEquations<'a>,
 }
 
 impl<'a> Sparse<'a> {
-    /// Nothing for a candidate that is not made of equations.
+    /// `None` for a network.
     pub(super) fn of(candidate: &'a Candidate) -> Option<Self> {
         Some(Self { candidate, found: candidate.found()?, motion: candidate.model.equations()? })
     }
@@ -38,11 +37,9 @@ impl<'a> Sparse<'a> {
 
 /// A term of one equation.
 pub(super) struct Part<'a> {
-    /// The term.
     pub(super) term: &'a Term,
-    /// Its place in the library.
+    /// Index in the library.
     pub(super) place: usize,
-    /// Its coefficient.
     pub(super) coefficient: f64,
     /// Share in the sum of all contributions to this equation.
     pub(super) share: f64,
@@ -71,7 +68,7 @@ pub(super) fn section(sparse: Sparse<'_>, training: &[Trajectory]) -> Section {
         (hidden::sentences(sparse, &names, training))
         (unidentifiable(sparse, &names, &modes))
         details.printed {
-            summary { "Coefficients, how sure they are, and what each term contributes" }
+            summary { "Coefficients, their intervals and their contributions" }
             (about(sparse.found))
             div.tables {
                 @for i in 0..outputs.len() {
@@ -113,7 +110,7 @@ fn parts(sparse: Sparse<'_>, output: usize) -> Vec<Part<'_>> {
     parts
 }
 
-/// Units, each with the channels that have it.
+/// The units, each with its channels.
 fn where_clause(candidate: &Candidate) -> Markup {
     let description = &candidate.model.description;
     let mut units: Vec<(&str, Vec<&str>)> = Vec::new();
@@ -124,23 +121,23 @@ fn where_clause(candidate: &Candidate) -> Markup {
         }
     }
     html! {
-        "Time in seconds"
+        "Time is in seconds"
         @for (unit, names) in units {
-            "; "
+            ", "
             @for (i, name) in names.iter().enumerate() { @if i > 0 { ", " } (variable(name)) }
             @if unit.is_empty() { " without a stated unit" } @else { " in " (number::unit(unit)) }
         }
         ". Commands are held over a sample of " (number::duration(description.dt))
-        "; the largest contribution stands first."
+        ". The terms of an equation are sorted by contribution, the largest first."
     }
 }
 
-/// What nobody can tell from these runs.
+/// Terms that these runs do not identify, and inputs without a term.
 fn unidentifiable(sparse: Sparse<'_>, names: &[&str], modes: &Modes) -> Markup {
     let lost: Vec<&Term> = sparse.found.unidentifiable.iter().collect();
     let equations = &sparse.found.fit.equations;
     let visible = equations.outputs() + equations.inputs();
-    // An input is used as well where a signal that is made from it is.
+    // An input is in use if a signal derived from it is.
     let source = |variable: u16| {
         usize::from(variable).checked_sub(visible).map_or(variable, |s| equations.signals()[s].source())
     };
@@ -154,9 +151,9 @@ fn unidentifiable(sparse: Sparse<'_>, names: &[&str], modes: &Modes) -> Markup {
     html! {
         @if !lost.is_empty() {
             p.caution {
-                "These runs cannot tell some terms from others, because they never move or move together: "
+                "These runs cannot tell some terms apart, because they are constant or collinear: "
                 @for (i, lost) in lost.iter().enumerate() { @if i > 0 { ", " } (in_mode(names, modes, lost)) }
-                ". Where one of them stands in an equation, its coefficient is not its own."
+                ". The coefficient of such a term also contains the effect of the others."
             }
         }
         @if !idle.is_empty() {
@@ -166,7 +163,7 @@ fn unidentifiable(sparse: Sparse<'_>, names: &[&str], modes: &Modes) -> Markup {
     }
 }
 
-/// `du/dt = ...` for programs, in lines that fit a page.
+/// `du/dt = ...` as text, wrapped to [`LINE`].
 fn plain(names: &[&str], modes: &Modes, output: usize, parts: &[Part<'_>]) -> String {
     let name = names.get(output).unwrap_or(&"?");
     let mut text = format!("d({name})/dt =");
@@ -195,7 +192,6 @@ fn plain(names: &[&str], modes: &Modes, output: usize, parts: &[Part<'_>]) -> St
             };
             let mut piece = format!(" {sign}{}", number::plain(coefficient.abs(), 5));
             if !term.factors().is_empty() {
-                // Writing to a String cannot fail.
                 let _ = write!(piece, " {}", term.name(names));
             }
             put(&piece, false);

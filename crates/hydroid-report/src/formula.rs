@@ -1,4 +1,4 @@
-//! Equations as formulas of a page.
+//! Equations as HTML formulas.
 
 use hydroid_core::model::sparse::{Gate, Shape, Term};
 use maud::{Markup, html};
@@ -7,13 +7,12 @@ use super::equations::Part;
 use super::number;
 use hydroid::model::{Mode, Modes};
 
-/// Terms of an equation that are shown without a click, and of a group behind a gate.
+/// Number of terms that are visible without a click, for an equation or a gated group.
 const SHOWN: usize = 10;
 /// Significant digits of a coefficient in a formula.
 const DIGITS: usize = 3;
 
-/// `d u / d t = ...`, the smaller terms behind a click where there are many; behind a gate the terms stand
-/// together.
+/// `d u / d t = ...`. Small terms of a long equation are folded; gated terms are grouped.
 pub(super) fn formula(names: &[&str], modes: &Modes, output: usize, parts: &[Part<'_>]) -> Markup {
     let name = names.get(output).copied().unwrap_or("?");
     let groups = modes.grouped(parts.iter().map(|part| (part, part.term.clone())));
@@ -41,7 +40,7 @@ pub(super) fn formula(names: &[&str], modes: &Modes, output: usize, parts: &[Par
     }
 }
 
-/// Terms with their signs, the largest first.
+/// Terms with signs, the largest first.
 fn sum(names: &[&str], terms: &[(&Part<'_>, Term)]) -> Markup {
     let cut = if terms.len() > SHOWN + 2 { SHOWN } else { terms.len() };
     let rest = &terms[cut..];
@@ -75,7 +74,7 @@ fn signed(names: &[&str], coefficient: f64, own: &Term, first: bool) -> Markup {
     }
 }
 
-/// What a mode weighs its terms with: `(1 − s)` or `s`.
+/// Weight of a mode: `(1 − s)` or `s`.
 pub(super) fn weight(modes: &Modes, mode: Mode) -> Markup {
     match mode {
         Mode::All => html! {},
@@ -84,7 +83,7 @@ pub(super) fn weight(modes: &Modes, mode: Mode) -> Markup {
     }
 }
 
-/// A term with the letter of its gate in front.
+/// A term preceded by the letter of its gate.
 pub(super) fn in_mode(names: &[&str], modes: &Modes, own: &Term) -> Markup {
     let (mode, rest) = modes.of(own);
     html! {
@@ -139,8 +138,8 @@ fn gate_argument(name: &str, gate: Gate) -> Markup {
     }
 }
 
-/// A name as a symbol: what follows the first underscore (or the digits after a single letter) is an index.
-/// Names of signals, `lag(n_cmd, 1.5 s)`, stay as they are.
+/// A name as a symbol: the part after the first underscore, or the digits after a single letter, is an index. Names of
+/// signals, `lag(n_cmd, 1.5 s)`, are unchanged.
 pub(super) fn variable(name: &str) -> Markup {
     let (base, index) = match name.split_once('_') {
         Some((base, index)) if !base.is_empty() && !index.is_empty() && !name.contains('(') => (base, index),
@@ -162,7 +161,7 @@ pub(super) fn variable(name: &str) -> Markup {
     }
 }
 
-/// The letter that a word means in a formula.
+/// The Greek letter of a name.
 fn greek(word: &str) -> Option<&'static str> {
     Some(match word {
         "alpha" => "α",

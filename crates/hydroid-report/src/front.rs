@@ -1,8 +1,8 @@
-//! The front of what was tried: the least error that each number of terms gives.
+//! Pareto front of the trials: smallest error for each number of terms.
 
 use hydroid::sindy::Trial;
 
-/// Best score for each number of terms that no smaller number reaches: the Pareto front, fewest terms first.
+/// Pareto front of score against number of terms, fewest terms first.
 pub(super) fn front(trials: &[Trial]) -> Vec<(f64, f64)> {
     let mut points: Vec<(usize, f64)> =
         trials.iter().filter_map(|t| t.score.filter(|s| s.is_finite()).map(|s| (t.terms, s))).collect();
@@ -16,7 +16,7 @@ pub(super) fn front(trials: &[Trial]) -> Vec<(f64, f64)> {
     points.into_iter().map(|(terms, score)| (terms as f64, score)).collect()
 }
 
-/// The front as stairs: a number of terms does what fewer do.
+/// The front as a staircase.
 pub(super) fn stairs(front: &[(f64, f64)], end: f64) -> Vec<(f64, f64)> {
     let mut line = Vec::new();
     for (i, &(terms, score)) in front.iter().enumerate() {

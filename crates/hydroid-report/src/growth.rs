@@ -1,4 +1,4 @@
-//! How the error grows with the time that is predicted.
+//! The section on the error over the horizon.
 
 use maud::{Markup, html};
 
@@ -10,19 +10,18 @@ use super::style;
 use hydroid::evaluate::Evaluation;
 use hydroid::identify::Candidate;
 
-/// Rows of a table.
 const ROWS: usize = 5;
 
 pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
     let (heading, id) = ("Error over the horizon", "error");
     let test = &candidate.test;
     if test.windows == 0 || test.horizons.is_empty() {
-        let why = "No test rollout was possible: there is no error to show.";
+        let why = "No test rollout was possible, so the error is unknown.";
         return Ok(Section::new(id, heading, nothing(why)));
     }
     let caption = html! {
-        "NRMSE of open-loop predictions: the error in standard deviations of the output. "
-        "The mean as prediction gives 1."
+        "NRMSE of open-loop predictions of each output: the error in standard deviations of this output. "
+        "Predicting the mean gives 1."
         @if test.nrmse.iter().chain(&candidate.validation.nrmse).flatten().any(|nrmse| *nrmse > TOP) {
             " Curves are cut off at " (TOP) "; the tables contain the values."
         }
@@ -31,8 +30,8 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
     let tables = html! {
         @for c in 0..test.channels.len() { (channel_table(test, c)) }
         p.small {
-            "On the test runs. MAE: mean absolute error; RMSE: root mean square error; NRMSE: RMSE in standard deviations of the output; R"
-            sup { "2" } ": 1 − NRMSE" sup { "2" } "; last value: NRMSE of keeping the value at the start."
+            "Values are from the test runs. MAE is the mean absolute error. RMSE is the root mean square error. NRMSE is the RMSE in standard deviations of the output. R"
+            sup { "2" } " is 1 − NRMSE" sup { "2" } ". “Last value” is the NRMSE of persistence, which keeps the measurement at the origin."
         }
     };
     let body = html! {
@@ -42,7 +41,6 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
     Ok(Section::new(id, heading, body))
 }
 
-/// NRMSE at which the panels end.
 const TOP: f64 = 3.0;
 
 fn chart(candidate: &Candidate) -> Figure {
@@ -60,11 +58,11 @@ fn chart(candidate: &Candidate) -> Figure {
         let lines = [
             Line::new(curve(validation, &validation.nrmse), style::VALIDATION_LINE).labelled("validation"),
             Line::new(curve(test, &test.nrmse), style::MODEL_LINE).labelled("model, test"),
-            // Above the model, of which its dashes leave enough to see where the two are one.
+            // Drawn over the model; the dashes show where the two coincide.
             Line::new(curve(test, &test.persistence.nrmse), style::PERSISTENCE_LINE).labelled("last value"),
         ];
         let highest = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(|v| v.is_finite());
-        // An error far beyond trivial needs no exact place; the others should stay legible.
+        // Very large errors are cut off, so that the others remain legible.
         let top = highest.fold(1.1, f64::max).min(TOP);
         let level =
             Mark::Level { at: 1.0, stroke: Stroke { colour: style::AXIS, width: 1.4, dash: Dash::Solid } };
@@ -88,21 +86,21 @@ fn windows(candidate: &Candidate) -> Markup {
         let diverged = if evaluation.diverged == 0 {
             "none diverged".to_owned()
         } else {
-            format!("{} diverged and are left out", number::count(evaluation.diverged))
+            format!("{} diverged and are not in the errors", number::count(evaluation.diverged))
         };
         format!("{} windows, {diverged}", number::count(evaluation.windows))
     };
     html! {
         "Each rollout starts from a measured sample and uses the recorded commands, without further measurements. "
-        "Test: " (told(test)) ". Validation runs, on which settings were chosen: " (told(validation)) "."
+        "Test: " (told(test)) ". Validation, on which the settings were chosen: " (told(validation)) "."
         @if let Some(first) = test.divergences.first() {
-            " The first to diverge: " (first.run) " from " (seconds_text(first.origin_s)) "\u{a0}s, in " (first.channel)
+            " The first one to diverge is that of " (first.run) " from " (seconds_text(first.origin_s)) "\u{a0}s, in " (first.channel)
             " after " (number::duration(first.horizon as f64 * test.dt)) "."
         }
     }
 }
 
-/// Rows of the table: round numbers of seconds up to the longest horizon.
+/// Rows of the table: round times up to the longest horizon.
 fn rows(test: &Evaluation) -> Vec<usize> {
     let Some(&last) = test.horizons.last() else { return Vec::new() };
     let mut chosen: Vec<usize> = Vec::new();

@@ -1,4 +1,4 @@
-//! What stands between commands and equations, in words: lags of actuators, and changes of mode.
+//! Sentences on actuator lags and gates of the equations.
 
 use hydroid_core::model::sparse::Signal;
 use maud::{Markup, html};
@@ -10,7 +10,7 @@ use hydroid::identify::Candidate;
 use hydroid::log::Trajectory;
 use hydroid::model::NamedGate;
 
-/// A sentence for each lag and gate that stands in the equations; `runs` are those for training.
+/// A sentence for each lag and gate in the equations; `runs` are the training runs.
 pub(super) fn sentences(sparse: Sparse<'_>, names: &[&str], runs: &[Trajectory]) -> Markup {
     let Sparse { candidate, motion, .. } = sparse;
     let equations = motion.equations();
@@ -38,7 +38,7 @@ pub(super) fn sentences(sparse: Sparse<'_>, names: &[&str], runs: &[Trajectory])
                 @for (input, time_constant_s) in lags {
                     li {
                         (variable(names[input])) " acts through a first-order lag of " b { (number::text(time_constant_s, 3)) " s" }
-                        ", " (origin(candidate, "lag")) ". The state of the actuator is not measured: the model carries it."
+                        ", " (origin(candidate, "lag")) ". The state of the actuator is not measured; the model simulates it."
                     }
                 }
                 @for named in gates { li { (gate(candidate, named, names, runs)) } }
@@ -62,7 +62,6 @@ fn gate(candidate: &Candidate, named: &NamedGate, names: &[&str], runs: &[Trajec
     }
 }
 
-/// Share of the samples above the centre of a gate on an output.
 fn share_above(named: &NamedGate, runs: &[Trajectory]) -> Option<f64> {
     let (mut above, mut all) = (0usize, 0usize);
     for value in runs.iter().flat_map(|run| run.outputs.column(named.variable)).filter(|v| v.is_finite()) {
@@ -72,7 +71,7 @@ fn share_above(named: &NamedGate, runs: &[Trajectory]) -> Option<f64> {
     (all > 0).then(|| above as f64 / all as f64)
 }
 
-/// Whether a setting was looked for or given, from what the model says of how it was made.
+/// Whether a setting was identified or given, as the model description states.
 fn origin(candidate: &Candidate, key: &str) -> &'static str {
     let asked = &candidate.model.description.provenance.settings["asked"][key];
     if asked.is_object() { "as given" } else { "found in these logs" }

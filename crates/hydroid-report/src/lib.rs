@@ -1,10 +1,10 @@
 //! Reports: self-contained HTML pages with figures.
 //!
-//! [`identification`] writes the page of an identification, [`closed_loop`](fn@closed_loop) the page of a closed-loop run. A
-//! page loads nothing from outside; a short inline script shows the values of curves. The same input gives the same bytes:
-//! date and duration are on the page only if the [`Context`] contains them.
+//! [`identification`] writes the page of an identification, [`closed_loop`](fn@closed_loop) that of a closed-loop run.
+//! A page loads no external resources; an inline script shows the values of curves. The same input gives the same
+//! bytes: date and duration are on the page only if the [`Context`] contains them.
 //!
-//! [`figure`] draws, [`style`] holds colours and line styles, and each of the other modules is a section of the page.
+//! [`figure`] draws, [`style`] holds colours and line styles, and each other module is a section of a page.
 
 pub mod figure;
 pub mod style;
@@ -86,7 +86,6 @@ pub enum ReportError {
     },
 }
 
-/// Content of all sections.
 struct Subject<'a> {
     result: &'a IdentifyResult,
     split: &'a Split,
@@ -112,7 +111,6 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// All runs of a split.
 fn runs(split: &Split) -> impl Iterator<Item = &Trajectory> {
     split.train.iter().chain(&split.validation).chain(&split.test)
 }

@@ -1,4 +1,4 @@
-//! Comparison of the methods, and settings of the model that adapts online.
+//! Comparison of the methods, and settings of the adaptive model.
 
 use maud::{Markup, html};
 
@@ -7,7 +7,7 @@ use super::number::{self, duration, fixed};
 use super::page::{Section, cell, table};
 use hydroid::identify::Candidate;
 
-/// The section; nothing where there is one model alone and it does not learn.
+/// The section; `None` for a single model that does not adapt.
 pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
     let candidates = &subject.result.candidates;
     let first = candidates.first()?;
@@ -28,8 +28,9 @@ pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
     let body = html! {
         (table(&heads, &rows, 2))
         p.small {
-            "Validation: mean NRMSE over all outputs and horizons on the validation runs, by which the model is chosen. Outputs: NRMSE on the test runs, "
-            (horizon) " ahead. All methods are evaluated on the same rollouts. Weights: non-zero coefficients, or weights of a network. A more complex method is chosen only if its validation error is at least 2 % lower; the test runs do not influence the choice."
+            "“Validation” is the mean NRMSE over all outputs and horizons on the validation runs. The model with the smallest value is chosen, but a more complex method only if its value is at least 2 % lower. "
+            "The columns of the outputs are their NRMSE on the test runs, " (horizon) " ahead, and “mean” is the mean over all outputs. The test runs do not influence the choice. "
+            "“Weights” are the non-zero coefficients of equations, or the weights of a network. All methods are evaluated on the same rollouts."
         }
         @if let Some(learning) = learning { p { (learning) } }
     };
@@ -51,15 +52,14 @@ fn row(candidate: &Candidate, best: bool) -> Vec<Markup> {
     cells
 }
 
-/// Settings of the model that adapts online.
 fn learning(candidate: &Candidate) -> Option<Markup> {
     let settings = &candidate.model.learning.as_ref()?.settings;
     let dt = candidate.model.description.dt;
     let priors: Vec<String> = settings.priors_s.iter().map(|s| duration(*s)).collect();
     Some(html! {
-        "The adaptive model starts from equations with all terms and adapts every coefficient in several experts with different priors. The identified equations count as much as "
-        (priors.join(", ")) " of data. The prediction is an expert mixture of these, of the initial equations and of persistence, weighted by their past errors. The weight of a sample falls to 1/e in "
-        (duration(settings.forgetting_s)) "; increments span " (duration(settings.window as f64 * dt))
-        ". In the evaluation the model adapts along each run; a prediction uses samples up to its origin only."
+        "The adaptive model consists of several experts. Each starts from equations with all terms and adapts every coefficient. The experts differ in their priors: the identified equations count as much as "
+        (priors.join(", ")) " of data. The prediction is a mixture of these experts, of the initial equations and of persistence, weighted by the past errors of each. The weight of a sample decreases to 1/e in "
+        (duration(settings.forgetting_s)) ". The regression uses increments over " (duration(settings.window as f64 * dt))
+        ". In the evaluation the model adapts along each run. A prediction uses only samples up to its origin."
     })
 }

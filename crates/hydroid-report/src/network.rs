@@ -1,4 +1,4 @@
-//! Networks: what each is, and how its training went.
+//! The section on the networks and their training.
 
 use maud::{Markup, html};
 
@@ -9,7 +9,7 @@ use super::{ReportError, Subject, style};
 use hydroid::identify::Candidate;
 use hydroid::train::{Ending, Refit, Trained};
 
-/// The section; nothing where no network was trained.
+/// `None` if no network was trained.
 pub(super) fn section(subject: &Subject<'_>) -> Result<Option<Section>, ReportError> {
     let networks: Vec<(&Candidate, &Trained)> = subject
         .result
@@ -21,15 +21,14 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Option<Section>, ReportEr
         return Ok(None);
     }
     let caption = html! {
-        "The loss on training windows and the validation error after each epoch, of the restart that was kept; both axes are logarithmic upwards. "
-        "The ring marks the epoch whose weights the model has. A validation error that rises while the loss falls is a network that learns the training runs by heart."
+        "Loss on training windows and validation error, mean over all outputs, after each epoch of the chosen restart. Both vertical axes are logarithmic. "
+        "The ring marks the epoch of the chosen weights. A rising validation error with a falling loss means overfitting."
     };
     let chart = figure(&chart(&networks).svg()?, &caption);
     let body = html! {
         p {
-            "A network learns from the training runs how the vessel moves, without equations. In a recurrent one a state of its own, "
-            "which it carries from sample to sample, stands for what is not measured; a direct predictor sees the last samples, "
-            "and gives all of its horizon at once."
+            "A network is trained on the training runs and needs no equations. A recurrent network has a hidden state, which represents "
+            "unmeasured quantities. A direct predictor receives the last samples and predicts its whole horizon at once."
         }
         (columns(&[chart, html! { @for (candidate, trained) in &networks { (about(candidate, trained)) } }]))
         (summary(&networks))
@@ -38,21 +37,21 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Option<Section>, ReportEr
     Ok(Some(Section::new("networks", "Networks", body)))
 }
 
-/// What a network is, in a list.
+/// Description of a network as a list.
 fn about(candidate: &Candidate, trained: &Trained) -> Markup {
     html! {
         h4 { (candidate.model.description.name) }
         ul {
             @for line in candidate.model.network_text() { li { (line) } }
             li {
-                (number::count(candidate.model.weights())) " weights, of " (ending(trained))
-                @if learned_from_all(trained) { ", then trained again on training and validation runs together" }
+                (number::count(candidate.model.weights())) " weights, from " (ending(trained))
+                @if learned_from_all(trained) { "; then trained again on training and validation runs together" }
             }
         }
     }
 }
 
-/// Whether the model has learned from the validation runs as well.
+/// Whether the delivered model was also trained on the validation runs.
 fn learned_from_all(trained: &Trained) -> bool {
     trained.refit.as_ref().is_some_and(Refit::is_taken)
 }
@@ -60,11 +59,11 @@ fn learned_from_all(trained: &Trained) -> bool {
 fn ending(trained: &Trained) -> String {
     let epochs = number::count(trained.history.len());
     let why = match trained.ending {
-        Ending::Done => "all that were planned",
-        Ending::Patience => "after which validation had long not improved",
-        Ending::Budget => "when the time was over",
+        Ending::Done => "all planned epochs",
+        Ending::Patience => "stopped because the validation error no longer improved",
+        Ending::Budget => "stopped by the time limit",
     };
-    format!("epoch {} of {epochs}, {why}", number::count(trained.best_epoch))
+    format!("epoch {} of {epochs} ({why})", number::count(trained.best_epoch))
 }
 
 fn summary(networks: &[(&Candidate, &Trained)]) -> Markup {
@@ -88,9 +87,9 @@ fn summary(networks: &[(&Candidate, &Trained)]) -> Markup {
     html! {
         (table(&heads, &rows, 1))
         p.small {
-            "Loss: root mean square error over the compared part of the training windows, 1 being the standard deviation of an output, in the mean over outputs. "
+            "Loss: root mean square error over the compared part of the training windows, in standard deviations of the output, mean over outputs. "
             "Validation: mean NRMSE of rollouts over all outputs and horizons. "
-            "Restarts: the same training from other first weights; the least validation error of each, the one that was kept in bold."
+            "Restarts: trainings from different initial weights, each with its smallest validation error; the chosen one is bold."
         }
     }
 }
@@ -105,7 +104,7 @@ fn restarts(trained: &Trained) -> Markup {
     }
 }
 
-/// Which ranges were stated.
+/// The design ranges, stated or inferred.
 fn ranges(subject: &Subject<'_>) -> Markup {
     let of = |given: bool| -> Vec<&str> {
         let all = subject.result.ranges.iter();
@@ -117,24 +116,23 @@ fn ranges(subject: &Subject<'_>) -> Markup {
             "Networks are scaled by design ranges. "
             @if !given.is_empty() { "Stated: " (given.join(", ")) ". " }
             @if !inferred.is_empty() {
-                "Taken from the training runs, because none was stated (--range): " (inferred.join(", ")) "."
+                "Not stated, and therefore taken from the training runs: " (inferred.join(", ")) "."
             }
         }
     }
 }
 
-/// How a network was chosen, in place of the trials of a search.
+/// Choice of the weights of a network.
 pub(super) fn choice(trained: &Trained) -> Markup {
     html! {
         p {
-            "The weights are those of " (ending(trained)) ": after each epoch the network was rolled out on the validation runs, "
-            "and the epoch with the least mean NRMSE over all outputs and horizons was kept. The test runs had no say. "
-            "A window sees, or lets the state find itself over, " (number::count(trained.wash_out)) " samples before its origin, and compares "
-            (number::count(trained.window)) "."
+            "The weights are those of " (ending(trained)) ". After each epoch the network was rolled out on the validation runs. "
+            "The epoch with the smallest mean NRMSE over all outputs and horizons was chosen. The test runs did not influence the choice. "
+            "A training window contains " (number::count(trained.wash_out)) " samples before its origin, for the history or the hidden state, and "
+            (number::count(trained.window)) " samples that are compared."
             @if learned_from_all(trained) {
-                " Then the same training was made once more on training and validation runs together, to its end: the model "
-                "has the weights of that. Its errors on the validation runs are those of the network before, which had not "
-                "learned from them."
+                " The model was then trained again on training and validation runs together, and has the final weights of this training. "
+                "The stated validation errors are those of the network before, which was not trained on the validation runs."
             }
         }
     }

@@ -1,13 +1,13 @@
-//! Numbers as people read them: three or four digits that matter, a proper minus, powers of ten.
+//! Number formats of the pages: significant digits, typographic minus, powers of ten.
 
 use maud::{Markup, html};
 
 use super::figure::superscript;
 
-/// What stands for a figure that does not exist.
+/// Placeholder for a missing value.
 pub const NONE: &str = "–";
 
-/// A number rounded to significant digits: `digits` with an optional power of ten.
+/// A rounded number: `digits` with an optional power of ten.
 struct Rounded {
     negative: bool,
     digits: String,
@@ -17,7 +17,7 @@ struct Rounded {
 fn rounded(value: f64, significant: usize) -> Rounded {
     let significant = significant.max(1);
     let text = format!("{:.*e}", significant - 1, value.abs());
-    // Finite numbers print with an exponent.
+    // The exponent format of finite numbers always contains an `e`.
     let (mantissa, power) = text.split_once('e').unwrap_or((&text, "0"));
     let power: i32 = power.parse().unwrap_or(0);
     let negative = value < 0.0;
@@ -34,7 +34,7 @@ fn rounded(value: f64, significant: usize) -> Rounded {
     }
 }
 
-/// The magnitude of a number in HTML; the sign is left to the equation around it.
+/// The magnitude of a number in HTML; the equation writes the sign.
 pub fn magnitude(value: f64, significant: usize) -> Markup {
     let Rounded { digits, power, .. } = rounded(value, significant);
     html! {
@@ -43,19 +43,19 @@ pub fn magnitude(value: f64, significant: usize) -> Markup {
     }
 }
 
-/// A number in plain text that programs read too: `-1.234e-5`.
+/// A number in plain text: `-1.234e-5`.
 pub fn plain(value: f64, significant: usize) -> String {
     let Rounded { negative, digits, power } = rounded(value, significant);
     let sign = if negative { "-" } else { "" };
     if power == 0 { format!("{sign}{digits}") } else { format!("{sign}{digits}e{power}") }
 }
 
-/// A number with at most so many significant digits and without zeros at its end, for programs and people: `0.1`, `1e-7`.
+/// A number with at most the given significant digits and without trailing zeros: `0.1`, `1e-7`.
 pub fn shortest(value: f64, significant: usize) -> String {
     format!("{value:.*e}", significant.max(1) - 1).parse::<f64>().unwrap_or(value).to_string()
 }
 
-/// A number in running text and tables; what is not finite is said.
+/// A number for text and tables.
 pub fn text(value: f64, significant: usize) -> String {
     if value.is_nan() {
         return NONE.to_owned();
@@ -68,7 +68,7 @@ pub fn text(value: f64, significant: usize) -> String {
     if power == 0 { format!("{sign}{digits}") } else { format!("{sign}{digits} × 10{}", superscript(power)) }
 }
 
-/// A number with a fixed number of decimals, or a dash. What is too large for that is said with a power.
+/// A number with fixed decimals or, if it is too large, with a power of ten; a dash if it is not finite.
 pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() || value.abs() >= 1e5 {
         return text(value, 3);
@@ -78,12 +78,11 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     minus(if zero { text.trim_start_matches('-') } else { &text })
 }
 
-/// A ratio such as an NRMSE: two decimals, fewer where it is large.
+/// A ratio such as an NRMSE: two decimals, fewer if it is large.
 pub fn ratio(value: f64) -> String {
     if value.abs() >= 10.0 { text(value, 3) } else { fixed(value, 2) }
 }
 
-/// A whole number with thin spaces between thousands.
 pub fn count(n: usize) -> String {
     let digits = n.to_string();
     let mut text = String::new();
@@ -96,7 +95,7 @@ pub fn count(n: usize) -> String {
     text
 }
 
-/// A time in the unit that suits it.
+/// A duration in a suitable unit.
 pub fn duration(seconds: f64) -> String {
     if !seconds.is_finite() {
         NONE.to_owned()
@@ -111,7 +110,7 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// Seconds without needless zeros: `5`, `0.05`, `12.5`.
+/// Seconds without trailing zeros: `5`, `0.05`, `12.5`.
 pub fn seconds_text(seconds: f64) -> String {
     let text = format!("{seconds:.3}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
@@ -130,7 +129,7 @@ pub fn with_unit(name: &str, unit: &str) -> String {
     if unit.is_empty() { name.to_owned() } else { format!("{name} [{}]", self::unit(unit)) }
 }
 
-/// A unit with its exponents raised: `m^2/s^2` becomes `m²/s²`.
+/// A unit with superscript exponents: `m^2/s^2` becomes `m²/s²`.
 pub fn unit(unit: &str) -> String {
     let mut pieces = unit.split('^');
     let mut text = pieces.next().unwrap_or_default().to_owned();

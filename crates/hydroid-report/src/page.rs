@@ -1,4 +1,4 @@
-//! The frame of a page: head, contents, sections; and the blocks that sections are built of.
+//! HTML skeleton of a page, and the blocks of its sections.
 
 use std::borrow::Cow;
 
@@ -10,16 +10,14 @@ use hydroid::log::Note;
 /// One section of a page.
 #[derive(Debug)]
 pub struct Section {
-    /// Target of links; unique on the page.
+    /// Anchor; unique on the page.
     id: Cow<'static, str>,
-    /// Its heading; the first section has the page's own.
+    /// Heading; not shown for the first section, which has the heading of the page.
     heading: Cow<'static, str>,
-    /// What is in it.
     body: Markup,
 }
 
 impl Section {
-    /// A section from its anchor, its heading and its content.
     pub fn new(
         id: impl Into<Cow<'static, str>>,
         heading: impl Into<Cow<'static, str>>,
@@ -79,18 +77,17 @@ pub fn figure(svg: &str, caption: &Markup) -> Markup {
     }
 }
 
-/// Blocks beside each other where there is room.
+/// Blocks side by side if the page is wide enough.
 pub fn columns(blocks: &[Markup]) -> Markup {
     html! { div.columns { @for block in blocks { div { (block) } } } }
 }
 
-/// A table that scrolls by itself where the page is narrow. Cells of columns from `numbers` on are
-/// numbers.
+/// A scrollable table. Columns from `numbers` on contain numbers.
 pub fn table(heads: &[Markup], rows: &[Vec<Markup>], numbers: usize) -> Markup {
     table_of(heads, rows, |i| i >= numbers)
 }
 
-/// A table of which some columns hold numbers.
+/// A table with a predicate for columns of numbers.
 pub fn table_of(heads: &[Markup], rows: &[Vec<Markup>], numbers: impl Fn(usize) -> bool) -> Markup {
     let class = |i: usize| numbers(i).then_some("n");
     html! {
@@ -107,18 +104,17 @@ pub fn table_of(heads: &[Markup], rows: &[Vec<Markup>], numbers: impl Fn(usize) 
     }
 }
 
-/// Plain text as a cell.
 pub fn cell(text: impl AsRef<str>) -> Markup {
     html! { (text.as_ref()) }
 }
 
-/// A line that says that there is nothing to show, and why.
+/// A line that says why there is nothing to show.
 pub fn nothing(why: &str) -> Markup {
     html! { p.nothing { (why) } }
 }
 
-/// Notes as a list, each with its remedy. A remedy that names flags of the command is left out: the reader of a page has only
-/// the page.
+/// Notes as a list with remedies. Remedies that name command-line flags are omitted: the page does not need the
+/// command.
 pub fn notes(notes: &[&Note]) -> Markup {
     html! {
         ul.notes {
@@ -132,7 +128,7 @@ pub fn notes(notes: &[&Note]) -> Markup {
     }
 }
 
-/// The text with a minus instead of a hyphen where a number follows; options such as `-c` stay.
+/// The text with a typographic minus before numbers; options such as `-c` are unchanged.
 fn proper_minus(text: &str) -> String {
     let mut proper = String::with_capacity(text.len());
     let mut before = ' ';
@@ -145,8 +141,7 @@ fn proper_minus(text: &str) -> String {
     proper
 }
 
-/// With a capital and a full stop, as a sentence on a page has them. What starts with a name or a path
-/// keeps its first letter.
+/// The text as a sentence, with capital and full stop. A leading name or path keeps its first letter.
 fn sentence(text: &str) -> String {
     let text = quoted(&proper_minus(&readable(text.trim())));
     let first_word = text.split([' ', ',']).next().unwrap_or_default();
@@ -162,7 +157,7 @@ fn sentence(text: &str) -> String {
     sentence
 }
 
-/// The text with file names in place of paths, and numbers of at most five significant digits.
+/// The text with file names instead of paths, and numbers of at most five significant digits.
 pub fn readable(text: &str) -> String {
     let word = |word: &str| {
         let core = word.trim_matches(['\'', '`', '(', ')', ',', ';', ':']);
@@ -182,7 +177,7 @@ pub fn readable(text: &str) -> String {
     text.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
-/// Backquotes are for terminals; a page has quotation marks.
+/// Backquotes replaced by quotation marks.
 fn quoted(text: &str) -> String {
     let mut marks = ['‘', '’'].into_iter().cycle();
     text.chars().map(|c| if c == '`' { marks.next().unwrap_or(c) } else { c }).collect()

@@ -1,4 +1,4 @@
-//! Measured against predicted, on the test runs.
+//! The section on measured and predicted outputs of the test runs.
 
 use hydroid_core::predict::Predictor;
 use maud::{Markup, html};
@@ -14,11 +14,11 @@ use hydroid::identify::Candidate;
 
 /// Rollouts in the overview.
 const OVERVIEW: usize = 12;
-/// Rollouts in the closer look.
+/// Rollouts in the detail figure.
 const CLOSER: usize = 3;
-/// Least range of a panel, as a share of what the run covers.
+/// Smallest range of a panel, as a share of the range of the run.
 const LEAST: f64 = 0.15;
-/// Commands shown below the outputs.
+/// Largest number of commands that are drawn.
 const COMMANDS: usize = 8;
 
 pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Section, ReportError> {
@@ -37,8 +37,8 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
         &members,
         overview,
         &html! {
-            "The stretch of " b { (walk.run.name) } " over which the outputs move most: "
-            (overview.len()) " rollouts of " (over) ", each restarted from the measurement (circles)."
+            "The part of " b { (walk.run.name) } " in which the outputs vary most: "
+            (overview.len()) " rollouts of " (over) ", each of which starts from a measurement (circles)."
         },
     )?];
     if walk.rollouts.len() > CLOSER {
@@ -49,19 +49,19 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
             &members,
             closer,
             &html! {
-                "Detail around the rollout with the median error of all "
-                (number::count(walk.rollouts.len())) " in this run (" (number::ratio(middle))
-                " standard deviations, mean over outputs and time)."
+                "Detail around the rollout with the median error of the "
+                (number::count(walk.rollouts.len())) " rollouts in this run. Its error is " (number::ratio(middle))
+                " standard deviations, as the mean over outputs and time."
             },
         )?);
     }
     let body = html! {
-        p { "Each rollout starts from a measurement (circle) and uses the commands only." }
+        p { "Each rollout starts from a measurement (circle). After that it uses the commands only." }
         (columns(&blocks))
         @if !members.is_empty() {
             p.small {
-                "The shaded band contains 90 % of the rollouts of the " (members.len()) " members of the ensemble and shows the effect of " (if candidate.model.is_network() { "the initial weights" } else { "the uncertainty of the coefficients" }) " on the prediction. A narrow band is hidden by the line. "
-                "The band does not contain sensor noise, unmeasured waves and wind, and model error; measurements may lie outside."
+                "The shaded band contains 90 % of the rollouts of the " (members.len()) " members of the ensemble. It shows the effect of " (if candidate.model.is_network() { "the initial weights" } else { "the uncertainty of the coefficients" }) " on the prediction. The line hides a narrow band. "
+                "The band does not contain sensor noise, unmeasured waves and wind, or model error. Measurements may lie outside."
             }
         }
         @if candidate.model.description.inputs.len() > COMMANDS {
@@ -81,13 +81,13 @@ fn block(
     let caption = html! {
         (caption)
         @if !left.is_empty() {
-            " The model leaves the panel of " (super::summary::list(&left)) ": it runs away there."
+            " The prediction of " (super::summary::list(&left)) " leaves its panel: it diverges there."
         }
     };
     Ok(figure(&drawing.svg()?, &caption))
 }
 
-/// The figure of some neighbouring rollouts, and the outputs whose prediction leaves its panel.
+/// Figure of neighbouring rollouts, and the outputs whose prediction leaves its panel.
 fn draw<'a>(walk: &Walk<'a>, members: &[Box<dyn Predictor>], rollouts: &[Rollout]) -> (Figure, Vec<&'a str>) {
     let run = walk.run;
     let from = rollouts.first().map_or(0, |r| r.origin);
@@ -156,8 +156,8 @@ fn draw<'a>(walk: &Walk<'a>, members: &[Box<dyn Predictor>], rollouts: &[Rollout
     (figure, left)
 }
 
-/// Range of a panel: all that was measured there, at least a part of what the run covers, and of the model
-/// what lies within the run's width of it; and whether the model leaves that.
+/// Range of a panel: all measurements, at least a share of the range of the run, and predictions within one width of
+/// that range; and whether a prediction leaves it.
 fn vertical(measured: &[(f64, f64)], model: &[Vec<(f64, f64)>], run: (f64, f64)) -> ((f64, f64), bool) {
     let span = |values: &mut dyn Iterator<Item = f64>| {
         values
@@ -174,7 +174,7 @@ fn vertical(measured: &[(f64, f64)], model: &[Vec<(f64, f64)>], run: (f64, f64))
     let (floor, ceiling) = (seen.0 - width, seen.1 + width);
     let low = seen.0.min(said.0.max(floor));
     let high = seen.1.max(said.1.min(ceiling));
-    // Noise that fills a panel would look like a failure.
+    // Otherwise noise would fill the panel.
     let margin = (0.06 * (high - low)).max(0.5 * (LEAST * width - (high - low)));
     ((low - margin, high + margin), not_finite || said.0 < floor || said.1 > ceiling)
 }

@@ -1,4 +1,4 @@
-//! What one-step predictions leave: its distribution, and whether it still holds something.
+//! The section on one-step residuals: distribution and autocorrelation.
 
 use maud::{Markup, html};
 
@@ -10,13 +10,11 @@ use super::{ReportError, style};
 use hydroid::identify::Candidate;
 use hydroid::log::Channel;
 
-/// Bars of a histogram.
 const BARS: usize = 33;
-/// Half-width of a histogram in standard deviations.
+/// Half-width of a histogram \[standard deviations\].
 const REACH: f64 = 4.0;
-/// Lags of an autocorrelation.
 const LAGS: usize = 40;
-/// Fewest residuals that are worth a picture.
+/// Smallest number of residuals for a figure.
 const FEWEST: usize = 8;
 
 /// Residuals of one output over all test runs.
@@ -26,7 +24,7 @@ struct Residuals {
     deviation: f64,
     /// Share of the residuals \[%\] in each bar.
     bars: Vec<f64>,
-    /// Residuals farther from the mean than the histogram reaches.
+    /// Number of residuals outside the histogram.
     beyond: usize,
     /// Autocorrelation at lags 1, 2, ...
     correlation: Vec<f64>,
@@ -46,11 +44,11 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
     }
     let body = html! {
         p {
-            "Measured less predicted one sample (" (duration(dt)) ") before, on the test runs. "
-            "Residuals of a model that has learned all there is are noise: bell-shaped, and uncorrelated from sample to sample."
+            "A residual is the measurement minus the prediction of one sample (" (duration(dt)) ") earlier, on the test runs. "
+            "Residuals of a complete model are white noise: normally distributed and uncorrelated from sample to sample."
         }
         @if !missing.is_empty() {
-            (nothing(&format!("Too few finite residuals, or none that vary, for {}.", missing.join(", "))))
+            (nothing(&format!("Too few finite residuals, or constant residuals, for {}.", missing.join(", "))))
         }
         (columns(&blocks))
     };
@@ -58,7 +56,7 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
 }
 
 impl Residuals {
-    /// Statistics over several runs; none where there is too little, or nothing that varies.
+    /// Statistics over several runs; `None` for too few or constant residuals.
     fn of(runs: &[&[f64]]) -> Option<Self> {
         let finite = || runs.iter().flat_map(|run| run.iter().copied()).filter(|v| v.is_finite());
         let count = finite().count();
@@ -75,7 +73,6 @@ impl Residuals {
         for value in finite() {
             let place = ((value - mean) / deviation + REACH) / (2.0 * REACH) * BARS as f64;
             if (0.0..BARS as f64).contains(&place) {
-                // Within the range just checked.
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
                 let bar = place as usize;
                 bars[bar] += 100.0 / count as f64;
@@ -97,17 +94,17 @@ impl Residuals {
             b { (channel.name) } ": mean " (number::text(self.mean, 2)) ", standard deviation "
             (number::text(self.deviation, 3)) @if !channel.unit.is_empty() { " " (number::unit(&channel.unit)) }
             " over " (number::count(self.count)) " samples"
-            @if self.beyond > 0 { "; " (number::count(self.beyond)) " lie beyond four of them" }
-            ". Line: normal distribution of the same spread."
+            @if self.beyond > 0 { "; " (number::count(self.beyond)) " lie outside four standard deviations" }
+            ". The line is the normal distribution with the same standard deviation."
         };
         let histogram = figure(&self.histogram(channel).svg()?, &caption);
         let band = self.band();
         let outside = self.correlation.iter().filter(|c| c.abs() > band).count();
         let share = outside as f64 / self.correlation.len().max(1) as f64;
         let caption = html! {
-            b { (channel.name) } ": autocorrelation of the residuals; the shaded band holds 95 % of those of white noise. "
-            (fixed(100.0 * share, 0)) " % of the lags lie outside"
-            @if share > 0.2 { ": the model leaves structure, or the sensor is smoothed." } @else { ": little is left to learn from one step to the next." }
+            b { (channel.name) } ": autocorrelation of the residuals. For white noise, 95 % of the lags lie in the shaded band. Here "
+            (fixed(100.0 * share, 0)) " % of the lags lie outside it"
+            @if share > 0.2 { ": the model of this output is incomplete, or the sensor is filtered." } @else { ": the model of this output explains almost all of the one-step change." }
         };
         Ok([histogram, figure(&self.autocorrelation(channel, dt).svg()?, &caption)])
     }
@@ -169,13 +166,13 @@ impl Residuals {
             )
     }
 
-    /// Half-width of the band that holds 95 % of the autocorrelations of white noise.
+    /// Half-width of the 95 % band of white noise.
     fn band(&self) -> f64 {
         1.96 / (self.count as f64).sqrt()
     }
 }
 
-/// Autocorrelation at a lag, over the pairs that exist.
+/// Autocorrelation at a lag, over the existing pairs.
 fn correlation(runs: &[Vec<f64>], lag: usize, deviation: f64) -> f64 {
     let (sum, pairs) = runs
         .iter()

@@ -1,4 +1,4 @@
-//! What the model says along the test runs: rollouts one after the other, and one-step residuals.
+//! Predictions along the test runs: successive rollouts and one-step residuals.
 
 use hydroid_core::predict::Workspace;
 
@@ -8,30 +8,28 @@ use hydroid::log::Trajectory;
 
 /// The open-loop prediction from one origin.
 pub(super) struct Rollout {
-    /// Sample from which it starts.
+    /// Sample of the origin.
     pub(super) origin: usize,
-    /// Last values seen at the origin.
+    /// Last measured values at the origin.
     pub(super) start: Vec<f64>,
-    /// Predictions of the samples after it, row by row.
+    /// Predictions of the following samples, row by row.
     pub(super) y: Vec<f64>,
-    /// Mean over the outputs of the RMSE in standard deviations of the run; infinite where it ran away.
+    /// Mean over the outputs of the RMSE in standard deviations of the run; infinite if not finite.
     pub(super) error: f64,
 }
 
-/// One test run with its predictions.
+/// A test run with its predictions.
 pub(super) struct Walk<'a> {
-    /// The run.
     pub(super) run: &'a Trajectory,
-    /// Samples of a rollout.
+    /// Horizon \[samples\].
     pub(super) horizon: usize,
-    /// Rollouts, each starting where the one before ends.
+    /// Successive rollouts: each starts at the end of the previous one.
     pub(super) rollouts: Vec<Rollout>,
-    /// For each output and sample the measurement less what was predicted one sample before; NaN where
-    /// there is no such pair.
+    /// Measurement minus one-step prediction, for each output and sample; NaN where either is missing.
     pub(super) residuals: Vec<Vec<f64>>,
 }
 
-/// Walks the session of a model over runs.
+/// Runs the session of a model along runs.
 pub(super) fn walk<'a>(candidate: &Candidate, runs: &'a [Trajectory]) -> Vec<Walk<'a>> {
     let horizon = candidate.test.horizons.last().copied().unwrap_or(1).max(1);
     runs.iter().map(|run| walk_run(candidate, run, horizon)).collect()
@@ -90,14 +88,14 @@ fn error(run: &Trajectory, origin: usize, y: &[f64], deviations: &[f64]) -> f64 
     mean_finite((0..n).map(channel)).unwrap_or(f64::INFINITY)
 }
 
-/// Standard deviation of the finite values; zero if there is none.
+/// Standard deviation of the finite values; 0 if there are none.
 pub(super) fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let mean = mean_finite(values.clone()).unwrap_or(0.0);
     mean_finite(values.map(|v| (v - mean).powi(2))).unwrap_or(0.0).sqrt()
 }
 
 impl Walk<'_> {
-    /// `count` neighbouring rollouts over which the outputs move most.
+    /// The `count` neighbouring rollouts in which the outputs vary most.
     pub(super) fn liveliest(&self, count: usize) -> &[Rollout] {
         let count = count.min(self.rollouts.len());
         let n = self.run.outputs.width();
@@ -123,7 +121,7 @@ impl Walk<'_> {
         &self.rollouts[best.0..best.0 + count]
     }
 
-    /// `count` neighbouring rollouts around the one whose error is the median of all.
+    /// The `count` neighbouring rollouts around the one with the median error.
     pub(super) fn typical(&self, count: usize) -> &[Rollout] {
         let count = count.min(self.rollouts.len());
         let mut order: Vec<usize> = (0..self.rollouts.len()).collect();

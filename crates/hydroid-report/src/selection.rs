@@ -1,4 +1,4 @@
-//! How the model was chosen: everything that was tried, and how it did on the validation runs.
+//! The section on model selection: all settings and their validation scores.
 
 use maud::{Markup, html};
 use plotters::style::RGBColor;
@@ -12,11 +12,10 @@ use hydroid::identify::Candidate;
 use hydroid::log::Note;
 use hydroid::sindy::{Criterion, Optimizer, RegressionForm, SearchResult, Trial};
 
-/// The front of the least errors.
+/// The Pareto front.
 const FRONT: Stroke = Stroke { colour: style::MUTED, width: 1.4, dash: Dash::Solid };
-/// Rows of the table.
 const BEST: usize = 12;
-/// The chart shows scores up to this multiple of the best.
+/// The chart ends at this multiple of the best score.
 const SHOWN: f64 = 3.0;
 
 pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
@@ -44,35 +43,35 @@ fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportE
     let diverged = found.trials.iter().filter(|t| t.score.is_none()).count();
     let (drawing, above) = chart(&found.trials, found.chosen);
     let caption = html! {
-        "Each sign is one setting; lower is better, fewer terms are simpler. The line is the front: the least error that any setting reaches with so many terms."
-        @if above > 0 { " Triangles at the top: " (number::count(above)) " with larger errors." }
-        @if diverged > 0 { " Crosses at the top: " (number::count(diverged)) " that diverged." }
+        "Each symbol is one setting. The score is a mean over all outputs; lower is better. The line is the Pareto front: the smallest score for each number of terms."
+        @if above > 0 { " Triangles at the top are " (number::count(above)) " settings with larger scores." }
+        @if diverged > 0 { " Crosses at the top are " (number::count(diverged)) " settings that diverged." }
     };
     let chart = figure(&drawing.svg()?, &caption);
     let (rows, skipped) = found.rows;
     Ok(html! {
         p {
-            "Every setting was fitted to the training runs and rolled out on the validation runs and on excerpts of the training runs; its score is the mean NRMSE over both, all outputs and all horizons. "
-            "Taken was the simplest of those that are within one standard error of the best, and whose rollouts stay bounded if one near the best does. "
-            "The test runs had no say. "
+            "Every setting was fitted to the training runs and rolled out on the validation runs and on excerpts of the training runs. Its score is the mean NRMSE over both, all outputs and all horizons. "
+            "The chosen setting is the simplest one within one standard error of the best. Its rollouts stay bounded if those of any setting near the best do. "
+            "The test runs did not influence the choice. "
             (by_output(candidate, found))
             @if let Some(text) = found.refinement.describe(dt) { "The coefficients were " (text) ". " }
             (number::count(found.trials.len())) " settings were tried"
             @if diverged > 0 { ", of which " (number::count(diverged)) " diverged" }
-            "; the chosen regression has " (number::count(usize::try_from(rows).unwrap_or(usize::MAX))) " rows"
-            @if skipped > 0 { " (" (number::count(usize::try_from(skipped).unwrap_or(usize::MAX))) " left out for missing samples)" }
-            " and a library of condition number " (number::text(found.condition, 2)) "."
+            ". The chosen regression has " (number::count(usize::try_from(rows).unwrap_or(usize::MAX))) " rows"
+            @if skipped > 0 { " (" (number::count(usize::try_from(skipped).unwrap_or(usize::MAX))) " omitted because of missing samples)" }
+            ", and its library has the condition number " (number::text(found.condition, 2)) "."
         }
         @if found.stability.rollouts > 0 && found.stability.is_bounded() {
             p.small {
-                "Stability: " (number::count(found.stability.rollouts)) " rollouts from random states under random commands inside the training envelope all stayed bounded."
+                "Stability: " (number::count(found.stability.rollouts)) " rollouts from random states with random commands inside the training range all stayed bounded."
             }
         }
         (columns(&[chart, best(&found.trials, found.chosen, dt)]))
     })
 }
 
-/// From which settings the equations come, where not all come from the chosen ones; and what that gave.
+/// The settings of single equations, and the effect on the score.
 fn by_output(candidate: &Candidate, found: &SearchResult) -> Markup {
     let others: Vec<(usize, &Trial)> = found
         .equations
@@ -85,23 +84,23 @@ fn by_output(candidate: &Candidate, found: &SearchResult) -> Markup {
     let chosen = found.trials.get(found.chosen).and_then(|trial| trial.score);
     html! {
         @if others.is_empty() {
-            "All equations come from that setting: for no single output another did better beyond the noise. "
+            "All equations come from this setting: no other setting was significantly better for a single output. "
         } @else {
-            "Then each output in turn was given the equations of other settings, which stayed where the rollouts got better beyond the noise: "
+            "Then the equation of each output in turn was replaced by that of other settings. A replacement was kept if the rollouts became significantly better: "
             @for (i, (output, trial)) in others.iter().enumerate() {
                 @if i > 0 { "; " }
-                "that of " b { (candidate.model.description.outputs[*output].channel.name) } " comes from "
+                "the equation of " b { (candidate.model.description.outputs[*output].channel.name) } " comes from "
                 (trial.structure.to_string()) ", " (regression(trial.regression, dt)) ", " (optimizer(trial.optimizer))
                 ", ridge " (ridge(trial.ridge))
             }
-            ". Together they score " (fixed(found.refinement.before.unwrap_or(found.score), 4))
-            @if let Some(chosen) = chosen { ", the chosen setting alone " (fixed(chosen, 4)) }
+            ". Together these equations have the score " (fixed(found.refinement.before.unwrap_or(found.score), 4))
+            @if let Some(chosen) = chosen { ". The chosen setting alone has " (fixed(chosen, 4)) }
             ". "
         }
     }
 }
 
-/// Libraries in the order in which they were tried; those that read alike, of other pasts say, are one.
+/// Libraries in the order of trial, without duplicates of the same text.
 fn structures(trials: &[Trial]) -> Vec<String> {
     let mut list: Vec<String> = Vec::new();
     for trial in trials {
@@ -119,7 +118,7 @@ fn colour(index: usize) -> RGBColor {
     ORDER[index % ORDER.len()]
 }
 
-/// The chart, and how many finite scores lie above it.
+/// The chart, and the number of finite scores above it.
 fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
     let scores = || trials.iter().filter_map(|t| t.score).filter(|s| s.is_finite());
     let best = scores().fold(f64::INFINITY, f64::min);
@@ -185,7 +184,7 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
     let key = |i: usize| trials[i].score.unwrap_or(f64::INFINITY);
     order.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then((a != chosen).cmp(&(b != chosen))));
     let shown = order.len().min(BEST);
-    // The simplest of many that are as good need not be among the first.
+    // The chosen setting is the simplest of similar ones and may not be among the best rows.
     let behind = order.iter().skip(BEST).copied().find(|&i| i == chosen);
     let heads = ["library", "rows over", "selection", "ridge", "terms", "score"].map(cell);
     let rows: Vec<Vec<Markup>> = order
@@ -232,11 +231,11 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
     html! {
         (table(&heads, &rows, 1))
         p.small {
-            "The best " (shown) " of " (number::count(trials.len()))
-            @if behind.is_some() { ", and the chosen one" } "; the chosen one in bold. "
-            "Rows over: the time that a row of the regression averages over (“central”: central differences). "
-            "Selection: a term leaves if the residual then grows by less than the percentage, or (≥) if its contribution is below the number. "
-            "Score: mean of the NRMSE on validation runs and on excerpts of the training runs."
+            "The table shows the best " (shown) " of " (number::count(trials.len()))
+            @if behind.is_some() { ", and the chosen one" } ". The chosen setting is bold. "
+            "“Rows over” is the time that a row of the regression averages over; “central” means central differences. "
+            "“Selection” is the criterion for dropping a term: the residual grows by less than the percentage, or (≥) the contribution is below the number. "
+            "“Score” is the mean NRMSE over all outputs and horizons on validation runs and on excerpts of the training runs."
         }
     }
 }
@@ -267,7 +266,7 @@ pub(super) fn ridge(value: f64) -> String {
     if value == 0.0 || value >= 1e-3 { trimmed(value) } else { number::text(value, 1) }
 }
 
-/// The shortest decimal that means the number.
+/// The shortest decimal of the number.
 fn trimmed(value: f64) -> String {
     let rounded = format!("{value:.6}");
     rounded.trim_end_matches('0').trim_end_matches('.').to_owned()

@@ -1,25 +1,23 @@
-//! Channels over time, as panels.
+//! Time series of channels as panels.
 
 use super::figure::{Figure, Line, Mark, Panel, Stroke, envelope, steps};
 use super::{number, style};
 use hydroid::log::{Table, Trajectory};
 
-/// Bins of a line: more than the eye or the paper resolves would only make the file larger.
+/// Bins of a line: more would only enlarge the file.
 pub(super) const BINS: usize = 240;
 
-/// Height of a panel of outputs \[px\].
+/// Height of an output panel \[px\].
 pub(super) const OUTPUT: f64 = 96.0;
-/// Height of a panel of commands \[px\].
+/// Height of a command panel \[px\].
 pub(super) const COMMAND: f64 = 46.0;
 
-/// Outputs of a run over time.
 pub(super) fn outputs(run: &Trajectory) -> Figure {
     let figure =
         Figure::new(format!("Outputs of {} over time", run.name), "time [s]").x_range(run.t0, end(run));
     panels(figure, run, &run.outputs, style::MEASURED_LINE, OUTPUT, false)
 }
 
-/// Inputs of a run over time.
 pub(super) fn inputs(run: &Trajectory) -> Figure {
     let figure =
         Figure::new(format!("Inputs of {} over time", run.name), "time [s]").x_range(run.t0, end(run));
@@ -51,7 +49,7 @@ fn panels(
     figure
 }
 
-/// Samples `from..to` of a channel, thinned to what a figure resolves.
+/// Samples `from..to` of a channel, decimated for a figure.
 pub(super) fn points(
     table: &Table,
     channel: usize,
@@ -63,7 +61,7 @@ pub(super) fn points(
     envelope((from..to).map(|k| (run.t0 + k as f64 * run.dt, table.row(k)[channel])), bins)
 }
 
-/// A held command over samples `from..to`: stairs where they can be drawn, else their envelope.
+/// A held command over samples `from..to`: a staircase if it is short, else its envelope.
 pub(super) fn held_points(
     table: &Table,
     channel: usize,

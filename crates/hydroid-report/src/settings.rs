@@ -1,4 +1,4 @@
-//! Settings with which the result can be reproduced.
+//! The section on settings.
 
 use maud::{Markup, html};
 
@@ -48,11 +48,11 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
     Section::new("settings", "Settings", body)
 }
 
-/// Everything that the model file says about its making.
+/// The settings in the model file.
 fn details(candidate: &Candidate) -> Markup {
     let description = &candidate.model.description;
     let json = |value: &serde_json::Value| serde_json::to_string_pretty(value).unwrap_or_default();
-    // Plain data always turns into JSON.
+    // Plain data always converts to JSON.
     let reading = serde_json::to_value(&description.reading).unwrap_or_default();
     html! {
         details {

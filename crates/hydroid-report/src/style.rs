@@ -1,32 +1,31 @@
-//! The one visual language of all figures and pages: what is measured, what the model says, what trivial
-//! means say. The colours are those of Okabe and Ito (2008), which people who see colours differently tell
-//! apart.
+//! Colours and line styles of all figures and pages. The colours are those of Okabe and Ito (2008), which remain
+//! distinct under colour vision deficiency.
 
 use plotters::style::RGBColor;
 
 use super::figure::{Dash, Stroke};
 use hydroid::identify::Grade;
 
-/// Text and what was measured.
+/// Text and measurements.
 pub const INK: RGBColor = RGBColor(0x2b, 0x2f, 0x33);
-/// Text that steps back.
+/// Secondary text.
 pub const MUTED: RGBColor = RGBColor(0x5b, 0x64, 0x6e);
-/// Lines of the grid.
+/// Grid lines.
 pub const GRID: RGBColor = RGBColor(0xe3, 0xe7, 0xeb);
 /// Axes and zero lines.
 pub const AXIS: RGBColor = RGBColor(0xa9, 0xb2, 0xba);
-/// The model.
+/// Model.
 pub const MODEL: RGBColor = RGBColor(0x00, 0x72, 0xb2);
-/// The band around the model.
+/// Band of the model.
 pub const BAND: RGBColor = RGBColor(0x56, 0xb4, 0xe9);
-/// Persistence: "nothing changes".
+/// Persistence.
 pub const PERSISTENCE: RGBColor = RGBColor(0x86, 0x8e, 0x96);
 /// Commands.
 pub const COMMAND: RGBColor = RGBColor(0xc4, 0x7f, 0x00);
-/// What needs attention.
+/// Warnings.
 pub const ALARM: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
 
-/// Colours of series that share axes and are neither model nor measurement.
+/// Series that are neither model nor measurement.
 pub const SERIES: [RGBColor; 6] = [
     RGBColor(0xe6, 0x9f, 0x00),
     RGBColor(0x56, 0xb4, 0xe9),
@@ -36,28 +35,28 @@ pub const SERIES: [RGBColor; 6] = [
     RGBColor(0x99, 0x99, 0x99),
 ];
 
-/// Colour of the parts of a split: training, validation, test.
+/// Parts of a split: training, validation, test.
 pub const PARTS: [RGBColor; 3] = [PERSISTENCE, RGBColor(0x56, 0xb4, 0xe9), MODEL];
 
-/// Width of a figure \[px\]: half a desktop page, and readable when a phone shrinks it to three quarters.
+/// Width of a figure \[px\]: half of a desktop page, legible on a phone.
 pub const WIDTH: f64 = 480.0;
-/// Size of the text in figures \[px\].
+/// Text size in figures \[px\].
 pub const TEXT: f64 = 14.0;
 /// Size of tick labels \[px\].
 pub const SMALL: f64 = 13.0;
 
-/// The line of a measurement.
+/// Measurements.
 pub const MEASURED_LINE: Stroke = Stroke { colour: INK, width: 1.3, dash: Dash::Solid };
-/// The line of the model on test runs.
+/// Model on test runs.
 pub const MODEL_LINE: Stroke = Stroke { colour: MODEL, width: 2.0, dash: Dash::Solid };
-/// The line of the model on validation runs.
+/// Model on validation runs.
 pub const VALIDATION_LINE: Stroke = Stroke { colour: MODEL, width: 1.6, dash: Dash::Dotted };
-/// The line of persistence.
+/// Persistence.
 pub const PERSISTENCE_LINE: Stroke = Stroke { colour: PERSISTENCE, width: 1.8, dash: Dash::Dashed };
-/// The line of a command.
+/// Commands.
 pub const COMMAND_LINE: Stroke = Stroke { colour: COMMAND, width: 1.2, dash: Dash::Solid };
 
-/// How a grade is shown: its word, its symbol, and its class in the style sheet.
+/// Word, symbol and style class of a grade.
 pub const fn grade(grade: Grade) -> (&'static str, &'static str, &'static str) {
     match grade {
         Grade::Good => ("Good", "✓", "good"),
@@ -66,8 +65,8 @@ pub const fn grade(grade: Grade) -> (&'static str, &'static str, &'static str) {
     }
 }
 
-/// The style sheet of a page.
+/// Style sheet of a page.
 pub const SHEET: &str = include_str!("style.css");
 
-/// The script of all pages, which shows the values of curves under the pointer.
+/// Script of the pages: values of curves under the pointer.
 pub const SCRIPT: &str = include_str!("hover.js");

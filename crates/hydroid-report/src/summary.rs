@@ -1,4 +1,4 @@
-//! Summary: verdict, errors of the outputs, data, warnings.
+//! The summary: verdict, errors of the outputs, data, warnings.
 
 use maud::{Markup, html};
 
@@ -8,7 +8,7 @@ use super::{Subject, runs, style};
 use hydroid::identify::{Candidate, Grade, Verdict};
 use hydroid::log::{Note, Severity, Split, Trajectory};
 
-/// Warnings that are shown without a click.
+/// Number of warnings that are visible without a click.
 const SHOWN: usize = 5;
 
 pub(super) fn section(subject: &Subject<'_>) -> Section {
@@ -39,12 +39,11 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
     Section::new("summary", "Summary", body)
 }
 
-/// All warnings, those about the result first.
 fn warnings<'a>(subject: &'a Subject<'_>) -> Vec<&'a Note> {
     let all = subject.result.warnings.iter().chain(&subject.context.notes).chain(&subject.split.notes);
     let mut list: Vec<&Note> = Vec::new();
     for note in all.filter(|note| note.severity == Severity::Warning) {
-        // The notes of the split may stand in the result too.
+        // The result may contain the notes of the split.
         if !list.contains(&note) {
             list.push(note);
         }
@@ -52,7 +51,6 @@ fn warnings<'a>(subject: &'a Subject<'_>) -> Vec<&'a Note> {
     list
 }
 
-/// Names with commas and an "and".
 pub(super) fn list(names: &[&str]) -> Markup {
     html! {
         @for (i, name) in names.iter().enumerate() {
@@ -96,37 +94,35 @@ fn headline(subject: &Subject<'_>) -> Markup {
         return banner("bad", "Do not use this model: it diverges.", &text);
     }
     if sound.is_empty() {
-        let text = html! { "Over " (over) " no output is predicted at least 10 % better than by persistence or the mean." };
+        let text = html! { "Over " (over) ", no output is predicted at least 10 % better than by persistence or the mean." };
         return banner("bad", "This model is of no use.", &text);
     }
     if !bad.is_empty() {
         let text = html! {
             "Over " (over) ", " (list(&sound)) @if sound.len() == 1 { " is" } @else { " are" }
-            " predicted better than by persistence and the mean; " (list(&bad))
-            @if bad.len() == 1 { " is not: do not use the prediction of this output." } @else { " are not: do not use the predictions of these outputs." }
+            " predicted better than by persistence and the mean. Do not use the prediction of " (list(&bad)) "."
             (learns(candidate))
         };
         return banner("usable", "Usable in part.", &text);
     }
     if usable.is_empty() {
         let text = html! {
-            "On test data, " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
+            "On the test runs, " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
             " predicted over " (over) " with at most half of the error of persistence and the mean." (learns(candidate))
         };
         return banner("good", "A good model.", &text);
     }
     let text = html! {
-        "On test data, all outputs are predicted over " (over) " better than by persistence and the mean"
-        @if !good.is_empty() { "; " (list(&good)) " with at most half of their error" } "." (learns(candidate))
+        "On the test runs, all outputs are predicted over " (over) " better than by persistence and the mean"
+        @if !good.is_empty() { ", and " (list(&good)) " with at most half of their error" } "." (learns(candidate))
     };
     banner("usable", "A usable model.", &text)
 }
 
-/// Remark on a model that adapts online.
 fn learns(candidate: &Candidate) -> Markup {
     html! {
         @if candidate.model.learning.is_some() {
-            " This model adapts online: its errors are those of the model adapted along the test runs up to each origin. The equations below are its initial ones. The comparison of methods includes models that do not adapt."
+            " This model adapts online: its errors are those of the model adapted along each test run up to the origin. The equations below are the initial ones. The comparison of methods includes models that do not adapt."
         }
     }
 }
@@ -135,13 +131,11 @@ fn banner(class: &str, title: &str, text: &Markup) -> Markup {
     html! { div class={ "banner " (class) } role="status" { strong { (title) } " " (text) } }
 }
 
-/// The longest horizon in words.
 fn horizon(candidate: &Candidate) -> String {
     let test = &candidate.test;
     duration(test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt))
 }
 
-/// NRMSE at which the bars of the tiles end.
 const BAR_END: f64 = 1.5;
 
 fn tile(verdict: &Verdict, candidate: &Candidate) -> Markup {
@@ -172,8 +166,8 @@ fn legend(candidate: &Candidate) -> Markup {
     html! {
         p.small {
             "Error of open-loop predictions " (horizon(candidate)) " ahead on the test runs, in standard deviations of the output (NRMSE): "
-            "0 is perfect, and the mean as prediction gives 1. “Last value” is persistence of the measurement at the origin. "
-            "Good: at most half of the error of the better of persistence and mean. Usable: at most 90 % of it."
+            "0 is perfect, and predicting the mean gives 1. “Last value” is the error of persistence, which keeps the measurement at the origin. "
+            "The grade of each output compares its error with the smaller error of persistence and the mean. Good: at most 50 %. Usable: at most 90 %."
             @if beyond { " A full bar means " (BAR_END) " or more." }
         }
     }

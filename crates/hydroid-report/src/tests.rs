@@ -14,7 +14,7 @@ use hydroid::model::Reading;
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
 
-/// A simulated run whose channels have names that a page must escape.
+/// A simulated run with channel names that need escaping.
 fn run(seed: u64) -> Trajectory {
     let vessel = VesselParams::simple();
     let options = Options { duration_s: 120.0, seed, ..Options::new(vessel, Excitation::Mixed) };
@@ -36,7 +36,7 @@ fn run(seed: u64) -> Trajectory {
 
 fn job() -> Job {
     let mut test = run(3);
-    // A sensor that was silent for a while.
+    // A sensor gap.
     let channels = test.outputs.channels().to_vec();
     let mut values = test.outputs.rows(0, test.len()).to_vec();
     values[3 * 400..3 * 430].fill(f64::NAN);
@@ -59,7 +59,6 @@ fn job() -> Job {
     }
 }
 
-/// One identification for all tests.
 fn identified() -> &'static (Job, IdentifyResult) {
     static DONE: OnceLock<(Job, IdentifyResult)> = OnceLock::new();
     DONE.get_or_init(|| {
@@ -79,7 +78,7 @@ fn context() -> Context {
     }
 }
 
-/// Checks that every element that is opened is closed, in order.
+/// Checks that elements are closed in order.
 fn assert_balanced(page: &str) {
     const VOID: [&str; 2] = ["meta", "br"];
     let mut open: Vec<&str> = Vec::new();
@@ -206,7 +205,7 @@ fn without_windows_trials_or_variation_there_is_a_page() {
     let text = page(&poor, &job.split);
     assert!(text.contains("This model was not judged.") && text.contains("No settings were tried."));
 
-    // Test runs without a number in them, constant ones, and ones of a single sample.
+    // Test runs that are all NaN, constant, or of a single sample.
     for value in [f64::NAN, 1.0, 1e300] {
         for samples in [1, 2, 200] {
             let mut split = job.split.clone();
@@ -247,14 +246,14 @@ fn rollouts_that_blow_up_are_drawn_as_far_as_the_panel_goes() {
     let (job, result) = identified();
     let mut wild = result.clone();
     let candidate = &mut wild.candidates[0];
-    // du/dt = 1e6 u^2, and so on: not finite within a few samples.
+    // du/dt = 1e6 u^2: not finite within a few samples.
     let terms = vec![Term::constant(), Term::monomial(&[0, 0])];
     let equations = Equations::new(terms, [1.0, 1e6].repeat(3), 3, 2, job.split.test[0].dt, 1).unwrap();
     found_mut(candidate).fit.equations = equations.clone();
     found_mut(candidate).fit.scaled = vec![0.5; 6];
     candidate.model.body = hydroid::model::Body::Equations(std::sync::Arc::new(equations));
     let text = page(&wild, &job.split);
-    assert!(text.contains("it runs away there"));
+    assert!(text.contains("it diverges there"));
     assert!(text.contains("Too few finite residuals") || text.contains("residual of u"));
 }
 
@@ -306,7 +305,6 @@ fn runs_of_another_vessel_are_refused() {
     assert!(matches!(refused, Err(ReportError::OtherRuns { .. })));
 }
 
-/// The search behind a candidate, to spoil it.
 fn found_mut(candidate: &mut Candidate) -> &mut hydroid::sindy::SearchResult {
     match &mut candidate.training {
         hydroid::identify::Training::Equations(found) | hydroid::identify::Training::Recursive(found) => {

@@ -43,7 +43,6 @@ pub(super) fn track(subject: &ClosedLoopReport<'_>) -> Figure {
         match lines.last_mut() {
             Some((last, line)) if *last == of => line.push(at),
             Some((_, before)) => {
-                // Joined to what went before.
                 let joint = before.last().copied();
                 lines.push((of, joint.into_iter().chain([at]).collect()));
             }
@@ -89,20 +88,18 @@ fn over_time(subject: &ClosedLoopReport<'_>, of: impl Fn(&Sample) -> f64) -> Vec
     envelope(points.into_iter(), POINTS / 2)
 }
 
-/// The line of the vessel.
 const VESSEL: Stroke = Stroke { width: 1.4, ..style::MODEL_LINE };
 
 fn line(subject: &ClosedLoopReport<'_>, of: fn(&Sample) -> f64, stroke: Stroke) -> Mark {
     Mark::Line(Line::new(over_time(subject, of), stroke))
 }
 
-/// Start of the evaluation.
+/// The start of the evaluation as a vertical line.
 fn counts(subject: &ClosedLoopReport<'_>) -> Mark {
     let stroke = Stroke { colour: style::AXIS, width: 1.2, dash: SOLID };
     Mark::Verticals { at: vec![subject.metrics.from_s], stroke }
 }
 
-/// Position errors over time.
 pub(super) fn errors(subject: &ClosedLoopReport<'_>) -> Figure {
     let panel = |label: &str, of| Panel::new(label).mark(counts(subject)).mark(line(subject, of, VESSEL));
     Figure::new("Position errors over time", "time [s]")
@@ -110,7 +107,6 @@ pub(super) fn errors(subject: &ClosedLoopReport<'_>) -> Figure {
         .panel(panel("distance from the reference [m]", |m| m.distance))
 }
 
-/// Speed and its error over time.
 pub(super) fn speeds(subject: &ClosedLoopReport<'_>) -> Figure {
     let error = line(subject, |m| m.speed_error, VESSEL);
     Figure::new("Speed over time", "time [s]")
@@ -124,7 +120,6 @@ pub(super) fn speeds(subject: &ClosedLoopReport<'_>) -> Figure {
         )
 }
 
-/// Commands and their limits.
 pub(super) fn commands(subject: &ClosedLoopReport<'_>) -> Figure {
     let run = subject.run;
     let channels = [&subject.vessel.commands.propeller, &subject.vessel.commands.rudder];
@@ -163,7 +158,7 @@ pub(super) fn histogram(values: &[f64], bins: usize) -> Vec<(f64, f64, f64)> {
     let width = if high > low { (high - low) / bins as f64 } else { low.abs().max(1.0) / bins as f64 };
     let mut counts = vec![0.0; bins];
     for value in &sorted {
-        // Not negative, and clamped below.
+        // Clamped to the last bin in the next line but one.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let bin = ((value - low) / width) as usize;
         counts[bin.min(bins - 1)] += 1.0;
@@ -175,7 +170,6 @@ pub(super) fn histogram(values: &[f64], bins: usize) -> Vec<(f64, f64, f64)> {
         .collect()
 }
 
-/// Times of the commands.
 pub(super) fn times(subject: &ClosedLoopReport<'_>) -> Figure {
     let times: Vec<f64> = subject.run.samples.iter().map(|m| m.time_us).collect();
     let (times, unit) = if subject.metrics.us_per_command.median >= 1000.0 {

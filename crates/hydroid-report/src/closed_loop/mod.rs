@@ -25,7 +25,7 @@ pub struct ClosedLoopReport<'a> {
     pub vessel: &'a VesselParams,
     /// The path.
     pub path: &'a Path,
-    /// The run; with Monte Carlo trials the first one.
+    /// The run; the first one of Monte Carlo trials.
     pub run: &'a Run,
     /// Metrics of the run.
     pub metrics: &'a Metrics,
@@ -95,7 +95,9 @@ fn summary(subject: &ClosedLoopReport<'_>) -> Section {
 
 fn held(metrics: &Metrics) -> String {
     match metrics.settled_after {
-        Some(after) if after > 0.0 => format!("Settled after {} s.", text(after, 3)),
+        Some(after) if after > 0.0 => {
+            format!("The vessel settled within the tolerance after {} s.", text(after, 3))
+        }
         _ => String::from("The vessel never left the tolerance."),
     }
 }
@@ -113,14 +115,14 @@ fn figures_table(metrics: &Metrics) -> Markup {
     let rows: Vec<Vec<Markup>> =
         rows.iter().map(|(name, value, unit)| vec![cell(name), cell(value), cell(unit)]).collect();
     html! {
-        (table(&[cell("figure"), cell("value"), cell("")], &rows, 1))
-        p.small { "Errors of the controlled point from " (text(metrics.from_s, 3)) " s on." }
+        (table(&[cell("quantity"), cell("value"), cell("")], &rows, 1))
+        p.small { "Errors are those of the controlled point. The evaluation starts at " (text(metrics.from_s, 3)) " s." }
     }
 }
 
 fn track(subject: &ClosedLoopReport<'_>) -> Result<Section, ReportError> {
     let caption = html! {
-        "The reference path, and the track of the vessel’s origin, coloured by the status of the controller. "
+        "Reference path and track of the vessel’s origin. The colour of the track is the status of the controller. "
         "Both axes have the same scale."
     };
     let counts: Vec<Vec<Markup>> = subject
@@ -142,8 +144,8 @@ fn track(subject: &ClosedLoopReport<'_>) -> Result<Section, ReportError> {
 }
 
 fn errors(subject: &ClosedLoopReport<'_>) -> Result<Section, ReportError> {
-    let errors = html! { "Cross-track error of the controlled point (positive to starboard) and its distance from the reference. The vertical line is the start of the evaluation." };
-    let speeds = html! { "Speed error, and speed over ground of the vessel and of the reference." };
+    let errors = html! { "Cross-track error of the controlled point, positive to starboard, and its distance from the reference. The vertical line is the start of the evaluation." };
+    let speeds = html! { "Speed error, and speed over ground of vessel and reference." };
     let body = html! {
         (columns(&[
             figure(&figures::errors(subject).svg()?, &errors),
@@ -154,9 +156,8 @@ fn errors(subject: &ClosedLoopReport<'_>) -> Result<Section, ReportError> {
 }
 
 fn commands(subject: &ClosedLoopReport<'_>) -> Result<Section, ReportError> {
-    let limits = html! { "Commands, with their limits dashed." };
-    let times =
-        html! { "Computing time of a command, adaptation included. The last bar contains all longer times." };
+    let limits = html! { "Commands (solid) and their limits (dashed)." };
+    let times = html! { "Computing time of a command, including adaptation. The last bar contains all longer times." };
     let body = html! {
         (columns(&[
             figure(&figures::commands(subject).svg()?, &limits),
@@ -175,15 +176,15 @@ fn settings(subject: &ClosedLoopReport<'_>) -> Section {
         @if let Some(tuned) = subject.tuned {
             h3 { "Tuning of the autopilot" }
             p {
-                "The best of " (number::count(tuned.tried)) " grid points on " (tuned.seeds.len()) " separate seeds, without current: "
-                "sum of cross-track and speed error " (text(tuned.score, 3)) "."
+                "The autopilot has the best of " (number::count(tuned.tried)) " grid points. They were compared on " (tuned.seeds.len()) " separate seeds without current. "
+                "The score is the sum of cross-track and speed error, here " (text(tuned.score, 3)) "."
             }
             dl.facts {
                 dt { "natural frequency of the heading" } dd { (text(tuned.best.omega, 3)) " rad/s" }
                 dt { "look-ahead" } dd { (text(tuned.best.lookahead, 3)) " m" }
-                dt { "integral of the line of sight" } dd { (text(tuned.best.sigma, 3)) " m/s" }
-                dt { "gain of the speed" } dd { (text(tuned.best.proportional, 3)) " N s/m" }
-                dt { "exponent of the speed" } dd { (text(tuned.best.exponent, 2)) }
+                dt { "integral gain of the line of sight" } dd { (text(tuned.best.sigma, 3)) " m/s" }
+                dt { "gain of the speed controller" } dd { (text(tuned.best.proportional, 3)) " N s/m" }
+                dt { "exponent of the speed controller" } dd { (text(tuned.best.exponent, 2)) }
             }
         }
     };

@@ -24,15 +24,15 @@ pub(super) fn section(trials: &MonteCarlo) -> Result<Section, ReportError> {
         row("distance from the path, largest", &trials.max_cross_track, "m"),
         row("speed error, RMS", &trials.rms_speed, "m/s"),
     ];
-    let heads = ["figure", "median", "95 of 100 below", "largest", ""].map(cell);
+    let heads = ["quantity", "median", "95th percentile", "largest", ""].map(cell);
     let dispersion = &trials.dispersion;
     let body = html! {
         p {
-            (number::count(trials.runs)) " runs, each with its own seed; mass varies by up to ±" (text(100.0 * dispersion.mass, 2))
-            " %, current up to " (text(dispersion.current, 2)) " m/s and wind up to " (text(dispersion.wind, 3))
-            " N from any direction. " (number::count(trials.held)) " stayed within the tolerance, " (number::count(trials.diverged))
-            " diverged; " (number::count(trials.violations)) " commands violated their limits, "
-            (number::count(trials.undetected_losses)) " samples were outside the tolerance without a status that reports it."
+            (number::count(trials.runs)) " runs, each with its own seed. The mass varies by up to ±" (text(100.0 * dispersion.mass, 2))
+            " %. Current of up to " (text(dispersion.current, 2)) " m/s and wind of up to " (text(dispersion.wind, 3))
+            " N come from any direction. " (number::count(trials.held)) " runs stayed within the tolerance. " (number::count(trials.diverged))
+            " runs diverged. " (number::count(trials.violations)) " commands violated their limits. "
+            (number::count(trials.undetected_losses)) " samples were outside the tolerance while the status of the controller did not report it."
         }
         (table(&heads, &rows, 1))
         (columns(&[

@@ -19,7 +19,7 @@ fn the_page_shows_track_errors_commands_and_many_runs() {
     let calm = Conditions::calm(1);
     let mut run =
         closed_loop::run(&scene, &calm, steering.controller(1).unwrap().as_mut(), &mut silent()).unwrap();
-    // The only thing on the page that no seed decides.
+    // Computing times are the only values on the page that do not follow from the seed.
     run.samples.iter_mut().for_each(|m| m.time_us = 1.0);
     let metrics = Metrics::of(&run, 5.0);
     let many = monte_carlo(&steering, &scene, &calm, &Dispersion::default(), 3, 5.0, &mut silent()).unwrap();

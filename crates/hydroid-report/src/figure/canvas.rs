@@ -1,7 +1,7 @@
-//! Strokes, fills and text on a page of pixels, through the SVG writer of plotters.
+//! Strokes, fills and text in pixels, written by the SVG backend of plotters.
 //!
-//! plotters places everything on whole pixels; the canvas gives it a page ten times as large and shows that
-//! in a view box, which makes lines smooth to a tenth of a pixel.
+//! plotters rounds positions to whole pixels. The canvas is therefore ten times as large, and a view box scales it
+//! back.
 
 use plotters::backend::SVGBackend;
 use plotters::prelude::{DrawingBackend, RGBAColor, ShapeStyle};
@@ -11,32 +11,27 @@ use plotters::style::{Color as _, FontStyle, IntoFont as _, RGBColor, TextStyle}
 use super::clip::{Point, dashes};
 use super::{Dash, FigureError, Stroke};
 
-/// Units of the SVG in a pixel.
+/// SVG units per pixel.
 const FINE: f64 = 10.0;
 
-/// plotters writes the size of a font divided by this.
+/// plotters divides the font size by this factor.
 const FONT_FACTOR: f64 = 1.24;
 
-/// Where a text stands from its point.
+/// Horizontal alignment of a text at its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Align {
-    /// Begins there.
     Start,
-    /// Its middle is there.
     Middle,
-    /// Ends there.
     End,
 }
 
-/// A page to draw on.
 pub(crate) struct Canvas<'a> {
     backend: SVGBackend<'a>,
     failure: Option<FigureError>,
 }
 
-/// Draws a page of a width and height in pixels and gives it as an `<svg>` element for use within HTML: no
-/// ids, no namespaces, fonts from the page around. `title` is the text for a screen reader, `panels` the frames and ranges of
-/// the panels for the script of the page.
+/// Draws a page (width and height in pixels) as an `<svg>` element for HTML, without ids, name spaces or fonts. `title`
+/// is the text for screen readers; `panels` holds frames and ranges for the script of the page.
 pub(crate) fn draw(
     (width, height): Point,
     title: &str,
@@ -60,7 +55,7 @@ pub(crate) fn draw(
     let body = raw.split_once('>').map_or("", |(_, rest)| rest);
     let title = maud::html! { title { (title) } };
     let label = maud::html! { (title_attribute(&title.0)) };
-    // Quotes within texts are escaped, so these can only be attributes.
+    // Quotes within texts are escaped: these matches can only be attributes.
     let body = body
         .replace(" opacity=\"1\"", "")
         .replace(" font-family=\"sans-serif\"", "")
@@ -76,13 +71,12 @@ pub(crate) fn draw(
     ))
 }
 
-/// The text of a `<title>` element, escaped as it is.
+/// The escaped text of a `<title>` element.
 fn title_attribute(element: &str) -> maud::PreEscaped<&str> {
     maud::PreEscaped(element.trim_start_matches("<title>").trim_end_matches("</title>"))
 }
 
-/// A place or length in units of the SVG. Callers clip to the page; what is not a number goes to the
-/// corner.
+/// A coordinate in SVG units. Callers clip to the page; NaN becomes 0.
 #[allow(clippy::cast_possible_truncation)] // clamped far inside i32
 pub(crate) fn whole(x: f64) -> i32 {
     (x * FINE).round().clamp(-1e8, 1e8) as i32
@@ -95,7 +89,6 @@ impl Canvas<'_> {
         }
     }
 
-    /// A line through points.
     pub(crate) fn line(&mut self, points: &[Point], stroke: Stroke) {
         match stroke.dash {
             Dash::Solid => self.polyline(points, stroke),
@@ -122,25 +115,21 @@ impl Canvas<'_> {
         self.keep(result);
     }
 
-    /// A filled area.
     pub(crate) fn area(&mut self, points: &[Point], fill: RGBAColor) {
         let result = self.backend.fill_polygon(places(points), &fill);
         self.keep(result);
     }
 
-    /// A filled rectangle between two corners.
     pub(crate) fn rectangle(&mut self, a: Point, b: Point, fill: RGBAColor) {
         let result = self.backend.draw_rect(place(a), place(b), &fill, true);
         self.keep(result);
     }
 
-    /// A filled disc.
     pub(crate) fn disc(&mut self, centre: Point, radius: f64, fill: RGBAColor) {
         let result = self.backend.draw_circle(place(centre), whole(radius).unsigned_abs(), &fill, true);
         self.keep(result);
     }
 
-    /// A circle.
     pub(crate) fn ring(&mut self, centre: Point, radius: f64, stroke: Stroke) {
         let style = ShapeStyle {
             color: stroke.colour.mix(1.0),
@@ -151,12 +140,11 @@ impl Canvas<'_> {
         self.keep(result);
     }
 
-    /// A text whose middle is at the height of the point.
+    /// A text, vertically centred at the point.
     pub(crate) fn text(&mut self, at: Point, text: &str, size: f64, colour: RGBColor, align: Align) {
         self.write(at, text, size, colour, align, FontStyle::Normal);
     }
 
-    /// A bold text.
     pub(crate) fn bold(&mut self, at: Point, text: &str, size: f64, colour: RGBColor, align: Align) {
         self.write(at, text, size, colour, align, FontStyle::Bold);
     }

@@ -1,23 +1,18 @@
-//! Lines cut to their panel and into dashes.
+//! Clipping of lines to their panel, and dashes.
 
 /// A rectangle on the page \[px\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Frame {
-    /// Left edge.
     pub(crate) left: f64,
-    /// Upper edge.
     pub(crate) top: f64,
-    /// Right edge.
     pub(crate) right: f64,
-    /// Lower edge.
     pub(crate) bottom: f64,
 }
 
-/// A place on the page \[px\].
+/// A position on the page \[px\].
 pub(crate) type Point = (f64, f64);
 
-/// The parts of a line that lie within a frame; a point that is not a number is a gap. A part of one point
-/// is a sample between two gaps.
+/// The parts of a line within a frame. NaN is a gap; a part of one point is a sample between two gaps.
 pub(crate) fn clip(points: &[Point], frame: Frame) -> Vec<Vec<Point>> {
     let mut parts: Vec<Vec<Point>> = Vec::new();
     let mut open = false;
@@ -80,7 +75,7 @@ fn within(a: Point, b: Point, frame: Frame) -> Option<(Point, Point)> {
     (from <= to).then(|| (at(from), at(to)))
 }
 
-/// A line cut into dashes of `on` pixels with `off` pixels between them.
+/// Dashes of `on` pixels with gaps of `off` pixels.
 pub(crate) fn dashes(points: &[Point], on: f64, off: f64) -> Vec<Vec<Point>> {
     let mut parts = Vec::new();
     let Some(&first) = points.first() else { return parts };

@@ -1,7 +1,6 @@
-//! Fewer points for the same picture.
+//! Decimation of curves for drawing.
 
-/// At most about `2 bins` points that look like all of them: the least and the largest of each bin, in the
-/// order in which they come. Gaps stay gaps.
+/// At most about `2 bins` points: minimum and maximum of each bin, in their order. Gaps remain gaps.
 pub fn envelope(points: impl ExactSizeIterator<Item = (f64, f64)>, bins: usize) -> Vec<(f64, f64)> {
     let size = points.len().div_ceil(bins.max(1)).max(1);
     if size <= 2 {
@@ -30,7 +29,7 @@ pub fn envelope(points: impl ExactSizeIterator<Item = (f64, f64)>, bins: usize) 
     kept
 }
 
-/// Values held over steps of `dt` as the corners of a staircase; equal neighbours are one step.
+/// The corners of a staircase of values held over `dt`. Equal neighbours form one step.
 pub fn steps(values: impl Iterator<Item = f64>, t0: f64, dt: f64) -> Vec<(f64, f64)> {
     let mut corners: Vec<(f64, f64)> = Vec::new();
     let mut end = t0;

@@ -1,4 +1,4 @@
-//! Where axes, ticks, labels and legend of a figure go.
+//! Layout of axes, ticks, labels and legend.
 
 use super::canvas::{self, Align, Canvas};
 use super::clip::{Frame, Point};
@@ -6,18 +6,17 @@ use super::marks;
 use super::scale::{Scale, Ticks, cover, padded};
 use super::{Figure, FigureError, Key, Mark, Panel, Sign, style, text};
 
-/// Space above a panel for its label.
+/// Space above a panel, for its label \[px\].
 const HEAD: f64 = 30.0;
-/// Space below the last panel for tick labels and the axis' name.
+/// Space below the last panel, for tick labels and axis name.
 const FOOT: f64 = 42.0;
-/// Height of a row of the legend.
 const LEGEND: f64 = 22.0;
 /// Space between the frame and its tick labels.
 const GAP: f64 = 7.0;
-/// Most room for labels beside the lines.
+/// Largest width of labels beside lines.
 const LABELS: f64 = 130.0;
 
-/// A panel with its place on the page.
+/// A panel with its position.
 struct Placed<'a> {
     panel: &'a Panel,
     frame: Frame,
@@ -76,7 +75,7 @@ pub(super) fn draw(figure: &Figure) -> Result<String, FigureError> {
     })
 }
 
-/// Ticks whose labels do not touch over a width.
+/// Ticks whose labels do not overlap.
 fn roomy(x: &Scale, width: f64, decades: bool) -> Ticks {
     let fits = |ticks: &Ticks| {
         let widest =
@@ -92,7 +91,7 @@ fn roomy(x: &Scale, width: f64, decades: bool) -> Ticks {
     [6, 5, 4, 3, 2].into_iter().map(|wanted| of(wanted, wanted + 3)).find(fits).unwrap_or_else(|| of(2, 3))
 }
 
-/// Labels beside the ends of lines.
+/// Labels at the ends of lines.
 fn labels(figure: &Figure) -> impl Iterator<Item = &str> {
     figure.panels.iter().flat_map(|p| &p.marks).filter_map(|mark| match mark {
         Mark::Line(line) => line.label.as_deref(),
@@ -104,8 +103,8 @@ fn labels(figure: &Figure) -> impl Iterator<Item = &str> {
 const TALLEST: f64 = 560.0;
 const SHORTEST: f64 = 140.0;
 
-/// Horizontal range, vertical range and height of a panel on which a unit is as long across as up. The wider of the two
-/// decides; the other range is widened about its middle.
+/// Horizontal range, vertical range and height of a panel with equal axes. The range that needs more space decides; the
+/// other one is widened about its centre.
 fn equal_scale(x: (f64, f64), y: (f64, f64), width: f64) -> ((f64, f64), (f64, f64), f64) {
     let unit = ((x.1 - x.0) / width).max((y.1 - y.0) / TALLEST);
     let height = ((y.1 - y.0) / unit).max(SHORTEST);
@@ -120,8 +119,8 @@ fn equal_scale(x: (f64, f64), y: (f64, f64), width: f64) -> ((f64, f64), (f64, f
     }
 }
 
-/// Frame in units of the SVG, ranges, and whether the axes are logarithmic, of each panel, for the script of the page. None
-/// for tracks, which are not functions of the horizontal axis.
+/// Frame in SVG units, ranges and logarithmic axes of each panel, for the script of the page. `None` for tracks, which
+/// are not functions of the horizontal axis.
 fn panel_data(figure: &Figure, placed: &[Placed<'_>], x: &Scale) -> Vec<String> {
     if figure.equal_axes {
         return Vec::new();
@@ -136,21 +135,20 @@ fn panel_data(figure: &Figure, placed: &[Placed<'_>], x: &Scale) -> Vec<String> 
     placed.iter().map(of).collect()
 }
 
-/// The range of the vertical axis of a panel.
 fn value_range(panel: &Panel) -> (f64, f64) {
     panel.range.unwrap_or_else(|| {
         let covered = cover(panel.marks.iter().flat_map(marks::heights)).unwrap_or((0.0, 1.0));
         let has_bars = panel.marks.iter().any(|m| matches!(m, Mark::Bars { .. }));
         let (low, high) = padded(covered, 0.06);
-        // Bars stand on the axis.
+        // Bars start at the axis.
         if has_bars && covered.0 >= 0.0 { (0.0, high) } else { (low, high) }
     })
 }
 
-/// The vertical scale of a panel (places still unknown) and its ticks.
+/// The vertical scale of a panel (before placement) and its ticks.
 fn vertical(panel: &Panel, range: (f64, f64), height: f64) -> (Scale, Ticks) {
     let scale = Scale::new(range, height, 0.0);
-    // Labels need 17 pixels each; the count is small and positive.
+    // 17 px per label; the count is small and positive.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let room = |pixels: f64| (height / pixels).clamp(2.0, 9.0) as usize;
     let ticks =
@@ -162,7 +160,7 @@ fn horizontal(figure: &Figure) -> (f64, f64) {
     figure.x_range.unwrap_or_else(|| {
         let all = figure.panels.iter().flat_map(|p| &p.marks).flat_map(marks::places);
         let covered = cover(all).unwrap_or((0.0, 1.0));
-        // What has a logarithmic axis are points: none stands on the frame.
+        // A logarithmic axis carries points; a margin keeps them off the frame.
         if figure.x_decades { padded(covered, 0.06) } else { covered }
     })
 }
@@ -187,7 +185,7 @@ fn draw_axes(
         canvas.line(&[(at, top), (at, bottom)], hair(style::GRID));
     }
     let (low, high) = placed.y.range();
-    // On a logarithmic axis 0 is nothing but the place of a 1.
+    // On a logarithmic axis 0 is only the position of 1.
     let zero = if low <= 0.0 && high >= 0.0 && !placed.panel.decades { placed.y.place(0.0) } else { bottom };
     canvas.line(&[(left, zero), (right, zero)], hair(style::AXIS));
     let factor = placed.ticks.factor();
@@ -213,7 +211,7 @@ fn draw_axes(
     canvas.text((middle, bottom + 33.0), label.trim(), style::TEXT, style::INK, Align::Middle);
 }
 
-/// Width of a key with its text and the space behind it.
+/// Width of a key with text and spacing.
 fn key_width(label: &str) -> f64 {
     32.0 + text::width(label, style::TEXT) + 14.0
 }

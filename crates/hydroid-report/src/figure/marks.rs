@@ -7,10 +7,10 @@ use super::clip::{Frame, Point, clip};
 use super::scale::Scale;
 use super::{Dash, Line, Mark, Sign, Stroke, style, text};
 
-/// Least distance between two labels \[px\].
+/// Smallest distance between two labels \[px\].
 const APART: f64 = 16.0;
 
-/// Values that a mark covers on the vertical axis.
+/// Vertical values of a mark.
 pub(super) fn heights(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
     match mark {
         Mark::Line(line) => Box::new(line.points.iter().map(|p| p.1)),
@@ -22,7 +22,7 @@ pub(super) fn heights(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
     }
 }
 
-/// Values that a mark covers on the horizontal axis.
+/// Horizontal values of a mark.
 pub(super) fn places(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
     match mark {
         Mark::Line(line) => Box::new(line.points.iter().map(|p| p.0)),
@@ -34,7 +34,7 @@ pub(super) fn places(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
     }
 }
 
-/// Draws marks; gives how many of them hold any data.
+/// Draws marks; returns the number that contain data.
 pub(super) fn draw(canvas: &mut Canvas<'_>, marks: &[Mark], frame: Frame, x: &Scale, y: &Scale) -> usize {
     let place = |p: &(f64, f64)| (x.place(p.0), y.place(p.1));
     let mut labels = Vec::new();
@@ -73,7 +73,7 @@ pub(super) fn draw(canvas: &mut Canvas<'_>, marks: &[Mark], frame: Frame, x: &Sc
                 for &(from, to, height) in bars.iter().filter(|b| b.2.is_finite() && b.2 != 0.0) {
                     let (left, right) = (x.place(from).max(frame.left), x.place(to).min(frame.right));
                     let end = y.place(height).clamp(frame.top, frame.bottom);
-                    // A hair of white keeps neighbours apart.
+                    // A thin gap separates neighbouring bars.
                     let inset = (0.1 * (right - left)).min(0.6);
                     let (top, bottom) = (end.min(base), end.max(base));
                     canvas.rectangle((left + inset, top), (right - inset, bottom), colour.mix(1.0));
@@ -125,7 +125,6 @@ fn draw_line(canvas: &mut Canvas<'_>, points: &[Point], frame: Frame, stroke: St
     }
 }
 
-/// Draws a sign.
 pub(super) fn sign(canvas: &mut Canvas<'_>, sign: Sign, (x, y): Point, r: f64, colour: RGBColor) {
     let stroke = Stroke { colour, width: 1.6, dash: Dash::Solid };
     match sign {
@@ -139,8 +138,8 @@ pub(super) fn sign(canvas: &mut Canvas<'_>, sign: Sign, (x, y): Point, r: f64, c
     }
 }
 
-/// Labels of points `(words, place, radius)`: below, above, right or left of them, whichever covers least of the points that
-/// have one and of the labels before, in this order where nothing tells.
+/// Labels of points, `(words, position, radius)`: below, above, right or left of the point, at the side that covers the
+/// least of the labelled points and of earlier labels; ties keep this order.
 fn beside(canvas: &mut Canvas<'_>, points: &[(&str, Point, f64)], frame: Frame) {
     let boxed = |(x, y): Point, half: f64, high: f64| Frame {
         left: x - half,
@@ -166,13 +165,13 @@ fn beside(canvas: &mut Canvas<'_>, points: &[(&str, Point, f64)], frame: Frame) 
     }
 }
 
-/// The area that two frames share \[px^2\].
+/// The overlap of two frames \[px^2\].
 fn share(a: Frame, b: Frame) -> f64 {
     let along = |from: f64, to: f64| (to - from).max(0.0);
     along(a.left.max(b.left), a.right.min(b.right)) * along(a.top.max(b.top), a.bottom.min(b.bottom))
 }
 
-/// A label beside the end of a line.
+/// A label at the end of a line.
 struct Label {
     at: Point,
     words: String,
@@ -188,15 +187,14 @@ fn label(line: &Line, points: &[Point], frame: Frame) -> Option<Label> {
 
 /// Text needs more contrast than a line.
 fn darker(colour: RGBColor) -> RGBColor {
-    // A share of 8 bits stays within 8 bits.
     let part = |c: u8| u8::try_from(u16::from(c) * 4 / 5).unwrap_or(c);
     RGBColor(part(colour.0), part(colour.1), part(colour.2))
 }
 
-/// Moves labels apart, in their order from top to bottom, as little as it takes.
+/// Moves labels apart by the smallest total distance, in their vertical order.
 fn spread(labels: &mut [Label], frame: Frame) {
     labels.sort_by(|a, b| a.at.1.total_cmp(&b.at.1));
-    // Groups of touching labels are centred on where their members want to be.
+    // Groups of touching labels are centred at the mean of their preferred positions.
     let mut groups: Vec<(f64, usize)> = Vec::new();
     for label in labels.iter() {
         let mut group = (label.at.1, 1);

@@ -1,8 +1,7 @@
-//! Figures: a stack of panels over a common horizontal axis, drawn with plotters as SVG for use in HTML.
+//! Figures: panels over a common horizontal axis, drawn as SVG for HTML.
 //!
-//! A [`Figure`] is data: panels with lines, bands, bars, points. [`Figure::svg`] lays it out and draws it.
-//! A value that is not a number is a gap in a line; what leaves its panel is cut off at the edge; a panel
-//! without anything to show says so. The same figure gives the same bytes.
+//! A [`Figure`] is data: panels with lines, bands, bars and points. [`Figure::svg`] draws it. NaN is a gap in a line,
+//! marks are clipped to their panel, and an empty panel says so. The same figure gives the same bytes.
 //!
 //! ```
 //! use hydroid_report::figure::{Figure, Line, Mark, Panel};
@@ -31,41 +30,41 @@ pub use decimate::{envelope, steps};
 pub use ranges::{Interval, RangeRow, range_chart};
 pub(crate) use scale::{cover, superscript};
 
-/// A figure could not be written.
+/// A figure cannot be drawn.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a figure could not be drawn: {0}")]
 pub struct FigureError(pub(crate) String);
 
-/// How a line is broken.
+/// Dash pattern of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dash {
-    /// Not at all.
+    /// Solid.
     Solid,
-    /// Into dashes.
+    /// Dashes.
     Dashed,
-    /// Into dots.
+    /// Dots.
     Dotted,
 }
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
-    /// Its colour.
+    /// Colour.
     pub colour: RGBColor,
-    /// Its width \[px\].
+    /// Width \[px\].
     pub width: f64,
-    /// How it is broken.
+    /// Dash pattern.
     pub dash: Dash,
 }
 
-/// A line through points, with gaps where a value is not a number.
+/// A line through points; NaN is a gap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     /// Points, from left to right.
     pub points: Vec<(f64, f64)>,
-    /// How it is drawn.
+    /// Style.
     pub stroke: Stroke,
-    /// Written beside its end.
+    /// Text at the end of the line.
     pub label: Option<String>,
 }
 
@@ -75,14 +74,14 @@ impl Line {
         Self { points, stroke, label: None }
     }
 
-    /// The same line with a label beside its end.
+    /// Adds a label at the end of the line.
     pub fn labelled(mut self, label: impl Into<String>) -> Self {
         self.label = Some(label.into());
         self
     }
 }
 
-/// The sign of a point.
+/// Symbol of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sign {
     /// A filled disc.
@@ -98,19 +97,19 @@ pub enum Sign {
 /// Points of one kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {
-    /// Where.
+    /// Positions.
     pub points: Vec<(f64, f64)>,
-    /// What they look like.
+    /// Symbol.
     pub sign: Sign,
-    /// Their colour.
+    /// Colour.
     pub colour: RGBColor,
     /// Radius \[px\].
     pub radius: f64,
-    /// Written beside the first of them.
+    /// Text at the first point.
     pub label: Option<String>,
 }
 
-/// Something in a panel. Later marks lie over earlier ones.
+/// A mark in a panel. Later marks are drawn over earlier ones.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mark {
     /// A line.
@@ -119,109 +118,109 @@ pub enum Mark {
     Points(Points),
     /// The area between two values over `x`: `(x, low, high)`.
     Band {
-        /// Place, lower and upper value.
+        /// Position, lower and upper value.
         points: Vec<(f64, f64, f64)>,
-        /// Its colour.
+        /// Colour.
         colour: RGBColor,
-        /// How much it covers, 0 to 1.
+        /// Opacity, 0 to 1.
         opacity: f64,
     },
     /// Bars from zero, `(from, to, height)`.
     Bars {
         /// Left and right edge and height of each bar.
         bars: Vec<(f64, f64, f64)>,
-        /// Their colour.
+        /// Colour.
         colour: RGBColor,
     },
-    /// A line across the panel at a height.
+    /// A horizontal line across the panel.
     Level {
-        /// The height.
+        /// Its value.
         at: f64,
-        /// How it is drawn.
+        /// Style.
         stroke: Stroke,
     },
-    /// Lines from bottom to top.
+    /// Vertical lines.
     Verticals {
-        /// Where.
+        /// Positions.
         at: Vec<f64>,
-        /// How they are drawn.
+        /// Style.
         stroke: Stroke,
     },
 }
 
-/// One pair of axes.
+/// A pair of axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// Quantity and unit on the vertical axis; written above it.
+    /// Quantity and unit of the vertical axis, written above the panel.
     pub label: String,
     /// Height of the frame \[px\].
     pub height: f64,
-    /// Range of the vertical axis; without it what the marks cover.
+    /// Range of the vertical axis; without it, the range of the marks.
     pub range: Option<(f64, f64)>,
-    /// Whether heights are logarithms to base 10, so that the axis has the numbers themselves at its ticks.
+    /// Logarithmic vertical axis: marks contain logarithms to base 10, tick labels the values.
     pub decades: bool,
-    /// What is in it.
+    /// Marks, in drawing order.
     pub marks: Vec<Mark>,
 }
 
 impl Panel {
-    /// An empty panel of middling height.
+    /// An empty panel of default height.
     pub fn new(label: impl Into<String>) -> Self {
         Self { label: label.into(), height: 110.0, range: None, decades: false, marks: Vec::new() }
     }
 
-    /// The same panel with another height \[px\].
+    /// Sets the height \[px\].
     pub fn height(mut self, height: f64) -> Self {
         self.height = height;
         self
     }
 
-    /// The same panel with a stated range.
+    /// Sets the range of the vertical axis.
     pub fn range(mut self, low: f64, high: f64) -> Self {
         self.range = Some((low, high));
         self
     }
 
-    /// The same panel with a logarithmic axis: marks hold logarithms to base 10.
+    /// Makes the vertical axis logarithmic: marks contain logarithms to base 10.
     pub fn decades(mut self) -> Self {
         self.decades = true;
         self
     }
 
-    /// The same panel with one mark more.
+    /// Adds a mark.
     pub fn mark(mut self, mark: Mark) -> Self {
         self.marks.push(mark);
         self
     }
 }
 
-/// What a key in the legend looks like.
+/// Symbol of a legend entry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Key {
-    /// A piece of line.
+    /// A line.
     Line(Stroke),
-    /// A sign.
+    /// A point symbol.
     Sign(Sign, RGBColor),
-    /// A piece of area.
+    /// A filled area.
     Area(RGBColor),
 }
 
 /// Panels over a common horizontal axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
-    /// What it shows, in words, for those who do not see it.
+    /// Description for screen readers.
     pub title: String,
     /// Quantity and unit on the horizontal axis.
     pub x_label: String,
-    /// Range of the horizontal axis; without it what the marks cover.
+    /// Range of the horizontal axis; without it, the range of the marks.
     pub x_range: Option<(f64, f64)>,
-    /// Whether places are logarithms to base 10, so that the axis has the numbers themselves at its ticks.
+    /// Logarithmic horizontal axis: marks contain logarithms to base 10, tick labels the values.
     pub x_decades: bool,
-    /// Whether a unit is as long on the vertical axes as on the horizontal one.
+    /// Equal scale of both axes.
     pub equal_axes: bool,
-    /// Panels from top to bottom.
+    /// Panels, from top to bottom.
     pub panels: Vec<Panel>,
-    /// Keys above the panels, where labels beside the lines do not do.
+    /// Legend above the panels, for figures without labels at their lines.
     pub legend: Vec<(Key, String)>,
 }
 
@@ -239,32 +238,32 @@ impl Figure {
         }
     }
 
-    /// The same figure with a stated range of the horizontal axis.
+    /// Sets the range of the horizontal axis.
     pub fn x_range(mut self, low: f64, high: f64) -> Self {
         self.x_range = Some((low, high));
         self
     }
 
-    /// The same figure with a logarithmic horizontal axis: marks hold logarithms to base 10.
+    /// Makes the horizontal axis logarithmic: marks contain logarithms to base 10.
     pub fn x_decades(mut self) -> Self {
         self.x_decades = true;
         self
     }
 
-    /// The same figure with equal axes, as for a track: ranges and heights of the panels follow from what the marks cover, or
-    /// from the stated ranges, which are widened where necessary.
+    /// Gives both axes the same scale, as for a track. Ranges and heights follow from the marks or from the stated
+    /// ranges, which are widened where necessary.
     pub fn equal_axes(mut self) -> Self {
         self.equal_axes = true;
         self
     }
 
-    /// The same figure with one panel more at the bottom.
+    /// Adds a panel at the bottom.
     pub fn panel(mut self, panel: Panel) -> Self {
         self.panels.push(panel);
         self
     }
 
-    /// The same figure with one key more in its legend.
+    /// Adds a legend entry.
     pub fn key(mut self, key: Key, text: impl Into<String>) -> Self {
         self.legend.push((key, text.into()));
         self
@@ -273,15 +272,15 @@ impl Figure {
     /// The figure as an `<svg>` element.
     ///
     /// # Errors
-    /// If plotters cannot write it.
+    /// If plotters fails.
     pub fn svg(&self) -> Result<String, FigureError> {
         layout::draw(self)
     }
 
-    /// The figure as a file of its own, with a name space, a size and a font, which an element in a page has from there.
+    /// The figure as an SVG file, with name space, size and font.
     ///
     /// # Errors
-    /// If plotters cannot write it.
+    /// If plotters fails.
     pub fn file(&self) -> Result<String, FigureError> {
         Ok(self.svg()?.replacen(
             "<svg ",

@@ -1,4 +1,4 @@
-//! Range bars: what several quantities of different units cover, each in its own scale.
+//! Range bars of quantities with different units, each in percent of its first interval.
 
 use plotters::style::{Color as _, RGBColor};
 
@@ -18,12 +18,12 @@ pub struct Interval {
     pub mean: f64,
 }
 
-/// One quantity: its name and an interval for each part.
+/// A quantity with one interval for each part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RangeRow {
     /// Name and unit.
     pub name: String,
-    /// Intervals, in the order of the parts; the first gives the scale.
+    /// Intervals, in the order of the parts. The first one defines the scale.
     pub intervals: Vec<Interval>,
 }
 
@@ -31,11 +31,11 @@ const ROW: f64 = 13.0;
 const LEGEND: f64 = 26.0;
 const FOOT: f64 = 42.0;
 
-/// Draws intervals as bars, in percent of the first part's: 0 is its lower end, 100 its upper one. `parts`
-/// are names and colours.
+/// Draws intervals as bars, in percent of the interval of the first part: its lower end is 0, its upper end 100.
+/// `parts` are names and colours.
 ///
 /// # Errors
-/// If plotters cannot write it.
+/// If plotters fails.
 pub fn range_chart(
     title: &str,
     parts: &[(&str, RGBColor)],
@@ -49,7 +49,7 @@ pub fn range_chart(
     let shares: Vec<Vec<[f64; 3]>> = rows.iter().map(in_percent).collect();
     let (low, high) = shares.iter().flatten().flatten().filter(|s| s.is_finite()).fold(
         (-10.0f64, 110.0f64),
-        // A bar far beyond the training range is cut off rather than that all others vanish.
+        // Bars far outside the training range are clipped, so that the others remain legible.
         |(low, high), s| (low.min(s.max(-150.0) - 4.0), high.max(s.min(250.0) + 4.0)),
     );
     let x = Scale::new((low, high), frame.left, frame.right);
@@ -102,7 +102,7 @@ pub fn range_chart(
     })
 }
 
-/// Lower end, upper end and mean of each interval in percent of the first; NaN where that has no width.
+/// Lower end, upper end and mean of each interval in percent of the first; NaN if the first has zero width.
 fn in_percent(row: &RangeRow) -> Vec<[f64; 3]> {
     let Some(first) = row.intervals.first() else { return Vec::new() };
     let width = first.high - first.low;

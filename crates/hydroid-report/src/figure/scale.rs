@@ -1,4 +1,4 @@
-//! From numbers to places on the page, and the round numbers in between that become ticks.
+//! Linear scales and round tick values.
 
 /// A linear map from an interval of values to an interval of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,25 +10,23 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// Maps `range` to the pixels `from..to` (which may run downwards). A range without an inside, or that
-    /// is not finite, is widened to one that has.
+    /// Maps `range` to the pixels `from..to`, which may decrease. An empty or non-finite range is widened.
     pub(crate) fn new(range: (f64, f64), from: f64, to: f64) -> Self {
         let (low, high) = widened(range);
         Self { low, high, from, to }
     }
 
-    /// The interval of values.
     pub(crate) const fn range(&self) -> (f64, f64) {
         (self.low, self.high)
     }
 
-    /// Place of a value; values beyond any page stay at a finite distance. NaN stays NaN.
+    /// Pixel of a value. Far values are clamped to a finite distance; NaN stays NaN.
     pub(crate) fn place(&self, value: f64) -> f64 {
         let share = (value - self.low) / (self.high - self.low);
         self.from + (self.to - self.from) * share.clamp(-1e4, 1e4)
     }
 
-    /// About `wanted` ticks at round numbers, at least two and at most `most`.
+    /// About `wanted` ticks at round values, at least two and at most `most`.
     pub(crate) fn ticks(&self, wanted: usize, most: usize) -> Ticks {
         let width = self.high - self.low;
         let rough = width / wanted.max(1) as f64;
@@ -36,7 +34,7 @@ impl Scale {
         let far = |step: &f64| (step / rough).ln().abs();
         let mut steps = [0.2, 0.5, 1.0, 2.0, 5.0, 10.0].map(|m| m * power);
         steps.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        // Quarters read less well than fifths, but better than a single tick.
+        // Multiples of 2.5 are less legible than multiples of 2 or 5, but better than a single tick.
         let quarters = [0.25, 2.5].map(|m| m * power);
         let fits = |step: &f64| (2..=most).contains(&self.span(*step).1);
         let step = steps.into_iter().chain(quarters).find(fits).unwrap_or(steps[0]);
@@ -45,11 +43,10 @@ impl Scale {
         Ticks::new(values, step)
     }
 
-    /// Ticks of an axis of logarithms to base 10: at powers of ten where there are two at least, else at 1, 2 and 5
-    /// times a power, else as on any axis.
+    /// Ticks of a logarithmic axis: powers of ten; if fewer than two are in range, 1, 2 and 5 times powers of ten; else
+    /// linear.
     pub(crate) fn decades(&self, most: usize) -> Ticks {
         let marked = |mantissas: &[f64]| -> Vec<f64> {
-            // Exponents of floats are small integers.
             #[allow(clippy::cast_possible_truncation)]
             let (first, last) = (self.low.max(-320.0).floor() as i32, self.high.min(310.0).ceil() as i32);
             let powers = (first..=last).flat_map(|p| mantissas.iter().map(move |m| f64::from(p) + m.log10()));
@@ -67,11 +64,11 @@ impl Scale {
         Ticks { values, power: 0, decimals: 0, logarithms: true }
     }
 
-    /// First multiple of a step within the range, and how many there are.
+    /// The first multiple of a step within the range, and the number of multiples.
     fn span(&self, step: f64) -> (f64, usize) {
         let first = (self.low / step - 1e-9).ceil();
         let last = (self.high / step + 1e-9).floor();
-        // A range has some ten steps; far more would be rounding gone wrong.
+        // More than 100 steps can only result from rounding errors.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let count = ((last - first).clamp(-1.0, 100.0) + 1.0) as usize;
         (first, count)
@@ -91,22 +88,20 @@ fn widened((low, high): (f64, f64)) -> (f64, f64) {
     }
 }
 
-/// Values at the ticks of an axis and how they are written.
+/// Tick values and their label format.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Ticks {
-    /// Where the ticks are.
     pub(crate) values: Vec<f64>,
-    /// Power of ten that the labels leave out, to be told at the axis; 0 for none.
+    /// Power of ten that the labels omit and the axis label states; 0 for none.
     pub(crate) power: i32,
     decimals: usize,
-    /// Whether the values are logarithms to base 10 of what the labels say.
+    /// Whether the values are logarithms to base 10.
     logarithms: bool,
 }
 
 impl Ticks {
     fn new(values: Vec<f64>, step: f64) -> Self {
         let largest = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        // Exponents of floats are small integers.
         #[allow(clippy::cast_possible_truncation)]
         let power = if largest > 0.0 && !(1e-3..1e5).contains(&largest) {
             3 * (largest.log10() / 3.0).floor() as i32
@@ -122,13 +117,13 @@ impl Ticks {
         Self { values, power, decimals, logarithms: false }
     }
 
-    /// The label of a tick, with a proper minus.
+    /// The label of a tick, with a typographic minus.
     pub(crate) fn label(&self, value: f64) -> String {
         if self.logarithms {
             let number = 10f64.powf(value);
-            // Two digits tell the ticks of any axis apart that is worth being logarithmic.
+            // Two digits distinguish the ticks of every logarithmic axis.
             let rounded = format!("{number:.1e}").parse().unwrap_or(number);
-            // What stands shortest for a number is what it was read from.
+            // The shortest decimal that parses back to the value.
             return if (1e-4..1e5).contains(&number) {
                 f64::to_string(&rounded)
             } else {
@@ -144,13 +139,12 @@ impl Ticks {
         }
     }
 
-    /// `×10⁻³` where the labels leave a power out; empty otherwise.
+    /// `×10⁻³` if the labels omit a power of ten; empty otherwise.
     pub(crate) fn factor(&self) -> String {
         if self.power == 0 { String::new() } else { format!("×10{}", superscript(self.power)) }
     }
 }
 
-/// An integer in superscript digits.
 pub(crate) fn superscript(n: i32) -> String {
     n.to_string()
         .chars()
@@ -170,7 +164,7 @@ pub(crate) fn superscript(n: i32) -> String {
         .collect()
 }
 
-/// The finite interval that values cover; none if there is no finite value.
+/// The range of the finite values; `None` if there are none.
 pub(crate) fn cover(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.filter(|v| v.is_finite()).fold(None, |range, v| match range {
         None => Some((v, v)),
@@ -178,7 +172,7 @@ pub(crate) fn cover(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// A range with a margin of a share of its width on both sides.
+/// A range with a margin on both sides, as a share of its width.
 pub(crate) fn padded((low, high): (f64, f64), share: f64) -> (f64, f64) {
     let (low, high) = widened((low, high));
     let margin = share * (high - low);

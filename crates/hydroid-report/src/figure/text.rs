@@ -1,11 +1,10 @@
-//! How wide a text will be, without the font: the reader's browser chooses it.
+//! Estimated text widths; the browser chooses the actual font.
 
-/// Width of a text in a Helvetica-like font of the given size; an estimate, on the wide side.
+/// Width of a text in a Helvetica-like font: an estimate on the wide side.
 pub(crate) fn width(text: &str, size: f64) -> f64 {
     size * text.chars().map(advance).sum::<f64>()
 }
 
-/// Width of a character in ems.
 fn advance(c: char) -> f64 {
     match c {
         'i' | 'j' | 'l' | '|' | '\'' | '.' | ',' | ':' | ';' | '!' | 'I' => 0.29,
@@ -17,7 +16,7 @@ fn advance(c: char) -> f64 {
     }
 }
 
-/// The text, shortened with an ellipsis to fit a width.
+/// The text, shortened with an ellipsis to a width.
 pub(crate) fn fit(text: &str, size: f64, room: f64) -> String {
     if width(text, size) <= room {
         return text.to_owned();
