@@ -83,6 +83,7 @@ pub fn ratio(value: f64) -> String {
     if value.abs() >= 10.0 { text(value, 3) } else { fixed(value, 2) }
 }
 
+/// A whole number with thin spaces between thousands.
 pub fn count(n: usize) -> String {
     let digits = n.to_string();
     let mut text = String::new();

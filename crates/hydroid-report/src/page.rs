@@ -18,6 +18,7 @@ pub struct Section {
 }
 
 impl Section {
+    /// A section with its anchor, heading and content.
     pub fn new(
         id: impl Into<Cow<'static, str>>,
         heading: impl Into<Cow<'static, str>>,
@@ -104,6 +105,7 @@ pub fn table_of(heads: &[Markup], rows: &[Vec<Markup>], numbers: impl Fn(usize) 
     }
 }
 
+/// Plain text as a cell.
 pub fn cell(text: impl AsRef<str>) -> Markup {
     html! { (text.as_ref()) }
 }

@@ -1,18 +1,19 @@
-//! Direct predictors that learn along logs with truth, in several ways, beside the same networks frozen.
+//! Online adaptation of direct predictors on logs with truth, by several methods, compared with the frozen networks.
 //!
 //! ```text
 //! cargo run --release --example direct_at_sea -- MODEL[,MODEL ..] LOG[,LOG ..] [KEY=VALUE ..]
 //! ```
 //!
-//! Models are direct predictors of 20 steps or more; errors are medians over all of them. `frozen`: as trained; `read-out`: the
-//! last layer by recursive least squares; `guarded`: the same under guard; `replay`: all weights by steps of Adam in the
-//! background, on windows of the run that are complete. `forgetting` \[s\], `prior` \[s\], `leak` (0 or 1) are those of the least
-//! squares; `rate`, `batch`, `steps` (of Adam, for each sample) and `last` (windows that are kept) those of the replay, which is left out where
-//! `steps=0`. `low=LOG` is a log of low speed that each walks afterwards, without learning any more. `shore=LOG` is one that the networks
-//! were trained on: those that learn by least squares walk through its first `shore_time` seconds (600) before they sail.
+//! Models are direct predictors with at least 20 steps; errors are medians over the models. `frozen`: as trained;
+//! `read-out`: last layer adapted by recursive least squares; `guarded`: the same with the guard; `replay`: all weights
+//! adapted by Adam on completed windows of the run. `forgetting` \[s\], `prior` \[s\] and `leak` (0 or 1) are options
+//! of the least squares; `rate`, `batch`, `steps` (Adam steps per sample; 0 omits the method) and `last` (stored
+//! windows) are those of the replay. `low=LOG` is a log at low speed, evaluated afterwards without adaptation.
+//! `shore=LOG` is a training log: its first `shore_time` seconds (600) are rehearsed by the least-squares methods
+//! before the run.
 //!
-//! Windows start at samples 100, 105, ..; errors are means of the absolute difference from the truth at 1, 5 and 20
-//! steps, and times the medians of what a sample takes.
+//! Origins are samples 100, 105, ..; errors are mean absolute differences from the truth at 1, 5 and 20 steps, and
+//! times are medians per sample.
 
 #[path = "shared/hydrofoil.rs"]
 mod hydrofoil;
@@ -40,15 +41,15 @@ const SHOWN: [usize; 3] = [1, 5, 20];
 const STEPS: usize = SHOWN.len() + 1;
 const WAYS: [&str; 4] = ["frozen", "read-out", "guarded", "replay"];
 
-/// Mean errors of each output at the steps shown, then over all of them.
+/// Mean errors of each output at the evaluated steps, then over all steps.
 type Errors = [[f64; 3]; STEPS];
 
-/// Of one network on one log, in one way.
+/// Result of one network on one log with one method.
 #[derive(Clone, Copy)]
 struct Outcome {
     errors: Errors,
     time_us: f64,
-    /// At low speed afterwards.
+    /// Errors at low speed afterwards.
     low: Errors,
 }
 
@@ -89,7 +90,7 @@ fn main() -> Result<(), Failure> {
                     format!("{} {} {}", of(0), of(1), of(2))
                 })
                 .collect();
-            // The ratio of each network is its own.
+            // Ratios are computed network by network.
             let own: &Vec<Outcome> = frozen.get_or_insert_with(|| outcomes.clone());
             let ratio = |errors: &dyn Fn(&Outcome) -> Errors, c: usize| {
                 let of = |(a, b): (&Outcome, &Outcome)| errors(a)[STEPS - 1][c] / errors(b)[STEPS - 1][c];
@@ -110,7 +111,7 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// A network along a run, then along one of low speed.
+/// Runs a network along a log, then along one at low speed.
 fn sail(
     model: &Model,
     way: usize,
@@ -119,15 +120,15 @@ fn sail(
     settings: &BTreeMap<String, String>,
 ) -> Result<Outcome, Failure> {
     let number = |key: &str, default: f64| settings.get(key).map_or(Ok(default), |v| v.parse::<f64>());
-    let direct = model.direct().ok_or("a direct predictor is needed")?;
+    let direct = model.direct().ok_or("the model is not a direct predictor")?;
     if direct.horizon < HORIZON {
-        return Err(format!("the network gives {} steps and not {HORIZON}", direct.horizon).into());
+        return Err(format!("the network predicts {} steps instead of {HORIZON}", direct.horizon).into());
     }
     let mut session: Box<dyn Adapter> = if WAYS[way] == "replay" {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
         let count = |key: &str, default: f64| number(key, default).map(|n| n as usize);
         if direct.equations().is_some() {
-            return Err("replayed steps are not for predictors on equations: give steps=0".into());
+            return Err("replay does not support predictors with base equations: give steps=0".into());
         }
         Box::new(Replay::new(
             &Arc::new(Direct::clone(direct)),
@@ -161,7 +162,7 @@ fn sail(
     Ok(Outcome { errors, time_us, low })
 }
 
-/// Errors, and the median time of a sample in microseconds.
+/// Errors, and the median time per sample \[us\].
 fn walk(session: &mut dyn Adapter, run: &Trajectory) -> (Errors, f64) {
     let truth = run.truth.as_ref().unwrap_or(&run.outputs);
     let commands: Vec<f64> = (0..run.len()).flat_map(|k| run.inputs.row(k).to_vec()).collect();

@@ -1,18 +1,19 @@
-//! Many runs on bad days, with the guard and without: how far the guarantee holds.
+//! Monte Carlo trials of the guard: adaptation with and without it under faults, and how far its guarantee holds.
 //!
 //! ```text
-//! cargo run --release -p hydroid --example guard_campaign -- MODEL[,MODEL ..] LOG[,LOG ..] TRAIN [runs=200] [seed=1] [only=INDEX]
+//! cargo run --release -p hydroid --example guard_campaign -- MODEL[,MODEL ..] LOG[,LOG ..] TRAIN [runs=200] [seed=1]
+//! [only=INDEX]
 //! ```
 //!
-//! Models are recurrent networks that see inputs alone; the logs have truth (or are taken for it); `TRAIN` is a log that the models
-//! were trained on. Each run draws a model, a log, a tuning (each variance and the leak within a factor of 30 around
-//! its default, either way) and a fault (offsets of 5 to 125 deviations of the noise), and now and then spoils the weights from shore; learner, guarded learner and the
-//! model from shore with a filter on its state sail through the same faulty log. `clean=1` sails each model through each
-//! log as it is, with the defaults.
+//! Models are recurrent networks without output feedback; the logs have truth (or are used as truth); `TRAIN` is a
+//! training log. Each trial draws a model, a log, filter options (each variance and the leak within a factor of 30 of
+//! its default) and a fault (offsets of 5 to 125 standard deviations of the noise), and sometimes disturbs the initial
+//! weights. The unguarded adapter, the guarded adapter and the reference model with a state filter run along the same
+//! faulty log. `clean=1` runs each model along each unmodified log with the defaults.
 //!
-//! From every sample each predicts 2 s under the commands that came; an error is the mean over the outputs of the absolute
-//! difference from the truth, in half the design range. Over windows of 30 s: `exceeds` is the largest of
-//! `guarded - 1.2 frozen - floor`, in floors, where the floor is the noise of the sensors.
+//! From every sample each predicts 2 s with the recorded commands. An error is the mean over the outputs of the
+//! absolute difference from the truth, in half design ranges. For windows of 30 s, `exceeds` is the largest `guarded -
+//! 1.2 frozen - floor`, in multiples of the floor, which is the sensor noise.
 
 #[path = "shared/hydrofoil.rs"]
 mod hydrofoil;
@@ -37,7 +38,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 /// Standard deviations of the simulated sensors.
 const NOISE: [f64; 3] = [0.01, 0.01, 0.017_453_292_519_943_295];
 
-/// Tunings are drawn within this factor.
+/// Filter options are drawn within this factor of the default.
 const FACTOR: f64 = 30.0;
 
 struct Case {
@@ -47,9 +48,9 @@ struct Case {
     name: String,
 }
 
-/// What became of a session along a run.
+/// Result of a session along a run.
 struct Course {
-    /// Error of the prediction from each sample; of that, each output.
+    /// Error of the prediction from each sample, and of each output.
     errors: Vec<f64>,
     by_output: Vec<[f64; 3]>,
     touched: usize,
@@ -102,7 +103,7 @@ fn main() -> Result<(), Failure> {
     rows.sort_by_key(|(index, _)| *index);
     let count = |with: &dyn Fn(&Row) -> bool| rows.iter().filter(|(_, row)| with(row)).count();
     println!(
-        "{} runs: without the guard {} exceed twice the frozen error over some 30 s, or fail; with it {} exceed the guarantee",
+        "{} runs: {} unguarded runs exceed twice the frozen error over 30 s, or fail; {} guarded runs exceed the guarantee",
         rows.len(),
         count(&|row| row.alone > 2.0),
         count(&|row| row.exceeds > 0.0),
@@ -111,7 +112,7 @@ fn main() -> Result<(), Failure> {
         (rows.iter().map(|(_, row)| of(row).ln()).sum::<f64>() / rows.len() as f64).exp()
     };
     println!(
-        "error, guarded to unguarded: {:.3} (geometric mean); samples touched, at most: {:.2} %",
+        "error, guarded / unguarded: {:.3} (geometric mean); largest share of modified samples: {:.2} %",
         geometric(&|row| row.ratio),
         100.0 * rows.iter().map(|(_, row)| row.touched).fold(0.0, f64::max)
     );
@@ -121,14 +122,14 @@ fn main() -> Result<(), Failure> {
         all[all.len() / 2]
     };
     println!(
-        "time of a sample, guarded to unguarded: median {:.3}, 99 of 100 {:.3} (medians of the runs)",
+        "time per sample, guarded / unguarded: median {:.3}, 99th percentile {:.3} (medians of the runs)",
         middle(&|row| row.slower[0]),
         middle(&|row| row.slower[1])
     );
     Ok(())
 }
 
-/// A model through a log with nothing wrong.
+/// A model along an unmodified log.
 fn clean(model: &Model, run: &Trajectory) -> Case {
     let name = format!("{} {}", model.description.name, run.name);
     let kalman = KalmanOptions { noise: Some(NOISE.to_vec()), ..KalmanOptions::default() };
@@ -142,7 +143,7 @@ fn drawn(models: &[Model], runs: &[Trajectory], seed: u64, index: u64) -> Result
     let (mut model, mut run) = (models[pick(models.len())].clone(), runs[pick(runs.len())].clone());
     let kind = pick(8);
     let output = ["u", "v", "r"][pick(3)];
-    // Offsets of 10 to 50 deviations of the sensor's noise; those that come alone, half of that to 2.5 times.
+    // Offsets of 10 to 50 standard deviations of the noise; for faults on a single output, 0.5 to 2.5 times that.
     let noise = NOISE[["u", "v", "r"].iter().position(|o| *o == output).unwrap_or(0)];
     let sign = if rng.random() { 1.0 } else { -1.0 };
     let size = sign * noise * (10.0 + 40.0 * rng.random::<f64>());
@@ -192,15 +193,15 @@ fn drawn(models: &[Model], runs: &[Trajectory], seed: u64, index: u64) -> Result
     Ok(Case { model, run, options: Options { kalman, ..Options::default() }, name })
 }
 
-/// What came of a run.
+/// Result of a run.
 #[derive(Clone)]
 struct Row {
     text: String,
-    /// Largest ratio of the unguarded error to the frozen one over a window; infinite where it failed.
+    /// Largest ratio of unguarded to frozen error over a window; infinite after a failure.
     alone: f64,
-    /// Largest excess over the guarantee, in floors.
+    /// Largest excess over the guarantee, in multiples of the floor.
     exceeds: f64,
-    /// Mean error, guarded to unguarded.
+    /// Ratio of the mean errors, guarded / unguarded.
     ratio: f64,
     touched: f64,
     slower: [f64; 2],
@@ -275,7 +276,7 @@ fn row(case: &Case, shore: &Trajectory) -> Result<Row, Failure> {
     })
 }
 
-/// Walks a log that the model was trained on.
+/// Rehearses a training log.
 fn walk(session: &mut dyn Adapter, run: &Trajectory) {
     session.reset();
     for k in 0..run.len() {
@@ -308,7 +309,7 @@ fn course(session: &mut dyn Adapter, run: &Trajectory, scale: &[f64], horizon: u
                 names.into_iter().any(|n| ["spike", "inflated", "stuck", "believed"].contains(&n)),
             );
         }
-        // The hidden state has settled.
+        // After the hidden state has converged.
         if k >= 100 {
             session.rollout(&commands[m * k..m * (k + horizon)], &mut work, &mut y);
             let last = &y[3 * (horizon - 1)..];

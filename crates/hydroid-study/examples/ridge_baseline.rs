@@ -1,18 +1,18 @@
-//! The baseline that identified equations must not lose to: plain ridge regression of the increment over a
-//! coarse step on a fixed list of terms, on the splits of the real ships.
+//! Baseline of the identified equations: ridge regression of the increment over a coarse step with a fixed list of
+//! terms, on the splits of the real ships.
 //!
 //! ```text
 //! HYDROID_DATA=... cargo run --release --example ridge_baseline [-- keep-towed]
 //! ```
 //!
-//! Ends of a log at which the ship is towed are left out, as they are for the equations; `keep-towed` keeps them.
+//! Towed ends of a log are removed, as for the equations; `keep-towed` keeps them.
 //!
-//! `y_{k+s} - y_k = step * Xi theta(y_k, c)`, stepped forward with the coarse step (0.5 s for the tug, 1 s for
-//! the tanker); `theta` is `{1, u, v, r, u|u|, v|v|, r|r|, uv, ur, vr, commands, commands |commands|}`, the
-//! command is the one at the start of the step or its mean over the step. Columns have unit RMS, the penalty
-//! is `lambda` for each row. Every sample of a test run is an origin, as it is for the equations.
+//! `y_{k+s} - y_k = step * Xi theta(y_k, c)`, simulated with the coarse step (0.5 s for the tug, 1 s for the tanker).
+//! `theta` is `{1, u, v, r, u|u|, v|v|, r|r|, uv, ur, vr, commands, commands |commands|}`; the command is that at the
+//! start of the step or its mean over the step. Columns have unit RMS, and the penalty is `lambda` per row. Every
+//! sample of a test run is an origin, as for the equations.
 
-// A test includes this file as a module; neither has an outside.
+// A test includes this file as a module.
 #![allow(unreachable_pub, missing_docs)]
 
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ use hydroid::sindy::{BLOCK_ROWS, QrFactor};
 use hydroid_core::model::sparse::Term;
 use hydroid_core::predict::{Predictor, Workspace, rollout_steps};
 
-/// A ship's logs by their use, and how they are read.
+/// Logs of a ship by use, and their preparation.
 pub struct Ship {
     pub name: &'static str,
     pub folder: &'static str,
@@ -39,7 +39,7 @@ pub struct Ship {
     pub horizon: usize,
     /// Coarse step of the baseline \[samples\].
     pub stride: usize,
-    /// Whether ends of logs at which the ship is towed are kept.
+    /// Whether towed ends of logs are kept.
     pub keep_towed: bool,
 }
 
@@ -77,7 +77,6 @@ pub const ESSO: Ship = Ship {
 };
 
 impl Ship {
-    /// Training, validation and test runs.
     pub fn runs(&self, data: &Path) -> [Vec<Trajectory>; 3] {
         let files: Vec<PathBuf> = [self.train, self.validate, self.test]
             .iter()
@@ -100,14 +99,14 @@ impl Ship {
     }
 }
 
-/// Which command stands for a coarse step.
+/// The command of a coarse step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Held {
     Start,
     Mean,
 }
 
-/// A run at every `stride`-th sample, once from each of the first `stride` samples: all origins are kept.
+/// The run at every `stride`-th sample, once from each of the first `stride` samples, so that all origins are kept.
 pub fn coarse(run: &Trajectory, stride: usize, held: Held) -> Vec<Trajectory> {
     (0..stride)
         .map(|phase| {
@@ -184,7 +183,8 @@ impl Ridge {
             }
             triangle.append_rows(&mut block, rows.len());
         }
-        // A column's norm is its RMS times the root of the rows: lambda for each row on a column of unit RMS.
+        // The norm of a column is its RMS times the root of the number of rows: lambda per row for a column of unit
+        // RMS.
         let weights: Vec<f64> = (0..width)
             .map(|j| if j < terms.len() { lambda.sqrt() * triangle.column_norm(j) } else { 0.0 })
             .collect();
@@ -258,7 +258,7 @@ impl Predictor for Ridge {
     }
 }
 
-/// One row of the table: how the baseline was set, its score on the validation run, its errors on the test.
+/// One row of the table: settings, validation score, and test errors.
 pub struct Row {
     pub held: Held,
     pub lambda: f64,
@@ -266,7 +266,6 @@ pub struct Row {
     pub test: Evaluation,
 }
 
-/// The baseline of a ship for several penalties.
 pub fn baseline(ship: &Ship, data: &Path) -> Vec<Row> {
     let parts = ship.runs(data);
     let mut rows = Vec::new();
@@ -288,7 +287,7 @@ pub fn baseline(ship: &Ship, data: &Path) -> Vec<Row> {
     rows
 }
 
-/// The row that the validation run would choose.
+/// The row with the best validation score.
 pub fn chosen(rows: &[Row]) -> &Row {
     rows.iter().min_by(|a, b| a.validation.total_cmp(&b.validation)).unwrap()
 }

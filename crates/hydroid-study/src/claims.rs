@@ -1,4 +1,4 @@
-//! What the thesis says, judged by what was measured.
+//! Verdicts on the claims of the thesis.
 
 use std::collections::BTreeMap;
 
@@ -7,22 +7,22 @@ use serde::Serialize;
 use super::outcome::Outcome;
 use super::plan::{Bound, Claim};
 
-/// Whether a claim is so.
+/// Verdict on a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Holds {
-    /// It is.
+    /// Within the bound of *reproduced*.
     Reproduced,
-    /// In part.
+    /// Within the bound of *in part*.
     InPart,
-    /// It is not.
+    /// Outside both bounds.
     NotReproduced,
-    /// The experiment gave no such figure.
+    /// The experiment did not produce the value.
     NotMeasured,
 }
 
 impl Holds {
-    /// In words.
+    /// The verdict in words.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Reproduced => "reproduced",
@@ -36,25 +36,25 @@ impl Holds {
 /// A claim with its verdict.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judged {
-    /// What is claimed.
+    /// Text of the claim.
     pub claim: String,
-    /// The experiment that measures it.
+    /// Name of the experiment.
     pub experiment: String,
-    /// What the figure is.
+    /// Description of the measured value.
     pub measured: String,
-    /// The figure, if the experiment gave it.
+    /// Measured value, if the experiment produced it.
     pub figure: Option<f64>,
-    /// Whether it is so.
+    /// Verdict.
     pub verdict: Holds,
-    /// By what factor the figure keeps the bound of *reproduced*; below 1 where it does not.
+    /// Ratio of the value to the bound of *reproduced*, at least 1 if the bound holds.
     pub margin: Option<f64>,
-    /// What it is reproduced by, and what in part.
+    /// Bounds of *reproduced* and *in part*.
     pub bounds: [Bound; 2],
-    /// Why.
+    /// Reason for the verdict.
     pub because: String,
 }
 
-/// The claims whose experiment was made.
+/// Verdicts on the claims whose experiment was run.
 pub(super) fn judge(claims: &[Claim], outcomes: &BTreeMap<&str, &Outcome>) -> Vec<Judged> {
     let one = |claim: &Claim| {
         let outcome = outcomes.get(claim.experiment.as_str())?;

@@ -1,4 +1,4 @@
-//! Why a study could not be made.
+//! Errors of a study.
 
 use std::io;
 use std::path::PathBuf;
@@ -13,59 +13,57 @@ use hydroid::sindy::FitError;
 use hydroid::toml_file::TomlError;
 use hydroid_report::figure::FigureError;
 
-/// Why a study could not be made.
+/// Errors of a study.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    /// The experiments cannot be read.
-    #[error("cannot read the experiments in {}: {source}; `hydroid thesis --write-experiments FOLDER` writes those that are built in", path.display())]
+    /// The folder of experiments cannot be read.
+    #[error("cannot read the experiments in {}: {source}; `hydroid thesis --write-experiments FOLDER` writes the built-in ones", path.display())]
     Folder {
         /// The folder.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// A file that is no TOML.
+    /// A file is not valid TOML.
     #[error(transparent)]
     Toml(#[from] TomlError),
-    /// A table that says what cannot be.
-    #[error("{}, line {line}: '{name}' cannot be: {message}", path.display())]
+    /// A table has an invalid entry.
+    #[error("{}, line {line}: '{name}' is invalid: {message}", path.display())]
     Entry {
         /// The file.
         path: PathBuf,
-        /// Where its table begins.
+        /// Line of the table.
         line: usize,
-        /// The table.
+        /// Name of the table.
         name: String,
-        /// What is wrong.
+        /// Reason.
         message: String,
     },
-    /// Something is named that is not there.
-    #[error("{whose} names the {what} '{name}', which there is not{}; there are {}", nearest.as_ref().map(|n| format!(", did you mean '{n}'?")).unwrap_or_default(), known.join(", "))]
+    /// A name is unknown.
+    #[error("{whose}: unknown {what} '{name}'{}; known: {}", nearest.as_ref().map(|n| format!(", did you mean '{n}'?")).unwrap_or_default(), known.join(", "))]
     Unknown {
-        /// Who names it.
+        /// Origin of the name.
         whose: String,
-        /// Record, model or experiment.
+        /// Kind: record, model or experiment.
         what: &'static str,
         /// The name.
         name: String,
-        /// The nearest that there is.
+        /// The most similar known name.
         nearest: Option<String>,
-        /// Those that there are.
+        /// All known names.
         known: Vec<String>,
     },
-    /// A model without seeds.
-    #[error("the model '{model}' has no seeds: give one at least")]
+    /// A model has no seeds.
+    #[error("the model '{model}' has no seeds: give at least one")]
     NoSeeds {
         /// The model.
         model: String,
     },
-    /// A folder without experiments.
-    #[error(
-        "there is no experiment: `hydroid thesis --write-experiments FOLDER` writes those that are built in"
-    )]
+    /// The folder contains no experiments.
+    #[error("there are no experiments: `hydroid thesis --write-experiments FOLDER` writes the built-in ones")]
     Nothing,
-    /// A file that was edited would be lost.
-    #[error("{} is there and says something else: name a folder without it, or take it away", path.display())]
+    /// Writing would overwrite an edited file.
+    #[error("{} exists with other content: name another folder, or remove the file", path.display())]
     Edited {
         /// The file.
         path: PathBuf,
@@ -75,33 +73,33 @@ pub enum StudyError {
     In {
         /// The experiment.
         name: String,
-        /// What failed.
+        /// The error.
         error: Box<StudyError>,
     },
-    /// An experiment that cannot be made of what it was given.
-    #[error("the experiment '{name}' cannot be made: {why}")]
+    /// An experiment cannot be run with its options.
+    #[error("the experiment '{name}' cannot be run: {why}")]
     Cannot {
         /// The experiment.
         name: String,
-        /// Why, and what helps.
+        /// Cause and remedy.
         why: String,
     },
-    /// A result that cannot be kept.
+    /// A result cannot be stored.
     #[error("{0}")]
     Result(String),
-    /// A record cannot be simulated.
+    /// Simulation of a record fails.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
-    /// A regression cannot be made.
+    /// A regression fails.
     #[error(transparent)]
     Fit(#[from] FitError),
-    /// A model cannot be learned.
+    /// Identification fails.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
-    /// A model cannot be judged.
+    /// Evaluation fails.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
-    /// A model cannot be adapted.
+    /// Adaptation fails.
     #[error(transparent)]
     Adapt(#[from] AdaptError),
     /// A file cannot be written.
@@ -110,7 +108,7 @@ pub enum StudyError {
     /// A figure cannot be drawn.
     #[error(transparent)]
     Figure(#[from] FigureError),
-    /// The work was asked to stop.
+    /// The study was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

@@ -1,10 +1,10 @@
-//! Error(k) of a model beside C0, the thesis's measure (section 4.2).
+//! The error measure of the thesis (section 4.2), Error(k), of a model and of C0.
 //!
-//! `Error(k)` is, for each output, the mean absolute error over 10 windows of 20 steps, the window `m` starting at the
-//! sample `k + 20 m`; `k = 3, 203, 403, ..`, so that windows follow each other. A model that needs more samples before its
-//! first prediction begins with a later `k`. It starts from what was measured and is compared with the truth. Beside it
-//! stand C0, the perfect model of low speed, from the true state with the true force of the propeller; and the true plant from
-//! the measured velocities with the true force: what noise at the start alone does.
+//! For each output, `Error(k)` is the mean absolute error over 10 windows of 20 steps; window `m` starts at sample `k +
+//! 20 m`, and `k = 3, 203, 403, ..`, so that windows are consecutive. Models with a longer warm-up start at a later
+//! `k`. Rollouts start from measurements and are compared with the truth. For comparison: C0, the perfect model of low
+//! speed, from the true state with the true propeller force; and the noise floor, the true plant from the measured
+//! velocities with the true force.
 
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
@@ -16,29 +16,29 @@ use hydroid::simulate::Simulated;
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Stroke};
 use hydroid_report::style;
 
-/// Steps of a window, windows of an `Error(k)`, the first `k`.
+/// Steps of a window.
 pub const STEPS: usize = 20;
 /// Windows of an `Error(k)`.
 pub const WINDOWS: usize = 10;
 const FIRST: usize = 3;
-/// Where the hydrofoil changes its mode \[m/s\].
+/// Speed of the change of mode of the hydrofoil \[m/s\].
 pub const TRANSITION: f64 = 2.5;
-/// Origins of which one is taken for the floor.
+/// Origin stride for the noise floor.
 const STRIDE: usize = 5;
-/// What a plant steps by \[s\].
+/// Integration step of a plant \[s\].
 const INTERNAL_S: f64 = 0.01;
-/// Errors below it are drawn there.
+/// Smaller errors are drawn at this value.
 const LEAST: f64 = 1e-4;
 
 const OUTPUTS: usize = 3;
 
-/// Where blocks lie, see [`is`].
+/// Speed ranges of the blocks, see [`is`].
 pub const PLACES: [&str; 3] = ["all", "below the transition", "mean u above it"];
 
 /// Mean absolute errors of `u`, `v`, `r`.
 pub type Errors = [f64; OUTPUTS];
 
-/// A log, and what only a simulation knows of it.
+/// A log with quantities that only a simulation provides.
 #[derive(Clone, Debug)]
 pub struct Record {
     /// Outputs `u`, `v`, `r`, and the commands of propeller and rudder.
@@ -49,22 +49,22 @@ pub struct Record {
     pub force: Vec<f64>,
 }
 
-/// One `Error(k)`.
+/// One block of Error(k).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Block {
-    /// The sample that it begins with.
+    /// First sample.
     pub k: usize,
-    /// Mean true speed over it \[m/s\].
+    /// Mean true speed \[m/s\].
     pub mean_u: f64,
-    /// Largest true speed over it \[m/s\].
+    /// Largest true speed \[m/s\].
     pub max_u: f64,
-    /// Of the model.
+    /// Errors of the model.
     pub model: Errors,
-    /// Of C0.
+    /// Errors of C0.
     pub c0: Errors,
 }
 
-/// Whether a block lies at a place of [`PLACES`].
+/// Whether a block lies in a speed range of [`PLACES`].
 pub fn is(block: &Block, place: usize) -> bool {
     match place {
         1 => block.max_u < TRANSITION,
@@ -74,10 +74,10 @@ pub fn is(block: &Block, place: usize) -> bool {
 }
 
 impl Record {
-    /// Of a simulation.
+    /// The record of a simulation.
     ///
     /// # Errors
-    /// If it has no outputs `u`, `v`, `r`.
+    /// If the simulation lacks an output `u`, `v` or `r`.
     pub fn of(simulated: &Simulated) -> Result<Self, StudyError> {
         let run = simulated.to_trajectory(&["u", "v", "r"])?;
         let states = simulated.states();
@@ -95,7 +95,7 @@ impl Record {
         std::array::from_fn(|c| (y[c] - truth[c]).abs())
     }
 
-    /// Mean absolute error over a window of a plant's.
+    /// Mean absolute error of a plant over a window.
     pub fn of_plant(&self, plant: &Plant, from: Errors, origin: usize) -> Errors {
         let mut state = State { u: from[0], v: from[1], r: from[2], p_f: self.force[origin], ..State::REST };
         let mut sums = [0.0; OUTPUTS];
@@ -113,15 +113,15 @@ impl Record {
     }
 }
 
-/// Adds errors to a mean of so many.
+/// Adds errors to a mean of `of` values.
 pub fn add(sums: &mut Errors, errors: Errors, of: usize) {
     for (sum, error) in sums.iter_mut().zip(errors) {
         *sum += error / of as f64;
     }
 }
 
-/// Mean errors of the model over the window from each origin; none where there is no window. The means over all windows of
-/// the first and of the last step are told as well.
+/// Mean errors of the model over the window from each origin (`None` without a window), and the means over all windows
+/// of the first and of the last step.
 pub fn walk(record: &Record, session: &mut dyn Predictor) -> (Vec<Option<Errors>>, [Errors; 2]) {
     let run = &record.run;
     let (mut work, mut y) = (Workspace::new(), [0.0; STEPS * OUTPUTS]);
@@ -148,15 +148,15 @@ pub fn walk(record: &Record, session: &mut dyn Predictor) -> (Vec<Option<Errors>
     (windows, ends)
 }
 
-/// Every `Error(k)` of a model over a record.
+/// All blocks of a model over a record.
 ///
 /// # Errors
-/// If C0 cannot be made, which does not happen.
+/// If C0 cannot be built; this does not happen.
 pub fn blocks(record: &Record, session: &mut dyn Predictor) -> Result<Vec<Block>, StudyError> {
     Ok(blocks_of(record, &walk(record, session).0, &plant(&VesselParams::hydrofoil_low_speed())?))
 }
 
-/// The same from the windows of [`walk`].
+/// The blocks from the windows of [`walk`].
 pub fn blocks_of(record: &Record, windows: &[Option<Errors>], c0: &Plant) -> Vec<Block> {
     let span = STEPS * WINDOWS;
     let mut blocks = Vec::new();
@@ -175,10 +175,10 @@ pub fn blocks_of(record: &Record, windows: &[Option<Errors>], c0: &Plant) -> Vec
     blocks
 }
 
-/// The true plant from the measured velocities: the mean error over 20 steps.
+/// Mean error over 20 steps of the true plant from the measured velocities.
 ///
 /// # Errors
-/// If the plant cannot be made, which does not happen.
+/// If the plant cannot be built; this does not happen.
 pub fn noise_floor(record: &Record) -> Result<Errors, StudyError> {
     let plant = plant(&VesselParams::hydrofoil())?;
     let origins: Vec<usize> = (FIRST..record.run.len().saturating_sub(STEPS)).step_by(STRIDE).collect();
@@ -194,7 +194,7 @@ fn plant(vessel: &VesselParams) -> Result<Plant, StudyError> {
     Plant::new(vessel).map_err(|error| StudyError::Result(error.to_string()))
 }
 
-/// The speed, and below it the errors on logarithmic axes.
+/// Speed (upper panel) and errors on logarithmic axes.
 pub fn figure(blocks: &[Block], name: &str, stroke: Stroke, dt: f64) -> Figure {
     let time = |block: &Block| block.k as f64 * dt;
     let line = |value: &dyn Fn(&Block) -> f64, stroke: Stroke| {
@@ -202,7 +202,7 @@ pub fn figure(blocks: &[Block], name: &str, stroke: Stroke, dt: f64) -> Figure {
     };
     let logarithm = |error: f64| error.max(LEAST).log10();
     let mut figure =
-        Figure::new("Error(k) of the predictor and of C0 over a run in both modes", "time of k [s]")
+        Figure::new("Error(k) of the predictor and of C0 along a run in both modes", "time of k [s]")
             .key(Key::Line(stroke), name)
             .key(Key::Line(style::PERSISTENCE_LINE), "C0, the perfect model of low speed")
             .panel(

@@ -1,9 +1,8 @@
-//! A whole study from a few files: records are simulated, models learned, figures drawn, claims judged, and all of it shown on
-//! one page.
+//! A study: simulated records, models, experiments, figures, verdicts on claims, and a page.
 //!
-//! [`Plan`] is the study as data, [`Store`] keeps what was made, [`run`] makes the rest. A study that was interrupted or killed
-//! goes on where it stopped, and comes to the same page: each result depends on its settings, records and models alone, and is
-//! written whole or not at all. What differs from machine to machine are times.
+//! [`Plan`] is the study as data, [`Store`] caches results, and [`run`] computes them. A killed study continues where
+//! it stopped and gives the same page: a result depends on its options, records and models only, and files are written
+//! atomically. Only computing times differ between machines.
 
 mod claims;
 mod error;
@@ -35,52 +34,52 @@ pub use experiment::Kind;
 pub use plan::{Bound, Claim, Drive, Experiment, ModelPlan, Plan, Record};
 pub use store::{Key, Store, program};
 
-/// Where a study is.
+/// Progress of a study.
 #[derive(Clone, Copy, Debug)]
 pub struct Told<'a> {
-    /// The experiment at work.
+    /// Current experiment.
     pub experiment: &'a str,
-    /// What is done for it.
+    /// Current task.
     pub what: &'a str,
-    /// Fraction of that which is done.
+    /// Completed fraction of the task.
     pub fraction: f64,
-    /// Experiments that are done.
+    /// Completed experiments.
     pub done: usize,
-    /// Experiments in all.
+    /// Number of experiments.
     pub of: usize,
 }
 
-/// Hears where a study is, from any thread; [`ControlFlow::Break`] asks it to stop.
+/// Progress callback, called from any thread; [`ControlFlow::Break`] stops the study.
 pub type Watch<'a> = &'a (dyn Fn(&Told<'_>) -> ControlFlow<()> + Sync);
 
-/// An experiment that was made.
+/// A completed experiment.
 struct Done<'a> {
     name: &'a String,
     experiment: &'a Experiment,
     outcome: Outcome,
 }
 
-/// What came of a study.
+/// Summary of a study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
-    /// The page.
+    /// Path of the page.
     pub page: PathBuf,
-    /// Whether it is the small version.
+    /// Whether this is the small version.
     pub quick: bool,
-    /// The figures that were measured, by experiment.
+    /// Measured values, by experiment.
     pub measures: BTreeMap<String, BTreeMap<String, f64>>,
-    /// The claims that could be judged.
+    /// Verdicts on the claims.
     pub claims: Vec<Judged>,
-    /// Time that each experiment took this time \[s\].
+    /// Computing time of each experiment in this call \[s\].
     pub seconds: Vec<(String, f64)>,
 }
 
-/// Makes the experiments named in `only`, or all, in a folder: `index.html`, `figures/*.svg`, `data/*.csv` and `*.json`; what
-/// can be used again is kept in `cache`. `program` is a fingerprint of what makes the results ([`program()`]), `command`
-/// what makes one of them alone, but for its name. Of a part of the study the page has its name, and that of the whole stays.
+/// Runs the experiments in `only`, or all, and writes `index.html`, `figures/*.svg`, `data/*.csv` and `*.json` into a
+/// folder; results are stored in `cache`. `program` is a fingerprint of the program ([`program()`]), `command` the
+/// command for one experiment without its name. A partial study writes a page named after its experiments.
 ///
 /// # Errors
-/// If something is named that is not there, a part cannot be made or written, or the work is stopped.
+/// If a name is unknown, a result cannot be computed or written, or the study is cancelled.
 pub fn run(
     plan: &Plan,
     only: &[String],
@@ -121,7 +120,7 @@ pub fn run(
     for done in &done {
         files(done, folder)?;
     }
-    // Of a part of the study only that part is rewritten: the page of the whole stays.
+    // A partial study does not overwrite the page of the whole study.
     let page = match only {
         [] => {
             json(&folder.join("data/claims.json"), &claims)?;
@@ -134,7 +133,7 @@ pub fn run(
     Ok(Summary { page, quick: plan.quick, measures, claims, seconds })
 }
 
-/// All that is told of an experiment in numbers.
+/// The data file of an experiment.
 #[derive(Serialize)]
 struct Numbers<'a> {
     experiment: &'a Experiment,
@@ -143,7 +142,6 @@ struct Numbers<'a> {
     tables: Vec<&'a Sheet>,
 }
 
-/// The figures and the numbers of an experiment.
 fn files(done: &Done<'_>, folder: &Path) -> Result<(), StudyError> {
     for shown in &done.outcome.pictures {
         let svg = match &shown.picture {

@@ -7,17 +7,17 @@ use serde::Serialize;
 
 use hydroid_report::figure::Figure;
 
-/// A number or a word of a table.
+/// A table cell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(super) enum Cell {
-    /// A number, as it is.
+    /// A number.
     Number(f64),
-    /// How many.
+    /// A count.
     Count(usize),
-    /// Words.
+    /// Text.
     Text(String),
-    /// There is none: a dash on the page, nothing in a file.
+    /// Missing: a dash on the page, empty in a file.
     Nothing,
 }
 
@@ -45,10 +45,9 @@ impl From<String> for Cell {
     }
 }
 
-/// Rows under headings, which carry their units in brackets.
+/// A table; its headings contain the units in brackets.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Sheet {
-    /// Name of its file.
     pub(super) name: String,
     pub(super) columns: Vec<String>,
     pub(super) rows: Vec<Vec<Cell>>,
@@ -64,7 +63,7 @@ impl Sheet {
         self.rows.push(cells);
     }
 
-    /// As CSV; words with commas are put in quotation marks.
+    /// As CSV; text with commas is quoted.
     pub(super) fn csv(&self) -> String {
         let quoted = |text: &str| {
             if text.contains([',', '"', '\n']) {
@@ -82,32 +81,30 @@ impl Sheet {
                 Cell::Text(text) => quoted(text),
                 Cell::Nothing => String::new(),
             });
-            // Writing to a string does not fail.
             let _ = writeln!(csv, "{}", cells.collect::<Vec<_>>().join(","));
         }
         csv
     }
 }
 
-/// A picture: drawn from data, or a drawing of its own.
+/// A picture.
 #[derive(Clone, Debug)]
 pub(super) enum Picture {
-    /// A figure over an axis.
+    /// A figure with axes.
     Chart(Box<Figure>),
     /// An `<svg>` element.
     Drawing(String),
 }
 
-/// A picture with its words.
+/// A picture with its caption.
 #[derive(Clone, Debug)]
 pub(super) struct Shown {
-    /// Name of its file.
     pub(super) name: String,
     pub(super) picture: Picture,
     pub(super) caption: String,
 }
 
-/// A table that the page shows, rounded to so many digits.
+/// A table for the page, rounded to significant digits.
 #[derive(Clone, Debug)]
 pub(super) struct Tabled {
     pub(super) sheet: Sheet,
@@ -119,11 +116,11 @@ pub(super) struct Tabled {
 pub(super) struct Outcome {
     pub(super) pictures: Vec<Shown>,
     pub(super) tables: Vec<Tabled>,
-    /// All numbers behind the pictures.
+    /// All numbers of the pictures.
     pub(super) sheets: Vec<Sheet>,
-    /// Figures by name that claims are judged by.
+    /// Measured values by name, for the claims.
     pub(super) measures: BTreeMap<String, f64>,
-    /// What must be said of how it went.
+    /// Remarks for the page.
     pub(super) remarks: Vec<String>,
 }
 

@@ -11,12 +11,11 @@ use super::{Done, StudyError};
 use hydroid_report::number;
 use hydroid_report::page::{Section, columns, figure, page, table_of};
 
-/// A table of no more columns than this stands beside a figure.
+/// Largest number of columns of a table beside a figure.
 const BESIDE: usize = 6;
-/// A table of more rows than this is folded.
+/// Longer tables are folded.
 const LONG: usize = 40;
 
-/// The page.
 pub(super) fn write(
     plan: &Plan,
     done: &[Done<'_>],
@@ -42,7 +41,7 @@ fn summary(plan: &Plan, done: &[Done<'_>], claims: &[Judged]) -> Markup {
         p.kicker { "hydroid thesis" @if plan.quick { " --quick" } }
         h1 { "Identification, online adaptation and control of a surface vessel" }
         p {
-            "This study repeats the experiments of the master's thesis “The application of learning techniques to improve the control of surface vehicles” from the simulated records to its table 1, and adds comparisons of hydroid. There are two vessels: a simple boat, and a hydrofoil with a displacement mode and a flying mode. There are three kinds of model: sparse equations (SINDy), a network that predicts 20 steps at once, and recurrent networks whose weights an extended Kalman filter adapts online."
+            "This study repeats the experiments of the master's thesis “The application of learning techniques to improve the control of surface vehicles”, from the simulated records to its table 1. It adds comparisons with hydroid. There are two vessels: a simple boat, and a hydrofoil with a displacement mode and a flying mode. There are three kinds of model: sparse equations (SINDy), networks that predict 20 steps at once, and recurrent networks. An extended Kalman filter adapts the weights of the recurrent networks online."
         }
         @if plan.quick {
             p.nothing { "This is the small version, with short records, few epochs and one seed. Its values do not measure what the methods can do." }
@@ -50,11 +49,11 @@ fn summary(plan: &Plan, done: &[Done<'_>], claims: &[Judged]) -> Markup {
         @if !claims.is_empty() {
             p {
                 strong { (count(Holds::Reproduced)) " claims are reproduced, " (count(Holds::InPart)) " in part, " (count(Holds::NotReproduced)) " are not." @if count(Holds::NotMeasured) > 0 { " " (count(Holds::NotMeasured)) " could not be measured." } }
-                " The thesis states its claims in words; each verdict compares one measured value with bounds that hydroid has set. " a href="#claims" { "The bounds and the reasons" } " are at the end of the page."
+                " The thesis states its claims in words. Each verdict compares one measured value, for the stated output, with bounds that hydroid has set. " a href="#claims" { "The bounds and the reasons" } " are at the end of the page."
             }
             (claims_table(claims, false))
         } @else {
-            p { (done.len()) " experiments without a claim of the thesis." }
+            p { (done.len()) " experiments. None of them decides a claim of the thesis." }
         }
     }
 }
@@ -208,7 +207,7 @@ fn record(plan: &Plan, name: &str) -> String {
     )
 }
 
-/// The settings of a network or of equations that differ from the defaults, as in the file.
+/// Options that differ from the defaults, as in the file.
 fn settings<T: Serialize + Default>(said: &T) -> String {
     let [said, usual] = [said, &T::default()].map(|settings| serde_json::to_value(settings).ok());
     let said = said.as_ref().and_then(Value::as_object).into_iter().flatten();

@@ -1,11 +1,11 @@
-//! One visual language: the same colour for the same model everywhere.
+//! Titles, colours and line styles of the models.
 
 use plotters::style::RGBColor;
 
 use hydroid_report::figure::{Dash, Stroke};
 use hydroid_report::style;
 
-/// The kind of model that a name begins with, its words and its colour (Okabe and Ito 2008).
+/// Prefix of the name, title and colour (Okabe and Ito 2008) of each kind of model.
 const MODELS: [(&str, &str, RGBColor); 7] = [
     ("affine", "control-affine network", RGBColor(0x56, 0xb4, 0xe9)),
     ("lstm", "LSTM", RGBColor(0x00, 0x72, 0xb2)),
@@ -20,22 +20,20 @@ fn kind(model: &str) -> Option<&'static (&'static str, &'static str, RGBColor)> 
     MODELS.iter().find(|(start, ..)| model.starts_with(start))
 }
 
-/// What a model is called on the page.
+/// Title of a model.
 pub(super) fn title(model: &str) -> String {
     kind(model).map_or_else(|| model.to_owned(), |(_, title, _)| (*title).to_owned())
 }
 
-/// Its colour.
 pub(super) fn colour(model: &str) -> RGBColor {
     kind(model).map_or(style::MODEL, |(.., colour)| *colour)
 }
 
-/// The line of a model.
 pub(super) fn line(model: &str) -> Stroke {
     Stroke { colour: colour(model), width: 2.0, dash: Dash::Solid }
 }
 
-/// The line of a model that is frozen, filtered or adapted.
+/// Line of a frozen, filtered or adapted model.
 pub(super) fn way(way: &str, model: &str) -> Stroke {
     match way {
         "frozen" => style::PERSISTENCE_LINE,

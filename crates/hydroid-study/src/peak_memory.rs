@@ -1,14 +1,14 @@
-//! How much memory the process has used at the most, where the system tells.
+//! Peak memory of the process, on Linux.
 
 use std::fs;
 
-/// Forgets the largest memory so far, so that the next [`mb`] is that of what comes between.
+/// Resets the peak, so that the next [`mb`] covers the time in between.
 pub(super) fn reset() {
-    // 5 resets the peak of the resident set (proc(5), clear_refs). Where it cannot, the peak is that of all before too.
+    // 5 resets the peak of the resident set (proc(5), clear_refs). Without it, the peak includes earlier work.
     let _ = fs::write("/proc/self/clear_refs", "5");
 }
 
-/// Largest resident memory since the last [`reset`] \[MB\]; nothing where the system does not tell (other than Linux).
+/// Peak resident memory since the last [`reset`] \[MB\]; `None` on other systems.
 pub(super) fn mb() -> Option<f64> {
     of(&fs::read_to_string("/proc/self/status").ok()?)
 }
@@ -31,7 +31,7 @@ mod tests {
 
     #[test]
     fn what_is_used_shows() {
-        // Written to, so that it is there; other tests of this process may use more.
+        // Written, so that the pages are resident; other tests of this process may use more.
         let filled = vec![1u8; 256 << 20];
         let Some(peak) = mb() else { return };
         assert!(filled.iter().map(|&x| u64::from(x)).sum::<u64>() == 256 << 20 && peak > 256.0, "{peak} MB");

@@ -1,8 +1,7 @@
-//! The study as data: records, models and experiments, each a few lines of TOML.
+//! The study as data: records, models, claims and experiments as TOML.
 //!
-//! `records.toml` says what is simulated, `models.toml` what is learned from it, `claims.toml` what is claimed of the results;
-//! every other file is an experiment, named after the file. A table `quick` in any of them has what the small version does
-//! otherwise.
+//! `records.toml`, `models.toml` and `claims.toml` define records, models and claims; every other file is an experiment
+//! with the name of the file. A table `quick` contains the values of the small version.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,7 +14,7 @@ use super::experiment::Kind;
 use hydroid::identify::{GivenRanges, Method, NetworkOptions, SindyOptions};
 use hydroid::toml_file;
 
-/// The files that are built in, name and text.
+/// Built-in files: name and text.
 const BUILT_IN: [(&str, &str); 17] = [
     ("records.toml", include_str!("../experiments/records.toml")),
     ("models.toml", include_str!("../experiments/models.toml")),
@@ -36,15 +35,15 @@ const BUILT_IN: [(&str, &str); 17] = [
     ("table1.toml", include_str!("../experiments/table1.toml")),
 ];
 
-/// What drives a simulated run.
+/// Excitation of a simulated run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Drive {
     /// Shapes over the full range of both commands.
     Mixed,
-    /// The same, slow enough to stay below the change of mode.
+    /// The same shapes, slow enough to stay below the change of mode.
     LowSpeed,
-    /// Parallel legs, steered in closed loop.
+    /// Parallel legs in closed loop.
     LawnMower,
 }
 
@@ -54,21 +53,21 @@ pub enum Drive {
 pub struct Record {
     /// `simple` or `hydrofoil`.
     pub plant: String,
-    /// What drives it.
+    /// Excitation.
     pub excitation: Drive,
-    /// Its length \[s\]; a lawn-mower ends after its last leg.
+    /// Duration \[s\]; a lawn-mower run ends after its last leg.
     pub duration_s: f64,
     /// Sample time \[s\].
     #[serde(default = "tenth")]
     pub dt_s: f64,
     /// Seed of commands and noise.
     pub seed: u64,
-    /// Of a lawn-mower: the speed of each leg \[m/s\].
+    /// Speed of each leg of a lawn-mower run \[m/s\].
     #[serde(default)]
     pub speeds: Vec<f64>,
-    /// Of a lawn-mower: the length of a leg \[m\].
+    /// Length of a leg \[m\].
     pub leg_m: Option<f64>,
-    /// Of a lawn-mower: the distance between legs \[m\].
+    /// Distance between legs \[m\].
     pub spacing_m: Option<f64>,
 }
 
@@ -76,32 +75,32 @@ const fn tenth() -> f64 {
     0.1
 }
 
-/// What is learned, and from what.
+/// A model and its records.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelPlan {
-    /// By what it is found.
+    /// Method.
     pub method: Method,
-    /// The record that it is learned from.
+    /// Training record.
     pub train: String,
-    /// The record on which it is chosen.
+    /// Validation record.
     pub validate: String,
-    /// The record on which it is judged.
+    /// Test record.
     pub test: String,
-    /// One model for each.
+    /// Seeds, one model each.
     pub seeds: Vec<u64>,
     /// Longest horizon \[samples\].
     pub horizon: usize,
-    /// What is predicted.
+    /// Outputs.
     #[serde(default = "motion")]
     pub outputs: Vec<String>,
-    /// Ranges that it is meant for.
+    /// Design ranges.
     #[serde(default)]
     pub ranges: GivenRanges,
-    /// Settings of a network.
+    /// Options of a network.
     #[serde(default)]
     pub network: NetworkOptions,
-    /// Settings of equations.
+    /// Options of sparse regression.
     #[serde(default)]
     pub sindy: SindyOptions,
 }
@@ -110,50 +109,50 @@ fn motion() -> Vec<String> {
     ["u", "v", "r"].map(String::from).to_vec()
 }
 
-/// A question, and what is done to answer it.
+/// An experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// Its heading.
+    /// Heading.
     pub title: String,
-    /// What is asked, and how to read the answer.
+    /// Question, and how to read the result.
     pub text: String,
-    /// What is done.
+    /// Kind and options.
     pub run: Kind,
 }
 
-/// Something that the thesis says, and what decides whether it is so.
+/// A claim of the thesis with its bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
-    /// What is claimed.
+    /// Text of the claim.
     pub claim: String,
-    /// The experiment that measures it.
+    /// Name of the experiment.
     pub experiment: String,
-    /// The figure of it that decides.
+    /// Name of the measured value.
     pub measure: String,
-    /// The claim is reproduced where the figure is at most (at least) this.
+    /// Bound of *reproduced*.
     pub reproduced: Bound,
-    /// It is reproduced in part where the figure is at most (at least) this.
+    /// Bound of *in part*.
     pub partly: Bound,
-    /// What the figure is.
+    /// Description of the measured value.
     pub measured: String,
-    /// Why the verdict is what it is.
+    /// Reason for the verdict.
     pub because: String,
 }
 
-/// A bound on a figure.
+/// A bound on a measured value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bound {
-    /// The figure may be no larger.
+    /// Upper bound.
     AtMost(f64),
-    /// The figure may be no smaller.
+    /// Lower bound.
     AtLeast(f64),
 }
 
 impl Bound {
-    /// Whether a figure keeps it; one that is no number does not.
+    /// Whether a value is within the bound; false for NaN.
     pub fn holds(self, figure: f64) -> bool {
         match self {
             Self::AtMost(most) => figure <= most,
@@ -161,7 +160,7 @@ impl Bound {
         }
     }
 
-    /// In words.
+    /// The bound in words.
     pub fn words(self) -> String {
         match self {
             Self::AtMost(most) => format!("≤ {most}"),
@@ -169,7 +168,7 @@ impl Bound {
         }
     }
 
-    /// By what factor a figure keeps it; below 1 where it does not.
+    /// Ratio of value and bound, at least 1 within the bound.
     pub fn margin(self, figure: f64) -> f64 {
         match self {
             Self::AtMost(most) => most / figure,
@@ -178,7 +177,7 @@ impl Bound {
     }
 }
 
-/// All of it.
+/// A study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Records by name.
@@ -187,13 +186,13 @@ pub struct Plan {
     pub models: BTreeMap<String, ModelPlan>,
     /// Experiments by name, in the order of the page.
     pub experiments: Vec<(String, Experiment)>,
-    /// What is judged.
+    /// Claims.
     pub claims: Vec<Claim>,
     /// Whether this is the small version.
     pub quick: bool,
 }
 
-/// The order of the page; what is not named here comes behind, by name.
+/// Order of the page; other experiments follow by name.
 const ORDER: [&str; 14] = [
     "fig1",
     "fig2",
@@ -218,19 +217,19 @@ struct Claims {
 }
 
 impl Plan {
-    /// The plan that is built in.
+    /// The built-in plan.
     ///
     /// # Errors
-    /// If a file of it is not sound, which the tests exclude.
+    /// If a built-in file is invalid; tests exclude this.
     pub fn built_in(quick: bool) -> Result<Self, StudyError> {
         let files = BUILT_IN.iter().map(|(name, text)| (PathBuf::from(name), (*text).to_owned()));
         Self::of(files.collect(), quick)
     }
 
-    /// The plan in a folder, all of whose `.toml` files are read.
+    /// The plan in a folder: all of its `.toml` files.
     ///
     /// # Errors
-    /// If the folder or a file of it cannot be read, or says what cannot be.
+    /// If the folder or a file cannot be read, or an entry is invalid.
     pub fn read(folder: &Path, quick: bool) -> Result<Self, StudyError> {
         let unreadable = |source| StudyError::Folder { path: folder.to_owned(), source };
         let mut files = Vec::new();
@@ -245,10 +244,10 @@ impl Plan {
         Self::of(files, quick)
     }
 
-    /// Writes the files that are built in, to be edited.
+    /// Writes the built-in files for editing.
     ///
     /// # Errors
-    /// If a file cannot be written, or one of the name is there that says something else.
+    /// If a file cannot be written, or exists with other content.
     pub fn write(folder: &Path) -> Result<(), StudyError> {
         for (name, text) in BUILT_IN {
             let path = folder.join(name);
@@ -283,7 +282,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Whether all that is named is there.
+    /// Checks that all names are known.
     fn check(&self) -> Result<(), StudyError> {
         if self.experiments.is_empty() {
             return Err(StudyError::Nothing);
@@ -310,12 +309,7 @@ impl Plan {
         }
         let experiments: Vec<String> = self.experiments.iter().map(|(name, _)| name.clone()).collect();
         for claim in &self.claims {
-            known(
-                &format!("the claim '{}'", claim.claim),
-                "experiment",
-                &claim.experiment,
-                experiments.iter(),
-            )?;
+            known(&format!("claim '{}'", claim.claim), "experiment", &claim.experiment, experiments.iter())?;
         }
         Ok(())
     }
@@ -339,7 +333,7 @@ fn known<'a>(
     })
 }
 
-/// A file with a table for each name, each of which may have a small version.
+/// A file with one table per name, each with an optional `quick`.
 fn named<T: DeserializeOwned>(
     text: &str,
     path: &Path,
@@ -354,7 +348,7 @@ fn named<T: DeserializeOwned>(
     tables.into_iter().map(small).collect()
 }
 
-/// A file that may have a small version.
+/// A file with an optional `quick`.
 fn small<T: DeserializeOwned>(text: &str, path: &Path, quick: bool) -> Result<T, StudyError> {
     let mut table: toml::Table = toml_file::parse(text, path)?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -363,7 +357,7 @@ fn small<T: DeserializeOwned>(text: &str, path: &Path, quick: bool) -> Result<T,
 }
 
 fn wrong(text: &str, path: &Path, name: &str, error: &toml::de::Error) -> StudyError {
-    // A table that was merged has lost its lines: the heading is the nearest that is known.
+    // A merged table has no line numbers; its heading is the nearest known position.
     let heading = text.lines().position(|line| line.trim() == format!("[{name}]")).map_or(1, |i| i + 1);
     StudyError::Entry {
         path: path.to_owned(),
@@ -373,7 +367,7 @@ fn wrong(text: &str, path: &Path, name: &str, error: &toml::de::Error) -> StudyE
     }
 }
 
-/// Takes the table `quick` out, and puts what it says in place where that is asked for.
+/// Removes the table `quick`, and applies its values if `quick` is set.
 fn apply_quick(table: &mut toml::Table, quick: bool) {
     let Some(toml::Value::Table(other)) = table.remove("quick") else { return };
     if quick {

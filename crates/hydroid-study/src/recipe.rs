@@ -1,18 +1,12 @@
-//! The thesis's recipe for sparse equations on the hydrofoil, setting by setting: a polynomial library in `u, v, r` and the two
-//! commands, derivatives by differences, thresholded least squares (STLSQ). The propeller force is not measured. What the
-//! thesis leaves open is varied:
+//! Sparse equations of the hydrofoil with the settings of the thesis: a polynomial library in `u, v, r` and the two
+//! commands, derivatives by finite differences, sequentially thresholded least squares (STLSQ). The propeller force is
+//! not measured. Settings that the thesis does not state are varied:
 //!
-//! - the differences: central, or smoothed (the slope of a parabola through 11 or 51 samples, Savitzky and Golay 1964);
-//! - the threshold, from none to 0.5, on the coefficients as they stand;
-//! - the unit of the propeller command: newtons, where its coefficient in `du/dt` is about 0.005, or 100 N.
+//! - differences: central, or smoothed (slope of a parabola through 11 or 51 samples, Savitzky and Golay 1964);
+//! - threshold on the unscaled coefficients, from 0 to 0.5;
+//! - unit of the propeller command: N, for which its coefficient in `du/dt` is about 0.005, or 100 N.
 //!
-//! Judged by rollouts from true states against the truth. Verdicts:
-//!
-//! - *collapsed*: no terms are left;
-//! - *diverges*: a rollout left ten times the range of the training data;
-//! - *lost its propeller*: no term of `du/dt` has the propeller command;
-//! - *hardly better than persistence*: at 100 steps the error of an output is more than half of that of persistence;
-//! - *works moderately*: none of these.
+//! Rollouts start from true states and are compared with the truth. Each setting has a [`Verdict`].
 
 use std::fmt;
 use std::sync::Arc;
@@ -30,20 +24,20 @@ use hydroid::sindy::{
     Constraints, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling, Variables,
 };
 
-/// Differences of the recipe.
+/// Differences.
 pub const DIFFERENCES: [(&str, RegressionForm); 3] = [
     ("central", RegressionForm::Central),
     ("smoothed, 11", RegressionForm::Smoothed { half: 5 }),
     ("smoothed, 51", RegressionForm::Smoothed { half: 25 }),
 ];
-/// Thresholds of the recipe.
+/// Thresholds.
 pub const THRESHOLDS: [f64; 8] = [0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5];
 /// Units of the propeller command \[N\].
 pub const UNITS: [(&str, f64); 2] = [("N", 1.0), ("100 N", 100.0)];
 /// Horizons of the table \[samples\].
 pub const HORIZONS: [usize; 2] = [20, 100];
 
-/// What became of a setting.
+/// Verdict on a setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Verdict {
     /// No terms are left.
@@ -70,13 +64,13 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// Errors at [`HORIZONS`], output by output.
+/// Errors at [`HORIZONS`], by output.
 pub type Errors = [Vec<f64>; 2];
 
-/// One setting of the recipe, and what became of it.
+/// A setting and its result.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
-    /// Of the polynomials.
+    /// Degree of the polynomials.
     pub degree: u8,
     /// One of [`DIFFERENCES`].
     pub difference: String,
@@ -84,22 +78,22 @@ pub struct Row {
     pub unit: String,
     /// One of [`THRESHOLDS`].
     pub threshold: f64,
-    /// Terms that are left.
+    /// Number of terms.
     pub terms: usize,
-    /// Mean absolute errors; none where every rollout diverged.
+    /// Mean absolute errors; `None` if every rollout diverged.
     pub errors: Option<Errors>,
-    /// Rollouts that diverged.
+    /// Number of diverged rollouts.
     pub diverged: usize,
-    /// Rollouts.
+    /// Number of rollouts.
     pub windows: usize,
-    /// In a word.
+    /// Verdict.
     pub verdict: Verdict,
 }
 
-/// Rollouts from true states against the truth.
+/// Evaluates rollouts from true states against the truth.
 ///
 /// # Errors
-/// If the run is shorter than a rollout, or has no truth.
+/// If the run is too short for a rollout, or has no truth.
 pub fn judged(
     session: &mut dyn Predictor,
     ranges: &[DesignRange],
@@ -115,12 +109,12 @@ pub fn judged(
     Ok(evaluate("sindy", session, ranges, &[test], &options, &mut silent())?)
 }
 
-/// Errors at [`HORIZONS`].
+/// Selects the errors at [`HORIZONS`].
 pub fn errors(table: &[Vec<f64>]) -> Errors {
     HORIZONS.map(|horizon| table[horizon - 1].clone())
 }
 
-/// Whether the equation of the first output has the command.
+/// Whether the equation of the first output contains the input.
 fn has_input(equations: &Equations, input: usize) -> bool {
     let variable = equations.outputs() + input;
     let mut terms = equations.terms().iter().enumerate();
@@ -130,10 +124,10 @@ fn has_input(equations: &Equations, input: usize) -> bool {
     })
 }
 
-/// The recipe on some of its settings: learned from one run, judged on another.
+/// Fits settings on one run and evaluates them on another.
 ///
 /// # Errors
-/// If a run is too short for its library or a rollout.
+/// If a run is too short for its library or for a rollout.
 pub fn recipe(
     train: &Trajectory,
     test: &Trajectory,

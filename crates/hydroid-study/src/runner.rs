@@ -1,4 +1,4 @@
-//! What experiments share: records and models, each made when it is first asked for.
+//! Records and models of the experiments, computed on first use.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -18,17 +18,17 @@ use hydroid::model::{Model, Reading};
 use hydroid::progress::Cancelled;
 use hydroid::simulate::{self, Simulated, simulate};
 
-/// A simulated log, under its key.
+/// A simulated log with its key.
 #[derive(Debug)]
 pub(super) struct LoadedRecord {
     pub(super) name: String,
     pub(super) key: Key,
     pub(super) simulated: Simulated,
-    /// `u`, `v`, `r` with their truth.
+    /// Outputs `u`, `v`, `r` with truth.
     pub(super) run: Trajectory,
 }
 
-/// A model from one seed, under its key.
+/// A model of one seed with its key.
 #[derive(Debug)]
 pub(super) struct Learned {
     pub(super) key: Key,
@@ -37,23 +37,23 @@ pub(super) struct Learned {
     pub(super) about: About,
 }
 
-/// What is told of a model beside itself.
+/// Training data of a model.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct About {
-    /// Time that finding it took \[s\].
+    /// Training time \[s\].
     pub(super) seconds: f64,
-    /// Largest memory of the process meanwhile \[MB\], where the system tells.
+    /// Peak memory of the process during training \[MB\], if known.
     pub(super) peak_mb: Option<f64>,
 }
 
-/// Where experiments are made.
+/// Context of the experiments.
 pub(super) struct Runner<'a> {
     plan: &'a Plan,
     pub(super) store: &'a Store,
     watch: Watch<'a>,
-    /// Experiments before this one, and all of them.
+    /// Number of earlier experiments, and of all.
     pub(super) place: (usize, usize),
-    /// The name of the one at work.
+    /// Name of the current experiment.
     pub(super) at: String,
     records: Mutex<BTreeMap<String, Arc<LoadedRecord>>>,
     models: Mutex<BTreeMap<String, Arc<Vec<Learned>>>>,
@@ -69,7 +69,7 @@ impl<'a> Runner<'a> {
         self.plan
     }
 
-    /// Tells what is at work, and hears whether to go on.
+    /// Reports progress; an error if the study is cancelled.
     pub(super) fn tell(&self, what: &str, fraction: f64) -> Result<(), Cancelled> {
         let told = Told { experiment: &self.at, what, fraction, done: self.place.0, of: self.place.1 };
         match (self.watch)(&told) {
@@ -78,7 +78,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The same, for work that takes a callback.
+    /// Progress as a callback.
     pub(super) fn progress<'b>(&'b self, what: &'b str) -> impl FnMut(f64) -> ControlFlow<()> + 'b {
         |fraction| match self.tell(what, fraction) {
             Ok(()) => ControlFlow::Continue(()),
@@ -86,12 +86,11 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Why the experiment at work cannot be made.
+    /// An error of the current experiment.
     pub(super) fn cannot(&self, why: impl std::fmt::Display) -> StudyError {
         StudyError::Cannot { name: self.at.clone(), why: why.to_string() }
     }
 
-    /// A record by its name.
     pub(super) fn record(&self, name: &str) -> Result<Arc<LoadedRecord>, StudyError> {
         let there = |records: &Mutex<BTreeMap<String, Arc<LoadedRecord>>>| {
             records.lock().unwrap_or_else(PoisonError::into_inner).get(name).map(Arc::clone)
@@ -112,19 +111,20 @@ impl<'a> Runner<'a> {
         Ok(loaded)
     }
 
-    /// Whether a model can walk along a record: the same outputs and inputs, and the same sample time.
+    /// Checks that model and record have the same outputs, inputs and sample time.
     pub(super) fn fits(&self, learned: &Learned, loaded: &LoadedRecord) -> Result<(), StudyError> {
         let fits = learned.model.check(std::slice::from_ref(&loaded.run));
-        fits.map_err(|error| self.cannot(format_args!("a model on the record '{}': {error}", loaded.name)))
+        fits.map_err(|error| {
+            self.cannot(format_args!("a model does not fit the record '{}': {error}", loaded.name))
+        })
     }
 
-    /// Several records by their names.
     pub(super) fn records(&self, names: &[String]) -> Result<Vec<Arc<LoadedRecord>>, StudyError> {
         names.iter().map(|name| self.record(name)).collect()
     }
 
-    /// The models of a name, one for each seed. They are trained one after the other, each on all cores, so that the times
-    /// that are told are those of a training that has the machine for itself.
+    /// The models of a name, one per seed. They are trained sequentially, each on all cores, so that training times are
+    /// comparable.
     pub(super) fn models(&self, name: &str) -> Result<Arc<Vec<Learned>>, StudyError> {
         if let Some(models) = self.models.lock().unwrap_or_else(PoisonError::into_inner).get(name) {
             return Ok(Arc::clone(models));
@@ -188,7 +188,7 @@ impl<'a> Runner<'a> {
         Ok(Learned { key, seed, model, about })
     }
 
-    /// A result for each of some things, those that are not kept made side by side.
+    /// A result for each item; results that are not in the store are computed in parallel.
     pub(super) fn each<I, T>(
         &self,
         what: &str,
@@ -212,7 +212,7 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// How a record is simulated.
+/// Simulation options of a record.
 fn options(record: &Record) -> Result<simulate::Options, StudyError> {
     let vessel =
         simulate::built_in(&record.plant).ok_or_else(|| StudyError::missing("plant", &record.plant))?;

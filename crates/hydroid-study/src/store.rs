@@ -1,8 +1,7 @@
-//! Results that are kept, each under a fingerprint of all that it depends on.
+//! Store of results, each under a fingerprint of its dependencies.
 //!
-//! A result is read back instead of made where the same was made before: of the same settings, from the same records and
-//! models, by the same program. Files are written whole or not at all, so that whatever is there can be trusted after a
-//! process was killed; one that cannot be read is made again.
+//! A result is read back if it was computed before with the same options, records, models and program. Files are
+//! written atomically, so that a killed process leaves no partial file; an unreadable file is computed again.
 
 use std::fmt::Debug;
 use std::path::{Path, PathBuf};
@@ -15,11 +14,11 @@ use hydroid::atomic;
 use hydroid::fingerprint::Fingerprint;
 use hydroid::model::{self, Model};
 
-/// A fingerprint of a result and all that it depends on.
+/// Fingerprint of a result and its dependencies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Key(u64);
 
-/// A folder of results.
+/// A folder of stored results.
 #[derive(Clone, Debug)]
 pub struct Store {
     folder: PathBuf,
@@ -27,14 +26,13 @@ pub struct Store {
 }
 
 impl Store {
-    /// In a folder; `program` is a fingerprint of what makes the results.
+    /// Opens a folder; `program` is a fingerprint of the program.
     pub fn new(folder: impl Into<PathBuf>, program: u64) -> Self {
         Self { folder: folder.into(), program }
     }
 
-    /// The key of something that is described by `what` and depends on others.
-    ///
-    /// It is made of the words of `Debug`: JSON knows no infinity.
+    /// Key of a result described by `what` with dependencies `on`. It hashes the `Debug` text, because JSON has no
+    /// infinity.
     pub(super) fn key(&self, kind: &str, what: &impl Debug, on: &[Key]) -> Key {
         let mut hash = Fingerprint::new();
         hash.word(self.program);
@@ -50,7 +48,7 @@ impl Store {
         self.folder.join(format!("{name}-{:016x}.{extension}", key.0))
     }
 
-    /// The result under a key, made if it is not there.
+    /// The result of a key, computed if it is not stored.
     pub(super) fn get<T: Serialize + DeserializeOwned>(
         &self,
         name: &str,
@@ -63,15 +61,15 @@ impl Store {
         }
         let made = make()?;
         write(&path, &made)?;
-        // What is read back is what others will see: a number that JSON has not would show here and not a run later.
+        // Reading back the file reveals non-finite numbers at once, and not in a later run.
         kept(&path).ok_or_else(|| {
             StudyError::Result(format!(
-                "the result '{name}' has numbers that cannot be kept (NaN or infinite)"
+                "the result '{name}' contains numbers that cannot be stored (NaN or infinite)"
             ))
         })
     }
 
-    /// The model under a key with what is told of it, made if they are not there.
+    /// The model of a key with its training data, computed if they are not stored.
     pub(super) fn model<T: Serialize + DeserializeOwned>(
         &self,
         name: &str,
@@ -85,7 +83,7 @@ impl Store {
         let (made, about) = make()?;
         model::write(&made, &path)?;
         write(&told, &about)?;
-        // The same from a file as from memory: a second run must not differ.
+        // Reading back the file makes first and later runs identical.
         let model = model::read(&path).map_err(|error| StudyError::Result(error.to_string()))?;
         Ok((model, about))
     }
@@ -101,14 +99,14 @@ fn kept<T: DeserializeOwned>(path: &Path) -> Option<T> {
     serde_json::from_slice(&std::fs::read(path).ok()?).ok()
 }
 
-/// A fingerprint of the program that runs: its own file, byte for byte.
+/// Fingerprint of the running program: hash of its executable.
 pub fn program() -> u64 {
     let mut hash = Fingerprint::new();
     hash.text(env!("CARGO_PKG_VERSION"));
     if let Ok(bytes) = std::env::current_exe().and_then(std::fs::read) {
         hash.bytes(&bytes);
     } else {
-        // Not known: then no result is of this program but those that it makes now.
+        // Unknown executable: only results of this process are reused.
         let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         hash.text(&format!("{now:?} {}", std::process::id()));
     }

@@ -1,4 +1,4 @@
-//! All weights of a direct predictor, learned on the way by steps of Adam on windows that are complete.
+//! Online adaptation of all weights of a direct predictor by Adam on completed windows.
 
 use std::sync::Arc;
 
@@ -7,19 +7,19 @@ use hydroid_core::model::direct::{Batch, Direct, DirectError, DirectSession};
 use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::predict::{Predictor, Workspace};
 
-/// How it learns.
+/// Options of the adaptation.
 pub(crate) struct ReplaySettings {
     /// Step size of Adam.
     pub(crate) rate: f64,
-    /// Windows of a step, the newest among them.
+    /// Windows per step, including the newest.
     pub(crate) batch: usize,
-    /// Steps for each sample.
+    /// Steps per sample.
     pub(crate) steps: usize,
-    /// Windows that are kept.
+    /// Number of stored windows.
     pub(crate) last: usize,
 }
 
-/// A session whose model is made anew from time to time; it is not for use on board, where nothing may allocate.
+/// A session whose model is replaced during the run. It allocates, so it is not for use on board.
 pub(crate) struct Replay {
     session: DirectSession,
     model: Direct,
@@ -29,7 +29,7 @@ pub(crate) struct Replay {
     gradient: Vec<f32>,
     moments: [Vec<f32>; 2],
     step: i32,
-    /// Scaled outputs and commands since the beginning of the run; a window is ready when its horizon is over.
+    /// Scaled outputs and commands since the start of the run. A window is complete when its horizon has passed.
     outputs: Vec<f32>,
     commands: Vec<f32>,
     random: u64,
@@ -37,7 +37,7 @@ pub(crate) struct Replay {
 }
 
 impl Replay {
-    /// From the weights of a model.
+    /// A session with the weights of a model.
     pub(crate) fn new(model: &Arc<Direct>, settings: ReplaySettings) -> Result<Self, DirectError> {
         #[expect(clippy::cast_possible_truncation, reason = "single precision is enough for steps")]
         let weights: Vec<f32> = model.weights.iter().map(|&w| w as f32).collect();
@@ -57,7 +57,6 @@ impl Replay {
         })
     }
 
-    /// Samples of the run so far.
     fn samples(&self) -> usize {
         self.outputs.len() / self.model.outputs()
     }
@@ -69,7 +68,7 @@ impl Replay {
         usize::try_from(self.random % count as u64).unwrap_or(0)
     }
 
-    /// A step on windows that ended at samples between `first` and `last`, the newest among them.
+    /// An Adam step on windows that end at samples from `first` to `last`, including the newest.
     fn adam(&mut self, first: usize, last: usize) {
         let Direct { history: p, horizon: h, .. } = self.model;
         let (n, m) = (self.model.outputs(), self.model.inputs());
@@ -183,7 +182,7 @@ impl Predictor for Replay {
     }
 }
 
-/// As far as this comparison asks for: it walks and is frozen.
+/// The part of the interface that this comparison uses: sessions and freezing.
 impl Learning for Replay {
     fn outcome(&self) -> Outcome {
         Outcome::Waiting

@@ -1,4 +1,4 @@
-//! Logs of the simulated hydrofoil, as hydroid and the reference write them.
+//! Logs of the simulated hydrofoil.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
 
 use super::Failure;
 
-/// Reads one: its outputs `u`, `v`, `r`, or `u_meas` .. where there are none of these names.
+/// Reads a log with outputs `u`, `v`, `r`, or `u_meas` .. if these are missing.
 pub(crate) fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
     let raw = log::read(Path::new(path.as_ref()))?;
     let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };

@@ -1,4 +1,4 @@
-//! A network along a record: frozen, with its state filtered, and learning.
+//! A network along a record: frozen, with its state filtered, and adapted.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,12 +10,12 @@ use hydroid::evaluate::{self, Against, Evaluation};
 /// Longest horizon \[samples\].
 pub(super) const HORIZON: usize = 100;
 
-/// Mean and largest error against the truth, by horizon and output, as [`Evaluation`] has them.
+/// Mean and largest error against the truth, by horizon and output.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Errors {
     pub(super) mean: Vec<Vec<f64>>,
     pub(super) max: Vec<Vec<f64>>,
-    /// Rollouts that diverged; they are in no mean.
+    /// Diverged rollouts, which are excluded from all means.
     pub(super) diverged: usize,
 }
 
@@ -25,16 +25,16 @@ impl Errors {
     }
 }
 
-/// What came of a network along a record.
+/// Result of a network along a record.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Along {
     pub(super) frozen: Errors,
-    /// The state is filtered, the weights are frozen; none for models whose state a measurement enters otherwise.
+    /// State filtered, weights frozen; `None` for models without a state filter.
     pub(super) filtered: Option<Errors>,
     pub(super) adapted: Errors,
 }
 
-/// How a model learns along a record: with the defaults of `hydroid adapt`, with its guard or without.
+/// Options of `hydroid adapt`, with or without guard.
 pub(super) fn options(guarded: bool, learned: &Learned) -> Options {
     let evaluate = evaluate::Options {
         horizon: HORIZON,
@@ -47,7 +47,7 @@ pub(super) fn options(guarded: bool, learned: &Learned) -> Options {
     if guarded { options.guarded(&learned.model) } else { options }
 }
 
-/// A model along a record.
+/// Evaluates a model along a record.
 pub(super) fn adaptation(
     runner: &Runner<'_>,
     learned: &Learned,

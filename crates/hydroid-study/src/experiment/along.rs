@@ -1,4 +1,4 @@
-//! Figure 8: the error of a prediction over time, frozen and adapted, with what the guard did.
+//! Figure 8: prediction error over time, frozen, adapted and guarded, with the actions of the guard.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,12 +16,12 @@ use hydroid::adapt;
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Stroke};
 use hydroid_report::style;
 
-/// Samples between two origins, and before the first.
+/// Origin stride, and first origin \[samples\].
 const STRIDE: usize = 5;
 const WARM_UP: usize = 100;
-/// Where the hydrofoil changes its mode \[m/s\].
+/// Speed of the change of mode of the hydrofoil \[m/s\].
 const TRANSITION: f64 = 2.5;
-/// Errors below it are drawn there.
+/// Smaller errors are drawn at this value.
 const LEAST: f64 = 1e-3;
 /// Half-width of an 80 % band of a normal distribution \[standard deviations\].
 const BAND_80: f64 = 1.281_55;
@@ -30,21 +30,22 @@ const BAND_80: f64 = 1.281_55;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Along {
-    /// The network, of which the first seed is shown.
+    /// The network; its first seed is shown.
     pub model: String,
-    /// What it sails through.
+    /// The record.
     pub record: String,
-    /// Steps ahead.
+    /// Horizon \[samples\].
     pub steps: usize,
 }
 
-/// The walk: time of each origin, errors of frozen, adapted and guarded, and when the guard did what.
+/// Result along a record: times of the origins, errors of frozen, adapted and guarded network, and times of guard
+/// actions.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Walk {
     t: Vec<f64>,
     errors: [Vec<[f64; 3]>; 3],
     switched_s: Vec<f64>,
-    /// What the adapted network says of the outputs, and how sure it is of what will be measured.
+    /// Predicted outputs of the adapted network, and their standard deviations.
     said: Vec<[f64; 3]>,
     deviations: Vec<[f64; 3]>,
     measured: Vec<[f64; 3]>,
@@ -77,7 +78,7 @@ impl Along {
             "error_over_time",
             self.figure(&walk, &loaded),
             format!(
-                "{}, trained at low speed, along {}: the error against the truth of the prediction that was made at that time for {steps} steps ({:.1} s) later, in means over eight origins (4 s). Each take-off is new to the frozen network and known to the adapted one after its first. Vertical lines: the guard changes the model that predicts.",
+                "{}, trained at low speed, along {}: error against the truth of the prediction {steps} steps ({:.1} s) ahead, at the time of its origin, for u, v and r. Curves are means over eight origins (4 s). The frozen network never adapts to flight; the adapted one has been adapted to it after the first take-off. Vertical lines mark the times at which the guard changes the model that predicts.",
                 palette::title(&self.model),
                 self.record,
                 steps as f64 * loaded.run.dt,
@@ -89,14 +90,14 @@ impl Along {
             "bands",
             self.bands(&walk, loaded.run.dt),
             format!(
-                "What the adapted network predicts {steps} steps ahead, with its 80 % band, and what was measured then, around the first flight. Along the whole record the bands of u, v, r hold {:.0} % of the measurements.",
+                "Prediction of the adapted network {steps} steps ahead with its 80 % band, and measurements at the predicted time, around the first flight. Along the whole record the bands of u, v and r together contain {:.0} % of the measurements.",
                 100.0 * coverage
             ),
         );
         outcome.chart(
             "track",
             track(&loaded),
-            format!("The track of {}: afloat grey, flying black.", self.record),
+            format!("Track of {}: grey in displacement mode, black while flying.", self.record),
         );
         let flying = |errors: &[[f64; 3]]| {
             let aloft = walk.t.iter().zip(errors).filter(|(t, _)| speed(&loaded, **t) > TRANSITION);
@@ -160,14 +161,14 @@ impl Along {
         Ok(walk)
     }
 
-    /// Predictions with their bands, from a little before the first take-off on.
+    /// Predictions with bands, around the first take-off.
     fn bands(&self, walk: &Walk, dt: f64) -> Figure {
         let off = walk.measured.iter().position(|y| y[0] > TRANSITION).unwrap_or(0);
         let from = off.saturating_sub(40);
         let to = (from + 160).min(walk.t.len());
         let ahead = self.steps as f64 * dt;
-        let mut figure = Figure::new("Predictions with their bands", "time [s]")
-            .key(Key::Line(palette::line(&self.model)), format!("predicted {ahead:.1} s before"))
+        let mut figure = Figure::new("Predictions with bands", "time [s]")
+            .key(Key::Line(palette::line(&self.model)), format!("predicted {ahead:.1} s earlier"))
             .key(Key::Area(style::BAND), "80 % band")
             .key(Key::Line(style::MEASURED_LINE), "measured");
         for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
@@ -212,7 +213,7 @@ impl Along {
             let mut panel = Panel::new(format!("error of {output} [{unit}]")).decades().height(120.0);
             panel = panel.mark(Mark::Verticals { at: walk.switched_s.clone(), stroke: events });
             for (errors, stroke) in walk.errors.iter().zip(strokes) {
-                // What is between them is noise to the eye.
+                // Smoothed for legibility.
                 let points = smoothed(&walk.t, errors.iter().map(|error| error[c]));
                 panel = panel.mark(Mark::Line(Line::new(points, stroke)));
             }
@@ -223,7 +224,7 @@ impl Along {
 }
 
 impl Walk {
-    /// Share of the measurements that lie in their 80 % band.
+    /// Share of the measurements inside their 80 % band.
     fn coverage(&self) -> f64 {
         let (mut inside, mut all) = (0.0, 0.0);
         for ((said, deviations), measured) in self.said.iter().zip(&self.deviations).zip(&self.measured) {
@@ -236,7 +237,7 @@ impl Walk {
     }
 }
 
-/// Where the vessel went, by mode.
+/// The track, coloured by mode.
 fn track(loaded: &LoadedRecord) -> Figure {
     let states = loaded.simulated.states();
     let part = |flying: bool| {
@@ -268,7 +269,7 @@ fn speed(loaded: &LoadedRecord, t: f64) -> f64 {
     loaded.simulated.states().get(k).map_or(f64::NAN, |state| state.u)
 }
 
-/// Logarithms of means over eight origins.
+/// Logarithms of the means over eight origins.
 fn smoothed(t: &[f64], values: impl Iterator<Item = f64>) -> Vec<(f64, f64)> {
     let values: Vec<f64> = values.collect();
     t.chunks(8)

@@ -1,4 +1,4 @@
-//! Accuracy against the amount of data.
+//! Accuracy against the amount of training data.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,11 +10,11 @@ use super::median;
 use super::table::judged;
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Points, Sign};
 
-/// Methods, each with models from more and more data.
+/// Methods, each trained on records of increasing length.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Amount {
-    /// A line of the figure each.
+    /// One line of the figure per method.
     pub series: Vec<Series>,
 }
 
@@ -22,9 +22,9 @@ pub struct Amount {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Series {
-    /// What it is called.
+    /// Name of the method.
     pub name: String,
-    /// From the least data to the most.
+    /// Models, from the shortest to the longest training record.
     pub models: Vec<String>,
 }
 
@@ -79,9 +79,9 @@ impl Amount {
         outcome.chart(
             "amount",
             figure.panel(panel),
-            "The hydrofoil in both modes: the error of u 2 s ahead, from measured origins against the truth, over the length of the log that was learned from.",
+            "The hydrofoil in both modes: mean absolute error of u, 2 s ahead, against the length of the training log. Rollouts start from measured samples and are compared with the truth. The table contains v and r.",
         );
-        outcome.table(table, "Mean absolute errors on a record that played no part.");
+        outcome.table(table, "Mean absolute errors of u, v and r on the test record.");
         Ok(outcome)
     }
 }

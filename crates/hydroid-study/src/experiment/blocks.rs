@@ -1,4 +1,4 @@
-//! Figure 5: Error(k) of direct predictors beside C0, below, across and above the change of mode.
+//! Figure 5: Error(k) of direct predictors and of C0, below, across and above the change of mode.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,11 +9,11 @@ use super::super::palette;
 use super::super::runner::Runner;
 use super::{OUTPUTS, median};
 
-/// Error(k) over a record.
+/// Error(k) along a record.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Blocks {
-    /// Predictors; the first one's first seed is drawn.
+    /// Predictors; the first seed of the first one is drawn.
     pub models: Vec<String>,
     /// The record, of a hydrofoil.
     pub record: String,
@@ -84,7 +84,7 @@ impl Blocks {
                     "error_k",
                     error_k::figure(blocks, &title, palette::line(name), record.run.dt),
                     format!(
-                        "Error(k): the mean absolute error of 10 windows of 20 steps from sample k on, of the {title} and of C0, a perfect model of low speed that starts from the true state, along {}. C0 is better where it is right, and useless beyond the change of mode.",
+                        "Error(k) along {}: mean absolute error of 10 windows of 20 steps from sample k on, for the {title} and for C0. C0 is a perfect model of low speed and starts from the true state. Below the change of mode C0 is better; above it C0 is not valid.",
                         self.record
                     ),
                 );
@@ -101,11 +101,11 @@ impl Blocks {
             Ok(error_k::noise_floor(&record)?.to_vec())
         })?;
         let mut row =
-            vec!["noise floor: the true plant from the measured speeds".into(), "all".into(), Cell::Nothing];
+            vec!["noise floor: the true plant from measured velocities".into(), "all".into(), Cell::Nothing];
         row.extend(floor.iter().map(|&x| Cell::Number(x)));
         table.row(row);
         outcome.sheets.push(sheet);
-        outcome.table(table, "Mean of Error(k) over its blocks, the median over seeds.");
+        outcome.table(table, "Mean of Error(k) over the blocks, median over seeds.");
         Ok(outcome)
     }
 }

@@ -1,4 +1,4 @@
-//! Figure 4: circles under feedback linearization, on known parameters and on what was identified.
+//! Figure 4: circles under feedback linearization, with true parameters and with identified equations.
 
 use std::sync::Arc;
 
@@ -22,12 +22,12 @@ use hydroid::simulate;
 use hydroid_report::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke};
 use hydroid_report::style;
 
-/// How long a circle is result, and from when on errors count \[s\].
+/// Duration of a circle \[s\].
 const DURATION_S: f64 = 120.0;
 const SETTLED_S: f64 = 40.0;
-/// Gain of the integral \[1/s^3\]: a fifth of what makes the loop unstable, chosen on circles that are not shown.
+/// Integral gain \[1/s^3\]: a fifth of the stability limit, chosen on circles that are not shown.
 const INTEGRAL: f64 = 1.0;
-/// What the controller on known parameters is called.
+/// Name of the controller with true parameters.
 const TRUTH: &str = "true parameters";
 
 /// Circles of a vessel.
@@ -36,11 +36,11 @@ const TRUTH: &str = "true parameters";
 pub struct Circles {
     /// The circles; the first one is drawn.
     pub circles: Vec<Circle>,
-    /// Seeds of the noise under way.
+    /// Seeds of the noise.
     pub seeds: Vec<u64>,
 }
 
-/// A circle, and by which models it is steered.
+/// A circle and the models of its controllers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Circle {
@@ -50,24 +50,24 @@ pub struct Circle {
     pub radius_m: f64,
     /// Speed \[m/s\].
     pub speed_m_s: f64,
-    /// How far the point that is steered is ahead of the origin \[m\].
+    /// Distance of the controlled point ahead of the origin \[m\].
     pub lead_m: f64,
-    /// Models beside the true parameters.
+    /// Models compared with the true parameters.
     pub models: Vec<String>,
 }
 
-/// Of a circle: where the vessel and its reference were, and the distance of the point from the reference.
+/// Tracking results on a circle.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct CircleResult {
-    /// Root mean square distance, clean \[m\].
+    /// RMS distance with clean velocities \[m\].
     clean: f64,
-    /// The same with noise, the median of the seeds \[m\].
+    /// RMS distance with noise, median of the seeds \[m\].
     noisy: f64,
-    /// The same with an integral in the law.
+    /// RMS distance with noise and integral action \[m\].
     integral: f64,
-    /// Samples that were not tracking, of all with noise.
+    /// Share of noisy samples without the status tracking.
     not_tracking: f64,
-    /// Every fifth sample of the first with noise: time, north and east of the point, and its distance.
+    /// Every fifth sample of the first noisy run: time, north and east of the point, and its distance.
     points: Vec<[f64; 4]>,
 }
 
@@ -152,7 +152,7 @@ impl Circles {
                         tracks.row(row);
                     }
                 }
-                outcome.chart("circle", track(circle, &drawn), "Track of the controlled point with noisy velocities. It starts half a metre beside the reference circle (dotted).");
+                outcome.chart("circle", track(circle, &drawn), "Track of the controlled point with noisy velocities. It starts half a metre from the reference circle (dotted).");
                 outcome.chart(
                     "circle_error",
                     distance(&drawn),
@@ -161,11 +161,11 @@ impl Circles {
             }
         }
         outcome.sheets.push(tracks);
-        outcome.table(table, format!("Root mean square distance of the point from its reference from {SETTLED_S} s to {DURATION_S} s, with clean velocities and, median of {} seeds, with noisy ones, without and with an integral of {INTEGRAL} / s^3 in the law; the pose is exact, commands are limited and held for 0.1 s.", self.seeds.len()));
+        outcome.table(table, format!("RMS distance of the controlled point from its reference from {SETTLED_S} s to {DURATION_S} s. Columns: clean velocities; noisy velocities (median of {} seeds); noisy velocities with integral action ({INTEGRAL} / s^3). The pose is exact. Commands are limited and held for 0.1 s.", self.seeds.len()));
         Ok(outcome)
     }
 
-    /// What came of a circle, or why nothing did.
+    /// Simulates a circle; the error says why it has no result.
     fn simulate_circle(
         &self,
         circle: &Circle,
@@ -188,7 +188,7 @@ impl Circles {
                 closed_loop::run(&scene, &conditions, controller.as_mut(), &mut silent()).map_err(words)?;
             let end_s = run.samples.last().map_or(0.0, |sample| sample.t);
             if run.diverged {
-                Err(format!("the vessel's state was no number after {end_s} s"))
+                Err(format!("the state of the vessel was not finite after {end_s} s"))
             } else {
                 Ok(run)
             }
@@ -218,7 +218,7 @@ impl Circles {
     }
 }
 
-/// A model's words, its name, its points.
+/// Title of a model, its name, its points.
 type Drawn = (String, String, Vec<[f64; 4]>);
 
 fn stroke(name: &str) -> Stroke {

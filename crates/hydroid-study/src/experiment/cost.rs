@@ -1,4 +1,4 @@
-//! Accuracy against what a step of the filter costs.
+//! Accuracy against the computing time of a filter step.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,19 +13,19 @@ use super::median;
 use hydroid::adapt;
 use hydroid_report::figure::{Figure, Key, Mark, Panel, Points, Sign};
 
-/// Networks whose filter stores its covariance in several forms.
+/// Networks and forms of the stored covariance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cost {
     /// Networks.
     pub models: Vec<String>,
-    /// What they sail through.
+    /// The record.
     pub record: String,
     /// Forms of the covariance, as in `hydroid adapt --covariance`.
     pub covariances: Vec<String>,
 }
 
-/// Time for a sample \[us\], numbers in the memory, error of u 20 steps ahead.
+/// Time per sample \[us\], stored numbers, and error of u 20 steps ahead.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Spent {
     us: f64,
@@ -37,18 +37,22 @@ impl Cost {
     pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
         let loaded = runner.record(&self.record)?;
         let mut outcome = Outcome::default();
-        let mut table =
-            Sheet::new("cost", &["network", "covariance", "a sample [us]", "kept [kB]", "20 steps: u [m/s]"]);
+        let mut table = Sheet::new(
+            "cost",
+            &["network", "covariance", "time per sample [us]", "memory [kB]", "20 steps: u [m/s]"],
+        );
         let mut panel = Panel::new("adapted error of u after 20 steps [m/s]").height(320.0).decades();
-        let mut figure = Figure::new("Accuracy against the cost of a step", "a sample [us]").x_decades();
+        let mut figure =
+            Figure::new("Accuracy against the computing time of a filter step", "time per sample [us]")
+                .x_decades();
         for name in &self.models {
             let models = runner.models(name)?;
             let mut points = Vec::new();
             for words in &self.covariances {
                 let covariance: CovarianceForm = words.parse().map_err(|error| {
-                    runner.cannot(format_args!("'{words}' is no form of the covariance: {error}"))
+                    runner.cannot(format_args!("'{words}' is not a form of the covariance: {error}"))
                 })?;
-                // One after the other: what is measured is time.
+                // Sequentially, because the result is a time.
                 let mut all = Vec::new();
                 for learned in models.iter() {
                     runner.fits(learned, &loaded)?;
@@ -98,12 +102,12 @@ impl Cost {
             "accuracy_cost",
             figure.panel(panel),
             format!(
-                "Networks trained at low speed, along {}: the adapted error of u 2 s ahead over the time that the filter takes for a sample, for {}.",
+                "Networks trained at low speed, along {}: adapted error of u, 2 s ahead, against the computing time of the filter per sample, for the covariance forms {}. v and r are not compared.",
                 self.record,
                 self.covariances.join(", ")
             ),
         );
-        outcome.table(table, "What the filter keeps of the covariance of the weights, what it costs and what it brings; medians over seeds.");
+        outcome.table(table, "Form of the weight covariance, computing time, memory, and adapted error of u; medians over seeds.");
         Ok(outcome)
     }
 }

@@ -1,4 +1,4 @@
-//! What a network forgets at sea, and whether epochs over one record do harm.
+//! Forgetting of a network during adaptation, and several epochs over one record.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,29 +13,29 @@ use super::median;
 use hydroid::adapt::{self, KalmanOptions, Options};
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel};
 
-/// Steps ahead.
+/// Horizon \[samples\].
 const STEPS: usize = 20;
 
-/// Epochs along a record, then the waters that were known.
+/// Epochs along a record, then evaluation under the training conditions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Forgetting {
     /// Networks.
     pub models: Vec<String>,
-    /// The record that they sail through.
+    /// The record of the adaptation.
     pub sea: String,
-    /// One of the waters that they were trained in.
+    /// A record under the training conditions.
     pub known: String,
-    /// A record that they were trained on, whose beginning the guarded ones walk through before.
+    /// A training record, the beginning of which the guarded sessions rehearse.
     pub shore: String,
-    /// How much of it \[s\].
+    /// Duration of the rehearsal \[s\].
     pub shore_s: f64,
-    /// How often they sail through the sea.
+    /// Number of epochs.
     pub epochs: usize,
 }
 
-/// Of a network: error at sea in each epoch, and at home before and after, unprotected and guarded; after with the weights of that
-/// moment held, and by the session itself, which goes on.
+/// Result of a network, unguarded and guarded: error during adaptation in each epoch, and errors under training
+/// conditions before and after, with the final weights frozen and with continued adaptation.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Story {
     epochs: [Vec<[f64; 3]>; 2],
@@ -58,15 +58,15 @@ impl Forgetting {
             &[
                 "network",
                 "",
-                "at sea, epoch 1: u",
+                "adaptation, epoch 1: u",
                 "epoch 2",
                 "last epoch",
-                "at home before: u",
-                "after, weights held",
-                "after, sailing on",
+                "training conditions, before: u",
+                "after, weights frozen",
+                "after, adapting",
             ],
         );
-        let mut panel = Panel::new("error of u at sea, 20 steps [m/s]").height(200.0).decades();
+        let mut panel = Panel::new("error of u during adaptation, 20 steps [m/s]").height(200.0).decades();
         let mut figure = Figure::new("Epochs over one record", "epoch").x_range(1.0, self.epochs as f64);
         let (mut worse, mut epochs) = (Vec::new(), Vec::new());
         for name in &self.models {
@@ -82,7 +82,7 @@ impl Forgetting {
                     runner.store.get("forgetting", key, || self.story(runner, learned, &sea, &known, &shore))
                 })?;
             let middle = |of: &dyn Fn(&Story) -> f64| median(stories.iter().map(of).collect());
-            for (way, word) in ["unprotected", "guarded, after the shore"].into_iter().enumerate() {
+            for (way, word) in ["without guard", "guarded, after rehearsal"].into_iter().enumerate() {
                 let curve: Vec<f64> = (0..self.epochs).map(|e| middle(&|s| s.epochs[way][e][0])).collect();
                 let before = middle(&|s| s.before[0]);
                 let (after, on) = (middle(&|s| s.held[way][0]), middle(&|s| s.on[way][0]));
@@ -117,14 +117,14 @@ impl Forgetting {
             "forgetting",
             figure.panel(panel),
             format!(
-                "Mean error of u 20 steps ahead in each of {} epochs over {}, medians over seeds. The thesis reports that the filter diverges over epochs.",
+                "Mean absolute error of u, 20 steps ahead, in each of {} epochs over {}; medians over seeds. The thesis reports that the filter diverges over several epochs. v and r are not judged.",
                 self.epochs, self.sea
             ),
         );
         outcome.table(
             table,
             format!(
-                "At home: along {}, which is loaded at low speed, with the weights that predict at the end of the sea, held, and a filter on the state alone; and sailing on, as the session that goes on learning does. Guarded: {} s of what it was trained on are walked through first, and the guard chooses who predicts.",
+                "Training conditions: along {}, a record at low speed. “Weights frozen”: the weights that predict after the last epoch are frozen, and only the state is filtered. “Adapting”: the session continues to adapt. Guarded: the session first rehearses {} s of a training record, and the guard selects the model that predicts. All errors are those of u.",
                 self.known, self.shore_s
             ),
         );
@@ -156,7 +156,7 @@ impl Forgetting {
                 adapt::replay_training_runs(session.as_mut(), &[&shore.run.slice(0, samples)]);
             }
             for epoch in 0..self.epochs {
-                runner.tell("epochs at sea", epoch as f64 / self.epochs as f64)?;
+                runner.tell("epochs of adaptation", epoch as f64 / self.epochs as f64)?;
                 story.epochs[way].push(errors(session.as_mut(), sea));
             }
             let weights = session.guard().map_or_else(|| session.weights(), |guard| guard.active_weights());
@@ -167,7 +167,7 @@ impl Forgetting {
     }
 }
 
-/// Errors along a record with these weights, and a filter on the state alone.
+/// Errors along a record with frozen weights and a state filter.
 fn held(learned: &Learned, weights: &[f64], loaded: &LoadedRecord) -> Result<[f64; 3], StudyError> {
     let (_, used) = adapt::adapter(&learned.model, &Options::default(), &[&loaded.run])?;
     let model = adapt::learned(&learned.model, weights, &[], &used)?;
@@ -185,7 +185,7 @@ fn held(learned: &Learned, weights: &[f64], loaded: &LoadedRecord) -> Result<[f6
     Ok(errors(session.as_mut(), loaded))
 }
 
-/// Mean errors against the truth, 20 steps ahead; what learns learns on the way.
+/// Mean absolute errors 20 steps ahead; an adapter adapts along the record.
 fn errors(session: &mut dyn Adapter, loaded: &LoadedRecord) -> [f64; 3] {
     let run = &loaded.run;
     let truth = run.truth.as_ref().unwrap_or(&run.outputs);
@@ -194,7 +194,7 @@ fn errors(session: &mut dyn Adapter, loaded: &LoadedRecord) -> [f64; 3] {
     session.reset();
     for k in 0..run.len().saturating_sub(STEPS) {
         session.observe(run.outputs.row(k));
-        // The hidden state has settled.
+        // After the hidden state has converged.
         if k >= 100 && k % 5 == 0 {
             session.rollout(run.inputs.rows(k, k + STEPS), &mut work, &mut y);
             for (c, sum) in sums.iter_mut().enumerate() {

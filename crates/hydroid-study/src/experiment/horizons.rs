@@ -10,25 +10,25 @@ use super::adaptation::{Along, Errors, HORIZON, adaptation};
 use super::{OUTPUTS, median, range};
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel};
 
-/// Errors over the horizon.
+/// Errors against the horizon.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Horizons {
-    /// Networks, a figure for each.
+    /// Networks, one figure each.
     pub models: Vec<String>,
-    /// What they sail through.
+    /// The records.
     pub records: Vec<String>,
-    /// Which error is drawn.
+    /// Mean or largest error.
     pub error: Which,
 }
 
-/// Which error.
+/// Statistic over the origins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Which {
-    /// Over the origins.
+    /// Mean.
     Mean,
-    /// Over the origins.
+    /// Maximum.
     Max,
 }
 
@@ -48,10 +48,10 @@ impl Which {
     }
 }
 
-/// Which errors of a run.
+/// Selects the errors of a method.
 type Way<'a> = &'a dyn Fn(&Along) -> Option<&Errors>;
 
-/// Over models and records: median, least and largest.
+/// Median, minimum and maximum over models and records.
 type Spread = (f64, f64, f64);
 
 impl Horizons {
@@ -73,11 +73,14 @@ impl Horizons {
             })?;
             self.one(name, &all, &mut table, &mut outcome);
         }
-        let of =
-            format!("{} of training and {} of noise", runner.models(&self.models[0])?.len(), records.len());
+        let of = format!(
+            "{} seeds of training and {} of noise",
+            runner.models(&self.models[0])?.len(),
+            records.len()
+        );
         outcome.table(
             table,
-            format!("The {} error against the truth, medians over seeds, {of}.", self.error.word()),
+            format!("The {} error of u, v and r against the truth; medians over {of}.", self.error.word()),
         );
         Ok(outcome)
     }
@@ -152,11 +155,11 @@ impl Horizons {
             }
         }
         let caption = format!(
-            "{network}, trained at low speed, along lawn-mower records with flight: {} error against the truth.{}",
+            "{network}, trained at low speed, along lawn-mower records with flight: {} error of u, v and r against the truth.{}",
             self.error.word(),
             if all.len() > 1 {
                 format!(
-                    " Lines are medians over {} runs (seeds of training and of noise); the band is the range of the adapted network.",
+                    " Lines are medians over {} runs with different seeds of training and of noise. The band is the range of the adapted network.",
                     all.len()
                 )
             } else {
@@ -168,7 +171,8 @@ impl Horizons {
         self.measures(name, all, outcome);
     }
 
-    /// The share of horizons at which the adapted median is below the frozen one, by output, and what is left at 20 steps.
+    /// Share of horizons with an adapted median below the frozen one, for each output, and ratio of the errors at 20
+    /// steps.
     fn measures(&self, name: &str, all: &[Along], outcome: &mut Outcome) {
         let middle = |of: Way<'_>, n: usize, c: usize| {
             median(all.iter().filter_map(|one| Some(self.error.of(of(one)?)[n][c])).collect())
@@ -190,7 +194,7 @@ impl Horizons {
             .collect();
         if !worse.is_empty() {
             outcome.remarks.push(format!(
-                "{}: the adapted error is not below the frozen one at some horizons of {}.",
+                "{}: at some horizons, adaptation does not lower the error of {}.",
                 palette::title(name),
                 worse.join(", ")
             ));
@@ -198,7 +202,7 @@ impl Horizons {
         let diverged: usize = all.iter().map(|one| one.adapted.diverged + one.frozen.diverged).sum();
         if diverged > 0 {
             outcome.remarks.push(format!(
-                "{}: {diverged} rollouts diverged and are left out of all values.",
+                "{}: {diverged} rollouts diverged and are excluded from all values.",
                 palette::title(name)
             ));
         }

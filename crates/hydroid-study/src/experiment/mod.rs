@@ -1,4 +1,4 @@
-//! The kinds of experiments.
+//! Kinds of experiments.
 
 mod adaptation;
 mod along;
@@ -18,34 +18,34 @@ use super::StudyError;
 use super::outcome::Outcome;
 use super::runner::Runner;
 
-/// What is done to answer a question.
+/// Kind of an experiment, with its options.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// A drawing that explains.
+    /// A drawing.
     Schematic(schematic::Schematic),
     /// Circles under feedback linearization.
     Circles(circles::Circles),
-    /// Error(k) of direct predictors beside C0.
+    /// Error(k) of direct predictors and of C0.
     Blocks(blocks::Blocks),
-    /// Errors of networks over the horizon, frozen and adapted.
+    /// Errors of networks against the horizon, frozen and adapted.
     Horizons(horizons::Horizons),
-    /// Errors over time along a record.
+    /// Errors along a record.
     Along(along::Along),
-    /// The thesis's recipe for sparse equations, setting by setting.
+    /// Settings of sparse regression in the thesis.
     Recipe(recipe::Recipe),
-    /// What a network forgets at sea.
+    /// Forgetting during adaptation.
     Forgetting(forgetting::Forgetting),
     /// Accuracy against the amount of data.
     Amount(amount::Amount),
-    /// Accuracy against what a step of the filter costs.
+    /// Accuracy against the computing time of a filter step.
     Cost(cost::Cost),
-    /// All methods side by side.
+    /// All methods in one table.
     Table(table::Comparison),
 }
 
 impl Kind {
-    /// The records and the models that it names.
+    /// Names of its records and models.
     pub(super) fn uses(&self) -> (Vec<&String>, Vec<&String>) {
         match self {
             Self::Schematic(_) => (Vec::new(), Vec::new()),
@@ -61,10 +61,10 @@ impl Kind {
         }
     }
 
-    /// Whether it can be done at all.
+    /// Checks that its lists are not empty.
     pub(super) fn check(&self) -> Result<(), String> {
         let some = |what: &str, given: usize| {
-            if given > 0 { Ok(()) } else { Err(format!("it has no {what}: give one at least")) }
+            if given > 0 { Ok(()) } else { Err(format!("it has no {what}: give at least one")) }
         };
         match self {
             Self::Schematic(_) | Self::Recipe(_) | Self::Table(_) => Ok(()),
@@ -106,17 +106,17 @@ impl Kind {
     }
 }
 
-/// Outputs of all experiments, and their units.
+/// All outputs, and their units.
 const OUTPUTS: [(&str, &str); 3] = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")];
 
-/// The middle of some numbers; NaN of none.
+/// Median; NaN without values.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let n = values.len();
     if n == 0 { f64::NAN } else { 0.5 * (values[n / 2] + values[(n - 1) / 2]) }
 }
 
-/// The least and the largest of some numbers.
+/// Minimum and maximum.
 fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }

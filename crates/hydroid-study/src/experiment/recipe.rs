@@ -1,4 +1,4 @@
-//! The thesis's recipe for sparse equations on the hydrofoil, and hydroid's beside it.
+//! Sparse equations of the hydrofoil with the settings of the thesis, compared with those of hydroid.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,17 +12,17 @@ use hydroid::identify::output_ranges;
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Points, Sign};
 use hydroid_report::style;
 
-/// The recipe, setting by setting.
+/// Sparse regression with the settings of the thesis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// What is learned from.
+    /// Training record.
     pub train: String,
-    /// What is judged on.
+    /// Test record.
     pub test: String,
     /// Degrees of the polynomials.
     pub degrees: Vec<u8>,
-    /// hydroid's equations.
+    /// The equations of hydroid.
     pub ours: String,
 }
 
@@ -108,11 +108,11 @@ impl Recipe {
         outcome.chart(
             "sindy_hydrofoil",
             figure(&rows, ours_20),
-            "Error of u after 20 steps against the threshold, for every setting of the thesis. Settings that diverged or have no terms are crosses at the upper edge. The line is the error of the equations that hydroid identifies with its defaults, lag and change of mode included.",
+            "Error of u after 20 steps against the threshold, for every setting of the thesis. Crosses at the upper edge are settings that diverged or have no terms. The line is the error of the equations that hydroid identifies with its defaults, which include lag and change of mode. The table contains v and r.",
         );
         outcome.table(
             table,
-            "All settings: mean absolute errors of rollouts from true states against the truth.",
+            "All settings: mean absolute errors of u, v and r. Rollouts start from true states and are compared with the truth.",
         );
         Ok(outcome)
     }
@@ -125,7 +125,7 @@ fn errors(found: Option<&recipe::Errors>) -> Vec<Cell> {
     }
 }
 
-/// Thresholds are drawn on a logarithmic axis; none stands left of the others.
+/// Thresholds on a logarithmic axis; zero is drawn at the left.
 fn figure(rows: &[Row], ours: f64) -> Figure {
     let place = |threshold: f64| if threshold > 0.0 { threshold.log10() } else { -2.7 };
     let height = |row: &Row| row.errors.as_ref().map(|errors| errors[0][0].log10());

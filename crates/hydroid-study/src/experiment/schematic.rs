@@ -1,4 +1,4 @@
-//! Figures 1 to 3: drawings of our own of the two modes, the predictor, and the adaptation.
+//! Figures 1 to 3: drawings of the two modes, the direct predictor, and the adaptation.
 
 use std::fmt::Write as _;
 
@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 
 use super::super::outcome::{Outcome, Picture, Shown};
 
-/// A drawing that explains.
+/// A drawing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Schematic {
-    /// Which.
+    /// Subject of the drawing.
     pub of: Drawing,
 }
 
-/// What is drawn.
+/// Subjects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Drawing {
@@ -22,11 +22,11 @@ pub enum Drawing {
     Modes,
     /// The direct predictor.
     Predictor,
-    /// Learning at sea.
+    /// Online adaptation.
     Adaptation,
 }
 
-/// A sheet of boxes, words and arrows, in pixels.
+/// A drawing of boxes, words and arrows, in pixels.
 struct Sheet {
     svg: String,
 }
@@ -52,7 +52,7 @@ impl Sheet {
         let _ = write!(self.svg, "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" {class}>{text}</text>");
     }
 
-    /// A box with lines of words, the first one bold.
+    /// A box with lines of text, the first one bold.
     fn block(&mut self, [x, y, width, height]: [f64; 4], colour: &str, lines: &[&str]) {
         let _ = write!(
             self.svg,
@@ -100,16 +100,15 @@ impl Schematic {
     }
 }
 
-const MODES: &str = "The hydrofoil of the thesis (eq. 7 to 12): below 2.5 m/s it floats with high drag, above it flies with low drag; a sigmoid of the speed blends the two. The force of the propeller follows its command with a lag of 1 s and is not measured.";
-const PREDICTOR: &str = "The direct predictor (eq. 13 to 17): the last 4 outputs, the last 4 and the next 19 commands in, the next 20 outputs out, at once.";
-const ADAPTATION: &str = "Learning at sea (eq. 18): at each sample the filter corrects hidden state and weights by what was predicted and what was measured; the guard compares what was learned with the model from shore, and decides who predicts.";
+const MODES: &str = "The hydrofoil of the thesis (eq. 7 to 12): below 2.5 m/s it floats with high drag, above it flies with low drag. A sigmoid of the speed blends the two modes. The force of the propeller follows its command with a lag of 1 s and is not measured.";
+const PREDICTOR: &str = "The direct predictor (eq. 13 to 17). Inputs: the last 4 outputs, the last 4 commands and the next 19 commands. Outputs: the next 20 samples of all outputs at once.";
+const ADAPTATION: &str = "Online adaptation (eq. 18). At each sample the filter corrects hidden state and weights from the difference between measurement and prediction. The guard compares the adapted model with the reference model and selects the model that predicts.";
 
 fn modes() -> String {
     let title = "The two modes of the hydrofoil";
     let mut sheet = Sheet::new(title, 760, 250);
     sheet.raw("<path d=\"M20 120 Q60 112 100 120 T180 120 T260 120 T340 120\" fill=\"none\" stroke=\"#56b4e9\" stroke-width=\"2\"/>");
     sheet.raw("<path d=\"M420 120 Q460 112 500 120 T580 120 T660 120 T740 120\" fill=\"none\" stroke=\"#56b4e9\" stroke-width=\"2\"/>");
-    // Afloat, and on foils.
     sheet.raw("<path d=\"M90 96 H270 L250 136 H115 Z\" fill=\"#0072b2\" fill-opacity=\".25\" stroke=\"#0072b2\" stroke-width=\"1.6\"/><path d=\"M130 136 V160 H150 M220 136 V160 H240\" fill=\"none\" stroke=\"#0072b2\" stroke-width=\"2\"/>");
     sheet.raw("<path d=\"M490 58 H670 L650 98 H515 Z\" fill=\"#009e73\" fill-opacity=\".25\" stroke=\"#009e73\" stroke-width=\"1.6\"/><path d=\"M530 98 V140 H550 M620 98 V140 H640\" fill=\"none\" stroke=\"#009e73\" stroke-width=\"2\"/>");
     sheet.words(180.0, 40.0, "middle", "font-weight=\"600\"", "afloat: high drag");
@@ -129,7 +128,7 @@ fn predictor() -> String {
     let mut sheet = Sheet::new(title, 760, 230);
     sheet.block([10.0, 20.0, 180.0, 56.0], GREY, &["outputs y", "k−3 .. k: 12 numbers"]);
     sheet.block([10.0, 88.0, 180.0, 56.0], GREY, &["commands c", "k−3 .. k: 8 numbers"]);
-    sheet.block([10.0, 156.0, 180.0, 56.0], ORANGE, &["commands to come", "k+1 .. k+19: 38 numbers"]);
+    sheet.block([10.0, 156.0, 180.0, 56.0], ORANGE, &["future commands", "k+1 .. k+19: 38 numbers"]);
     for (i, x) in [270.0, 375.0, 480.0].into_iter().enumerate() {
         sheet.block([x, 48.0, 80.0, 136.0], BLUE, &["256", "tanh"]);
         if i > 0 {
@@ -145,20 +144,20 @@ fn predictor() -> String {
 }
 
 fn adaptation() -> String {
-    let title = "Learning at sea";
+    let title = "Online adaptation";
     let mut sheet = Sheet::new(title, 760, 280);
-    sheet.block([20.0, 20.0, 150.0, 60.0], GREY, &["vessel", "command, then y"]);
+    sheet.block([20.0, 20.0, 150.0, 60.0], GREY, &["vessel", "command, output y"]);
     sheet.block([270.0, 20.0, 190.0, 60.0], BLUE, &["network", "state h, weights θ"]);
     sheet.block(
         [270.0, 130.0, 190.0, 70.0],
         GREEN,
         &["Kalman filter", "covariance of h and θ", "K = P H′ S⁻¹"],
     );
-    sheet.block([560.0, 20.0, 180.0, 60.0], BLUE, &["predictions", "and their bands"]);
+    sheet.block([560.0, 20.0, 180.0, 60.0], BLUE, &["predictions", "with bands"]);
     sheet.block(
         [560.0, 130.0, 180.0, 70.0],
         ORANGE,
-        &["guard", "learner, snapshot, shore:", "who predicts best?"],
+        &["guard", "adapted, snapshot, reference:", "which model predicts?"],
     );
     sheet.arrow(title, &[(460.0, 50.0), (558.0, 50.0)]);
     sheet.arrow(title, &[(170.0, 50.0), (268.0, 50.0)]);
@@ -174,7 +173,7 @@ fn adaptation() -> String {
     sheet.block(
         [270.0, 226.0, 470.0, 42.0],
         GREY,
-        &["model from shore: never learns, predicts where the learner is worse"],
+        &["reference model: not adapted; predicts if the adapted one is worse"],
     );
     sheet.arrow(title, &[(650.0, 226.0), (650.0, 202.0)]);
     sheet.done()

@@ -1,4 +1,4 @@
-//! Table 1: all methods side by side, measured.
+//! Table 1: all methods, measured.
 
 use std::time::Instant;
 
@@ -16,7 +16,7 @@ use hydroid::adapt;
 use hydroid::evaluate::{self, Against, evaluate};
 use hydroid_report::figure::{Figure, Mark, Panel, Points, Sign};
 
-/// All methods side by side.
+/// Comparison of all methods.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Comparison {
@@ -24,25 +24,25 @@ pub struct Comparison {
     pub methods: Vec<MethodRow>,
 }
 
-/// A method: a model for each vessel, and what words say of it.
+/// A method: its models, and a description.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MethodRow {
-    /// What it is called.
+    /// Name.
     pub name: String,
-    /// Its model of the simple vessel.
+    /// Model of the simple vessel.
     pub simple: Option<String>,
-    /// Its model of the hydrofoil, from both modes.
+    /// Model of the hydrofoil in both modes.
     pub hydrofoil: Option<String>,
-    /// The same from samples of 10 ms.
+    /// Model of the hydrofoil at a sample time of 10 ms.
     pub fast: Option<String>,
-    /// Its model that learns at sea.
+    /// Model that is adapted online.
     pub learns: Option<String>,
-    /// Where that sails.
+    /// Record of the adaptation.
     pub sea: Option<String>,
-    /// What has to be known beforehand.
+    /// Required prior knowledge.
     pub knows: String,
-    /// What the thesis has.
+    /// Statement of the thesis.
     pub thesis: String,
 }
 
@@ -52,11 +52,11 @@ pub(super) struct Judged {
     /// Mean absolute error 20 steps ahead, from measured origins, against the truth.
     pub(super) at_20: Vec<f64>,
     diverged: usize,
-    /// Time of a rollout of 20 steps, median \[us\].
+    /// Median time of a rollout of 20 steps \[us\].
     rollout_us: f64,
 }
 
-/// Of a model that learns: numbers in its memory, time for a sample \[us\], error of u left of the frozen one, 20 steps ahead.
+/// Adapter: stored numbers, time per sample \[us\], and error of u 20 steps ahead relative to the frozen one.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Learning {
     memory: usize,
@@ -92,21 +92,21 @@ impl Comparison {
         outcome.chart(
             "accuracy_time",
             Figure::new("Accuracy against training time", "training [s]").x_decades().panel(panel),
-            "Every method on the hydrofoil in both modes: the error of u 2 s ahead over the time that its training took on this machine, medians over seeds. Lower left is better.",
+            "All methods on the hydrofoil in both modes: mean absolute error of u, 2 s ahead, against training time on this machine; medians over seeds. Lower left is better. The table contains v and r.",
         );
         outcome.table(
             errors(&rows),
-            "Table 1, measured. Errors: mean absolute error 20 steps (2 s; with samples of 10 ms 0.2 s) ahead, from measured origins, against the truth of a record that played no part. Training, its peak memory (that of the whole process, records included) and the time of a prediction of 20 steps: of the model of the hydrofoil, where there is one. Times and peaks are of this machine.",
+            "Table 1, measured. Errors are mean absolute errors 20 steps ahead, from measured origins, against the truth of the test record. 20 steps are 2 s, or 0.2 s at a sample time of 10 ms. Training time, peak memory and the time of a prediction of 20 steps are those of the model of the hydrofoil, if there is one. Peak memory is that of the whole process, including records. Times and memory were measured on this machine.",
         );
         outcome.table(
             learning_and_words(&rows),
-            "Learning at sea: the model trained at low speed, along a record that flies. Its memory is all that it goes on from; what is left is the adapted error over the frozen one, 20 steps ahead. Beside it what must be known beforehand, and what the thesis says.",
+            "Online adaptation: the model was trained at low speed and is adapted along a record with flight. Memory is the complete state of the adapter. The error ratio is the adapted error of u divided by the frozen one, 20 steps ahead; v and r are not compared here. The last columns are the required prior knowledge and the statement of the thesis.",
         );
         Ok(outcome)
     }
 }
 
-/// What was found of a method.
+/// Results of a method.
 struct Row<'a> {
     method: &'a MethodRow,
     simple: Option<Found>,
@@ -137,7 +137,7 @@ impl<'a> Row<'a> {
         self.hydrofoil.as_ref().or(self.simple.as_ref())
     }
 
-    /// Figures by name, and what went wrong.
+    /// Reports measures by name, and diverged rollouts.
     fn tell(&self, outcome: &mut Outcome) {
         let Self { method, simple, hydrofoil, fast, learning } = self;
         if let (Some(found), Some(name)) = (hydrofoil, &method.hydrofoil) {
@@ -150,9 +150,10 @@ impl<'a> Row<'a> {
                 outcome.measure(&format!("{name}_{output}_20"), judged.at_20[c]);
             }
             if judged.diverged > 0 {
-                outcome
-                    .remarks
-                    .push(format!("{name}: {} rollouts diverged, which are in no mean.", judged.diverged));
+                outcome.remarks.push(format!(
+                    "{name}: {} rollouts diverged and are excluded from all means.",
+                    judged.diverged
+                ));
             }
         }
         if let (Some(name), Some(learning)) = (&method.learns, learning) {
@@ -172,7 +173,7 @@ fn errors(rows: &[Row<'_>]) -> Sheet {
         &[
             "method",
             "training [s]",
-            "its peak memory [MB]",
+            "peak memory [MB]",
             "20 steps [us]",
             "simple: u [m/s]",
             "v [m/s]",
@@ -206,11 +207,11 @@ fn learning_and_words(rows: &[Row<'_>]) -> Sheet {
         &[
             "method",
             "weights",
-            "learning: a sample [us]",
-            "its memory [kB]",
-            "error of u left",
-            "what must be known",
-            "the thesis has",
+            "adaptation: time per sample [us]",
+            "memory [kB]",
+            "error ratio of u",
+            "prior knowledge",
+            "statement of the thesis",
         ],
     );
     for row in rows {
@@ -228,7 +229,7 @@ fn learning_and_words(rows: &[Row<'_>]) -> Sheet {
     table
 }
 
-/// The models of a method on a vessel: medians over seeds.
+/// The models of a method for a vessel: medians over seeds.
 struct Found {
     seconds: f64,
     peak_mb: Option<f64>,
@@ -251,7 +252,7 @@ fn middle(models: &[Learned], judged: &[Judged]) -> Found {
     }
 }
 
-/// A model on its own test record.
+/// Evaluates a model on its test record.
 pub(super) fn judged(runner: &Runner<'_>, name: &str, learned: &Learned) -> Result<Judged, StudyError> {
     let plan = runner.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
     let test = runner.record(&plan.test)?;
@@ -259,7 +260,7 @@ pub(super) fn judged(runner: &Runner<'_>, name: &str, learned: &Learned) -> Resu
     runner.store.get("judged", key, || {
         let names: Vec<&str> = plan.outputs.iter().map(String::as_str).collect();
         if names != ["u", "v", "r"] {
-            return Err(runner.cannot(format_args!("'{name}' has other outputs than u, v, r")));
+            return Err(runner.cannot(format_args!("'{name}' has outputs other than u, v, r")));
         }
         let run = test.simulated.to_trajectory(&names)?;
         let options = evaluate::Options {
@@ -271,7 +272,7 @@ pub(super) fn judged(runner: &Runner<'_>, name: &str, learned: &Learned) -> Resu
         };
         let mut session = learned.model.session();
         let ranges = learned.model.output_ranges();
-        let what = format!("judging {name}");
+        let what = format!("evaluating {name}");
         let found =
             evaluate(name, session.as_mut(), &ranges, &[&run], &options, &mut runner.progress(&what))?;
         let (mut work, mut y) = (Workspace::new(), vec![0.0; 20 * names.len()]);
@@ -291,14 +292,14 @@ pub(super) fn judged(runner: &Runner<'_>, name: &str, learned: &Learned) -> Resu
     })
 }
 
-/// A model that learns along a record: medians over seeds.
+/// An adapted model along a record: medians over seeds.
 fn learning(runner: &Runner<'_>, name: &str, sea: &LoadedRecord) -> Result<Learning, StudyError> {
     let mut all = Vec::new();
     for learned in runner.models(name)?.iter() {
         let along = adaptation(runner, learned, sea, false)?;
         let key = runner.store.key("learning", &(), &[learned.key, sea.key]);
         all.push(runner.store.get("learning", key, || {
-            // By itself: what is measured is time, which those that went side by side have taken from each other.
+            // Sequentially, because the result includes a time.
             let mut options = options(false, learned);
             options.evaluate.origin_stride = 500;
             let memory = adapt::adapter(&learned.model, &options, &[&sea.run])?.0.memory_len();

@@ -1,5 +1,5 @@
-//! Lag, change of mode and equations of the built-in hydrofoil from ten minutes of its log, their absence on a simple vessel, and
-//! the settings of the thesis.
+//! Identification of the built-in hydrofoil (lag, change of mode, equations) from ten minutes, of a simple vessel, and
+//! with the settings of the thesis.
 
 use hydroid::evaluate::{Against, Evaluation, Options, Origin, evaluate};
 use hydroid::excitation::Excitation;
@@ -15,14 +15,14 @@ use hydroid_core::model::sparse::Shape;
 use hydroid_core::vessel::VesselParams;
 use hydroid_study::recipe::{self, DIFFERENCES, UNITS, Verdict, recipe};
 
-/// Without the propeller force, which no vessel logs.
+/// Without the propeller force, which is not logged.
 fn run(vessel: VesselParams, duration_s: f64, seed: u64) -> Trajectory {
     let options = simulate::Options { duration_s, seed, ..simulate::Options::new(vessel, Excitation::Mixed) };
     simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r"]).unwrap()
 }
 
-/// Nothing set: ten minutes to learn from, five to choose on; judged on twenty others, every rollout from the
-/// true state and against the truth.
+/// Default options: ten minutes of training and five of validation; evaluation on another twenty, from true states
+/// against the truth.
 fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (IdentifyResult, Evaluation) {
     let part = |duration_s, seed| vec![run(vessel.clone(), duration_s, seed)];
     let split = Split {
@@ -66,7 +66,7 @@ fn the_hydrofoil_is_found(seed: u64, factor: f64) {
     let (identified, test) = from_ten_minutes(&VesselParams::hydrofoil(), seed);
     let structure = structure(&identified);
     println!("seed {seed}: 20 steps {:.4?}, 100 steps {:.4?}, {structure:?}", test.mae[19], test.mae[99]);
-    // The plant: the propeller follows its command within 1 s, the drag changes at 2.5 m/s with slope 12.
+    // The plant: lag of 1 s of the propeller, change of the drag at 2.5 m/s with slope 12.
     let [Lag { input: 0, time_constant_s }] = structure.lags[..] else { panic!("{:?}", structure.lags) };
     assert!((time_constant_s - 1.0).abs() < 0.05, "{time_constant_s} s");
     let Some(GateSpec { output: 0, gate }) = structure.gate else { panic!("{:?}", structure.gate) };
@@ -80,9 +80,8 @@ fn the_hydrofoil_is_found(seed: u64, factor: f64) {
     }
 }
 
-/// The figures are those that two hours gave before refinement, times a factor.
-/// With one of these records (seed 10) the search once saw, in equations of one mode, a lag of the rudder; it stayed
-/// when the modes were told apart, and with it no gated equations predicted: the errors were 0.18, 0.05 and 0.03.
+/// Limits are a multiple of the errors with two hours of training. Record 10 once gave a lag of the rudder in ungated
+/// equations; with it gated equations failed, with errors of 0.18, 0.05 and 0.03.
 #[test]
 fn ten_minutes_of_the_hydrofoil_give_lag_mode_and_motion() {
     the_hydrofoil_is_found(10, 1.0);
@@ -94,7 +93,7 @@ fn the_hydrofoil_from_ten_other_minutes() {
     the_hydrofoil_is_found(40, 1.0);
 }
 
-/// Not every ten minutes say as much.
+/// Ten minutes with less excitation.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn ten_less_excited_minutes_of_the_hydrofoil() {
@@ -114,15 +113,14 @@ fn the_simple_vessel_gets_no_change_of_mode() {
         let gated = term.factors().iter().any(|f| matches!(f.shape, Shape::Above(_) | Shape::Below(_)));
         assert!(!(used && gated), "{term:?}");
     }
-    // Its propeller has the lag of the hydrofoil's.
+    // The propeller has the lag of the hydrofoil.
     let [Lag { input: 0, time_constant_s }] = structure.lags[..] else { panic!("{:?}", structure.lags) };
     assert!((time_constant_s - 1.0).abs() < 0.05, "{time_constant_s} s");
     assert_eq!((test.diverged, identified.best), (0, Some(0)));
 }
 
-/// Where the thesis's recipe fails: a threshold on coefficients in newtons takes the propeller away, smoothing
-/// over 51 samples the motion. Where it does not fail it works moderately: a hundred times the error of what
-/// hydroid finds.
+/// With the settings of the thesis, a threshold on coefficients in newtons removes the propeller, and smoothing over 51
+/// samples removes the motion. Other settings have a hundred times the error of the equations of hydroid.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn the_settings_of_the_thesis_have_moderate_accuracy() {
@@ -140,17 +138,17 @@ fn the_settings_of_the_thesis_have_moderate_accuracy() {
             row.difference, row.unit, row.threshold, row.terms, row.errors, row.verdict
         );
     }
-    // At 20 steps u, v, r, then at 100.
+    // u, v, r at 20 steps, then at 100.
     let errors = |row: &recipe::Row| row.errors.clone().unwrap().concat();
     let [newtons, hundreds] = UNITS.map(|(name, _)| name);
-    // Without a threshold units do not matter.
+    // Without a threshold the result does not depend on units.
     let (plain, scaled) = (row("central", newtons, 0.0), row("central", hundreds, 0.0));
     for (a, b) in errors(plain).iter().zip(&errors(scaled)) {
         assert!((a - b).abs() <= 1e-6 * a, "{a} and {b}");
     }
     assert_eq!((plain.verdict, scaled.verdict), (Verdict::WorksModerately, Verdict::WorksModerately));
     assert!((0.1..0.5).contains(&errors(plain)[0]), "{:?}", plain.errors);
-    // With one they decide.
+    // With a threshold it does.
     assert_eq!(row("central", hundreds, 0.05).verdict, Verdict::WorksModerately);
     let lost = row("central", newtons, 0.05);
     assert!(matches!(lost.verdict, Verdict::LostItsPropeller | Verdict::Diverges));
