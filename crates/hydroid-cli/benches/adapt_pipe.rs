@@ -1,7 +1,5 @@
-//! From a line on standard input to its answer on standard output, through two pipes: `cargo bench -p hydroid-cli
-//! --bench adapt_pipe`. A program in another language sees these times, and its own on top.
-//!
-//! Without divan, because the result is the 99th percentile.
+//! Response time of `hydroid adapt MODEL -` through two pipes: `cargo bench -p hydroid-cli --bench adapt_pipe`. Not
+//! with divan, because the result is the 99th percentile.
 
 use std::error::Error;
 use std::io::{BufRead, BufReader, Write};
@@ -20,7 +18,7 @@ fn run(folder: &Path, line: &str) -> Result<(), Box<dyn Error>> {
     if output.status.success() { Ok(()) } else { Err(String::from_utf8_lossy(&output.stderr).into()) }
 }
 
-/// Round trips of all lines of a log, one after the other, `pause` apart.
+/// Round-trip times of all lines of a log; `pause` is the time between lines.
 fn round_trips(folder: &Path, line: &str, log: &str, pause: Duration) -> Result<Vec<f64>, Box<dyn Error>> {
     let mut child =
         hydroid(folder, line).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;

@@ -29,13 +29,10 @@ pub struct Config {
     pub direct: NetworkOptions,
     pub affine: NetworkOptions,
     pub ranges: GivenRanges,
-    /// Options of `hydroid adapt`, not used here.
     pub adapt: IgnoredAny,
-    /// Options of `hydroid control`, not used here.
     pub control: IgnoredAny,
 }
 
-/// Reading of logs.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Log {
@@ -113,7 +110,6 @@ pub struct Identify {
     pub budget: Option<Duration>,
 }
 
-/// Reads a configuration file.
 pub fn read(path: &Path) -> anyhow::Result<Config> {
     let mut config: Config = toml_file::read(path).context("the configuration file cannot be used")?;
     let folder = path.parent().unwrap_or(Path::new(""));

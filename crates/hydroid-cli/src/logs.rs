@@ -10,7 +10,7 @@ use hydroid::model::{Model, Reading};
 use crate::args::{Global, LogArgs};
 use crate::{config, ui};
 
-/// Options for the reading of logs: `base` (defaults, a configuration file, or those of a model), overridden by the command line.
+/// Reading options: `base` (defaults, configuration file or model), overridden by the command line.
 pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
     let mut reading = base;
     let selection = &mut reading.selection;
@@ -35,7 +35,6 @@ pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
     Ok(reading)
 }
 
-/// The reading options of a configuration file.
 pub fn from_config(log: config::Log) -> Reading {
     Reading {
         selection: log::Selection {
@@ -57,7 +56,7 @@ pub fn from_config(log: config::Log) -> Reading {
     }
 }
 
-/// The model with the sample time of the runs. Only vessels can change it.
+/// The model with the sample time of the runs, which only vessels can change.
 pub fn with_step_of(model: Model, runs: &[Trajectory]) -> anyhow::Result<Model> {
     Ok(match runs.first() {
         Some(run) => model.at_step(run.dt)?,
@@ -65,7 +64,7 @@ pub fn with_step_of(model: Model, runs: &[Trajectory]) -> anyhow::Result<Model> 
     })
 }
 
-/// Context of the error that a log does not fit a model.
+/// Context of an error of a log that does not fit a model.
 pub fn cannot_use(path: &Path, model: &Model) -> String {
     if model.plant().is_some() {
         return format!("a log for the vessel {} cannot be used", path.display());
@@ -73,14 +72,13 @@ pub fn cannot_use(path: &Path, model: &Model) -> String {
     format!("a log for {} (sample time {} s) cannot be used", path.display(), model.description.dt)
 }
 
-/// Reads files and prepares their runs.
 pub fn prepare(files: &[PathBuf], reading: &Reading) -> Result<(Vec<RawLog>, Prepared), LogError> {
     let raw = files.iter().map(|file| log::read(file)).collect::<Result<Vec<_>, _>>()?;
     let prepared = log::prepare(&raw, &reading.selection, &reading.options)?;
     Ok((raw, prepared))
 }
 
-/// Training logs of a model, and the first `seconds` of each, over which the filter runs.
+/// Training logs of a model, and the first `seconds` of each, which the filter processes.
 pub fn training_logs(
     files: &[PathBuf],
     seconds: f64,

@@ -16,28 +16,27 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Action at an interruption, for threads that wait for input.
 static AT_INTERRUPT: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
 
-/// Installs the signal handler: the first ctrl-C, SIGTERM or SIGHUP requests a clean stop, the second ends the program.
+/// Installs the signal handler: the first ctrl-C, SIGTERM or SIGHUP requests a stop, the second ends the program.
 pub fn catch_interrupt() {
-    // If the handler cannot be installed, ctrl-C ends the program at once; files are written atomically in either case.
+    // Without a handler, ctrl-C ends the program at once; files are written atomically in either case.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             std::process::exit(130);
         }
-        // In its own thread, so that the handler receives a second ctrl-C.
+        // In a thread, so that the handler receives a second ctrl-C.
         if let Some(act) = AT_INTERRUPT.lock().ok().and_then(|mut act| act.take()) {
             std::thread::spawn(act);
         }
     });
 }
 
-/// Sets the action at an interruption. It runs in its own thread and must end the program.
+/// Sets the action at an interruption. It runs in a thread and must end the program.
 pub fn at_interrupt(act: impl FnOnce() + Send + 'static) {
     if let Ok(mut place) = AT_INTERRUPT.lock() {
         *place = Some(Box::new(act));
     }
 }
 
-/// Whether an interruption was requested.
 pub fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
 }
@@ -46,7 +45,6 @@ pub fn interrupted() -> bool {
 pub struct Bar(ProgressBar);
 
 impl Bar {
-    /// A bar with a message.
     pub fn new(message: &'static str, global: Global) -> Self {
         if global.quiet || !std::io::stderr().is_terminal() {
             return Self(ProgressBar::hidden());
@@ -59,21 +57,19 @@ impl Bar {
         Self(bar)
     }
 
-    /// Replaces the message.
     pub fn set_message(&self, message: &str) {
         if !self.0.is_hidden() {
             self.0.set_message(message.to_owned());
         }
     }
 
-    /// Sets the completed fraction, 0 to 1.
     pub fn set_fraction(&self, fraction: f64) {
-        // A fraction of 1000 steps, clamped.
+        // Clamped.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         self.0.set_position((fraction.clamp(0.0, 1.0) * 1000.0) as u64);
     }
 
-    /// The callback of an identification: updates bar and message, and reports interruptions.
+    /// Callback of an identification: updates the bar and reports interruptions.
     pub fn stage_callback(&self) -> impl FnMut(&Stage<'_>) -> ControlFlow<()> {
         let mut update = self.callback();
         move |stage| {
@@ -84,7 +80,7 @@ impl Bar {
         }
     }
 
-    /// The callback of other functions: updates the bar and reports interruptions.
+    /// Callback with a fraction: updates the bar and reports interruptions.
     pub fn callback(&self) -> impl FnMut(f64) -> ControlFlow<()> {
         |fraction| {
             self.set_fraction(fraction);
@@ -115,7 +111,6 @@ impl Drop for Bar {
     }
 }
 
-/// Prints notes and warnings with their remedies.
 pub fn print_notes(notes: &[Note], global: Global) {
     for note in notes {
         if global.quiet && note.severity == Severity::Info {
@@ -132,12 +127,11 @@ pub fn print_notes(notes: &[Note], global: Global) {
     }
 }
 
-/// Prints an error.
 pub fn print_error(error: &anyhow::Error) {
     eprintln!("error: {}", error_text(error));
 }
 
-/// An error with its causes; a cause whose text is already in the message is left out.
+/// An error with its causes, without repeated text.
 pub fn error_text(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
@@ -163,7 +157,7 @@ pub fn command_line() -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// Writes results to standard output. A closed pipe (`| head`) ends the program without an error.
+/// Writes results to standard output; a closed pipe (`| head`) ends the program without an error.
 pub fn write_out(text: std::fmt::Arguments<'_>) {
     if let Err(error) = std::io::stdout().lock().write_fmt(text) {
         if error.kind() == std::io::ErrorKind::BrokenPipe {

@@ -1,6 +1,5 @@
-//! Noting a walk allocates nothing once it has begun: a counting allocator around a recorded adapter.
-//!
-//! One test only: the counter is the process's.
+//! A recorded session allocates nothing after its start: a counting allocator around a recorded adapter. The counter is
+//! global, so there is only one test.
 #![allow(unsafe_code)] // an allocator can be written in no other way
 
 #[path = "it/boat.rs"]
@@ -18,16 +17,16 @@ struct Counting;
 
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: every call is passed on to the system's allocator as it came.
+// SAFETY: every call is forwarded to the system allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promises are handed on.
+        // SAFETY: the contract of the caller is forwarded.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are handed on.
+        // SAFETY: the contract of the caller is forwarded.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -47,7 +46,7 @@ fn a_recorded_session_allocates_nothing() {
     let mut recorded = RecordingAdapter::new(adapter, Some(recorder));
     recorded.reset();
     let mut before = 0;
-    // Once the guard has made its first test: past the end of the first segment, and a few times to the disk.
+    // Starts after the first shadow test; covers several segments and writes.
     for k in 0..900 {
         if k == 50 {
             before = ALLOCATIONS.load(Ordering::Relaxed);

@@ -1,7 +1,7 @@
 //! Options of `hydroid adapt` and `hydroid control` in a TOML file.
 //!
-//! The section `[adapt]` (or `[control]`) has a key for each option of the command: the name of the option with `_` in place
-//! of `-`. The values become arguments of the command line. An option that stands on the command line replaces the key.
+//! Each key of the section `[adapt]` or `[control]` is an option with `_` in place of `-`. The values become arguments;
+//! the command line takes precedence.
 
 use std::any::TypeId;
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ use serde::Deserialize;
 
 use crate::config;
 
-/// A section of the file: values by the name of the option.
+/// Values of a section by option name.
 pub type Section = BTreeMap<String, Value>;
 
 /// The value of an option.
@@ -32,7 +32,7 @@ pub enum Value {
     Table(BTreeMap<String, Value>),
 }
 
-/// The sections that matter here; `hydroid identify` reads the others.
+/// The sections of interest; `hydroid identify` reads the others.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 struct Sections {
@@ -48,12 +48,12 @@ pub struct FromFile {
     pub arguments: Vec<OsString>,
 }
 
-/// Reads the section of the subcommand in `matches` from the file that `--config` names, or from `hydroid.toml` in the current
-/// folder. Options that are on the command line are left out.
+/// Reads the section of the subcommand in `matches` from the file of `--config` or from `hydroid.toml` in the current
+/// folder. Options on the command line are omitted.
 pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<FromFile>> {
     let Some((name, given)) = matches.subcommand() else { return Ok(None) };
     let Some(verb) = ["adapt", "control"].into_iter().find(|verb| *verb == name) else { return Ok(None) };
-    // The recording of a black box contains all options of its session.
+    // A recording contains all options of its session.
     if verb == "adapt" && given.contains_id("replay") {
         return Ok(None);
     }
@@ -86,7 +86,7 @@ pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<Fr
     Ok((!arguments.is_empty()).then_some(FromFile { path, verb, arguments }))
 }
 
-/// The option of a command that a key names.
+/// The option with this key.
 fn option<'a>(command: &'a Command, key: &str) -> Option<&'a Arg> {
     let long = key.replace('_', "-");
     let named = |arg: &&Arg| arg.get_long() == Some(long.as_str());
@@ -94,7 +94,7 @@ fn option<'a>(command: &'a Command, key: &str) -> Option<&'a Arg> {
     command.get_arguments().find(named).filter(|_| !excluded.contains(&long.as_str()))
 }
 
-/// An option and its value as words of a command line.
+/// An option and its value as arguments.
 fn words(arg: &Arg, value: &Value, file: &Path) -> anyhow::Result<Vec<OsString>> {
     let long = arg.get_long().unwrap_or_default();
     if matches!(arg.get_action(), ArgAction::SetTrue) {
@@ -127,7 +127,7 @@ fn nested(value: &Value) -> bool {
     matches!(value, Value::List(all) if all.iter().any(|value| matches!(value, Value::List(_))))
 }
 
-/// A value as the command line takes it: lists with a separator, tables as `NAME=VALUE`, a list in a list with commas.
+/// A value in command-line form: lists with a separator, tables as `NAME=VALUE`, inner lists with commas.
 fn text(value: &Value, separator: &str) -> anyhow::Result<String> {
     Ok(match value {
         Value::Flag(_) => bail!("the option takes a value, not true or false"),

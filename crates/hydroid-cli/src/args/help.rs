@@ -1,8 +1,8 @@
-//! Short help: the options that `hydroid adapt --help` and `hydroid control --help` show; `--help-advanced` shows all.
+//! Options of `hydroid adapt --help` and `hydroid control --help`; `--help-advanced` shows all.
 
 use clap::Command;
 
-/// Options of the short help, by subcommand.
+/// Basic options by subcommand.
 const BASIC: [(&str, &[&str]); 2] = [
     (
         "adapt",
@@ -40,7 +40,7 @@ const BASIC: [(&str, &[&str]); 2] = [
     ),
 ];
 
-/// Hides the other options of these subcommands in their help.
+/// Hides all other options in the help of these subcommands.
 pub fn short(command: Command) -> Command {
     BASIC.into_iter().fold(command, |command, (name, basic)| {
         command.mut_subcommand(name, |subcommand| {
@@ -53,7 +53,7 @@ pub fn short(command: Command) -> Command {
     })
 }
 
-/// The subcommand whose full help the command line asks for.
+/// The subcommand of `--help-advanced`.
 pub fn advanced<'a>(words: impl Iterator<Item = &'a str>) -> Option<&'static str> {
     let words: Vec<&str> = words.take_while(|word| *word != "--").collect();
     let asked = words.contains(&"--help-advanced");

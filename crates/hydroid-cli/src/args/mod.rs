@@ -49,7 +49,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Parses the command line, with the options of a configuration file. Help and wrong arguments end the program.
+    /// Parses the command line with the options of a configuration file. Help and invalid arguments end the program.
     ///
     /// # Errors
     /// The configuration file cannot be used.
@@ -64,7 +64,7 @@ impl Args {
             }
         }
         let command = help::short(Self::command());
-        // Options that are required may be in the file.
+        // Required options may be in the file.
         let partial = command.clone().ignore_errors(true).try_get_matches_from(&words);
         let from_file = partial.ok().map(|matches| file::read(&command, &matches)).transpose()?.flatten();
         let parse = |words: &[OsString]| {

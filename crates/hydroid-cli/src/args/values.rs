@@ -57,7 +57,6 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     }
 }
 
-/// Two numbers: `0.3,-0.1`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair(pub [f64; 2]);
 
@@ -69,7 +68,6 @@ impl FromStr for Pair {
     }
 }
 
-/// Three numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triple(pub [f64; 3]);
 
@@ -81,7 +79,6 @@ impl FromStr for Triple {
     }
 }
 
-/// Points in the plane: `0,0;60,0;60,40`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points(pub Vec<[f64; 2]>);
 

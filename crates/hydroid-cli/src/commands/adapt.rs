@@ -88,7 +88,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     Ok(if better && report.adapted.diverged == 0 { Outcome::Done } else { Outcome::Missed })
 }
 
-/// Options of the adaptation for this model. Options for other kinds of models are refused.
+/// Options of the adaptation; options for other kinds of models are refused.
 fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     let mut options =
         Options { evaluate: evaluate::options(args.evaluation, model.description.dt), ..Options::of(model) };
@@ -156,7 +156,6 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     Ok(options)
 }
 
-/// Standard deviations of the noise in the order of the outputs.
 fn noise(given: &[NamedNumber], model: &Model) -> anyhow::Result<Option<Vec<f64>>> {
     if given.is_empty() {
         return Ok(None);
@@ -180,10 +179,8 @@ fn noise(given: &[NamedNumber], model: &Model) -> anyhow::Result<Option<Vec<f64>
     outputs.iter().map(of).collect::<anyhow::Result<_>>().map(Some)
 }
 
-/// Number of events in the text output.
 const EVENTS_SHOWN: usize = 12;
 
-/// Warnings against the use of the adapted model.
 fn warnings(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
     let remedy = match report.settings {

@@ -56,7 +56,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
         steering.rehearsal = training.replayed.into();
     }
     steering.model = model.map(Arc::new);
-    // The controller is built before any simulation, so that a model it cannot invert is refused early.
+    // Built before any simulation, so that a model that it cannot invert is refused early.
     let mut tuned = None;
     if kind == ControlMethod::Autopilot {
         let bar = ui::Bar::new("tuning the PID", global);
@@ -118,7 +118,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     Ok(if sound { Outcome::Done } else { Outcome::Missed })
 }
 
-/// The model. Every controller except pid needs one.
+/// The model, required by every controller except pid.
 fn model(args: &Control, kind: ControlMethod) -> anyhow::Result<Option<Model>> {
     match (&args.model, kind) {
         (None, ControlMethod::Autopilot) => Ok(None),
@@ -160,7 +160,6 @@ fn monte_carlo(
     )?)
 }
 
-/// Contents of the output folder.
 struct OutputFiles<'a> {
     args: &'a Control,
     steering: &'a ControllerOptions,

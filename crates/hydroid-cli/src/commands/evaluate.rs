@@ -10,7 +10,6 @@ use super::{Outcome, table};
 use crate::args::{Against, Evaluate, EvaluationArgs, Global, Origin};
 use crate::{logs, ui};
 
-/// The JSON document.
 #[derive(Serialize)]
 struct Document<'a> {
     #[serde(flatten)]
@@ -59,7 +58,6 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     Ok(if sound && evaluation.diverged == 0 { Outcome::Done } else { Outcome::Missed })
 }
 
-/// Options of the evaluation for a model with sample time `dt`.
 pub fn options(evaluation: EvaluationArgs, dt: f64) -> Options {
     Options {
         horizon: evaluation.horizon.samples(dt),

@@ -21,10 +21,10 @@ use crate::args::{Global, Identify, LogArgs};
 use crate::config::{self, Config};
 use crate::{logs, ui};
 
-/// Default of the longest horizon, in samples.
+/// Default longest horizon \[samples\].
 const HORIZON: usize = 100;
 
-/// Durations of the simulated logs of a demonstration, in s.
+/// Durations of the simulated demonstration logs \[s\].
 const DEMONSTRATION_S: [(&str, f64); 3] = [("train", 3_600.0), ("validate", 600.0), ("test", 600.0)];
 
 pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
@@ -130,7 +130,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     Ok(if identified.is_usable() { Outcome::Done } else { Outcome::Missed })
 }
 
-/// Applies the network options of the command line, which override the file for all networks.
+/// Applies the network options of the command line to all networks.
 fn apply_network_args(args: &Identify, networks: &mut NetworkTrainingOptions) {
     let (epochs, restarts) =
         (args.epochs.and_then(|n| usize::try_from(n).ok()), args.restarts.map(usize::from));
@@ -141,9 +141,8 @@ fn apply_network_args(args: &Identify, networks: &mut NetworkTrainingOptions) {
     }
 }
 
-/// Applies the options for equations, which override the file.
+/// Applies the equation options of the command line.
 fn apply_equation_args(args: &Identify, sindy: &mut SindyOptions) {
-    // --library and --degree exclude each other.
     if args.library.is_some() {
         sindy.degree = None;
         sindy.signed_squares = None;
@@ -171,7 +170,6 @@ fn apply_equation_args(args: &Identify, sindy: &mut SindyOptions) {
     sindy.ridge = args.ridge.or(sindy.ridge);
 }
 
-/// Log files of training, validation and test.
 struct Files {
     /// Origin of simulated files.
     note: Option<Note>,
@@ -181,7 +179,7 @@ struct Files {
 }
 
 impl Files {
-    /// Reads all files together, so that they share channels and sample time, and splits the runs.
+    /// Reads all files together, with common channels and sample time, and splits the runs.
     fn split(&self, reading: &Reading) -> anyhow::Result<(Split, Reading, Vec<Note>)> {
         let all: Vec<PathBuf> = self.train.iter().chain(&self.validate).chain(&self.test).cloned().collect();
         let (raw, prepared) = logs::prepare(&all, reading)?;
@@ -191,7 +189,7 @@ impl Files {
             let inspection = log::inspect(log, &reading.selection, &reading.options)?;
             steps.extend(inspection.clock.map(|clock| clock.step_s));
             for note in inspection.notes {
-                // Skips notes of the preparation, which may differ in the step in brackets.
+                // Skips notes of the preparation; those may differ in the step in brackets.
                 let start = |note: &Note| note.message.split(" (").next().unwrap_or_default().to_owned();
                 let known = notes.iter().any(|other| start(other) == start(&note));
                 if note.is_warning() && !known {
@@ -215,7 +213,7 @@ impl Files {
     }
 }
 
-/// Converts an input delay from samples of these logs to seconds, so that the model holds for logs of any rate.
+/// Converts an input delay from samples to seconds, so that the model applies to logs of any rate.
 fn in_seconds(delay: InputDelay, steps: &[f64]) -> anyhow::Result<InputDelay> {
     let (InputDelay::Samples(n), Some(&step)) = (delay, steps.first()) else { return Ok(delay) };
     if n == 0 {
@@ -251,7 +249,6 @@ fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Fil
     Ok(Files { note: Some(note), train: vec![train], validate: vec![validate], test: vec![test] })
 }
 
-/// The report as HTML.
 fn page(files: &Files, job: &Job, identified: &IdentifyResult, notes: &[Note]) -> anyhow::Result<String> {
     let all = files.train.iter().chain(&files.validate).chain(&files.test);
     let sources: Vec<String> = all.map(|file| file.display().to_string()).collect();
@@ -270,7 +267,7 @@ fn page(files: &Files, job: &Job, identified: &IdentifyResult, notes: &[Note]) -
     Ok(hydroid_report::identification(identified, &job.split, &context)?)
 }
 
-/// Title of the report: the folder of the logs, which often has the name of the vessel.
+/// Title of the report: the folder of the logs, often the name of the vessel.
 fn title(sources: &[String]) -> String {
     let folder = sources.first().and_then(|source| Path::new(source).parent()?.file_name()?.to_str());
     folder.map_or_else(|| String::from("Identification"), |name| format!("Identification: {name}"))
@@ -320,7 +317,6 @@ fn write(
     Ok(summary)
 }
 
-/// Prints the design ranges if networks use them or the user gave one.
 fn show_ranges(identified: &IdentifyResult) {
     let networks = identified.candidates.iter().any(|candidate| candidate.model.is_network());
     if !networks && identified.ranges.iter().all(|range| !range.given) {
@@ -354,7 +350,7 @@ fn show(folder: &Path, identified: &IdentifyResult) {
         if let Some(text) = refinement.and_then(|refinement| refinement.describe(model.description.dt)) {
             outln!("  coefficients {text}");
         }
-        // `inspect` prints the initial equations of a model that adapts: they have all terms of the library.
+        // `inspect` prints the initial equations, which contain all terms of the library.
         if model.learning.is_some() {
             outln!("  equations that adapt online; the errors below include this adaptation");
         } else {

@@ -58,7 +58,6 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
         }
     }
     if global.json {
-        // One file gives a document, several give a list.
         match documents.as_slice() {
             [one] => super::print_json(one)?,
             many => super::print_json(&many)?,
@@ -67,7 +66,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Whether a file is a vessel file or a safetensors file, by its extension or by its header (eight bytes of length, then JSON).
+/// Whether a file is a vessel or safetensors file, by its extension or its header (eight bytes of length, then JSON).
 fn is_model(path: &Path) -> bool {
     if path.extension().is_some_and(|e| ["safetensors", "toml"].iter().any(|of| e.eq_ignore_ascii_case(of))) {
         return true;

@@ -34,7 +34,6 @@ impl From<Outcome> for ExitCode {
     }
 }
 
-/// Runs a command.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if let Some(threads) = args.global.threads {
         rayon::ThreadPoolBuilder::new()
@@ -53,7 +52,6 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
 }
 
-/// Prints a JSON document on standard output.
 fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     outln!("{}", serde_json::to_string_pretty(value)?);
     Ok(())

@@ -7,12 +7,11 @@ use hydroid::identify::{IdentifyError, IdentifyResult, Job, Method};
 use hydroid::log::Note;
 use hydroid::train::{TrainError, refit_checkpoint};
 
-/// The model file of a method.
 pub fn model_file(folder: &Path, name: &str) -> PathBuf {
     folder.join(format!("{name}.safetensors"))
 }
 
-/// Renames models of an earlier job whose method gave no model in this job, so that they are not taken for its results.
+/// Renames models of an earlier job whose method gave no model in this one, so that they do not pass for its results.
 pub fn move_stale_models(folder: &Path, job: &Job, identified: &IdentifyResult) -> anyhow::Result<Vec<Note>> {
     let mut notes = Vec::new();
     for method in &job.methods {
@@ -37,14 +36,13 @@ pub fn move_stale_models(folder: &Path, job: &Job, identified: &IdentifyResult) 
     Ok(notes)
 }
 
-/// Checkpoints in the output folder.
 pub fn checkpoints(job: &Job) -> impl Iterator<Item = PathBuf> {
     let networks = job.methods.iter().copied().filter(|method| method.cell().is_some());
     let files = networks.filter_map(|method: Method| job.networks.checkpoint(method));
     files.flat_map(|file| [refit_checkpoint(&file), file]).filter(|file| file.exists())
 }
 
-/// Adds to an error that the training can be resumed, if a checkpoint exists.
+/// Adds the remedy of resuming the training, if a checkpoint exists.
 pub fn with_resume_hint(error: anyhow::Error, job: &Job) -> anyhow::Error {
     // This error has its own remedy.
     let refused = matches!(

@@ -79,13 +79,11 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Simulates with a progress bar.
 pub fn record(options: &Options, global: Global) -> anyhow::Result<Simulated> {
     let bar = ui::Bar::new("simulating", global);
     Ok(simulate::simulate(options, &mut bar.callback())?)
 }
 
-/// A plant by its name or vessel file.
 pub fn vessel(name: &str) -> anyhow::Result<VesselParams> {
     if let Some(vessel) = simulate::built_in(name) {
         return Ok(vessel);
@@ -137,7 +135,7 @@ fn excitation(args: &Simulate, vessel: &VesselParams) -> anyhow::Result<(Excitat
     Ok((excitation, kind.to_owned()))
 }
 
-/// Commands from a CSV with a time column and the vessel's two command channels.
+/// Commands from a CSV file with time and the two commands of the vessel.
 fn commands(path: &Path, vessel: &VesselParams) -> anyhow::Result<Vec<(f64, Command)>> {
     let raw = log::read(path)?;
     let [propeller, rudder] = [&vessel.commands.propeller, &vessel.commands.rudder];

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use hydroid::evaluate::{BandCoverage, Evaluation};
 use hydroid::identify::{Grade, Verdict};
 
-/// Horizons of the rows: the first, the last, and round times between them.
+/// Rows of a table: first, last and round horizons.
 pub fn horizons(evaluation: &Evaluation) -> Vec<usize> {
     let last = evaluation.horizons.last().copied().unwrap_or(0);
     let mut chosen: Vec<usize> = [1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0]
@@ -26,7 +26,6 @@ pub fn horizons(evaluation: &Evaluation) -> Vec<usize> {
     chosen
 }
 
-/// The table of one evaluation. Writing to a string cannot fail.
 pub fn errors(evaluation: &Evaluation) -> String {
     let mut text = String::new();
     let mut line = |cells: [&str; 8]| {
@@ -81,7 +80,6 @@ pub fn errors(evaluation: &Evaluation) -> String {
     text
 }
 
-/// The table of the coverage of the ensemble band.
 pub fn band(band: &BandCoverage, evaluation: &Evaluation) -> String {
     let mut text = String::new();
     let _ = writeln!(
@@ -106,7 +104,7 @@ pub fn band(band: &BandCoverage, evaluation: &Evaluation) -> String {
     text
 }
 
-/// The table of evaluations of the same windows: frozen model, frozen model with a state filter (if it has one), adapted model.
+/// Errors of frozen, filtered (if any) and adapted model on the same windows.
 pub fn side_by_side(frozen: &Evaluation, filtered: Option<&Evaluation>, adapted: &Evaluation) -> String {
     let mut text = String::new();
     let mut line = |horizon: &str, channel: &str, cells: &[String]| {
@@ -153,7 +151,6 @@ pub fn side_by_side(frozen: &Evaluation, filtered: Option<&Evaluation>, adapted:
     text
 }
 
-/// Prints the grade of each output.
 pub fn show_verdicts(verdicts: &[Verdict]) {
     for verdict in verdicts {
         let grade = match verdict.grade {
@@ -170,7 +167,6 @@ pub fn show_verdicts(verdicts: &[Verdict]) {
     }
 }
 
-/// A number with three or four significant digits.
 fn figure(x: f64) -> String {
     match x.abs() {
         a if a == 0.0 || (1e-3..1e4).contains(&a) => {
@@ -189,7 +185,6 @@ fn figure(x: f64) -> String {
     }
 }
 
-/// `5.0000 s` as `5 s`.
 fn trim(time: &str) -> String {
     match time.strip_suffix(" s") {
         Some(number) => format!("{} s", number.trim_end_matches('0').trim_end_matches('.')),
@@ -197,7 +192,6 @@ fn trim(time: &str) -> String {
     }
 }
 
-/// The name of an option in JSON.
 fn word(option: &impl serde::Serialize) -> String {
     serde_json::to_value(option).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }

@@ -28,7 +28,7 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
     let program = if args.ignore_build { 0 } else { hydroid_study::program() };
     let clock = Instant::now();
     let bar = ui::Bar::new("study", global);
-    // Several threads report; the lock serializes the bar.
+    // Several threads report progress.
     let last = Mutex::new(String::new());
     let report = |told: &Told<'_>| {
         let fraction = told.done as f64 / told.of.max(1) as f64;
@@ -52,7 +52,7 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The command line that repeats one experiment, without its name.
+/// The command of one experiment, without its name.
 fn command(args: &Thesis) -> String {
     let mut command = String::from("hydroid thesis");
     if args.quick {

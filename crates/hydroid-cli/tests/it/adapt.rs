@@ -37,7 +37,7 @@ fn an_adapted_model_is_written_with_its_history() {
     for key in ["80", "95"] {
         assert!((0.0..=1.0).contains(&report["coverage"][key].as_f64().unwrap()), "{key}");
     }
-    // `frozen` equals the output of `evaluate`, which also has the coverage of the ensemble band.
+    // `frozen` equals the output of `evaluate`, apart from the coverage of the ensemble band.
     let evaluated = hydroid(at, &["evaluate", MODEL, "c.csv", "--json"]);
     let mut evaluated: Value = serde_json::from_slice(&evaluated.stdout).unwrap();
     assert!(evaluated.as_object_mut().unwrap().remove("band_coverage").is_some());
@@ -50,7 +50,6 @@ fn an_adapted_model_is_written_with_its_history() {
     assert_eq!(provenance["settings"]["adapted"][0]["runs"][0], "c.csv");
     assert_eq!(provenance["settings"]["adapted"][0]["settings"], report["settings"]);
 
-    // The text output.
     let told = hydroid(at, &["adapt", MODEL, "c.csv", "--horizon", "5s", "--forgetting", "inf"]);
     assert_eq!(told.status.code(), Some(0), "{}", text(&told.stderr));
     let table = text(&told.stdout);
@@ -83,7 +82,7 @@ fn equations_adapt_by_the_kalman_filter() {
         judged["nrmse"][99][0].as_f64().unwrap()
     };
     assert!(judged("kalman.safetensors") < 0.7 * judged(MODEL));
-    // A stream takes the options of the filter, too.
+    // A stream accepts the options of the filter.
     let args = ["adapt", MODEL, "c.csv", "--learner", "kalman", "--weight-variance", "0.02", "--json"];
     let noise = ["--noise", "u=0.01,v=0.01,r=0.01,P_f=1", "--covariance", "blocks:3"];
     let output = hydroid(at, &[&args[..], &noise].concat());
@@ -101,7 +100,7 @@ fn equations_adapt_by_the_kalman_filter() {
 #[test]
 fn a_worse_adapted_model_has_exit_status_one() {
     let at = simple_vessel();
-    // The vessel that it was made for, and hardly any memory: worse, if only a little.
+    // On the original vessel with short memory, the adapted model is slightly worse.
     let args =
         ["adapt", MODEL, "b.csv", "--forgetting", "0.2", "--prior", "0.01", "--window", "0.1", "--no-gate"];
     let output = hydroid(at, &args);

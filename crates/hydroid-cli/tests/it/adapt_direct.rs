@@ -1,4 +1,4 @@
-//! `hydroid adapt` on a direct predictor of the hydrofoil that was trained at low speed and is adapted while foiling.
+//! `hydroid adapt` on a direct predictor trained at low speed and adapted while foiling.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 use crate::common::{command, run, text};
 
-/// A small network of low speed, and a log that leaves it; made once.
+/// A small network of low speed, and a log beyond its training range; computed once.
 fn prepared() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     let settings = "[direct]\nhidden = 24\nlayers = 2\nhistory_s = 0.4\nepochs = 12\nrestarts = 1\nensemble = false\nbase = \"nothing\"\n";
@@ -48,7 +48,6 @@ fn a_direct_predictor_adapts_to_foiling_and_is_written_with_its_history() {
     let adapted = &inspected["description"]["provenance"]["settings"]["adapted"][0];
     assert_eq!(adapted["runs"][0], "lawn.csv");
     assert_eq!(adapted["settings"], alone["settings"]);
-    // The adapted model predicts better on the log than the initial model.
     let error = |model: &str| {
         let judged =
             run(prepared(), &format!("evaluate {model} lawn.csv --against truth --horizon 20 --json -q"));
@@ -76,7 +75,7 @@ fn invalid_input_is_refused() {
     }
 }
 
-/// A kill costs nothing: answers and model are those of a service that was left alone.
+/// After a kill, answers and model are those of an uninterrupted service.
 #[test]
 fn a_killed_service_resumes_to_the_same_model() {
     let at = prepared();
@@ -99,7 +98,7 @@ fn a_killed_service_resumes_to_the_same_model() {
         writeln!(stdin, "{line}").unwrap();
         if k > 0 {
             let answer: Value = serde_json::from_str(&answers.next().unwrap().unwrap()).unwrap();
-            // Windows of 4 samples and 20 to come; then 30 of them until bands are known.
+            // Windows of 4 past and 20 future samples; 30 windows until bands are available.
             assert!(answer["status"] == "accepted" || answer["status"] == "waiting", "{answer}");
             assert!(k < 60 || answer["band_95"]["u"][1].as_f64().unwrap() > 0.0, "{answer}");
         }

@@ -1,4 +1,4 @@
-//! `hydroid adapt` on a recurrent network of the hydrofoil that was trained at low speed and is adapted while foiling.
+//! `hydroid adapt` on a recurrent network trained at low speed and adapted while foiling.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 use crate::common::{command, run, text};
 
-/// A small network of low speed, and a log that leaves it; made once.
+/// A small network of low speed, and a log beyond its training range; computed once.
 fn prepared() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     let settings = "[network]\nhidden = 8\nepochs = 60\nfeedback = false\nlearning_rate = 0.01\n";
@@ -56,7 +56,7 @@ fn the_table_has_frozen_filtered_and_adapted_columns() {
     let head: Vec<&str> = told.lines().next().unwrap().split_whitespace().collect();
     let columns = "horizon output RMSE frozen filtered adapted NRMSE frozen filtered adapted persistence";
     assert_eq!(head.join(" "), columns);
-    // Time, output and its unit, then a number in each column.
+    // Time, output and unit, then a number in each column.
     assert_eq!(told.lines().nth(1).unwrap().split_whitespace().count(), 4 + 7, "{told}");
 }
 
@@ -64,7 +64,7 @@ fn the_table_has_frozen_filtered_and_adapted_columns() {
 fn a_guard_survives_faults_and_reports_its_events() {
     let args = "adapt out/gru.safetensors lawn.csv --json -q --horizon 20 --inject spikes=0.02,stuck=r:8s@60 --seed 3";
     let error = |report: &Value| {
-        // Mean over outputs and horizons of the RMSE against what was measured before the faults.
+        // Mean over outputs and horizons of the RMSE against the measurements before the faults.
         let rows: Vec<f64> = report["adapted"]["rmse"]
             .as_array()
             .unwrap()
@@ -99,7 +99,7 @@ fn the_filter_runs_over_the_training_logs_first() {
     assert!(shore["adapted"]["rmse"][19][0].as_f64() < shore["frozen"]["rmse"][19][0].as_f64());
 }
 
-/// Weights adapted while foiling, evaluated at low speed: rehearsal keeps the accuracy there.
+/// Weights adapted while foiling keep their accuracy at low speed through rehearsal.
 #[test]
 fn training_logs_are_rehearsed() {
     let error = |option: &str, output: &str| {
@@ -114,7 +114,7 @@ fn training_logs_are_rehearsed() {
     assert!(with["settings"]["rehearsal"]["windows"].as_u64().unwrap() > 0, "{}", with["settings"]);
     assert!(without["settings"]["rehearsal"].is_null(), "{}", without["settings"]);
     assert!(known < 0.6 * forgotten, "{known} beside {forgotten}");
-    // Its windows are in the memory: the log is not needed again.
+    // The saved state contains the rehearsal windows; the log is not needed again.
     let replayed = run(prepared(), "adapt out/gru.safetensors --replay rehearsed.box");
     assert_eq!(replayed.status.code(), Some(0), "{}", text(&replayed.stderr));
 }
@@ -156,7 +156,7 @@ fn invalid_input_is_refused() {
     }
 }
 
-/// A kill costs nothing: answers and model are those of a service that was left alone.
+/// After a kill, answers and model are those of an uninterrupted service.
 #[test]
 fn a_killed_service_resumes_to_the_same_model() {
     let at = prepared();
@@ -208,7 +208,7 @@ fn a_network_is_replayed_from_its_black_box() {
         assert_eq!(answers.status.code(), Some(0), "{serve}: {}", text(&answers.stderr));
         let replayed = run(at, &format!("adapt {MODEL} --replay {file} --json"));
         assert_eq!(replayed.status.code(), Some(0), "{options}: {}", text(&replayed.stderr));
-        // Whatever the ring holds, its last sample is that of the stream.
+        // The last recorded sample is the last one of the stream.
         let last = |output: &Output| -> Value {
             serde_json::from_str(text(&output.stdout).lines().last().unwrap()).unwrap()
         };

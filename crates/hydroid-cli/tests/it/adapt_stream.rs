@@ -21,7 +21,7 @@ fn done(folder: &Path, args: &[&str]) -> Output {
     output
 }
 
-/// A service that is running, and its answers.
+/// A running service with its answers.
 struct Service {
     child: Child,
     answers: BufReader<ChildStdout>,
@@ -45,7 +45,6 @@ impl Service {
         stdin.flush().unwrap();
     }
 
-    /// Waits for the next answer.
     fn answer(&mut self) -> String {
         let mut line = String::new();
         self.answers.read_line(&mut line).unwrap();
@@ -90,7 +89,7 @@ fn a_streamed_log_gives_the_same_model_as_a_complete_log() {
 #[test]
 fn bands_cover_the_measurements_under_planned_commands() {
     const AHEAD: usize = 50;
-    // The vessel of the training logs: bands do not cover model error.
+    // Same vessel as in the training logs: bands do not cover model error.
     let lines = lines("d.csv");
     let names: Vec<&str> = lines[0].split(',').map(|cell| cell.split(" [").next().unwrap()).collect();
     let rows: Vec<Vec<f64>> =
@@ -143,7 +142,7 @@ fn an_answer_comes_before_the_next_line_is_sent() {
             assert_eq!(answer["prediction"]["u"].as_array().unwrap().len(), 2);
         }
     }
-    // A wrong line is answered, and the stream continues.
+    // An invalid line is answered, and the stream continues.
     service.send("4.9,oops");
     assert_eq!(value(&service.answer())["status"], "error");
     drop(service.child.stdin.take());
@@ -165,7 +164,7 @@ fn a_killed_service_resumes_with_the_same_answers_and_model() {
             service.send(line);
             assert_eq!(service.answer().trim_end(), expected);
         }
-        // At an arbitrary moment: there is a line that may or may not have been answered.
+        // At an arbitrary time: a line may be unanswered.
         service.send(&lines[killed]);
         service.child.kill().unwrap();
         service.child.wait().unwrap();
@@ -196,14 +195,14 @@ fn an_interruption_leaves_state_and_model() {
         }
         let kill = Command::new("kill").args([signal, &service.child.id().to_string()]).status();
         assert!(kill.unwrap().success());
-        // It waits for a line all the while.
+        // The service waits for a line.
         let stdin = service.child.stdin.take();
         let output = service.child.wait_with_output().unwrap();
         drop(stdin);
         assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
         assert!(text(&output.stderr).contains("lines: "));
         assert!(at.join(&model).exists());
-        // Nothing at all was lost.
+        // No line was lost.
         let again = hydroid(at, &["adapt", MODEL, "c.csv", "--stream", "--state", &state]).output().unwrap();
         let first = text(&again.stdout).lines().next().map(value).unwrap();
         assert_eq!(first["line"], 106);
@@ -220,7 +219,7 @@ fn invalid_streams_are_refused_with_a_remedy() {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        // It may have ended without reading.
+        // The service may end without reading.
         let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{args:?}: {}", text(&output.stdout));
@@ -236,7 +235,7 @@ fn invalid_streams_are_refused_with_a_remedy() {
     refused(&["adapt", MODEL, "none.csv", "--stream"], "", "none.csv");
     refused(&["adapt", MODEL, "c.csv", "--timing"], "", "--stream");
     refused(&["adapt", MODEL, "-", "--state", "."], "", "name a file");
-    // States of another model or of other options and truncated states are not overwritten.
+    // States of other models or options and truncated states are not overwritten.
     let header = lines("c.csv")[..30].join("\n");
     fs::write(at.join("thirty.csv"), header).unwrap();
     done(at, &["adapt", MODEL, "thirty.csv", "--stream", "--state", "kept.state", "-o", "other.safetensors"]);

@@ -28,7 +28,7 @@ fn json(args: &str) -> Value {
     serde_json::from_str(&done(args)).unwrap()
 }
 
-/// The hydrofoil with 1.3 times the surge drag, and logs of it; made once.
+/// Logs of the hydrofoil with 1.3 times the surge drag; computed once.
 fn prepared() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     FOLDER
@@ -67,7 +67,7 @@ fn the_drag_of_a_vessel_is_estimated_and_written_to_a_vessel_file() {
     assert_eq!(drag["given"], 18.65);
     assert!((drag["learned"].as_f64().unwrap() / 24.245 - 1.0).abs() < 0.05, "{drag}");
 
-    // Simulated, judged and looked at as any vessel, and better on a log that it has not seen.
+    // The adapted vessel can be simulated, evaluated and inspected, and is better on another log.
     done("simulate learned.toml --duration 10 -o again.csv");
     let judged = |model: &str| {
         let judged = json(&format!("evaluate {model} b.csv --against truth --json"));
@@ -82,11 +82,9 @@ fn the_drag_of_a_vessel_is_estimated_and_written_to_a_vessel_file() {
     assert_eq!(history[0]["runs"][0], "a.csv");
     assert_eq!(history[0]["settings"], report["settings"]);
     assert!(done("inspect learned.toml").contains("flying.transition_speed"));
-    // A second adaptation adds a second entry.
     hydroid(prepared(), "adapt learned.toml b.csv -o twice.toml -q");
     let twice = json("inspect twice.toml --json");
     assert_eq!(twice["description"]["provenance"]["settings"]["adapted"].as_array().unwrap().len(), 2);
-    // The text output lists the parameters.
     let told = done("adapt given.toml a.csv -q");
     assert!(told.contains("filtered") && told.contains("drag.linear[0][0]"), "{told}");
 }
@@ -134,7 +132,7 @@ fn a_vessel_on_a_stream_resumes_to_the_same_bytes() {
     assert_eq!(rest, whole[1000..]);
     let file = |name: &str| fs::read(at.join(name)).unwrap();
     assert_eq!(file("whole.toml"), file("resumed.toml"));
-    // The state of another vessel is none of this one.
+    // The state of another vessel is refused.
     let other = hydroid(at, &format!("adapt simple a.csv --stream {options} --state kept.state"));
     assert_eq!(other.status.code(), Some(2));
 }

@@ -11,7 +11,7 @@ fn hydroid(folder: &Path, args: &[&str]) -> Output {
     Command::cargo_bin("hydroid").unwrap().current_dir(folder).args(args).output().unwrap()
 }
 
-/// Runs, expects status 2 and all of `words` in the message, and no panic.
+/// Runs, expects status 2 with all of `words` in the message, and no panic.
 fn refused(folder: &Path, args: &[&str], words: &[&str]) {
     let output = hydroid(folder, args);
     let message = String::from_utf8_lossy(&output.stderr);
@@ -24,7 +24,7 @@ fn refused(folder: &Path, args: &[&str], words: &[&str]) {
     assert!(output.stdout.is_empty(), "{args:?}: wrote to standard output");
 }
 
-/// A log that is good: two outputs that answer to two inputs.
+/// A valid log with two outputs and two inputs.
 fn good(rows: usize) -> Vec<String> {
     let mut lines = vec![String::from("t [s],u [m/s],r [rad/s],n_cmd [rps],d_cmd [rad]")];
     let (mut u, mut r) = (0.0, 0.0);
@@ -44,7 +44,7 @@ fn write(folder: &TempDir, name: &str, lines: &[String]) -> PathBuf {
     path
 }
 
-/// A good log with one line replaced; lines count from 1 as in an editor.
+/// A valid log with one line replaced; line numbers start at 1.
 fn with_line(folder: &TempDir, line: usize, text: &str) {
     let mut lines = good(400);
     text.clone_into(&mut lines[line - 1]);
@@ -156,7 +156,7 @@ fn a_constant_output_has_no_equation() {
     }
     write(&folder, "bad.csv", &lines);
     refused(folder.path(), &[IDENTIFY, &["--horizon", "20"]].concat(), &["'u'", "vary"]);
-    // A constant command gives a warning only, if another command changes.
+    // A single constant command gives only a warning.
     let mut lines = good(400);
     for line in &mut lines[1..] {
         let mut cells: Vec<&str> = line.split(',').collect();
@@ -203,7 +203,7 @@ fn invalid_settings() {
     }
     let longest = [IDENTIFY, &["--window=1000", "--horizon=20"]].concat();
     refused(folder.path(), &longest, &["regression rows", "too few"]);
-    // A library that nobody could search is refused at once, whatever its number of terms.
+    // Too large libraries are refused early, whatever the number of terms.
     let many: Vec<String> = (0..30).map(|i| format!("c{i}_cmd")).collect();
     let mut lines = vec![format!("t,u,{}", many.join(","))];
     for k in 0..800u32 {
@@ -225,7 +225,7 @@ fn an_output_folder_that_cannot_be_written() {
     let args = ["identify", "bad.csv", "-o", "file", "--outputs", "u", "--inputs", "n_cmd"];
     refused(folder.path(), &args, &["it is a file"]);
     assert_eq!(fs::read_to_string(folder.path().join("file")).unwrap(), "in the way");
-    // A run that fails leaves no folder that it made itself.
+    // A failed run removes the folder that it created.
     refused(folder.path(), &["identify", "nowhere.csv", "-o", "new"], &["nowhere.csv"]);
     assert!(!folder.path().join("new").exists());
 }
@@ -249,7 +249,7 @@ fn files_that_are_no_models() {
     assert!(String::from_utf8(output.stdout).unwrap().contains("exclude each other"));
     refused(folder.path(), &["evaluate", "text.safetensors", "bad.csv"], &["not a hydroid model"]);
     refused(folder.path(), &["evaluate", "bad.csv", "bad.csv"], &["bad.csv", "not a hydroid model"]);
-    // A good model on a log that is too short for the horizon, and without truth.
+    // A valid model on a log that is shorter than the horizon and has no truth.
     let good = "out/sindy.safetensors";
     refused(folder.path(), &["evaluate", good, "bad.csv", "--horizon", "100000"], &["horizon", "100000"]);
     refused(
@@ -271,7 +271,7 @@ fn plants_and_excitations_that_do_not_exist() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
-/// A horizon that no run can hold is refused before anything is made of it.
+/// A horizon beyond all runs is refused early.
 #[test]
 fn absurd_horizons() {
     let folder = TempDir::new().unwrap();
@@ -284,7 +284,7 @@ fn absurd_horizons() {
     }
 }
 
-/// The same samples in two parts of the split would make the evaluation invalid.
+/// Samples that occur in two parts of the split would invalidate the evaluation.
 #[test]
 fn logs_in_two_parts_of_the_split() {
     let folder = TempDir::new().unwrap();

@@ -29,7 +29,7 @@ fn values(bytes: &[u8]) -> Vec<Value> {
     text(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-/// A model of the simple vessel, and a log; made once.
+/// A model of the simple vessel, and a log; computed once.
 fn prepared() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     FOLDER
@@ -51,7 +51,7 @@ fn prepared() -> &'static Path {
 
 const MODEL: &str = "out/sindy.safetensors";
 
-/// Sends lines one by one, kills the service after the last answer, and gives the answers.
+/// Sends lines, kills the service after the last answer, and returns the answers.
 fn killed(args: &str, lines: usize) -> Vec<Value> {
     let mut child = hydroid(prepared(), args)
         .stdin(Stdio::piped())
@@ -67,7 +67,6 @@ fn killed(args: &str, lines: usize) -> Vec<Value> {
     for (k, line) in log.lines().take(lines).enumerate() {
         let mut cells: Vec<&str> = line.split(',').collect();
         if k % 500 == 250 {
-            // A spike.
             cells[surge] = "25";
         }
         writeln!(stdin, "{}", cells.join(",")).unwrap();
@@ -119,7 +118,7 @@ fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
         assert_eq!(inspected["t"][0], 0.0);
         assert!(inspected["head"]["settings"]["learning"]["method"].is_string());
     }
-    // A restart appends to the same file; other options are refused.
+    // A restart appends to the file; other options are refused.
     killed(&format!("adapt {MODEL} - --black-box squares.box"), 100);
     let told = text(&ended("inspect squares.box", 0).stdout);
     assert!(told.contains("2 segments in time"), "{told}");
@@ -178,12 +177,12 @@ fn unusable_files_are_refused_with_a_remedy() {
     }
     let told = ended("inspect middle.box", 0);
     assert!(text(&told.stderr).contains("the file is damaged"), "{}", text(&told.stderr));
-    // Cut short, as by a kill, it is a shorter one.
+    // A truncated file is a shorter recording.
     fs::write(at.join("cut.box"), &bytes[..bytes.len() - 1000]).unwrap();
     ended(&format!("adapt {MODEL} --replay cut.box"), 0);
 }
 
-/// A full disk does not stop a service: it is reported once, and the earlier records can be replayed.
+/// A full disk does not stop the service: it is reported once, and earlier records can be replayed.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_stops_the_recording_only() {
@@ -204,7 +203,7 @@ fn a_full_disk_stops_the_recording_only() {
     assert!(said.ends_with("all identical\n") && !said.starts_with("0 "), "{said}");
 }
 
-/// The saved state covers the time before the first sample: a replay needs neither training logs nor logs with faults.
+/// The saved state covers rehearsal: a replay needs neither training logs nor logs with faults.
 #[test]
 fn replay_needs_no_vessel_file_training_log_or_faults() {
     ended("simulate hydrofoil --seed 5 --duration 60 -o h.csv", 0);

@@ -24,7 +24,7 @@ fn simulate(folder: &Path, plant: &str, seed: &str, file: &str, duration: &str) 
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// The object that `evaluate` promises, for three outputs.
+/// The JSON object of `evaluate`, for three outputs.
 fn is_evaluation(value: &Value, horizon: usize) {
     assert_eq!(value["channels"], serde_json::json!(["u", "v", "r"]));
     assert_eq!(value["units"], serde_json::json!(["m/s", "m/s", "rad/s"]));
@@ -60,7 +60,7 @@ fn the_hydrofoil_is_simulated_identified_and_evaluated() {
     assert!(model["weights"].as_u64().unwrap() > 5 && model["train_seconds"].is_number());
     is_evaluation(&model["validation"], 100);
     is_evaluation(&model["test"], 100);
-    // The propeller force is hidden and the mode switches: not good, but far better than no model.
+    // Propeller force and mode are hidden: the model is not good, but far better than none.
     for (error, kept) in [("u", 0), ("v", 1), ("r", 2)]
         .map(|(_, c)| (&model["test"]["nrmse"][99][c], &model["test"]["persistence"]["nrmse"][99][c]))
     {
@@ -72,7 +72,7 @@ fn the_hydrofoil_is_simulated_identified_and_evaluated() {
     assert_eq!(saved, document);
     let file = model["file"].as_str().unwrap();
 
-    // The model by itself, on the same test log: the same figures.
+    // `evaluate` gives the same errors on the same log.
     let output = hydroid(folder.path(), &["evaluate", file, "c.csv", "--json"]);
     assert_eq!(output.status.code(), Some(0));
     let mut evaluated = json(&output);
@@ -80,7 +80,7 @@ fn the_hydrofoil_is_simulated_identified_and_evaluated() {
     assert!(band.is_some(), "how often the ensemble's band holds");
     assert!(evaluated == model["test"], "the same figures");
 
-    // From the truth and against it, errors are smaller at once.
+    // From true origins against the truth, short-term errors are smaller.
     let args =
         ["evaluate", file, "c.csv", "--origin", "true", "--against", "truth", "--horizon", "5", "--json"];
     let truth = json(&hydroid(folder.path(), &args));
@@ -135,7 +135,7 @@ fn a_configuration_file_equals_the_command_line() {
     prints_equations(folder.path(), &inspected);
 }
 
-/// Text, LaTeX and JSON of a model say the same.
+/// Text, LaTeX and JSON of a model agree.
 fn prints_equations(folder: &Path, document: &Value) {
     let shown = |args: &[&str]| {
         let output = hydroid(folder, &[&["inspect", "out/sindy.safetensors"], args].concat());
@@ -149,7 +149,7 @@ fn prints_equations(folder: &Path, document: &Value) {
     let both = ["latex", "latex_units"].map(|key| document[key].as_str().unwrap());
     assert_eq!(latex, both.concat());
     assert!(latex.starts_with("\\begin{align*}\n  \\dot{u} &="), "{latex}");
-    // Of linear equations the Jacobian is the matrix of coefficients.
+    // The Jacobian of linear equations is the matrix of coefficients.
     let coefficients = document["coefficients"].as_array().unwrap();
     let of_u = coefficients.iter().find(|c| c["output"] == "u" && c["term"] == "u").unwrap();
     let entry = &document["jacobian"]["A"][0][0];
@@ -181,7 +181,7 @@ fn commands_from_a_file_repeat_a_simulation() {
     assert_eq!(bytes("first.csv"), bytes("second.csv"));
 }
 
-/// 0.3 s of delay are three samples at 10 Hz and six at 20 Hz: a model keeps the time, not the number.
+/// The model stores an input delay as time: 0.3 s are three samples at 10 Hz and six at 20 Hz.
 #[test]
 fn a_delay_in_samples_means_the_same_time_on_a_log_of_another_rate() {
     let folder = TempDir::new().unwrap();
@@ -193,7 +193,7 @@ fn a_delay_in_samples_means_the_same_time_on_a_log_of_another_rate() {
         for k in 0..rows {
             let t = f64::from(k) * dt;
             writeln!(text, "{t:.3},{u},{}", command(t)).unwrap();
-            // The command acts 0.3 s after it is logged, held over a step of the finer log.
+            // The command acts 0.3 s after its log entry, held over a step of the finer log.
             for half in 0..halves {
                 let at = t + 0.05 * f64::from(half) - 0.3;
                 let held = (at / dt + 1e-9).floor() * dt;
@@ -223,7 +223,7 @@ fn a_model_below_persistence_has_exit_status_one() {
     }
     let args = ["identify", "a.csv", "-o", "out", "--horizon", "2s"];
     assert_eq!(hydroid(folder.path(), &args).status.code(), Some(0));
-    // The log of another vessel: its rudder angle has the name that is a moment in the model.
+    // The log of another vessel, whose rudder angle has the name of the moment in the model.
     let log = fs::read_to_string(folder.path().join("b.csv")).unwrap();
     fs::write(folder.path().join("b.csv"), log.replace("RD_ang [rad]", "RD_cmd [N s]")).unwrap();
     let args = ["evaluate", "out/sindy.safetensors", "b.csv"];
@@ -268,7 +268,7 @@ fn a_closed_pipe_is_not_an_error() {
     }
 }
 
-/// Two minutes under way, then towed with the commands at zero.
+/// Two minutes under way, then towed with zero commands.
 #[test]
 fn the_end_of_a_log_under_tow_is_left_out_unless_it_is_kept() {
     let folder = TempDir::new().unwrap();

@@ -1,4 +1,4 @@
-//! The command in a folder, and a vessel with an identified model that several tests share.
+//! Running the command, and a shared vessel with an identified model.
 
 use std::fs;
 use std::path::Path;
@@ -7,22 +7,20 @@ use std::sync::OnceLock;
 
 use tempfile::TempDir;
 
-/// The equations in the folder of [`simple_vessel`].
 pub(crate) const MODEL: &str = "out/sindy.safetensors";
 
-/// The command in a folder, with arguments separated by blanks.
+/// Runs the command in a folder, with arguments separated by blanks.
 pub(crate) fn command(folder: &Path, args: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
     command.current_dir(folder).args(args.split(' '));
     command
 }
 
-/// The output of the command.
 pub(crate) fn run(folder: &Path, args: &str) -> Output {
     command(folder, args).output().unwrap()
 }
 
-/// The output of the command, which must have exit status 0.
+/// The output of the command with exit status 0.
 pub(crate) fn done(folder: &Path, args: &str) -> Output {
     let output = run(folder, args);
     assert_eq!(output.status.code(), Some(0), "{args}: {}", text(&output.stderr));
@@ -33,8 +31,8 @@ pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Logs of the simple vessel (`a.csv`, `b.csv`, `d.csv`), a log of the same vessel with more drag (`c.csv`), and equations
-/// identified from the former ([`MODEL`]). Tests that write here use file names of their own.
+/// Logs of the simple vessel (`a.csv`, `b.csv`, `d.csv`), a log with more drag (`c.csv`), and equations identified from
+/// the former ([`MODEL`]). Tests write under their own file names.
 pub(crate) fn simple_vessel() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     FOLDER

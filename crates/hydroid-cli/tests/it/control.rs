@@ -23,7 +23,7 @@ fn told(folder: &Path, args: &str, status: i32) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// All that no clock decides.
+/// The document without computing times.
 fn timeless(mut told: Value) -> Value {
     told.as_object_mut().unwrap().remove("us_per_command");
     if let Some(trials) = told.get_mut("trials").and_then(Value::as_array_mut) {
@@ -60,19 +60,19 @@ fn a_closed_loop_writes_all_files() {
     for words in ["north [m]", "cross-track error [m]", "PP_cmd [N]", "time for a command", "--speed 4"] {
         assert!(page.contains(words), "{words}");
     }
-    // A repetition gives the same result, except for computing times.
+    // A repetition gives the same result except for computing times.
     let track = fs::read(at.join("steered/track.csv")).unwrap();
     let again = told(at, &args.replace("-o steered", "-o again --threads 1"), 0);
     assert_eq!(timeless(again), timeless(report));
     assert_eq!(fs::read(at.join("again/track.csv")).unwrap(), track);
-    // The track is a log, and others are judged by it.
+    // The track is a valid log.
     let evaluated =
         hydroid(at, "evaluate hydrofoil steered/track.csv --horizon 2s --origin-stride 20 --json");
-    // On a circle nothing moves but noise, so that no model is called good there (exit status 1); what is wrong input is 2.
+    // A circle excites little, so that no model is good there (status 1); wrong input is 2.
     assert!(matches!(evaluated.status.code(), Some(0 | 1)), "{}", text(&evaluated.stderr));
     let judged: Value = serde_json::from_slice(&evaluated.stdout).unwrap();
     assert!(judged["windows"].as_u64().unwrap() > 40 && judged["diverged"] == 0, "{judged}");
-    // For people.
+    // The text output.
     let output = hydroid(at, "control hydrofoil --controller backstepping --speed 2.5 --radius 25");
     assert_eq!(output.status.code(), Some(0));
     assert!(text(&output.stdout).contains("RMS distance from the reference after 40 s"));
@@ -147,7 +147,7 @@ fn equations_that_cannot_be_inverted_are_refused_by_fl_and_accepted_by_cem() {
     assert!(report["rms_position"].as_f64().unwrap() < 0.5);
 }
 
-/// Tiny networks, which need not be good: they are written, read, and steered by.
+/// Tiny networks, not necessarily good, can be used by a controller.
 #[test]
 fn networks_are_identified_and_control_the_vessel() {
     let folder = TempDir::new().unwrap();
@@ -265,7 +265,7 @@ fn trials_are_summarized_and_a_failed_trial_has_exit_status_one() {
     assert_eq!(report["trials"].as_array().unwrap().len(), 6);
     assert!(fs::read_to_string(at.join("many/report.html")).unwrap().contains("Monte Carlo"));
     assert_eq!(timeless(told(at, &args.replace("-o many", "--threads 1"), 0)), timeless(report));
-    // A current that is faster than the vessel.
+    // A current faster than the vessel.
     let report = told(at, "control hydrofoil --controller fl --current 5,0 --duration 30 --json", 1);
     assert!(report["settled_after"].is_null() && report["undetected_losses"] == 0);
     assert_eq!(report["held"], false);

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Anchors of a page: its headings in the form of the usual renderers.
+/// Anchors of the headings of a page, in the form of common renderers.
 fn anchors(text: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     let mut code = false;
@@ -22,7 +22,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
     found
 }
 
-/// Targets of links, with the line that they stand in.
+/// Targets of links, with their lines.
 fn links(text: &str) -> Vec<(usize, String)> {
     let mut found = Vec::new();
     let mut code = false;

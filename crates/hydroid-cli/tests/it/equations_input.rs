@@ -1,4 +1,4 @@
-//! Options of equations and data that do not support them: messages and warnings.
+//! Options of equations that the data do not support: messages and warnings.
 
 use std::fs;
 use std::path::Path;
@@ -28,7 +28,7 @@ const IDENTIFY: &[&str] = &[
     "1e-6",
 ];
 
-/// Two outputs that answer to two inputs; `change` may spoil a row `[u, r, n, d]`.
+/// Two outputs and two inputs; `change` modifies a row `[u, r, n, d]`.
 fn log(folder: &TempDir, rows: usize, change: impl Fn(&mut [f64; 4])) {
     let mut lines = vec![String::from("t [s],u [m/s],r [rad/s],n_cmd [rps],d_cmd [rad]")];
     let (mut u, mut r) = (0.0, 0.0);
@@ -55,7 +55,7 @@ fn refused(folder: &TempDir, args: &[&str], words: &[&str]) {
     assert!(!folder.path().join("out").exists(), "{args:?} left something behind");
 }
 
-/// Runs, expects success, and returns standard error and standard output.
+/// Runs with status 0, and returns standard error and standard output.
 fn done(folder: &TempDir, args: &[&str]) -> (String, String) {
     let output = hydroid(folder.path(), &[IDENTIFY, &["--window", "0.5"], args].concat());
     let message = String::from_utf8(output.stderr).unwrap();
@@ -89,7 +89,7 @@ fn invalid_options_of_equations() {
         (&["--gate", "u>1"], &["u>1", "u=2.5/12"]),
         (&["--huber", "0"], &["huber", "positive"]),
         (&["--members", "-3"], &["-3"]),
-        // This asked for more memory than there is, and the next divided by zero.
+        // Libraries whose size once exhausted memory or caused a division by zero.
         (&["--library", "degree 60"], &["degree 60", "terms", "smaller degree"]),
         (&["--library", "degree 60", "--lag", "none", "--gate", "none"], &["degree 60", "smaller degree"]),
         (&["--library", "degree 0, no constant"], &["no terms", "degree of 1 or more"]),
@@ -98,7 +98,7 @@ fn invalid_options_of_equations() {
     ] {
         refused(&folder, args, words);
     }
-    // The same in the file, where a key that there is not has a neighbour.
+    // The options of the file, and an unknown key with a similar name.
     fs::write(folder.path().join("hydroid.toml"), "[sindy]\nconstraint = [\"u: u <= 0\"]\n").unwrap();
     refused(&folder, &[], &["hydroid.toml", "line 2", "did you mean constraints"]);
     fs::write(folder.path().join("hydroid.toml"), "[sindy]\nterms = [\"u |q|\"]\n").unwrap();
@@ -125,7 +125,7 @@ fn the_equations_have_the_terms_of_the_options() {
     let terms = ["--term", "u", "--term", "r", "--term", "n_cmd", "--term", "d_cmd"];
     let (_, text) = done(&folder, &[&terms[..], &["--gate", "none", "--lag", "none"]].concat());
     assert!(text.contains("du/dt = -0.4") && text.contains("+ 0.8") && text.contains(" n_cmd"), "{text}");
-    // A sign that the data contradict removes the term, and a relation ties two equations.
+    // A sign constraint that the data contradict removes the term; a relation ties two equations.
     let (_, text) = done(
         &folder,
         &[&terms[..], &["--gate", "none", "--lag", "none", "--constraint", "u: n_cmd <= 0"]].concat(),
@@ -142,7 +142,7 @@ fn the_equations_have_the_terms_of_the_options() {
         found.unwrap_or_else(|| panic!("{output}: {term}"))["value"].as_f64().unwrap()
     };
     assert!((of("u", "n_cmd") - 2.0 * of("r", "d_cmd")).abs() < 1e-9);
-    // A gate and a lag as given stand in the text once.
+    // A given gate and lag are printed once.
     let modes = ["--library", "degree 1", "--gate", "u=0/4", "--lag", "n_cmd=0.3", "--huber", "1.345"];
     let (_, text) = done(&folder, &modes);
     assert!(!text.contains("below("), "{text}");

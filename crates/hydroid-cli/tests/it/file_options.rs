@@ -1,4 +1,4 @@
-//! Options of `adapt` and `control` in a TOML file, and the two levels of their help.
+//! Options of `adapt` and `control` in a TOML file, and both levels of their help.
 
 use std::fs;
 
@@ -35,7 +35,7 @@ fn control_reads_its_options_from_a_file() {
     let overridden = done(at, "control hydrofoil -c circle.toml --speed 3 --json");
     assert_eq!(document(&overridden.stdout), faster);
     assert_ne!(faster, expected);
-    // hydroid.toml in the current folder needs no option; sections of other commands are ignored.
+    // `hydroid.toml` in the current folder is read by default; sections of other commands are ignored.
     fs::write(at.join("hydroid.toml"), format!("{CIRCLE}[identify]\nseed = 3\n[adapt]\nstream = true\n"))
         .unwrap();
     assert_eq!(document(&done(at, "control hydrofoil --json").stdout), expected);

@@ -1,4 +1,4 @@
-//! Models of the hydrofoil that are identified at low speed and adapted while foiling.
+//! Models of the hydrofoil identified at low speed and adapted while foiling.
 
 use std::fs;
 
@@ -6,7 +6,7 @@ use tempfile::TempDir;
 
 use crate::common::{run, text};
 
-/// Logs of low speed, a log with foiling (`lawn.csv`), and the output of `identify` with these settings (`net.toml`).
+/// Logs at low speed, a log with foiling (`lawn.csv`), and the output of `identify` with the options of `net.toml`.
 pub(crate) fn folder(settings: &str, identify: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     let at = folder.path();

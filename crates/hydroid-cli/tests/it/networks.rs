@@ -21,7 +21,7 @@ fn done(folder: &Path, args: &[&str], status: &[i32]) -> Output {
     output
 }
 
-/// Two minutes and two half ones of the simple vessel, and small networks.
+/// Short logs of the simple vessel, and small networks.
 fn folder() -> TempDir {
     let folder = TempDir::new().unwrap();
     for (seed, file, duration) in [("1", "a.csv", "120"), ("2", "b.csv", "40"), ("3", "c.csv", "40")] {
@@ -61,7 +61,7 @@ fn job<'a>(rest: &[&'a str]) -> Vec<&'a str> {
 fn networks_stand_beside_equations_and_are_used_like_them() {
     let folder = folder();
     let path = folder.path();
-    // Of a formulation that is given, the number of weights is known.
+    // The number of weights of a given formulation is known.
     let settings = fs::read_to_string(path.join("small.toml")).unwrap();
     fs::write(path.join("small.toml"), settings.replace("[network]", "[network]\nfeedback = false")).unwrap();
     let rest = ["-c", "small.toml", "--methods", "lstm,sindy,gru,rnn", "--degree", "1", "--lag", "none"];
@@ -97,7 +97,7 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
     };
     assert!((range("u")["high"].as_f64().unwrap() - 12.0 * 1852.0 / 3600.0).abs() < 1e-12);
     assert_eq!((&range("u")["given"], &range("v")["given"]), (&json!(true), &json!(false)));
-    // All is written, and nothing else.
+    // The output folder contains the expected files only.
     let mut files: Vec<String> = fs::read_dir(path.join("out"))
         .unwrap()
         .map(|f| f.unwrap().file_name().into_string().unwrap())
@@ -143,7 +143,7 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
     assert_eq!(judged["horizons"].as_array().unwrap().len(), 10);
 }
 
-/// The direct predictor uses its own section only, has the band of its restarts, and does not adapt.
+/// The direct predictor uses its own section, has the band of its restarts, and does not adapt.
 #[test]
 fn a_direct_predictor_is_identified_evaluated_and_inspected() {
     let folder = folder();
@@ -174,7 +174,7 @@ fn a_direct_predictor_is_identified_evaluated_and_inspected() {
     assert_eq!(judged["band_coverage"]["members"], json!(3));
 }
 
-/// Models, and the summary without computing times.
+/// The summary without computing times.
 fn result(path: &Path, out: &str, names: &[&str]) -> (Vec<Vec<u8>>, Value) {
     let file = |name: &&str| fs::read(path.join(out).join(format!("{name}.safetensors"))).unwrap();
     let text = fs::read_to_string(path.join(out).join("identify.json")).unwrap();
@@ -241,7 +241,7 @@ fn kept(child: &mut Child, file: &Path) -> bool {
     panic!("neither done nor kept in five minutes");
 }
 
-/// Epochs that are done, and planned, by a checkpoint.
+/// Completed and planned epochs of a checkpoint.
 fn epochs(checkpoint: &Path) -> [u64; 2] {
     let bytes = fs::read(checkpoint).unwrap();
     let (length, rest) = bytes.split_first_chunk().unwrap();
@@ -257,7 +257,7 @@ fn epochs(checkpoint: &Path) -> [u64; 2] {
 fn a_training_that_was_killed_goes_on_to_the_same_model() {
     let folder = folder();
     let path = folder.path();
-    // Seconds long: the first checkpoint is written after half of one.
+    // Training takes seconds; the first checkpoint is written after half a second.
     let rest = ["-c", "small.toml", "--methods", "gru", "--epochs", "4000", "-o"];
     done(path, &job(&[&rest[..], &["whole"]].concat()), &[0, 1]);
     let again = [&rest[..], &["killed"]].concat();
@@ -269,14 +269,14 @@ fn a_training_that_was_killed_goes_on_to_the_same_model() {
     let [epoch, planned] = epochs(&checkpoint);
     assert!(0 < epoch && epoch < planned, "killed after {epoch} of {planned} epochs");
     assert!(!path.join("killed/identify.json").exists());
-    // Other settings are no way to go on.
+    // A checkpoint of other options is refused.
     let refused = done(path, &job(&[&again[..], &["--resume", "--seed", "9"]].concat()), &[2]);
     assert!(String::from_utf8_lossy(&refused.stderr).contains("other settings"));
     done(path, &job(&[&again[..], &["--resume"]].concat()), &[0, 1]);
     assert!(!checkpoint.exists());
     let refused = done(path, &job(&[&again[..], &["--resume"]].concat()), &[2]);
     assert!(String::from_utf8_lossy(&refused.stderr).contains("no interrupted training in killed"));
-    // Only the uninterrupted run reports the short trainings that chose the formulation.
+    // Only the uninterrupted run reports the short trainings of the formulation search.
     let (whole, mut summary) = result(path, "whole", &["gru"]);
     let warnings = summary["warnings"].as_array_mut().unwrap();
     let before = warnings.len();
@@ -332,7 +332,7 @@ fn a_failed_method_keeps_the_other_methods() {
         "-o",
         "out",
     ];
-    // The model of an earlier job would pass for one of this.
+    // A model of an earlier job would pass for one of this job.
     fs::create_dir(path.join("out")).unwrap();
     fs::write(path.join("out/gru.safetensors"), "of an earlier job").unwrap();
     let both = done(path, &job(&[&rest[..], &["--methods", "gru,sindy"]].concat()), &[0, 1]);

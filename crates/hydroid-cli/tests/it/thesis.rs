@@ -19,7 +19,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// All files below a folder except the cache.
+/// All files in a folder except the cache.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     for part in ["figures", "data"] {
@@ -33,8 +33,8 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-/// The whole study in its small version: every claim that holds with a margin of two and more in the study holds here, every
-/// document is what it promises to be, and a second run changes nothing.
+/// The small version of the study: claims that hold with a margin of at least two in the study hold here, documents are
+/// complete, and a second run changes nothing.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn the_quick_study_writes_all_results() {
@@ -103,7 +103,7 @@ fn the_quick_study_writes_all_results() {
         assert!(page.contains(&format!("Figure {figure}: ")), "figure {figure}");
     }
     assert!(page.contains("Table 1") && !page.contains("NaN") && !page.contains("http://localhost"));
-    // It opens offline: nothing is loaded from anywhere.
+    // The page loads no external resources.
     assert!(!page.contains("src=") && page.matches("<script").count() == 1 && !page.contains("<link"));
 
     let again = hydroid(folder.path(), &["thesis", "--quick"]);
@@ -113,7 +113,7 @@ fn the_quick_study_writes_all_results() {
     assert!(changed.is_empty(), "{changed:?}");
 }
 
-/// Experiments of one's own: small enough to be made thrice.
+/// Custom experiments, small enough to run three times.
 fn own(folder: &Path) {
     let write = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
     fs::create_dir_all(folder).unwrap();
@@ -159,7 +159,7 @@ network = { feedback = false, base = "nothing", hidden = 6, epochs = 20 }
     );
 }
 
-/// A study that is killed and run again writes the same bytes as an uninterrupted one.
+/// A killed and resumed study writes the same bytes as an uninterrupted one.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn a_killed_study_resumes() {
@@ -181,13 +181,13 @@ fn a_killed_study_resumes() {
         .unwrap();
     let cache = killed.join("report/cache");
     let clock = Instant::now();
-    // What is kept for good, with the time when it was written: `NAME.json` comes behind its model.
+    // Stored results with their time of writing: `NAME.json` is written after its model.
     let kept = || -> BTreeMap<PathBuf, SystemTime> {
         let entries = fs::read_dir(&cache).into_iter().flatten().flatten().map(|entry| entry.path());
         let whole = entries.filter(|path| path.extension().is_some_and(|e| e == "json"));
         whole.map(|path| (path.clone(), fs::metadata(path).unwrap().modified().unwrap())).collect()
     };
-    // A model is there and the page is not.
+    // A model is stored, and the page does not exist.
     while kept().is_empty() && clock.elapsed() < Duration::from_mins(2) {
         std::thread::sleep(Duration::from_millis(5));
     }

@@ -28,7 +28,7 @@ pub(super) fn encode(action: &Action) -> [f64; WORDS] {
     }
 }
 
-/// Decodes an event; `None` for invalid numbers, because the file is untrusted.
+/// Decodes an event of an untrusted file; `None` for invalid numbers.
 pub(super) fn decode(words: &[f64]) -> Option<Action> {
     let &[code, a, b, c, d] = words else { return None };
     // Casts saturate, and NaN is 0.

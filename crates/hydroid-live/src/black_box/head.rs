@@ -10,17 +10,14 @@ use hydroid::log::Channel;
 
 pub(super) const MAGIC: &[u8; 8] = b"HYDROBOX";
 const VERSION: u32 = 1;
-/// Bytes before the JSON.
 const BEFORE: usize = 24;
-/// Largest accepted sizes.
 const MAX_HORIZONS: usize = 64;
 const MAX_SIZE: usize = 10_000;
 const MAX_STEPS: usize = 1 << 30;
-/// Longest time of the recording that is lost if the process is killed \[s\].
+/// Longest recorded time that a kill loses \[s\].
 const WRITE_INTERVAL_S: f64 = 1.0;
-/// Capacity of the write buffer in write intervals, for steps over a gap.
+/// Capacity of the write buffer \[write intervals\], for steps over a gap.
 const BUFFER_INTERVALS: usize = 8;
-/// Number of words at the start of a segment.
 pub(super) const START: usize = 6;
 
 /// A model's file.
@@ -66,30 +63,24 @@ pub struct Head {
 }
 
 impl Head {
-    /// Layout of a row.
     pub(super) fn layout(&self) -> RowLayout {
         RowLayout::new(self.outputs.len(), self.inputs.len(), self.horizons.len())
     }
 
-    /// Bytes of a segment.
     pub(super) fn segment_len(&self) -> usize {
         8 * (START + self.memory + self.steps * (self.layout().len() + 1))
     }
 
-    /// Steps in a write interval.
     pub(super) fn every(&self) -> usize {
-        // Casts saturate, and the value is bounded.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let every = (WRITE_INTERVAL_S / self.dt * (1.0 + 1e-9)).floor().clamp(1.0, 1e6) as usize;
         every
     }
 
-    /// Capacity of the write buffer \[steps\].
     pub(super) fn buffer_steps(&self) -> usize {
         BUFFER_INTERVALS * self.every()
     }
 
-    /// Names of outputs, then inputs.
     pub(super) fn names(&self) -> Vec<String> {
         self.outputs.iter().chain(&self.inputs).map(|channel| channel.name.clone()).collect()
     }
@@ -98,19 +89,17 @@ impl Head {
         toml::from_str(&self.options).map_err(|e| e.message().to_owned())
     }
 
-    /// Encodes the header.
     pub(super) fn encode(&self) -> Result<Vec<u8>, serde_json::Error> {
         let json = serde_json::to_vec(self)?;
         let mut bytes = MAGIC.to_vec();
         bytes.extend(VERSION.to_le_bytes());
-        // No head has 4 GB.
         bytes.extend(u32::try_from(json.len()).unwrap_or(u32::MAX).to_le_bytes());
         bytes.extend(sum(&json).to_le_bytes());
         bytes.extend(json);
         Ok(bytes)
     }
 
-    /// Decodes the header; returns the offset of the ring too.
+    /// Decodes the header; also returns the offset of the ring.
     pub(super) fn decode(bytes: &[u8]) -> Result<(Self, usize), String> {
         let damaged = |reason: &str| {
             format!("the header is damaged ({reason}); copy the file again from its origin, or remove it")
@@ -137,7 +126,7 @@ impl Head {
         Ok((head, BEFORE + len))
     }
 
-    /// Checks the sizes, so that products of them do not overflow.
+    /// Checks the sizes, so that their products do not overflow.
     pub(super) fn check(&self) -> Result<(), &'static str> {
         let sound = self.dt > 0.0
             && self.dt.is_finite()

@@ -1,5 +1,5 @@
-//! Black box of an adapter: a ring file with the calls and results of the last minutes, from which a replay computes the same
-//! results to the last bit.
+//! Black box of an adapter: a ring file with the calls and results of the last minutes, which can be replayed bit for
+//! bit.
 //!
 //! | part | content |
 //! | --- | --- |
@@ -19,9 +19,8 @@
 //!           steps: a row of f64 each, and its sum (u64)
 //! ```
 //!
-//! All numbers are little-endian, and sums are XXH3 (64 bits). The segments are written in turn. The sum of a step depends on sequence
-//! and position, so that rows of an earlier turn are recognized. An incomplete step ends its segment: the process was killed
-//! while it was written.
+//! All numbers are little-endian, and sums are XXH3 (64 bits). Segments are written in turn. The sum of a step depends
+//! on sequence and position, so that rows of an earlier turn are recognized. An incomplete step ends its segment.
 
 mod event;
 mod head;
@@ -103,7 +102,7 @@ impl BlackBoxError {
 /// Whether a file is a black box, by its first bytes.
 pub fn is_black_box(path: &Path) -> bool {
     use std::io::Read as _;
-    // The bytes of a pipe can be read only once.
+    // A pipe can be read only once.
     if !path.metadata().is_ok_and(|m| m.is_file()) {
         return false;
     }

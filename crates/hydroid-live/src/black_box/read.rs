@@ -8,10 +8,8 @@ use super::ring::{MAGIC, place_of, start_sum, step_sum};
 use super::step::Step;
 use hydroid::fingerprint::Fingerprint;
 
-/// Largest accepted file \[bytes\].
 const MAX_BYTES: u64 = 1 << 36;
 
-/// Largest accepted sequence number.
 const MAX_SEQUENCE: u64 = 1 << 62;
 
 /// Content of a black box.
@@ -62,7 +60,7 @@ impl BlackBox {
         Ok(Self { path: path.to_owned(), ..own })
     }
 
-    /// Decodes the content of a file. What was being written when the kill came is left out.
+    /// Decodes the content of a file, without partially written steps.
     ///
     /// # Errors
     /// If the bytes are not a black box, or the header is damaged; the text is the reason.
@@ -70,12 +68,12 @@ impl BlackBox {
         let (head, start) = Head::decode(bytes)?;
         let (mut segments, mut torn) = (Vec::new(), 0);
         for place in 0..head.segments {
-            // The product was checked with the sizes.
+            // The sizes were checked.
             let at = start.saturating_add(place * head.segment_len());
             let Some(from) = bytes.get(at..) else { break };
             match segment(&from[..from.len().min(head.segment_len())], &head, place) {
                 Some(segment) => segments.push(segment),
-                // A place that was never written is missing or zero.
+                // A segment that was never written is missing or zero.
                 None => torn += usize::from(from.iter().take(8 * START).any(|&byte| byte != 0)),
             }
         }
@@ -100,7 +98,6 @@ impl BlackBox {
     }
 }
 
-/// Decodes a segment up to its first incomplete step.
 fn segment(bytes: &[u8], head: &Head, place: usize) -> Option<Segment> {
     let (words, rest) = bytes.split_at_checked(8 * START)?;
     let (words, _) = words.as_chunks::<8>();

@@ -1,4 +1,4 @@
-//! Rebuilding an adapter without the log with which it was created.
+//! Rebuilding an adapter without its log.
 
 use serde::Serialize;
 
@@ -12,20 +12,20 @@ use hydroid_core::adapt::Adapter;
 /// Second horizon of the recorded predictions \[s\].
 const SECOND_HORIZON_S: f64 = 2.0;
 
-/// Segments of the ring, and share of the requested minutes in each. In the worst case one segment is being overwritten and a
-/// restarted service has begun another; the other two hold the requested minutes.
+/// Segments of the ring; two of them hold the requested minutes. In the worst case one segment is being overwritten and
+/// a restarted service has begun another.
 const SEGMENTS: usize = 4;
 const SHARE: f64 = 0.5;
 
-/// Options with everything that was estimated from the runs as a number.
+/// Options with all estimated values as numbers.
 fn resolved(options: &Options, model: &Model, runs: &[&Trajectory]) -> Options {
-    // A noise that is unknown is unknown in a replay too, and is handled alike.
+    // An unknown noise is also unknown in a replay.
     let noise = options.kalman.noise_of(model, runs).ok();
     Options { kalman: KalmanOptions { noise, ..options.kalman.clone() }, ..options.clone() }
 }
 
 impl Head {
-    /// Header for an adapter that [`adapter`] created from these.
+    /// Header of an adapter created from these arguments.
     pub(super) fn of(
         model: &Model,
         file: ModelFile,
@@ -36,7 +36,6 @@ impl Head {
     ) -> Result<Self, String> {
         let description = &model.description;
         let dt = description.dt;
-        // Casts saturate, and NaN is 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let samples = |time_s: f64| (time_s / dt).ceil().max(1.0) as usize;
         let mut horizons = vec![1, samples(SECOND_HORIZON_S - 0.5 * dt).min(1000)];
@@ -81,7 +80,6 @@ impl Head {
         ))
     }
 
-    /// Rebuilds the adapter.
     pub(super) fn adapter(&self, model: &Model) -> Result<Box<dyn Adapter>, String> {
         let (adapter, _) = adapter(model, &self.options()?, &[]).map_err(|e: AdaptError| e.to_string())?;
         let sizes = (adapter.outputs(), adapter.inputs(), adapter.memory_len());

@@ -1,7 +1,7 @@
 //! A step as a row of numbers.
 //!
-//! A step has up to three calls in this order: `reset`, `advance` with a command, `observe` with a measurement. The results of
-//! the measurement and the predictions under a held command follow. Missing values are NaN.
+//! A step has up to three calls in this order: `reset`, `advance` with a command, `observe` with a measurement. The
+//! results of the measurement and predictions under a held command follow. Missing values are NaN.
 
 use hydroid_core::adapt::guard::Guard;
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
@@ -20,7 +20,6 @@ pub(super) const PREDICTED: u8 = 8;
 /// Capacity for events in addition to one for each output.
 const EXTRA_EVENTS: usize = 6;
 
-/// Layout of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RowLayout {
     outputs: usize,
@@ -28,7 +27,7 @@ pub(super) struct RowLayout {
     horizons: usize,
 }
 
-/// Parts of a row, in their order.
+/// Parts of a row, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     /// Bits of the calls.
@@ -95,7 +94,6 @@ impl RowLayout {
         self.outputs + EXTRA_EVENTS
     }
 
-    /// Length of a row.
     pub(super) fn len(self) -> usize {
         Part::ALL.into_iter().map(|part| self.width(part)).sum()
     }
@@ -141,7 +139,6 @@ impl RowLayout {
     }
 }
 
-/// Writes the results of an adapter into a row.
 #[derive(Debug)]
 pub(super) struct RowBuilder {
     pub(super) layout: RowLayout,
@@ -163,7 +160,6 @@ impl RowBuilder {
         }
     }
 
-    /// Writes the results of `observe`.
     pub(super) fn observed(&mut self, adapter: &dyn Adapter, row: &mut [f64]) {
         let layout = self.layout;
         adapter.output(&mut row[layout.range(Part::Estimate)]);
@@ -183,7 +179,7 @@ impl RowBuilder {
         for ((value, deviation), innovation) in values.iter_mut().zip(deviations).zip(innovations) {
             (*value, *deviation) = (innovation.value, innovation.deviation);
         }
-        // Without a measurement, health is that of an earlier sample, which is not part of the saved state.
+        // Without a measurement, health is that of an earlier sample, which the saved state does not contain.
         if !innovations.is_empty() {
             let health = adapter.health();
             row[layout.range(Part::Health)].copy_from_slice(&[health.least_variance, health.min_s_over_r]);
@@ -223,9 +219,7 @@ impl RowBuilder {
     }
 }
 
-/// The bits of the calls of a row.
 pub(super) fn calls(row: &[f64]) -> u8 {
-    // Casts saturate, and NaN is 0.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let bits = row.first().map_or(0, |&x| x as u8);
     bits

@@ -1,4 +1,4 @@
-//! Recorder of the calls of an adapter, which writes once in a second of the recording.
+//! Recorder of the calls of an adapter; it writes once per recorded second.
 
 use hydroid_core::adapt::Adapter;
 use serde::Serialize;
@@ -33,7 +33,6 @@ pub struct Recorder {
     t: f64,
     since: f64,
     dt: f64,
-    /// The current step.
     row: Vec<f64>,
     calls: u8,
     /// State of the adapter at the start of the segment.
@@ -53,7 +52,6 @@ pub struct Recorder {
     reported: bool,
 }
 
-/// State of the current segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// The next call begins a segment.
@@ -127,12 +125,12 @@ impl Recorder {
         })
     }
 
-    /// States the time of the next sample; later samples follow at the sample time.
+    /// Sets the time of the next sample; later samples follow at the sample time.
     pub(super) fn at(&mut self, t: f64) {
         (self.t, self.since) = (t, 0.0);
     }
 
-    /// The state of the adapter was changed from outside: begins a segment.
+    /// Begins a segment after an external change of the state.
     pub(super) fn changed(&mut self, adapter: &dyn Adapter) {
         self.close(adapter);
         self.end_segment(adapter, false);
@@ -141,7 +139,6 @@ impl Recorder {
     /// Before the adapter is reset.
     pub(super) fn reset(&mut self, adapter: &dyn Adapter) {
         self.begin_call(adapter, RESET);
-        // The first reset begins the first run.
         let run = self.run.map_or(0, |run| run + 1);
         self.run = Some(run);
         if let Some(&t) = self.starts.get(run) {
@@ -169,7 +166,7 @@ impl Recorder {
         self.builder.observed(adapter, &mut self.row);
     }
 
-    /// Completes the last step with the predictions under the command of the next interval.
+    /// Completes the last step with predictions under the next command.
     pub(super) fn settle(&mut self, adapter: &dyn Adapter, held: &[f64]) {
         if self.calls & OBSERVE != 0 {
             self.builder.predicted(adapter, held, &mut self.row);
@@ -178,7 +175,6 @@ impl Recorder {
         }
     }
 
-    /// Writes the buffer if due.
     pub(super) fn write_if_due(&mut self, adapter: &dyn Adapter) {
         // A file that cannot be written is reported at once.
         if self.waiting >= self.every || self.segment == Phase::Taken {
@@ -193,21 +189,21 @@ impl Recorder {
     /// Writes the buffer.
     ///
     /// # Errors
-    /// If a write has failed and was not reported.
+    /// If a write failed without being reported.
     pub(super) fn finish(&mut self, adapter: &dyn Adapter) -> Result<(), BlackBoxError> {
         self.close(adapter);
         self.write(adapter);
         self.write_error.take().filter(|_| !self.reported).map_or(Ok(()), |error| Err(error.into()))
     }
 
-    /// Note on the first failed write.
+    /// Note on the first failed write, once.
     pub(super) fn take_write_error(&mut self) -> Option<Note> {
         let error = self.write_error.take()?;
         let reported = std::mem::replace(&mut self.reported, true);
         (!reported).then(|| Note::warning(format!("the black box cannot be written: {error}")))
     }
 
-    /// Begins another step if the call cannot follow those of the current step.
+    /// Begins another step if the call cannot follow those of the current one.
     fn begin_call(&mut self, adapter: &dyn Adapter, call: u8) {
         if self.calls >= call {
             self.close(adapter);
@@ -227,7 +223,6 @@ impl Recorder {
         (self.segment, self.before) = (Phase::Taken, self.steps);
     }
 
-    /// Moves the current step to the buffer.
     fn close(&mut self, adapter: &dyn Adapter) {
         if self.calls == 0 {
             return;
@@ -274,7 +269,7 @@ impl Recorder {
         self.pending.clear();
         self.waiting = 0;
         if let Err(error) = result {
-            // The lost steps are a gap: the next segment begins after it.
+            // The lost steps form a gap: the next segment begins after it.
             self.write_error = Some(error);
             self.continues = false;
             self.take_memory(adapter);

@@ -19,19 +19,18 @@ impl<'a> RecordingAdapter<'a> {
         Self { adapter, recorder }
     }
 
-    /// Records the calls from now on.
     pub(crate) fn record(&mut self, recorder: Recorder) {
         self.recorder = Some(recorder);
     }
 
-    /// States the time of the sample that is observed `steps` steps later.
+    /// Sets the time of the sample that is observed `steps` steps later.
     pub(crate) fn to(&mut self, t: f64, steps: usize, dt: f64) {
         if let Some(recorder) = &mut self.recorder {
             recorder.at(t - steps as f64 * dt);
         }
     }
 
-    /// Completes the step with the command of the next interval, and writes if due. Called when no answer is pending.
+    /// Completes the step with the next command, and writes if due. Called when no answer is pending.
     pub(crate) fn settle(&mut self, held: &[f64]) -> Option<Note> {
         let recorder = self.recorder.as_mut()?;
         recorder.settle(self.adapter.as_ref(), held);

@@ -15,19 +15,17 @@ pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"SEGMENT\n");
 /// Numbers in one write.
 const CHUNK: usize = 8192;
 
-/// The file and the current segment.
 #[derive(Debug)]
 pub(super) struct Ring {
     file: File,
     path: PathBuf,
-    /// Offset of the ring, length of a segment, and offset of the steps in it \[bytes\].
+    /// Offset of the ring, length of a segment, offset of its steps \[bytes\].
     start: usize,
     segment_len: usize,
     before_steps: usize,
     segments: u64,
-    /// Sequence number of the current segment.
     sequence: u64,
-    /// Bytes of steps in it.
+    /// Bytes of steps in the segment.
     written: usize,
     /// Whether writes are synchronized with the disk.
     durable: bool,
@@ -78,12 +76,11 @@ impl Ring {
         })
     }
 
-    /// Sequence number of the current segment.
     pub(super) fn sequence(&self) -> u64 {
         self.sequence
     }
 
-    /// Begins a segment in place of the oldest, after `steps` steps. A failed attempt does not change the ring.
+    /// Begins a segment in place of the oldest, after `steps` steps. A failed attempt leaves the ring unchanged.
     pub(super) fn begin(
         &mut self,
         sequence: u64,
@@ -117,7 +114,6 @@ impl Ring {
         Ok(())
     }
 
-    /// Adds steps to the segment.
     pub(super) fn add(&mut self, bytes: &[u8]) -> Result<(), WriteError> {
         let place = self.place(self.sequence) + (self.before_steps + self.written) as u64;
         let mut attempt = || -> io::Result<()> {
@@ -135,12 +131,11 @@ impl Ring {
     }
 }
 
-/// Position of a segment in the ring; sequence numbers begin with 1.
+/// Position of a segment in the ring; sequence numbers start at 1.
 pub(super) fn place_of(sequence: u64, segments: u64) -> u64 {
     sequence.wrapping_sub(1) % segments
 }
 
-/// Checksum of the start of a segment.
 pub(super) fn start_sum(words: &[u64; START]) -> u64 {
     let mut hash = Fingerprint::new();
     for &word in &words[..START - 1] {
@@ -158,7 +153,7 @@ pub(super) fn step_sum(sequence: u64, place: u64, row: &[f64]) -> u64 {
     hash.value()
 }
 
-/// Whether the file exists; folders and devices are refused.
+/// Whether the file exists; folders and devices are errors.
 fn exists(path: &Path) -> Result<bool, BlackBoxError> {
     match std::fs::metadata(path) {
         Ok(metadata) if metadata.is_file() => Ok(true),

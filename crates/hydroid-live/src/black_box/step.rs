@@ -31,7 +31,6 @@ impl<'a> Step<'a> {
     }
 
     fn count(x: f64) -> usize {
-        // Casts saturate, and NaN is 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let count = x as usize;
         count
@@ -72,7 +71,7 @@ impl<'a> Step<'a> {
         OUTCOMES.get(Self::count(self.part(Part::Outcome)[0])).unwrap_or(&OUTCOMES[0])
     }
 
-    /// Innovations and their standard deviations; empty without an update.
+    /// Innovations and standard deviations; empty without an update.
     fn innovations(self) -> (&'a [f64], &'a [f64]) {
         let part = self.part(Part::Innovations);
         let (values, deviations) = part[1..].split_at(self.head.outputs.len());
@@ -101,17 +100,15 @@ impl<'a> Step<'a> {
         Expert::ALL.get(Self::count(active)).filter(|_| !active.is_nan()).copied()
     }
 
-    /// Events of the guard.
     pub(super) fn events(self) -> impl Iterator<Item = Action> {
         let part = self.part(Part::Events);
         part[1..].chunks_exact(event::WORDS).take(Self::count(part[0])).filter_map(event::decode)
     }
 
-    /// Name and description of each event; `names` are those of outputs, then inputs.
+    /// Name and description of each event; `names` are outputs, then inputs.
     pub(super) fn described(self, names: &[String]) -> impl Iterator<Item = (&'static str, String)> {
         self.events().map(move |action| {
             let mut text = String::new();
-            // Writing into memory cannot fail.
             let _ = write!(text, "{}", EventText { action: &action, names });
             (action.name(), text)
         })

@@ -39,7 +39,7 @@ pub struct Summary {
     pub largest_nis: [f64; 2],
     /// Events of the guard.
     pub events: Vec<LoggedEvent>,
-    /// Segments that were left out: incomplete or damaged.
+    /// Incomplete or damaged segments.
     pub torn: usize,
     /// Whether steps in the middle cannot be read.
     pub damaged: bool,
@@ -77,7 +77,7 @@ impl BlackBox {
             if let Some(active) = step.active() {
                 own.predicted_by[active.index()] += 1;
             }
-            // The minimum of a number and NaN is the number.
+            // `min` ignores NaN.
             let [variance, min_s_over_r] = step.health();
             own.least_variance = own.least_variance.min(variance);
             own.min_s_over_r = own.min_s_over_r.min(min_s_over_r);

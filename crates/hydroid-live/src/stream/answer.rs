@@ -7,7 +7,6 @@ use hydroid_core::adapt::Outcome;
 use super::session::Session;
 use hydroid::adapt::{BAND_80, BAND_95};
 
-/// Status of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Status {
     /// Used, with the outcome of the adapter.
@@ -38,11 +37,10 @@ impl Status {
     }
 }
 
-/// Writes answers into one buffer.
 #[derive(Clone, Debug)]
 pub(super) struct Writer {
     line: Vec<u8>,
-    /// Names of the outputs as JSON, with colon.
+    /// Names of the outputs as JSON keys.
     keys: Vec<Vec<u8>>,
 }
 
@@ -57,10 +55,8 @@ impl Writer {
         Self { line: Vec::new(), keys: outputs.map(key).collect() }
     }
 
-    /// Begins an answer.
     pub(super) fn begin(&mut self, line: u64, t: Option<f64>, status: Status, note: &str) {
         self.line.clear();
-        // Writing into memory cannot fail.
         let _ = write!(self.line, "{{\"line\":{line},\"t\":");
         number(&mut self.line, t.unwrap_or(f64::NAN));
         let _ = write!(self.line, ",\"status\":\"{}\"", status.name());
@@ -74,7 +70,6 @@ impl Writer {
         }
     }
 
-    /// Adds innovation, estimate and prediction.
     pub(super) fn session(&mut self, session: &Session) {
         let line = &mut self.line;
         let innovations = session.adapter().innovations();
@@ -114,7 +109,6 @@ impl Writer {
         line.push(b'}');
     }
 
-    /// Ends an answer.
     pub(super) fn end(&mut self, us: Option<f64>) -> &[u8] {
         if let Some(us) = us {
             let _ = write!(self.line, ",\"us\":{us:.1}");
@@ -131,7 +125,7 @@ fn entry(line: &mut Vec<u8>, key: &[u8], first: bool) {
     line.extend_from_slice(key);
 }
 
-/// Writes a number that is read back exactly, or `null` if it is not finite.
+/// Writes a number so that it is read back exactly; `null` if not finite.
 fn number(line: &mut Vec<u8>, x: f64) {
     let _ = serde_json::to_writer(line, &x);
 }

@@ -2,33 +2,32 @@
 
 use hydroid::log::LogError;
 
-/// Largest number of grid points without a sample in a row.
+/// Largest number of consecutive grid points without a sample.
 const MAX_SKIPPED: f64 = 1e6;
-/// Gain with which the grid follows deviations of the samples, and weight of an interval in the mean.
+/// Gain of the grid on deviations of the samples, and weight of an interval in the mean.
 const TRACKING_GAIN: f64 = 1.0 / 16.0;
-/// A stream with intervals below this share of the sample time is faster than the model.
+/// Below this share of the sample time, the mean interval marks a stream faster than the model.
 const FASTER_SHARE: f64 = 0.75;
 
-/// Position of a sample on the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Arrival {
-    /// The first of a session.
+    /// First of a session.
     First,
-    /// This number of steps after the previous one.
+    /// Number of steps after the previous one.
     Next(usize),
     /// After a gap \[s\] longer than the limit: a new run begins.
     Gap(f64),
-    /// Not after the last sample, but this time \[s\] before it.
+    /// Not after the last sample, but this much \[s\] earlier.
     Late(f64),
     /// Between two grid points, or a second sample at the last one.
     Between,
 }
 
-/// A time grid with spacing `dt`. The first sample defines its origin. A later sample within half a step of a grid point is
-/// assigned to it, and the grid slowly follows the samples, so that it does not drift from a clock with another rate.
+/// A time grid with spacing `dt`, whose origin is the first sample. A later sample is assigned to the grid point within
+/// half a step, and the grid slowly follows the samples, so that clocks of different rates do not drift apart.
 ///
-/// Of several samples in a step the nearest to the grid point is used: if the stream is faster than the model, half of its mean
-/// interval is the limit before a grid point.
+/// Of several samples in a step the nearest to the grid point is used: for a stream faster than the model, half of the
+/// mean interval is the limit before a grid point.
 #[derive(Clone, Debug)]
 pub(super) struct Clock {
     dt: f64,
@@ -37,7 +36,7 @@ pub(super) struct Clock {
     place: f64,
     taken: f64,
     seen: f64,
-    /// Mean interval of the lines, none longer than a step \[s\].
+    /// Mean interval of the lines, each at most one step \[s\].
     interval: f64,
 }
 
@@ -54,24 +53,22 @@ impl Clock {
         Ok(Self { dt, max_gap, place: f64::NAN, taken: f64::NAN, seen: f64::NAN, interval: dt })
     }
 
-    /// Whether no sample has arrived yet.
     pub(super) fn is_new(&self) -> bool {
         self.taken.is_nan()
     }
 
-    /// Time of the last sample on the grid \[s\].
     pub(super) fn taken(&self) -> f64 {
         self.taken
     }
 
-    /// Position of a sample; advances to it if the sample is used.
+    /// Position of a sample; advances to a used sample.
     pub(super) fn arrive(&mut self, t: f64) -> Arrival {
         if self.is_new() {
             self.begin(t);
             return Arrival::First;
         }
         if t <= self.seen {
-            // A sample after the last used one is not late, even if it is before the last line.
+            // A sample after the last used one is not late, even if it precedes the last line.
             return if t > self.taken { Arrival::Between } else { Arrival::Late(self.taken - t) };
         }
         self.interval += TRACKING_GAIN * 2.0 * ((t - self.seen).min(self.dt) - self.interval);
@@ -84,14 +81,13 @@ impl Clock {
         let steps = ((t - self.place) / self.dt).round();
         let late = t - self.place - steps * self.dt;
         let fast = self.interval < FASTER_SHARE * self.dt;
-        // More steps than a gap allows come from an invalid state.
+        // More steps than a gap allows result from an invalid state.
         if !(1.0..=MAX_SKIPPED + 1.0).contains(&steps) || fast && late < -0.5 * self.interval {
             return Arrival::Between;
         }
         self.place += steps * self.dt;
         self.place += TRACKING_GAIN * late;
         self.taken = t;
-        // Below the limit above.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         Arrival::Next(steps as usize)
     }
@@ -100,7 +96,6 @@ impl Clock {
         (self.place, self.taken, self.seen) = (t, t, t);
     }
 
-    /// Values for a state file.
     pub(super) fn memory(&self) -> [f64; 4] {
         [self.place, self.taken, self.seen, self.interval]
     }
@@ -119,7 +114,6 @@ mod tests {
         Clock::new(0.1, 1.0).unwrap()
     }
 
-    /// Positions of samples at these times.
     fn arrivals(times: impl IntoIterator<Item = f64>) -> Vec<Arrival> {
         let mut clock = clock();
         times.into_iter().map(|t| clock.arrive(t)).collect()
@@ -147,7 +141,6 @@ mod tests {
         for k in 0..1000 {
             let t = f64::from(k) * 0.01;
             let taken = matches!(clock.arrive(t), Arrival::Next(_));
-            // After the mean interval has converged.
             assert!(k < 30 || taken == (k % 10 == 0), "{k}");
         }
     }

@@ -2,19 +2,18 @@
 
 use hydroid::log::{CommandTiming, InputDelay, LogError};
 
-/// Longest delay \[samples\].
 const MAX_DELAY: i64 = 100_000;
 
-/// Commands of the last samples. The command of row `k` begins to act `by` samples later (-1 for [`CommandTiming::After`] without
-/// a delay: the command has acted when the row is read).
+/// Commands of the last samples. The command of row `k` acts `by` samples later (-1 for [`CommandTiming::After`]
+/// without delay: it has acted when the row is read).
 #[derive(Clone, Debug)]
 pub(super) struct Commands {
     inputs: usize,
     by: i64,
     after: bool,
-    /// The command of the last line; NaN where none was given yet.
+    /// The command of the last line; NaN if unknown.
     last: Vec<f64>,
-    /// Ring of the commands of the last `by + 1` samples, and index of the oldest.
+    /// Ring of the last `by + 1` commands, and index of the oldest.
     ring: Vec<f64>,
     oldest: usize,
 }
@@ -45,20 +44,19 @@ impl Commands {
         Ok(own)
     }
 
-    /// Clears the ring; the last command remains.
     pub(super) fn restart(&mut self) {
         self.ring.fill(f64::NAN);
     }
 
-    /// Takes the command of the first sample of a run; true if a missing command was held.
+    /// Takes the command of the first sample of a run; true if it was missing and the last one is held.
     pub(super) fn begin(&mut self, command: &[f64]) -> bool {
         let held = self.take(command);
         self.push();
         held
     }
 
-    /// Advances `steps` samples to one with this command and calls `act` with the command of each interval (NaN if unknown).
-    /// True if a missing command was held.
+    /// Advances `steps` samples to one with this command, and calls `act` with the command of each interval (NaN if
+    /// unknown). True if a missing command was held.
     pub(super) fn advance_to(
         &mut self,
         steps: usize,
@@ -91,7 +89,7 @@ impl Commands {
         held
     }
 
-    /// Commands of the intervals to come: delayed commands, then the plan with its last row held, or the last command.
+    /// Future commands: delayed commands, then the plan with its last row held, or the last command.
     pub(super) fn ahead(&self, plan: &[f64], into: &mut [f64]) {
         let under_way = usize::try_from(self.by).unwrap_or(0);
         let last_row = (plan.len() / self.inputs.max(1)).saturating_sub(1);
@@ -109,7 +107,6 @@ impl Commands {
         }
     }
 
-    /// Whether the command of the next interval is known.
     pub(super) fn known(&self) -> bool {
         self.by < 0 || !self.oldest().iter().any(|c| c.is_nan())
     }
@@ -126,7 +123,6 @@ impl Commands {
         held
     }
 
-    /// Appends the last command to the ring.
     fn push(&mut self) {
         let at = self.oldest * self.inputs;
         self.ring[at..at + self.inputs].copy_from_slice(&self.last);
@@ -145,12 +141,11 @@ impl Commands {
         &self.ring[(self.oldest + age) % self.rows() * self.inputs..][..self.inputs]
     }
 
-    /// Number of values in a state file.
     pub(super) fn memory_len(&self) -> usize {
         self.last.len() + self.ring.len()
     }
 
-    /// Values for a state file: the last command, then the ring from the oldest on.
+    /// Values for a state file: last command, then the ring from the oldest on.
     pub(super) fn memory(&self) -> Vec<f64> {
         let ring = (0..self.rows()).flat_map(|age| self.row(age));
         self.last.iter().chain(ring).copied().collect()
@@ -169,7 +164,7 @@ impl Commands {
 mod tests {
     use super::*;
 
-    /// Commands that act on each interval, for commands 1, 2, .. at samples 0, 1, 2, 5, 6.
+    /// Commands of each interval, for commands 1, 2, .. at samples 0, 1, 2, 5, 6.
     fn acts(timing: CommandTiming, delay: i64) -> Vec<f64> {
         let mut commands = Commands::new(1, 0.1, timing, InputDelay::Samples(delay)).unwrap();
         let mut acted = Vec::new();

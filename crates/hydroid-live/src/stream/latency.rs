@@ -2,12 +2,11 @@
 
 use hydroid::adapt::Times;
 
-/// Ratio of the bounds of a bin, and number of bins: from 0.1 us to 20 minutes.
+/// Ratio of the bounds of a bin, and number of bins: 0.1 us to 20 minutes.
 const RATIO: f64 = 1.02;
 const BINS: usize = 1200;
 const SHORTEST_US: f64 = 0.1;
 
-/// A histogram with bins of 2 %.
 #[derive(Clone, Debug)]
 pub(super) struct Latency {
     bins: Vec<u64>,
@@ -21,14 +20,13 @@ impl Latency {
 
     pub(super) fn add(&mut self, us: f64) {
         let bin = ((us / SHORTEST_US).ln() / RATIO.ln()).clamp(0.0, (BINS - 1) as f64);
-        // Between zero and the number of bins.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let bin = bin as usize;
         self.bins[bin] += 1;
         self.longest_us = self.longest_us.max(us);
     }
 
-    /// Quantiles with an error of at most 2 %, and the exact maximum; NaN without samples.
+    /// Quantiles within 2 %, and the exact maximum; NaN without samples.
     pub(super) fn times(&self) -> Times {
         let all: u64 = self.bins.iter().sum();
         let at = |share: f64| {

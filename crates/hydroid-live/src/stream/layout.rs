@@ -7,38 +7,33 @@ use hydroid::model::{Model, Reading};
 
 use super::StreamError;
 
-/// Format of a line.
 #[derive(Clone, Debug)]
 pub(super) enum Format {
-    /// Cells between separators.
+    /// Separated cells.
     Csv {
-        /// The separator.
         delimiter: u8,
-        /// Least number of cells: up to the last column with a name.
+        /// Number of cells up to the last named column.
         needed: usize,
-        /// Largest number of cells.
         most: usize,
     },
     /// A JSON object.
     Json {
-        /// Keys of the columns, unit included.
+        /// Keys of the columns, with units.
         keys: Vec<String>,
     },
 }
 
-/// Positions of the channels in a line.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     /// Name of the stream, for messages.
     pub(super) name: String,
     pub(super) format: Format,
-    /// Names of the columns, for messages.
     pub(super) names: Vec<String>,
     pub(super) columns: Resolved,
 }
 
 impl Layout {
-    /// From the first line that is not blank.
+    /// Layout from the first non-blank line.
     pub(super) fn new(
         line: &str,
         name: &str,
@@ -59,7 +54,7 @@ impl Layout {
         model.check(&[Trajectory {
             name: name.to_owned(),
             t0: 0.0,
-            // With a time column the model decides; another stated sample time is an error.
+            // A time column decides the sample time; another stated one is an error.
             dt: reading.options.dt.unwrap_or(model.description.dt),
             outputs: Table::new(outputs, Vec::new()),
             inputs: Table::new(inputs, Vec::new()),
@@ -69,7 +64,6 @@ impl Layout {
         Ok(Self { name: name.to_owned(), format, names, columns })
     }
 
-    /// Whether the unit of the time is not stated.
     pub(super) fn time_is_unstated(&self) -> bool {
         matches!(&self.columns.time, Time::Column { stated: false, .. })
     }
@@ -91,7 +85,7 @@ fn csv(line: &str, name: &str) -> Result<(Format, RawLog), LogError> {
     Ok((format, RawLog { path: name.to_owned(), columns, lines: Vec::new() }))
 }
 
-/// The keys of the first object are the columns. It needs all commands and at least one output; other outputs may come later.
+/// The keys of the first object are the columns: all commands, at least one output; other outputs may follow later.
 fn object(
     line: &str,
     name: &str,

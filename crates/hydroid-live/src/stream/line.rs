@@ -1,4 +1,4 @@
-//! Conversion of a line to numbers in SI units. Lines are untrusted: any content gives numbers or an error, and never a panic.
+//! Conversion of a line to SI units. Lines are untrusted: the result is numbers or an error, never a panic.
 
 use std::borrow::Cow;
 
@@ -13,13 +13,10 @@ use hydroid::log::line::{Source, Time};
 /// Largest plausible time \[s\]: seconds since 1970 are 1.7e9, milliseconds are 1.7e12.
 const LONGEST_TIME_S: f64 = 1e12;
 
-/// The key of planned commands.
 const PLAN: &str = "commands";
 
-/// Content of a line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Sample {
-    /// Time \[s\].
     pub(super) t: f64,
     /// Outputs; NaN is missing.
     pub(super) outputs: Vec<f64>,
@@ -29,14 +26,12 @@ pub(super) struct Sample {
     pub(super) plan: Vec<f64>,
 }
 
-/// Content of a cell.
 enum Item<'a> {
     Text(Cow<'a, str>),
     Number(f64),
     Missing,
 }
 
-/// Position of a value, for messages.
 struct Place<'a> {
     layout: &'a Layout,
     line: u64,
@@ -66,7 +61,7 @@ impl Layout {
                 let object = place.object(text)?;
                 let item = |column: usize| place.item(object.get(&keys[column]), &self.names[column]);
                 place.fill(item, false, row, sample)?;
-                // A column of that name has precedence.
+                // A column of this name has precedence.
                 match object.get(PLAN).filter(|_| !keys.iter().any(|key| key == PLAN)) {
                     Some(plan) => place.plan(plan, &mut sample.plan),
                     None => Ok(()),
@@ -185,7 +180,6 @@ impl Place<'_> {
         LogError::TextInNumbers { path, line, column, text, remedy }
     }
 
-    /// Rows of planned commands, without the wind.
     fn plan(&self, plan: &Value, into: &mut Vec<f64>) -> Result<(), LogError> {
         let sources = self.layout.commands();
         let width = sources.len();
@@ -221,7 +215,7 @@ impl Place<'_> {
     }
 }
 
-/// The cells of a line; a quoted cell ends with the line.
+/// Cells of a line; an open quote ends with the line.
 pub(super) fn cells(line: &str, delimiter: u8) -> Vec<Cow<'_, str>> {
     if !line.contains('"') {
         return line.split(char::from(delimiter)).map(Cow::Borrowed).collect();
@@ -232,14 +226,13 @@ pub(super) fn cells(line: &str, delimiter: u8) -> Vec<Cow<'_, str>> {
         .flexible(true)
         .from_reader(line.as_bytes());
     let mut record = csv::StringRecord::new();
-    // Text in memory is readable, and UTF-8.
     match reader.read_record(&mut record) {
         Ok(true) => record.iter().map(|cell| Cow::Owned(cell.to_owned())).collect(),
         _ => Vec::new(),
     }
 }
 
-/// The keys of the first object without planned commands.
+/// Keys of the first object, without planned commands.
 pub(super) fn keys(line: &str, name: &str) -> Result<Vec<String>, LogError> {
     let object: Map<String, Value> = serde_json::from_str(line).map_err(|error| LogError::BadLine {
         path: name.to_owned(),

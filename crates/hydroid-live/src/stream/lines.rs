@@ -14,7 +14,7 @@ pub enum Line<'a> {
     TooLong,
 }
 
-/// Reads line by line into one buffer.
+/// A line reader with one buffer.
 #[derive(Debug)]
 pub struct Lines<R> {
     reader: R,

@@ -59,7 +59,7 @@ pub use summary::{LineCounts, Summary};
 /// Largest horizon \[samples\].
 pub const MAX_HORIZON: usize = 10_000;
 
-/// Shortest gap \[s\] at which a time without a unit is probably not in seconds.
+/// From this gap on \[s\], a time without a unit is probably not in seconds.
 const DOUBTFUL_S: f64 = 30.0;
 
 /// Options of a stream.
@@ -121,9 +121,8 @@ pub struct Stream {
     writer: Writer,
     sample: Sample,
     note: String,
-    /// Names of outputs, then inputs.
     names: Vec<String>,
-    /// Number of lines, and of data rows among them.
+    /// Numbers of lines and of data rows.
     line: u64,
     row: u64,
     counts: LineCounts,
@@ -193,7 +192,6 @@ impl Stream {
         self.save_if_due()
     }
 
-    /// Processes a line; true if there is an answer.
     fn take(&mut self, line: Line<'_>) -> Result<bool, StreamError> {
         let (name, number) = (&self.options.name, self.line);
         let bad = |reason: String| LogError::BadLine { path: name.clone(), line: number, reason };
@@ -246,7 +244,7 @@ impl Stream {
         Ok(true)
     }
 
-    /// Advances to the sample if it is on the grid, and collects remarks.
+    /// Advances to a sample on the grid, and collects remarks.
     fn use_sample(&mut self) -> Status {
         let (sample, commands) = (&self.sample, &mut self.commands);
         let (transition, reset) = match self.clock.arrive(sample.t) {
@@ -349,11 +347,9 @@ impl Stream {
     }
 }
 
-/// Adds a remark to a note.
 fn say(note: &mut String, remark: std::fmt::Arguments<'_>) {
     if !note.is_empty() {
         note.push_str("; ");
     }
-    // Writing into memory cannot fail.
     let _ = note.write_fmt(remark);
 }

@@ -8,10 +8,9 @@ use serde_json::Value;
 use super::{State, Stream, StreamError};
 use hydroid::log::Note;
 
-/// Longest time of the stream that is lost if the process is killed \[s\].
+/// Longest stream time that a kill loses \[s\].
 const SAVE_INTERVAL_S: f64 = 1.0;
 
-/// The state file and its identification.
 pub(super) struct StateFile {
     path: PathBuf,
     model: String,
@@ -22,9 +21,9 @@ pub(super) struct StateFile {
 }
 
 impl Stream {
-    /// Saves the state in a file at least once in a second of the stream, and resumes from the file if it exists: lines up to
-    /// its time are then skipped. `model` is the [`fingerprint`](super::fingerprint) of the model's file,
-    /// `settings` are those of the adapter. Returns the time of the resumed state.
+    /// Saves the state in a file at least once per stream second, and resumes from an existing file, after which lines
+    /// up to its time are skipped. `model` is the [`fingerprint`](super::fingerprint) of the model's file, `settings`
+    /// are those of the adapter. Returns the time of the resumed state.
     ///
     /// # Errors
     /// If the file exists and is not a state of this model with these settings.
@@ -53,15 +52,16 @@ impl Stream {
         Ok(self.answered)
     }
 
-    /// Saves the state if the next sample might come after the end of the interval.
+    /// Saves the state if the next sample might come after the interval.
     pub(super) fn save_if_due(&mut self) -> Result<(), StreamError> {
         let (t, dt) = (self.clock.taken(), self.model.description.dt);
         match &mut self.state_file {
-            // A sample may be half a step away from its grid point.
+            // A sample may be half a step off its grid point.
             Some(state_file) if state_file.saved.is_nan() && !t.is_nan() => self.save_state(),
             Some(state_file) if t - state_file.saved + 1.5 * dt > SAVE_INTERVAL_S && t > state_file.saved => {
                 let failed = state_file.failed;
-                // A full disk must not stop the predictions. A file that can never be written is reported at the first sample.
+                // A full disk must not stop the predictions; a file that can never be written is reported at the first
+                // sample.
                 let result = self.save_state();
                 if let (Err(error), Some(state_file)) = (&result, &mut self.state_file) {
                     state_file.failed = true;

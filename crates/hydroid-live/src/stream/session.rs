@@ -15,7 +15,7 @@ pub(super) struct Session {
     dt: f64,
     horizons: Vec<usize>,
     missing: Vec<f64>,
-    /// Prediction of the next sample and its standard deviation.
+    /// Prediction of the next sample, and its standard deviation.
     expected: Vec<f64>,
     expected_deviations: Vec<f64>,
     estimate: Vec<f64>,
@@ -25,7 +25,7 @@ pub(super) struct Session {
     rollout: Vec<f64>,
     deviations: Vec<f64>,
     work: Workspace,
-    /// Number of measurements with a one-step band, and of those inside the 80 % and the 95 % band.
+    /// Measurements with a one-step band, and those inside the 80 % and 95 % bands.
     banded: [usize; 3],
 }
 
@@ -39,7 +39,7 @@ pub(super) struct Transition {
 }
 
 impl Session {
-    /// The horizons ascend and are positive.
+    /// Requires ascending, positive horizons.
     pub(super) fn new(adapter: Box<dyn Adapter>, horizons: Vec<usize>, dt: f64) -> Self {
         let (n, m) = (adapter.outputs(), adapter.inputs());
         let last = horizons.last().copied().unwrap_or(0);
@@ -60,18 +60,16 @@ impl Session {
         }
     }
 
-    /// Records the calls of the adapter from now on.
     pub(super) fn record(&mut self, recorder: Recorder) {
         self.adapter.record(recorder);
     }
 
-    /// Writes the recording after an answer; returns a note if that fails.
+    /// Writes the recording after an answer; returns a note on failure.
     pub(super) fn settle(&mut self, commands: &Commands) -> Option<Note> {
         commands.ahead(&[], &mut self.held);
         self.adapter.settle(&self.held)
     }
 
-    /// Writes the rest of the recording.
     pub(super) fn finish(&mut self) -> Result<(), BlackBoxError> {
         self.adapter.finish()
     }
@@ -88,7 +86,6 @@ impl Session {
         &self.horizons
     }
 
-    /// Begins a run with a sample.
     pub(super) fn begin(&mut self, commands: &mut Commands, sample: &Sample) -> Transition {
         self.adapter.to(sample.t, 0, self.dt);
         self.adapter.reset();
@@ -99,7 +96,7 @@ impl Session {
         Transition { held, lost: false }
     }
 
-    /// Advances to a sample, over grid points without one.
+    /// Advances to a sample, across grid points without one.
     pub(super) fn advance_to(
         &mut self,
         steps: usize,
@@ -153,23 +150,22 @@ impl Session {
         self.adapter.deviations(&self.commands, &self.horizons, &mut self.work, &mut self.deviations);
     }
 
-    /// Current estimate of the outputs.
     pub(super) fn estimate(&self) -> &[f64] {
         &self.estimate
     }
 
-    /// Prediction of an output at all horizons.
+    /// Prediction of an output at each horizon.
     pub(super) fn prediction(&self, output: usize) -> impl Iterator<Item = f64> {
         let n = self.missing.len();
         self.horizons.iter().map(move |h| self.rollout[(h - 1) * n + output])
     }
 
-    /// Standard deviations of the prediction of an output.
+    /// Standard deviations of this prediction.
     pub(super) fn deviations(&self, output: usize) -> impl Iterator<Item = f64> {
         self.deviations.chunks_exact(self.missing.len()).map(move |row| row[output])
     }
 
-    /// Number of measurements with a one-step band, and of those inside the 80 % and the 95 % band.
+    /// Measurements with a one-step band, and those inside the 80 % and 95 % bands.
     pub(super) fn banded(&self) -> [usize; 3] {
         self.banded
     }

@@ -1,7 +1,7 @@
-//! State file of a stream, with which a restarted service continues exactly.
+//! State file of a stream, from which a restarted service continues exactly.
 //!
-//! One safetensors file, written whole or not at all, with three tensors in double precision: `memory` (of the
-//! adapter), `clock`, and `commands`; in its metadata under `hydroid_stream` a JSON [`Head`].
+//! A safetensors file, written atomically, with three tensors in double precision: `memory` (of the adapter), `clock`
+//! and `commands`. The metadata entry `hydroid_stream` is a JSON [`Head`].
 
 use std::collections::HashMap;
 use std::io;
@@ -18,9 +18,7 @@ use hydroid::fingerprint::Fingerprint;
 const KEY: &str = "hydroid_stream";
 const VERSION: u32 = 1;
 const HYDROID: &str = env!("CARGO_PKG_VERSION");
-/// Largest accepted file \[bytes\].
 const MAX_BYTES: u64 = 1 << 32;
-/// Number of values of a clock.
 const CLOCK: usize = 4;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,7 +30,6 @@ struct Head {
     /// Fingerprint of the model's file.
     model: String,
     settings: Value,
-    /// Hash of the numbers.
     sum: String,
 }
 
@@ -97,7 +94,7 @@ impl State {
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| damaged(e.to_string()))?;
         let json = metadata.metadata().as_ref().and_then(|metadata| metadata.get(KEY));
         let json = json.ok_or_else(|| damaged(format!("no `{KEY}` in it")))?;
-        // The version comes first: other versions have other fields.
+        // Other versions have other fields.
         let value: Value = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
         let version = value["version"].as_u64();
         if let Some(version) = version.filter(|version| *version != u64::from(VERSION)) {
@@ -128,7 +125,7 @@ impl State {
         Ok(Self { model: head.model, settings: head.settings, clock, commands, memory })
     }
 
-    /// Checks that the state belongs to this model with these settings; the error is the reason.
+    /// Checks that the state belongs to this model and these settings; the error is the reason.
     pub(super) fn fits(&self, model: &str, settings: &Value) -> Result<(), String> {
         if self.model != model {
             return Err(
@@ -144,7 +141,6 @@ impl State {
         Err(format!("it is of other settings ({}); give those, or name another file", others.join("; ")))
     }
 
-    /// Reads a file; `None` if it does not exist.
     pub(super) fn read(path: &Path) -> Result<Option<Self>, StreamError> {
         let wrong = |reason: String| StreamError::State { path: path.to_owned(), reason };
         match std::fs::metadata(path) {
@@ -163,7 +159,6 @@ impl State {
         Self::decode(&bytes).map(Some).map_err(wrong)
     }
 
-    /// Writes it.
     pub(super) fn write(&self, path: &Path) -> Result<(), StreamError> {
         let bytes = self.encode().map_err(|source| atomic::WriteError { path: path.to_owned(), source })?;
         Ok(atomic::write(path, |out| out.write_all(&bytes))?)

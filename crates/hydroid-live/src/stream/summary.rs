@@ -17,7 +17,7 @@ pub struct LineCounts {
     pub rejected: u64,
     /// Used before the adapter can learn.
     pub waiting: u64,
-    /// After which the weights were restored.
+    /// Weights restored afterwards.
     pub rolled_back: u64,
     /// First samples of new runs.
     pub reset: u64,
@@ -27,7 +27,7 @@ pub struct LineCounts {
     pub between: u64,
     /// Not readable.
     pub error: u64,
-    /// Skipped because an earlier session has answered them.
+    /// Skipped because an earlier session answered them.
     pub skipped: u64,
 }
 

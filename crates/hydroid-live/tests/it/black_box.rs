@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// All ways to learn.
+/// All adapters.
 fn learners() -> Vec<(&'static str, adapt::Options)> {
     let squares = adapt::Options::default();
     let noise = Some(vec![0.02, 0.01]);
@@ -46,7 +46,7 @@ fn stream(path: &Path, options: &adapt::Options, name: &str) -> Result<Stream, S
     Ok(stream)
 }
 
-/// Serves lines, and gives the answers.
+/// Serves lines and returns the answers.
 fn serve(stream: &mut Stream, lines: &[String]) -> Vec<Value> {
     let mut out = Vec::new();
     for line in lines {
@@ -85,7 +85,7 @@ fn every_adapter_is_replayed_bit_for_bit() {
         assert_eq!(replayed.first, None, "{name}");
         let mut compared = 0;
         for answer in answers.iter().filter(|a| !["late", "between", "error"].contains(&told(a))) {
-            // Of places without a sample there is no answer.
+            // Grid points without a sample have no answer.
             let step = steps.iter().find(|step| step["t"] == answer["t"]).unwrap();
             for key in ["estimate", "prediction", "innovation", "nis"] {
                 assert_eq!(step[key], answer[key], "{name}: {key} of {answer}");
@@ -130,7 +130,7 @@ fn the_ring_buffer_holds_the_last_minutes() {
     }
     stream.finish().unwrap();
     let (replayed, steps) = played(&path);
-    // Across the seams as well: the memory there is compared with what the segment before has come to.
+    // Includes segment boundaries, where the state of the adapter is compared.
     assert_eq!(replayed.first, None);
     let [from, to] = [steps.first(), steps.last()].map(|step| step.unwrap()["t"].as_f64().unwrap());
     assert!(to > 599.0 && to - from > 119.0, "{from} {to}");
@@ -157,7 +157,7 @@ fn a_killed_recording_loses_one_second_and_a_restart_appends() {
     let summary = BlackBox::read(&path).unwrap().summary();
     assert_eq!(summary.sessions, 4, "five sessions in a ring of four segments");
     assert_eq!(played(&path).0.first, None);
-    // Other settings are not mixed into it, and it is not lost by them.
+    // A recording with other settings is refused and leaves the file unchanged.
     let kept = fs::read(&path).unwrap();
     let reason = stream(&path, &adapt::Options::default(), "test").err().unwrap();
     assert!(reason.contains("other settings") && reason.contains("move it"), "{reason}");
@@ -168,8 +168,8 @@ fn a_killed_recording_loses_one_second_and_a_restart_appends() {
     fs::write(&path, kept).unwrap();
 }
 
-/// Numbers of a step, and its sum. Two outputs, two inputs, two horizons: calls, run, time, command, measured, held, estimate,
-/// predictions, outcome, innovations, health, guard, events.
+/// Numbers of a step with its sum, for two outputs, inputs and horizons: calls, run, time, command, measured, held,
+/// estimate, predictions, outcome, innovations, health, guard, events.
 const ROW: usize = 3 + 2 + 2 + 2 + 2 + 4 + 3 + 5 + 2 + 4 + (1 + 8 * 5) + 1;
 
 #[test]
@@ -189,7 +189,7 @@ fn invalid_recordings_are_refused_with_a_reason() {
     black_box.head.hydroid = "0.0.1".to_owned();
     assert!(why(&black_box, "boat").contains("hydroid 0.0.1 wrote the file"));
     let bytes = fs::read(&path).unwrap();
-    // In the middle, where no kill comes.
+    // In the middle of the file, where a kill cannot cause damage.
     let mut damaged = bytes.clone();
     let at = bytes.len() - 8 * ROW * 100;
     damaged[at] ^= 1;
@@ -206,7 +206,7 @@ fn invalid_recordings_are_refused_with_a_reason() {
     assert!(BlackBox::decode(b"t,u,v").unwrap_err().contains("not a black box"));
 }
 
-/// XXH3 of the words, as the format prescribes.
+/// XXH3 of the words, as in the format.
 fn sum_of(words: impl Iterator<Item = u64>) -> u64 {
     let mut hash = hydroid::fingerprint::Fingerprint::new();
     words.for_each(|word| hash.word(word));
@@ -253,7 +253,7 @@ fn the_settings_come_back_from_the_file() {
     }
 }
 
-/// A kill, or a power that fails, in the middle of a write: of steps, and of a segment that takes the place of the oldest.
+/// Interrupted writes: of steps, and of a segment that replaces the oldest.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn incomplete_segments_are_skipped() {
@@ -278,7 +278,7 @@ fn incomplete_segments_are_skipped() {
             assert_eq!(before.len(), after.len(), "the ring is full");
             let differ: Vec<usize> = (0..after.len()).filter(|&i| before.get(i) != after.get(i)).collect();
             let (Some(&first), Some(&last)) = (differ.first(), differ.last()) else { continue };
-            // Where the oldest segment gives way, far more changes than a second of steps.
+            // Replacing the oldest segment changes more than a second of steps.
             let turns = last - first > 8 * ROW * 12;
             if !changed || (!turns && k % 50 > 9) {
                 continue;

@@ -54,7 +54,7 @@ pub(crate) fn settings(path: &Path) -> RecordingOptions {
     }
 }
 
-/// Command and measurement at a sample: a boat that moves, and sensors that are not perfect.
+/// Command and measurement at a sample of a moving boat with noisy sensors.
 pub(crate) fn sample(k: usize) -> ([f64; 2], [f64; 2]) {
     let x = k as f64;
     let noise = (x * x * 0.37).sin() * 0.01;
@@ -63,7 +63,7 @@ pub(crate) fn sample(k: usize) -> ([f64; 2], [f64; 2]) {
     ([1.0 + (0.05 * x).sin(), 0.3 * (0.11 * x).sin()], [u, r])
 }
 
-/// A header and so many lines of a stream with all that can happen: gaps, missing values, nonsense, spikes.
+/// A header and `count` lines with gaps, missing values, invalid cells and spikes.
 pub(crate) fn lines(count: usize) -> Vec<String> {
     let mut lines = vec!["t,u,r,n,delta".to_owned()];
     for k in 0..count {

@@ -1,4 +1,4 @@
-//! A live stream: each line has an answer in JSON.
+//! A live stream: each line gets a JSON answer.
 
 use crate::boat::model;
 use hydroid::adapt::{self, adapter};
@@ -19,7 +19,7 @@ fn stream() -> Stream {
     stream_reading(model().description.reading).unwrap()
 }
 
-/// The answer to a line, if there is one.
+/// The answer to a line, if any.
 fn ask(stream: &mut Stream, line: &str) -> Option<Value> {
     let mut out = Vec::new();
     stream.serve(Line::Whole(line.as_bytes()), &mut out).unwrap();
@@ -28,7 +28,7 @@ fn ask(stream: &mut Stream, line: &str) -> Option<Value> {
     (!text.is_empty()).then(|| serde_json::from_str(&text).unwrap())
 }
 
-/// Status and note, or message.
+/// Status, and note or message.
 fn told(answer: Option<&Value>) -> (&str, &str) {
     let answer = answer.unwrap();
     let note = answer["note"].as_str().or(answer["message"].as_str());
@@ -145,7 +145,7 @@ fn the_first_line_decides_and_nonsense_there_is_an_error() {
     fails("{\"t\":0}", "no column `u`");
     fails("{\"t\":0,\"u\":0,\"r\":0,\"n\":0}", "no column `delta`");
     fails("\u{0}\u{1}", "no column");
-    // An output that comes later is told.
+    // An output that appears later gives a note.
     let mut stream = stream();
     assert!(ask(&mut stream, r#"{"t":0,"u":0,"n":0,"delta":0}"#).is_some());
     assert!(stream.take_notes().iter().any(|note| note.message.contains("no `r`")));
@@ -183,7 +183,7 @@ fn commands_that_are_not_known_in_time_are_refused() {
     assert!(stream_reading(reading).is_err());
 }
 
-/// A run with all that can happen, as lines.
+/// A run with all kinds of lines.
 fn lines(count: usize) -> Vec<String> {
     let mut lines = vec!["t,u,r,n,delta".to_owned()];
     for k in 0..count {
@@ -232,7 +232,7 @@ fn a_stream_resumes_from_its_state_after_any_line() {
         assert!(killed < 2 || last - from.unwrap() <= 1.0 + 1e-9, "{killed}: {last} {from:?}");
         for (answer, expected) in answers.iter().zip(&expected) {
             let skipped = from.is_some_and(|from| time(expected).is_some_and(|t| t <= from));
-            // What was late beyond the saved time is late again, or skipped if its time is before that.
+            // A line that was late after the saved time is late again, or skipped if it precedes the saved time.
             assert!(
                 if skipped && answer.is_empty() { true } else { answer == expected },
                 "{killed}: {answer}"
@@ -273,7 +273,7 @@ fn a_state_of_another_model_is_refused_and_kept() {
     }
 }
 
-/// Lines that nearly make sense.
+/// Nearly valid lines.
 fn nearly() -> impl Strategy<Value = Vec<u8>> {
     let cell = prop_oneof![
         "-?[0-9]{1,3}(\\.[0-9]{1,3})?(e[0-9]{1,3})?",

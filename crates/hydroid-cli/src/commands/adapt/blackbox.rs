@@ -10,7 +10,7 @@ use hydroid_live::stream::fingerprint;
 use super::super::Outcome;
 use crate::args::{Adapt, Global};
 
-/// RecordingOptions of the black box, if one is requested.
+/// Options of the black box, if requested.
 pub fn settings(args: &Adapt) -> anyhow::Result<Option<RecordingOptions>> {
     let Some(path) = &args.black_box.black_box else { return Ok(None) };
     Ok(Some(RecordingOptions {
@@ -25,7 +25,7 @@ pub fn settings(args: &Adapt) -> anyhow::Result<Option<RecordingOptions>> {
 
 fn of_file(path: &Path) -> anyhow::Result<String> {
     if !path.exists() {
-        // A built-in vessel is identified by its name and by the version of the program, which the black box contains.
+        // A built-in vessel is identified by its name; the black box contains the program version.
         return Ok(fingerprint(path.as_os_str().as_encoded_bytes()));
     }
     let file = std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
@@ -48,7 +48,6 @@ pub fn replay(args: &Adapt, global: Global, model: Model, path: &Path) -> anyhow
             replayed.samples, replayed.different, first.t, first.what, first.recorded, first.replayed
         ),
     };
-    // With --json, standard output has the samples.
     if global.json {
         eprintln!("{summary}");
     } else {

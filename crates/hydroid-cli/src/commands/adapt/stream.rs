@@ -20,7 +20,7 @@ use super::super::Outcome;
 use crate::args::{Adapt, Against, Global, Horizon, Origin};
 use crate::ui;
 
-/// Default horizons, in samples.
+/// Default horizons \[samples\].
 const HORIZONS: [usize; 4] = [1, 10, 50, 100];
 
 /// State of the service, shared with the interruption handler.
@@ -128,7 +128,7 @@ fn lock(service: &Mutex<Service>) -> MutexGuard<'_, Service> {
 
 fn serve(reader: Box<dyn BufRead>, service: &Arc<Mutex<Service>>) -> anyhow::Result<Outcome> {
     let interrupted = Arc::clone(service);
-    // The main thread may wait for input. The lock lets it finish the current line first.
+    // The main thread may wait for input; the lock lets it finish the current line first.
     ui::at_interrupt(move || {
         let mut service = lock(&interrupted);
         if service.finished {
@@ -169,13 +169,12 @@ fn serve(reader: Box<dyn BufRead>, service: &Arc<Mutex<Service>>) -> anyhow::Res
 }
 
 impl Service {
-    /// Writes state and model, and prints the summary.
     fn finish(&mut self) -> anyhow::Result<()> {
         self.finished = true;
         self.stream.finish()?;
         ui::print_notes(&self.stream.take_notes(), self.global);
         if let Some(path) = &self.output {
-            // Runs of a complete log have names without the folder, too.
+            // Run names omit the folder, as for complete logs.
             let run = Path::new(&self.name)
                 .file_name()
                 .map_or(Cow::Borrowed(self.name.as_str()), |name| name.to_string_lossy());

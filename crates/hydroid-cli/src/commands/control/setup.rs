@@ -28,7 +28,7 @@ pub(super) const fn kind(controller: ControllerKind) -> ControlMethod {
     }
 }
 
-/// Sample time of the loop, in s.
+/// Sample time of the loop \[s\].
 pub(super) fn sample_time(args: &Control, model: Option<&Model>) -> anyhow::Result<f64> {
     let Some(model) = model.filter(|model| model.plant().is_none()) else {
         return Ok(args.controller.dt.unwrap_or(0.1));
@@ -96,7 +96,7 @@ pub(super) fn scenario(
     Ok(scenario)
 }
 
-/// Start of the evaluation, in s.
+/// Start of the evaluation \[s\].
 pub(super) fn from_s(args: &Control, scene: &Scenario) -> anyhow::Result<f64> {
     let from_s = args.controller.evaluate_from.map_or_else(|| scene.default_from_s(), |from| from.0);
     scene.check_from(from_s)?;
@@ -124,7 +124,7 @@ pub(super) fn variation(args: &MonteCarloArgs) -> Dispersion {
     }
 }
 
-/// Refuses options that have no effect: those of another controller, and those of Monte Carlo trials without `--runs`.
+/// Refuses options without effect: those of other controllers, and Monte Carlo options without `--runs`.
 pub(super) fn check_options(args: &Control) -> anyhow::Result<()> {
     let (given, kind) = (&args.controller, args.controller.controller);
     for (option, is_given, of, owner) in [
@@ -216,7 +216,6 @@ pub(super) fn steering(
     Ok(steering)
 }
 
-/// Cost weights of position, heading and speed error.
 fn cost_weights(given: &ControllerArgs) -> [f64; 3] {
     given.cost_weights.map_or([1.0, 0.2, 0.2], |weights| weights.0)
 }
@@ -241,7 +240,6 @@ pub(super) fn adaptation(args: &AdaptationArgs, model: &Model) -> anyhow::Result
     Ok(if args.no_guard { options } else { options.guarded(model) })
 }
 
-/// The controller in `control.json`.
 pub(super) fn description(args: &Control, steering: &ControllerOptions) -> Value {
     let mut description = json!({
         "kind": steering.method,

@@ -8,7 +8,6 @@ use hydroid_live::black_box::Summary;
 use crate::args::Global;
 use crate::ui;
 
-/// Number of events in the text output.
 const EVENTS_SHOWN: usize = 100;
 
 pub fn json(file: &Path, summary: &Summary) -> anyhow::Result<serde_json::Value> {
