@@ -54,7 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     run(at, &format!("identify a.csv --validate b.csv --test c.csv {columns} --methods sindy -o out -q"))?;
     let log = std::fs::read_to_string(at.join("c.csv"))?;
     let short: String = log.lines().take(1000).flat_map(|line| [line, "\n"]).collect();
-    println!("{:58} {:>8} {:>8} {:>8}", "us from a line to its answer", "median", "99/100", "longest");
+    println!("{:58} {:>8} {:>8} {:>8}", "response time [us]", "median", "99 %", "maximum");
     let adapt = "adapt out/sindy.safetensors - -q";
     for (what, line, log, pause_ms) in [
         ("horizons 1", format!("{adapt} --horizons 1"), &log, 0),

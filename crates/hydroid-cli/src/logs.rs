@@ -94,7 +94,6 @@ pub fn training_logs(
         model.check(&prepared.runs)?;
         let mut left = seconds;
         for run in prepared.runs {
-            // Casts saturate.
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             let samples = (left / run.dt).round() as usize;
             let samples = samples.min(run.len());

@@ -64,7 +64,6 @@ impl Bar {
     }
 
     pub fn set_fraction(&self, fraction: f64) {
-        // Clamped.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         self.0.set_position((fraction.clamp(0.0, 1.0) * 1000.0) as u64);
     }
@@ -168,7 +167,6 @@ pub fn write_out(text: std::fmt::Arguments<'_>) {
     }
 }
 
-/// `println!` for results.
 macro_rules! outln {
     ($($text:tt)*) => {
         $crate::ui::write_out(format_args!("{}\n", format_args!($($text)*)))

@@ -12,7 +12,6 @@ use hydroid::sindy::SearchResult;
 /// A term in a smaller share of the ensemble members is marked.
 const DOUBTFUL: f64 = 0.5;
 
-/// Explanation of the columns.
 pub(super) fn about(found: &SearchResult) -> Markup {
     let members = found.ensemble.as_ref().map(|ensemble| ensemble.members.len());
     html! {

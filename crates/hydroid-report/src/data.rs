@@ -9,7 +9,6 @@ use super::{ReportError, Subject, series, style};
 use hydroid::identify::{ChannelSummary, data_summary};
 use hydroid::log::{Note, Split, Trajectory};
 
-/// Number of training runs that are drawn.
 const DRAWN: usize = 3;
 const PARTS: [&str; 3] = ["training", "validation", "test"];
 

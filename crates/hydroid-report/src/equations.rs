@@ -22,9 +22,7 @@ const LINE: usize = 92;
 #[derive(Clone, Copy)]
 pub(super) struct Sparse<'a> {
     pub(super) candidate: &'a Candidate,
-    /// The search result.
     pub(super) found: &'a SearchResult,
-    /// The equations with names.
     pub(super) motion: NamedEquations<'a>,
 }
 
@@ -35,10 +33,8 @@ impl<'a> Sparse<'a> {
     }
 }
 
-/// A term of one equation.
 pub(super) struct Part<'a> {
     pub(super) term: &'a Term,
-    /// Index in the library.
     pub(super) place: usize,
     pub(super) coefficient: f64,
     /// Share in the sum of all contributions to this equation.
@@ -110,7 +106,6 @@ fn parts(sparse: Sparse<'_>, output: usize) -> Vec<Part<'_>> {
     parts
 }
 
-/// The units, each with its channels.
 fn where_clause(candidate: &Candidate) -> Markup {
     let description = &candidate.model.description;
     let mut units: Vec<(&str, Vec<&str>)> = Vec::new();

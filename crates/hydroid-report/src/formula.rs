@@ -9,7 +9,6 @@ use hydroid::model::{Mode, Modes};
 
 /// Number of terms that are visible without a click, for an equation or a gated group.
 const SHOWN: usize = 10;
-/// Significant digits of a coefficient in a formula.
 const DIGITS: usize = 3;
 
 /// `d u / d t = ...`. Small terms of a long equation are folded; gated terms are grouped.
@@ -40,7 +39,6 @@ pub(super) fn formula(names: &[&str], modes: &Modes, output: usize, parts: &[Par
     }
 }
 
-/// Terms with signs, the largest first.
 fn sum(names: &[&str], terms: &[(&Part<'_>, Term)]) -> Markup {
     let cut = if terms.len() > SHOWN + 2 { SHOWN } else { terms.len() };
     let rest = &terms[cut..];
@@ -83,7 +81,6 @@ pub(super) fn weight(modes: &Modes, mode: Mode) -> Markup {
     }
 }
 
-/// A term preceded by the letter of its gate.
 pub(super) fn in_mode(names: &[&str], modes: &Modes, own: &Term) -> Markup {
     let (mode, rest) = modes.of(own);
     html! {
@@ -161,7 +158,6 @@ pub(super) fn variable(name: &str) -> Markup {
     }
 }
 
-/// The Greek letter of a name.
 fn greek(word: &str) -> Option<&'static str> {
     Some(match word {
         "alpha" => "α",

@@ -16,7 +16,6 @@ pub(super) fn front(trials: &[Trial]) -> Vec<(f64, f64)> {
     points.into_iter().map(|(terms, score)| (terms as f64, score)).collect()
 }
 
-/// The front as a staircase.
 pub(super) fn stairs(front: &[(f64, f64)], end: f64) -> Vec<(f64, f64)> {
     let mut line = Vec::new();
     for (i, &(terms, score)) in front.iter().enumerate() {

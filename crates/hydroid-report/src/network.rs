@@ -9,7 +9,6 @@ use super::{ReportError, Subject, style};
 use hydroid::identify::Candidate;
 use hydroid::train::{Ending, Refit, Trained};
 
-/// `None` if no network was trained.
 pub(super) fn section(subject: &Subject<'_>) -> Result<Option<Section>, ReportError> {
     let networks: Vec<(&Candidate, &Trained)> = subject
         .result
@@ -37,7 +36,6 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Option<Section>, ReportEr
     Ok(Some(Section::new("networks", "Networks", body)))
 }
 
-/// Description of a network as a list.
 fn about(candidate: &Candidate, trained: &Trained) -> Markup {
     html! {
         h4 { (candidate.model.description.name) }
@@ -104,7 +102,6 @@ fn restarts(trained: &Trained) -> Markup {
     }
 }
 
-/// The design ranges, stated or inferred.
 fn ranges(subject: &Subject<'_>) -> Markup {
     let of = |given: bool| -> Vec<&str> {
         let all = subject.result.ranges.iter();
@@ -122,7 +119,6 @@ fn ranges(subject: &Subject<'_>) -> Markup {
     }
 }
 
-/// Choice of the weights of a network.
 pub(super) fn choice(trained: &Trained) -> Markup {
     html! {
         p {

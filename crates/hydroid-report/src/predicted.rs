@@ -12,13 +12,10 @@ use super::{ReportError, style};
 use hydroid::evaluate::bands;
 use hydroid::identify::Candidate;
 
-/// Rollouts in the overview.
 const OVERVIEW: usize = 12;
-/// Rollouts in the detail figure.
 const CLOSER: usize = 3;
 /// Smallest range of a panel, as a share of the range of the run.
 const LEAST: f64 = 0.15;
-/// Largest number of commands that are drawn.
 const COMMANDS: usize = 8;
 
 pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Section, ReportError> {

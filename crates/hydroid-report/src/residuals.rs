@@ -14,10 +14,8 @@ const BARS: usize = 33;
 /// Half-width of a histogram \[standard deviations\].
 const REACH: f64 = 4.0;
 const LAGS: usize = 40;
-/// Smallest number of residuals for a figure.
 const FEWEST: usize = 8;
 
-/// Residuals of one output over all test runs.
 struct Residuals {
     count: usize,
     mean: f64,

@@ -6,9 +6,7 @@ use hydroid::evaluate::mean_finite;
 use hydroid::identify::Candidate;
 use hydroid::log::Trajectory;
 
-/// The open-loop prediction from one origin.
 pub(super) struct Rollout {
-    /// Sample of the origin.
     pub(super) origin: usize,
     /// Last measured values at the origin.
     pub(super) start: Vec<f64>,
@@ -21,7 +19,6 @@ pub(super) struct Rollout {
 /// A test run with its predictions.
 pub(super) struct Walk<'a> {
     pub(super) run: &'a Trajectory,
-    /// Horizon \[samples\].
     pub(super) horizon: usize,
     /// Successive rollouts: each starts at the end of the previous one.
     pub(super) rollouts: Vec<Rollout>,
@@ -29,7 +26,6 @@ pub(super) struct Walk<'a> {
     pub(super) residuals: Vec<Vec<f64>>,
 }
 
-/// Runs the session of a model along runs.
 pub(super) fn walk<'a>(candidate: &Candidate, runs: &'a [Trajectory]) -> Vec<Walk<'a>> {
     let horizon = candidate.test.horizons.last().copied().unwrap_or(1).max(1);
     runs.iter().map(|run| walk_run(candidate, run, horizon)).collect()

@@ -12,7 +12,6 @@ use hydroid::identify::Candidate;
 use hydroid::log::Note;
 use hydroid::sindy::{Criterion, Optimizer, RegressionForm, SearchResult, Trial};
 
-/// The Pareto front.
 const FRONT: Stroke = Stroke { colour: style::MUTED, width: 1.4, dash: Dash::Solid };
 const BEST: usize = 12;
 /// The chart ends at this multiple of the best score.

@@ -48,7 +48,6 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
     Section::new("settings", "Settings", body)
 }
 
-/// The settings in the model file.
 fn details(candidate: &Candidate) -> Markup {
     let description = &candidate.model.description;
     let json = |value: &serde_json::Value| serde_json::to_string_pretty(value).unwrap_or_default();

@@ -8,7 +8,6 @@ use super::{Subject, runs, style};
 use hydroid::identify::{Candidate, Grade, Verdict};
 use hydroid::log::{Note, Severity, Split, Trajectory};
 
-/// Number of warnings that are visible without a click.
 const SHOWN: usize = 5;
 
 pub(super) fn section(subject: &Subject<'_>) -> Section {

@@ -36,7 +36,6 @@ fn run(seed: u64) -> Trajectory {
 
 fn job() -> Job {
     let mut test = run(3);
-    // A sensor gap.
     let channels = test.outputs.channels().to_vec();
     let mut values = test.outputs.rows(0, test.len()).to_vec();
     values[3 * 400..3 * 430].fill(f64::NAN);

@@ -49,7 +49,6 @@ type Errors = [[f64; 3]; STEPS];
 struct Outcome {
     errors: Errors,
     time_us: f64,
-    /// Errors at low speed afterwards.
     low: Errors,
 }
 
@@ -162,7 +161,6 @@ fn sail(
     Ok(Outcome { errors, time_us, low })
 }
 
-/// Errors, and the median time per sample \[us\].
 fn walk(session: &mut dyn Adapter, run: &Trajectory) -> (Errors, f64) {
     let truth = run.truth.as_ref().unwrap_or(&run.outputs);
     let commands: Vec<f64> = (0..run.len()).flat_map(|k| run.inputs.row(k).to_vec()).collect();

@@ -48,7 +48,6 @@ struct Case {
     name: String,
 }
 
-/// Result of a session along a run.
 struct Course {
     /// Error of the prediction from each sample, and of each output.
     errors: Vec<f64>,
@@ -129,7 +128,6 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// A model along an unmodified log.
 fn clean(model: &Model, run: &Trajectory) -> Case {
     let name = format!("{} {}", model.description.name, run.name);
     let kalman = KalmanOptions { noise: Some(NOISE.to_vec()), ..KalmanOptions::default() };
@@ -193,7 +191,6 @@ fn drawn(models: &[Model], runs: &[Trajectory], seed: u64, index: u64) -> Result
     Ok(Case { model, run, options: Options { kalman, ..Options::default() }, name })
 }
 
-/// Result of a run.
 #[derive(Clone)]
 struct Row {
     text: String,
@@ -276,7 +273,6 @@ fn row(case: &Case, shore: &Trajectory) -> Result<Row, Failure> {
     })
 }
 
-/// Rehearses a training log.
 fn walk(session: &mut dyn Adapter, run: &Trajectory) {
     session.reset();
     for k in 0..run.len() {

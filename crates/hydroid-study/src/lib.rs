@@ -52,7 +52,6 @@ pub struct Told<'a> {
 /// Progress callback, called from any thread; [`ControlFlow::Break`] stops the study.
 pub type Watch<'a> = &'a (dyn Fn(&Told<'_>) -> ControlFlow<()> + Sync);
 
-/// A completed experiment.
 struct Done<'a> {
     name: &'a String,
     experiment: &'a Experiment,
@@ -133,7 +132,6 @@ pub fn run(
     Ok(Summary { page, quick: plan.quick, measures, claims, seconds })
 }
 
-/// The data file of an experiment.
 #[derive(Serialize)]
 struct Numbers<'a> {
     experiment: &'a Experiment,

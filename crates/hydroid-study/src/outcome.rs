@@ -7,15 +7,11 @@ use serde::Serialize;
 
 use hydroid_report::figure::Figure;
 
-/// A table cell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(super) enum Cell {
-    /// A number.
     Number(f64),
-    /// A count.
     Count(usize),
-    /// Text.
     Text(String),
     /// Missing: a dash on the page, empty in a file.
     Nothing,
@@ -87,16 +83,12 @@ impl Sheet {
     }
 }
 
-/// A picture.
 #[derive(Clone, Debug)]
 pub(super) enum Picture {
-    /// A figure with axes.
     Chart(Box<Figure>),
-    /// An `<svg>` element.
     Drawing(String),
 }
 
-/// A picture with its caption.
 #[derive(Clone, Debug)]
 pub(super) struct Shown {
     pub(super) name: String,
@@ -111,7 +103,6 @@ pub(super) struct Tabled {
     pub(super) caption: String,
 }
 
-/// Result of an experiment.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Outcome {
     pub(super) pictures: Vec<Shown>,
@@ -120,7 +111,6 @@ pub(super) struct Outcome {
     pub(super) sheets: Vec<Sheet>,
     /// Measured values by name, for the claims.
     pub(super) measures: BTreeMap<String, f64>,
-    /// Remarks for the page.
     pub(super) remarks: Vec<String>,
 }
 

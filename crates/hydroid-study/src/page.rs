@@ -13,7 +13,6 @@ use hydroid_report::page::{Section, columns, figure, page, table_of};
 
 /// Largest number of columns of a table beside a figure.
 const BESIDE: usize = 6;
-/// Longer tables are folded.
 const LONG: usize = 40;
 
 pub(super) fn write(

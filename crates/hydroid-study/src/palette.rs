@@ -20,7 +20,6 @@ fn kind(model: &str) -> Option<&'static (&'static str, &'static str, RGBColor)> 
     MODELS.iter().find(|(start, ..)| model.starts_with(start))
 }
 
-/// Title of a model.
 pub(super) fn title(model: &str) -> String {
     kind(model).map_or_else(|| model.to_owned(), |(_, title, _)| (*title).to_owned())
 }

@@ -14,7 +14,6 @@ use super::experiment::Kind;
 use hydroid::identify::{GivenRanges, Method, NetworkOptions, SindyOptions};
 use hydroid::toml_file;
 
-/// Built-in files: name and text.
 const BUILT_IN: [(&str, &str); 17] = [
     ("records.toml", include_str!("../experiments/records.toml")),
     ("models.toml", include_str!("../experiments/models.toml")),
@@ -282,7 +281,6 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Checks that all names are known.
     fn check(&self) -> Result<(), StudyError> {
         if self.experiments.is_empty() {
             return Err(StudyError::Nothing);

@@ -114,7 +114,6 @@ pub fn errors(table: &[Vec<f64>]) -> Errors {
     HORIZONS.map(|horizon| table[horizon - 1].clone())
 }
 
-/// Whether the equation of the first output contains the input.
 fn has_input(equations: &Equations, input: usize) -> bool {
     let variable = equations.outputs() + input;
     let mut terms = equations.terms().iter().enumerate();

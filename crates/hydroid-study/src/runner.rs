@@ -18,13 +18,11 @@ use hydroid::model::{Model, Reading};
 use hydroid::progress::Cancelled;
 use hydroid::simulate::{self, Simulated, simulate};
 
-/// A simulated log with its key.
 #[derive(Debug)]
 pub(super) struct LoadedRecord {
     pub(super) name: String,
     pub(super) key: Key,
     pub(super) simulated: Simulated,
-    /// Outputs `u`, `v`, `r` with truth.
     pub(super) run: Trajectory,
 }
 
@@ -37,7 +35,6 @@ pub(super) struct Learned {
     pub(super) about: About,
 }
 
-/// Training data of a model.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct About {
     /// Training time \[s\].
@@ -46,14 +43,12 @@ pub(super) struct About {
     pub(super) peak_mb: Option<f64>,
 }
 
-/// Context of the experiments.
 pub(super) struct Runner<'a> {
     plan: &'a Plan,
     pub(super) store: &'a Store,
     watch: Watch<'a>,
     /// Number of earlier experiments, and of all.
     pub(super) place: (usize, usize),
-    /// Name of the current experiment.
     pub(super) at: String,
     records: Mutex<BTreeMap<String, Arc<LoadedRecord>>>,
     models: Mutex<BTreeMap<String, Arc<Vec<Learned>>>>,
@@ -78,7 +73,6 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Progress as a callback.
     pub(super) fn progress<'b>(&'b self, what: &'b str) -> impl FnMut(f64) -> ControlFlow<()> + 'b {
         |fraction| match self.tell(what, fraction) {
             Ok(()) => ControlFlow::Continue(()),
@@ -86,7 +80,6 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// An error of the current experiment.
     pub(super) fn cannot(&self, why: impl std::fmt::Display) -> StudyError {
         StudyError::Cannot { name: self.at.clone(), why: why.to_string() }
     }
@@ -212,7 +205,6 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// Simulation options of a record.
 fn options(record: &Record) -> Result<simulate::Options, StudyError> {
     let vessel =
         simulate::built_in(&record.plant).ok_or_else(|| StudyError::missing("plant", &record.plant))?;

@@ -9,6 +9,7 @@ use hydroid::faults::Faults;
 use super::values::{Duration, NamedNumber};
 use super::{EvaluationArgs, LogArgs};
 
+/// Recursive least squares: equations of motion, and the last layer of direct predictors.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
 #[command(next_help_heading = "Recursive least squares (equations, direct predictors)")]
 pub struct LeastSquaresArgs {

@@ -86,7 +86,6 @@ pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<Fr
     Ok((!arguments.is_empty()).then_some(FromFile { path, verb, arguments }))
 }
 
-/// The option with this key.
 fn option<'a>(command: &'a Command, key: &str) -> Option<&'a Arg> {
     let long = key.replace('_', "-");
     let named = |arg: &&Arg| arg.get_long() == Some(long.as_str());
@@ -94,7 +93,6 @@ fn option<'a>(command: &'a Command, key: &str) -> Option<&'a Arg> {
     command.get_arguments().find(named).filter(|_| !excluded.contains(&long.as_str()))
 }
 
-/// An option and its value as arguments.
 fn words(arg: &Arg, value: &Value, file: &Path) -> anyhow::Result<Vec<OsString>> {
     let long = arg.get_long().unwrap_or_default();
     if matches!(arg.get_action(), ArgAction::SetTrue) {

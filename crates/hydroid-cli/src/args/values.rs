@@ -46,7 +46,6 @@ impl FromStr for Duration {
     }
 }
 
-/// `N` numbers, separated by commas.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let wrong = || format!("'{text}' is not {N} numbers separated by commas");
     let all: Vec<f64> =

@@ -19,7 +19,6 @@ use crate::{logs, ui};
 
 pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
-    // Checked before the log is read.
     adapt::adaptable(&model).with_context(|| format!("{} cannot be adapted", args.model.display()))?;
     if let Some(path) = &args.black_box.replay {
         return blackbox::replay(args, global, model, path);

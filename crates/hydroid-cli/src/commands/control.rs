@@ -21,7 +21,6 @@ use super::simulate;
 use crate::args::{Control, Global};
 use crate::ui;
 
-/// The JSON document: the result with controller, plant, task and conditions.
 #[derive(Serialize)]
 struct Document<'a, T> {
     #[serde(flatten)]

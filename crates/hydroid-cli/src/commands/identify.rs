@@ -118,7 +118,6 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let page = page(&files, &job, &identified, &notes).map_err(|error| with_resume_hint(error, &job))?;
     let summary =
         write(&args.output, &identified, &notes, &page).map_err(|error| with_resume_hint(error, &job))?;
-    // The results are written.
     for file in checkpoints(&job) {
         let _ = std::fs::remove_file(file);
     }
@@ -130,7 +129,6 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     Ok(if identified.is_usable() { Outcome::Done } else { Outcome::Missed })
 }
 
-/// Applies the network options of the command line to all networks.
 fn apply_network_args(args: &Identify, networks: &mut NetworkTrainingOptions) {
     let (epochs, restarts) =
         (args.epochs.and_then(|n| usize::try_from(n).ok()), args.restarts.map(usize::from));
@@ -141,7 +139,6 @@ fn apply_network_args(args: &Identify, networks: &mut NetworkTrainingOptions) {
     }
 }
 
-/// Applies the equation options of the command line.
 fn apply_equation_args(args: &Identify, sindy: &mut SindyOptions) {
     if args.library.is_some() {
         sindy.degree = None;
@@ -227,7 +224,6 @@ fn in_seconds(delay: InputDelay, steps: &[f64]) -> anyhow::Result<InputDelay> {
     Ok(InputDelay::Seconds(n as f64 * step))
 }
 
-/// Simulates three runs of the built-in hydrofoil.
 fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Files> {
     let mut files = Vec::new();
     for (index, (name, duration_s)) in DEMONSTRATION_S.into_iter().enumerate() {
@@ -273,7 +269,6 @@ fn title(sources: &[String]) -> String {
     folder.map_or_else(|| String::from("Identification"), |name| format!("Identification: {name}"))
 }
 
-/// Writes models, report and summary; returns the summary.
 fn write(
     folder: &Path,
     identified: &IdentifyResult,

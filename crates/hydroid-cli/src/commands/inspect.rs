@@ -81,7 +81,6 @@ fn is_model(path: &Path) -> bool {
         && head[4..8] == [0; 4]
 }
 
-/// The equations of a model, or the base equations of a network.
 fn latex(file: &Path, model: &Model) -> anyhow::Result<String> {
     if let Some(motion) = model.equations() {
         return Ok(format!("{}{}", motion.equations_latex(), motion.units_latex()));

@@ -244,7 +244,7 @@ fn invalid_streams_are_refused_with_a_remedy() {
     refused(
         &["adapt", MODEL, "-", "--state", "kept.state", "--prior", "5"],
         "",
-        "prior_s: 10.0 there, 5.0 here",
+        "prior_s: 10.0 in the file, 5.0 given",
     );
     assert_eq!(fs::read(at.join("kept.state")).unwrap(), kept);
     fs::write(at.join("kept.state"), &kept[..kept.len() - 9]).unwrap();

@@ -125,7 +125,10 @@ fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
     ended(&format!("adapt {MODEL} --replay squares.box"), 0);
     let refused = ended(&format!("adapt {MODEL} c.csv --stream --prior 3 --black-box squares.box"), 2);
     let refused = text(&refused.stderr);
-    assert!(refused.contains("prior_s: 10.0 there, 3.0 here") && refused.contains("move it"), "{refused}");
+    assert!(
+        refused.contains("prior_s: 10.0 in the file, 3.0 given") && refused.contains("move it"),
+        "{refused}"
+    );
 }
 
 #[test]

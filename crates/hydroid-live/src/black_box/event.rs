@@ -31,7 +31,6 @@ pub(super) fn encode(action: &Action) -> [f64; WORDS] {
 /// Decodes an event of an untrusted file; `None` for invalid numbers.
 pub(super) fn decode(words: &[f64]) -> Option<Action> {
     let &[code, a, b, c, d] = words else { return None };
-    // Casts saturate, and NaN is 0.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let count = |x: f64| x as usize;
     let expert = |x: f64| Expert::ALL.get(count(x)).copied();

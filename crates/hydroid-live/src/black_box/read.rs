@@ -19,7 +19,6 @@ pub struct BlackBox {
     pub path: PathBuf,
     /// Header.
     pub head: Head,
-    /// Offset of the ring.
     pub(super) start: usize,
     /// From the oldest to the newest.
     pub(super) segments: Vec<Segment>,
@@ -31,12 +30,9 @@ pub struct BlackBox {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Segment {
     pub(super) sequence: u64,
-    /// Steps before it.
     pub(super) before: u64,
-    /// Whether it continues the previous segment.
     pub(super) continues: bool,
     pub(super) memory: Vec<f64>,
-    /// Rows of the steps.
     pub(super) rows: Vec<f64>,
     /// Whether complete steps follow far behind an incomplete one, which an interruption cannot cause.
     pub(super) damaged: bool,

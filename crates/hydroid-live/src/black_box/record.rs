@@ -27,10 +27,8 @@ pub(super) struct RowLayout {
     horizons: usize,
 }
 
-/// Parts of a row, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
-    /// Bits of the calls.
     Calls,
     Run,
     Time,
@@ -108,7 +106,6 @@ impl RowLayout {
         self.range(Part::Estimate).start
     }
 
-    /// Description of the value at an index.
     pub(super) fn name(self, place: usize, head: &Head) -> String {
         let output = |i: usize| head.outputs.get(i).map_or("?", |channel| channel.name.as_str());
         let n = self.outputs.max(1);

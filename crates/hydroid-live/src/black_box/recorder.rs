@@ -136,7 +136,6 @@ impl Recorder {
         self.end_segment(adapter, false);
     }
 
-    /// Before the adapter is reset.
     pub(super) fn reset(&mut self, adapter: &dyn Adapter) {
         self.begin_call(adapter, RESET);
         let run = self.run.map_or(0, |run| run + 1);
@@ -146,20 +145,17 @@ impl Recorder {
         }
     }
 
-    /// Before the adapter advances.
     pub(super) fn advance(&mut self, adapter: &dyn Adapter, c: &[f64]) {
         self.settle(adapter, c);
         self.begin_call(adapter, ADVANCE);
         self.row[self.builder.layout.range(Part::Command)].copy_from_slice(c);
     }
 
-    /// Before the adapter observes.
     pub(super) fn observe(&mut self, adapter: &dyn Adapter, y: &[f64]) {
         self.begin_call(adapter, OBSERVE);
         self.row[self.builder.layout.range(Part::Measured)].copy_from_slice(y);
     }
 
-    /// After the adapter has observed.
     pub(super) fn observed(&mut self, adapter: &dyn Adapter) {
         self.row[self.builder.layout.range(Part::Time)][0] = self.t + self.since * self.dt;
         self.since += 1.0;

@@ -98,7 +98,6 @@ struct Player<'a> {
     builder: RowBuilder,
     row: Vec<f64>,
     replayed: Replayed,
-    /// Of the last sample.
     t: f64,
 }
 

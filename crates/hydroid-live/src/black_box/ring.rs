@@ -12,7 +12,6 @@ use hydroid::fingerprint::Fingerprint;
 
 pub(super) const MAGIC: u64 = u64::from_le_bytes(*b"SEGMENT\n");
 
-/// Numbers in one write.
 const CHUNK: usize = 8192;
 
 #[derive(Debug)]
@@ -25,7 +24,6 @@ pub(super) struct Ring {
     before_steps: usize,
     segments: u64,
     sequence: u64,
-    /// Bytes of steps in the segment.
     written: usize,
     /// Whether writes are synchronized with the disk.
     durable: bool,

@@ -9,15 +9,12 @@ use hydroid::adapt::{BAND_80, BAND_95};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Status {
-    /// Used, with the outcome of the adapter.
     Used(Outcome),
     /// Used as the first sample of a new run.
     Reset,
-    /// Not after the last sample.
     Late,
     /// Between the grid points of the model.
     Between,
-    /// Not readable.
     Error,
 }
 

@@ -48,7 +48,9 @@ impl Clock {
             return Err(bad("it must be a positive number of seconds".to_owned()));
         }
         if max_gap / dt > MAX_SKIPPED {
-            return Err(bad(format!("the model steps {dt} s: give a million steps at the most")));
+            return Err(bad(format!(
+                "it must be at most a million steps of the model, which are {dt} s long"
+            )));
         }
         Ok(Self { dt, max_gap, place: f64::NAN, taken: f64::NAN, seen: f64::NAN, interval: dt })
     }

@@ -11,7 +11,6 @@ pub(super) struct Commands {
     inputs: usize,
     by: i64,
     after: bool,
-    /// The command of the last line; NaN if unknown.
     last: Vec<f64>,
     /// Ring of the last `by + 1` commands, and index of the oldest.
     ring: Vec<f64>,
@@ -33,7 +32,7 @@ impl Commands {
                 what: "an input delay",
                 value: delay.to_string(),
                 reason: format!(
-                    "the command that acts must be known when the next sample comes: a stream takes one sample ahead to {MAX_DELAY} behind"
+                    "the command that acts must be known when the next sample comes: delay and command timing together must be -1 to {MAX_DELAY} samples (timing after: -1)"
                 ),
             });
         }
@@ -151,7 +150,6 @@ impl Commands {
         self.last.iter().chain(ring).copied().collect()
     }
 
-    /// Restores the values of [`memory`](Self::memory).
     pub(super) fn restore(&mut self, memory: &[f64]) {
         let (last, ring) = memory.split_at(self.inputs);
         self.last.copy_from_slice(last);

@@ -9,14 +9,12 @@ use super::StreamError;
 
 #[derive(Clone, Debug)]
 pub(super) enum Format {
-    /// Separated cells.
     Csv {
         delimiter: u8,
         /// Number of cells up to the last named column.
         needed: usize,
         most: usize,
     },
-    /// A JSON object.
     Json {
         /// Keys of the columns, with units.
         keys: Vec<String>,
@@ -25,7 +23,6 @@ pub(super) enum Format {
 
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    /// Name of the stream, for messages.
     pub(super) name: String,
     pub(super) format: Format,
     pub(super) names: Vec<String>,
@@ -33,7 +30,6 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Layout from the first non-blank line.
     pub(super) fn new(
         line: &str,
         name: &str,
@@ -108,7 +104,7 @@ fn object(
         }
         for spec in absent {
             notes.push(Note::warning(format!(
-                "{name}: the first line has no `{}`: it is missing until a line has it",
+                "{name}: the first line has no `{}`: it counts as missing until a line contains it",
                 spec.column
             )));
             keys.push(spec.column.clone());

@@ -78,7 +78,9 @@ impl Place<'_> {
 
     fn object(&self, text: &str) -> Result<Map<String, Value>, LogError> {
         serde_json::from_str(text).map_err(|error| {
-            self.bad(format!("no JSON object ({error}); write one object in each line, as in the first one"))
+            self.bad(format!(
+                "not a JSON object ({error}); write one object in each line, as in the first one"
+            ))
         })
     }
 
@@ -238,7 +240,7 @@ pub(super) fn keys(line: &str, name: &str) -> Result<Vec<String>, LogError> {
         path: name.to_owned(),
         line: 1,
         reason: format!(
-            "it begins like a JSON object and is none ({error}); write one object in each line, or a CSV header first"
+            "it starts like a JSON object but is none ({error}); write one object in each line, or a CSV header first"
         ),
     })?;
     Ok(object

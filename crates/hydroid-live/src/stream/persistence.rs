@@ -40,7 +40,7 @@ impl Stream {
             state.fits(&model, &settings).map_err(wrong)?;
             let lens = (state.commands.len(), state.memory.len());
             if lens != (self.commands.memory_len(), self.session.adapter().memory_len()) {
-                return Err(wrong("it has another size; remove it to start anew".to_owned()));
+                return Err(wrong("it has another size; remove it to start again".to_owned()));
             }
             self.clock.restore(state.clock);
             self.commands.restore(&state.commands);

@@ -20,7 +20,6 @@ pub(super) struct Session {
     expected_deviations: Vec<f64>,
     estimate: Vec<f64>,
     commands: Vec<f64>,
-    /// Command of the next interval.
     held: Vec<f64>,
     rollout: Vec<f64>,
     deviations: Vec<f64>,
@@ -32,7 +31,6 @@ pub(super) struct Session {
 /// Remarks on the step to a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Transition {
-    /// A missing command was replaced by the last one.
     pub(super) held: bool,
     /// The command of an interval was unknown: a new run began after it.
     pub(super) lost: bool,
@@ -160,7 +158,6 @@ impl Session {
         self.horizons.iter().map(move |h| self.rollout[(h - 1) * n + output])
     }
 
-    /// Standard deviations of this prediction.
     pub(super) fn deviations(&self, output: usize) -> impl Iterator<Item = f64> {
         self.deviations.chunks_exact(self.missing.len()).map(move |row| row[output])
     }

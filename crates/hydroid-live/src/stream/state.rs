@@ -88,37 +88,36 @@ impl State {
     /// If the bytes are not a state file, or are truncated or altered; the text is the reason.
     pub fn decode(bytes: &[u8]) -> Result<Self, String> {
         let damaged = |reason: String| {
-            format!("it is damaged, or no state of a stream ({reason}); remove it to start anew")
+            format!("it is damaged, or not the state of a stream ({reason}); remove it to start again")
         };
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| damaged(e.to_string()))?;
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| damaged(e.to_string()))?;
         let json = metadata.metadata().as_ref().and_then(|metadata| metadata.get(KEY));
-        let json = json.ok_or_else(|| damaged(format!("no `{KEY}` in it")))?;
-        // Other versions have other fields.
+        let json = json.ok_or_else(|| damaged(format!("the entry `{KEY}` is missing")))?;
         let value: Value = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
         let version = value["version"].as_u64();
         if let Some(version) = version.filter(|version| *version != u64::from(VERSION)) {
             return Err(format!(
-                "it is a state of format {version}, and this program reads format {VERSION}; remove it to start anew"
+                "it is a state of format {version}, and this program reads format {VERSION}; remove it to start again"
             ));
         }
         let head: Head = serde_json::from_value(value).map_err(|e| damaged(e.to_string()))?;
         let numbers = |name: &str| -> Result<Vec<f64>, String> {
             let tensor = tensors.tensor(name).map_err(|e| damaged(e.to_string()))?;
             if tensor.dtype() != Dtype::F64 || tensor.shape().len() != 1 {
-                return Err(damaged(format!("`{name}` is no row of numbers")));
+                return Err(damaged(format!("`{name}` is not a vector of numbers")));
             }
             let (numbers, _) = tensor.data().as_chunks::<8>();
             Ok(numbers.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
         };
         let (clock, commands, memory) = (numbers("clock")?, numbers("commands")?, numbers("memory")?);
         if sum(&clock, &commands, &memory) != head.sum {
-            return Err(damaged("its numbers are not those that were written".to_owned()));
+            return Err(damaged("the checksum does not match".to_owned()));
         }
-        let clock = clock.try_into().map_err(|_| damaged("a clock of another kind".to_owned()))?;
+        let clock = clock.try_into().map_err(|_| damaged("invalid clock".to_owned()))?;
         if head.hydroid != HYDROID {
             return Err(format!(
-                "hydroid {} wrote it, and this is {HYDROID}, which may learn otherwise; remove it to start anew",
+                "it was written by hydroid {}, and the results of this version ({HYDROID}) may differ; remove it to start again",
                 head.hydroid
             ));
         }
@@ -129,7 +128,7 @@ impl State {
     pub(super) fn fits(&self, model: &str, settings: &Value) -> Result<(), String> {
         if self.model != model {
             return Err(
-                "it is of another model; give the model that it was written with, or name another file"
+                "it belongs to another model; give the model with which it was written, or name another file"
                     .to_owned(),
             );
         }
@@ -138,7 +137,7 @@ impl State {
         if others.is_empty() {
             return Ok(());
         }
-        Err(format!("it is of other settings ({}); give those, or name another file", others.join("; ")))
+        Err(format!("it belongs to other settings ({}); give these, or name another file", others.join("; ")))
     }
 
     pub(super) fn read(path: &Path) -> Result<Option<Self>, StreamError> {
@@ -150,7 +149,7 @@ impl State {
                 return Err(wrong("it is a folder or a device; name a file".to_owned()));
             }
             Ok(metadata) if metadata.len() > MAX_BYTES => {
-                return Err(wrong("it is too large for a state: name another file".to_owned()));
+                return Err(wrong("it is too large for a state; name another file".to_owned()));
             }
             Ok(_) => {}
         }
@@ -175,7 +174,7 @@ pub(crate) fn differences(name: &str, saved: &Value, asked: &Value, into: &mut V
                 differences(&name, &saved[key], &asked[key], into);
             }
         }
-        _ if saved != asked => into.push(format!("{name}: {saved} there, {asked} here")),
+        _ if saved != asked => into.push(format!("{name}: {saved} in the file, {asked} given")),
         _ => {}
     }
 }
@@ -206,7 +205,7 @@ mod tests {
         assert!(back.fits("n", &state.settings).unwrap_err().contains("another model"));
         let other = serde_json::json!({ "learning": { "prior_s": 5.0 }, "gap": null });
         let reason = back.fits("m", &other).unwrap_err();
-        assert!(reason.contains("learning.prior_s: 10.0 there, 5.0 here"), "{reason}");
+        assert!(reason.contains("learning.prior_s: 10.0 in the file, 5.0 given"), "{reason}");
     }
 
     #[test]

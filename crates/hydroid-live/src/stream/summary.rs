@@ -82,7 +82,7 @@ impl fmt::Display for Summary {
         };
         writeln!(
             f,
-            "measured inside the band of one step: 80 %: {}, 95 %: {}",
+            "measurements inside the one-step bands: 80 %: {}, 95 %: {}",
             percent(self.coverage.of_80),
             percent(self.coverage.of_95)
         )?;
@@ -90,7 +90,7 @@ impl fmt::Display for Summary {
         let us = |x: f64| if x.is_nan() { "-".to_owned() } else { format!("{x:.0}") };
         write!(
             f,
-            "from line to answer: {} us (median), {} (99 of 100), {} (longest)",
+            "from line to answer: {} us (median), {} (99th percentile), {} (maximum)",
             us(median),
             us(p99),
             us(max)

@@ -261,7 +261,7 @@ fn a_state_of_another_model_is_refused_and_kept() {
     };
     let reading = model().description.reading;
     refused(reading.clone(), "n", 1, "another model");
-    refused(reading.clone(), "m", 2, "learning: 1 there, 2 here");
+    refused(reading.clone(), "m", 2, "learning: 1 in the file, 2 given");
     let mut other = reading.clone();
     other.options.max_gap_s = Some(2.0);
     refused(other, "m", 1, "reading.options.max_gap_s");

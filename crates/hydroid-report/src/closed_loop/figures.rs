@@ -8,7 +8,6 @@ use crate::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke, envelope, step
 use crate::style;
 use hydroid::closed_loop::Sample;
 
-/// Largest number of points of a line.
 const POINTS: usize = 1_500;
 
 const SOLID: Dash = Dash::Solid;
@@ -25,7 +24,6 @@ fn kind(status: Status) -> usize {
 const KINDS: [(RGBColor, &str); 3] =
     [(style::MODEL, "tracking"), (style::COMMAND, "at a limit"), (style::ALARM, "lost, singular or blind")];
 
-/// Track of the vessel and reference path.
 pub(super) fn track(subject: &ClosedLoopReport<'_>) -> Figure {
     let moments = &subject.run.samples;
     let path = &subject.path;

@@ -10,7 +10,6 @@ use crate::page::{Section, cell, columns, figure, table};
 use crate::style;
 use hydroid::closed_loop::{Metrics, MonteCarlo, Summary, Trial};
 
-/// Number of runs in the table.
 const SHOWN: usize = 12;
 
 pub(super) fn section(trials: &MonteCarlo) -> Result<Section, ReportError> {

@@ -71,7 +71,6 @@ pub(crate) fn draw(
     ))
 }
 
-/// The escaped text of a `<title>` element.
 fn title_attribute(element: &str) -> maud::PreEscaped<&str> {
     maud::PreEscaped(element.trim_start_matches("<title>").trim_end_matches("</title>"))
 }

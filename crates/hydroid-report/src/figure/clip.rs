@@ -75,7 +75,6 @@ fn within(a: Point, b: Point, frame: Frame) -> Option<(Point, Point)> {
     (from <= to).then(|| (at(from), at(to)))
 }
 
-/// Dashes of `on` pixels with gaps of `off` pixels.
 pub(crate) fn dashes(points: &[Point], on: f64, off: f64) -> Vec<Vec<Point>> {
     let mut parts = Vec::new();
     let Some(&first) = points.first() else { return parts };

@@ -16,7 +16,6 @@ const GAP: f64 = 7.0;
 /// Largest width of labels beside lines.
 const LABELS: f64 = 130.0;
 
-/// A panel with its position.
 struct Placed<'a> {
     panel: &'a Panel,
     frame: Frame,
@@ -91,7 +90,6 @@ fn roomy(x: &Scale, width: f64, decades: bool) -> Ticks {
     [6, 5, 4, 3, 2].into_iter().map(|wanted| of(wanted, wanted + 3)).find(fits).unwrap_or_else(|| of(2, 3))
 }
 
-/// Labels at the ends of lines.
 fn labels(figure: &Figure) -> impl Iterator<Item = &str> {
     figure.panels.iter().flat_map(|p| &p.marks).filter_map(|mark| match mark {
         Mark::Line(line) => line.label.as_deref(),
@@ -140,7 +138,6 @@ fn value_range(panel: &Panel) -> (f64, f64) {
         let covered = cover(panel.marks.iter().flat_map(marks::heights)).unwrap_or((0.0, 1.0));
         let has_bars = panel.marks.iter().any(|m| matches!(m, Mark::Bars { .. }));
         let (low, high) = padded(covered, 0.06);
-        // Bars start at the axis.
         if has_bars && covered.0 >= 0.0 { (0.0, high) } else { (low, high) }
     })
 }
@@ -211,7 +208,6 @@ fn draw_axes(
     canvas.text((middle, bottom + 33.0), label.trim(), style::TEXT, style::INK, Align::Middle);
 }
 
-/// Width of a key with text and spacing.
 fn key_width(label: &str) -> f64 {
     32.0 + text::width(label, style::TEXT) + 14.0
 }

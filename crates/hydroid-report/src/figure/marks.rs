@@ -10,7 +10,6 @@ use super::{Dash, Line, Mark, Sign, Stroke, style, text};
 /// Smallest distance between two labels \[px\].
 const APART: f64 = 16.0;
 
-/// Vertical values of a mark.
 pub(super) fn heights(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
     match mark {
         Mark::Line(line) => Box::new(line.points.iter().map(|p| p.1)),
@@ -22,7 +21,6 @@ pub(super) fn heights(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
     }
 }
 
-/// Horizontal values of a mark.
 pub(super) fn places(mark: &Mark) -> Box<dyn Iterator<Item = f64> + '_> {
     match mark {
         Mark::Line(line) => Box::new(line.points.iter().map(|p| p.0)),
@@ -171,7 +169,6 @@ fn share(a: Frame, b: Frame) -> f64 {
     along(a.left.max(b.left), a.right.min(b.right)) * along(a.top.max(b.top), a.bottom.min(b.bottom))
 }
 
-/// A label at the end of a line.
 struct Label {
     at: Point,
     words: String,

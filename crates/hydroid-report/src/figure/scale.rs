@@ -64,7 +64,6 @@ impl Scale {
         Ticks { values, power: 0, decimals: 0, logarithms: true }
     }
 
-    /// The first multiple of a step within the range, and the number of multiples.
     fn span(&self, step: f64) -> (f64, usize) {
         let first = (self.low / step - 1e-9).ceil();
         let last = (self.high / step + 1e-9).floor();
@@ -88,7 +87,6 @@ fn widened((low, high): (f64, f64)) -> (f64, f64) {
     }
 }
 
-/// Tick values and their label format.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Ticks {
     pub(crate) values: Vec<f64>,

@@ -16,7 +16,6 @@ fn advance(c: char) -> f64 {
     }
 }
 
-/// The text, shortened with an ellipsis to a width.
 pub(crate) fn fit(text: &str, size: f64, room: f64) -> String {
     if width(text, size) <= room {
         return text.to_owned();

@@ -7,15 +7,10 @@ use hydroid_core::model::direct::{Batch, Direct, DirectError, DirectSession};
 use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::predict::{Predictor, Workspace};
 
-/// Options of the adaptation.
 pub(crate) struct ReplaySettings {
-    /// Step size of Adam.
     pub(crate) rate: f64,
-    /// Windows per step, including the newest.
     pub(crate) batch: usize,
-    /// Steps per sample.
     pub(crate) steps: usize,
-    /// Number of stored windows.
     pub(crate) last: usize,
 }
 
@@ -37,7 +32,6 @@ pub(crate) struct Replay {
 }
 
 impl Replay {
-    /// A session with the weights of a model.
     pub(crate) fn new(model: &Arc<Direct>, settings: ReplaySettings) -> Result<Self, DirectError> {
         #[expect(clippy::cast_possible_truncation, reason = "single precision is enough for steps")]
         let weights: Vec<f32> = model.weights.iter().map(|&w| w as f32).collect();

@@ -25,7 +25,6 @@ impl Errors {
     }
 }
 
-/// Result of a network along a record.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Along {
     pub(super) frozen: Errors,
@@ -47,7 +46,6 @@ pub(super) fn options(guarded: bool, learned: &Learned) -> Options {
     if guarded { options.guarded(&learned.model) } else { options }
 }
 
-/// Evaluates a model along a record.
 pub(super) fn adaptation(
     runner: &Runner<'_>,
     learned: &Learned,

@@ -161,7 +161,6 @@ impl Along {
         Ok(walk)
     }
 
-    /// Predictions with bands, around the first take-off.
     fn bands(&self, walk: &Walk, dt: f64) -> Figure {
         let off = walk.measured.iter().position(|y| y[0] > TRANSITION).unwrap_or(0);
         let from = off.saturating_sub(40);
@@ -213,7 +212,6 @@ impl Along {
             let mut panel = Panel::new(format!("error of {output} [{unit}]")).decades().height(120.0);
             panel = panel.mark(Mark::Verticals { at: walk.switched_s.clone(), stroke: events });
             for (errors, stroke) in walk.errors.iter().zip(strokes) {
-                // Smoothed for legibility.
                 let points = smoothed(&walk.t, errors.iter().map(|error| error[c]));
                 panel = panel.mark(Mark::Line(Line::new(points, stroke)));
             }
@@ -237,7 +235,6 @@ impl Walk {
     }
 }
 
-/// The track, coloured by mode.
 fn track(loaded: &LoadedRecord) -> Figure {
     let states = loaded.simulated.states();
     let part = |flying: bool| {
@@ -261,9 +258,7 @@ fn track(loaded: &LoadedRecord) -> Figure {
     figure.panel(panel)
 }
 
-/// True speed at a time.
 fn speed(loaded: &LoadedRecord, t: f64) -> f64 {
-    // Casts saturate.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let k = (t / loaded.run.dt).round() as usize;
     loaded.simulated.states().get(k).map_or(f64::NAN, |state| state.u)

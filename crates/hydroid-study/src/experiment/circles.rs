@@ -27,7 +27,6 @@ const DURATION_S: f64 = 120.0;
 const SETTLED_S: f64 = 40.0;
 /// Integral gain \[1/s^3\]: a fifth of the stability limit, chosen on circles that are not shown.
 const INTEGRAL: f64 = 1.0;
-/// Name of the controller with true parameters.
 const TRUTH: &str = "true parameters";
 
 /// Circles of a vessel.
@@ -56,7 +55,6 @@ pub struct Circle {
     pub models: Vec<String>,
 }
 
-/// Tracking results on a circle.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct CircleResult {
     /// RMS distance with clean velocities \[m\].
@@ -165,7 +163,6 @@ impl Circles {
         Ok(outcome)
     }
 
-    /// Simulates a circle; the error says why it has no result.
     fn simulate_circle(
         &self,
         circle: &Circle,
@@ -218,7 +215,6 @@ impl Circles {
     }
 }
 
-/// Title of a model, its name, its points.
 type Drawn = (String, String, Vec<[f64; 4]>);
 
 fn stroke(name: &str) -> Stroke {

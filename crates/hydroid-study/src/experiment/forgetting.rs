@@ -150,7 +150,6 @@ impl Forgetting {
                 story.before = held(learned, session.weights(), known)?;
             }
             if guarded {
-                // Casts saturate.
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
                 let samples = ((self.shore_s / shore.run.dt) as usize).min(shore.run.len());
                 adapt::replay_training_runs(session.as_mut(), &[&shore.run.slice(0, samples)]);

@@ -48,7 +48,6 @@ impl Which {
     }
 }
 
-/// Selects the errors of a method.
 type Way<'a> = &'a dyn Fn(&Along) -> Option<&Errors>;
 
 /// Median, minimum and maximum over models and records.

@@ -45,7 +45,6 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Names of its records and models.
     pub(super) fn uses(&self) -> (Vec<&String>, Vec<&String>) {
         match self {
             Self::Schematic(_) => (Vec::new(), Vec::new()),
@@ -61,7 +60,6 @@ impl Kind {
         }
     }
 
-    /// Checks that its lists are not empty.
     pub(super) fn check(&self) -> Result<(), String> {
         let some = |what: &str, given: usize| {
             if given > 0 { Ok(()) } else { Err(format!("it has no {what}: give at least one")) }
@@ -106,7 +104,6 @@ impl Kind {
     }
 }
 
-/// All outputs, and their units.
 const OUTPUTS: [(&str, &str); 3] = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")];
 
 /// Median; NaN without values.
@@ -116,7 +113,6 @@ fn median(mut values: Vec<f64>) -> f64 {
     if n == 0 { f64::NAN } else { 0.5 * (values[n / 2] + values[(n - 1) / 2]) }
 }
 
-/// Minimum and maximum.
 fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }

@@ -26,7 +26,6 @@ pub enum Drawing {
     Adaptation,
 }
 
-/// A drawing of boxes, words and arrows, in pixels.
 struct Sheet {
     svg: String,
 }
@@ -52,7 +51,6 @@ impl Sheet {
         let _ = write!(self.svg, "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" {class}>{text}</text>");
     }
 
-    /// A box with lines of text, the first one bold.
     fn block(&mut self, [x, y, width, height]: [f64; 4], colour: &str, lines: &[&str]) {
         let _ = write!(
             self.svg,

@@ -46,7 +46,6 @@ pub struct MethodRow {
     pub thesis: String,
 }
 
-/// Errors and costs of a model.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Judged {
     /// Mean absolute error 20 steps ahead, from measured origins, against the truth.
@@ -106,7 +105,6 @@ impl Comparison {
     }
 }
 
-/// Results of a method.
 struct Row<'a> {
     method: &'a MethodRow,
     simple: Option<Found>,
@@ -132,12 +130,10 @@ impl<'a> Row<'a> {
         Ok(Self { method, simple, hydrofoil, fast, learning })
     }
 
-    /// The model whose costs are shown.
     fn shown(&self) -> Option<&Found> {
         self.hydrofoil.as_ref().or(self.simple.as_ref())
     }
 
-    /// Reports measures by name, and diverged rollouts.
     fn tell(&self, outcome: &mut Outcome) {
         let Self { method, simple, hydrofoil, fast, learning } = self;
         if let (Some(found), Some(name)) = (hydrofoil, &method.hydrofoil) {
@@ -252,7 +248,6 @@ fn middle(models: &[Learned], judged: &[Judged]) -> Found {
     }
 }
 
-/// Evaluates a model on its test record.
 pub(super) fn judged(runner: &Runner<'_>, name: &str, learned: &Learned) -> Result<Judged, StudyError> {
     let plan = runner.plan().models.get(name).ok_or_else(|| StudyError::missing("model", name))?;
     let test = runner.record(&plan.test)?;

@@ -96,7 +96,6 @@ pub(super) fn scenario(
     Ok(scenario)
 }
 
-/// Start of the evaluation \[s\].
 pub(super) fn from_s(args: &Control, scene: &Scenario) -> anyhow::Result<f64> {
     let from_s = args.controller.evaluate_from.map_or_else(|| scene.default_from_s(), |from| from.0);
     scene.check_from(from_s)?;
@@ -268,7 +267,6 @@ pub(super) fn description(args: &Control, steering: &ControllerOptions) -> Value
     description
 }
 
-/// Controller, model, task and conditions for the report.
 pub(super) fn facts(args: &Control, steering: &ControllerOptions, scene: &Scenario) -> Vec<(String, String)> {
     let words = match steering.method {
         ControlMethod::FeedbackLinearization if steering.learned.is_some() => {
