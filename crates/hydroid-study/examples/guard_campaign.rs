@@ -1,8 +1,7 @@
 //! Monte Carlo trials of the guard: adaptation with and without it under faults, and how far its guarantee holds.
 //!
 //! ```text
-//! cargo run --release -p hydroid --example guard_campaign -- MODEL[,MODEL ..] LOG[,LOG ..] TRAIN [runs=200] [seed=1]
-//! [only=INDEX]
+//! cargo run --release --example guard_campaign -- MODEL[,MODEL ..] LOG[,LOG ..] TRAIN [runs=200] [seed=1] [only=INDEX]
 //! ```
 //!
 //! Models are recurrent networks without output feedback; the logs have truth (or are used as truth); `TRAIN` is a
