@@ -86,7 +86,7 @@ pub fn training_logs(
     reading: &Reading,
     global: Global,
 ) -> anyhow::Result<TrainingRuns> {
-    let mut shore = TrainingRuns::default();
+    let mut training = TrainingRuns::default();
     for file in files {
         let (_, prepared) =
             prepare(std::slice::from_ref(file), reading).with_context(|| cannot_use(path, model))?;
@@ -97,10 +97,10 @@ pub fn training_logs(
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             let samples = (left / run.dt).round() as usize;
             let samples = samples.min(run.len());
-            shore.replayed.extend((samples > 0).then(|| run.slice(0, samples)));
+            training.replayed.extend((samples > 0).then(|| run.slice(0, samples)));
             left -= samples as f64 * run.dt;
-            shore.rehearsed.push(run);
+            training.rehearsed.push(run);
         }
     }
-    Ok(shore)
+    Ok(training)
 }

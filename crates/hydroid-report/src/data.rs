@@ -19,8 +19,8 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
         return Ok(Section::new(id, heading, nothing("There are no runs.")));
     }
     let channels = data_summary(split);
-    let told: Vec<&Note> = subject.context.notes.iter().filter(|note| !note.is_warning()).collect();
-    let warned = subject.context.notes.len() - told.len();
+    let remarks: Vec<&Note> = subject.context.notes.iter().filter(|note| !note.is_warning()).collect();
+    let warned = subject.context.notes.len() - remarks.len();
     let mut drawings = Vec::new();
     for run in split.train.iter().take(DRAWN) {
         let caption = html! { "Measured outputs of the training run " b { (run.name) } "." };
@@ -42,14 +42,14 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
         @if split.train.len() > DRAWN {
             p.small { "The figures show the first " (DRAWN) " of " (split.train.len()) " training runs." }
         }
-        @if !told.is_empty() {
+        @if !remarks.is_empty() {
             details {
                 summary {
-                    "Preparation of the logs (" (number::count(told.len()))
-                    @if told.len() == 1 { " note" } @else { " notes" }
+                    "Preparation of the logs (" (number::count(remarks.len()))
+                    @if remarks.len() == 1 { " note" } @else { " notes" }
                     @if warned > 0 { "; warnings are in the summary" } ")"
                 }
-                (notes(&told))
+                (notes(&remarks))
             }
         }
     };

@@ -82,7 +82,7 @@ fn last_horizon(evaluation: &Evaluation) -> f64 {
 
 fn windows(candidate: &Candidate) -> Markup {
     let (test, validation) = (&candidate.test, &candidate.validation);
-    let told = |evaluation: &Evaluation| {
+    let described = |evaluation: &Evaluation| {
         let diverged = if evaluation.diverged == 0 {
             "none diverged".to_owned()
         } else {
@@ -92,7 +92,7 @@ fn windows(candidate: &Candidate) -> Markup {
     };
     html! {
         "Each rollout starts from a measured sample and uses the recorded commands, without further measurements. "
-        "Test: " (told(test)) ". Validation, on which the settings were chosen: " (told(validation)) "."
+        "Test: " (described(test)) ". Validation, on which the settings were chosen: " (described(validation)) "."
         @if let Some(first) = test.divergences.first() {
             " The first one to diverge is that of " (first.run) " from " (seconds_text(first.origin_s)) "\u{a0}s, in " (first.channel)
             " after " (number::duration(first.horizon as f64 * test.dt)) "."

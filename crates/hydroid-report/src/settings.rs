@@ -10,22 +10,22 @@ use hydroid::identify::Candidate;
 pub(super) fn section(subject: &Subject<'_>) -> Section {
     let context = subject.context;
     let mut rows: Vec<(String, String)> = Vec::new();
-    let mut tell = |name: &str, value: String| rows.push((name.to_owned(), value));
-    tell("hydroid", format!("version {}", context.hydroid));
-    tell("seed", context.seed.to_string());
+    let mut add = |name: &str, value: String| rows.push((name.to_owned(), value));
+    add("hydroid", format!("version {}", context.hydroid));
+    add("seed", context.seed.to_string());
     if let Some(candidate) = subject.candidate {
         let description = &candidate.model.description;
         let test = &candidate.test;
-        tell("model", format!("{} ({})", description.name, candidate.model.kind()));
-        tell("sample time", format!("{} s", seconds_text(description.dt)));
+        add("model", format!("{} ({})", description.name, candidate.model.kind()));
+        add("sample time", format!("{} s", seconds_text(description.dt)));
         let horizon = test.horizons.last().copied().unwrap_or(0);
         let seconds = seconds_text(horizon as f64 * test.dt);
-        tell("horizon", format!("{} samples, {seconds} s", number::count(horizon)));
+        add("horizon", format!("{} samples, {seconds} s", number::count(horizon)));
         if let Some(chosen) = candidate.found().and_then(|found| found.trials.get(found.chosen)) {
-            tell("library", chosen.structure.to_string());
-            tell("regression", selection::regression(chosen.regression, description.dt));
-            tell("selection of terms", selection::optimizer(chosen.optimizer));
-            tell("ridge", selection::ridge(chosen.ridge));
+            add("library", chosen.structure.to_string());
+            add("regression", selection::regression(chosen.regression, description.dt));
+            add("selection of terms", selection::optimizer(chosen.optimizer));
+            add("ridge", selection::ridge(chosen.ridge));
         }
     }
     rows.extend(context.settings.iter().map(|(name, value)| (name.clone(), readable(value))));

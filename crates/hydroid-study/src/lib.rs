@@ -156,13 +156,13 @@ fn files(done: &Done<'_>, folder: &Path) -> Result<(), StudyError> {
     }
     let sheets: Vec<&Sheet> =
         done.outcome.sheets.iter().chain(done.outcome.tables.iter().map(|t| &t.sheet)).collect();
-    let told = Numbers {
+    let numbers = Numbers {
         experiment: done.experiment,
         measures: &done.outcome.measures,
         remarks: &done.outcome.remarks,
         tables: sheets,
     };
-    json(&folder.join("data").join(format!("{}.json", done.name)), &told)
+    json(&folder.join("data").join(format!("{}.json", done.name)), &numbers)
 }
 
 fn json(path: &Path, value: &impl Serialize) -> Result<(), StudyError> {

@@ -76,13 +76,13 @@ impl Store {
         key: Key,
         make: impl FnOnce() -> Result<(Model, T), StudyError>,
     ) -> Result<(Model, T), StudyError> {
-        let (path, told) = (self.path(name, key, "safetensors"), self.path(name, key, "json"));
-        if let (Some(told), Ok(model)) = (kept(&told), model::read(&path)) {
-            return Ok((model, told));
+        let (path, about_path) = (self.path(name, key, "safetensors"), self.path(name, key, "json"));
+        if let (Some(about), Ok(model)) = (kept(&about_path), model::read(&path)) {
+            return Ok((model, about));
         }
         let (made, about) = make()?;
         model::write(&made, &path)?;
-        write(&told, &about)?;
+        write(&about_path, &about)?;
         // Reading back the file makes first and later runs identical.
         let model = model::read(&path).map_err(|error| StudyError::Result(error.to_string()))?;
         Ok((model, about))

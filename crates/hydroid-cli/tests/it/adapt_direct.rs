@@ -70,8 +70,8 @@ fn invalid_input_is_refused() {
     ] {
         let output = run(prepared(), &format!("adapt {MODEL} lawn.csv {options}"));
         assert_eq!(output.status.code(), Some(2), "{options}");
-        let told = text(&output.stderr);
-        assert!(told.contains(words) && !told.contains("panicked"), "{options}: {told}");
+        let message = text(&output.stderr);
+        assert!(message.contains(words) && !message.contains("panicked"), "{options}: {message}");
     }
 }
 

@@ -52,12 +52,12 @@ fn a_network_adapts_to_foiling_and_is_written_with_its_history() {
 #[test]
 fn the_table_has_frozen_filtered_and_adapted_columns() {
     let output = run(prepared(), "adapt out/gru.safetensors lawn.csv -q");
-    let told = text(&output.stdout);
-    let head: Vec<&str> = told.lines().next().unwrap().split_whitespace().collect();
+    let message = text(&output.stdout);
+    let head: Vec<&str> = message.lines().next().unwrap().split_whitespace().collect();
     let columns = "horizon output RMSE frozen filtered adapted NRMSE frozen filtered adapted persistence";
     assert_eq!(head.join(" "), columns);
     // Time, output and unit, then a number in each column.
-    assert_eq!(told.lines().nth(1).unwrap().split_whitespace().count(), 4 + 7, "{told}");
+    assert_eq!(message.lines().nth(1).unwrap().split_whitespace().count(), 4 + 7, "{message}");
 }
 
 #[test]
@@ -151,8 +151,8 @@ fn invalid_input_is_refused() {
     ] {
         let output = run(prepared(), &format!("adapt {MODEL} lawn.csv {options}"));
         assert_eq!(output.status.code(), Some(2), "{options}");
-        let told = text(&output.stderr);
-        assert!(told.contains(words) && !told.contains("panicked"), "{options}: {told}");
+        let message = text(&output.stderr);
+        assert!(message.contains(words) && !message.contains("panicked"), "{options}: {message}");
     }
 }
 

@@ -85,8 +85,8 @@ fn the_drag_of_a_vessel_is_estimated_and_written_to_a_vessel_file() {
     hydroid(prepared(), "adapt learned.toml b.csv -o twice.toml -q");
     let twice = json("inspect twice.toml --json");
     assert_eq!(twice["description"]["provenance"]["settings"]["adapted"].as_array().unwrap().len(), 2);
-    let told = done("adapt given.toml a.csv -q");
-    assert!(told.contains("filtered") && told.contains("drag.linear[0][0]"), "{told}");
+    let message = done("adapt given.toml a.csv -q");
+    assert!(message.contains("filtered") && message.contains("drag.linear[0][0]"), "{message}");
 }
 
 #[test]
@@ -154,8 +154,8 @@ fn invalid_input_is_refused() {
     ] {
         let output = hydroid(prepared(), args);
         assert_eq!(output.status.code(), Some(2), "{args}");
-        let told = text(&output.stderr);
-        assert!(told.contains(words) && !told.contains("panicked"), "{args}: {told}");
+        let message = text(&output.stderr);
+        assert!(message.contains(words) && !message.contains("panicked"), "{args}: {message}");
     }
     let help = done("adapt --help").split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(help.contains("learned.toml") && help.contains("vessel file"), "{help}");

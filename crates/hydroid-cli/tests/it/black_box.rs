@@ -102,15 +102,15 @@ fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
             assert_eq!(step["active"], answer["predicted_by"]);
         }
 
-        let told = text(&ended(&format!("inspect {file}"), 0).stdout);
+        let message = text(&ended(&format!("inspect {file}"), 0).stdout);
         for words in ["black box of hydroid", "from standard input", "outputs u [m/s]", " accepted, "] {
-            assert!(told.contains(words), "{words}: {told}");
+            assert!(message.contains(words), "{words}: {message}");
         }
         let guarded = name != "free";
-        assert_eq!(told.contains("no events"), !guarded, "{told}");
-        let spike = told.lines().find(|line| line.contains("spike") && line.contains("rejected"));
-        assert_eq!(spike.is_some_and(|line| line.contains("u deviates")), guarded, "{told}");
-        assert_eq!(told.contains("by the adapted model"), guarded);
+        assert_eq!(message.contains("no events"), !guarded, "{message}");
+        let spike = message.lines().find(|line| line.contains("spike") && line.contains("rejected"));
+        assert_eq!(spike.is_some_and(|line| line.contains("u deviates")), guarded, "{message}");
+        assert_eq!(message.contains("by the adapted model"), guarded);
         let inspected = ended(&format!("inspect {file} --json"), 0);
         let inspected: Value = serde_json::from_slice(&inspected.stdout).unwrap();
         assert_eq!(inspected["kind"], "black_box");
@@ -120,8 +120,8 @@ fn the_recording_of_a_killed_service_is_replayed_and_inspected() {
     }
     // A restart appends to the file; other options are refused.
     killed(&format!("adapt {MODEL} - --black-box squares.box"), 100);
-    let told = text(&ended("inspect squares.box", 0).stdout);
-    assert!(told.contains("2 segments in time"), "{told}");
+    let message = text(&ended("inspect squares.box", 0).stdout);
+    assert!(message.contains("2 segments in time"), "{message}");
     ended(&format!("adapt {MODEL} --replay squares.box"), 0);
     let refused = ended(&format!("adapt {MODEL} c.csv --stream --prior 3 --black-box squares.box"), 2);
     let refused = text(&refused.stderr);
@@ -141,15 +141,15 @@ fn a_complete_log_is_recorded_too() {
     let rows = fs::read_to_string(prepared().join("c.csv")).unwrap().lines().count() - 1;
     let said = text(&ended(&format!("adapt {MODEL} --replay log.box"), 0).stdout);
     assert_eq!(said, format!("{rows} samples replayed, all identical\n"));
-    let told = text(&ended("inspect log.box", 0).stdout);
-    assert!(told.contains("from c.csv, sample time 0.1 s"), "{told}");
+    let message = text(&ended("inspect log.box", 0).stdout);
+    assert!(message.contains("from c.csv, sample time 0.1 s"), "{message}");
 }
 
 #[test]
 fn unusable_files_are_refused_with_a_remedy() {
     let refused = |args: &str, words: &str| {
-        let told = text(&ended(args, 2).stderr);
-        assert!(told.contains(words) && !told.contains("panicked"), "{args}: {told}");
+        let message = text(&ended(args, 2).stderr);
+        assert!(message.contains(words) && !message.contains("panicked"), "{args}: {message}");
     };
     let at = prepared();
     ended(&format!("adapt {MODEL} c.csv --stream -q --black-box kept.box -o learned.safetensors"), 0);
@@ -178,8 +178,8 @@ fn unusable_files_are_refused_with_a_remedy() {
         fs::write(at.join(name), damaged).unwrap();
         refused(&format!("adapt {MODEL} --replay {name}"), words);
     }
-    let told = ended("inspect middle.box", 0);
-    assert!(text(&told.stderr).contains("the file is damaged"), "{}", text(&told.stderr));
+    let message = ended("inspect middle.box", 0);
+    assert!(text(&message.stderr).contains("the file is damaged"), "{}", text(&message.stderr));
     // A truncated file is a shorter recording.
     fs::write(at.join("cut.box"), &bytes[..bytes.len() - 1000]).unwrap();
     ended(&format!("adapt {MODEL} --replay cut.box"), 0);
@@ -197,11 +197,11 @@ fn a_full_disk_stops_the_recording_only() {
         .args(["-c", &script, env!("CARGO_BIN_EXE_hydroid")])
         .output()
         .unwrap();
-    let told = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{told}");
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{message}");
     let rows = fs::read_to_string(prepared().join("c.csv")).unwrap().lines().count() - 1;
     assert_eq!(text(&output.stdout).lines().count(), rows, "all lines are answered");
-    assert_eq!(told.matches("black box cannot be written: cannot write").count(), 1, "{told}");
+    assert_eq!(message.matches("black box cannot be written: cannot write").count(), 1, "{message}");
     let said = text(&ended(&format!("adapt {MODEL} --replay full.box"), 0).stdout);
     assert!(said.ends_with("all identical\n") && !said.starts_with("0 "), "{said}");
 }

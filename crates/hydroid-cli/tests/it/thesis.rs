@@ -41,8 +41,8 @@ fn the_quick_study_writes_all_results() {
     let folder = TempDir::new().unwrap();
     let output = hydroid(folder.path(), &["thesis", "--quick", "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let claims = told["claims"].as_array().unwrap();
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let claims = document["claims"].as_array().unwrap();
     let verdict = |words: &str| {
         let of = |claim: &&Value| claim["claim"].as_str().unwrap().contains(words);
         claims.iter().find(of).unwrap_or_else(|| panic!("no claim of '{words}'"))
@@ -73,7 +73,7 @@ fn the_quick_study_writes_all_results() {
     }
     let report = folder.path().join("report");
     let first = files(&report);
-    let names: Vec<&String> = told["measures"].as_object().unwrap().keys().collect();
+    let names: Vec<&String> = document["measures"].as_object().unwrap().keys().collect();
     for name in names {
         let data: Value = serde_json::from_slice(&first[&format!("data/{name}.json")]).unwrap();
         assert!(data["experiment"]["title"].is_string() && data["measures"].is_object(), "{name}");
@@ -85,7 +85,7 @@ fn the_quick_study_writes_all_results() {
         }
     }
     let kept: Value = serde_json::from_slice(&first["data/claims.json"]).unwrap();
-    assert_eq!(&kept, &told["claims"]);
+    assert_eq!(&kept, &document["claims"]);
     for (name, bytes) in &first {
         let content = text(bytes);
         if name.starts_with("figures/") {
@@ -218,9 +218,9 @@ fn invalid_values_are_refused_with_their_place() {
     let refused = |args: &[&str], words: &[&str]| {
         let output = hydroid(folder.path(), args);
         assert_eq!(output.status.code(), Some(2), "{args:?}");
-        let told = text(&output.stderr);
+        let message = text(&output.stderr);
         for word in words {
-            assert!(told.contains(word), "{args:?}: {told}");
+            assert!(message.contains(word), "{args:?}: {message}");
         }
     };
     refused(&["thesis", "fig55"], &["fig55", "did you mean 'fig5'"]);

@@ -18,9 +18,9 @@ pub(super) fn encode(action: &Action) -> [f64; WORDS] {
         Action::Back { output, missing } => [5.0, output as f64, missing as f64, 0.0, 0.0],
         Action::Outside { channel, distance } => [6.0, channel as f64, distance, 0.0, 0.0],
         Action::Inside => [7.0, 0.0, 0.0, 0.0, 0.0],
-        Action::Switched { to, cause, errors: [used, shore] } => {
+        Action::Switched { to, cause, errors: [used, reference] } => {
             let cause = CAUSES.iter().position(|c| *c == cause).unwrap_or(CAUSES.len());
-            [8.0, expert(to), cause as f64, used, shore]
+            [8.0, expert(to), cause as f64, used, reference]
         }
         Action::RolledBack { to, errors: [learner, better] } => [9.0, expert(to), learner, better, 0.0],
         Action::Restarted => [10.0, 0.0, 0.0, 0.0, 0.0],

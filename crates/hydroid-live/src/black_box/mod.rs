@@ -111,21 +111,21 @@ pub fn is_black_box(path: &Path) -> bool {
         && magic == *head::MAGIC
 }
 
-/// [`adapt`](fn@hydroid::adapt::adapt) with an adapter that has learned the runs of `shore`, and with a recording of the
-/// adapter if `recording` says where.
+/// [`adapt`](fn@hydroid::adapt::adapt) with an adapter that has learned from the `training` runs, with an optional
+/// recording of the adapter.
 ///
 /// # Errors
 /// If the model cannot be adapted on these runs, or the recording cannot be written.
 pub fn adapt_recorded(
     model: &Model,
-    shore: &TrainingRuns,
+    training: &TrainingRuns,
     runs: &[&Trajectory],
     options: &Options,
     recording: Option<&RecordingOptions>,
     progress: Progress<'_>,
 ) -> Result<Adapted, BlackBoxError> {
     let (mut adapter, used) = adapter(model, options, runs)?;
-    shore.remember(adapter.as_mut());
+    training.remember(adapter.as_mut());
     let frozen = Frozen::evaluate(model, &used, runs, options, progress)?;
     let recorder = match recording {
         Some(settings) => {
