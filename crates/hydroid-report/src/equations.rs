@@ -146,7 +146,7 @@ fn unidentifiable(sparse: Sparse<'_>, names: &[&str], modes: &Modes) -> Markup {
     html! {
         @if !lost.is_empty() {
             p.caution {
-                "These runs cannot tell some terms apart, because they are constant or collinear: "
+                "These runs cannot distinguish some terms, because they are constant or collinear: "
                 @for (i, lost) in lost.iter().enumerate() { @if i > 0 { ", " } (in_mode(names, modes, lost)) }
                 ". The coefficient of such a term also contains the effect of the others."
             }

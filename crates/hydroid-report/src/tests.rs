@@ -236,7 +236,7 @@ fn errors_that_are_not_finite_are_told_as_such() {
         vec![Term::constant(), Term::monomial(&[0]), Term::monomial(&[10_000])];
     wild.verdicts = verdicts(&candidate.test);
     let text = page(&wild, &job.split);
-    assert!(text.contains('∞') && text.contains("cannot tell some terms"));
+    assert!(text.contains('∞') && text.contains("cannot distinguish some terms"));
 }
 
 #[test]

@@ -37,13 +37,13 @@ pub(super) fn write(
 fn summary(plan: &Plan, done: &[Done<'_>], claims: &[Judged]) -> Markup {
     let count = |verdict: Holds| claims.iter().filter(|claim| claim.verdict == verdict).count();
     html! {
-        p.kicker { "hydroid thesis" @if plan.quick { " --quick" } }
+        p.kicker { "hydroid thesis" @if plan.quick { " · small version" } }
         h1 { "Identification, online adaptation and control of a surface vessel" }
         p {
             "This study repeats the experiments of the master's thesis “The application of learning techniques to improve the control of surface vehicles”, from the simulated records to its table 1. It adds comparisons with hydroid. There are two vessels: a simple boat, and a hydrofoil with a displacement mode and a flying mode. There are three kinds of model: sparse equations (SINDy), networks that predict 20 steps at once, and recurrent networks. An extended Kalman filter adapts the weights of the recurrent networks online."
         }
         @if plan.quick {
-            p.nothing { "This is the small version, with short records, few epochs and one seed. Its values do not measure what the methods can do." }
+            p.nothing { "This is the small version, with short records, few epochs and one seed. Its values are not those of the full study." }
         }
         @if !claims.is_empty() {
             p {

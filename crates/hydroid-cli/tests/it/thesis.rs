@@ -49,7 +49,7 @@ fn the_quick_study_writes_all_results() {
     };
     for (words, expected) in [
         ("SINDy identifies the simple vessel", "reproduced"),
-        ("Feedback linearization with what SINDy found", "reproduced"),
+        ("Feedback linearization with the equations that SINDy identified", "reproduced"),
         ("SINDy cannot identify the hydrofoil", "in_part"),
         ("The direct network predicts as well", "reproduced"),
         ("While flying, the adapted network", "reproduced"),

@@ -226,7 +226,7 @@ mod tests {
             let mut changed = bytes.clone();
             let at = at % changed.len();
             changed[at] = to;
-            // Either it is refused, or what was changed said nothing.
+            // It is refused, or the change has no effect.
             if let Ok(back) = State::decode(&changed) {
                 prop_assert_eq!(back.memory, state().memory);
                 prop_assert_eq!(back.clock, state().clock);
