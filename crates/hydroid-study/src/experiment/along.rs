@@ -250,7 +250,9 @@ fn track(loaded: &LoadedRecord) -> Figure {
     let mut figure = Figure::new("Track of the lawn-mower by mode", "east [m]")
         .x_range(low - 5.0, high + 5.0)
         .equal_axes();
-    for (flying, colour, word) in [(false, style::PERSISTENCE, "afloat"), (true, style::INK, "flying")] {
+    for (flying, colour, word) in
+        [(false, style::PERSISTENCE, "displacement mode"), (true, style::INK, "flying")]
+    {
         let stroke = Stroke { colour, width: 1.8, ..style::MEASURED_LINE };
         panel = panel.mark(Mark::Line(Line::new(part(flying), stroke)));
         figure = figure.key(Key::Line(stroke), word);
