@@ -8,7 +8,8 @@
 //! ..@120                  start of the fault in the run [s]; by default drawn from the seed
 //! ```
 //!
-//! Several faults are separated by commas. Without a truth in the run, the measurements before the faults become its truth.
+//! Several faults are separated by commas. Without a truth in the run, the measurements before the faults become its
+//! truth.
 
 use std::str::FromStr;
 

@@ -1,4 +1,4 @@
-//! Fingerprints of data: caches, checkpoints and recordings are compared by them. They detect mistakes, not forgery.
+//! Fingerprints of data for caches, checkpoints and recordings. They detect mistakes, not forgery.
 
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -7,7 +7,7 @@ use xxhash_rust::xxh3::Xxh3Default;
 pub struct Fingerprint(Xxh3Default);
 
 impl Fingerprint {
-    /// The fingerprint of nothing.
+    /// The fingerprint of no data.
     pub fn new() -> Self {
         Self::default()
     }
@@ -35,7 +35,7 @@ impl Fingerprint {
         self.bytes(text.as_bytes());
     }
 
-    /// The hash of all that was added.
+    /// The hash of all added data.
     pub fn value(&self) -> u64 {
         self.0.digest()
     }

@@ -1,12 +1,13 @@
 //! Identification, evaluation, adaptation and closed-loop simulation of vessel models from logs.
 //!
-//! Order of the modules, bottom to top; each imports only modules before it: `log` (runs and their files), `excitation` (command
-//! sequences), `progress`, `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model), `faults` (sensor faults),
-//! `simulate` (commands to logs), `model` (identified models and their files), `sindy` (sparse regression), `adapt` (online
-//! adaptation along a log), `train` (networks), `closed_loop` (controllers on a simulated vessel), `identify` (from runs to a judged
-//! model).
+//! Order of the modules, bottom to top; each imports only modules before it: `log` (runs and their files), `excitation`
+//! (command sequences), `progress`, `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model),
+//! `faults` (sensor faults), `simulate` (commands to logs), `model` (identified models and their files), `sindy`
+//! (sparse regression), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
+//! simulated vessel), `identify` (from runs to an evaluated model).
 //!
-//! Items that are hidden in this documentation serve the other crates of the workspace and its tests. They are no part of the API.
+//! Items that are hidden in this documentation serve the other crates of the workspace and its tests. They are no part
+//! of the API.
 
 pub mod adapt;
 #[doc(hidden)]

@@ -24,7 +24,6 @@ impl KalmanOptions {
     }
 }
 
-/// Equations, options and measurement noise of the filter.
 fn filter_parts(
     model: &Model,
     motion: &NamedEquations<'_>,
@@ -39,8 +38,7 @@ fn filter_parts(
     Ok((learnable, filter, noise))
 }
 
-/// The session that adapts equations, and the settings that it was made with. `runs` tell the noise where nothing else
-/// does.
+/// Adapter of equations and its resolved options. `runs` give the noise if options and model do not.
 pub(super) fn adapter(
     model: &Model,
     motion: &NamedEquations<'_>,

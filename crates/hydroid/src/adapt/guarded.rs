@@ -45,7 +45,6 @@ pub(super) fn guard(
     Ok((Box::new(guard), used))
 }
 
-/// Options of the filter with constant weights.
 fn constant_weights(model: &Model, options: &Options) -> KalmanOptions {
     let filter = KalmanOptions {
         weight_variance: 0.0,

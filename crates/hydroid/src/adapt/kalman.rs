@@ -199,7 +199,6 @@ impl KalmanOptions {
         }
     }
 
-    /// Resolved options with the given noise.
     pub(super) fn resolved(&self, noise: Vec<f64>) -> ResolvedKalman {
         ResolvedKalman {
             weight_variance: self.weight_variance,
@@ -216,7 +215,6 @@ impl KalmanOptions {
         }
     }
 
-    /// Options of the filter for a network.
     fn filter_options(&self, network: &Recurrent, noise: &[f64], dt: f64) -> FilterOptions {
         let scale = &network.scaling.correction_scale;
         let mut filter = self.uniform(network.weights.len(), noise, scale, dt);
@@ -254,7 +252,6 @@ pub(super) fn filtered(model: &Model, noise: &[f64]) -> Result<Option<Box<dyn Pr
     Ok(Some(Box::new(session)))
 }
 
-/// The model with the weights of an adapter.
 pub(super) fn learned(model: &Model, network: &Recurrent, weights: &[f64]) -> Result<Model, AdaptError> {
     if weights.len() != network.weights.len() || weights.iter().any(|w| !w.is_finite()) {
         return Err(AdaptError::Weights);

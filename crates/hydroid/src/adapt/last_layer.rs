@@ -19,8 +19,8 @@ const PRIOR_S: f64 = 3e-3;
 const NOISE_S: f64 = 20.0;
 
 impl LeastSquaresOptions {
-    /// Defaults for direct predictors. Window, choice of terms and gate do not apply. The prior is short because the features
-    /// of the last layer are strongly collinear.
+    /// Defaults for direct predictors. Window, choice of terms and gate do not apply. The prior is short because the
+    /// features of the last layer are strongly collinear.
     pub fn for_last_layer() -> Self {
         Self { forgetting_s: FORGETTING_S, prior_s: PRIOR_S, ..Self::default() }
     }
@@ -37,7 +37,6 @@ pub struct ResolvedLastLayer {
     pub leak: bool,
 }
 
-/// Options of the core for samples of `dt` seconds.
 fn last_layer_options(options: &LeastSquaresOptions, dt: f64) -> LastLayerOptions {
     LastLayerOptions {
         forgetting: (-dt / options.forgetting_s).exp(),
@@ -47,7 +46,6 @@ fn last_layer_options(options: &LeastSquaresOptions, dt: f64) -> LastLayerOption
     }
 }
 
-/// Adapter of a direct predictor and its resolved options.
 pub(super) fn adapter(
     model: &Model,
     direct: &Arc<Direct>,
@@ -72,7 +70,6 @@ pub(super) fn companion(
     Ok(DirectLastLayer::companion(Arc::clone(direct), &last_layer_options(options, model.description.dt))?)
 }
 
-/// The model with the last layer of an adapter.
 pub(super) fn learned(model: &Model, direct: &Direct, weights: &[f64]) -> Result<Model, AdaptError> {
     let features = direct.network.hidden.last().copied().unwrap_or(direct.network.inputs);
     let len = (features + 1) * direct.network.outputs;

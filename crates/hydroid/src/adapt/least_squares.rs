@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::{AdaptError, InnovationGate};
 use crate::model::{Body, Members, Model, NamedEquations};
 
-/// Options of recursive least squares for equations, and with the defaults of [`for_last_layer`](Self::for_last_layer) for
-/// direct predictors.
+/// Options of recursive least squares for equations, and with the defaults of [`for_last_layer`](Self::for_last_layer)
+/// for direct predictors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LeastSquaresOptions {
@@ -90,7 +90,6 @@ pub(super) fn recursive_options(
     })
 }
 
-/// Adapter of equations and its resolved options.
 pub(super) fn adapter(
     model: &Model,
     motion: &NamedEquations<'_>,
@@ -109,7 +108,6 @@ pub(super) fn adapter(
     Ok((adapter, used))
 }
 
-/// The model with the weights of an adapter.
 pub(super) fn learned(model: &Model, weights: &[f64], all_terms: bool) -> Result<Model, AdaptError> {
     let motion = model.equations().ok_or(AdaptError::Weights)?;
     let equations = with_weights(motion.equations(), weights, all_terms)?;
@@ -117,8 +115,8 @@ pub(super) fn learned(model: &Model, weights: &[f64], all_terms: bool) -> Result
     Ok(Model { body: Body::Equations(Arc::new(equations)), members: Members::default(), ..model.clone() })
 }
 
-/// Window of the model's identification, or 1 s. A weak form counts half, because its test function averages about as much as
-/// an increment over half of its window.
+/// Window of the model's identification, or 1 s. A weak form counts half, because its test function averages about as
+/// much as an increment over half of its window.
 fn default_window_s(model: &Model) -> f64 {
     let chosen = &model.description.provenance.settings["chosen"]["regression"];
     let intervals = |kind: &str| chosen[kind]["intervals"].as_f64();

@@ -1,7 +1,7 @@
 //! Online adaptation of a model along a log, evaluated beside the frozen model.
 //!
-//! Both models are evaluated on the same runs by [`evaluate`](fn@evaluate). At each origin the adapted model predicts with the
-//! weights of that time, adapted from the samples up to it.
+//! Both models are evaluated on the same runs by [`evaluate`](fn@evaluate). At each origin the adapted model predicts
+//! with the weights of that time, adapted from the samples up to it.
 
 mod equations;
 #[doc(hidden)]
@@ -41,7 +41,8 @@ pub use {
     metrics::{BAND_80, BAND_95},
 };
 
-/// Adaptation method of equations. Recurrent networks and vessels always use the filter, direct predictors least squares.
+/// Adaptation method of equations. Recurrent networks and vessels always use the filter, direct predictors least
+/// squares.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
@@ -60,7 +61,8 @@ pub struct Options {
     pub method: Method,
     /// Options of least squares; [`LeastSquaresOptions::for_last_layer`] has the defaults for direct predictors.
     pub least_squares: LeastSquaresOptions,
-    /// Options of the filter; [`KalmanOptions::of_equations`] and [`KalmanOptions::of_plants`] have the defaults for equations and vessels.
+    /// Options of the filter; [`KalmanOptions::of_equations`] and [`KalmanOptions::of_plants`] have the defaults for
+    /// equations and vessels.
     pub kalman: KalmanOptions,
     /// Options of the guard; `None` for no guard.
     pub guard: Option<GuardOptions>,
@@ -133,9 +135,9 @@ pub enum AdaptError {
         "the forgetting time is {given_s} s: at least {least_s:.3} s are needed, which are 9.5 samples; give it, as in --forgetting 300"
     )]
     Forgetting {
-        /// Asked for \[s\].
+        /// Given \[s\].
         given_s: f64,
-        /// The least \[s\].
+        /// Least permitted \[s\].
         least_s: f64,
     },
     /// Invalid options of least squares.
@@ -159,7 +161,7 @@ pub enum AdaptError {
     Noise {
         /// The output.
         channel: String,
-        /// Given or found.
+        /// Given or estimated.
         std: f64,
     },
     /// Weights of another model.
@@ -170,7 +172,7 @@ pub enum AdaptError {
         "a window of {window_s} s does not fit: it must be at least one sample ({dt} s), and shorter than the longest run ({longest_s} s)"
     )]
     Window {
-        /// Asked for \[s\].
+        /// Given \[s\].
         window_s: f64,
         /// Sample time \[s\].
         dt: f64,
@@ -183,8 +185,8 @@ pub enum AdaptError {
 }
 
 impl Options {
-    /// Defaults for the kind of a model, without a guard (see [`guarded`](Self::guarded)). For equations the options of the filter
-    /// are set as well, so that [`Method::Kalman`] can be selected.
+    /// Defaults for the kind of a model, without a guard (see [`guarded`](Self::guarded)). For equations the options of
+    /// the filter are set as well, so that [`Method::Kalman`] can be selected.
     pub fn of(model: &Model) -> Self {
         let (method, least_squares, kalman) = match &model.body {
             Body::Equations(_) => {
@@ -213,8 +215,8 @@ pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     }
 }
 
-/// Adapter of a model and its resolved options. The measurement noise is estimated from `runs` if the model does not state it;
-/// `runs` may be empty.
+/// Adapter of a model and its resolved options. The measurement noise is estimated from `runs` if the model does not
+/// state it; `runs` may be empty.
 ///
 /// # Errors
 /// If the options do not fit the model.
@@ -267,8 +269,9 @@ pub(crate) fn state_filtered(model: &Model) -> Option<Box<dyn Predictor>> {
     kalman::filtered(model, &noise).ok()?
 }
 
-/// Runs an adapter along training runs of its model, so that its covariance reflects what they determine of the weights, and resets
-/// its state. A filter with equal initial variances of all weights would forget the training data quickly.
+/// Runs an adapter along training runs of its model, so that its covariance reflects what they determine of the
+/// weights, and resets its state. A filter with equal initial variances of all weights would forget the training data
+/// quickly.
 #[doc(hidden)]
 pub fn replay_training_runs(adapter: &mut dyn Adapter, training_runs: &[&Trajectory]) {
     for run in training_runs {
@@ -281,8 +284,8 @@ pub fn replay_training_runs(adapter: &mut dyn Adapter, training_runs: &[&Traject
     adapter.reset();
 }
 
-/// Stores windows of training runs, evenly spread, in the rehearsal memory of an adapter; each has a wash-out of its own length.
-/// No effect without rehearsal.
+/// Stores windows of training runs, evenly spread, in the rehearsal memory of an adapter; each has a wash-out of its
+/// own length. No effect without rehearsal.
 #[doc(hidden)]
 pub fn store_rehearsal_windows(adapter: &mut dyn Adapter, training_runs: &[&Trajectory]) {
     let Some(&RehearsalOptions { windows, samples, .. }) = adapter.rehearsal() else { return };
@@ -322,7 +325,8 @@ impl TrainingRuns {
     }
 }
 
-/// Evaluates a model frozen and adapted over runs, in their order; the weights learned on one run are kept for the next.
+/// Evaluates a model frozen and adapted over runs, in their order; the weights learned on one run are kept for the
+/// next.
 ///
 /// # Errors
 /// If the options do not fit the model, or the runs cannot be evaluated (see [`evaluate`](fn@evaluate)).
@@ -367,7 +371,7 @@ impl Frozen {
         }
         let ranges = model.output_ranges();
         let name = &model.description.name;
-        // A model that learns by itself is no yardstick: its equations are, as they stand.
+        // A model with online learning is evaluated with constant equations.
         let mut session = Model { learning: None, ..model.clone() }.session();
         let restarted = evaluate(name, session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
             progress(0.5 * done)
@@ -395,7 +399,7 @@ impl Frozen {
     }
 }
 
-/// The same with an adapter of [`adapter`], or one around it, and the evaluation of the frozen model.
+/// As [`adapt`], with an adapter of [`adapter`] or a wrapper of it, and with the evaluation of the frozen model.
 ///
 /// # Errors
 /// As [`adapt`].
@@ -431,10 +435,10 @@ pub fn adapt_by(
     Ok(Adapted { model: after, report })
 }
 
-/// The model with the weights that an adapter of [`adapter`] has; its provenance says from which runs, and how.
+/// The model with the weights of an adapter of [`adapter`]; its provenance states the runs and the settings.
 ///
 /// # Errors
-/// If they are not weights of this model under these settings.
+/// If the weights do not fit the model and the settings.
 pub fn learned(
     model: &Model,
     weights: &[f64],
@@ -456,7 +460,7 @@ pub fn learned(
     if !settings.is_object() {
         *settings = serde_json::json!({ "chosen": settings.take() });
     }
-    // A model may be adapted again and again.
+    // A model may be adapted repeatedly.
     match settings["adapted"].as_array_mut() {
         Some(before) => before.push(entry),
         None => settings["adapted"] = serde_json::json!([entry]),

@@ -38,7 +38,7 @@ impl KalmanOptions {
     }
 }
 
-/// The session that adapts a vessel, and the settings that it was made with. `runs` tell the noise where nothing else does.
+/// Adapter of a vessel and its resolved options. `runs` give the noise if options and model do not.
 pub(super) fn adapter(
     model: &Model,
     plant: &PlantModel,
@@ -72,7 +72,6 @@ pub(super) fn filtered(
     Ok(Box::new(session))
 }
 
-/// The vessel with the parameters of an adapter.
 pub(super) fn learned(model: &Model, plant: &PlantModel, weights: &[f64]) -> Result<Model, AdaptError> {
     let (mut numbers, learnable) = (*plant.numbers(), LearnablePlant::new(plant));
     if weights.len() != learnable.places().len() {

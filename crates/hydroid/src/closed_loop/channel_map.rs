@@ -6,7 +6,6 @@ use super::controller::Observation;
 use super::error::ClosedLoopError;
 use crate::model::Description;
 
-/// Measurement in one output of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Column {
     /// One of `u`, `v`, `r`.

@@ -8,8 +8,8 @@ use super::run::Run;
 use crate::simulate::Shortest;
 
 impl Run {
-    /// Writes the run as CSV with the columns of a simulated log, so that a model can be identified from it: time, commands,
-    /// pose, measured and true velocities over ground, propeller force; then reference, errors and status.
+    /// Writes the run as CSV with the columns of a simulated log, so that a model can be identified from it: time,
+    /// commands, pose, measured and true velocities over ground, propeller force; then reference, errors and status.
     ///
     /// # Errors
     /// If the writer fails.

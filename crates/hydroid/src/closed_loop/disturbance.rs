@@ -8,8 +8,8 @@ use super::random::{Purpose, stream};
 
 /// Wind as a force on the hull in north and east, without a yaw moment: a steady part and gusts.
 ///
-/// Gusts are a first-order Gauss-Markov process in each direction, with time constant `gust_s` and standard deviation `gust`
-/// (Fossen 2021, section 10.1). Vessel files have no wind coefficients, so the wind is given as a force.
+/// Gusts are a first-order Gauss-Markov process in each direction, with time constant `gust_s` and standard deviation
+/// `gust` (Fossen 2021, section 10.1). Vessel files have no wind coefficients, so the wind is given as a force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Wind {
     /// Steady force, north and east \[N\].
@@ -62,7 +62,6 @@ impl Conditions {
     }
 }
 
-/// Wind force, sample by sample.
 pub(super) struct Gusts {
     wind: Wind,
     decay: f64,

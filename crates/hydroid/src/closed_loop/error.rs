@@ -106,7 +106,6 @@ pub enum ClosedLoopError {
 }
 
 impl ClosedLoopError {
-    /// The model cannot be inverted by this control law.
     pub(super) fn not_invertible(error: NotInvertible, law: &'static str) -> Self {
         match error {
             NotInvertible::NotAffine(why, remedy) => Self::NotAffine { law, why, remedy },

@@ -16,8 +16,8 @@ pub struct Times {
     pub max: f64,
 }
 
-/// Metrics of a run. Errors are those of the controlled point over the samples from `from_s`. They are infinite if there are
-/// no such samples or the state became non-finite, so that a failed run ranks last in each metric.
+/// Metrics of a run. Errors are those of the controlled point over the samples from `from_s`. They are infinite if
+/// there are no such samples or the state became non-finite, so that a failed run ranks last in each metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Metrics {
     /// RMS distance from the reference \[m\].
@@ -28,7 +28,8 @@ pub struct Metrics {
     pub rms_speed: f64,
     /// Largest cross-track error \[m\].
     pub max_cross_track: f64,
-    /// Time after which the distance from the reference stays within the tolerance \[s\]; `None` if it exceeds it at the end.
+    /// Time after which the distance from the reference stays within the tolerance \[s\]; `None` if it exceeds it at
+    /// the end.
     pub settled_after: Option<f64>,
     /// Share of the samples with a command at its limit.
     pub saturated: f64,
@@ -100,7 +101,8 @@ impl Metrics {
     }
 }
 
-/// Replaces NaN and the metrics of a diverged run by infinity. The sign of a NaN, and with it its rank, depends on the machine.
+/// Replaces NaN and the metrics of a diverged run by infinity. The sign of a NaN, and with it its rank, depends on the
+/// machine.
 const fn or_worst(run: &Run, figure: f64) -> f64 {
     if run.diverged || figure.is_nan() { f64::INFINITY } else { figure }
 }
@@ -172,7 +174,6 @@ mod tests {
     fn failed_runs_have_infinite_errors() {
         let sound = Metrics::of(&run(100), 5.0);
         assert!(sound.held && (sound.rms_position - 0.5).abs() < 1e-12 && sound.max_cross_track == 0.5);
-        // The run ends before the evaluation starts.
         let early = Metrics::of(&run(20), 5.0);
         assert!(!early.held && figures(&early) == [f64::INFINITY; 4], "{early:?}");
         let told = serde_json::to_value(&early).unwrap();

@@ -1,9 +1,10 @@
-//! Closed-loop simulation: a controller on the true plant, with measurement noise, current, wind, delay and command limits.
+//! Closed-loop simulation: a controller on the true plant, with measurement noise, current, wind, delay and command
+//! limits.
 //!
 //! A [`ClosedLoopController`] computes the commands: a control law ([`ControlLaw`]) or model predictive control.
-//! [`ControllerOptions`] builds it for a [`Model`](crate::model::Model), which may adapt during the run. [`run()`] simulates
-//! a [`Scenario`] under [`Conditions`] and returns a [`Run`] of samples. [`Metrics`] summarizes a run, [`monte_carlo()`]
-//! simulates many runs in parallel, and [`tune_autopilot`] searches the gains of the autopilot.
+//! [`ControllerOptions`] builds it for a [`Model`](crate::model::Model), which may adapt during the run. [`run()`]
+//! simulates a [`Scenario`] under [`Conditions`] and returns a [`Run`] of samples. [`Metrics`] summarizes a run,
+//! [`monte_carlo()`] simulates many runs in parallel, and [`tune_autopilot`] searches the gains of the autopilot.
 //!
 //! ```
 //! use hydroid::closed_loop::{

@@ -21,8 +21,8 @@ pub struct Dispersion {
     pub mass: f64,
     /// Largest additional current \[m/s\], uniform in speed and direction.
     pub current: f64,
-    /// Largest additional steady wind force \[N\], uniform in size and direction. Half of the drawn force adds to the standard
-    /// deviation of the gusts.
+    /// Largest additional steady wind force \[N\], uniform in size and direction. Half of the drawn force adds to the
+    /// standard deviation of the gusts.
     pub wind: f64,
 }
 
@@ -44,7 +44,6 @@ impl Dispersion {
         Err(ClosedLoopError::Option { what: "the dispersion of the mass", value: self.mass, needed })
     }
 
-    /// Conditions of trial `index`.
     fn draw(&self, nominal: &Conditions, index: u64) -> Conditions {
         // Consecutive seeds give independent streams: the seed is the key of ChaCha8.
         let seed = nominal.seed.wrapping_add(index);
@@ -110,8 +109,8 @@ pub struct MonteCarlo {
     pub trials: Vec<Trial>,
 }
 
-/// Simulates `runs` trials in parallel, each with conditions drawn about `nominal`. Trial `k` has the seed of `nominal` plus
-/// `k`; the result does not depend on the number of threads.
+/// Simulates `runs` trials in parallel, each with conditions drawn about `nominal`. Trial `k` has the seed of `nominal`
+/// plus `k`; the result does not depend on the number of threads.
 ///
 /// # Errors
 /// As [`run()`](super::run()) and [`ControllerOptions::controller`].

@@ -12,8 +12,8 @@ pub(super) const STEP_S: f64 = 0.01;
 
 /// A vessel under the conditions of a run.
 ///
-/// The equations of motion use velocities `nu` relative to the water. A steady irrotational current enters the kinematics
-/// only, `deta/dt = R(psi) nu + [V_n, V_e, 0]` (Fossen 2021, property 10.1). Wind is a force on the hull.
+/// The equations of motion use velocities `nu` relative to the water. A steady irrotational current enters the
+/// kinematics only, `deta/dt = R(psi) nu + [V_n, V_e, 0]` (Fossen 2021, property 10.1). Wind is a force on the hull.
 pub(super) struct PerturbedPlant {
     plant: Plant,
     /// Velocities through the water.

@@ -14,7 +14,6 @@ pub(super) enum Purpose {
     Conditions = 2,
 }
 
-/// The stream of a purpose.
 pub(super) fn stream(seed: u64, purpose: Purpose) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(purpose as u64);

@@ -15,8 +15,8 @@ pub enum Timing {
     Path,
 }
 
-/// Search range for the projection on the path, from its last arc length \[m\]: more than the motion of one sample, less than
-/// the distance of two legs.
+/// Search range for the projection on the path, from its last arc length \[m\]: more than the motion of one sample,
+/// less than the distance of two legs.
 const SEARCH_RANGE_M: f64 = 6.0;
 
 /// Generates the reference of each sample.

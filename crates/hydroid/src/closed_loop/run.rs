@@ -37,16 +37,16 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// Sample time 0.1 s, start on the path, tolerance 2 m. The duration is 120 s on a closed path and 1.5 times the track's
-    /// duration on an open one.
+    /// Sample time 0.1 s, start on the path, tolerance 2 m. The duration is 120 s on a closed path and 1.5 times the
+    /// track's duration on an open one.
     pub fn new(vessel: VesselParams, track: Track) -> Self {
         let limits = hydroid_core::control::AffinePlant::limits(&vessel);
         let duration_s = track.duration_s().map_or(120.0, |duration| 1.5 * duration);
         Self { vessel, track, limits, dt_s: 0.1, duration_s, start: [0.0; 2], tolerance: 2.0 }
     }
 
-    /// Default start of the evaluation \[s\]: 40 s on a closed path, else 10 s; at most a third of the run and half of the
-    /// track's duration.
+    /// Default start of the evaluation \[s\]: 40 s on a closed path, else 10 s; at most a third of the run and half of
+    /// the track's duration.
     pub fn default_from_s(&self) -> f64 {
         let usual = if self.track.path.is_closed() { 40.0_f64 } else { 10.0 };
         let track = self.track.duration_s().map_or(f64::INFINITY, |duration| 0.5 * duration);

@@ -53,7 +53,6 @@ impl SessionModel {
         self.session().advance(c);
     }
 
-    /// The session, with its present state and weights.
     pub(super) fn predictor(&self) -> &dyn Predictor {
         match self {
             Self::Frozen(session) => session.as_ref(),

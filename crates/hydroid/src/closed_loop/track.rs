@@ -44,7 +44,6 @@ impl Task {
         }
     }
 
-    /// Turning radius \[m\], if any.
     const fn radius(&self) -> Option<f64> {
         match self {
             Self::Circle { radius } | Self::LawnMower { radius, .. } => Some(*radius),

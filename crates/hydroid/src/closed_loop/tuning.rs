@@ -64,9 +64,9 @@ pub struct TunedAutopilot {
 
 /// Tunes the autopilot for a scenario at a cruising speed.
 ///
-/// Speed trials give the drag and a turning test gives the Nomoto model. A grid of gains is then simulated on the nominal
-/// vessel in calm water with measurement noise. The gains with the smallest sum of RMS cross-track error \[m\] and RMS speed
-/// error \[m/s\] are chosen.
+/// Speed trials give the drag and a turning test gives the Nomoto model. A grid of gains is then simulated on the
+/// nominal vessel in calm water with measurement noise. The gains with the smallest sum of RMS cross-track error \[m\]
+/// and RMS speed error \[m/s\] are chosen.
 ///
 /// # Errors
 /// If the scenario is invalid, no point of the grid holds the track, or `progress` cancels.
@@ -156,8 +156,8 @@ pub fn tune_autopilot(
     })
 }
 
-/// Coefficients of the drag `d_1 U + d_2 U^2` from the holding forces at half and full cruising speed; negative coefficients
-/// are set to zero.
+/// Coefficients of the drag `d_1 U + d_2 U^2` from the holding forces at half and full cruising speed; negative
+/// coefficients are set to zero.
 fn speed_trials(plant: &Plant, cruise: f64) -> [f64; 2] {
     let force = |share: f64| plant.holding_force(share * cruise) / (share * cruise);
     let (half, full) = (force(0.5), force(1.0));
@@ -175,7 +175,6 @@ fn turning_test(scenario: &Scenario, plant: &Plant, cruise: f64) -> [f64; 2] {
     let mut rates = Vec::new();
     for _ in 0..STEPS {
         motion = plant.advance_motion(&motion, &actuation, STEP_S);
-        // The speed is held.
         (motion[0], motion[3]) = (cruise, plant.holding_force(cruise));
         rates.push(motion[2]);
     }

@@ -39,8 +39,8 @@ pub struct BandCoverage {
     pub share: Vec<Vec<f64>>,
 }
 
-/// Band of the rollouts of ensemble members from origins of a run, at given steps (ascending, from 1). Each member observes its
-/// warm-up before an origin, so that its signal memory matches the model.
+/// Band of the rollouts of ensemble members from origins of a run, at given steps (ascending, from 1). Each member
+/// observes its warm-up before an origin, so that its signal memory matches the model.
 pub fn bands(
     members: &[Box<dyn Predictor>],
     run: &Trajectory,
@@ -84,8 +84,8 @@ pub fn bands(
     (0..origins.len()).map(band).collect()
 }
 
-/// Coverage of the ensemble band for measurements (or truth) at given horizons. Origins are spread over the runs, so that the
-/// computing time does not grow with them.
+/// Coverage of the ensemble band for measurements (or truth) at given horizons. Origins are spread over the runs, so
+/// that the computing time does not grow with them.
 pub fn band_coverage(
     members: &[Box<dyn Predictor>],
     runs: &[&Trajectory],

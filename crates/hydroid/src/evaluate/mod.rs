@@ -1,8 +1,8 @@
 //! Open-loop multi-step errors of any model.
 //!
-//! At every origin `k` after the warm-up, the session has observed the outputs up to `k` and the commands up to `k - 1`. It is
-//! rolled out with the true commands `c_k ..` and compared at horizons `1..=H`, beside persistence (each output keeps its value
-//! at the origin).
+//! At every origin `k` after the warm-up, the session has observed the outputs up to `k` and the commands up to `k -
+//! 1`. It is rolled out with the true commands `c_k ..` and compared at horizons `1..=H`, beside persistence (each
+//! output keeps its value at the origin).
 //!
 //! A rollout has *diverged* if it is not finite or leaves ten times the design range. Diverged rollouts are counted and
 //! excluded from the means of the model and of persistence.
@@ -127,8 +127,8 @@ pub struct Baseline {
     pub nrmse: Vec<Vec<f64>>,
 }
 
-/// Errors by horizon and channel: `mae[h][c]` is for horizon `horizons[h]` and channel `c`, in its unit. Undefined values (no
-/// window, constant output) are NaN, `null` in JSON.
+/// Errors by horizon and channel: `mae[h][c]` is for horizon `horizons[h]` and channel `c`, in its unit. Undefined
+/// values (no window, constant output) are NaN, `null` in JSON.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// Name of the model.
@@ -170,8 +170,9 @@ pub struct Evaluation {
     pub r2: Vec<Vec<f64>>,
     /// Persistence on the same windows.
     pub persistence: Baseline,
-    /// Mean over channels and horizons of the square error over the variance of the channel, for up to [`BLOCKS`] consecutive blocks
-    /// of windows. The spread of the blocks gives the uncertainty of a comparison of two models. Infinite if a rollout diverged.
+    /// Mean over channels and horizons of the square error over the variance of the channel, for up to [`BLOCKS`]
+    /// consecutive blocks of windows. The spread of the blocks gives the uncertainty of a comparison of two models.
+    /// Infinite if a rollout diverged.
     #[serde(skip)]
     pub blocks: Vec<f64>,
 }
@@ -181,7 +182,8 @@ pub struct Evaluation {
 pub const BLOCKS: usize = 16;
 
 impl Evaluation {
-    /// Score: mean NRMSE over channels and horizons where it is defined; infinite if a rollout diverged or nothing was compared.
+    /// Score: mean NRMSE over channels and horizons where it is defined; infinite if a rollout diverged or nothing was
+    /// compared.
     pub fn score(&self) -> f64 {
         if self.diverged > 0 {
             return f64::INFINITY;
@@ -266,7 +268,7 @@ pub enum EvaluateError {
         /// Of this run \[s\].
         given: f64,
     },
-    /// No runs.
+    /// Horizon or stride of zero.
     #[error("the horizon and the stride between origins must be at least 1 sample")]
     NoHorizon,
     /// Cancelled.
@@ -274,7 +276,6 @@ pub enum EvaluateError {
     Cancelled(#[from] crate::progress::Cancelled),
 }
 
-/// Names and units of the channels.
 fn describe(channels: &[Channel]) -> (Vec<String>, Vec<String>) {
     channels.iter().map(|c| (c.name.clone(), c.unit.clone())).unzip()
 }

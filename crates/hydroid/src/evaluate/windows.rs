@@ -22,9 +22,9 @@ const TOLD: usize = 10;
 
 /// Evaluates a session on runs; `ranges` are the design ranges of the outputs.
 ///
-/// The session is reset and observes each run once to its end in the caller's thread, so that an adapter learns along the run.
-/// Rollouts start from snapshots in forks of the session, in parallel on the current rayon pool. The result does not depend on
-/// the number of threads. A run that is too short for an origin is observed and counted.
+/// The session is reset and observes each run once to its end in the caller's thread, so that an adapter learns along
+/// the run. Rollouts start from snapshots in forks of the session, in parallel on the current rayon pool. The result
+/// does not depend on the number of threads. A run that is too short for an origin is observed and counted.
 ///
 /// # Errors
 /// If the runs do not fit the model or are too short, an output or the truth is missing, or `progress` cancels.
@@ -124,7 +124,6 @@ fn check(
     Ok(())
 }
 
-/// Observed outputs of a run.
 fn seen<'a>(run: &'a Trajectory, options: &Options) -> &'a Table {
     match (options.origin, &run.truth) {
         (Origin::True, Some(truth)) => truth,
@@ -143,12 +142,12 @@ fn latest(runs: &[&Trajectory], options: &Options) -> String {
         .map_or_else(String::new, |c| run.outputs.channels()[c].name.clone())
 }
 
-/// Pending origins: whole tasks, so that tasks have the same origins for all models and blocks of losses are comparable.
+/// Pending origins: whole tasks, so that tasks have the same origins for all models and blocks of losses are
+/// comparable.
 fn batch(size: usize) -> usize {
     (SNAPSHOTS / size.max(1) / TASK).clamp(1, 64) * TASK
 }
 
-/// Result of the windows so far.
 struct Tally {
     sums: Sums,
     /// Loss and number of windows of each task, in order.

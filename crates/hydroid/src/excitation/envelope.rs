@@ -9,8 +9,8 @@ use super::error::ExcitationError;
 pub struct Envelope {
     /// Speed on a straight course under full propeller force \[m/s\].
     pub top_speed: f64,
-    /// Response time to a propeller command \[s\]: the lag plus the time in which full force accelerates the mass to top speed
-    /// without drag.
+    /// Response time to a propeller command \[s\]: the lag plus the time in which full force accelerates the mass to
+    /// top speed without drag.
     pub time_s: f64,
 }
 
@@ -30,7 +30,8 @@ impl Envelope {
         if force <= 0.0 {
             return Err(ExcitationError::NoForwardForce { limit: force });
         }
-        // The holding force of a hydrofoil is not monotone: scan upwards for the last speed that full force holds, then bisect.
+        // The holding force of a hydrofoil is not monotone: scan upwards for the last speed that full force holds, then
+        // bisect.
         let mut held = 0.0;
         let mut u = FINEST;
         while u <= ABSURD_SPEED {

@@ -41,7 +41,8 @@ impl Default for LowSpeed {
     }
 }
 
-/// Parallel legs, alternately north and south, each east of the previous one. Starts at rest at the origin, heading north.
+/// Parallel legs, alternately north and south, each east of the previous one. Starts at rest at the origin, heading
+/// north.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LawnMower {
     /// Length of a leg \[m\]; default ten times top speed times response time ([`Envelope`](super::Envelope)).
@@ -50,8 +51,8 @@ pub struct LawnMower {
     pub spacing: Option<f64>,
     /// Connection of the legs.
     pub turn: Turn,
-    /// Speed of each leg \[m/s\]; the run ends after the last. Empty: random speeds, slow and fast (for a hydrofoil below and above
-    /// its transition) in alternation, for the duration of the run.
+    /// Speed of each leg \[m/s\]; the run ends after the last. Empty: random speeds, slow and fast (for a hydrofoil
+    /// below and above its transition) in alternation, for the duration of the run.
     pub speeds: Vec<f64>,
 }
 

@@ -1,9 +1,9 @@
 //! Excitation signals.
 //!
-//! A [`Segment`] is one shape (steps, zero, ramp, triangle, chirp, PRBS), a [`Signal`] a sequence of segments for one command, and
-//! a [`Composer`] draws signals from a seed. [`mixed`] and [`low_speed`] draw both commands for a vessel, with time scale and range
-//! from its parameters ([`Envelope`]); [`held`] takes given commands. An [`Excitation`] drives a simulated run, in open or closed
-//! loop.
+//! A [`Segment`] is one shape (steps, zero, ramp, triangle, chirp, PRBS), a [`Signal`] a sequence of segments for one
+//! command, and a [`Composer`] draws signals from a seed. [`mixed`] and [`low_speed`] draw both commands for a vessel,
+//! with time scale and range from its parameters ([`Envelope`]); [`held`] takes given commands. An [`Excitation`]
+//! drives a simulated run, in open or closed loop.
 
 mod compose;
 mod envelope;

@@ -2,21 +2,19 @@
 
 /// Maximum-length sequence of 2^15 - 1 bits: `x^15 + x^14 + 1`, the polynomial of ITU-T O.150's PRBS15.
 ///
-/// Its spectrum is flat up to about half the rate at which bits change, and it only ever takes two values:
-/// the classic signal to identify a linear system with.
+/// Its spectrum is flat up to about half the bit rate.
 #[derive(Clone, Debug)]
 pub(crate) struct Prbs {
     register: u16,
 }
 
 impl Prbs {
-    /// A generator somewhere in the sequence; any start will do, 0 (which would stay 0) becomes 1.
+    /// A generator with any start; 0, which would stay 0, becomes 1.
     pub(crate) fn new(start: u16) -> Self {
         let register = start & 0x7fff;
         Self { register: if register == 0 { 1 } else { register } }
     }
 
-    /// The next bit.
     pub(crate) fn next_bit(&mut self) -> bool {
         let bit = ((self.register >> 14) ^ (self.register >> 13)) & 1;
         self.register = ((self.register << 1) | bit) & 0x7fff;

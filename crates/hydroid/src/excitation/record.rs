@@ -13,8 +13,8 @@ const RUDDER_PACE: f64 = 0.8;
 
 /// `n` commands at step `dt` \[s\] over the full range of both channels, at the time scale of the vessel.
 ///
-/// Seven of eight propeller commands are forward, so that a hydrofoil flies about half of the time and passes its transition
-/// about every 20 s.
+/// Seven of eight propeller commands are forward, so that a hydrofoil flies about half of the time and passes its
+/// transition about every 20 s.
 ///
 /// # Errors
 /// As [`Envelope::new`].
@@ -29,8 +29,8 @@ pub fn mixed(
     Ok(compose(params, params.commands.propeller.limits, envelope.time_s, seed, dt, n))
 }
 
-/// `n` commands at step `dt` \[s\] that keep the vessel below [`LowSpeed::ceiling`]: the propeller within [`low_speed_range`],
-/// the rudder over its full range.
+/// `n` commands at step `dt` \[s\] that keep the vessel below [`LowSpeed::ceiling`]: the propeller within
+/// [`low_speed_range`], the rudder over its full range.
 ///
 /// # Errors
 /// As [`low_speed_range`].
@@ -49,8 +49,8 @@ pub fn low_speed(
 
 /// Propeller commands that keep the vessel below the ceiling, and below the transition speed of a hydrofoil.
 ///
-/// The upper limit balances the drag of the displacement mode at 82 % of that speed, the lower limit is half of it astern, both
-/// within the limits of the vessel: -60 to 119 N for the reference hydrofoil.
+/// The upper limit balances the drag of the displacement mode at 82 % of that speed, the lower limit is half of it
+/// astern, both within the limits of the vessel: -60 to 119 N for the reference hydrofoil.
 ///
 /// # Errors
 /// [`ExcitationError::NotPositive`] for the ceiling, [`ExcitationError::NoDrag`].
@@ -105,8 +105,8 @@ fn compose(
         .collect()
 }
 
-/// `n` commands at step `dt` \[s\] from rows of time \[s\] and command, each held until the next, the last to the end. Time starts
-/// at the first row.
+/// `n` commands at step `dt` \[s\] from rows of time \[s\] and command, each held until the next, the last to the end.
+/// Time starts at the first row.
 ///
 /// # Errors
 /// If there are no rows, a number is not finite, time does not increase, or a command is beyond the limits of the vessel. Rows

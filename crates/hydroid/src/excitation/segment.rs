@@ -49,23 +49,22 @@ pub enum Shape {
         high: f64,
         /// Time for which a bit is held \[s\].
         hold_s: f64,
-        /// Where in the sequence of 32,767 bits it starts.
+        /// Start in the sequence of 32,767 bits.
         start: u16,
     },
 }
 
-/// A shape over a stretch of time.
+/// A shape and its duration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
     /// Course of the command.
     pub shape: Shape,
-    /// How long \[s\].
+    /// Duration \[s\].
     pub duration_s: f64,
 }
 
 impl Segment {
-    /// Value at `t` seconds after the segment's start. The bits of a PRBS depend on each other, so its
-    /// state comes along.
+    /// Value at `t` seconds after the start of the segment; `prbs` is the state of a PRBS.
     fn value(&self, t: f64, prbs: &mut PrbsState) -> f64 {
         match &self.shape {
             Shape::Zero => 0.0,
@@ -93,12 +92,12 @@ impl Segment {
     }
 }
 
-/// A PRBS on its way through a segment.
+/// State of a PRBS within a segment.
 #[derive(Default)]
 struct PrbsState(Option<(Prbs, usize, bool)>);
 
 impl PrbsState {
-    /// Bit number `wanted`, which never goes backwards within a segment.
+    /// Bit number `wanted`, which does not decrease within a segment.
     fn bit_at(&mut self, wanted: usize, start: u16) -> bool {
         let (prbs, reached, bit) = self.0.get_or_insert_with(|| {
             let mut prbs = Prbs::new(start);
@@ -113,8 +112,7 @@ impl PrbsState {
     }
 }
 
-/// Whole part of a time over a time, neither of them negative; the little that rounding may lack at an
-/// exact multiple is forgiven.
+/// Whole part of a non-negative ratio of times, with a tolerance for rounding at exact multiples.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // never negative, and `as` saturates
 fn index(ratio: f64) -> usize {
     (ratio + 1e-9).floor() as usize
@@ -142,7 +140,7 @@ impl Signal {
             let mut prbs = PrbsState::default();
             while samples.len() < n {
                 let t = samples.len() as f64 * dt;
-                // A sample on the border, but for rounding, belongs to the next segment.
+                // A sample on the border, within rounding, belongs to the next segment.
                 if t >= end - 1e-9 * dt {
                     break;
                 }

@@ -3,8 +3,7 @@
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-/// What random numbers are drawn for. Each has a stream of its own, so that changing how one is used (more
-/// noise channels, another command) leaves the others as they were.
+/// Purpose of random numbers. Each has its own stream, so that a change of one leaves the others as they were.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Purpose {
     /// The propeller command.
@@ -17,7 +16,6 @@ pub(crate) enum Purpose {
     Legs = 3,
 }
 
-/// The stream of a purpose.
 pub(crate) fn stream(seed: u64, purpose: Purpose) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(purpose as u64);

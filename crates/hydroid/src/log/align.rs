@@ -1,8 +1,7 @@
 //! Timing of commands: hold and shift.
 //!
-//! Inside hydroid the command in row `k` acts on `[t_k, t_{k+1})`. A log may follow another convention: the
-//! row holds the command that acted until its measurement ([`CommandTiming::After`]), or commands are logged
-//! earlier or later than they act (input delay, positive or negative).
+//! In hydroid the command in row `k` acts on `[t_k, t_{k+1})`. In a log the row may hold the command that acted until
+//! its measurement ([`CommandTiming::After`]), or commands are logged earlier or later than they act (input delay).
 
 use std::fmt;
 use std::str::FromStr;
@@ -20,8 +19,7 @@ pub enum CommandTiming {
     After,
 }
 
-/// How much later a command acts than it is logged: the command that acts at row `k` is the one logged at
-/// row `k - d`. Negative where the log shows a command late.
+/// Input delay `d`: the command logged at row `k - d` acts at row `k`. Negative if commands are logged after they act.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum InputDelay {
@@ -99,8 +97,7 @@ impl InputDelay {
         }
     }
 
-    /// The delay in seconds for a log with this step \[s\]. Samples are those of the log, before any
-    /// resampling.
+    /// The delay in seconds for a log with this step \[s\], before any resampling.
     pub fn seconds_at(self, step: f64) -> f64 {
         match self {
             Self::Samples(n) => n as f64 * step,
@@ -118,8 +115,7 @@ impl InputDelay {
     }
 }
 
-/// Fills missing commands with the previous value; leading ones stay missing. Returns the number of filled
-/// cells.
+/// Fills missing commands with the previous value; leading ones stay missing. Returns the number of filled cells.
 pub(crate) fn hold(values: &mut [f64]) -> usize {
     let mut last = f64::NAN;
     let mut filled = 0;

@@ -5,8 +5,7 @@ use super::error::LogError;
 
 /// Relative deviation of single steps that still counts as regular.
 const TOLERANCE: f64 = 0.01;
-/// Relative deviation of stamps from an even grid that counts as rounding of the stamps (a 30 Hz clock
-/// written in milliseconds).
+/// Relative deviation from an even grid that counts as rounding of the stamps (a 30 Hz clock written in milliseconds).
 const ROUNDING: f64 = 0.05;
 
 /// A step back by more than this multiple of the usual step is a restart of the clock.
@@ -26,7 +25,7 @@ pub struct Clock {
     pub regular: bool,
 }
 
-/// Refuses identical time stamps and decreasing time.
+/// Rejects identical time stamps and decreasing time.
 pub(crate) fn check_order(columns: &Columns) -> Result<(), LogError> {
     for (k, pair) in columns.t.windows(2).enumerate() {
         let path = || columns.path.clone();
@@ -46,8 +45,7 @@ pub(crate) fn check_order(columns: &Columns) -> Result<(), LogError> {
     Ok(())
 }
 
-/// Whether time increases except for one long step back after row `k`. A misplaced row steps back by about
-/// one step.
+/// Whether time increases except for one long step back after row `k`. A misplaced row steps back by about one step.
 fn restarts(t: &[f64], k: usize) -> bool {
     let once = t[k + 1..].windows(2).all(|p| p[0] <= p[1]);
     once && Clock::usual_step(t).is_some_and(|step| t[k] - t[k + 1] > RESTART * step)
@@ -76,8 +74,7 @@ impl Clock {
         median(t.windows(2).map(|p| p[1] - p[0]).collect())
     }
 
-    /// The clock of increasing time stamps; steps beyond `max_gap_s` are jumps. `None` for fewer than two
-    /// stamps.
+    /// Clock of increasing time stamps; steps beyond `max_gap_s` are jumps. `None` for fewer than two stamps.
     pub(crate) fn of(t: &[f64], max_gap_s: f64) -> Option<Self> {
         let usual = Self::usual_step(t)?;
         let steps = || t.windows(2).map(|p| p[1] - p[0]);
@@ -107,8 +104,7 @@ impl Clock {
     }
 }
 
-/// The median step if it is a round number that agrees with the mean, else the mean: stamps with few digits
-/// do not drift along the mean.
+/// The median step if it is round and agrees with the mean, else the mean: it does not drift for rounded stamps.
 fn nominal(median: f64, mean: f64) -> f64 {
     let round = round_if_close(median);
     if round != median && (mean - round).abs() <= 1e-4 * round { round } else { round_if_close(mean) }

@@ -11,11 +11,10 @@ use super::trajectory::Channel;
 /// Rows of a log that have a time stamp, column by column, in SI units.
 #[derive(Clone, Debug)]
 pub(crate) struct Columns {
-    /// File, for messages.
     pub(crate) path: String,
     /// Time \[s\] of each row, finite.
     pub(crate) t: Vec<f64>,
-    /// The time column, if nobody says its unit.
+    /// Name of the time column if its unit is not stated.
     pub(crate) unstated: Option<String>,
     /// Line of each row.
     pub(crate) lines: Vec<u64>,
@@ -25,7 +24,6 @@ pub(crate) struct Columns {
     pub(crate) outputs: Vec<Vec<f64>>,
     /// One vector per input; NaN is missing.
     pub(crate) inputs: Vec<Vec<f64>>,
-    /// One vector per output.
     pub(crate) truth: Option<Vec<Vec<f64>>>,
 }
 
@@ -91,12 +89,10 @@ impl Columns {
         })
     }
 
-    /// Number of rows.
     pub(crate) fn rows(&self) -> usize {
         self.t.len()
     }
 
-    /// Leaves out all other rows.
     pub(crate) fn keep(&mut self, rows: std::ops::Range<usize>) {
         let values = self.outputs.iter_mut().chain(&mut self.inputs).chain(self.truth.iter_mut().flatten());
         for values in values.chain([&mut self.t]) {
@@ -108,8 +104,7 @@ impl Columns {
     }
 }
 
-/// The time \[s\] of every row of the log, NaN where it has none; since the first of them where they are
-/// stamps: of seconds since 1970 nobody reads an axis.
+/// Time \[s\] of every row, NaN where it is missing; stamps are relative to the first one.
 fn times(log: &RawLog, time: &Time, notes: &mut Vec<Note>) -> Result<Vec<f64>, LogError> {
     let source = match time {
         Time::Even(dt) => return Ok((0..log.rows()).map(|k| k as f64 * dt).collect()),
@@ -136,7 +131,7 @@ fn times(log: &RawLog, time: &Time, notes: &mut Vec<Note>) -> Result<Vec<f64>, L
     let zone = if first.zoned { "" } else { " (no zone is given: taken as UTC)" };
     notes.push(Note::info(format!("{}: times are seconds since {}{zone}", log.path, first.text)));
     let start = column.values.iter().copied().find(|x| !x.is_nan()).unwrap_or(0.0);
-    // Seconds since 1970 resolve a quarter of a microsecond: what was written in microseconds comes back.
+    // Seconds since 1970 resolve a quarter of a microsecond: rounding restores whole microseconds.
     Ok(column.values.iter().map(|x| ((x - start) * 1e6).round() / 1e6).collect())
 }
 
@@ -173,8 +168,7 @@ fn usable_rows(log: &RawLog, times: &[f64], stamped: bool, notes: &mut Vec<Note>
     rows
 }
 
-/// The selected columns row by row as they stand, in SI units: time \[s\], then outputs and inputs. For files
-/// that are no runs, such as a list of commands.
+/// The selected columns row by row in SI units: time \[s\], outputs, inputs. For tables that are not runs.
 ///
 /// # Errors
 /// If a column is missing or holds text.
@@ -185,7 +179,7 @@ pub fn rows(log: &RawLog, selection: &Selection) -> Result<Vec<(f64, Vec<f64>)>,
     Ok((0..columns.rows()).map(|k| (columns.t[k], row(k))).collect())
 }
 
-/// Refuses a wind direction in degrees that does not say so: taken as radians it would be a random number.
+/// Rejects a wind direction in degrees without a unit: it would be taken as radians.
 fn check_direction(log: &RawLog, source: &Source, lines: &[u64], directions: &[f64]) -> Result<(), LogError> {
     let name = &log.columns[source.column].name;
     let turn = std::f64::consts::TAU + 0.01;
@@ -231,7 +225,7 @@ fn not_a_number(log: &RawLog, column: &RawColumn, bad: &BadCell) -> LogError {
     if bad.infinite {
         return LogError::Infinite { path, line, column: name, text };
     }
-    // A stamp where numbers came before is a bad cell, and so is a number where stamps came before.
+    // A column holds either stamps or numbers.
     let stamp = stamp::parse(&text).is_some();
     if stamp && column.values.iter().any(|x| !x.is_nan()) || column.stamps.is_some() && is_number(&text) {
         return LogError::MixedTime { path, line, column: name, text };

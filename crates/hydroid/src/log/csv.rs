@@ -1,7 +1,6 @@
 //! Reader of CSV files: named columns of numbers with their line numbers in the file.
 //!
-//! The reader does not check values: text in a column that is not selected is no error. A cell that is not a
-//! number is stored ([`RawColumn::bad`]) and reported when the column is selected.
+//! A cell that is not a number is stored ([`RawColumn::bad`]) and reported only if its column is selected.
 //!
 //! The reader accepts commas, semicolons and tabs as separators (detected in the header), quotes, a byte order
 //! mark, line ends of every system, spaces around cells, a decimal comma if the separator is not a comma,
@@ -151,7 +150,6 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
             .read_byte_record(record)
             .map_err(|e| LogError::Read { path: name.to_owned(), source: std::io::Error::other(e) })
     };
-    // A first line of only blank cells is not a header.
     let header: Vec<String> = loop {
         if !next(&mut record)? {
             return Err(LogError::Empty { path: path() });
@@ -374,7 +372,6 @@ pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, L
     Ok(columns)
 }
 
-/// Names columns without a name by position.
 pub fn name_the_nameless(columns: &mut [RawColumn]) {
     for i in 0..columns.len() {
         if columns[i].name.is_empty() {

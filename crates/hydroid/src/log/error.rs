@@ -28,7 +28,7 @@ pub enum LogError {
     Read {
         /// File as it was named.
         path: String,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The file has no content.
@@ -60,7 +60,7 @@ pub enum LogError {
         path: String,
         /// Line of the first byte that is not UTF-8.
         line: u64,
-        /// What to do, by what the file looks like.
+        /// Remedy.
         remedy: &'static str,
     },
     /// Two columns share a name.
@@ -112,7 +112,7 @@ pub enum LogError {
     BadSpec {
         /// The specification.
         text: String,
-        /// What is wrong with it.
+        /// Cause.
         reason: String,
     },
     /// The same channel name was given twice.
@@ -128,7 +128,7 @@ pub enum LogError {
     UnknownColumn {
         /// File.
         path: String,
-        /// What was asked for.
+        /// Requested name.
         name: String,
         /// The nearest names as a phrase, or nothing.
         nearest: String,
@@ -142,7 +142,7 @@ pub enum LogError {
     DifferentColumns {
         /// The log that has it.
         first: String,
-        /// The log that has it not.
+        /// The log without it.
         second: String,
         /// The column.
         column: String,
@@ -196,7 +196,7 @@ pub enum LogError {
     Unit {
         /// The column.
         column: String,
-        /// What is wrong with the unit.
+        /// Cause.
         source: super::units::UnitError,
     },
     /// Text where a number was expected.
@@ -210,7 +210,7 @@ pub enum LogError {
         column: String,
         /// The cell.
         text: String,
-        /// What to do.
+        /// Remedy.
         remedy: &'static str,
     },
     /// An infinite number.
@@ -235,7 +235,7 @@ pub enum LogError {
         /// Column.
         column: String,
     },
-    /// A value beyond anything a vessel does.
+    /// An implausible value.
     #[error("{path}, line {line}, column `{column}`: {value}; {remedy}")]
     Absurd {
         /// File.
@@ -244,12 +244,12 @@ pub enum LogError {
         line: u64,
         /// Column.
         column: String,
-        /// The value in SI units, and against what it was judged.
+        /// The value in SI units and its limit.
         value: String,
-        /// What to do.
+        /// Remedy.
         remedy: &'static str,
     },
-    /// Every output stands still.
+    /// All outputs are constant.
     #[error("{path}: no output ever changes; was the right column chosen, and was the vessel moving?")]
     NothingMoves {
         /// File, or files.
@@ -280,7 +280,7 @@ pub enum LogError {
         from: f64,
         /// Time after.
         to: f64,
-        /// What to do.
+        /// Remedy.
         remedy: &'static str,
     },
     /// A time column with a single value.
@@ -299,7 +299,7 @@ pub enum LogError {
     },
     /// Numbers and time stamps in one column.
     #[error(
-        "{path}, line {line}, column `{column}`: `{text}` stands among times of another kind; write all as dates (2020-08-03T11:04:37.125Z) or all as numbers"
+        "{path}, line {line}, column `{column}`: `{text}` is a time of another kind than the others; write all as dates (2020-08-03T11:04:37.125Z) or all as numbers"
     )]
     MixedTime {
         /// File.
@@ -320,7 +320,7 @@ pub enum LogError {
         path: String,
         /// Column.
         column: String,
-        /// The usual step, as it stands in the file.
+        /// The usual step in the unit of the file.
         step: f64,
     },
     /// A time that cannot be seconds.
@@ -344,7 +344,7 @@ pub enum LogError {
         found: usize,
         /// Samples needed.
         needed: usize,
-        /// What to do.
+        /// Remedy.
         remedy: String,
     },
     /// Validation runs without test runs.
@@ -359,17 +359,17 @@ pub enum LogError {
         path: String,
         /// Line.
         line: u64,
-        /// What is wrong, in which column, and what to do.
+        /// Column, cause and remedy.
         reason: String,
     },
-    /// A step, gap limit or delay that makes no sense.
+    /// An invalid step, gap limit or delay.
     #[error("{what} of {value} cannot be used: {reason}")]
     BadOption {
-        /// Which setting.
+        /// Name of the option.
         what: &'static str,
         /// Its value.
         value: String,
-        /// Why not.
+        /// Reason.
         reason: String,
     },
 }

@@ -9,8 +9,8 @@ const SAMPLES: f64 = 10.0;
 /// Smallest default gap limit \[s\].
 const SECONDS: f64 = 1.0;
 
-/// Default gap limit: 1 s or 10 sample times of the slowest output, whichever is longer. Outputs slower than
-/// the log are reported, unless `dt` is as slow.
+/// Default gap limit: the longer of 1 s and 10 sample times of the slowest output. Adds notes on outputs slower than
+/// `dt`.
 pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes: &mut Vec<Note>) -> f64 {
     let slow: Vec<(usize, f64, usize)> = columns
         .outputs
@@ -19,11 +19,11 @@ pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes
         .filter_map(|(i, values)| {
             let times: Vec<f64> =
                 values.iter().zip(&columns.t).filter(|(x, _)| !x.is_nan()).map(|(_, t)| *t).collect();
-            // Half of the rows, or one more where a sensor that is in every other row has the first and last.
+            // Half of the rows, or one more if the first and the last row have a value.
             if 2 * times.len() > values.len() + 1 {
                 return None;
             }
-            // A sensor that fell silent half-way is dense where it has values: that is no slow sensor.
+            // A sensor that fails during the log is not slow: the median ignores the gap.
             let own = median(times.windows(2).map(|p| p[1] - p[0]).collect()).unwrap_or(step);
             (own >= 1.5 * step).then_some((i, own, times.len()))
         })
@@ -43,12 +43,12 @@ pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes
             );
         }
     }
-    // What bursts of a sensor leave open on the average, where no spacing is usual.
+    // Mean spacing of sensors that measure in bursts, for which no spacing is usual.
     let apart = if slow.is_empty() { mean_spacing(columns).max(step) } else { spacing };
     if never_together(&columns.outputs) && dt.is_none_or(|dt| dt < 0.99 * apart) {
         notes.push(
             Note::warning(format!(
-                "{path}: no two outputs ever have a value in the same row, so that no row tells the state of the vessel"
+                "{path}: no two outputs ever have a value in the same row, so that no row holds the state of the vessel"
             ))
             .with_remedy(format!("--dt {apart:.3} puts all channels on the clock of the slowest")),
         );

@@ -18,14 +18,13 @@ pub(crate) struct Grid {
     pub(crate) truth: Option<Vec<Vec<f64>>>,
     /// Blank command cells that were filled with the command before, per input.
     pub(crate) held: Vec<usize>,
-    /// Rows that the log leaves out.
+    /// Rows absent from the log.
     pub(crate) absent: usize,
 }
 
 impl Grid {
-    /// Rows `from..to` of a log with a regular clock, each at its place; rows that the log leaves out are
-    /// missing measurements, commands act across them: on from the row before, or since it
-    /// ([`CommandTiming::After`]).
+    /// Rows `from..to` of a log with a regular clock. Absent rows are missing measurements. Over them the command of
+    /// the row before acts on, or that of the row after ([`CommandTiming::After`]).
     pub(crate) fn native(
         columns: &Columns,
         (from, to): (usize, usize),
@@ -55,8 +54,7 @@ impl Grid {
             placed
         };
         let measured = |values: &Vec<f64>| put(values, &places);
-        // The command that acted until a row acted since the row before, across all rows left out in between:
-        // it stands one place after that row until the shift below brings it to the row itself.
+        // With `After`, the command of a row acts from the row before; the shift at the end moves it to the row itself.
         let begins: Vec<usize> = match timing {
             CommandTiming::Before => places.clone(),
             CommandTiming::After => {
@@ -120,7 +118,6 @@ pub(crate) fn check_size(rows: f64, step: f64, columns: &Columns) -> Result<(), 
     })
 }
 
-/// A count that was computed in floating point and is known to be small and not negative.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -140,7 +137,7 @@ mod tests {
 
     const STEP: f64 = 0.1;
 
-    /// A log with rows at some places of a regular clock; every command is its own.
+    /// A log with rows at these places of a regular clock; every row has its own command.
     fn columns(places: &[usize], inputs: Vec<f64>) -> Columns {
         Columns {
             unstated: None,
@@ -164,7 +161,7 @@ mod tests {
         resampling.run(columns, (0, columns.rows())).unwrap().inputs.remove(0)
     }
 
-    /// The numbers with -1 for what is missing.
+    /// The values, with -1 for missing ones.
     fn plain(values: &[f64]) -> Vec<f64> {
         values.iter().map(|x| if x.is_nan() { -1.0 } else { *x }).collect()
     }

@@ -1,10 +1,9 @@
 //! Logs of a vessel: what was measured and commanded, on a regular clock.
 //!
-//! [`read`] gives the columns of a CSV file as they stand ([`RawLog`]), a [`Selection`] says which of them
-//! are time, outputs, inputs and wind, [`prepare()`] makes runs ([`Trajectory`]) of them that models can learn
-//! from, and [`split_runs`] holds some of them back. Every change is reported in a [`Note`];
-//! implausible data is a [`LogError`] that names file, line, column and remedy. [`inspect()`] examines
-//! a log without changing it and reports its defects.
+//! [`read`] reads the columns of a CSV file ([`RawLog`]), a [`Selection`] names time, outputs, inputs and wind,
+//! [`prepare()`] converts logs to runs ([`Trajectory`]), and [`split_runs`] divides runs into training, validation and
+//! test. Every change is reported in a [`Note`]; implausible data is a [`LogError`] with file, line, column and remedy.
+//! [`inspect()`] reports the content and the defects of a log.
 
 mod align;
 mod clock;

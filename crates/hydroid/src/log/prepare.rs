@@ -1,8 +1,8 @@
 //! Preparation of logs: conversion to runs on a regular clock.
 //!
-//! The steps for each file: select columns, convert units, reject impossible values, remove towed ends,
-//! estimate the clock, split at jumps in time, resample each part unless its clock is regular, hold and shift the
-//! commands, and cut where an output is missing for longer than the gap limit. A [`Note`] reports each change.
+//! For each file: select columns, convert units, reject impossible values, remove towed ends, estimate the clock, split
+//! at jumps in time, resample parts with an irregular clock, hold and shift the commands, and cut where an output is
+//! missing for longer than the gap limit. A [`Note`] reports each change.
 
 use super::align::{CommandTiming, InputDelay};
 use super::clock::{self, Clock};
@@ -169,7 +169,6 @@ fn respec(source: &resolve::Source, column: String) -> super::selection::Channel
     super::selection::ChannelSpec::renamed(source.channel.name.clone(), column)
 }
 
-/// One log with its clock.
 struct File {
     columns: Columns,
     clock: Clock,

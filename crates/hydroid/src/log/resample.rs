@@ -1,16 +1,14 @@
 //! Resampling of a log to another clock.
 //!
-//! **Outputs** are interpolated linearly between the nearest values before and after an instant, if these are
-//! no farther apart than the gap limit. They are not averaged over the new step: a mean around `t_k` contains
-//! later measurements, so the model would receive part of the future that it predicts. The cost is aliasing
-//! of oscillations faster than half the new rate.
+//! **Outputs** are interpolated linearly between the nearest values before and after an instant, if these are no
+//! farther apart than the gap limit. A mean over the new step would contain later measurements, so that the model would
+//! receive part of the future that it predicts. The cost is aliasing of oscillations faster than half the new rate.
+//! Interpolation uses measurements up to one step of the log ahead, which is negligible if the new step is several
+//! times longer. If it is shorter, errors at horizons within the step of the log are too small; the preparation gives a
+//! warning.
 //!
-//! Interpolation uses later measurements as well, up to one step of the log ahead. This is negligible if the
-//! new step is several times that of the log. If it is shorter, errors at horizons within the step of the log
-//! are too small; the preparation gives a warning.
-//!
-//! **Commands** take the last value before the instant. If the new step is at least 1.5 times that of the
-//! log, they are the mean of the held command over the new interval.
+//! **Commands** take the last value before the instant. If the new step is at least 1.5 times that of the log, they are
+//! the mean of the held command over the new interval.
 //!
 //! Angles (unit rad) are interpolated along the shorter arc.
 
@@ -26,7 +24,6 @@ const AT: f64 = 1e-6;
 /// Ratio of new to old step from which on commands are averaged.
 const COARSER: f64 = 1.5;
 
-/// The new clock and the old one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Resampling {
     /// New step \[s\].
@@ -80,7 +77,7 @@ impl Resampling {
         })
     }
 
-    /// When each command of the log begins to act.
+    /// Time from which each command of the log acts.
     fn command_times(&self, t: &[f64]) -> Vec<f64> {
         let delay = self.delay.seconds_at(self.step);
         match self.timing {
@@ -104,7 +101,6 @@ impl Resampling {
         let mut next = 0;
         instants
             .map(|g| {
-                // `next` is the first value after the instant.
                 while next < valid.len() && valid[next].0 <= g + AT * self.dt {
                     next += 1;
                 }
@@ -121,7 +117,7 @@ impl Resampling {
                             difference -= TAU * (difference / TAU).round();
                         }
                         let w = (g - ta) / (tb - ta);
-                        // From the nearer of the two, so that an angle stays in the turn that the log counts in.
+                        // Interpolated from the nearer value, so that an angle keeps its multiple of 2 pi.
                         if w < 0.5 { a + difference * w } else { b - difference * (1.0 - w) }
                     }
                     _ => f64::NAN,
@@ -139,7 +135,7 @@ impl Resampling {
     ) -> Vec<f64> {
         let events: Vec<(f64, f64)> =
             stamps.iter().copied().zip(values.iter().copied()).filter(|(_, x)| !x.is_nan()).collect();
-        // Beyond the last row's own interval nothing is known of the command.
+        // After the interval of the last row the command is unknown.
         let lag = if self.timing == CommandTiming::After { 0.0 } else { self.step };
         let end = last + lag + self.delay.seconds_at(self.step);
         let average = self.dt >= COARSER * self.step;
@@ -159,9 +155,9 @@ impl Resampling {
     }
 }
 
-/// Mean over `from..to` of a command that is `held` at `from` and changes at the events after.
+/// Mean over `from..to` of a command that is `held` at `from` and changes at the later events.
 fn mean(events: &[(f64, f64)], held: f64, from: f64, to: f64) -> f64 {
-    // Summed as deviations from the first value, so that a command that stands still stays exactly itself.
+    // Deviations from the first value are summed, so that the mean of a constant command is exact.
     let (mut sum, mut value, mut since) = (0.0, held, from);
     for &(time, x) in events.iter().take_while(|e| e.0 < to) {
         sum += (value - held) * (time - since);

@@ -14,13 +14,13 @@ pub struct Source {
     pub column: usize,
     /// SI value = value in the log times this.
     pub factor: f64,
-    /// The part of the factor that the user gave.
+    /// Factor given by the user.
     scale: f64,
     /// Name and SI unit.
     pub channel: Channel,
 }
 
-/// What a column is taken as.
+/// Use of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     Time,
@@ -28,10 +28,10 @@ enum Role {
     Input,
 }
 
-/// Where the times of a log come from.
+/// Source of the times of a log.
 #[derive(Clone, Debug)]
 pub enum Time {
-    /// A column, and whether it or the user says its unit.
+    /// A column, and whether its unit is stated.
     Column {
         /// The column.
         source: Source,
@@ -58,8 +58,7 @@ pub struct Resolved {
 }
 
 impl Resolved {
-    /// Applies a selection to a log; what was guessed or converted goes to `notes`. `dt` is the step of a log
-    /// without time.
+    /// Applies a selection to a log, with notes on guesses and conversions. `dt` is the step of a log without time.
     ///
     /// # Errors
     /// If a channel, a unit or the clock cannot be resolved.
@@ -101,7 +100,7 @@ impl Resolved {
         self.inputs.iter().map(|s| s.channel.clone()).chain(wind.iter().cloned()).collect()
     }
 
-    /// Whether another log gives the same channels in the same units.
+    /// Checks that another log has the same channels in the same units.
     pub(crate) fn agrees(&self, first: &RawLog, other: &Self, second: &RawLog) -> Result<(), LogError> {
         let here = self.outputs.iter().chain(&self.inputs);
         for (a, b) in here.zip(other.outputs.iter().chain(&other.inputs)) {
@@ -119,7 +118,7 @@ impl Resolved {
     }
 }
 
-/// Outputs asked for, or `u`, `v`, `r` as far as they exist.
+/// Selected outputs, or `u`, `v`, `r` as far as they exist.
 pub(crate) fn outputs_or_default(log: &RawLog, selection: &Selection) -> Result<Vec<ChannelSpec>, LogError> {
     if !selection.outputs.is_empty() {
         return Ok(selection.outputs.clone());
@@ -135,7 +134,7 @@ pub(crate) fn outputs_or_default(log: &RawLog, selection: &Selection) -> Result<
     Ok(found)
 }
 
-/// Inputs asked for, or all columns that look like commands.
+/// Selected inputs, or all columns with names of commands.
 fn inputs_or_default(
     log: &RawLog,
     selection: &Selection,
@@ -174,7 +173,7 @@ pub(crate) fn time(
             .into_iter()
             .find_map(|name| log.columns.iter().find(|c| c.name.eq_ignore_ascii_case(name)));
         match (guessed, dt) {
-            // A guess that tells no time is none where the step is known.
+            // A guessed column with a single value is not the time if the step is given.
             (Some(column), Some(dt)) if only_value(column).is_some() => return Ok(even(log, dt, notes)),
             (Some(column), _) => ChannelSpec::named(&column.name),
             (None, Some(dt)) => return Ok(even(log, dt, notes)),
@@ -183,7 +182,7 @@ pub(crate) fn time(
             }
         }
     };
-    // Stamps are seconds, whatever unit the header gives them.
+    // Stamps are in seconds, whatever unit the header gives.
     if let Some(column) = find(log, &spec.column).filter(|&i| log.columns[i].stamps.is_some()) {
         let channel = Channel::new(&spec.name, "s");
         return Ok(Time::Column {
@@ -212,7 +211,7 @@ pub(crate) fn time(
 fn even(log: &RawLog, dt: f64, notes: &mut Vec<Note>) -> Time {
     notes.push(
         Note::warning(format!("{}: no time column; the rows are taken as {dt} s apart", log.path))
-            .with_remedy("if a column tells the time, name it with --time COLUMN"),
+            .with_remedy("if a column holds the time, name it with --time COLUMN"),
     );
     Time::Even(dt)
 }
@@ -238,7 +237,7 @@ fn wind_sources(log: &RawLog, wind: &Wind, notes: &mut Vec<Note>) -> Result<[Sou
     Ok([check(&wind.speed, "m/s", notes)?, check(&wind.direction, "rad", notes)?])
 }
 
-/// The columns `<source>_true` of all outputs, in the unit and scale of the output where they state none.
+/// Columns `<source>_true` of all outputs; their default unit and scale are those of the output.
 fn truth(log: &RawLog, outputs: &[Source]) -> Result<Option<Vec<Source>>, LogError> {
     let mut truth = Vec::with_capacity(outputs.len());
     for output in outputs {
@@ -281,7 +280,7 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
     let failed = |source| LogError::Unit { column: raw.name.clone(), source };
     let stated = spec.unit.as_deref().map(|text| Unit::parse(text).map_err(failed)).transpose()?;
     let header = match &raw.unit {
-        // What the header means is no question where the user says it.
+        // The user's unit replaces that of the header, which may then be invalid.
         Some(text) => match Unit::parse(text) {
             Err(_) if stated.is_some() => None,
             parsed => Some(parsed.map_err(failed)?),
@@ -314,7 +313,7 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
     Ok(Source { column, factor, scale: spec.scale, channel: Channel::new(&spec.name, unit.si) })
 }
 
-/// Tells what was made of a unit.
+/// Adds a note on the conversion of a unit.
 fn note_unit(log: &RawLog, column: &str, unit: &Unit, role: Role, notes: &mut Vec<Note>) {
     let path = &log.path;
     if unit.is_doubtful() {
@@ -339,8 +338,7 @@ fn note_unit(log: &RawLog, column: &str, unit: &Unit, role: Role, notes: &mut Ve
     }
 }
 
-/// The column that a name means: exactly, or apart from case, or apart from a unit at its end (`u` for
-/// `u_mps`), where only one column fits.
+/// Column of this name: exact, else without case, else without a unit suffix (`u` for `u_mps`), if only one fits.
 pub fn find(log: &RawLog, name: &str) -> Option<usize> {
     let only = |fits: &dyn Fn(&str) -> bool| {
         let mut found = log.columns.iter().enumerate().filter(|(_, c)| fits(&c.name)).map(|(i, _)| i);
@@ -379,7 +377,7 @@ pub fn unknown(log: &RawLog, name: &str) -> LogError {
     }
 }
 
-/// All names of columns, as they would be written in a selection.
+/// Names of all columns in the form of a selection.
 pub(crate) fn all_names(log: &RawLog) -> String {
     const SHOWN: usize = 60;
     let names: Vec<&str> = log.columns.iter().take(SHOWN).map(|c| c.name.as_str()).collect();

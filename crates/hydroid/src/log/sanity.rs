@@ -6,14 +6,14 @@ use super::trajectory::Channel;
 
 /// Fastest plausible velocity \[m/s\].
 const FASTEST_M_S: f64 = 100.0;
-/// Fastest plausible turn of a vessel \[rad/s\].
+/// Fastest plausible yaw rate of a vessel \[rad/s\].
 const FASTEST_RAD_S: f64 = 20.0;
 /// Ratio of a spike to the typical size of its channel.
 const SPIKE: f64 = 1e6;
 /// Values up to this size are not spikes: a channel may rest at rounding errors before it moves.
 const NO_SPIKE: f64 = 1e3;
 
-/// Refuses a log with an implausible value in a selected column.
+/// Rejects a log with an implausible value in a selected column.
 pub(crate) fn check(columns: &Columns) -> Result<(), LogError> {
     for (channel, values) in columns.output_channels.iter().zip(&columns.outputs) {
         limit(columns, channel, values)?;
@@ -34,7 +34,7 @@ fn limit(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
     }
 }
 
-/// Whether a channel is a velocity or a turn.
+/// Whether a channel is a velocity or a yaw rate.
 pub(crate) fn is_velocity(channel: &Channel) -> bool {
     fastest(channel).is_some()
 }
@@ -65,8 +65,8 @@ pub fn check_value(channel: &Channel, value: f64, path: &str, line: u64) -> Resu
     }
 }
 
-/// Few values a million times larger than the median. Many such values indicate a channel that mostly rests
-/// at rounding errors.
+/// Rejects a few values a million times larger than the median. If they are many, the channel mostly rests at rounding
+/// errors.
 fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), LogError> {
     let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).filter(|x| *x > 0.0).collect();
     if sizes.is_empty() {

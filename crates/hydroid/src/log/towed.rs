@@ -113,7 +113,6 @@ fn second_by_second(values: impl Iterator<Item = (f64, f64)>) -> impl Iterator<I
     })
 }
 
-/// Standard deviation of the measured values.
 fn deviation(y: &[f64]) -> f64 {
     let measured = || y.iter().filter(|y| y.is_finite());
     let n = measured().count().max(1) as f64;

@@ -6,9 +6,9 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Channel {
-    /// Name by which the channel is called everywhere after reading.
+    /// Name of the channel.
     pub name: String,
-    /// SI unit of the stored numbers (`m/s`, `rad/s`, `N` ...); empty where the log states none.
+    /// SI unit of the stored values (`m/s`, `rad/s`, `N` ...); empty if unknown.
     pub unit: String,
 }
 
@@ -19,9 +19,7 @@ impl Channel {
     }
 }
 
-/// Samples of several channels, row by row: row `k` holds all channels at sample `k`.
-///
-/// A value that was not measured is NaN; nothing is invented in its place.
+/// Samples of several channels: row `k` holds all channels at sample `k`. A missing value is NaN.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     channels: Arc<[Channel]>,
@@ -85,13 +83,11 @@ impl Table {
     }
 }
 
-/// One run on a regular clock: row `k` of `outputs` was measured at `t0 + k dt`, row `k` of `inputs`
-/// was held from then until row `k + 1`.
-///
-/// Outputs may hold NaN where a sensor gave nothing; inputs never do.
+/// One run on a regular clock. Row `k` of `outputs` was measured at `t0 + k dt`; row `k` of `inputs` was held until row
+/// `k + 1`. Missing outputs are NaN; inputs are never missing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
-    /// Where the run came from: a file's name, with the part of it where it was cut.
+    /// Name of the file, with the part of it if it was cut.
     pub name: String,
     /// Time of the first sample \[s\].
     pub t0: f64,

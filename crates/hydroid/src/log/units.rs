@@ -4,10 +4,9 @@
 //! in revolutions is stored in revolutions per second (`rps`), the unit of propeller coefficients. An unknown
 //! unit is kept with factor 1.
 //!
-//! `/sec` and `/second` are read as `/s`. Case matters only for units that differ in case alone
-//! (`Nm`, `NM`, `nm`; `Ns`, `ns`; `mV` and a megavolt). `kn` is knots and `kN` is kilonewtons. Any other
-//! spelling of the two (`KN`, `Kn`) is read as knots, because nearly every log contains speeds;
-//! [`Unit::is_doubtful`] reports this guess.
+//! `/sec` and `/second` are read as `/s`. Case matters only for units that differ in case alone (`Nm`, `NM`, `nm`;
+//! `Ns`, `ns`; `mV` and a megavolt). `kn` is knots and `kN` is kilonewtons. Any other spelling of the two (`KN`, `Kn`)
+//! is read as knots, because nearly every log contains speeds; [`Unit::is_doubtful`] reports this guess.
 
 use std::f64::consts::TAU;
 

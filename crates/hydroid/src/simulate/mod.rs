@@ -1,8 +1,8 @@
 //! Simulated logs: plant, excitation, measurement noise.
 //!
-//! [`simulate`] runs a vessel from rest at the origin, heading north, and returns a [`Simulated`] record of commands, measurements
-//! and truth. Equal [`Options`] give equal records to the last bit, for any number of threads. Commands and noise have separate
-//! random streams, so that the noise can change without the commands.
+//! [`simulate`] runs a vessel from rest at the origin, heading north, and returns a [`Simulated`] record of commands,
+//! measurements and truth. Equal [`Options`] give equal records to the last bit, for any number of threads. Commands
+//! and noise have separate random streams, so that the noise can change without the commands.
 //!
 //! ```
 //! use std::ops::ControlFlow;

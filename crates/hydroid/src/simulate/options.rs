@@ -24,7 +24,6 @@ pub struct Options {
     pub noise_scale: f64,
 }
 
-/// The sizes of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Counts {
     pub(crate) samples: usize,

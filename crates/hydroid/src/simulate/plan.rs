@@ -22,10 +22,10 @@ pub(super) struct Stage {
 const FASTEST: f64 = 0.92;
 /// Smallest random speed relative to the top speed; also the speed of a sharp turn.
 const SLOWEST: f64 = 0.25;
-/// Band around the transition without random speeds: the drag decreases there with speed, so that equilibria are unstable.
+/// Band around the transition without random speeds: the drag decreases there with speed, so that equilibria are
+/// unstable.
 const UNSTABLE: [f64; 2] = [0.9, 1.2];
 
-/// Stages of a circle.
 pub(super) fn circle(plan: &Circle, envelope: &Envelope) -> Result<Vec<Stage>, ExcitationError> {
     let radius = positive("the radius", plan.radius.unwrap_or(2.0 * envelope.top_speed * envelope.time_s))?;
     let speed = reachable(plan.speed.unwrap_or(0.6 * envelope.top_speed), envelope)?;

@@ -64,7 +64,8 @@ impl Runner<'_> {
         self.run(|k, _| commands.get(k).copied())
     }
 
-    /// Open loop, but the propeller force is zero just below the ceiling: in turns the Coriolis force can accelerate the vessel.
+    /// Open loop, but the propeller force is zero just below the ceiling: in turns the Coriolis force can accelerate
+    /// the vessel.
     fn governed(
         &mut self,
         commands: &[Command],

@@ -6,8 +6,8 @@ use std::io::{self, BufWriter, Write};
 use super::record::Simulated;
 
 impl Simulated {
-    /// Writes the record as CSV: time, commands, measured pose and velocities, true velocities and propeller force, measured force if
-    /// any. The header has names and units; numbers are the shortest that read back exactly.
+    /// Writes the record as CSV: time, commands, measured pose and velocities, true velocities and propeller force,
+    /// measured force if any. The header has names and units; numbers are the shortest that read back exactly.
     ///
     /// # Errors
     /// If the writer fails.

@@ -13,7 +13,7 @@ const BETA: [f64; 2] = [0.9, 0.999];
 /// Regularizes the division.
 const EPSILON: f64 = 1e-8;
 
-/// Weights in a part that one thread updates. Sums are taken over parts in order.
+/// Number of weights that one thread updates at a time. Sums are taken over these parts in order.
 pub(super) const PART: usize = 1 << 14;
 
 /// Adam (Kingma and Ba 2015, algorithm 1) with decoupled weight decay (`AdamW`, Loshchilov and Hutter 2019):
@@ -39,7 +39,6 @@ impl<T: Scalar> Adam<T> {
         Self { mean: vec![T::zero(); weights], square: vec![T::zero(); weights], steps: 0 }
     }
 
-    /// A step of the weights against the gradient.
     pub(super) fn step(&mut self, weights: &mut [T], gradient: &[T], rate: f64, decay: f64) {
         self.steps += 1;
         let t = self.steps as f64;
@@ -65,7 +64,6 @@ impl<T: Scalar> Adam<T> {
     }
 }
 
-/// A step of some weights.
 struct Step<'a, T> {
     weights: &'a mut [T],
     gradient: &'a [T],
@@ -94,9 +92,9 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
     }
 }
 
-/// Shortens a gradient to a length, and gives the length that it had (Pascanu, Mikolov and Bengio 2013).
+/// Clips the norm of a gradient and returns the norm before (Pascanu, Mikolov and Bengio 2013).
 pub(super) fn clip<T: Scalar>(gradient: &mut [T], most: f64) -> f64 {
-    // Sums side by side, or each addition would wait for the last.
+    // Several partial sums, so that an addition does not wait for the previous one.
     let square = |part: &[T]| {
         let mut sums = [0.0; 8];
         for eight in part.chunks(8) {
@@ -135,13 +133,13 @@ mod tests {
             expected = expected - 0.01 * 0.1 * expected - 0.01 * m_hat / (v_hat.sqrt() + 1e-8);
             assert!((w[0] - expected).abs() < 1e-12, "step {t}: {} {expected}", w[0]);
         }
-        // The first step of Adam is as long as the step size, whatever the gradient.
+        // The first step has the length of the step size for any gradient.
         let (mut adam, mut w) = (Adam::new(2), [0.0f64; 2]);
         adam.step(&mut w, &[1e-3, -1e3], 0.01, 0.0);
         assert!((w[0] + 0.01).abs() < 1e-6 && (w[1] - 0.01).abs() < 1e-6);
     }
 
-    /// A decay of a hundred-millionth a step, in weights that tell less than that apart: the steps carry it.
+    /// A decay of 1e-8 per step, less than the resolution of the weights, acts through the steps.
     #[test]
     fn little_decay_acts_in_single_precision() {
         let end = |decay: f64| {

@@ -53,8 +53,8 @@ impl Parts {
     }
 }
 
-/// Windows in parallel lanes. With scaled outputs `z` and actuator states that follow their commands from the start of the
-/// wash-out:
+/// Windows in parallel lanes. With scaled outputs `z` and actuator states that follow their commands from the start of
+/// the wash-out:
 ///
 /// ```text
 /// dz/dt = ratio ( f(z) + sum_i g_i(z) e_i ),     e_i = phi_i(a_i) / w_i,     RK4 over each sample
@@ -62,9 +62,9 @@ impl Parts {
 /// L     = sum over k = 1 .. length, outputs j:  w_j (z_{o+k,j} - measured_{o+k,j})^2
 /// ```
 ///
-/// The second line is an observer, active if `settle > 0`: starting from one noisy measurement would bias the regression
-/// (errors in variables). Sources: L. Ljung, *System Identification*, 2nd ed., 1999, sections 3.3 and 7.3; T. Soderstrom,
-/// *Errors-in-variables methods in system identification*, Automatica, 2007.
+/// The second line is an observer, active if `settle > 0`: starting from one noisy measurement would bias the
+/// regression (errors in variables). Sources: L. Ljung, *System Identification*, 2nd ed., 1999, sections 3.3 and 7.3;
+/// T. Soderstrom, *Errors-in-variables methods in system identification*, Automatica, 2007.
 ///
 /// Actuator states depend on commands and their time constant only: their sensitivity is propagated forward, and the
 /// backward pass runs through the stages of RK4.
@@ -87,7 +87,6 @@ pub(super) struct Affine<T> {
     slopes: Vec<T>,
     /// `z_o ..`, each `outputs x lanes`.
     states: Vec<T>,
-    /// Of a stage.
     rate: Vec<T>,
     /// Adjoints of the state, of its stage part, and of a stage's input; gradient of a stage.
     adjoint: Vec<T>,
@@ -166,7 +165,6 @@ impl<T: Scalar> Affine<T> {
         }
     }
 
-    /// Efforts from commands.
     fn actuate(&mut self, lags: &[T], runs: &[ScaledRun<T>]) {
         let Shape { inputs: m, wash_out, length, .. } = self.shape;
         let (lanes, steps) = (self.lanes, self.settle + length);
@@ -264,14 +262,14 @@ impl<T: Scalar> Affine<T> {
             if let Some(step) = k.checked_sub(self.settle) {
                 self.compare(runs, step, |j, lane, error| adjoint[j * lanes + lane] += factors[j] * error);
             } else {
-                // Of what was measured only the rest of the prediction depends on the weights.
+                // Of a corrected state, only the share 1 - K of the prediction depends on the weights.
                 let rest = T::one() - self.gain;
                 measured(&self.windows, runs, (n, lanes), self.settle - 1 - k, |at, _| adjoint[at] *= rest);
             }
             self.adjoint = adjoint;
             self.parts_adjoint.fill(T::zero());
             for (stage, (halves, weight)) in STAGES.into_iter().enumerate().rev() {
-                // What the stage's rate is worth: in the sum, and in where the next stage stands.
+                // Adjoint of the rate: its share in the sum and in the input of the next stage.
                 let share = T::of(weight * dt / 6.0);
                 let next = match STAGES.get(stage + 1) {
                     Some((halves, _)) => T::of(0.5 * *halves as f64 * dt),
@@ -328,7 +326,7 @@ fn measured<T: Scalar>(
     }
 }
 
-/// `rate <- ratio ( f + sum g_i e_i )`, from what the network gives.
+/// `rate <- ratio ( f + sum g_i e_i )`, from the output of the network.
 fn rates<T: Scalar>(
     given: &[T],
     efforts: &[T],

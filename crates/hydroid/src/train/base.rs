@@ -13,15 +13,15 @@ const DIFFERENCE: f64 = 1e-5;
 /// z+ = b(z, c) + ratio . g,     ratio = correction_scale / output_scale
 /// ```
 ///
-/// in scaled outputs `z`; matrices are `outputs x lanes`. Equations are integrated in double precision and physical units.
+/// in scaled outputs `z`; matrices are `outputs x lanes`. Equations are integrated in double precision and physical
+/// units.
 ///
 /// The backward pass replaces `a` by `(db/dz)' a`. The Jacobian of equations is computed by central differences over a
-/// sample and includes gates and substeps. It neglects the dependence of later samples on past outputs among the signals, so
-/// that the gradient of such equations is approximate; the loss is exact.
+/// sample and includes gates and substeps. It neglects the dependence of later samples on past outputs among the
+/// signals, so that the gradient of such equations is approximate; the loss is exact.
 #[derive(Clone, Debug)]
 pub(super) struct BaseStep {
     kind: Kind,
-    /// `correction_scale / output_scale`.
     pub(super) ratio: Vec<f64>,
 }
 
@@ -78,7 +78,6 @@ impl BaseStep {
         !matches!(self.kind, Kind::Nothing)
     }
 
-    /// Resets the signal memory.
     pub(super) fn reset(&mut self) {
         if let Kind::Equations(grey) = &mut self.kind {
             grey.states.fill(f64::NAN);

@@ -9,13 +9,12 @@ use crate::log::Trajectory;
 
 /// Rollouts of equations from each sample of a run.
 ///
-/// The rollout at sample `k` starts from the measurement (a missing value is held) and the signal memory (lags, past values)
-/// of the run so far. The memory is `H` times that of the outputs, in the precision of the training: 17 MB in single
-/// precision for two hours of three outputs at 10 Hz and 20 steps.
+/// The rollout at sample `k` starts from the measurement (a missing value is held) and the signal memory (lags, past
+/// values) of the run so far. The memory use is `H` times that of the outputs.
 #[derive(Clone, Debug)]
 pub(super) struct BaseRollout<T> {
-    /// Scaled `e_{k+1} .. e_{k+H}` of each sample, `samples x H x outputs`: NaN while the signal memory is incomplete; the
-    /// last value is held beyond the end of the run.
+    /// Scaled `e_{k+1} .. e_{k+H}` of each sample, `samples x H x outputs`: NaN while the signal memory is incomplete;
+    /// the last value is held beyond the end of the run.
     ahead: Vec<T>,
     /// Row length: `H x outputs`.
     row: usize,
@@ -76,13 +75,11 @@ impl<T: Scalar> BaseRollout<T> {
         &self.ahead[k * self.row..(k + 1) * self.row]
     }
 
-    /// The state at a sample.
     pub(super) fn state(&self, k: usize) -> &[f64] {
         &self.states[k * self.state..(k + 1) * self.state]
     }
 }
 
-/// State of the equations at each sample of a run.
 fn forward(equations: &Equations, run: &Trajectory) -> Vec<f64> {
     let (n, len) = (equations.outputs(), equations.state_len());
     let mut now = vec![f64::NAN; len];

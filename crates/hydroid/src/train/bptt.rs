@@ -23,7 +23,8 @@ use super::windows::{ScaledRun, Shape, Window};
 /// a_k         = 2 w (p_k - measured_k)  +  (dL/dz_k of f, through feedback) + (db/dz)' a_{k+1},
 /// ```
 ///
-/// where the last two terms apply if `z_k` is `p_k`. Source: P. J. Werbos, *Backpropagation through time*, Proc. IEEE, 1990.
+/// where the last two terms apply if `z_k` is `p_k`. Source: P. J. Werbos, *Backpropagation through time*, Proc. IEEE,
+/// 1990.
 #[derive(Clone, Debug)]
 pub(super) struct Bptt<T> {
     shape: Shape,
@@ -75,7 +76,6 @@ impl<T: Scalar> Bptt<T> {
         }
     }
 
-    /// Forward pass over windows.
     pub(super) fn forward(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
         self.windows.clear();
         self.windows.extend_from_slice(windows);
@@ -152,7 +152,6 @@ impl<T: Scalar> Bptt<T> {
         }
     }
 
-    /// Calls `each(output, lane, predicted - measured)` for the values compared `step + 1` samples after the origin.
     pub(super) fn compare(&self, runs: &[ScaledRun<T>], step: usize, mut each: impl FnMut(usize, usize, T)) {
         let (n, lanes) = (self.shape.outputs, self.tape.lanes());
         let predicted = &self.predicted[(self.shape.wash_out + step + 1) * n * lanes..][..n * lanes];
@@ -166,7 +165,6 @@ impl<T: Scalar> Bptt<T> {
         }
     }
 
-    /// Whether a prediction after the origin exceeds `most` in magnitude or is NaN.
     pub(super) fn exceeds(&self, most: f64) -> bool {
         let (n, lanes) = (self.shape.outputs, self.tape.lanes());
         let most = T::of(most);
@@ -174,7 +172,7 @@ impl<T: Scalar> Bptt<T> {
         rows.into_iter().any(|row| row[..self.windows.len()].iter().any(|z| z.is_nan() || z.abs() > most))
     }
 
-    /// Backward pass of the last [`forward`](Self::forward): writes the gradient of `factor` times its loss to `gradient`.
+    /// Writes the gradient of `factor` times the loss of the last [`forward`](Self::forward) to `gradient`.
     pub(super) fn backward(
         &mut self,
         runs: &[ScaledRun<T>],

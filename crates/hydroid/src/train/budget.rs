@@ -42,7 +42,6 @@ impl Clock {
         Self { start, epochs: start, told: start, budget, judging: 0.0, epoch: 0.0 }
     }
 
-    /// Time since the start \[s\].
     pub(super) fn seconds(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }
@@ -52,7 +51,8 @@ impl Clock {
         self.budget.is_some_and(|budget| self.seconds() + self.judging > OVER * budget)
     }
 
-    /// Number of epochs that fit the budget, estimated from trial steps: the schedule depends on the total number of epochs.
+    /// Number of epochs that fit the budget, estimated from trial steps: the schedule depends on the total number of
+    /// epochs.
     pub(super) fn epochs<T: Scalar>(
         &mut self,
         restarts: &mut Restarts<T>,
@@ -85,13 +85,11 @@ impl Clock {
         }
         let left = PLANNED * budget - self.seconds();
         self.epochs = Instant::now();
-        // The cast saturates; negative numbers become 0, and then 1.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let fit = (left / self.epoch) as usize;
         Ok(fit.clamp(1, most))
     }
 
-    /// Error for a budget smaller than one epoch.
     pub(super) fn no_time(&self) -> TrainError {
         TrainError::NoTime { budget_s: self.budget.unwrap_or(0.0), epoch_s: self.epoch.max(self.seconds()) }
     }

@@ -75,7 +75,6 @@ pub(super) struct CheckpointWriter {
 
 impl CheckpointWriter {
     pub(super) fn open(path: Option<&Path>, job: &Job<'_>, options: &TrainOptions) -> Self {
-        // Fingerprints are needed only with a file.
         let fingerprints =
             if path.is_some() { fingerprints(job, options) } else { [String::new(), String::new()] };
         Self { path: path.map(Path::to_owned), fingerprints, written: Instant::now(), pending: None }
@@ -105,8 +104,7 @@ impl CheckpointWriter {
         decode(&bytes, &self.fingerprints, restarts).map(Some).map_err(wrong)
     }
 
-    /// Stores the state after `epoch` epochs. Writes are at least half a second apart, so that an interruption loses at most
-    /// that or one epoch.
+    /// Stores the state after `epoch` epochs; writes are at least half a second apart.
     pub(super) fn keep<T: Scalar>(&mut self, restarts: &Restarts<T>, epoch: usize) -> Result<(), TrainError> {
         let Some(path) = &self.path else { return Ok(()) };
         let encoded = encode(restarts, epoch, &self.fingerprints);
@@ -119,7 +117,6 @@ impl CheckpointWriter {
         if self.written.elapsed() >= EVERY { self.flush() } else { Ok(()) }
     }
 
-    /// Writes pending data.
     pub(super) fn flush(&mut self) -> Result<(), TrainError> {
         if let (Some(path), Some(bytes)) = (&self.path, self.pending.take()) {
             atomic::write(path, |out| out.write_all(&bytes))?;
@@ -130,8 +127,8 @@ impl CheckpointWriter {
 }
 
 impl Job<'_> {
-    /// Whether a file is the checkpoint of a training with these options, and with these data (both false if it cannot be
-    /// read).
+    /// Whether a file is the checkpoint of a training with these options, and with these data (both false if
+    /// unreadable).
     pub fn is_kept_in(&self, options: &TrainOptions, path: &Path) -> [bool; 2] {
         let head = || -> Option<Head> {
             if !std::fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() <= LARGEST) {

@@ -17,9 +17,9 @@ use super::windows::{ScaledRun, Shape, Window};
 /// L                  = sum over k = 1 .. H, outputs i:  w_i (p_{o+k,i} - measured_{o+k,i})^2
 /// ```
 ///
-/// `base` is zero, `z_o`, or the rollout of equations from `o` ([`BaseRollout`](super::base_rollout::BaseRollout)). A missing
-/// measurement in the history is held, or taken from the next one at the start. A length beyond `H` is chained as in a
-/// session; the gradient is of the first horizon only.
+/// `base` is zero, `z_o`, or the rollout of equations from `o` ([`BaseRollout`](super::base_rollout::BaseRollout)). A
+/// missing measurement in the history is held, or taken from the next one at the start. A length beyond `H` is chained
+/// as in a session; the gradient is of the first horizon only.
 #[derive(Clone, Debug)]
 pub(super) struct DirectBatch<T> {
     shape: Shape,
@@ -35,7 +35,6 @@ pub(super) struct DirectBatch<T> {
     predicted: Vec<T>,
 }
 
-/// Base of the predictor.
 #[derive(Clone, Debug)]
 enum Kind {
     Nothing,
@@ -87,7 +86,6 @@ impl<T: Scalar> DirectBatch<T> {
         }
     }
 
-    /// Fills the histories of the outputs.
     fn fill(&mut self, runs: &[ScaledRun<T>]) {
         let (n, lanes, steps) = (self.shape.outputs, self.batch.lanes(), self.shape.wash_out + 1);
         for (lane, window) in self.windows.iter().enumerate() {
@@ -161,7 +159,6 @@ impl<T: Scalar> DirectBatch<T> {
         }
     }
 
-    /// Adds the output of the network to the base.
     fn predict(&mut self, first: usize) {
         let (n, lanes) = (self.shape.outputs, self.batch.lanes());
         let row = n * lanes;

@@ -68,7 +68,7 @@ pub enum TrainError {
     },
     /// Range of an input with a sine map beyond +-90 degrees.
     #[error(
-        "input '{channel}' is to act by its sine, and its design range is {low}..{high} rad, beyond a quarter of a turn (1.5708), where a sine cannot be inverted: give a narrower --range, or say that it acts as it is, maps = [{maps}] in [affine]"
+        "input '{channel}' is to act by its sine, and its design range is {low}..{high} rad, beyond a quarter of a turn (1.5708), where a sine cannot be inverted: give a narrower --range, or set maps = [{maps}] in [affine]"
     )]
     Sine {
         /// The input.
@@ -99,7 +99,7 @@ pub enum TrainError {
     },
     /// Every window has missing values.
     #[error(
-        "no window of the {what} runs can be used: in each an input is missing, or an output is not measured before its predictions begin, or nothing is measured to compare with. Fill the gaps, or leave out the channel that is missing"
+        "no window of the {what} runs can be used: in each an input is missing, or an output has no measurement before the predictions, or no measurement to compare with. Fill the gaps, or leave out the channel that is missing"
     )]
     NoWindow {
         /// `training` or `validation`.
@@ -107,7 +107,7 @@ pub enum TrainError {
     },
     /// No output varies over the validation origins, so that the NRMSE is undefined.
     #[error(
-        "the validation runs hold {origins} origins with a wash-out before and {horizon} samples to compare after them, and no output differs from one to the other, so that errors have no measure: give longer validation runs or some that move, or a shorter horizon (--horizon)"
+        "the validation runs hold {origins} origins with a wash-out before and {horizon} samples to compare after them, and no output varies over the origins, so that the NRMSE is undefined: give longer validation runs, runs in which the outputs vary, or a shorter horizon (--horizon)"
     )]
     NoScore {
         /// Number of origins.
@@ -117,7 +117,7 @@ pub enum TrainError {
     },
     /// Constant output in the training runs.
     #[error(
-        "output '{channel}' does not move by a millionth of its design range in the training runs, so that nothing can be learned of it: leave it out, or give runs where it moves"
+        "output '{channel}' does not move by a millionth of its design range in the training runs and cannot be learned: leave it out, or give runs where it moves"
     )]
     Constant {
         /// The output.

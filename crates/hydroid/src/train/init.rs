@@ -6,8 +6,8 @@ use hydroid_core::model::recurrent::{Cell, Network, Tensor};
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
 
-/// Initialization of recurrent networks as in PyTorch: uniform in `+-1 / sqrt(hidden)`; 1 is added to the forget-gate bias of
-/// an LSTM (Gers, Schmidhuber and Cummins 2000; Jozefowicz et al. 2015).
+/// Initialization of recurrent networks as in PyTorch: uniform in `+-1 / sqrt(hidden)`; 1 is added to the forget-gate
+/// bias of an LSTM (Gers, Schmidhuber and Cummins 2000; Jozefowicz et al. 2015).
 pub(super) fn weights<T: Scalar>(network: &Network, rng: &mut ChaCha8Rng) -> Vec<T> {
     let (Cell::Lstm { hidden, .. } | Cell::Gru { hidden } | Cell::Vanilla { hidden, .. }) = network.cell;
     let bound = 1.0 / (hidden as f64).sqrt();

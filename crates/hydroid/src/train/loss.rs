@@ -4,8 +4,8 @@ use hydroid_core::model::recurrent::Scaling;
 
 use super::TrainOptions;
 
-/// Lower limit of an error relative to the largest one in the balance. Without it an output with a vanishing error would
-/// dominate the gradient.
+/// Lower limit of an error relative to the largest one in the balance. Without it an output with a vanishing error
+/// would dominate the gradient.
 const FLOOR: f64 = 1e-3;
 
 /// Sum of squared errors of an output in scaled units, and their number.
@@ -18,9 +18,9 @@ pub(super) type Sums = [f64; 2];
 /// dL     = sum over outputs i:  w_i / (2 e_i) d(1/N sum ((y_i - measured_i) / s_i)^2)
 /// ```
 ///
-/// Over an epoch the training minimizes the sum of squares with `w_i b_i` in place of `w_i / (2 e_i)`. The balance `b_i` is
-/// `1 / e_i` of the previous epoch, normalized to a mean of 1 so that gradient clipping keeps its meaning; it is 1 in the
-/// first epoch.
+/// Over an epoch the training minimizes the sum of squares with `w_i b_i` in place of `w_i / (2 e_i)`. The balance
+/// `b_i` is `1 / e_i` of the previous epoch, normalized to a mean of 1 so that gradient clipping keeps its meaning; it
+/// is 1 in the first epoch.
 #[derive(Clone, Debug)]
 pub(super) struct Loss {
     /// `w_i`.
@@ -39,7 +39,6 @@ impl Loss {
         }
     }
 
-    /// Balance of the first epoch.
     pub(super) fn even(&self) -> Vec<f64> {
         vec![1.0; self.given.len()]
     }

@@ -13,7 +13,6 @@ use super::loss::Sums;
 use super::windows::{ScaledRun, Shape, Window};
 use super::{TrainedNetwork, init};
 
-/// Architecture of the trained network.
 #[derive(Clone, Debug)]
 pub(super) enum Architecture {
     /// Recurrent network, its base, and whether outputs are fed back.
@@ -25,7 +24,6 @@ pub(super) enum Architecture {
 }
 
 impl Architecture {
-    /// Number of weights.
     pub(super) fn weights(&self) -> usize {
         match self {
             Self::Recurrent { network, .. } => network.weights(),
@@ -34,7 +32,6 @@ impl Architecture {
         }
     }
 
-    /// Initial weights.
     pub(super) fn first<T: Scalar>(&self, rng: &mut ChaCha8Rng) -> Vec<T> {
         match self {
             Self::Recurrent { network, .. } => init::weights(network, rng),
@@ -47,8 +44,8 @@ impl Architecture {
         }
     }
 
-    /// Windows of a mini-batch. For recurrent networks they fill the SIMD lanes while a small batch still occupies two threads;
-    /// for direct predictors the matrices fit the L2 cache and the reduction of gradients is cheap.
+    /// Windows of a mini-batch. For recurrent networks they fill the SIMD lanes while a small batch still occupies two
+    /// threads; for direct predictors the matrices fit the L2 cache and the reduction of gradients is cheap.
     pub(super) fn chunk_windows(&self) -> usize {
         match self {
             Self::Recurrent { .. } | Self::Affine(_) => 16,
@@ -56,7 +53,8 @@ impl Architecture {
         }
     }
 
-    /// Whether windows of an epoch start at every sample (direct predictors). Otherwise their compared parts tile the runs.
+    /// Whether windows of an epoch start at every sample (direct predictors). Otherwise their compared parts tile the
+    /// runs.
     pub(super) fn has_overlapping_windows(&self) -> bool {
         matches!(self, Self::Direct { .. })
     }
@@ -83,7 +81,6 @@ impl Architecture {
         }
     }
 
-    /// Model with these weights.
     pub(super) fn model<T: Scalar>(&self, weights: &[T], scaling: &Scaling, shape: Shape) -> TrainedNetwork {
         let wide = |weights: &[T]| weights.iter().map(|w| w.wide()).collect::<Vec<f64>>();
         let scaling = scaling.clone();
@@ -119,15 +116,12 @@ impl Architecture {
     }
 }
 
-/// Windows in parallel lanes. The number of windows is fixed and gradients are added in a fixed order, so that sums do not
-/// depend on the number of threads.
+/// Windows in parallel lanes. The number of windows is fixed and gradients are added in a fixed order, so that sums do
+/// not depend on the number of threads.
 #[derive(Clone, Debug)]
 pub(super) enum MiniBatch<T> {
-    /// Recurrent network, unrolled in time.
     Bptt(Box<Bptt<T>>),
-    /// Direct predictor.
     DirectBatch(Box<DirectBatch<T>>),
-    /// Control-affine network, integrated in time.
     Affine(Box<Affine<T>>),
 }
 
@@ -169,8 +163,8 @@ impl<T: Scalar> MiniBatch<T> {
         }
     }
 
-    /// Backward pass of the last [`forward`](Self::forward), with the same weights: writes the gradient of `factor` times the
-    /// sum of squares to `gradient`.
+    /// Backward pass of the last [`forward`](Self::forward), with the same weights: writes the gradient of `factor`
+    /// times the sum of squares to `gradient`.
     pub(super) fn backward(
         &mut self,
         weights: &[T],

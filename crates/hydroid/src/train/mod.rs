@@ -1,34 +1,35 @@
 //! Training of networks.
 //!
 //! [`train`] learns the weights of a [`Recurrent`] network by backpropagation through time (BPTT), or of a [`Direct`]
-//! predictor or a [`ControlAffine`] network by backpropagation. It keeps the weights with the least multi-step error on the
-//! validation runs.
+//! predictor or a [`ControlAffine`] network by backpropagation. It keeps the weights with the least multi-step error on
+//! the validation runs.
 //!
-//! **Windows.** Runs are cut into windows. In the wash-out at the start of a window the hidden state converges from zero
-//! under measured outputs. From the origin on the model receives no outputs, as in a rollout. The loss is
+//! **Windows.** Runs are cut into windows. In the wash-out at the start of a window the hidden state converges from
+//! zero under measured outputs. From the origin on the model receives no outputs, as in a rollout. The loss is
 //!
 //! ```text
 //! L     = sum over outputs i:  (N_i / N) w_i e_i
 //! e_i^2 = 1/N_i  sum over windows, k = 1 .. length:   ((y_{o+k,i} - measured_{o+k,i}) / s_i)^2
 //! ```
 //!
-//! with the standard deviation `s_i` of output `i` in the training runs, its weight `w_i`, and `N_i` of `N` compared values.
-//! This mean of RMS errors matches the score of [`evaluate`](mod@crate::evaluate); a mean of squares would favour noisy
-//! outputs. A step follows the gradient of the squares of each output divided by its `e_i` of the previous epoch (equal `e_i`
-//! in the first epoch, and none below a thousandth of the largest). The gradient includes the wash-out and the output
-//! feedback. The compared parts tile each run once in an epoch, from a random offset. The windows of a direct predictor start
-//! at every sample, with its history in place of a wash-out. Missing outputs are not compared and are replaced by
-//! predictions in the feedback; a window with a missing input is skipped.
+//! with the standard deviation `s_i` of output `i` in the training runs, its weight `w_i`, and `N_i` of `N` compared
+//! values. This mean of RMS errors matches the score of [`evaluate`](mod@crate::evaluate); a mean of squares would
+//! favour noisy outputs. A step follows the gradient of the squares of each output divided by its `e_i` of the previous
+//! epoch (equal `e_i` in the first epoch, and none below a thousandth of the largest). The gradient includes the
+//! wash-out and the output feedback. The compared parts tile each run once in an epoch, from a random offset. The
+//! windows of a direct predictor start at every sample, with its history in place of a wash-out. Missing outputs are
+//! not compared and are replaced by predictions in the feedback; a window with a missing input is skipped.
 //!
-//! **Scaling** maps design ranges to -2..2. The output of a network is scaled by the outputs, or with a [`BaseKind`] by the
-//! RMS of what the base leaves to correct.
+//! **Scaling** maps design ranges to -2..2. The output of a network is scaled by the outputs, or with a [`BaseKind`] by
+//! the RMS of what the base leaves to correct.
 //!
-//! **Determinism.** The weights depend only on runs, options and kind of machine. Random numbers have one stream for each
-//! purpose, restart and epoch, and gradients of mini-batches are added in a fixed order, so that the number of threads
-//! changes no bit. Another processor or system may round `cos`, `pow` or sums of products differently. A budget in seconds
-//! determines the number of epochs before the first one; [`Trained::epochs`] reports it.
+//! **Determinism.** The weights depend only on runs, options and kind of machine. Random numbers have one stream for
+//! each purpose, restart and epoch, and gradients of mini-batches are added in a fixed order, so that the number of
+//! threads changes no bit. Another processor or system may round `cos`, `pow` or sums of products differently. A budget
+//! in seconds determines the number of epochs before the first one; [`Trained::epochs`] reports it.
 //!
-//! **Refit.** With [`TrainOptions::refit`] the selected restart is trained again on training and validation runs together.
+//! **Refit.** With [`TrainOptions::refit`] the selected restart is trained again on training and validation runs
+//! together.
 //!
 //! **Optimizer.** Adam with decoupled weight decay, gradient clipping and a [`schedule`](mod@schedule).
 
@@ -107,8 +108,8 @@ pub struct Job<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Epoch {
-    /// Training loss: weighted mean over outputs of the RMS error in standard deviations. Non-finite values are null in JSON,
-    /// which is read as infinite.
+    /// Training loss: weighted mean over outputs of the RMS error in standard deviations. Non-finite values are null in
+    /// JSON, which is read as infinite.
     #[serde(deserialize_with = "null_is_infinite")]
     pub train_loss: f64,
     /// Validation error: mean NRMSE over outputs and horizons, as
@@ -221,8 +222,8 @@ pub struct Trained {
     pub window: usize,
     /// Training time \[s\].
     pub seconds: f64,
-    /// Best weights of each restart that did not diverge, with [`TrainOptions::ensemble`]. Empty for a control-affine network,
-    /// which is their average.
+    /// Best weights of each restart that did not diverge, with [`TrainOptions::ensemble`]. Empty for a control-affine
+    /// network, which is their average.
     pub members: Vec<Vec<f64>>,
     /// Result of the refit. All other fields are of the training before it.
     pub refit: Option<Refit>,
@@ -237,8 +238,8 @@ impl Trained {
 
 /// Trains a network.
 ///
-/// With `checkpoint` the state is written to that file during the training, and an existing file is resumed. The file remains
-/// after the training.
+/// With `checkpoint` the state is written to that file during the training, and an existing file is resumed. The file
+/// remains after the training.
 ///
 /// # Errors
 /// If options, runs or checkpoint are invalid, all restarts diverged, or the training was cancelled.
@@ -267,7 +268,6 @@ fn run<T: Scalar>(
     finish(&restarts, options, ending, &clock)
 }
 
-/// Phase of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// Selection of the best epoch and restart, within the budget.
@@ -277,7 +277,6 @@ enum Phase {
 }
 
 impl Phase {
-    /// Index of the first restart.
     fn first(self) -> usize {
         match self {
             Self::Selection => 0,

@@ -20,7 +20,8 @@ pub enum CellKind {
     Gru,
     /// Vanilla (Elman) network.
     Rnn,
-    /// Direct predictor ([`Direct`](hydroid_core::model::direct::Direct)): a feed-forward network with all outputs of a horizon.
+    /// Direct predictor ([`Direct`](hydroid_core::model::direct::Direct)): a feed-forward network with all outputs of a
+    /// horizon.
     Direct,
     /// Control-affine network ([`ControlAffine`](hydroid_core::model::affine::ControlAffine)).
     Affine,
@@ -53,8 +54,8 @@ pub enum BaseKind {
     Nothing,
     /// Present outputs: the network outputs increments.
     Hold,
-    /// Equations of motion, given by the caller: the network outputs their residual over a sample, or over each sample of the
-    /// horizon of a direct predictor.
+    /// Equations of motion, given by the caller: the network outputs their residual over a sample, or over each sample
+    /// of the horizon of a direct predictor.
     Equations,
 }
 
@@ -92,8 +93,8 @@ pub struct TrainOptions {
     pub cell: CellKind,
     /// Cells or units of each layer.
     pub hidden: usize,
-    /// Hidden layers: of a vanilla network (default 2), a direct predictor (3) or a control-affine network (1); LSTM and GRU
-    /// have one.
+    /// Hidden layers: of a vanilla network (default 2), a direct predictor (3) or a control-affine network (1); LSTM
+    /// and GRU have one.
     pub layers: Option<usize>,
     /// Length of the projection of the LSTM's `h`; `None` for no projection.
     pub projection: Option<usize>,
@@ -103,16 +104,16 @@ pub struct TrainOptions {
     pub feedback: bool,
     /// Base of the network.
     pub base: BaseKind,
-    /// Wash-out \[s\], in which the hidden state converges from zero without loss; default 100 samples, at most an eighth of
-    /// the longest run. The gradient includes the wash-out.
+    /// Wash-out \[s\], in which the hidden state converges from zero without loss; default 100 samples, at most an
+    /// eighth of the longest run. The gradient includes the wash-out.
     pub wash_out_s: Option<f64>,
     /// History of a direct predictor \[s\], the present sample included; default 40 samples.
     pub history_s: Option<f64>,
-    /// Compared time of a window \[s\]; default 200 samples, at most a quarter of the longest run. For a direct predictor its
-    /// horizon; default 20 samples.
+    /// Compared time of a window \[s\]; default 200 samples, at most a quarter of the longest run. For a direct
+    /// predictor its horizon; default 20 samples.
     pub window_s: Option<f64>,
-    /// Time before the origin over which an observer estimates the initial state of a control-affine network \[s\]; `None` to
-    /// start from the last measurement.
+    /// Time before the origin over which an observer estimates the initial state of a control-affine network \[s\];
+    /// `None` to start from the last measurement.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub settle_s: Option<f64>,
     /// Largest number of passes over the training runs.
@@ -131,21 +132,22 @@ pub struct TrainOptions {
     pub restarts: usize,
     /// Whether the selected restart is trained again on training and validation runs ([`Refit`](super::Refit)).
     pub refit: bool,
-    /// Whether the best weights of every restart (at most 50) are kept as an ensemble ([`Trained::members`](super::Trained)). For
-    /// direct predictors; a control-affine network is the average of all restarts.
+    /// Whether the best weights of every restart (at most 50) are kept as an ensemble
+    /// ([`Trained::members`](super::Trained)). For direct predictors; a control-affine network is the average of all
+    /// restarts.
     pub ensemble: bool,
     /// Seed of initial weights and of the order of windows.
     pub seed: u64,
     /// Precision of the training.
     pub precision: Precision,
     /// Largest wall-clock time \[s\]. The number of epochs is chosen to fit it, so that results depend on the machine.
-    /// [`Trained::epochs`](super::Trained::epochs) is that number; with it as `epochs` and no budget the training repeats
-    /// exactly. A training resumed from a checkpoint keeps its number of epochs and has the whole time again.
+    /// [`Trained::epochs`](super::Trained::epochs) is that number; with it as `epochs` and no budget the training
+    /// repeats exactly. A training resumed from a checkpoint keeps its number of epochs and has the whole time again.
     pub budget_s: Option<f64>,
     /// Epochs without a better validation error after which a restart stops; `None` for never.
     pub patience: Option<usize>,
-    /// Weight of the RMS error of each output in the loss, in standard deviations of the output; empty for all 1. An output with
-    /// weight 0 is not learned.
+    /// Weight of the RMS error of each output in the loss, in standard deviations of the output; empty for all 1. An
+    /// output with weight 0 is not learned.
     pub channel_weights: Vec<f64>,
     /// Static map of each input's actuator in a control-affine network.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -213,7 +215,6 @@ impl TrainOptions {
 
     /// Samples of history and horizon of a direct predictor.
     pub fn spans(&self, dt: f64) -> (usize, usize) {
-        // Larger values are refused later with an error; the cast saturates.
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

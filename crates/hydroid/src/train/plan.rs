@@ -218,7 +218,6 @@ fn check(job: &Job<'_>) -> Result<(), TrainError> {
     Ok(())
 }
 
-/// Whether two sample times differ.
 fn differ(a: f64, b: f64) -> bool {
     let ratio = a / b;
     ratio.is_nan() || (ratio - 1.0).abs() > 1e-6
@@ -248,7 +247,6 @@ fn base(job: &Job<'_>, options: &TrainOptions) -> Result<BaseModel, TrainError> 
 fn samples(job: &Job<'_>, seconds: Option<f64>, (most, share): (usize, usize)) -> usize {
     let longest = job.runs.iter().map(|run| run.len()).max().unwrap_or(0);
     let default = most.min(longest / share);
-    // Larger values are refused later with an error; the cast saturates.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and it saturates")]
     let given = seconds.map(|s| (s / job.runs[0].dt).round().min(1e12) as usize);
     given.unwrap_or(default).max(1)

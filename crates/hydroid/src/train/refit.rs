@@ -1,9 +1,9 @@
 //! Refit on training and validation runs.
 //!
-//! On a short log the validation runs are a large part of the data, and too short for reliable early stopping: an epoch in
-//! the middle of the schedule may be best by chance. The refit therefore trains the selected restart again on all runs, from
-//! its initial weights and over the same number of epochs, and uses the last weights. The network before the refit
-//! ([`Refit::before`]) remains available for evaluation on the validation runs.
+//! On a short log the validation runs are a large part of the data, and too short for reliable early stopping: an epoch
+//! in the middle of the schedule may be best by chance. The refit therefore trains the selected restart again on all
+//! runs, from its initial weights and over the same number of epochs, and uses the last weights. The network before the
+//! refit ([`Refit::before`]) remains available for evaluation on the validation runs.
 
 use std::path::{Path, PathBuf};
 
@@ -23,8 +23,8 @@ pub struct Refit {
     pub before: TrainedNetwork,
     /// Whether the refitted network is used.
     pub outcome: Outcome,
-    /// Error of the refitted network on the validation runs, on which it was trained; infinite if a rollout diverged or the
-    /// time was over.
+    /// Error of the refitted network on the validation runs, on which it was trained; infinite if a rollout diverged or
+    /// the time was over.
     pub validation: f64,
 }
 
@@ -67,7 +67,6 @@ pub(super) fn train<T: Scalar>(
     let first = TrainOptions { budget_s: options.budget_s.map(|budget| share * budget), ..options.clone() };
     let mut trained = {
         let watch = &mut |status: &Status| {
-            // Remaining time of the first training and time of the refit.
             let whole = status.seconds_left / (1.0 - status.fraction).max(1e-3);
             let seconds_left = status.seconds_left + whole * (1.0 - share) / share;
             watch(&Status { fraction: share * status.fraction, seconds_left, ..*status })

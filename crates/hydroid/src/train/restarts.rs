@@ -42,7 +42,6 @@ pub(super) struct Restart<T> {
     judging: Vec<Vec<f64>>,
 }
 
-/// Gradient and squared errors of a mini-batch.
 #[derive(Clone, Debug)]
 struct Work<T> {
     gradient: Vec<T>,
@@ -72,7 +71,6 @@ impl<T: Scalar> Plan<T> {
         self.shape.tiles(&self.runs, &mut stream(self.options.seed, Purpose::Offsets, 0, epoch))
     }
 
-    /// Optimizer steps of an epoch with `windows` windows.
     fn batches(&self, windows: usize) -> usize {
         windows.div_ceil(self.options.batch).max(LEAST_STEPS.min(windows))
     }
@@ -91,7 +89,6 @@ pub(super) struct Restarts<T> {
     /// Steps of the present epoch.
     batches: usize,
     epoch: usize,
-    /// Buffers for training and validation.
     training_pool: Pool<T>,
     validation_pool: Pool<T>,
 }
@@ -101,7 +98,6 @@ pub(super) struct Restarts<T> {
 struct Pool<T>(Mutex<Vec<MiniBatch<T>>>);
 
 impl<T> Pool<T> {
-    /// Calls `work` with a buffer of the pool, or a new one.
     fn with(&self, new: impl FnOnce() -> MiniBatch<T>, work: impl FnOnce(&mut MiniBatch<T>)) {
         // Buffers are overwritten, so that a poisoned lock is harmless.
         let spare = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -162,7 +158,6 @@ impl<T: Scalar> Restarts<T> {
         let mut tasks = Vec::new();
         for member in self.members.iter_mut().filter(|member| !member.idle) {
             let count = member.order.len();
-            // Batches of nearly equal size.
             let windows = &member.order[count * batch / self.batches..count * (batch + 1) / self.batches];
             let targets: usize = windows.iter().map(|window| window.targets).sum();
             let factor = 1.0 / targets.max(1) as f64;
@@ -190,7 +185,6 @@ impl<T: Scalar> Restarts<T> {
         });
     }
 
-    /// Optimizer step of each restart on a batch.
     pub(super) fn step(&mut self, batch: usize) {
         self.gradients(batch);
         let rate = self.rate(batch);
@@ -273,7 +267,6 @@ impl<T: Scalar> Restarts<T> {
         }
     }
 
-    /// Whether all restarts have stopped.
     pub(super) fn is_idle(&self) -> bool {
         self.members.iter().all(|member| member.idle)
     }

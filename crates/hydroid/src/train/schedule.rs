@@ -9,8 +9,8 @@
 //!             then:               p (z + (1 - z) (1 + cos(pi (s - w n) / (n - w n))) / 2)    z = 1/1000
 //! ```
 //!
-//! Cosine: Loshchilov and Hutter, SGDR, 2017. One-cycle: Smith and Topin, Super-convergence, 2018, with cosines instead of
-//! straight lines.
+//! Cosine: Loshchilov and Hutter, SGDR, 2017. One-cycle: Smith and Topin, Super-convergence, 2018, with cosines instead
+//! of straight lines.
 
 use std::f64::consts::PI;
 
@@ -50,7 +50,8 @@ mod tests {
         for done in [0, 17, 1000] {
             close(rate(Schedule::Constant, 0.3, done, 1000), 0.3);
         }
-        // The cosine at its start, a third, half and end: cos 0 = 1, cos 60 deg = 1/2, cos 90 deg = 0, cos 180 deg = -1.
+        // The cosine at its start, a third, half and end: cos 0 = 1, cos 60 deg = 1/2, cos 90 deg = 0, cos 180 deg =
+        // -1.
         for (done, share) in [(0, 1.0), (300, 0.01 + 0.99 * 0.75), (450, 0.01 + 0.99 * 0.5), (900, 0.01)] {
             close(rate(Schedule::Cosine, 2.0, done, 900), 2.0 * share);
         }

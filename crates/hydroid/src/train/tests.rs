@@ -1,4 +1,4 @@
-//! Gradients against finite differences of the loss, and files that were cut or changed.
+//! Gradients against finite differences of the loss, and damaged checkpoint files.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::log::{Channel, Table};
 const RANGES: [DesignRange; 2] = [DesignRange { low: -2.0, high: 3.0 }, DesignRange { low: -1.0, high: 1.0 }];
 const INPUT: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
 
-/// A run of a made-up vessel with two outputs, of which some values are missing.
+/// A run of a synthetic vessel with two outputs and missing values.
 fn run(samples: usize, phase: f64, missing: &[(usize, usize)]) -> Trajectory {
     let input: Vec<f64> = (0..samples).map(|k| (0.3 * k as f64 + phase).sin()).collect();
     let (mut u, mut v) = (0.1, -0.2);
@@ -36,7 +36,7 @@ fn run(samples: usize, phase: f64, missing: &[(usize, usize)]) -> Trajectory {
     }
 }
 
-/// Equations that are nearly those of the vessel, with a lag of the command.
+/// Approximate equations of the vessel, with a lag of the command.
 fn equations() -> Arc<Equations> {
     let (u, v, a) = (0, 1, 3);
     let terms: Vec<Term> = [&[u][..], &[v], &[v, v], &[a]].map(Term::monomial).to_vec();
@@ -64,7 +64,7 @@ fn small(cell: CellKind) -> TrainOptions {
     }
 }
 
-/// Loss and gradient of a window for each origin of the runs.
+/// Loss over windows at every seventh origin of the runs.
 fn loss(plan: &Plan<f64>, chunk: &mut MiniBatch<f64>, weights: &[f64]) -> f64 {
     let windows = plan.shape.every(&plan.runs, 7);
     assert!(windows.len() > 8, "{}", windows.len());
@@ -74,14 +74,14 @@ fn loss(plan: &Plan<f64>, chunk: &mut MiniBatch<f64>, weights: &[f64]) -> f64 {
     sums.iter().zip(channel_weights(plan)).map(|([square, _], w)| w * square).sum()
 }
 
-/// As after an epoch in which the second output was met ten times as well.
+/// Weights after an epoch in which the error of the second output was nine times smaller.
 fn channel_weights(plan: &Plan<f64>) -> Vec<f64> {
     plan.loss.weights(&[0.2, 1.8])
 }
 
 #[test]
 fn gradients_are_differences_of_the_loss() {
-    // Missing in a wash-out and among what is compared.
+    // Missing in the wash-out and among the compared values.
     let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
     let mut worst = 0.0f64;
     for cell in [CellKind::Lstm, CellKind::Gru, CellKind::Rnn] {
@@ -114,7 +114,7 @@ fn gradients_are_differences_of_the_loss() {
     println!("largest difference: {worst:e} of the gradient");
 }
 
-/// The same of a direct predictor, with gaps in the history and among what is compared.
+/// Gradient of a direct predictor, with gaps in the history and among the compared values.
 #[test]
 fn the_gradient_of_a_direct_predictor_is_differences_of_its_loss() {
     let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
@@ -151,7 +151,7 @@ fn the_gradient_of_a_direct_predictor_is_differences_of_its_loss() {
     }
 }
 
-/// Beyond a quarter of a turn a sine has no inverse.
+/// A sine has no inverse beyond 90 degrees.
 #[test]
 fn a_sine_over_more_than_a_quarter_of_a_turn_is_refused() {
     let options = TrainOptions { maps: vec![Map::Sine], ..small(CellKind::Affine) };
@@ -170,7 +170,7 @@ fn a_sine_over_more_than_a_quarter_of_a_turn_is_refused() {
     assert!(words.contains("'n'") && words.contains("maps = [\"identity\"] in [affine]"), "{words}");
 }
 
-/// As wide as all restarts together, and the same on any number of threads; what cannot be averaged is told before.
+/// The average has the units of all restarts and does not depend on the number of threads; invalid averages are errors.
 #[test]
 fn the_mean_of_all_restarts_is_one_control_affine_network() {
     let options = TrainOptions {
@@ -214,8 +214,8 @@ fn the_mean_of_all_restarts_is_one_control_affine_network() {
     }
 }
 
-/// The same of a control-affine network, the time constants of its actuators among the weights; and its predictions are those of
-/// the session.
+/// Gradient of a control-affine network with the time constants of its actuators; its predictions are those of the
+/// session.
 #[test]
 fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
     let missing = [(3, 0), (4, 0), (10, 1), (30, 1), (31, 0), (32, 0)];
@@ -256,7 +256,7 @@ fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
         let run = run(60, 0.0, &missing);
         let mut judging = plan.net.chunk(&plan.scaling, plan.shape, 20, false);
         assert!(parts.settle > 1);
-        // As a judge has it, from what was measured; and as the training does, from what an observer makes of that.
+        // Validation starts from the measurement, training from the estimate of the observer.
         for (settle, chunk) in [(0, &mut judging), (parts.settle, &mut chunk)] {
             let window = plan.shape.window(&plan.runs, 0, 20).unwrap();
             chunk.forward(&weights, &plan.runs, &[window]);
@@ -290,7 +290,7 @@ fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
     }
 }
 
-/// A batch that ends in few windows, after one in which everything was lost.
+/// A batch with few windows after a batch with non-finite values.
 #[test]
 fn lanes_without_a_window_count_for_nothing() {
     for base in [BaseKind::Nothing, BaseKind::Hold, BaseKind::Equations] {
@@ -316,7 +316,7 @@ fn lanes_without_a_window_count_for_nothing() {
             let (gradient, sums) = go(&mut used);
             assert!(gradient.iter().all(|g| g.is_finite()));
             assert_eq!((&gradient, sums), (&go(&mut chunk(true)).0, sums), "{base:?} {feedback}");
-            // The same walk without a record of it.
+            // Forward pass without records for the backward pass.
             let (mut forward, mut others) = (chunk(false), [[0.0; 2]; 2]);
             forward.forward(&weights, &plan.runs, &windows[..3]);
             forward.squares(&plan.runs, plan.shape.length, &mut others);
@@ -329,7 +329,7 @@ fn restarts(options: &TrainOptions) -> Restarts<f64> {
     Restarts::new(plan_of(options, &[]), Phase::Selection)
 }
 
-/// What a training of one epoch leaves, and the numbers of its job.
+/// Checkpoint after one epoch, and the fingerprints of its job.
 fn checkpoint_bytes(options: &TrainOptions) -> (Vec<u8>, [String; 2]) {
     let mut restarts = restarts(options);
     let batches = restarts.begin(0);
@@ -351,7 +351,7 @@ fn a_checkpoint_holds_all_of_the_state() {
     };
     assert!(told(["a", "c"]).contains("other data"));
     assert!(told(["c", "b"]).contains("other options"));
-    // The balance is of the epoch that was, no longer even.
+    // The balance was updated after the epoch.
     assert_ne!(other.members[0].balance, [1.0; 2]);
     other.members[1].adam.steps = u64::MAX;
     let wild = checkpoint::encode(&other, 1, &prints).unwrap();
@@ -375,7 +375,7 @@ proptest! {
     ) {
         let options = TrainOptions { hidden: 2, ..small(CellKind::Lstm) };
         let (mut bytes, prints) = checkpoint_bytes(&options);
-        // Most of the file is numbers; what can go wrong is in front of them.
+        // Most of the file is numbers: changes in its front part are the ones that can be invalid.
         let front = bytes.len().min(700);
         for (at, value) in changes {
             bytes[at.index(front)] = value;

@@ -13,11 +13,11 @@ const DIVERGED: f64 = 10.0 * HALF_RANGE;
 /// Share of an output's mean square that is attributed to rounding, as in [`evaluate`](crate::evaluate).
 const NOISE: f64 = 1e-12;
 
-/// Rollouts from origins in validation runs as in [`evaluate`](fn@crate::evaluate::evaluate), with two differences for speed:
-/// origins have a stride, and the hidden state at an origin is that after a wash-out instead of the whole run.
+/// Rollouts from origins in validation runs as in [`evaluate`](fn@crate::evaluate::evaluate), with two differences for
+/// speed: origins have a stride, and the hidden state at an origin is that after a wash-out instead of the whole run.
 ///
-/// The score is [`Evaluation::score`](crate::evaluate::Evaluation::score): the mean NRMSE over horizons and outputs, infinite
-/// if a rollout diverged.
+/// The score is [`Evaluation::score`](crate::evaluate::Evaluation::score): the mean NRMSE over horizons and outputs,
+/// infinite if a rollout diverged.
 #[derive(Clone, Debug)]
 pub(super) struct Validation {
     pub(super) shape: Shape,
@@ -60,7 +60,7 @@ impl Validation {
         Self { shape, windows, weights }
     }
 
-    /// Whether anything varies from origin to origin: one alone has no deviation to measure errors by.
+    /// Whether an output varies over the origins, so that the NRMSE is defined.
     pub(super) fn can_judge(&self) -> bool {
         self.weights.iter().any(Option::is_some)
     }
@@ -86,7 +86,6 @@ impl Validation {
         }
     }
 
-    /// The score of sums over all windows.
     pub(super) fn score(&self, squares: &[f64]) -> f64 {
         let parts = squares.iter().zip(&self.weights).filter_map(|(s, w)| w.map(|w| (s * w).sqrt()));
         let (sum, count) = parts.fold((0.0, 0usize), |(sum, count), part| (sum + part, count + 1));

@@ -1,16 +1,15 @@
-//! The mean of several control-affine networks, which is one again.
+//! Average of control-affine networks.
 
 use hydroid_core::model::affine::ControlAffine;
 use hydroid_core::model::direct::Perceptron;
 
-/// The mean of networks of one shape and scaling, side by side as one network whose layers are as many times as wide:
+/// Average of networks of one shape and scaling: one network whose layers are the layers of all, side by side.
 ///
 /// ```text
 /// f = 1/R sum_k f_k,     g_i = 1/R sum_k g_ik,     ln T_i = 1/R sum_k ln T_ik
 /// ```
 ///
-/// Each network is affine in the efforts, and so is their mean. What the first weights and the order of windows make of each
-/// is averaged out; what the data make of all of them is not.
+/// The average is control-affine as well. It reduces the variance due to initial weights and the order of windows.
 ///
 /// Source: L. K. Hansen and P. Salamon, *Neural network ensembles*, IEEE PAMI, 1990.
 pub(super) fn weight_average(models: &[ControlAffine]) -> Option<ControlAffine> {
@@ -29,7 +28,8 @@ pub(super) fn weight_average(models: &[ControlAffine]) -> Option<ControlAffine> 
         for (k, model) in models.iter().enumerate() {
             let given = &model.weights[from.range()];
             let rows = if layer == deep { 0 } else { k * from.rows };
-            // The first layer reads the same outputs in every network, each other layer what its own network had before it.
+            // The first layer reads the same outputs in every network, each other layer the previous layer of its own
+            // network.
             let columns = if layer == 0 { 0 } else { k * from.columns };
             let share = if layer == deep { 1.0 / count as f64 } else { 1.0 };
             let (wide, place) = (&mut weights[into.range()], |r: usize, c: usize| {

@@ -40,8 +40,8 @@ impl<T: Scalar> ScaledRun<T> {
     }
 }
 
-/// A window: `wash_out` samples before the origin in which the hidden state converges under measured outputs, then `length`
-/// predicted and compared samples.
+/// A window: `wash_out` samples before the origin in which the hidden state converges under measured outputs, then
+/// `length` predicted and compared samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Window {
     /// Index of the run.
@@ -52,7 +52,6 @@ pub(super) struct Window {
     pub(super) targets: usize,
 }
 
-/// Shape of all windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Shape {
     pub(super) outputs: usize,
@@ -135,7 +134,6 @@ impl Shape {
     }
 }
 
-/// Random order of windows.
 pub(super) fn shuffled(windows: &[Window], rng: &mut ChaCha8Rng) -> Vec<Window> {
     let mut order = windows.to_vec();
     order.shuffle(rng);

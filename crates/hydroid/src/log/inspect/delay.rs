@@ -55,7 +55,6 @@ pub(super) struct Delays {
     pub(super) per_input: Vec<Option<DelayEstimate>>,
 }
 
-/// Preparation of the inspected runs.
 pub(super) struct Applied<'a> {
     pub(super) options: &'a PrepareOptions,
     /// Step of the log \[s\], the unit of an input delay in samples.
@@ -63,8 +62,7 @@ pub(super) struct Applied<'a> {
 }
 
 impl Applied<'_> {
-    /// The corrected input delay, if a delay of `samples` of the runs, or `seconds`, remains with the present
-    /// one.
+    /// The input delay of the options, corrected by the remaining delay in samples of the runs or in seconds.
     fn with(&self, samples: i64, seconds: f64) -> InputDelay {
         let same_step = self.options.dt.is_none_or(|dt| (dt - self.step_s).abs() <= 1e-3 * dt);
         match self.options.input_delay {
@@ -104,7 +102,6 @@ impl DelayEstimate {
         let Self { samples, seconds, range, better_than_zero, .. } = self;
         let right = applied.with(*samples, *seconds);
         if (range.0..=range.1).contains(&0) {
-            // Zero delay is nearly as good: no note.
             return None;
         }
         let share = 100.0 * better_than_zero;

@@ -71,8 +71,7 @@ impl Problem {
         residual_share(&mut gram(&design, width), width, terms)
     }
 
-    /// Rows of the regression (terms, then increments), row-major, with the number of terms and of all
-    /// columns.
+    /// Regression matrix (terms, then increments), row-major, with its number of terms and of columns.
     pub(super) fn design(&self, delays: &[Option<i64>]) -> (Vec<f64>, usize, usize) {
         let states = self.outputs[0].len();
         let used: Vec<(usize, i64)> =
@@ -237,7 +236,6 @@ fn add_products(sums: &mut [f64], column: &[f64; TOGETHER], rows: &[f64], width:
     }
 }
 
-/// The upper Gram matrix of the columns of a design.
 fn gram(design: &[f64], width: usize) -> Vec<f64> {
     let mut gram = vec![0.0; width * width];
     for rows in design.chunks(TOGETHER * width) {
@@ -271,8 +269,7 @@ fn eliminate(gram: &mut [f64], width: usize, terms: usize, before: &[f64]) {
     }
 }
 
-/// Mean share of the diagonal of an upper Gram matrix that is left after elimination of the first `terms`
-/// variables.
+/// Mean share of the diagonal of an upper Gram matrix left after elimination of the first `terms` variables.
 fn residual_share(gram: &mut [f64], width: usize, terms: usize) -> f64 {
     let before: Vec<f64> = (0..width).map(|i| gram[i * width + i]).collect();
     eliminate(gram, width, terms, &before);
@@ -349,7 +346,6 @@ mod tests {
 
     #[test]
     fn trying_one_input_at_a_time_is_the_regression_with_only_that_input_moved() {
-        // Not a multiple of the block size.
         let problem = Problem::new(&[run(1_003)], 1).unwrap();
         assert!(!problem.rows.len().is_multiple_of(TOGETHER));
         let fixed = Fixed::new(&problem, 3);

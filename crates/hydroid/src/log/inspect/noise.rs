@@ -90,8 +90,7 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
     reports
 }
 
-/// Standard deviation of the white noise of each output; if the noise is not white, an upper bound from
-/// second differences. Zero for a constant output.
+/// White-noise standard deviation of each output: an upper bound if the noise is not white, zero for a constant output.
 pub fn noise_level(runs: &[&Trajectory]) -> Vec<f64> {
     let outputs = runs.first().map_or(0, |run| run.outputs.channels().len());
     let level = |i: usize| {
@@ -139,7 +138,6 @@ fn smoothing_window(differences: &[Vec<f64>]) -> Option<usize> {
         return None;
     }
     let (peak, height) = r.iter().copied().enumerate().skip(5).max_by(|a, b| a.1.total_cmp(&b.1))?;
-    // All lags except the first ones and the neighbours of the peak.
     let others = || r.iter().enumerate().skip(5).filter(|(lag, _)| lag.abs_diff(peak) > 2).map(|(_, x)| *x);
     let highest = others().fold(0.0, f64::max);
     (height > 0.15 && height > 2.0 * highest && peak < LONGEST_WINDOW).then_some(peak)
