@@ -94,7 +94,6 @@ pub fn names(model: &Model) -> Vec<String> {
     ports.map(|port| port.channel.name.clone()).collect()
 }
 
-/// Events along consecutive runs, with their times.
 pub(super) fn logged(events: &[Event], runs: &[&Trajectory], names: &[String]) -> Vec<LoggedEvent> {
     let place = |sample: u64| {
         let mut before = 0;

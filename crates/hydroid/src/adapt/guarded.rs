@@ -16,7 +16,6 @@ const NEGLIGIBLE_VARIANCE: f64 = 1e-12;
 /// Process noise of the state filter \[1/s\].
 const STATE_FILTER_PROCESS_PER_S: f64 = 1e-3;
 
-/// A guarded adapter and its resolved options.
 pub(super) fn guard(
     model: &Model,
     options: &Options,

@@ -12,11 +12,10 @@ use super::AdaptError;
 use crate::log::{Trajectory, noise_level};
 use crate::model::{Body, Model, Port};
 
-/// Options of the extended Kalman filter. Variances are in scaled units: of the scaled network, or of scaled
-/// equations ([`LearnableEquations`](hydroid_core::adapt::kalman::LearnableEquations)), whose state is their outputs.
-///
-/// The default is for networks; [`of_equations`](Self::of_equations) and [`of_plants`](Self::of_plants) have the
-/// defaults for equations and vessels.
+/// Options of the extended Kalman filter, with defaults for networks; [`of_equations`](Self::of_equations) and
+/// [`of_plants`](Self::of_plants) have those for equations and vessels. Variances are in scaled units: of the scaled
+/// network, or of [`LearnableEquations`](hydroid_core::adapt::kalman::LearnableEquations), whose state is their
+/// outputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KalmanOptions {
@@ -28,8 +27,7 @@ pub struct KalmanOptions {
     pub state_variance: f64,
     /// Process noise of each hidden state \[variance/s\].
     pub state_noise_per_s: f64,
-    /// Standard deviation of the measurement noise of each output, in its unit; default from the training runs, or
-    /// from the log to adapt on.
+    /// Standard deviation of the measurement noise of each output, default from the training runs or the log.
     pub noise: Option<Vec<f64>>,
     /// Factor of the measurement noise variance. A factor above 1 accounts for model error over one sample.
     pub noise_factor: f64,
@@ -84,7 +82,6 @@ impl Rehearse {
     }
 }
 
-/// Covariance form as the text of the command line.
 mod as_text {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
@@ -135,12 +132,11 @@ pub struct ResolvedKalman {
     pub covariance: String,
 }
 
-/// Minimum standard deviation of an estimated noise, relative to the range of the output. Filtered channels have too
-/// small an estimate, with which recurrent networks can diverge.
+/// Least standard deviation of an estimated noise, relative to the range of the output. The estimate is too small for
+/// filtered channels, and recurrent networks can diverge with it.
 pub(super) const LEAST_NOISE: f64 = 0.0015;
 
-/// Factor of initial variance and process noise for the weights of gates (LSTM, GRU), which determine the time
-/// constants of the network.
+/// Factor of initial variance and process noise for the weights of gates (LSTM, GRU), which set the time constants.
 const GATE_FACTOR: f64 = 5.0;
 
 /// Process noise of the filter on the state alone, per sample.
@@ -177,8 +173,7 @@ impl KalmanOptions {
         Ok(noise.iter().zip(outputs).map(|(std, port)| std.max(least(port))).collect())
     }
 
-    /// Options of the filter with equal variances for all weights. `noise` and `scale` are the noise and the scale of
-    /// each output, `dt` is the sample time \[s\].
+    /// Filter options with equal variances for all weights, from noise and scale of the outputs and sample time \[s\].
     pub(super) fn uniform(&self, weights: usize, noise: &[f64], scale: &[f64], dt: f64) -> FilterOptions {
         let per_sample = |time_s: f64| 1.0 - (-dt / time_s).exp();
         let scaled = |(std, scale): (&f64, &f64)| self.noise_factor * (std / scale).powi(2);

@@ -19,7 +19,7 @@ const PRIOR_S: f64 = 3e-3;
 const NOISE_S: f64 = 20.0;
 
 impl LeastSquaresOptions {
-    /// Defaults for direct predictors. Window, choice of terms and gate do not apply. The prior is short because the
+    /// Defaults for direct predictors; window, choice of terms and gate do not apply. The prior is short because the
     /// features of the last layer are strongly collinear.
     pub fn for_last_layer() -> Self {
         Self { forgetting_s: FORGETTING_S, prior_s: PRIOR_S, ..Self::default() }

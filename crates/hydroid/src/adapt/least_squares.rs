@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::{AdaptError, InnovationGate};
 use crate::model::{Body, Members, Model, NamedEquations};
 
-/// Options of recursive least squares for equations, and with the defaults of [`for_last_layer`](Self::for_last_layer)
-/// for direct predictors.
+/// Options of recursive least squares for equations; for direct predictors see
+/// [`for_last_layer`](Self::for_last_layer).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LeastSquaresOptions {
@@ -64,10 +64,7 @@ pub struct ResolvedLeastSquares {
     pub gate: [f64; 2],
 }
 
-/// Options of the core for a model.
-///
-/// # Errors
-/// If the window is shorter than half a sample or too long.
+/// Options of the core for a model; an error if the window is shorter than half a sample or too long.
 pub(super) fn recursive_options(
     model: &Model,
     options: &LeastSquaresOptions,
@@ -115,8 +112,8 @@ pub(super) fn learned(model: &Model, weights: &[f64], all_terms: bool) -> Result
     Ok(Model { body: Body::Equations(Arc::new(equations)), members: Members::default(), ..model.clone() })
 }
 
-/// Window of the model's identification, or 1 s. A weak form counts half, because its test function averages about as
-/// much as an increment over half of its window.
+/// Window of the model's identification, or 1 s. A weak form counts half: its test function averages about as much as
+/// an increment over half of its window.
 fn default_window_s(model: &Model) -> f64 {
     let chosen = &model.description.provenance.settings["chosen"]["regression"];
     let intervals = |kind: &str| chosen[kind]["intervals"].as_f64();

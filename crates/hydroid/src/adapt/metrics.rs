@@ -51,7 +51,6 @@ pub const BAND_80: f64 = 1.281_55;
 /// Half-width of the 95 % band of a normal distribution \[standard deviations\].
 pub const BAND_95: f64 = 1.959_96;
 
-/// Wrapper of an adapter that records metrics.
 pub(super) struct MeteredAdapter<'a> {
     adapter: &'a mut dyn Adapter,
     counts: Counts,

@@ -41,8 +41,7 @@ pub use {
     metrics::{BAND_80, BAND_95},
 };
 
-/// Adaptation method of equations. Recurrent networks and vessels always use the filter, direct predictors least
-/// squares.
+/// Adaptation method of equations. Networks and vessels use the filter, direct predictors least squares.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
@@ -61,8 +60,7 @@ pub struct Options {
     pub method: Method,
     /// Options of least squares; [`LeastSquaresOptions::for_last_layer`] has the defaults for direct predictors.
     pub least_squares: LeastSquaresOptions,
-    /// Options of the filter; [`KalmanOptions::of_equations`] and [`KalmanOptions::of_plants`] have the defaults for
-    /// equations and vessels.
+    /// Options of the filter; see [`KalmanOptions::of_equations`] and [`KalmanOptions::of_plants`].
     pub kalman: KalmanOptions,
     /// Options of the guard; `None` for no guard.
     pub guard: Option<GuardOptions>,
@@ -185,8 +183,7 @@ pub enum AdaptError {
 }
 
 impl Options {
-    /// Defaults for the kind of a model, without a guard (see [`guarded`](Self::guarded)). For equations the options of
-    /// the filter are set as well, so that [`Method::Kalman`] can be selected.
+    /// Defaults for the kind of a model, without a guard ([`guarded`](Self::guarded)); for equations of both methods.
     pub fn of(model: &Model) -> Self {
         let (method, least_squares, kalman) = match &model.body {
             Body::Equations(_) => {
@@ -215,8 +212,7 @@ pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     }
 }
 
-/// Adapter of a model and its resolved options. The measurement noise is estimated from `runs` if the model does not
-/// state it; `runs` may be empty.
+/// Adapter of a model and its resolved options. `runs` (may be empty) give the noise if the model does not state it.
 ///
 /// # Errors
 /// If the options do not fit the model.
@@ -231,7 +227,6 @@ pub fn adapter(
     }
 }
 
-/// Adapter without a guard.
 fn learner(
     model: &Model,
     options: &Options,
@@ -269,9 +264,8 @@ pub(crate) fn state_filtered(model: &Model) -> Option<Box<dyn Predictor>> {
     kalman::filtered(model, &noise).ok()?
 }
 
-/// Runs an adapter along training runs of its model, so that its covariance reflects what they determine of the
-/// weights, and resets its state. A filter with equal initial variances of all weights would forget the training data
-/// quickly.
+/// Runs an adapter along training runs of its model and resets its state. The covariance then reflects what the runs
+/// determine; with equal initial variances of all weights the filter would forget the training data quickly.
 #[doc(hidden)]
 pub fn replay_training_runs(adapter: &mut dyn Adapter, training_runs: &[&Trajectory]) {
     for run in training_runs {
@@ -284,8 +278,7 @@ pub fn replay_training_runs(adapter: &mut dyn Adapter, training_runs: &[&Traject
     adapter.reset();
 }
 
-/// Stores windows of training runs, evenly spread, in the rehearsal memory of an adapter; each has a wash-out of its
-/// own length. No effect without rehearsal.
+/// Stores evenly spread training windows, each after a wash-out of its own length, in an adapter's rehearsal memory.
 #[doc(hidden)]
 pub fn store_rehearsal_windows(adapter: &mut dyn Adapter, training_runs: &[&Trajectory]) {
     let Some(&RehearsalOptions { windows, samples, .. }) = adapter.rehearsal() else { return };
@@ -325,8 +318,7 @@ impl TrainingRuns {
     }
 }
 
-/// Evaluates a model frozen and adapted over runs, in their order; the weights learned on one run are kept for the
-/// next.
+/// Evaluates a model frozen and adapted over runs, in their order. Learned weights are kept for the next run.
 ///
 /// # Errors
 /// If the options do not fit the model, or the runs cannot be evaluated (see [`evaluate`](fn@evaluate)).

@@ -10,11 +10,9 @@ use crate::model::Description;
 enum Column {
     /// One of `u`, `v`, `r`.
     Motion(usize),
-    /// Propeller force.
     Force,
 }
 
-/// Measurements in the order of a model's outputs.
 #[derive(Clone, Debug)]
 pub(super) struct ChannelMap {
     columns: Vec<Column>,

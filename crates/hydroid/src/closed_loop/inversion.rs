@@ -55,7 +55,6 @@ struct Adaptation {
     applied: Vec<f64>,
 }
 
-/// A control law that inverts a model, with optional adaptation.
 pub(super) struct InvertingController<L> {
     law: L,
     lead: f64,
@@ -65,10 +64,7 @@ pub(super) struct InvertingController<L> {
 }
 
 impl<L: InvertingLaw> InvertingController<L> {
-    /// Couples a control law for `model` with the session that adapts it.
-    ///
-    /// # Errors
-    /// If the adapter has other weights than the model of the law.
+    /// Couples a control law for `model` with its adapter; an error if the adapter has other weights than the model.
     pub(super) fn new(
         law: L,
         lead: f64,

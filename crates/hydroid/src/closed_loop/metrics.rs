@@ -28,8 +28,7 @@ pub struct Metrics {
     pub rms_speed: f64,
     /// Largest cross-track error \[m\].
     pub max_cross_track: f64,
-    /// Time after which the distance from the reference stays within the tolerance \[s\]; `None` if it exceeds it at
-    /// the end.
+    /// Time after which the distance from the reference stays within the tolerance \[s\]; `None` if it does not.
     pub settled_after: Option<f64>,
     /// Share of the samples with a command at its limit.
     pub saturated: f64,
@@ -101,8 +100,7 @@ impl Metrics {
     }
 }
 
-/// Replaces NaN and the metrics of a diverged run by infinity. The sign of a NaN, and with it its rank, depends on the
-/// machine.
+/// Replaces NaN and the metrics of a diverged run by infinity: the sign of a NaN, and its rank, depend on the machine.
 const fn or_worst(run: &Run, figure: f64) -> f64 {
     if run.diverged || figure.is_nan() { f64::INFINITY } else { figure }
 }

@@ -21,8 +21,7 @@ pub struct Dispersion {
     pub mass: f64,
     /// Largest additional current \[m/s\], uniform in speed and direction.
     pub current: f64,
-    /// Largest additional steady wind force \[N\], uniform in size and direction. Half of the drawn force adds to the
-    /// standard deviation of the gusts.
+    /// Largest additional steady wind force \[N\], uniform in size and direction. Half of it adds to the gusts.
     pub wind: f64,
 }
 

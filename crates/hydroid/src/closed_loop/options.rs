@@ -71,8 +71,7 @@ pub struct ControllerOptions {
     pub bandwidth: Option<[f64; 2]>,
     /// Integral gain of the feedback linearization \[1/s^3\]; 0 for none.
     pub integral: f64,
-    /// Adaptive network that corrects the model error of the feedback linearization, initialized from the run's seed;
-    /// `None` for no correction.
+    /// Adaptive network that corrects the model error of the feedback linearization, initialized from the run's seed.
     pub learned: Option<AdaptiveAugmentationOptions>,
     /// Rate of the backstepping \[1/s\]; `None` for the default.
     pub rate: Option<f64>,

@@ -22,7 +22,6 @@ pub(super) struct PerturbedPlant {
     gusts: Gusts,
     steps: u32,
     h: f64,
-    /// Delay line of the commands.
     delayed: VecDeque<Command>,
 }
 

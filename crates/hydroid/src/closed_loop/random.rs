@@ -6,9 +6,7 @@ use rand_chacha::ChaCha8Rng;
 /// Purpose of a random stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
-    /// Measurement noise.
     Noise = 0,
-    /// Gusts.
     Gusts = 1,
     /// Conditions of a Monte Carlo trial.
     Conditions = 2,

@@ -15,11 +15,9 @@ pub enum Timing {
     Path,
 }
 
-/// Search range for the projection on the path, from its last arc length \[m\]: more than the motion of one sample,
-/// less than the distance of two legs.
+/// Search range for the projection \[m\]: more than the motion of one sample, less than the distance of two legs.
 const SEARCH_RANGE_M: f64 = 6.0;
 
-/// Generates the reference of each sample.
 pub(super) struct ReferenceGenerator<'a> {
     track: &'a Track,
     timing: Timing,
@@ -78,7 +76,6 @@ impl<'a> ReferenceGenerator<'a> {
         self.walker.advance(&self.track.profile, dt_s);
     }
 
-    /// Whether the end of an open path has been reached.
     pub(super) fn is_done(&self) -> bool {
         let open = !self.track.path.is_closed();
         open && match self.timing {

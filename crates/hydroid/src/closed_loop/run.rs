@@ -37,8 +37,7 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// Sample time 0.1 s, start on the path, tolerance 2 m. The duration is 120 s on a closed path and 1.5 times the
-    /// track's duration on an open one.
+    /// Sample time 0.1 s, start on the path, tolerance 2 m; 120 s on a closed path, else 1.5 times that of the track.
     pub fn new(vessel: VesselParams, track: Track) -> Self {
         let limits = hydroid_core::control::AffinePlant::limits(&vessel);
         let duration_s = track.duration_s().map_or(120.0, |duration| 1.5 * duration);
@@ -46,7 +45,7 @@ impl Scenario {
     }
 
     /// Default start of the evaluation \[s\]: 40 s on a closed path, else 10 s; at most a third of the run and half of
-    /// the track's duration.
+    /// the track.
     pub fn default_from_s(&self) -> f64 {
         let usual = if self.track.path.is_closed() { 40.0_f64 } else { 10.0 };
         let track = self.track.duration_s().map_or(f64::INFINITY, |duration| 0.5 * duration);
@@ -111,7 +110,6 @@ pub struct Run {
 /// Samples between two calls of the progress callback.
 const PROGRESS_EVERY: usize = 16;
 
-/// Largest number of samples of a run.
 const MAX_SAMPLES: f64 = 1e7;
 
 /// Simulates a scenario. At the start the vessel heads along the path at the reference speed through the water.

@@ -8,9 +8,7 @@ use crate::adapt;
 use crate::log::Trajectory;
 use crate::model::Model;
 
-/// Session of the controller's model.
 pub(super) enum SessionModel {
-    /// Frozen model.
     Frozen(Box<dyn Predictor>),
     /// Adapter. It predicts with the weights that its guard has selected.
     Adaptive(Box<dyn Adapter>),

@@ -156,8 +156,7 @@ pub fn tune_autopilot(
     })
 }
 
-/// Coefficients of the drag `d_1 U + d_2 U^2` from the holding forces at half and full cruising speed; negative
-/// coefficients are set to zero.
+/// Non-negative coefficients of the drag `d_1 U + d_2 U^2` from the holding forces at half and full cruising speed.
 fn speed_trials(plant: &Plant, cruise: f64) -> [f64; 2] {
     let force = |share: f64| plant.holding_force(share * cruise) / (share * cruise);
     let (half, full) = (force(0.5), force(1.0));

@@ -84,8 +84,7 @@ pub fn bands(
     (0..origins.len()).map(band).collect()
 }
 
-/// Coverage of the ensemble band for measurements (or truth) at given horizons. Origins are spread over the runs, so
-/// that the computing time does not grow with them.
+/// Coverage of the ensemble band for measurements (or truth) at given horizons, at origins spread over the runs.
 pub fn band_coverage(
     members: &[Box<dyn Predictor>],
     runs: &[&Trajectory],

@@ -182,8 +182,7 @@ pub struct Evaluation {
 pub const BLOCKS: usize = 16;
 
 impl Evaluation {
-    /// Score: mean NRMSE over channels and horizons where it is defined; infinite if a rollout diverged or nothing was
-    /// compared.
+    /// Score: mean of the defined NRMSE; infinite if a rollout diverged or nothing was compared.
     pub fn score(&self) -> f64 {
         if self.diverged > 0 {
             return f64::INFINITY;

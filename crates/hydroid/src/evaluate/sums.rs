@@ -20,7 +20,6 @@ struct Cell {
     value_square: f64,
 }
 
-/// Statistics of a cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Figures {
     pub(super) mae: f64,

@@ -142,8 +142,7 @@ fn latest(runs: &[&Trajectory], options: &Options) -> String {
         .map_or_else(String::new, |c| run.outputs.channels()[c].name.clone())
 }
 
-/// Pending origins: whole tasks, so that tasks have the same origins for all models and blocks of losses are
-/// comparable.
+/// Pending origins: whole tasks, so that origins of tasks and blocks of losses are the same for all models.
 fn batch(size: usize) -> usize {
     (SNAPSHOTS / size.max(1) / TASK).clamp(1, 64) * TASK
 }
@@ -158,7 +157,6 @@ struct Tally {
     runs: RunCount,
 }
 
-/// Evaluation of one run.
 struct Walk<'a> {
     run: &'a Trajectory,
     target: &'a Table,

@@ -9,8 +9,7 @@ use super::error::ExcitationError;
 pub struct Envelope {
     /// Speed on a straight course under full propeller force \[m/s\].
     pub top_speed: f64,
-    /// Response time to a propeller command \[s\]: the lag plus the time in which full force accelerates the mass to
-    /// top speed without drag.
+    /// Response time to a propeller command \[s\]: the lag plus the time to top speed under full force without drag.
     pub time_s: f64,
 }
 

@@ -41,8 +41,7 @@ impl Default for LowSpeed {
     }
 }
 
-/// Parallel legs, alternately north and south, each east of the previous one. Starts at rest at the origin, heading
-/// north.
+/// Parallel legs, alternately north and south, each east of the previous one, from rest at the origin, heading north.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LawnMower {
     /// Length of a leg \[m\]; default ten times top speed times response time ([`Envelope`](super::Envelope)).

@@ -11,10 +11,9 @@ use super::streams::{Purpose, stream};
 /// Time scale of the rudder relative to the propeller.
 const RUDDER_PACE: f64 = 0.8;
 
-/// `n` commands at step `dt` \[s\] over the full range of both channels, at the time scale of the vessel.
-///
-/// Seven of eight propeller commands are forward, so that a hydrofoil flies about half of the time and passes its
-/// transition about every 20 s.
+/// `n` commands at step `dt` \[s\] over the full range of both channels, at the time scale of the vessel. Seven of
+/// eight propeller commands are forward: a hydrofoil flies about half of the time and passes its transition about every
+/// 20 s.
 ///
 /// # Errors
 /// As [`Envelope::new`].
@@ -47,10 +46,9 @@ pub fn low_speed(
     Ok(compose(params, range, envelope.time_s, seed, dt, n))
 }
 
-/// Propeller commands that keep the vessel below the ceiling, and below the transition speed of a hydrofoil.
-///
-/// The upper limit balances the drag of the displacement mode at 82 % of that speed, the lower limit is half of it
-/// astern, both within the limits of the vessel: -60 to 119 N for the reference hydrofoil.
+/// Propeller commands that keep the vessel below the ceiling, and below the transition speed of a hydrofoil. The upper
+/// limit balances the drag of the displacement mode at 82 % of that speed, the lower limit is half of it astern, both
+/// within the limits of the vessel: -60 to 119 N for the reference hydrofoil.
 ///
 /// # Errors
 /// [`ExcitationError::NotPositive`] for the ceiling, [`ExcitationError::NoDrag`].
@@ -105,12 +103,11 @@ fn compose(
         .collect()
 }
 
-/// `n` commands at step `dt` \[s\] from rows of time \[s\] and command, each held until the next, the last to the end.
-/// Time starts at the first row.
+/// `n` commands at step `dt` \[s\] from rows of time \[s\] and command, each held until the next.
 ///
 /// # Errors
-/// If there are no rows, a number is not finite, time does not increase, or a command is beyond the limits of the vessel. Rows
-/// are counted from 1. An excess of a millionth of the range is clipped as rounding.
+/// If there are no rows, a number is not finite, time does not increase, or a command is beyond the limits of the vessel
+/// (an excess of a millionth of the range is clipped as rounding). Rows are counted from 1.
 pub fn held(
     rows: &[(f64, Command)],
     params: &VesselParams,

@@ -6,11 +6,8 @@ use rand_chacha::ChaCha8Rng;
 /// Purpose of random numbers. Each has its own stream, so that a change of one leaves the others as they were.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Purpose {
-    /// The propeller command.
     Propeller = 0,
-    /// The rudder command.
     Rudder = 1,
-    /// Measurement noise.
     Noise = 2,
     /// Speeds of a lawn-mower's legs.
     Legs = 3,

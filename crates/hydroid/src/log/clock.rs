@@ -20,8 +20,7 @@ pub struct Clock {
     pub shortest_s: f64,
     /// Longest step \[s\], jumps included.
     pub longest_s: f64,
-    /// Whether every step within the parts without a jump is a whole number of sample times, within 1 %
-    /// (5 % where the stamps follow an even grid and are only rounded).
+    /// Whether every step between jumps is a multiple of the sample time within 1 % (5 % for rounded stamps).
     pub regular: bool,
 }
 

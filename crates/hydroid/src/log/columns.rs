@@ -31,7 +31,6 @@ pub(crate) struct Columns {
 const LONGEST_TIME_S: f64 = 1e12;
 
 impl Columns {
-    /// Takes the selected columns out of a log.
     pub(crate) fn new(log: &RawLog, resolved: &Resolved, notes: &mut Vec<Note>) -> Result<Self, LogError> {
         let times = times(log, &resolved.time, notes)?;
         let rows = usable_rows(log, &times, matches!(resolved.time, Time::Column { .. }), notes);

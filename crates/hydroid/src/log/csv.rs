@@ -31,8 +31,7 @@ pub struct RawColumn {
     pub name: String,
     /// Unit from the header (`name [unit]`).
     pub unit: Option<String>,
-    /// One value per row in the unit of the file; NaN for a blank cell or a cell without a finite number. Time
-    /// stamps are seconds since 1970 (UTC).
+    /// One value per row in the unit of the file; NaN without a finite number. Stamps are seconds since 1970 (UTC).
     pub values: Vec<f64>,
     /// The first cell that is neither blank nor a finite number.
     pub bad: Option<BadCell>,
@@ -111,7 +110,6 @@ pub fn read_from(mut reader: impl Read, name: &str) -> Result<RawLog, LogError> 
     parse(&bytes, name)
 }
 
-/// Parses a table in memory.
 fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
     let path = || name.to_owned();
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
@@ -384,7 +382,6 @@ pub fn name_the_nameless(columns: &mut [RawColumn]) {
     }
 }
 
-/// Splits `name [unit]` into name and unit.
 pub(crate) fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
     let cell = cell.trim();
     if let Some(inner) = cell.strip_suffix(']')

@@ -2,9 +2,7 @@
 
 use std::io;
 
-/// Error of a log.
-///
-/// Every message names the file, the line where possible (from 1, header included), the column, and a remedy.
+/// Error of a log. A message names the file, the line if any (from 1, header included), the column and a remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LogError {

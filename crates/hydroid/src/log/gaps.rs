@@ -9,8 +9,7 @@ const SAMPLES: f64 = 10.0;
 /// Smallest default gap limit \[s\].
 const SECONDS: f64 = 1.0;
 
-/// Default gap limit: the longer of 1 s and 10 sample times of the slowest output. Adds notes on outputs slower than
-/// `dt`.
+/// Default gap limit: the longer of 1 s and 10 sample times of the slowest output. Adds notes on slow outputs.
 pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes: &mut Vec<Note>) -> f64 {
     let slow: Vec<(usize, f64, usize)> = columns
         .outputs
@@ -69,10 +68,9 @@ fn mean_spacing(columns: &Columns) -> f64 {
     (last - first) / fewest.unwrap_or(1).max(1) as f64
 }
 
-/// Usable parts `from..to` of rows on a regular clock.
-///
-/// Rows between two successive values of an output that are farther apart than the limit are removed. Each
-/// part starts at the latest first value of all outputs and ends at the earliest last value.
+/// Usable parts `from..to` of rows on a regular clock, without the rows between successive values of an output that are
+/// farther apart than the limit. Each part starts at the latest first value of all outputs and ends at the earliest
+/// last.
 pub(crate) fn usable(outputs: &[Vec<f64>], rows: usize, dt: f64, max_gap_s: f64) -> Vec<(usize, usize)> {
     let mut cut = vec![false; rows];
     for values in outputs {

@@ -103,7 +103,6 @@ impl Grid {
     }
 }
 
-/// Refuses a grid with too many samples.
 pub(crate) fn check_size(rows: f64, step: f64, columns: &Columns) -> Result<(), LogError> {
     if rows < MOST_SAMPLES {
         return Ok(());

@@ -34,18 +34,16 @@ const FINEST: f64 = 0.4999;
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PrepareOptions {
-    /// Step \[s\] after resampling, at least half the step of the log. Default: the step of the log. For a log
-    /// without a time column: the step between rows.
+    /// Step \[s\] after resampling, at least half the step of the log (the default); the step between rows without
+    /// time.
     pub dt: Option<f64>,
-    /// Longest time \[s\] that an output may be missing. Default: the longer of 1 s and 10 samples of the slowest
-    /// output.
+    /// Longest time \[s\] without a value of an output; default the longer of 1 s and 10 samples of the slowest.
     pub max_gap_s: Option<f64>,
     /// Interval in which the command of a row acts.
     pub command_timing: CommandTiming,
     /// Delay between the logging and the effect of a command.
     pub input_delay: InputDelay,
-    /// Whether to keep the towed ends of a log: all commands are zero for 20 s or longer while the speed of the
-    /// vessel grows.
+    /// Whether to keep towed ends: all commands are zero for 20 s or longer while the speed of the vessel grows.
     pub keep_towed: bool,
 }
 

@@ -20,7 +20,6 @@ pub struct Source {
     pub channel: Channel,
 }
 
-/// Use of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     Time,

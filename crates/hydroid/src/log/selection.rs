@@ -6,11 +6,9 @@ use std::str::FromStr;
 use super::csv::name_and_unit;
 use super::error::LogError;
 
-/// A channel and the column it comes from, as written on the command line or in `hydroid.toml`:
-/// `NAME`, `NAME=COLUMN`, `NAME=COLUMN [unit]`, `NAME=COLUMN [unit] * 0.01`.
-///
-/// The unit is the unit of the column and overrides the unit of the header; stored values are SI. The scale
-/// multiplies the values of the log before the conversion of the unit.
+/// A channel and the column it comes from, as written on the command line or in `hydroid.toml`: `NAME`, `NAME=COLUMN`,
+/// `NAME=COLUMN [unit]`, `NAME=COLUMN [unit] * 0.01`. The unit overrides that of the header; stored values are SI. The
+/// scale multiplies the values of the log before the conversion of the unit.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct ChannelSpec {
@@ -108,11 +106,9 @@ impl From<ChannelSpec> for String {
     }
 }
 
-/// Columns of wind speed and wind direction.
-///
-/// The columns are converted to the inputs `wind_x = U^2 cos(direction)` and `wind_y = U^2 sin(direction)`
-/// \[m^2/s^2\]. A wind force proportional to the squared speed is linear in these inputs. Use the relative wind:
-/// its direction is relative to the vessel.
+/// Columns of wind speed `U` and direction, converted to the inputs `wind_x = U^2 cos(direction)` and `wind_y = U^2
+/// sin(direction)` \[m^2/s^2\], in which a wind force proportional to the squared speed is linear. Use the relative
+/// wind: its direction is relative to the vessel.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wind {
@@ -139,8 +135,8 @@ impl FromStr for Wind {
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Selection {
-    /// Time column, with its unit unless it is in seconds or ISO 8601 stamps: `timestamp [ms]`. Default: the first
-    /// of `t`, `time`, `t_s`, `timestamp`, `time_s`.
+    /// Time column, with a unit (`timestamp [ms]`) unless in seconds or ISO 8601 stamps. Default: the first of `t`,
+    /// `time`, `t_s`, `timestamp`, `time_s`.
     pub time: Option<String>,
     /// Outputs. If empty: `u`, `v` and `r`, as far as they exist.
     pub outputs: Vec<ChannelSpec>,

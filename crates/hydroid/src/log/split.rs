@@ -28,10 +28,10 @@ const SANE: std::ops::RangeInclusive<f64> = 0.04..=0.5;
 
 /// Splits runs into training, validation and test.
 ///
-/// Three runs and more: the last run is the test, the run before it the validation, all others the training. If one of
-/// the two is very short or very long, the latest runs of suitable length replace them. Two runs: the second is the
-/// test, the last quarter of the first the validation. A single run, or several runs with one dominant: the longest run
-/// is split into contiguous blocks of 60, 20 and 20 %, the others are training.
+/// Three runs and more: the last run is the test, the one before it the validation, all others the training. Runs of
+/// suitable length replace very short or very long ones. Two runs: the second is the test, the last quarter of the
+/// first the validation. A single or dominant run is split into contiguous blocks of 60, 20 and 20 %; all others are
+/// training.
 ///
 /// # Errors
 /// If there are no runs or too few samples for three parts.

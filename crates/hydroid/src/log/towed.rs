@@ -15,18 +15,15 @@ const MEAN_S: f64 = 1.0;
 /// Increase of an output that indicates towing, in its standard deviations under command.
 const GATHERED: f64 = 1.0;
 
-/// Removes the beginning and the end of a log in which all of the first `commands` inputs are exactly zero
-/// for 20 s or longer while an output grows.
-///
-/// A vessel without commands slows down or drifts. With `m_b` the mean of a velocity over the `b`th second of
-/// such a stretch, from 10 s after its beginning, the vessel is towed if
+/// Removes the beginning and the end of a log in which all of the first `commands` inputs are exactly zero for 20 s or
+/// longer while a velocity or yaw rate grows: a vessel without commands slows down or drifts. With `m_b` the mean of
+/// the output over the `b`th second, from 10 s after the beginning of such a part, the vessel is towed if
 ///
 /// ```text
 /// max over b of (|m_b| - min over a <= b of |m_a|) > standard deviation from the first to the last command
 /// ```
 ///
-/// for any output that is a velocity or a turn rate. A blank command holds the one before it. Stretches
-/// between commands are kept, and so are stretches longer than a quarter of the log.
+/// A blank command holds the one before it. Parts between commands or longer than a quarter of the log are kept.
 pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>) {
     let n = columns.rows();
     let Some((first, last)) = under_command(&columns.inputs[..commands], n) else { return };

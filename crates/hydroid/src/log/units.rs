@@ -1,8 +1,7 @@
 //! Units of columns and their conversion to SI.
 //!
-//! Values are stored in metres, seconds, radians, newtons and volts. The shaft speed is an exception: a column
-//! in revolutions is stored in revolutions per second (`rps`), the unit of propeller coefficients. An unknown
-//! unit is kept with factor 1.
+//! Values are stored in metres, seconds, radians, newtons and volts, but shaft speeds in revolutions per second
+//! (`rps`), the unit of propeller coefficients. An unknown unit is kept with factor 1.
 //!
 //! `/sec` and `/second` are read as `/s`. Case matters only for units that differ in case alone (`Nm`, `NM`, `nm`;
 //! `Ns`, `ns`; `mV` and a megavolt). `kn` is knots and `kN` is kilonewtons. Any other spelling of the two (`KN`, `Kn`)
@@ -227,10 +226,9 @@ fn find(squeezed: &str, text: &str) -> Result<Option<&'static Known>, UnitError>
     }
 }
 
-/// The unit in the suffix of a column name (`u_mps`, `heading_deg`), if any, and the name without the suffix.
-///
-/// Only unambiguous suffixes are units. The suffixes `_ms` and `_us` are units only if `clock` is set, which
-/// marks the time column; elsewhere they denote the pulse widths of servo signals, which are not converted.
+/// The unit in the suffix of a column name (`u_mps`, `heading_deg`), if any, and the name without it. The suffixes
+/// `_ms` and `_us` are units of the time column only (`clock`); elsewhere they denote pulse widths, which are not
+/// converted.
 pub(crate) fn from_name(name: &str, clock: bool) -> Option<(&str, &'static str)> {
     const ENDINGS: &[(&str, &str)] = &[
         ("mps", "m/s"),

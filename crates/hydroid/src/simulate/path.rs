@@ -2,7 +2,6 @@
 
 use hydroid_core::vessel::State;
 
-/// Turning side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     Port,
@@ -28,7 +27,6 @@ pub(super) enum Piece {
     Arc { centre: [f64; 2], radius: f64, side: Side, exit: Option<f64> },
 }
 
-/// Position relative to a path segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
     /// Course of the path \[rad\].
@@ -42,7 +40,6 @@ pub(super) struct Place {
 }
 
 impl Piece {
-    /// Position relative to this segment.
     pub(super) fn place(&self, state: &State) -> Place {
         match *self {
             Self::Line { start, course, length } => {

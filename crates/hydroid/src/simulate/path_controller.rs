@@ -11,8 +11,8 @@ use crate::excitation::Envelope;
 ///
 /// - Speed: `PP = F(u_d) + k_p (u_d - u) + k_i integral`, `F` the force that holds the speed.
 /// - Guidance: line of sight, `chi_d = course - atan(e / lookahead)`, with the cross-track error `e`; heading
-///   `psi_d = chi_d - beta` with the sideslip `beta = atan2(v, u)` (Fossen, Handbook of Marine Craft
-///   Hydrodynamics and Motion Control, 2nd ed., chapter 12).
+///   `psi_d = chi_d - beta` with the sideslip `beta = atan2(v, u)` (Fossen, Handbook of Marine Craft Hydrodynamics and
+///   Motion Control, 2nd ed., chapter 12).
 /// - Heading: `N = m33 (w^2 (psi_d - psi) + 2 w (r_d - r)) + drag and Coriolis moment`, `r_d` the curvature
 ///   of the path times the speed; from `N` the rudder command.
 pub(super) struct PathController<'a> {

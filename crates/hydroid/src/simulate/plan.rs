@@ -8,7 +8,6 @@ use rand::{Rng, RngExt as _};
 use super::path::{Piece, Side};
 use crate::excitation::{Circle, Envelope, ExcitationError, LawnMower, Purpose, Turn, stream};
 
-/// A path segment and its speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stage {
     pub(super) piece: Piece,
@@ -22,8 +21,7 @@ pub(super) struct Stage {
 const FASTEST: f64 = 0.92;
 /// Smallest random speed relative to the top speed; also the speed of a sharp turn.
 const SLOWEST: f64 = 0.25;
-/// Band around the transition without random speeds: the drag decreases there with speed, so that equilibria are
-/// unstable.
+/// Band around the transition without random speeds: the drag decreases there with speed, so equilibria are unstable.
 const UNSTABLE: [f64; 2] = [0.9, 1.2];
 
 pub(super) fn circle(plan: &Circle, envelope: &Envelope) -> Result<Vec<Stage>, ExcitationError> {

@@ -9,10 +9,8 @@ use super::options::Options;
 use crate::log::{Channel, Table, Trajectory};
 use crate::toml_file::nearest;
 
-/// A simulated run: commands, measurements and truth.
-///
-/// Row `k` holds the state before command `k` acts; command `k` is held until row `k + 1`. The pose is measured without
-/// noise.
+/// A simulated run: commands, measurements and truth. Row `k` holds the state before command `k` acts; command `k` is
+/// held until row `k + 1`. The pose is measured without noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulated {
     name: String,
@@ -25,7 +23,6 @@ pub struct Simulated {
     measured: Vec<[f64; 4]>,
 }
 
-/// A measured column: name, unit and source.
 #[derive(Clone, Copy)]
 struct Output {
     name: &'static str,
@@ -79,8 +76,7 @@ impl Simulated {
         self.dt_s
     }
 
-    /// Time of sample `k` \[s\], rounded to the nearest decimal fraction if the sample rate is a whole number: 0.3
-    /// instead of 0.30000000000000004.
+    /// Time of sample `k` \[s\], rounded to the nearest decimal fraction if the sample rate is a whole number.
     pub fn time(&self, k: usize) -> f64 {
         let rate = 1.0 / self.dt_s;
         if (rate - rate.round()).abs() < 1e-9 * rate { k as f64 / rate.round() } else { k as f64 * self.dt_s }
@@ -101,8 +97,7 @@ impl Simulated {
         &self.states
     }
 
-    /// Measured `[u, v, r, P_f]`, sample by sample; the force is valid only with
-    /// [`force_measured`](Self::force_measured).
+    /// Measured `[u, v, r, P_f]` by sample; the force is valid only with [`force_measured`](Self::force_measured).
     pub fn measured(&self) -> &[[f64; 4]] {
         &self.measured
     }
@@ -117,8 +112,7 @@ impl Simulated {
         self.states.windows(2).filter(|pair| (pair[0].u > level) != (pair[1].u > level)).count()
     }
 
-    /// The run with measured columns `outputs` (of `x`, `y`, `psi`, `u`, `v`, `r`, and `P_f` if measured), both
-    /// commands as inputs, and the truth of these columns.
+    /// The run with the measured `outputs` (of `x`, `y`, `psi`, `u`, `v`, `r`, `P_f`), their truth, and both commands.
     ///
     /// # Errors
     /// [`SimulateError::UnknownOutput`] for a column that was not measured.

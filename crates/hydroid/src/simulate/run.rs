@@ -64,8 +64,7 @@ impl Runner<'_> {
         self.run(|k, _| commands.get(k).copied())
     }
 
-    /// Open loop, but the propeller force is zero just below the ceiling: in turns the Coriolis force can accelerate
-    /// the vessel.
+    /// Open loop without propeller force just below the ceiling: in turns the Coriolis force can accelerate.
     fn governed(
         &mut self,
         commands: &[Command],

@@ -69,8 +69,7 @@ pub fn vessel_toml(params: &VesselParams) -> Result<String, toml::ser::Error> {
     toml::to_string(params)
 }
 
-/// Line of the parameter of an [`InvalidParams`], if the file has a table for it or the whole path before the equals
-/// sign.
+/// Line of the parameter of an [`InvalidParams`], if the file has a table for it or its whole path before `=`.
 fn field_line(text: &str, error: &InvalidParams) -> Option<usize> {
     let field = error.field()?;
     let (table, key) = field.rsplit_once('.')?;

@@ -7,7 +7,7 @@ use super::record::Simulated;
 
 impl Simulated {
     /// Writes the record as CSV: time, commands, measured pose and velocities, true velocities and propeller force,
-    /// measured force if any. The header has names and units; numbers are the shortest that read back exactly.
+    /// measured force if any. Numbers are the shortest that read back exactly.
     ///
     /// # Errors
     /// If the writer fails.

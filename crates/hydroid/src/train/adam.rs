@@ -30,7 +30,6 @@ pub(super) struct Adam<T> {
     pub(super) mean: Vec<T>,
     /// Second moment.
     pub(super) square: Vec<T>,
-    /// Number of steps.
     pub(super) steps: u64,
 }
 

@@ -36,7 +36,6 @@ pub(super) struct Parts {
 const LEFT: f64 = 0.1;
 
 impl Parts {
-    /// Logarithms of the initial time constants.
     pub(super) fn first_lags<T: Scalar>(&self) -> impl Iterator<Item = T> {
         std::iter::repeat_n(T::of(FIRST_LAG.ln()), self.maps.len())
     }
@@ -58,13 +57,13 @@ impl Parts {
 ///
 /// ```text
 /// dz/dt = ratio ( f(z) + sum_i g_i(z) e_i ),     e_i = phi_i(a_i) / w_i,     RK4 over each sample
-/// z_k  <- z_k + K (measured_k - z_k)     for k = o - settle + 1 .. o,     z_{o-settle} = measured,     (1 - K)^settle = 1/10
+/// z_k  <- z_k + K (measured_k - z_k)     for k = o - settle + 1 .. o,     z_{o-settle} = measured
 /// L     = sum over k = 1 .. length, outputs j:  w_j (z_{o+k,j} - measured_{o+k,j})^2
 /// ```
 ///
-/// The second line is an observer, active if `settle > 0`: starting from one noisy measurement would bias the
-/// regression (errors in variables). Sources: L. Ljung, *System Identification*, 2nd ed., 1999, sections 3.3 and 7.3;
-/// T. Soderstrom, *Errors-in-variables methods in system identification*, Automatica, 2007.
+/// The second line is an observer with `(1 - K)^settle = 1/10`, active if `settle > 0`: starting from one noisy
+/// measurement would bias the regression (errors in variables). Sources: L. Ljung, *System Identification*, 2nd ed.,
+/// 1999, sections 3.3 and 7.3; T. Soderstrom, *Errors-in-variables methods in system identification*, Automatica, 2007.
 ///
 /// Actuator states depend on commands and their time constant only: their sensitivity is propagated forward, and the
 /// backward pass runs through the stages of RK4.

@@ -7,10 +7,8 @@ use rayon::prelude::*;
 
 use crate::log::Trajectory;
 
-/// Rollouts of equations from each sample of a run.
-///
-/// The rollout at sample `k` starts from the measurement (a missing value is held) and the signal memory (lags, past
-/// values) of the run so far. The memory use is `H` times that of the outputs.
+/// Rollouts of equations from each sample of a run: from the measurement (a missing value is held) and the signal
+/// memory (lags, past values) of the run so far. The memory use is `H` times that of the outputs.
 #[derive(Clone, Debug)]
 pub(super) struct BaseRollout<T> {
     /// Scaled `e_{k+1} .. e_{k+H}` of each sample, `samples x H x outputs`: NaN while the signal memory is incomplete;
@@ -24,10 +22,7 @@ pub(super) struct BaseRollout<T> {
 }
 
 impl<T: Scalar> BaseRollout<T> {
-    /// Rollouts along a run over `horizon` samples.
-    ///
-    /// # Errors
-    /// The time \[s\] from which the equations diverge within the horizon.
+    /// Rollouts along a run over `horizon` samples; the error is the time \[s\] from which the equations diverge.
     pub(super) fn new(
         equations: &Equations,
         run: &Trajectory,

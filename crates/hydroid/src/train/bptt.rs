@@ -23,8 +23,7 @@ use super::windows::{ScaledRun, Shape, Window};
 /// a_k         = 2 w (p_k - measured_k)  +  (dL/dz_k of f, through feedback) + (db/dz)' a_{k+1},
 /// ```
 ///
-/// where the last two terms apply if `z_k` is `p_k`. Source: P. J. Werbos, *Backpropagation through time*, Proc. IEEE,
-/// 1990.
+/// where the last two terms apply if `z_k` is `p_k`. Source: P. J. Werbos, *Backpropagation through time*, 1990.
 #[derive(Clone, Debug)]
 pub(super) struct Bptt<T> {
     shape: Shape,
@@ -47,7 +46,6 @@ pub(super) struct Bptt<T> {
 }
 
 impl<T: Scalar> Bptt<T> {
-    /// Buffers for at most `size` windows; `back` reserves memory for [`backward`](Self::backward).
     pub(super) fn new(
         network: &Network,
         base: &BaseModel,

@@ -22,7 +22,6 @@ const PLANNED: f64 = 0.94;
 /// Share of a budget after which no step begins.
 const OVER: f64 = 0.995;
 
-/// Clock of a training.
 #[derive(Debug)]
 pub(super) struct Clock {
     start: Instant,
@@ -51,8 +50,7 @@ impl Clock {
         self.budget.is_some_and(|budget| self.seconds() + self.judging > OVER * budget)
     }
 
-    /// Number of epochs that fit the budget, estimated from trial steps: the schedule depends on the total number of
-    /// epochs.
+    /// Number of epochs that fit the budget, estimated from trial steps before the schedule is fixed.
     pub(super) fn epochs<T: Scalar>(
         &mut self,
         restarts: &mut Restarts<T>,

@@ -8,8 +8,8 @@ use hydroid_core::model::sparse::Equations;
 
 use super::windows::{ScaledRun, Window};
 
-/// State of the equations in each lane, in double precision and physical units. Used for validation only: the gradient
-/// is of the first horizon, for which [`BaseRollout`](super::base_rollout::BaseRollout) has the values.
+/// State of the equations in each lane, in double precision and physical units. For validation only: the gradient is of
+/// the first horizon ([`BaseRollout`](super::base_rollout::BaseRollout)).
 #[derive(Clone, Debug)]
 pub(super) struct ChainedRollout {
     equations: Arc<Equations>,
@@ -37,8 +37,7 @@ impl ChainedRollout {
         }
     }
 
-    /// Writes the rollout from `first` samples after the origins to `after`; `before` are the predictions of the
-    /// horizon that ends there.
+    /// Writes the rollout from `first` samples after the origins to `after`; `before` are the predictions up to there.
     pub(super) fn continue_from<T: Scalar>(
         &mut self,
         runs: &[ScaledRun<T>],

@@ -127,8 +127,7 @@ impl CheckpointWriter {
 }
 
 impl Job<'_> {
-    /// Whether a file is the checkpoint of a training with these options, and with these data (both false if
-    /// unreadable).
+    /// Whether a readable file is the checkpoint of a training with these options, and with these data.
     pub fn is_kept_in(&self, options: &TrainOptions, path: &Path) -> [bool; 2] {
         let head = || -> Option<Head> {
             if !std::fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() <= LARGEST) {

@@ -4,8 +4,7 @@ use hydroid_core::model::recurrent::Scaling;
 
 use super::TrainOptions;
 
-/// Lower limit of an error relative to the largest one in the balance. Without it an output with a vanishing error
-/// would dominate the gradient.
+/// Lower limit of an error relative to the largest one: a vanishing error would dominate the gradient.
 const FLOOR: f64 = 1e-3;
 
 /// Sum of squared errors of an output in scaled units, and their number.

@@ -53,8 +53,7 @@ impl Architecture {
         }
     }
 
-    /// Whether windows of an epoch start at every sample (direct predictors). Otherwise their compared parts tile the
-    /// runs.
+    /// Whether windows start at every sample (direct predictors) instead of tiling the runs with their compared parts.
     pub(super) fn has_overlapping_windows(&self) -> bool {
         matches!(self, Self::Direct { .. })
     }
@@ -116,8 +115,7 @@ impl Architecture {
     }
 }
 
-/// Windows in parallel lanes. The number of windows is fixed and gradients are added in a fixed order, so that sums do
-/// not depend on the number of threads.
+/// Windows in parallel lanes. Their number and the order of sums do not depend on the number of threads.
 #[derive(Clone, Debug)]
 pub(super) enum MiniBatch<T> {
     Bptt(Box<Bptt<T>>),
@@ -126,7 +124,6 @@ pub(super) enum MiniBatch<T> {
 }
 
 impl<T: Scalar> MiniBatch<T> {
-    /// Forward pass over windows.
     pub(super) fn forward(&mut self, weights: &[T], runs: &[ScaledRun<T>], windows: &[Window]) {
         match self {
             Self::Bptt(chunk) => chunk.forward(weights, runs, windows),
@@ -163,8 +160,7 @@ impl<T: Scalar> MiniBatch<T> {
         }
     }
 
-    /// Backward pass of the last [`forward`](Self::forward), with the same weights: writes the gradient of `factor`
-    /// times the sum of squares to `gradient`.
+    /// Backward pass of the last [`forward`](Self::forward): `gradient` is that of `factor` times the loss.
     pub(super) fn backward(
         &mut self,
         weights: &[T],

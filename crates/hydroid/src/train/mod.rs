@@ -24,14 +24,12 @@
 //! the RMS of what the base leaves to correct.
 //!
 //! **Determinism.** The weights depend only on runs, options and kind of machine. Random numbers have one stream for
-//! each purpose, restart and epoch, and gradients of mini-batches are added in a fixed order, so that the number of
-//! threads changes no bit. Another processor or system may round `cos`, `pow` or sums of products differently. A budget
-//! in seconds determines the number of epochs before the first one; [`Trained::epochs`] reports it.
-//!
-//! **Refit.** With [`TrainOptions::refit`] the selected restart is trained again on training and validation runs
-//! together.
-//!
-//! **Optimizer.** Adam with decoupled weight decay, gradient clipping and a [`schedule`](mod@schedule).
+//! **Determinism.** The weights depend only on runs, options and kind of machine (rounding of `cos`, `pow` and sums of
+//! products), not on the number of threads. Random numbers have one stream for each purpose, restart and epoch. A
+//! budget in seconds determines the number of epochs before the first one; [`Trained::epochs`] reports it. **Refit.**
+//! With [`TrainOptions::refit`] the selected restart is trained again on training and validation runs **Refit.** With
+//! [`TrainOptions::refit`] the selected restart is trained again on training and validation runs. **Optimizer.** Adam
+//! with decoupled weight decay, gradient clipping and a [`schedule`](mod@schedule).
 
 mod adam;
 mod affine;
@@ -108,8 +106,7 @@ pub struct Job<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Epoch {
-    /// Training loss: weighted mean over outputs of the RMS error in standard deviations. Non-finite values are null in
-    /// JSON, which is read as infinite.
+    /// Training loss: weighted mean over outputs of the RMS error in standard deviations; infinite is null in JSON.
     #[serde(deserialize_with = "null_is_infinite")]
     pub train_loss: f64,
     /// Validation error: mean NRMSE over outputs and horizons, as
@@ -211,8 +208,7 @@ pub struct Trained {
     pub validation: f64,
     /// Least validation error of each restart; infinite if all its rollouts diverged.
     pub restarts: Vec<f64>,
-    /// Planned epochs. With this number as `epochs` and no budget the training repeats exactly if it ended with
-    /// [`Ending::Done`].
+    /// Planned epochs. As `epochs` without a budget, they repeat a training that ended with [`Ending::Done`] exactly.
     pub epochs: usize,
     /// Reason for the end.
     pub ending: Ending,
@@ -222,8 +218,7 @@ pub struct Trained {
     pub window: usize,
     /// Training time \[s\].
     pub seconds: f64,
-    /// Best weights of each restart that did not diverge, with [`TrainOptions::ensemble`]. Empty for a control-affine
-    /// network, which is their average.
+    /// Best weights of the restarts that did not diverge, with [`TrainOptions::ensemble`]; empty if averaged.
     pub members: Vec<Vec<f64>>,
     /// Result of the refit. All other fields are of the training before it.
     pub refit: Option<Refit>,
@@ -236,10 +231,7 @@ impl Trained {
     }
 }
 
-/// Trains a network.
-///
-/// With `checkpoint` the state is written to that file during the training, and an existing file is resumed. The file
-/// remains after the training.
+/// Trains a network. With `checkpoint` the state is written to that file, which remains; an existing file is resumed.
 ///
 /// # Errors
 /// If options, runs or checkpoint are invalid, all restarts diverged, or the training was cancelled.
@@ -285,7 +277,6 @@ impl Phase {
     }
 }
 
-/// Trains until the end or an early stop.
 fn advance<T: Scalar>(
     job: &Job<'_>,
     options: &TrainOptions,

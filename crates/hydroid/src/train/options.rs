@@ -93,8 +93,7 @@ pub struct TrainOptions {
     pub cell: CellKind,
     /// Cells or units of each layer.
     pub hidden: usize,
-    /// Hidden layers: of a vanilla network (default 2), a direct predictor (3) or a control-affine network (1); LSTM
-    /// and GRU have one.
+    /// Hidden layers; default 2 (vanilla network), 3 (direct predictor), 1 (control-affine, LSTM, GRU).
     pub layers: Option<usize>,
     /// Length of the projection of the LSTM's `h`; `None` for no projection.
     pub projection: Option<usize>,
@@ -132,22 +131,20 @@ pub struct TrainOptions {
     pub restarts: usize,
     /// Whether the selected restart is trained again on training and validation runs ([`Refit`](super::Refit)).
     pub refit: bool,
-    /// Whether the best weights of every restart (at most 50) are kept as an ensemble
-    /// ([`Trained::members`](super::Trained)). For direct predictors; a control-affine network is the average of all
-    /// restarts.
+    /// Whether the best weights of all restarts (at most 50) form an ensemble of direct predictors
+    /// ([`Trained::members`](super::Trained)), or the average that is a control-affine network.
     pub ensemble: bool,
     /// Seed of initial weights and of the order of windows.
     pub seed: u64,
     /// Precision of the training.
     pub precision: Precision,
-    /// Largest wall-clock time \[s\]. The number of epochs is chosen to fit it, so that results depend on the machine.
-    /// [`Trained::epochs`](super::Trained::epochs) is that number; with it as `epochs` and no budget the training
-    /// repeats exactly. A training resumed from a checkpoint keeps its number of epochs and has the whole time again.
+    /// Largest wall-clock time \[s\]. The number of epochs is chosen to fit it and depends on the machine; it is
+    /// reported in [`Trained::epochs`](super::Trained::epochs). A resumed training keeps its number of epochs and has
+    /// the whole time again.
     pub budget_s: Option<f64>,
     /// Epochs without a better validation error after which a restart stops; `None` for never.
     pub patience: Option<usize>,
-    /// Weight of the RMS error of each output in the loss, in standard deviations of the output; empty for all 1. An
-    /// output with weight 0 is not learned.
+    /// Weight of the RMS error of each output in the loss; empty for all 1. An output with weight 0 is not learned.
     pub channel_weights: Vec<f64>,
     /// Static map of each input's actuator in a control-affine network.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -424,7 +421,6 @@ impl TrainOptions {
 
 /// Default history and horizon of a direct predictor \[samples\].
 const HISTORY: usize = 40;
-/// Requirement for options of control-affine networks.
 const OF_AFFINE: &str = "left out: it is for control-affine networks";
 const HORIZON: usize = 20;
 

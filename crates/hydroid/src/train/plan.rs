@@ -104,7 +104,6 @@ pub(super) fn plan<T: Scalar>(job: &Job<'_>, options: &TrainOptions) -> Result<P
     Ok(Plan { options, net, scaling, shape, runs, validation, judge, loss, epochs })
 }
 
-/// Scaled run, with rollouts of the base equations of a direct predictor.
 fn scaled_run<T: Scalar>(
     run: &Trajectory,
     net: &Architecture,

@@ -6,7 +6,6 @@ use rand_chacha::ChaCha8Rng;
 /// Purpose of a random stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
-    /// Initial weights of a restart.
     Weights,
     /// Offsets of the windows of an epoch, common to all restarts.
     Offsets,
@@ -14,8 +13,7 @@ pub(super) enum Purpose {
     Order,
 }
 
-/// Stream of a purpose in a restart and an epoch. With a stream for each epoch the number of completed epochs is the
-/// whole state of the random numbers.
+/// Stream of a purpose in a restart and an epoch: the number of completed epochs is the state of the random numbers.
 pub(super) fn stream(seed: u64, purpose: Purpose, restart: usize, epoch: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Settings allow 2^12 restarts and 2^30 epochs.

@@ -23,8 +23,7 @@ pub struct Refit {
     pub before: TrainedNetwork,
     /// Whether the refitted network is used.
     pub outcome: Outcome,
-    /// Error of the refitted network on the validation runs, on which it was trained; infinite if a rollout diverged or
-    /// the time was over.
+    /// Error of the refitted network on the validation runs (of its training); infinite if diverged or out of time.
     pub validation: f64,
 }
 
@@ -52,7 +51,6 @@ pub fn refit_checkpoint(checkpoint: &Path) -> PathBuf {
     checkpoint.with_extension("refit.checkpoint")
 }
 
-/// Trains, then refits.
 pub(super) fn train<T: Scalar>(
     job: &Job<'_>,
     options: &TrainOptions,

@@ -15,8 +15,7 @@ pub(super) const HALF_RANGE: f64 = 2.0;
 /// Samples over which increments are measured: over one sample noise would dominate.
 const INCREMENT: usize = 10;
 
-/// Means and scales from design ranges instead of the log, so that inputs stay of order one when an adapting vessel
-/// leaves the training range.
+/// Means and scales from design ranges, so that inputs stay of order one when a vessel leaves the training range.
 pub(super) fn from_ranges(outputs: &[DesignRange], inputs: &[DesignRange]) -> Result<Scaling, TrainError> {
     let part = |what, ranges: &[DesignRange]| -> Result<(Vec<f64>, Vec<f64>), TrainError> {
         for (index, range) in ranges.iter().enumerate() {

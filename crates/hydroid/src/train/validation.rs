@@ -16,8 +16,7 @@ const NOISE: f64 = 1e-12;
 /// Rollouts from origins in validation runs as in [`evaluate`](fn@crate::evaluate::evaluate), with two differences for
 /// speed: origins have a stride, and the hidden state at an origin is that after a wash-out instead of the whole run.
 ///
-/// The score is [`Evaluation::score`](crate::evaluate::Evaluation::score): the mean NRMSE over horizons and outputs,
-/// infinite if a rollout diverged.
+/// The score is [`Evaluation::score`](crate::evaluate::Evaluation::score).
 #[derive(Clone, Debug)]
 pub(super) struct Validation {
     pub(super) shape: Shape,

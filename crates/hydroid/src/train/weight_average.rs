@@ -10,7 +10,6 @@ use hydroid_core::model::direct::Perceptron;
 /// ```
 ///
 /// The average is control-affine as well. It reduces the variance due to initial weights and the order of windows.
-///
 /// Source: L. K. Hansen and P. Salamon, *Neural network ensembles*, IEEE PAMI, 1990.
 pub(super) fn weight_average(models: &[ControlAffine]) -> Option<ControlAffine> {
     let first = models.first()?;

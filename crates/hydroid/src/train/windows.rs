@@ -44,7 +44,6 @@ impl<T: Scalar> ScaledRun<T> {
 /// `length` predicted and compared samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Window {
-    /// Index of the run.
     pub(super) run: usize,
     /// Origin: the sample from which the model receives no outputs.
     pub(super) origin: usize,

@@ -9,7 +9,6 @@ use super::super::trajectory::{Table, Trajectory};
 /// Searched delays \[samples\].
 pub(super) const EARLIEST: i64 = -10;
 pub(super) const LATEST: i64 = 40;
-/// Number of searched delays.
 const DELAYS: usize = 51;
 /// Largest number of rows of a regression; more rows are thinned evenly.
 const MOST_ROWS: usize = 8_000;
@@ -64,8 +63,7 @@ impl Problem {
         self.rows.len().saturating_sub(terms).max(1) as f64
     }
 
-    /// Residual for given delays of the inputs (`None` omits an input): residual variance divided by the variance
-    /// of the increments, averaged over the outputs.
+    /// Residual variance over the variance of the increments, mean over outputs; a delay of `None` omits the input.
     pub(super) fn residual(&self, delays: &[Option<i64>]) -> f64 {
         let (design, terms, width) = self.design(delays);
         residual_share(&mut gram(&design, width), width, terms)
@@ -217,7 +215,6 @@ impl Fixed {
     }
 }
 
-/// Number of rows in one block of sums.
 const TOGETHER: usize = 4;
 
 /// Adds to `sums` the products of one column with the columns `from..` over a block of rows.

@@ -54,11 +54,10 @@ pub struct Inspection {
     pub notes: Vec<Note>,
 }
 
-/// Inspects a log prepared with these options. Defects that the options correct (command timing, input delay,
-/// a slow sensor) are not reported, and delays are the remaining ones.
-///
-/// If outputs or inputs are neither selected nor recognized by name, the report omits them and contains a note. If the
-/// preparation fails, the report is partial and the notes contain the error.
+/// Inspects a log prepared with these options. Defects that the options correct (command timing, input delay, a slow
+/// sensor) are not reported, and delays are the remaining ones. If outputs or inputs are neither selected nor
+/// recognized by name, the report omits them with a note. If the preparation fails, the report is partial and contains
+/// the error.
 ///
 /// # Errors
 /// If the selection names a column that does not exist or has an invalid specification.
