@@ -33,8 +33,8 @@ pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>)
         let (from, to) = (columns.t[stretch.start], columns.t[stretch.end - 1]);
         notes.push(
             Note::warning(format!(
-                "{}: {} of the log, {:.1} s from line {} to line {}, is removed: all commands are exactly zero, and `{}` grows all \
-                 the same, as where a vessel is towed or pushed",
+                "{}: {} of the log, {:.1} s from line {} to line {}, is removed: all commands are exactly zero and `{}` grows, \
+                 as if the vessel is towed or pushed",
                 columns.path,
                 if edge { "the beginning" } else { "the end" },
                 to - from,

@@ -1,6 +1,6 @@
-//! Adaptation along a log, on vessels that change and on vessels that do not.
+//! Adaptation along logs of vessels with changing and with constant dynamics.
 //!
-//! Real logs are found through `HYDROID_DATA`; without it those tests say so and pass.
+//! Real logs are found through `HYDROID_DATA`; without it those tests pass with a message.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -38,7 +38,7 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
     identify(&job, &mut silent()).unwrap().candidates.remove(0).model
 }
 
-/// Equations of the simple vessel from half an hour of it.
+/// Equations of the simple vessel, identified from half an hour.
 fn simple_vessel() -> Model {
     let run =
         |seed, duration_s| record(VesselParams::simple(), seed, duration_s).to_trajectory(&OUTPUTS).unwrap();
@@ -46,8 +46,8 @@ fn simple_vessel() -> Model {
     identified(Split { train, validation, test, notes: Vec::new() }, 100, 20)
 }
 
-/// A run of the simple vessel whose drag grows by the factor from sample `at` on, under commands and noise of
-/// a record that has it constant.
+/// A run of the simple vessel whose drag grows by the factor from sample `at` on, with the commands and the noise of a
+/// record with constant drag.
 fn with_growing_drag(seed: u64, duration_s: f64, factor: f64, at: usize) -> Trajectory {
     let calm = record(VesselParams::simple(), seed, duration_s);
     let mut fouled = VesselParams::simple();
@@ -80,22 +80,21 @@ fn a_change_of_drag_is_estimated_and_constant_drag_is_kept() {
     let model = simple_vessel();
     let change = 4000;
     let run = with_growing_drag(12, 1000.0, 1.6, change);
-    // All origins from the change on, those among them before anything can have been learned.
+    // All origins from the change on, including those before the adapter can have learned it.
     let judged = evaluate::Options { warm_up: change, ..evaluate::Options::default() };
     let options = Options { evaluate: judged, ..Options::default() };
     let result = adapt(&model, &[&run], &options, &mut silent()).unwrap();
     let report = &result.report;
     assert_eq!((report.frozen.diverged, report.adapted.diverged), (0, 0));
     for horizon in [20, 100] {
-        // The propeller is the same as before.
+        // The propeller does not change.
         let ratios = ratios(&report.adapted, &report.frozen, horizon);
         assert!(ratios[..3].iter().all(|r| *r < 0.6) && ratios[3] < 1.02, "{horizon}: {ratios:?}");
     }
     assert!(report.guard.accepted > 1500 && report.guard.rolled_back == 0, "{:?}", report.guard);
     assert!(report.us_per_sample.median > 0.0 && report.us_per_sample.max >= report.us_per_sample.p99);
 
-    // The model at the end is better than the one before on another run of the changed vessel, and says
-    // where it comes from.
+    // The final model is better than the first on another run of the changed vessel; its provenance states the runs.
     let next = with_growing_drag(13, 300.0, 1.6, 0);
     let judge = |model: &Model| {
         let options = evaluate::Options { origin_stride: 10, ..evaluate::Options::default() };
@@ -109,7 +108,7 @@ fn a_change_of_drag_is_estimated_and_constant_drag_is_kept() {
     let again = adapt(&result.model, &[&run], &Options::default(), &mut silent()).unwrap().model;
     assert_eq!(again.description.provenance.settings["adapted"].as_array().unwrap().len(), 2);
 
-    // Nothing changes: adapting costs nothing to speak of, and the bands are right.
+    // On an unchanged vessel adaptation costs little accuracy, and the bands are right.
     let steady = record(VesselParams::simple(), 14, 900.0).to_trajectory(&OUTPUTS).unwrap();
     let options = Options {
         evaluate: evaluate::Options { origin_stride: 5, ..evaluate::Options::default() },
@@ -128,7 +127,7 @@ fn by_the_filter(kalman: KalmanOptions) -> Options {
     Options { method: adapt::Method::Kalman, kalman, ..Options::default() }
 }
 
-/// The same by the filter, which also knows the outputs better than they are measured.
+/// With the filter, whose estimate of the outputs is also better than the measurements.
 #[test]
 fn the_filter_follows_a_vessel_whose_drag_grows_too() {
     let model = simple_vessel();
@@ -157,7 +156,7 @@ fn the_filter_follows_a_vessel_whose_drag_grows_too() {
     };
     assert!(ratios(&judge(&result.model), &judge(&model), 100)[..3].iter().all(|r| *r < 0.5));
 
-    // Nothing changes.
+    // An unchanged vessel.
     let steady = record(VesselParams::simple(), 14, 900.0).to_trajectory(&OUTPUTS).unwrap();
     let judged = evaluate::Options { origin_stride: 5, ..evaluate::Options::default() };
     let options = Options { evaluate: judged, ..by_the_filter(KalmanOptions::of_equations()) };
@@ -197,9 +196,9 @@ fn invalid_adaptations_are_refused() {
     assert!(adapt::adapter(&model, &two, &[]).is_ok());
 }
 
-/// The natural test of the data's README: equations of runs at up to 10 rps, sailed through zigzags at 12 rps.
-/// The defaults were chosen with the zigzag at 10 rps (documentation of `hydroid::adapt::least_squares`), never with these: on
-/// that of 15 deg adapting gains little, on the others much; 30 s ahead it gains on one of the three alone.
+/// The test of the data's README: equations of runs at up to 10 rps are adapted on zigzags at 12 rps. The defaults were
+/// chosen with the zigzag at 10 rps only (`hydroid::adapt::least_squares`). Adaptation gains little on the zigzag of
+/// 15 deg and much on the others; at 30 s it gains on one of the three only.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn esso_adapts_to_an_unseen_propeller_speed() {
@@ -211,7 +210,7 @@ fn esso_adapts_to_an_unseen_propeller_speed() {
     let model = identified(Split { train, validation, test, notes: Vec::new() }, ESSO.horizon, 1);
     let horizons = [100, 200, 300];
     let mut sums = [[0.0; 2]; 3];
-    // One of them ends in 327 rows without a value.
+    // One zigzag ends in 327 rows without a value.
     for zigzag in ["13_29_19", "13_50_28", "14_03_39"] {
         let file = data.join("esso-osaka").join(format!("zigzag_31-Jul-2020_{zigzag}.csv"));
         let selection = Selection {

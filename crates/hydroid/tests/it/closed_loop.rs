@@ -32,7 +32,7 @@ fn simulated(control: &ControllerOptions, scenario: &Scenario, conditions: &Cond
     closed_loop::run(scenario, conditions, controller.as_mut(), &mut silent()).unwrap()
 }
 
-/// Figures of docs/control.md for the true parameters.
+/// Metrics in docs/control.md for the true parameters.
 #[test]
 fn true_parameters_give_the_documented_errors_on_circles() {
     let vessel = VesselParams::hydrofoil();
@@ -53,7 +53,6 @@ fn true_parameters_give_the_documented_errors_on_circles() {
     }
 }
 
-/// Commands zero.
 struct ZeroCommand;
 
 impl ClosedLoopController for ZeroCommand {
@@ -166,7 +165,8 @@ fn monte_carlo_does_not_depend_on_the_number_of_threads() {
     assert!(masses.iter().all(|m| (0.8..=1.2).contains(m)) && masses[0] != masses[1]);
 }
 
-/// A model with too little drag: the control law and the planner use the adapted model, which removes most of the error.
+/// A model with too little drag: the control law and the planner use the adapted model, which removes most of the
+/// error.
 #[test]
 fn controllers_use_the_adapted_model() {
     let vessel = VesselParams::hydrofoil();
@@ -201,7 +201,7 @@ fn the_tuned_autopilot_holds_a_lawn_mower() {
     let tuned = tune_autopilot(&scenario, 1.5, 10.0, &mut silent()).unwrap();
     assert!(tuned.seeds.iter().all(|seed| *seed > 1_000_000));
     let [gain, time] = tuned.nomoto;
-    // Sway and yaw at 1.5 m/s are linear; the coefficients are from an independent implementation, the rudder in 10 N s.
+    // Sway and yaw at 1.5 m/s are linear; the coefficients (rudder in 10 N s) are from an independent implementation.
     let rates = |[v, r]: [f64; 2]| {
         let u = 1.5;
         [

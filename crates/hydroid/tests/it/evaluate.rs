@@ -10,7 +10,7 @@ use hydroid::log::Trajectory;
 use hydroid_core::model::Persistence;
 use hydroid_core::predict::{Predictor, Workspace, rollout_steps};
 
-/// Knows the outputs of every sample and predicts them with a stated error.
+/// A predictor with a given error of every prediction.
 #[derive(Clone)]
 struct Oracle {
     outputs: Arc<Vec<Vec<f64>>>,
@@ -77,10 +77,9 @@ fn deviation(values: &[f64]) -> f64 {
 fn a_known_error_has_its_measures() {
     let outputs = wave(60);
     let log = run("a", &outputs);
-    // Constant in u, growing with the horizon in v.
+    // The error is constant in u and grows with the horizon in v.
     let oracle = Oracle::new(&outputs, |_, h, c| if c == 0 { 0.25 } else { -0.01 * h as f64 });
     let result = judge(&oracle, &[&log], &options(5)).unwrap();
-    // Origins 0 .. 54.
     assert_eq!((result.windows, result.diverged), (55, 0));
     assert_eq!(result.horizons, [1, 2, 3, 4, 5]);
     for h in 0..5 {
@@ -128,7 +127,7 @@ fn persistence_is_its_own_baseline_to_the_bit() {
     assert_eq!(result.mae, result.persistence.mae);
     assert_eq!(result.rmse, result.persistence.rmse);
     assert_eq!(result.nrmse, result.persistence.nrmse);
-    // And it is what the definition says: |y_k+h - y_k|, with the last value where y_k is missing.
+    // The definition: |y_k+h - y_k|, with the last value where y_k is missing.
     let mut last = f64::NAN;
     let mut errors = Vec::new();
     for k in 0..=200 - 8 {
@@ -145,7 +144,7 @@ fn persistence_is_its_own_baseline_to_the_bit() {
 #[test]
 fn a_diverged_rollout_is_counted_and_reported() {
     let outputs = wave(100);
-    // Only v, from origin 20, at horizon 3.
+    // Divergence only of v, from origin 20, at horizon 3.
     let errors: [fn(usize, usize, usize) -> f64; 3] = [
         |k, h, c| if (k, h, c) == (20, 3, 1) { f64::NAN } else { 0.1 },
         |k, h, c| if (k, h, c) == (20, 3, 1) { f64::INFINITY } else { 0.1 },
@@ -163,7 +162,7 @@ fn a_diverged_rollout_is_counted_and_reported() {
                 assert!(near(result.mae[h][c], 0.1) && near(result.max[h][c], 0.1));
             }
         }
-        // Persistence is judged on the same windows: origin 20 is not among them.
+        // Persistence is evaluated on the same windows, without origin 20.
         let kept: Vec<f64> =
             (0..95).filter(|k| *k != 20).map(|k| (outputs[k + 1][0] - outputs[k][0]).abs()).collect();
         assert!(near(result.persistence.mae[0][0], kept.iter().sum::<f64>() / 94.0));
@@ -174,13 +173,13 @@ fn a_diverged_rollout_is_counted_and_reported() {
 #[test]
 fn divergence_starts_at_ten_times_the_design_range() {
     let outputs = vec![vec![2.0, 0.0]; 10];
-    // u is expected in 0..4: 2 +- 20.
+    // The design range of u is 0..4: 2 +- 20.
     let inside = Oracle::new(&outputs, |_, _, c| if c == 0 { -20.0 } else { 0.0 });
     assert_eq!(judge(&inside, &[&run("a", &outputs)], &options(1)).unwrap().diverged, 0);
     let outside = Oracle::new(&outputs, |_, _, c| if c == 0 { -20.001 } else { 0.0 });
     let result = judge(&outside, &[&run("a", &outputs)], &options(1)).unwrap();
     assert_eq!((result.windows, result.diverged), (9, 9));
-    // Nothing is left to take a mean of.
+    // No window is left for a mean.
     assert!(result.mae[0][0].is_nan() && result.max[0][0].is_nan() && result.persistence.mae[0][0].is_nan());
 }
 
@@ -199,7 +198,7 @@ fn the_first_ten_divergences_are_listed_in_order() {
 fn origins_start_after_the_warm_up_and_keep_their_stride() {
     let outputs = wave(50);
     let log = run("a", &outputs);
-    // The error is the origin's number: its mean and largest tell which origins there were.
+    // The error is the index of the origin: mean and maximum identify the origins.
     let mut oracle = Oracle::new(&outputs, |origin, _, _| 1e-3 * origin as f64);
     for (warm_up, own, stride, expected) in [
         (1, 1, 1, (0..=46).collect::<Vec<usize>>()),
@@ -228,12 +227,12 @@ fn origins_start_after_the_warm_up_and_keep_their_stride() {
 fn a_missing_target_gives_no_row_and_a_missing_start_waits() {
     let mut outputs = wave(40);
     let oracle = Oracle::new(&outputs, |origin, _, c| if c == 1 { 1e-3 * origin as f64 } else { 0.1 });
-    // v is measured for the first time at sample 5, and then not at 20.
+    // v is measured from sample 5 on, but not at 20.
     for k in (0..5).chain([20]) {
         outputs[k][1] = f64::NAN;
     }
     let result = judge(&oracle, &[&run("a", &outputs)], &options(2)).unwrap();
-    // Origins 5 .. 37; at horizon 1 the target of origin 19 is missing, at 2 that of 18.
+    // Origins 5 .. 37; the target is missing for origin 19 at horizon 1 and for origin 18 at horizon 2.
     assert_eq!((result.windows, result.diverged), (33, 0));
     for (h, without) in [(0, 19usize), (1, 18)] {
         let origins: Vec<usize> = (5..=37).filter(|k| *k != without).collect();
@@ -249,7 +248,7 @@ fn truth_and_measurement_are_not_mixed_up() {
     let measured: Vec<Vec<f64>> = truth.iter().map(|y| vec![y[0] + 0.5, y[1] - 0.25]).collect();
     let mut log = run("a", &measured);
     log.truth = Some(table(&["u", "v"], "m/s", &truth));
-    // Persistence shows what the session saw: its error is target less what was seen.
+    // The error of persistence is the target minus the observed value.
     let model = Persistence::new(2, 1);
     for (origin, against) in [
         (Origin::Measured, Against::Measurement),
@@ -268,7 +267,7 @@ fn truth_and_measurement_are_not_mixed_up() {
 
 #[test]
 fn runs_are_judged_together_and_never_joined() {
-    // Two runs whose ends are far apart: a window across them would have an error of 100.
+    // The ends of the two runs differ: a window across them would have an error of 100.
     let (a, b) = (wave(30), wave(41).iter().map(|y| vec![y[0] + 100.0, y[1]]).collect::<Vec<_>>());
     let wide = [DesignRange { low: 0.0, high: 200.0 }, DesignRange { low: -1.0, high: 1.0 }];
     let (first, second) = (run("a", &a), run("b", &b));
@@ -285,13 +284,13 @@ fn runs_are_judged_together_and_never_joined() {
             let mean = (26.0 * one.mae[h][c] + 37.0 * two.mae[h][c]) / 63.0;
             assert!(near(both.mae[h][c], mean));
             assert_eq!(both.max[h][c], one.max[h][c].max(two.max[h][c]));
-            // The scale is that of all compared points: with the jump between the runs in u.
+            // The scale includes all compared points, with the jump between the runs in u.
             let compared: Vec<f64> =
                 (0..26).map(|k| a[k + h + 1][c]).chain((0..37).map(|k| b[k + h + 1][c])).collect();
             assert!((both.nrmse[h][c] * deviation(&compared) / both.rmse[h][c] - 1.0).abs() < 1e-9);
         }
     }
-    // A run too short for a window beside one that is not gives nothing and stops nothing.
+    // A run that is too short for a window does not change the result.
     let short = run("short", &wave(4));
     assert_eq!(judge(&[&short, &first]).windows, 26);
 }
@@ -345,7 +344,7 @@ fn invalid_evaluations_are_refused_with_a_reason() {
     assert_eq!(stopped.unwrap_err(), EvaluateError::Cancelled(hydroid::progress::Cancelled));
 }
 
-/// 2^64 - 1 once overflowed a sum and a capacity.
+/// 2^64 - 1 must not overflow a sum or a capacity.
 #[test]
 fn an_endless_horizon_is_an_error() {
     let log = run("a", &wave(30));
@@ -383,7 +382,7 @@ fn json_has_the_keys_and_shapes_of_the_contract() {
         "r2",
         "persistence",
     ]);
-    // Beyond the contract: where it diverged.
+    // In addition to the contract.
     contract.extend(["divergences", "runs"]);
     assert_eq!(keys(&json), contract);
     assert_eq!(keys(&json["persistence"]), BTreeSet::from(["mae", "rmse", "nrmse"]));
@@ -412,14 +411,14 @@ fn json_has_the_keys_and_shapes_of_the_contract() {
     for (option, word) in [(Against::Measurement, "measurement"), (Against::Truth, "truth")] {
         assert_eq!(serde_json::to_value(option).unwrap(), word);
     }
-    // What was written can be read again, the figures that do not exist included; blocks are not written.
+    // The JSON is read back, undefined values included; blocks are not written.
     assert!(json.get("blocks").is_none());
     let again: Evaluation = serde_json::from_value(json).unwrap();
     let written = Evaluation { blocks: Vec::new(), ..result };
     assert_eq!(format!("{again:?}"), format!("{written:?}"));
 }
 
-/// An output that never has a value leaves no origin; this is no divergence of the model.
+/// An output without values leaves no origin; this is not a divergence of the model.
 #[test]
 fn an_output_that_is_never_measured_is_named() {
     let mut outputs = wave(20);
@@ -429,10 +428,10 @@ fn an_output_that_is_never_measured_is_named() {
     let nowhere = EvaluateError::NoOrigin { channel: String::from("v") };
     let model = Persistence::new(2, 1);
     assert_eq!(judge(&model, &[&run("a", &outputs)], &options(3)).unwrap_err(), nowhere);
-    // Measured once, but too late for a window.
+    // Measured once, too late for a window.
     outputs[18][1] = 0.0;
     assert_eq!(judge(&model, &[&run("a", &outputs)], &options(3)).unwrap_err(), nowhere);
-    // One run where it is measured is enough.
+    // One run with measurements is enough.
     let good = run("b", &wave(20));
     assert_eq!(judge(&model, &[&run("a", &outputs), &good], &options(3)).unwrap().windows, 17);
 }

@@ -1,4 +1,4 @@
-//! Sessions in an evaluation: start of each run, number of threads, adapting sessions.
+//! Sessions in an evaluation: reset before each run, number of threads, adaptive sessions.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use hydroid::log::{Channel, Table, Trajectory};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
-/// A coupled model that is not linear, so that the last bit would tell.
+/// A coupled nonlinear model, sensitive to the last bit.
 fn equations() -> EquationsSession {
     let terms = vec![Term::monomial(&[0]), Term::monomial(&[1]), Term::monomial(&[0, 1]), Term::constant()];
     let coefficients = vec![-0.1, 0.7, 0.3, 0.2, 0.05, -0.2, 0.1, -0.1];
@@ -18,7 +18,7 @@ fn equations() -> EquationsSession {
 
 #[test]
 fn the_number_of_threads_does_not_change_a_bit() {
-    // More origins than one batch holds, in runs of uneven lengths.
+    // More origins than one batch, in runs of different lengths.
     let (long, short) = (run("long", &wave(5_000)), run("short", &wave(333)));
     let text = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -32,7 +32,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
 
 #[test]
 fn a_session_sees_each_run_from_its_start() {
-    // A session that would carry its state over the end of a run, or hold what an earlier evaluation saw.
+    // Neither the end of a run nor an earlier evaluation leaves a state.
     let (a, b) = (run("a", &wave(50)), run("b", &wave(60)));
     let mut used = equations();
     used.observe(&[9.0, 9.0]);
@@ -44,7 +44,7 @@ fn a_session_sees_each_run_from_its_start() {
     assert!(y.iter().all(|y| y.is_finite()), "the caller's session is where it was");
 }
 
-/// Remembers how often it observed and advanced since it was reset, and predicts both numbers.
+/// Counts observations and advances since the reset, and predicts both numbers.
 #[derive(Clone)]
 struct Memory {
     observed: f64,
@@ -92,7 +92,7 @@ impl Predictor for Memory {
 
 #[test]
 fn at_origin_k_a_session_has_observed_k_and_was_commanded_up_to_k_less_one() {
-    // At origin k: k + 1 observations, k commands. The run says just that, one sample later.
+    // At origin k: k + 1 observations and k commands. The outputs of the run are these numbers, one sample later.
     let outputs: Vec<Vec<f64>> = (0..3_000).map(|k| vec![f64::from(k), f64::from(k - 1)]).collect();
     let range = [DesignRange { low: 0.0, high: 3_000.0 }; 2];
     let mut used = Memory { observed: 7.0, advanced: 3.0 };
@@ -103,7 +103,7 @@ fn at_origin_k_a_session_has_observed_k_and_was_commanded_up_to_k_less_one() {
     assert_eq!(result.max, [[0.0, 0.0], [1.0, 1.0]]);
 }
 
-/// Learns the slope of a ramp on the way; its forks know what it learned and learn no more.
+/// Learns the slope of a ramp along the run; forks keep the slope and do not learn.
 #[derive(Clone)]
 struct Learner {
     last: f64,
@@ -150,7 +150,7 @@ impl Predictor for Learner {
     }
 }
 
-/// A review found that a fork was walked in place of the session, and forks need not learn.
+/// The session itself must observe the run: forks need not learn.
 #[test]
 fn an_adapting_session_keeps_its_coefficients_for_the_next_run() {
     let ramp = |name, len: u32| {
@@ -164,7 +164,7 @@ fn an_adapting_session_keeps_its_coefficients_for_the_next_run() {
             truth: None,
         }
     };
-    // The first run is too short to be judged on, but not to learn from.
+    // The first run is too short for a window, but the session learns from it.
     let (short, long) = (ramp("short", 5), ramp("long", 60));
     let range = [DesignRange { low: 0.0, high: 100.0 }];
     let judge = |runs: &[&Trajectory], learns| {
@@ -176,6 +176,6 @@ fn an_adapting_session_keeps_its_coefficients_for_the_next_run() {
     let learned = judge(&[&short, &long], true);
     assert_eq!(learned.max[9], [0.0]);
     assert_eq!((learned.runs.used, learned.runs.unused, learned.runs.unused_samples), (1, 1, 5));
-    // Without a run before it, the very first origin knows no slope yet.
+    // Without a run before it, the first origin has no slope.
     assert_eq!(judge(&[&long], true).max[9], [10.0]);
 }

@@ -1,5 +1,5 @@
-//! From logs to circles: feedback linearization with identified equations controls the true plant. Equations that cannot be
-//! inverted are refused, and a controller that loses the track says so.
+//! Feedback linearization with identified equations controls the true plant on a circle. Equations that cannot be
+//! inverted are refused, and a controller that loses the track reports it.
 
 use std::sync::Arc;
 
@@ -23,7 +23,6 @@ use hydroid_core::vessel::VesselParams;
 const MOTION: [&str; 3] = ["u", "v", "r"];
 /// Outputs with the propeller's force.
 const WITH_FORCE: [&str; 4] = ["u", "v", "r", "P_f"];
-/// Sample time \[s\].
 const DT: f64 = 0.1;
 /// Seeds of the measurement noise.
 const SEEDS: [u64; 5] = [1, 2, 3, 4, 5];
@@ -40,14 +39,13 @@ struct Task {
 }
 
 const SIMPLE: Task = Task { radius: 10.0, speed: 1.5, lead: 1.0 };
-/// Low speed, take-off, and flight.
+/// Circles at low speed, at take-off and in flight.
 const HYDROFOIL: [Task; 3] = [
     Task { radius: 15.0, speed: 1.5, lead: 1.5 },
     Task { radius: 25.0, speed: 2.5, lead: 1.5 },
     Task { radius: 30.0, speed: 4.0, lead: 1.5 },
 ];
 
-/// Result of a run on a circle.
 struct Outcome {
     /// Root mean square distance from the reference from 40 s on \[m\].
     rms: f64,
@@ -68,8 +66,8 @@ fn equations_from_noisy_data_control_the_simple_vessel() {
     assert!(clean.rms < 1e-6 && noisy.rms <= 0.0042);
 }
 
-/// An independent implementation, on two hours of data, gives 0.010, 0.016 and 0.018 m. This test uses ten minutes; lag and
-/// gate are identified, the terms are given.
+/// An independent implementation, on two hours of data, gives 0.010, 0.016 and 0.018 m. This test uses ten minutes; lag
+/// and gate are identified, the terms are given.
 #[test]
 fn identified_equations_control_the_hydrofoil_in_all_modes() {
     let vessel = VesselParams::hydrofoil();
@@ -82,8 +80,8 @@ fn identified_equations_control_the_hydrofoil_in_all_modes() {
     }
 }
 
-/// The thesis's polynomials. A threshold that removes the propeller leaves one command, which is refused. Smoothed derivatives
-/// give a controller that loses the track and reports it. The others are ten times as far from the reference.
+/// The thesis's polynomials. Without propeller terms one command is left, which is refused. Smoothed derivatives give a
+/// controller that loses the track and reports it. The others are ten times as far from the reference.
 #[test]
 fn polynomials_are_refused_lost_or_ten_times_as_far_from_the_reference() {
     let vessel = VesselParams::hydrofoil();
@@ -106,7 +104,8 @@ fn polynomials_are_refused_lost_or_ten_times_as_far_from_the_reference() {
     assert!((0.02..0.3).contains(&moderate.rms));
 }
 
-/// Simulates a circle of 120 s with noise of a scale and a seed; `measured` passes the propeller's force to the controller.
+/// Simulates a circle of 120 s with noise of a scale and a seed; `measured` passes the propeller's force to the
+/// controller.
 fn circle(
     vessel: &VesselParams,
     task: Task,
@@ -171,8 +170,8 @@ fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
     }
 }
 
-/// A polynomial model, with forces in 100 N. Terms with more than one command or propeller force are left out: they cannot be
-/// inverted.
+/// A polynomial model, with forces in 100 N. Terms with more than one command or propeller force are left out: they
+/// cannot be inverted.
 fn polynomial(data: &Trajectory, degree: u8, regression: RegressionForm, optimizer: Optimizer) -> Equations {
     let efforts = |term: &Term| {
         let factors = term.factors().iter().filter(|f| usize::from(f.variable) >= MOTION.len());
@@ -188,8 +187,8 @@ fn polynomial(data: &Trajectory, degree: u8, regression: RegressionForm, optimiz
     prepared.fit(&options).unwrap().equations
 }
 
-/// The simple vessel with measured propeller force, with the settings of an independent implementation: degree 2, weak form
-/// over 20 samples.
+/// The simple vessel with measured propeller force, with the settings of an independent implementation: degree 2, weak
+/// form over 20 samples.
 fn with_measured_force() -> Equations {
     let data = log(&VesselParams::simple(), &WITH_FORCE, 7_200.0, 0);
     polynomial(&data, 2, RegressionForm::Weak { intervals: 20 }, Optimizer::Stepwise(0.01))

@@ -1,4 +1,5 @@
-//! Identification does not depend on units and on the order of terms and inputs, and finds random sparse systems exactly.
+//! Identification does not depend on units and on the order of terms and inputs, and finds random sparse systems
+//! exactly.
 
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::sindy::{

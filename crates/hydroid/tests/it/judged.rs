@@ -1,4 +1,4 @@
-//! Runs with a known future, and their evaluation.
+//! Runs with known outputs, and their evaluation.
 
 use std::ops::ControlFlow;
 
@@ -13,7 +13,7 @@ pub(crate) fn table(names: &[&str], unit: &str, rows: &[Vec<f64>]) -> Table {
     Table::new(channels, rows.concat())
 }
 
-/// Outputs `u` and `v`; the input is the sample's number, so that a test double can look the truth up.
+/// Outputs `u` and `v`; the input is the index of the sample, so that a test double can find the true outputs.
 pub(crate) fn run(name: &str, outputs: &[Vec<f64>]) -> Trajectory {
     let numbers: Vec<Vec<f64>> = (0..outputs.len()).map(|k| vec![k as f64]).collect();
     Trajectory {

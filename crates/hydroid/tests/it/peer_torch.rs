@@ -1,7 +1,7 @@
-//! Model files and PyTorch: it reads a file, predicts the same, continues the training, and writes a file that is read back.
+//! Model files and PyTorch: it reads a file, predicts equally, continues the training, and writes a file that is read.
 //!
-//! The Python with PyTorch is `HYDROID_PYTHON` or `python3`; without PyTorch and safetensors the test says so and
-//! passes. `network_file` compares with files that PyTorch made.
+//! The Python with PyTorch is `HYDROID_PYTHON` or `python3`; without PyTorch and safetensors the test passes with a
+//! message. `network_file` compares with files that PyTorch made.
 
 use std::io::Write as _;
 use std::path::Path;

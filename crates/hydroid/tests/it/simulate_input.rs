@@ -142,7 +142,7 @@ fn a_vessel_file_reads_back() {
     assert_eq!(load_vessel(path).expect("the example in the repository"), VesselParams::hydrofoil());
 }
 
-/// The refusal of the hydrofoil's file with `from` replaced by `to`.
+/// The error for the hydrofoil's file with `from` replaced by `to`.
 fn file_error(from: &str, to: &str) -> VesselFileError {
     let text = vessel_toml(&VesselParams::hydrofoil()).expect("writes");
     assert!(text.contains(from), "{text}");
@@ -213,7 +213,7 @@ fn the_envelope_is_where_force_and_drag_balance() {
 }
 
 prop_compose! {
-    /// A vessel unlike the reference ones, and what drives it.
+    /// An arbitrary vessel with an excitation.
     fn any_options()(
         seed: u64,
         scale in 0.1..10.0,

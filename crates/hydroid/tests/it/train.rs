@@ -1,4 +1,4 @@
-//! Trainings from end to end.
+//! Complete trainings.
 
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -8,7 +8,7 @@ use crate::vessel::{INPUTS, OUTPUTS, measured, sail};
 use hydroid::log::Trajectory;
 use hydroid::train::{BaseKind, CellKind, Ending, Job, Status, TrainError, TrainOptions, Trained, train};
 
-/// Under steps of the command, with some noise.
+/// A vessel under steps of the command, with some noise.
 fn run(name: &str, samples: usize, seed: u64) -> Trajectory {
     let state = Cell::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
     let random = || {
@@ -64,7 +64,7 @@ fn go(settings: &TrainOptions) -> Trained {
     with(settings, None, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
-/// All but the time that it took.
+/// Compares everything but the training time.
 fn same(a: &Trained, b: &Trained) {
     assert_eq!(Trained { seconds: 0.0, ..a.clone() }, Trained { seconds: 0.0, ..b.clone() });
 }
@@ -97,7 +97,7 @@ fn the_bytes_do_not_depend_on_threads() {
     same(&one, &two);
     same(&one, &three);
     assert_ne!(one.model.weights(), go(&TrainOptions { seed: 1, ..settings.clone() }).model.weights());
-    // The first of several restarts is the only one of a training without.
+    // The first of several restarts equals a training without restarts.
     let alone = go(&TrainOptions { restarts: 1, ..settings });
     assert_eq!(alone.validation, one.restarts[0]);
 }
@@ -106,7 +106,7 @@ fn the_bytes_do_not_depend_on_threads() {
 fn an_interrupted_training_resumes_to_the_same_model() {
     let folder = tempfile::tempdir().unwrap();
     for (index, cell) in [CellKind::Lstm, CellKind::Gru].into_iter().enumerate() {
-        // Long enough to be heard of several times, on a fast machine too.
+        // Long enough for several progress callbacks on a fast machine.
         let settings = TrainOptions { restarts: 2, epochs: 400, refit: index == 1, ..settings(cell) };
         let whole = go(&settings);
         let path = folder.path().join(format!("{index}.checkpoint"));
@@ -132,7 +132,7 @@ fn an_interrupted_training_resumes_to_the_same_model() {
         same(&whole, &parts);
         assert!(interruptions > 0, "the training was over before it could be interrupted");
         assert!(latest > 0.5 && latest <= 1.0, "{latest}");
-        // What is done stays done.
+        // A finished training does not change.
         same(&whole, &with(&settings, Some(&path), &mut |_| ControlFlow::Break(())).unwrap());
         let other = TrainOptions { learning_rate: 0.01, ..settings };
         let error = with(&other, Some(&path), &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
@@ -215,7 +215,7 @@ fn invalid_arguments_are_refused() {
     assert!(of(|s| s.channel_weights = vec![1.0]).contains("one number for each output"));
     assert!(of(|s| s.base = BaseKind::Equations).contains("none are given"));
     let still = Trajectory {
-        // The mean of so many tenths is no tenth.
+        // The mean is not exactly 0.1.
         outputs: measured(vec![0.1; 1800]),
         ..run("still", 900, 1)
     };

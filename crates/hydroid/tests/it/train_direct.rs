@@ -58,7 +58,7 @@ fn without_time(trained: &Trained) -> Trained {
     Trained { seconds: 0.0, ..trained.clone() }
 }
 
-/// Chained over two horizons and a half, and judged with gaps as the session judges them.
+/// Validation over two and a half horizons, with gaps, as in a session.
 #[test]
 fn it_learns_the_vessel_and_its_validation_error_is_that_of_the_evaluation() {
     for base in [BaseKind::Nothing, BaseKind::Hold] {
@@ -68,14 +68,14 @@ fn it_learns_the_vessel_and_its_validation_error_is_that_of_the_evaluation() {
         let TrainedNetwork::Direct(model) = &trained.model else { panic!("no direct predictor") };
         let mut session = DirectSession::new(model.clone().into()).unwrap();
         let mut whole = with_gaps("c", 330, 100.0);
-        // What is missing in a history is held there, and predicted by a session: on a whole run they agree.
+        // The training holds missing values in a history, the session predicts them: on a whole run they agree.
         let options = Options { horizon: 20, ..Options::default() };
         let score = |session: &mut DirectSession, run: &Trajectory| {
             evaluate("direct", session, &OUTPUTS, &[run], &options, &mut silent()).unwrap().score()
         };
         let gaps = score(&mut session, &whole);
         assert!((gaps / trained.validation - 1.0).abs() < 0.1, "{gaps} {}", trained.validation);
-        // So short that every origin is judged.
+        // So short that every origin is evaluated.
         whole = whole.slice(0, 130);
         let filled = (0..130).flat_map(|k| [0, 1].map(|c| whole.outputs.row(k)[c])).collect::<Vec<_>>();
         let filled = filled.iter().enumerate().map(|(i, y)| if y.is_nan() { filled[i - 2] } else { *y });
@@ -116,7 +116,7 @@ fn the_bytes_do_not_depend_on_threads() {
 fn an_interrupted_training_resumes_to_the_same_model() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("direct.checkpoint");
-    // Long enough to be heard of, on a fast machine too.
+    // Long enough for progress callbacks on a fast machine.
     let settings = TrainOptions { epochs: 60, hidden: 48, ..settings() };
     let whole = go(&settings);
     let stopped = with(&settings, Some(&path), &mut |status| {
@@ -162,7 +162,7 @@ fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {
         ..NetworkOptions::default()
     };
     change(&mut direct);
-    // What is said of recurrent networks is not said of it.
+    // Options of recurrent networks do not apply.
     let all = NetworkOptions { hidden: Some(3), feedback: Some(false), ..NetworkOptions::default() };
     Identification {
         methods: vec![Method::Direct],
@@ -182,7 +182,7 @@ fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {
     }
 }
 
-/// An ensemble of three, whose rollouts are a band; the file gives back what was written, and no damage makes it panic.
+/// An ensemble of three with bands; the file is read back, and damaged files do not panic.
 #[test]
 fn a_method_like_the_others_with_a_file_and_an_ensemble() {
     let identified =
@@ -221,7 +221,7 @@ fn a_method_like_the_others_with_a_file_and_an_ensemble() {
     }
 }
 
-/// Where nothing is said, a short training decides whether it gives outputs or differences.
+/// By default a short training decides between outputs and increments.
 #[test]
 fn its_formulation_is_chosen_where_none_is_given() {
     let identified = identify(&job(|s| s.base = None), &mut silent()).unwrap();
@@ -239,7 +239,7 @@ fn a_history_without_windows_to_evaluate_is_refused_before_training() {
     assert_eq!(session(&identified.candidates[0].model), 5);
 }
 
-/// A second training has other increments to scale by; what members predict stays what it was.
+/// The refit has another scale of increments; the predictions of the members do not change.
 #[test]
 fn members_predict_the_same_after_a_refit() {
     let settings =

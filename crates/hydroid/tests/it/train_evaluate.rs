@@ -11,7 +11,7 @@ use hydroid_core::model::recurrent::RecurrentSession;
 
 #[test]
 fn the_validation_error_is_that_of_the_evaluation() {
-    // So short that every origin is judged.
+    // So short that every origin is evaluated.
     let (a, mut b) = (smooth("a", 1500, 0.0), smooth("b", 209, 100.0));
     let mut values = b.outputs.rows(0, 209).to_vec();
     for (k, c) in [(20, 0), (21, 0), (122, 1), (150, 0), (151, 0), (151, 1), (180, 1)] {
@@ -48,7 +48,7 @@ fn the_validation_error_is_that_of_the_evaluation() {
         let options = Options { horizon: 25, ..Options::default() };
         let evaluation = evaluate("trained", &mut session, &OUTPUTS, &[&b], &options, &mut silent()).unwrap();
         let (told, score) = (trained.validation, evaluation.score());
-        // The same origins; a hidden state that knows of more than the wash-out.
+        // Equal origins; the hidden state follows the whole run instead of the wash-out.
         let off = (told / score - 1.0).abs();
         println!("{cell:?} {base:?} {feedback}: {told} {score}, off by {off:.1e}");
         assert!(off < 1e-5, "{cell:?} {base:?} {feedback}: {told} {score}");

@@ -12,7 +12,7 @@ const OUTPUT: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
 const INPUT: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
 const HORIZON: usize = 20;
 
-/// A vessel with quadratic drag under steps of its command, of a size.
+/// A vessel with quadratic drag under steps of its command of the given size.
 fn run(name: &str, samples: usize, size: f64, seed: u64) -> Trajectory {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let (mut y, mut c) = (0.0f64, 0.0);
@@ -31,7 +31,7 @@ fn run(name: &str, samples: usize, size: f64, seed: u64) -> Trajectory {
     Trajectory { name: name.to_owned(), t0: 0.0, dt: 0.1, outputs, inputs, truth: None }
 }
 
-/// A slow run to learn from, a fast one to choose on.
+/// A slow training run and a fast validation run.
 fn go(settings: &TrainOptions) -> Trained {
     on(settings, &run("slow", 900, 0.1, 1), &run("fast", 500, 1.0, 2))
 }
@@ -62,7 +62,7 @@ fn the_refit_uses_all_runs() {
     let refit = after.refit.clone().unwrap();
     assert_eq!((refit.outcome, after.before_refit()), (Outcome::Taken, &before.model));
     assert!(refit.validation < 0.5 * before.validation, "{} {}", refit.validation, before.validation);
-    // Another fast run, new to both.
+    // Another fast run, new to both networks.
     let new = run("new", 500, 1.0, 3);
     let score = |model: &Recurrent| {
         let mut session = RecurrentSession::new(Arc::new(model.clone())).unwrap();
@@ -72,12 +72,12 @@ fn the_refit_uses_all_runs() {
     };
     let [old, learned] = [&before.model, &after.model].map(|model| score(model.recurrent().unwrap()));
     assert!(learned < 0.5 * old, "{learned} {old}");
-    // All else that is told is of the training before.
+    // All other fields are of the first training.
     let told = Trained { model: before.model.clone(), refit: None, seconds: before.seconds, ..after };
     assert_eq!(told, before);
 }
 
-/// Long steps to the end: the last weights are hardly ever as good as the best on the way.
+/// With constant large steps the last weights are rarely as good as the best.
 #[test]
 fn a_worse_refit_is_discarded() {
     let (a, b) = (run("a", 900, 1.0, 1), run("b", 500, 1.0, 2));

@@ -7,7 +7,7 @@ pub(crate) const OUTPUTS: [DesignRange; 2] =
     [DesignRange { low: -1.5, high: 1.5 }, DesignRange { low: -1.0, high: 1.0 }];
 pub(crate) const INPUTS: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
 
-/// Its run under a command by sample, as it is measured.
+/// Its run under a command and a measurement by sample.
 pub(crate) fn sail(
     name: &str,
     samples: usize,
@@ -27,12 +27,10 @@ pub(crate) fn sail(
     Trajectory { name: name.to_owned(), t0: 0.0, dt: 0.1, outputs, inputs, truth: None }
 }
 
-/// A table of its outputs.
 pub(crate) fn measured(values: Vec<f64>) -> Table {
     Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], values)
 }
 
-/// A sum of sines.
 pub(crate) fn sines(phase: f64) -> impl FnMut(usize) -> f64 {
     move |k| {
         let t = 0.1 * k as f64 + phase;
@@ -40,12 +38,12 @@ pub(crate) fn sines(phase: f64) -> impl FnMut(usize) -> f64 {
     }
 }
 
-/// Under a sum of sines, measured without noise.
+/// A run under a sum of sines, without noise.
 pub(crate) fn smooth(name: &str, samples: usize, phase: f64) -> Trajectory {
     sail(name, samples, sines(phase), |_, y| y)
 }
 
-/// The same with a little of everything missing.
+/// A run with missing values in both outputs.
 pub(crate) fn with_gaps(name: &str, samples: usize, phase: f64) -> Trajectory {
     let missing = |k: usize, every: usize, y: f64| if k % every == every - 1 { f64::NAN } else { y };
     sail(name, samples, sines(phase), |k, [u, v]| [missing(k, 61, u), missing(k, 83, v)])

@@ -1,9 +1,9 @@
-//! The clocks of real loggers: dates, no time at all, milliseconds, rows written twice.
+//! Clocks of real loggers: dates, no time, milliseconds, repeated rows.
 
 use super::{error, error_of, has_note, log, output, prepared, prepared_with};
 use hydroid::log::{PrepareOptions, Selection, prepare};
 
-/// A log whose times are these.
+/// A log with these times.
 fn timed(header: &str, times: &[&str]) -> String {
     let rows = times.iter().enumerate().map(|(k, t)| format!("{t},{},{}\n", k % 7, k / 3));
     format!("{header},u,n\n{}", rows.collect::<String>())
@@ -26,7 +26,7 @@ fn says(message: &str, parts: &[&str]) {
 
 #[test]
 fn dates_are_seconds_since_the_first_of_them() {
-    // Whatever the header says of their unit.
+    // For any unit in the header.
     for header in ["t", "t [s]", "Timestamp [UTC]", "timestamp [ms]"] {
         let p = prepared(&stamped(header, 1500));
         assert_eq!((p.runs.len(), p.runs[0].len()), (1, 1500));
@@ -105,10 +105,10 @@ fn rows_without_time_are_a_step_apart_if_it_is_given() {
     let options = PrepareOptions { dt: Some(0.25), ..PrepareOptions::default() };
     let p = prepared_with(text, &options);
     assert_eq!((p.runs[0].t0, p.runs[0].dt), (0.0, 0.25));
-    // Rows that repeat are as good as others.
+    // Repeated rows are kept.
     assert_eq!(output(&p, 0, 0), [1.0, 2.0, 1.0, 1.0, 3.0]);
     assert!(has_note(&p, "no time column; the rows are taken as 0.25 s apart"), "{:?}", p.notes);
-    // A column that tells the time is not passed over, and one that does not is.
+    // A column with several times is used, a column with one time is not.
     let p = prepared_with("t,u,n\n0,1,0\n0.5,2,0\n1,1,0\n1.5,3,1\n", &options);
     assert!(!has_note(&p, "no time column"), "{:?}", p.notes);
     let p = prepared_with("t,u,n\n4,1,0\n,2,0\n,1,0\n,3,1\n", &options);
@@ -148,7 +148,7 @@ fn rows_written_twice_are_dropped() {
     assert_eq!(told.len(), 1);
     assert!(told[0].is_warning());
     says(&told[0].message, &["log.csv: 3 rows dropped", "first in line 4"]);
-    // A value that differs in any column leaves the question which row is right.
+    // Rows that differ in any column are ambiguous.
     let message = error("t,u,n,extra\n0,1,0,\n1,2,0,7\n1,2,0,8\n2,1,0,\n3,4,1,1\n");
     says(&message, &["log.csv, line 4", "two identical time stamps", "line 3"]);
 }

@@ -8,7 +8,7 @@ fn inspect(log: &RawLog, selection: &Selection) -> Result<Inspection, LogError> 
     hydroid::log::inspect(log, selection, &PrepareOptions::default())
 }
 
-/// Numbers from -0.5 to 0.5, the same every time.
+/// Reproducible numbers from -0.5 to 0.5.
 fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     move || {
@@ -19,7 +19,7 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-/// A boat with one propeller whose command, at random levels, acts `delay` samples after it is logged.
+/// A boat with one propeller whose random commands act `delay` samples after they are logged.
 fn boat(rows: usize, delay: usize, noise_size: f64) -> String {
     let (mut commands, mut measurement) = (noise(1), noise(2));
     let mut level = 0.0;
@@ -136,7 +136,7 @@ fn correct_reading_options_give_no_warning() {
     let advised = |found: &Inspection, part: &str| {
         found.notes.iter().any(|n| n.remedy.as_ref().is_some_and(|r| r.contains(part)))
     };
-    // Each row with the command that led to it: what was logged a row before.
+    // Each row with the command before its measurement, which is logged one row earlier.
     let timely = boat(3000, 0, 0.0);
     let mut before = String::from("0");
     let late: String = timely
@@ -159,10 +159,10 @@ fn correct_reading_options_give_no_warning() {
     let delayed = boat(3000, 5, 0.0);
     let by = |n: i64| PrepareOptions { input_delay: InputDelay::Samples(n), ..default };
     assert!(advised(&looked_at(&delayed, &default), "--input-delay 5 "));
-    // What is left of the delay adds to what is shifted already.
+    // The remaining delay adds to the present shift.
     assert!(advised(&looked_at(&delayed, &by(2)), "--input-delay 5 "));
     assert!(!advised(&looked_at(&delayed, &by(5)), "--input-delay"));
-    // Samples of runs on another step are not those of the log.
+    // With another step, samples of the runs are not samples of the log.
     let coarse = PrepareOptions { dt: Some(0.2), ..by(2) };
     let found = looked_at(&boat(3000, 6, 0.0), &coarse);
     assert!(advised(&found, "--input-delay 0.6s "), "{:?}", found.notes);

@@ -28,7 +28,7 @@ fn log_as(name: &str, text: &str) -> RawLog {
     read_from(text.as_bytes(), name).unwrap()
 }
 
-/// A log as the preparation sees it, with u as only output and n as only input unless told otherwise.
+/// Prepared log; by default u is the only output and n the only input.
 fn prepared(text: &str) -> Prepared {
     prepared_with(text, &PrepareOptions::default())
 }

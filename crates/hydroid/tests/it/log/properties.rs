@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::{log, table};
 use hydroid::log::{CommandTiming, InputDelay, PrepareOptions, Selection, inspect, prepare, read_from};
 
-/// A cell as logs have them, good and bad.
+/// A valid or invalid cell.
 fn cell() -> impl Strategy<Value = String> {
     prop_oneof![
         6 => (-50..50_i32).prop_map(|x| format!("{}", f64::from(x) * 0.1)),
@@ -27,7 +27,7 @@ fn options() -> impl Strategy<Value = PrepareOptions> {
         ],
     )
         .prop_map(|(dt, max_gap_s, (after, keep_towed), input_delay)| PrepareOptions {
-            // The smallest steps are refused for their size in other tests; here they would only fill memory.
+            // Smaller steps are refused for their size in other tests; here they would fill the memory.
             dt: dt.map(|d| if d.abs() < 1e-4 { 1e-4 } else { d }),
             max_gap_s,
             command_timing: if after { CommandTiming::After } else { CommandTiming::Before },
@@ -88,7 +88,7 @@ proptest! {
         values in prop::collection::vec((-1.0..1.0_f64, -1.0..1.0_f64), 10..50),
         jitter in prop::collection::vec(0.0..0.3_f64, 50),
     ) {
-        // The resampled runs of an irregular log are regular; written again, they come through as they are.
+        // Resampled runs of an irregular log are regular and are read back unchanged.
         let mut text = "t,u,n\n".to_owned();
         for (k, (u, n)) in values.iter().enumerate() {
             text += &format!("{},{u},{n}\n", k as f64 + jitter[k]);
@@ -116,7 +116,7 @@ proptest! {
         delay in -8..9_i64,
         after in any::<bool>(),
     ) {
-        // `u` shows what acted on the vessel; the log shows it `delay` samples early, or late.
+        // `u` shows the acting command; the log shows it `delay` samples early or late.
         let timing = if after { CommandTiming::After } else { CommandTiming::Before };
         let shift = delay - i64::from(after);
         let at = |k: i64| usize::try_from(k).ok().and_then(|k| commands.get(k)).copied();

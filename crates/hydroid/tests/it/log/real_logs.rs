@@ -107,7 +107,7 @@ fn the_noise_of_simulated_logs_is_estimated_and_their_delay_is_zero() {
     let found = looked_at(&log, &Selection::default());
     let std = found.outputs[0].noise_std.unwrap();
     assert!((std - 0.01).abs() < 0.001, "{std}");
-    // The propeller's lag looks like a delay, the rudder has none: no shift is advised.
+    // The lag of the propeller resembles a delay, the rudder has none: no shift is advised.
     let rudder = found.inputs[1].delay.as_ref().unwrap();
     assert!(rudder.samples == 0 && rudder.confidence == Confidence::High, "{rudder:?}");
     assert!(

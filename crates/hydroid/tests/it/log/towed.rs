@@ -15,8 +15,8 @@ fn command(k: usize) -> String {
     format!("{}", if steered && !rests { 1 + k / 100 % 3 } else { 0 })
 }
 
-/// Under command u goes between 0 and 1 m/s (standard deviation 0.35); before it rests, afterwards `end` says, of
-/// the time [s] since.
+/// Under command u is between 0 and 1 m/s (standard deviation 0.35); before, it is zero, afterwards `end` of the time
+/// since \[s\].
 fn speed(end: impl Fn(f64) -> f64) -> impl Fn(usize) -> String {
     move |k| {
         let t = k as f64 * 0.1;
@@ -25,7 +25,7 @@ fn speed(end: impl Fn(f64) -> f64) -> impl Fn(usize) -> String {
             _ if k < AFTER => 0.5 - 0.5 * ((t - 30.0) * 0.4).cos(),
             _ => end(t - 130.0),
         };
-        // A ripple of a wave that is no motion.
+        // A wave.
         format!("{}", u + 0.05 * (7.0 * t).sin())
     }
 }
@@ -72,15 +72,15 @@ fn uncommanded_motion_is_kept() {
     ];
     for (what, end) in ends {
         let p = prepared(&table(ROWS, speed(end), command));
-        assert!(!has_note(&p, "grows all the same"), "{what}: {:?}", p.notes);
+        assert!(!has_note(&p, "towed or pushed"), "{what}: {:?}", p.notes);
     }
-    // Too short to tell.
+    // Shorter than the least duration.
     let p = prepared(&table(AFTER + 190, speed(|t| t), command));
     assert_eq!(p.runs[0].len(), AFTER + 190);
-    // Most of the log.
+    // More than a quarter of the log.
     let seldom = |k: usize| if k < 1100 { "0".to_owned() } else { "1".to_owned() };
     assert_eq!(prepared(&table(ROWS, speed(|t| t), seldom)).runs[0].len(), ROWS);
-    // A blank command is the one before it.
+    // A blank command holds the previous one.
     let blank = |k: usize| {
         if k < AFTER - 1 {
             command(k)
@@ -91,15 +91,15 @@ fn uncommanded_motion_is_kept() {
         }
     };
     assert_eq!(prepared(&table(ROWS, speed(|t| t), blank)).runs[0].len(), ROWS);
-    // What never moved under command, as a sensor that was switched on late, says nothing.
+    // An output that is constant under command is no evidence.
     let late = |k: usize| if k < AFTER { String::new() } else { format!("{}", 0.01 * k as f64) };
-    assert!(!has_note(&prepared(&table(ROWS, late, command)), "grows all the same"));
-    // Nobody ever steers: not this rule's business.
+    assert!(!has_note(&prepared(&table(ROWS, late, command)), "towed or pushed"));
+    // A log without commands is not cut.
     let p = prepared(&table(ROWS, speed(|t| t), |_| "0".to_owned()));
     assert_eq!(p.runs[0].len(), ROWS);
 }
 
-/// A heading goes on growing while a vessel turns out.
+/// A heading grows while a vessel finishes its turn.
 #[test]
 fn channels_other_than_velocities_do_not_indicate_a_tow() {
     let text = table(ROWS, speed(|t| if t < 15.0 { 0.1 } else { 0.6 }), command);
