@@ -72,11 +72,11 @@ pub struct Faults {
 pub enum FaultError {
     /// Unknown form.
     #[error(
-        "'{0}' is no fault: write spikes=0.01, dropout=u:10s, stuck=r:5s or bias=v:0.2, each with @TIME behind it if it is to begin at that time [s]"
+        "'{0}' is no fault: write spikes=0.01, dropout=u:10s, stuck=r:5s or bias=v:0.2, with @TIME at the end for a start at that time [s]"
     )]
     Form(String),
     /// Unknown output.
-    #[error("a fault is asked for in '{output}', and the outputs are {known}")]
+    #[error("a fault names the output '{output}', but the outputs are {known}")]
     Output {
         /// Given output.
         output: String,

@@ -31,7 +31,7 @@ pub enum TomlError {
         known: Vec<String>,
     },
     /// Unknown value.
-    #[error("{}, line {line}: '{value}' is none of the words that this key takes{}; there are {}", path.display(), nearest.as_ref().map(|n| format!(", did you mean \"{n}\"?")).unwrap_or_default(), known.join(", "))]
+    #[error("{}, line {line}: '{value}' is not a value of this key{}; there are {}", path.display(), nearest.as_ref().map(|n| format!(", did you mean \"{n}\"?")).unwrap_or_default(), known.join(", "))]
     UnknownValue {
         /// The file.
         path: PathBuf,

@@ -18,7 +18,7 @@ const TASK: usize = 32;
 const SNAPSHOTS: usize = 4 << 20;
 
 /// Largest number of listed divergences.
-const TOLD: usize = 10;
+const MOST_LISTED: usize = 10;
 
 /// Evaluates a session on runs; `ranges` are the design ranges of the outputs.
 ///
@@ -69,9 +69,9 @@ pub fn evaluate(
     let total: usize = runs.iter().map(|run| run.len()).sum();
     let mut before = 0;
     for (run, target) in runs.iter().zip(&targets) {
-        let walk = Walk { run, target, ranges, shift: &shift, variance: &variance, options, warm_up };
+        let evaluation = RunEvaluation { run, target, ranges, shift: &shift, variance: &variance, options, warm_up };
         let windows = tally.windows;
-        walk.go(session, &mut tally, &mut |done| {
+        evaluation.go(session, &mut tally, &mut |done| {
             progress::report(progress, (before + done) as f64 / total as f64)
         })?;
         if tally.windows > windows {
@@ -157,7 +157,7 @@ struct Tally {
     runs: RunCount,
 }
 
-struct Walk<'a> {
+struct RunEvaluation<'a> {
     run: &'a Trajectory,
     target: &'a Table,
     ranges: &'a [DesignRange],
@@ -173,7 +173,7 @@ struct Pending {
     kept: Vec<f64>,
 }
 
-impl Walk<'_> {
+impl RunEvaluation<'_> {
     fn go(
         &self,
         session: &mut dyn Predictor,
@@ -249,7 +249,7 @@ impl Walk<'_> {
             tally.losses.push((loss, origins.len()));
             tally.sums.merge(&sums);
             tally.diverged += divergences.len();
-            let room = TOLD.saturating_sub(tally.divergences.len());
+            let room = MOST_LISTED.saturating_sub(tally.divergences.len());
             tally.divergences.extend(divergences.into_iter().take(room));
         }
     }

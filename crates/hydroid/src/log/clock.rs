@@ -34,7 +34,7 @@ pub(crate) fn check_order(columns: &Columns) -> Result<(), LogError> {
         }
         if pair[1] < pair[0] {
             let remedy = if restarts(&columns.t, k) {
-                "the clock starts anew there, as after a reboot: split the file at that line into two logs, each with the header"
+                "the clock restarts there, as after a reboot: split the file at that line into two logs, each with the header"
             } else {
                 "sort the rows by time, or put each recording into a file of its own if several were joined"
             };

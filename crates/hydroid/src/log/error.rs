@@ -115,7 +115,7 @@ pub enum LogError {
     },
     /// The same channel name was given twice.
     #[error(
-        "the channel `{name}` is asked for twice; give each output and input a name of its own (NAME=COLUMN)"
+        "the channel `{name}` is selected twice; give each output and input a name of its own (NAME=COLUMN)"
     )]
     RepeatedChannel {
         /// The name.
@@ -171,7 +171,7 @@ pub enum LogError {
     },
     /// No column looks like an output.
     #[error(
-        "{path}: no columns u, v, r to take as outputs; say what was measured, for example --outputs u=SPEED,r=YAWRATE. Its columns are: {columns}"
+        "{path}: no columns u, v, r to take as outputs; name the measured columns, for example --outputs u=SPEED,r=YAWRATE. Its columns are: {columns}"
     )]
     NoOutputs {
         /// File.
@@ -181,7 +181,7 @@ pub enum LogError {
     },
     /// No column looks like a command.
     #[error(
-        "{path}: no column ends in _cmd or _ang to take as a command; say what drove the vessel, for example --inputs n=RPM,delta=RUDDER. Its columns are: {columns}"
+        "{path}: no column ends in _cmd or _ang to take as a command; name the commands, for example --inputs n=RPM,delta=RUDDER. Its columns are: {columns}"
     )]
     NoInputs {
         /// File.
@@ -311,7 +311,7 @@ pub enum LogError {
     },
     /// Steps too long for seconds, in a column that does not say its unit.
     #[error(
-        "{path}, column `{column}`: the usual step is {step}, too long for a moving vessel if it counts seconds, and no unit is stated; if it counts milliseconds say --time \"{column} [ms]\", if it does count seconds --time \"{column} [s]\""
+        "{path}, column `{column}`: the usual step is {step}, too long for a moving vessel if it counts seconds, and no unit is stated; state it: --time \"{column} [ms]\" for milliseconds, --time \"{column} [s]\" for seconds"
     )]
     SlowClock {
         /// File.
@@ -323,7 +323,7 @@ pub enum LogError {
     },
     /// A time that cannot be seconds.
     #[error(
-        "{path}, line {line}: a time of {time:e} s is not plausible; if it counts milliseconds or nanoseconds say so, for example --time 'timestamp [ms]'"
+        "{path}, line {line}: a time of {time:e} s is not plausible; if it counts milliseconds or nanoseconds, state the unit, for example --time 'timestamp [ms]'"
     )]
     AbsurdTime {
         /// File.

@@ -198,7 +198,7 @@ pub(crate) fn time(
                 "{}: the time in `{}` states no unit and is taken as seconds",
                 log.path, spec.column
             ))
-            .with_remedy(format!("if it is not seconds, say so: --time '{} [ms]'", spec.column)),
+            .with_remedy(format!("if it is not in seconds, state the unit: --time '{} [ms]'", spec.column)),
         );
     } else if unit != "s" {
         let error = UnitError::Incompatible { from: unit.clone(), to: "s".to_owned() };
@@ -295,7 +295,7 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
             let same = header.to(&stated).map_err(failed)?;
             if same != 1.0 {
                 notes.push(Note::warning(format!(
-                    "{}: the header says `{}` is in {}, you say {}: {} is used",
+                    "{}: the unit of `{}` is {} in the header and {} in the selection: {} is used",
                     log.path, raw.name, header.text, stated.text, stated.text
                 )));
             }
@@ -318,7 +318,7 @@ fn note_unit(log: &RawLog, column: &str, unit: &Unit, role: Role, notes: &mut Ve
     if unit.is_doubtful() {
         notes.push(
             Note::warning(format!("{path}: the unit {} of `{column}` is taken as knots", unit.text))
-                .with_remedy(format!("if it is kilonewtons, say so: `{column} [kN]`; knots are `[kn]`")),
+                .with_remedy(format!("if it is in kilonewtons, write `{column} [kN]`; knots are `[kn]`")),
         );
     } else if !unit.is_known() && role == Role::Output {
         notes.push(

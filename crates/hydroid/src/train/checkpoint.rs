@@ -225,19 +225,19 @@ pub(super) fn decode<T: Scalar>(
     if head.hydroid != HYDROID {
         let theirs = &head.hydroid;
         return Err(format!(
-            "it is of hydroid {theirs}, this is {HYDROID}, which may train otherwise; go on with that version, or remove it to start anew"
+            "it is of hydroid {theirs}, this is {HYDROID}, which may give other weights; resume with that version, or remove it to start anew"
         ));
     }
     for (what, theirs, ours) in [("options", &head.options, &ours[0]), ("data", &head.data, &ours[1])] {
         if theirs != ours {
             return Err(format!(
-                "it is of a training with other {what}; go on with those that it began with, or remove it to start anew"
+                "it is of a training with other {what}; resume with the original {what}, or remove it to start anew"
             ));
         }
     }
     let (r, w) = (restarts.members.len(), restarts.plan.net.weights());
     if head.members.len() != r || head.epoch > head.epochs || head.epochs > restarts.plan.options.epochs {
-        return Err(damaged(String::from("its numbers of restarts and epochs cannot be")));
+        return Err(damaged(String::from("its numbers of restarts and epochs are invalid")));
     }
     let total = head.members.iter().try_fold(0usize, |sum, member| {
         let can_be =

@@ -234,7 +234,7 @@ impl TrainOptions {
         (history, horizon): (usize, usize),
     ) -> Result<Perceptron, TrainError> {
         for (what, wrong, needed) in [
-            ("feedback", !self.feedback, "true, or leave it out: a direct predictor sees its outputs"),
+            ("feedback", !self.feedback, "true, or leave it out: a direct predictor receives its outputs"),
             ("read_out", !self.read_out, "true, or leave it out: a direct predictor has a read-out"),
         ] {
             if wrong {

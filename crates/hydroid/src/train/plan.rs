@@ -113,7 +113,7 @@ fn scaled_run<T: Scalar>(
     if let Architecture::Direct { base: BaseModel::Equations(equations), horizon, .. } = net {
         let base_rollout = BaseRollout::new(equations, run, scaling, *horizon).map_err(|t| TrainError::Equations {
             reason: format!(
-                "from the sample at {t:.3} s of run '{}' on they run away within the horizon: choose base = \"hold\" or \"nothing\", or a shorter window_s",
+                "from the sample at {t:.3} s of run '{}' on they diverge within the horizon: choose base = \"hold\" or \"nothing\", or a shorter window_s",
                 run.name
             ),
         })?;

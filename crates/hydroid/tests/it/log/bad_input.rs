@@ -169,7 +169,7 @@ fn invalid_options() {
     }
     assert!(matches!(prepare(&[], &selection, &PrepareOptions::default()), Err(LogError::NoFiles)));
     let twice = Selection::of("u,u", "n").unwrap();
-    says(&error_of(prepare(&[log], &twice, &PrepareOptions::default())), &["`u` is asked for twice"]);
+    says(&error_of(prepare(&[log], &twice, &PrepareOptions::default())), &["`u` is selected twice"]);
 }
 
 #[test]
