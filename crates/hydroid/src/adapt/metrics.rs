@@ -163,7 +163,6 @@ impl Predictor for MeteredAdapter<'_> {
         let start = Instant::now();
         self.adapter.advance(c);
         let us = self.observing_us + start.elapsed().as_secs_f64() * 1e6;
-        // Single precision is enough for times.
         #[allow(clippy::cast_possible_truncation)]
         self.times.push(us as f32);
     }

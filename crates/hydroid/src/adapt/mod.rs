@@ -194,7 +194,6 @@ impl Options {
             }
             Body::Recurrent(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::default()),
             Body::Plant(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::of_plants()),
-            // Not adaptable; see `adaptable`.
             Body::Affine(_) => return Self::default(),
         };
         Self { method, least_squares, kalman, ..Self::default() }
@@ -452,7 +451,6 @@ pub fn learned(
     if !settings.is_object() {
         *settings = serde_json::json!({ "chosen": settings.take() });
     }
-    // A model may be adapted repeatedly.
     match settings["adapted"].as_array_mut() {
         Some(before) => before.push(entry),
         None => settings["adapted"] = serde_json::json!([entry]),

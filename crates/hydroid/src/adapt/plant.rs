@@ -83,7 +83,6 @@ pub(super) fn learned(model: &Model, plant: &PlantModel, weights: &[f64]) -> Res
     let mut params = plant.params().clone();
     params.set_numbers(&numbers);
     let learned = Model::of_vessel(&params, plant.dt()).map_err(|_| AdaptError::Weights)?;
-    // Channels and ranges are unchanged.
     Ok(Model { description: model.description.clone(), ..learned })
 }
 

@@ -94,7 +94,6 @@ impl Track {
         if let Some(turn) = speed.turn {
             limits.corner = turn;
             if let Some(radius) = task.radius() {
-                // The profile limits the lateral acceleration: v^2 / R.
                 limits.lateral_acceleration = turn * turn / radius;
             }
         }

@@ -141,7 +141,6 @@ pub fn tune_autopilot(
             return Err(ClosedLoopError::Cancelled);
         }
     }
-    // The first one in case of a tie.
     let best = (0..grid.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0);
     if !scores[best].is_finite() {
         return Err(ClosedLoopError::Untunable);

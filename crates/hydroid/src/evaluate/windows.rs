@@ -69,7 +69,8 @@ pub fn evaluate(
     let total: usize = runs.iter().map(|run| run.len()).sum();
     let mut before = 0;
     for (run, target) in runs.iter().zip(&targets) {
-        let evaluation = RunEvaluation { run, target, ranges, shift: &shift, variance: &variance, options, warm_up };
+        let evaluation =
+            RunEvaluation { run, target, ranges, shift: &shift, variance: &variance, options, warm_up };
         let windows = tally.windows;
         evaluation.go(session, &mut tally, &mut |done| {
             progress::report(progress, (before + done) as f64 / total as f64)
@@ -181,7 +182,6 @@ impl RunEvaluation<'_> {
         report: &mut dyn FnMut(usize) -> Result<(), progress::Cancelled>,
     ) -> Result<(), EvaluateError> {
         let seen = seen(self.run, self.options);
-        // Each origin needs a whole horizon after it.
         let end = self.run.len().saturating_sub(self.options.horizon);
         session.reset();
         let size = session.snapshot_len();

@@ -84,7 +84,6 @@ impl Composer {
             (Shape::Ramp { from, to }, 0.7 * duration_s)
         } else {
             *last = 0.0_f64.clamp(self.low, self.high);
-            // The level nearest to zero within the limits.
             let shape = if *last == 0.0 { Shape::Zero } else { Shape::Steps { levels: vec![*last] } };
             (shape, pace * rng.random_range(2.0..8.0))
         };

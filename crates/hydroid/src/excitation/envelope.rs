@@ -29,8 +29,7 @@ impl Envelope {
         if force <= 0.0 {
             return Err(ExcitationError::NoForwardForce { limit: force });
         }
-        // The holding force of a hydrofoil is not monotone: scan upwards for the last speed that full force holds, then
-        // bisect.
+        // The holding force of a hydrofoil is not monotone: scan for the last speed that full force holds, then bisect.
         let mut held = 0.0;
         let mut u = FINEST;
         while u <= ABSURD_SPEED {

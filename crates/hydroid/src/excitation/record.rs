@@ -84,7 +84,6 @@ fn compose(
     n: usize,
 ) -> Vec<Command> {
     let duration_s = dt * n as f64;
-    // Segments are not shorter than samples.
     let pace_s = pace_s.max(2.0 * dt);
     let [low, high] = propeller;
     let pp = Composer { low, high, forward: 0.88, pace_s }

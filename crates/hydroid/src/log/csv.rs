@@ -343,7 +343,6 @@ pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, L
         return Err(LogError::NoHeader { path: path.to_owned(), first_row });
     }
     let mut columns: Vec<RawColumn> = Vec::with_capacity(header.len());
-    // A set keeps the time linear in the number of columns.
     let mut seen = std::collections::HashMap::new();
     for (i, cell) in header.iter().enumerate() {
         let cell = if i == 0 { cell.trim_start_matches('#').trim_start() } else { cell };

@@ -126,7 +126,6 @@ fn resolve_all(
 ) -> Result<(Vec<Resolved>, Selection), LogError> {
     let first = Resolved::new(&logs[0], selection, dt, notes)?;
     let column = |s: &resolve::Source| logs[0].columns[s.column].name.clone();
-    // The columns chosen by name in the first log apply to all logs.
     let mut concrete = selection.clone();
     if concrete.outputs.is_empty() {
         concrete.outputs = first.outputs.iter().map(|s| respec(s, column(s))).collect();

@@ -92,8 +92,7 @@ const fn known(quantity: Quantity, si: &'static str, base: f64, names: &'static 
 
 const DEGREE: f64 = TAU / 360.0;
 
-// Names are compared after removing spaces, `*`, `·`, `.` and `^`, and writing `/sec` as `/s`: first with case,
-// then without.
+// Names are compared without spaces, `*`, `·`, `.` and `^`, and with `/sec` as `/s`: first with case, then without.
 const TABLE: &[Known] = &[
     known(Quantity::Speed, "m/s", 1.0, &["m/s", "mps", "ms-1", "meter/s", "metre/s", "meters/s", "metres/s"]),
     known(Quantity::Speed, "m/s", 1852.0 / 3600.0, &["kn", "knot", "knots", "kt", "kts"]),

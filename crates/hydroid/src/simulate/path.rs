@@ -64,8 +64,7 @@ impl Piece {
                     remaining: exit.map_or(f64::INFINITY, |exit| {
                         let (sin, cos) = exit.sin_cos();
                         let to_exit = -(north * cos + east * sin);
-                        // Entry and exit lie on one line on opposite sides of the centre; the arc ends on the exit side
-                        // only.
+                        // Entry and exit lie on opposite sides of the centre; the arc ends on the exit side only.
                         let out = -sign * (east * cos - north * sin);
                         if out > 0.0 { to_exit } else { to_exit.abs() + radius }
                     }),

@@ -348,7 +348,6 @@ fn finish<T: Scalar>(
 ) -> Result<Trained, TrainError> {
     let plan = &restarts.plan;
     let best = restarts.members.iter().enumerate().filter(|(_, member)| member.best_epoch > 0);
-    // The first one in case of a tie.
     let Some((restart, member)) = best.min_by(|(_, a), (_, b)| a.best_score.total_cmp(&b.best_score)) else {
         let count = restarts.members.len();
         return Err(match restarts.members.iter().map(|member| member.history.len()).max() {

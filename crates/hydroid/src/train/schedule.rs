@@ -27,7 +27,6 @@ const WARM_UP: f64 = 0.1;
 /// Step size after `done` of `steps` steps.
 pub fn rate(schedule: Schedule, peak: f64, done: usize, steps: usize) -> f64 {
     let part = done as f64 / steps.max(1) as f64;
-    // From 1 at 0 to `end` at 1.
     let fall = |part: f64, end: f64| end + (1.0 - end) * 0.5 * (1.0 + (PI * part.min(1.0)).cos());
     peak * match schedule {
         Schedule::Constant => 1.0,
@@ -50,8 +49,7 @@ mod tests {
         for done in [0, 17, 1000] {
             close(rate(Schedule::Constant, 0.3, done, 1000), 0.3);
         }
-        // The cosine at its start, a third, half and end: cos 0 = 1, cos 60 deg = 1/2, cos 90 deg = 0, cos 180 deg =
-        // -1.
+        // The cosine at its start, a third, half and end.
         for (done, share) in [(0, 1.0), (300, 0.01 + 0.99 * 0.75), (450, 0.01 + 0.99 * 0.5), (900, 0.01)] {
             close(rate(Schedule::Cosine, 2.0, done, 900), 2.0 * share);
         }

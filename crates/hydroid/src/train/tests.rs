@@ -351,7 +351,6 @@ fn a_checkpoint_holds_all_of_the_state() {
     };
     assert!(told(["a", "c"]).contains("other data"));
     assert!(told(["c", "b"]).contains("other options"));
-    // The balance was updated after the epoch.
     assert_ne!(other.members[0].balance, [1.0; 2]);
     other.members[1].adam.steps = u64::MAX;
     let wild = checkpoint::encode(&other, 1, &prints).unwrap();

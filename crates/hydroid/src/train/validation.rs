@@ -36,7 +36,6 @@ impl Validation {
         let possible: usize = runs.iter().map(|run| (run.samples + 1).saturating_sub(shape.samples())).sum();
         let windows = shape.every(runs, possible.div_ceil(most.max(1)).max(1));
         if windows.is_empty() {
-            // The horizon may be longer than the runs.
             return Self { shape, windows, weights: Vec::new() };
         }
         let n = shape.outputs;

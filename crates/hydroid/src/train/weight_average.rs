@@ -27,8 +27,7 @@ pub(super) fn weight_average(models: &[ControlAffine]) -> Option<ControlAffine> 
         for (k, model) in models.iter().enumerate() {
             let given = &model.weights[from.range()];
             let rows = if layer == deep { 0 } else { k * from.rows };
-            // The first layer reads the same outputs in every network, each other layer the previous layer of its own
-            // network.
+            // The first layer reads the common outputs, each other layer the previous layer of its own network.
             let columns = if layer == 0 { 0 } else { k * from.columns };
             let share = if layer == deep { 1.0 / count as f64 } else { 1.0 };
             let (wide, place) = (&mut weights[into.range()], |r: usize, c: usize| {

@@ -116,8 +116,7 @@ impl Fixed {
         let states = width - terms;
         let own = terms - 2 * problem.inputs[0].len() + 2 * input;
         let (cross, moving) = self.cross(problem, input);
-        // Order of columns: constant terms, two per delay, increments. Products between columns of different
-        // delays are not needed.
+        // Columns: constant terms, two per delay, increments. Products between different delays are not needed.
         let kept: Vec<usize> = (0..terms).filter(|a| *a != own && *a != own + 1).collect();
         let columns = kept.len() + 2 * DELAYS + states;
         let (delays_at, targets_at) = (kept.len(), kept.len() + 2 * DELAYS);
