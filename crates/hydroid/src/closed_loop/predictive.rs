@@ -17,7 +17,6 @@ pub(super) struct PredictiveController {
     pub(super) channels: ChannelMap,
     pub(super) lead: f64,
     pub(super) timing: Timing,
-    /// Distance from the reference beyond which the vessel is lost \[m\].
     pub(super) tolerance: f64,
     /// Computing time of a plan; `None` for all iterations, which makes results independent of the machine.
     pub(super) budget: Option<Duration>,

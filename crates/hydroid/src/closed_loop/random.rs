@@ -3,7 +3,6 @@
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-/// Purpose of a random stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
     Noise = 0,

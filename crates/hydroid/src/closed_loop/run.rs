@@ -107,7 +107,6 @@ pub struct Run {
     pub diverged: bool,
 }
 
-/// Samples between two calls of the progress callback.
 const PROGRESS_EVERY: usize = 16;
 
 const MAX_SAMPLES: f64 = 1e7;

@@ -1,6 +1,5 @@
 //! Accumulation of errors.
 
-/// Sums over windows, per horizon and channel.
 #[derive(Clone, Debug)]
 pub(super) struct Sums {
     cells: Vec<Cell>,

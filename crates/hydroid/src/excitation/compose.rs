@@ -90,7 +90,6 @@ impl Composer {
         Segment { shape, duration_s }
     }
 
-    /// A random level within the limits.
     fn level(&self, rng: &mut impl Rng) -> f64 {
         let (low, high) = if self.low < 0.0 && self.high > 0.0 {
             if rng.random_bool(self.forward.clamp(0.0, 1.0)) { (0.0, self.high) } else { (self.low, 0.0) }

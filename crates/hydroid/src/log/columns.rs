@@ -16,7 +16,6 @@ pub(crate) struct Columns {
     pub(crate) t: Vec<f64>,
     /// Name of the time column if its unit is not stated.
     pub(crate) unstated: Option<String>,
-    /// Line of each row.
     pub(crate) lines: Vec<u64>,
     pub(crate) output_channels: Vec<Channel>,
     pub(crate) input_channels: Vec<Channel>,

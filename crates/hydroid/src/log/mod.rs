@@ -1,4 +1,4 @@
-//! Logs of a vessel: what was measured and commanded, on a regular clock.
+//! Logs of a vessel: measurements and commands on a regular clock.
 //!
 //! [`read`] reads the columns of a CSV file ([`RawLog`]), a [`Selection`] names time, outputs, inputs and wind,
 //! [`prepare()`] converts logs to runs ([`Trajectory`]), and [`split_runs`] divides runs into training, validation and

@@ -19,7 +19,6 @@ use super::selection::Selection;
 use super::towed;
 use super::trajectory::{Channel, Table, Trajectory};
 
-/// Smallest number of samples of a run.
 pub(crate) const FEWEST_SAMPLES: usize = 3;
 
 /// Longest usual step \[s\] of a clock without a unit.

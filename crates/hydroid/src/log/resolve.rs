@@ -215,7 +215,7 @@ fn even(log: &RawLog, dt: f64, notes: &mut Vec<Note>) -> Time {
     Time::Even(dt)
 }
 
-/// Position of the first value of a column whose values are all the same.
+/// Position of the first value of a constant column.
 pub(crate) fn only_value(column: &RawColumn) -> Option<usize> {
     let first = column.values.iter().position(|x| !x.is_nan())?;
     let value = column.values[first];

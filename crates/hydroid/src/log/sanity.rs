@@ -34,7 +34,6 @@ fn limit(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
     }
 }
 
-/// Whether a channel is a velocity or a yaw rate.
 pub(crate) fn is_velocity(channel: &Channel) -> bool {
     fastest(channel).is_some()
 }

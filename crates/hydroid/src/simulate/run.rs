@@ -12,7 +12,6 @@ use super::plan;
 use super::record::Simulated;
 use crate::excitation::{self, Envelope, Excitation, Purpose, stream};
 
-/// Samples between two progress callbacks.
 const PROGRESS_EVERY: usize = 512;
 
 /// Simulates a vessel and its measurements.

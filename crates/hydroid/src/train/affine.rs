@@ -40,7 +40,6 @@ impl Parts {
         std::iter::repeat_n(T::of(FIRST_LAG.ln()), self.maps.len())
     }
 
-    /// Effectors with the identified lags.
     pub(super) fn effectors<T: Scalar>(&self, lags: &[T]) -> Vec<Effector> {
         let each = self.maps.iter().zip(&self.units).zip(lags);
         each.map(|((&map, &unit), lag)| Effector {

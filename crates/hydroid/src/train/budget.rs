@@ -7,7 +7,6 @@ use hydroid_core::math::Scalar;
 use super::TrainError;
 use super::restarts::Restarts;
 
-/// Interval of progress callbacks.
 const TELL: Duration = Duration::from_millis(50);
 
 /// Steps that measure the time of an epoch, after one warm-up step.

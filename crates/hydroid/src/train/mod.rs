@@ -21,7 +21,7 @@
 //! not compared and are replaced by predictions in the feedback; a window with a missing input is skipped.
 //!
 //! **Scaling** maps design ranges to -2..2. The output of a network is scaled by the outputs, or with a [`BaseKind`] by
-//! the RMS of what the base leaves to correct.
+//! the RMS residual of the base.
 //!
 //! **Determinism.** The weights depend only on runs, options and kind of machine. Random numbers have one stream for
 //! **Determinism.** The weights depend only on runs, options and kind of machine (rounding of `cos`, `pow` and sums of

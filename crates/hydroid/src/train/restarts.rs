@@ -93,7 +93,6 @@ pub(super) struct Restarts<T> {
     validation_pool: Pool<T>,
 }
 
-/// Pool of mini-batch buffers, one for each thread.
 #[derive(Debug)]
 struct Pool<T>(Mutex<Vec<MiniBatch<T>>>);
 
@@ -218,7 +217,6 @@ impl<T: Scalar> Restarts<T> {
         schedule::rate(schedule, learning_rate, done, steps)
     }
 
-    /// Validation error of each restart.
     pub(super) fn judge(&mut self) -> Vec<f64> {
         let plan = &self.plan;
         let cells = plan.judge.shape.length * plan.judge.shape.outputs;

@@ -19,7 +19,6 @@ pub(super) struct ScaledRun<T> {
     pub(super) inputs: Vec<T>,
     /// Inputs in physical units, for equations.
     pub(super) commands: Vec<f64>,
-    /// Whether no value is missing.
     complete: bool,
     /// Rollouts of the base equations of a direct predictor.
     pub(super) base_rollout: Option<BaseRollout<T>>,

@@ -4,7 +4,6 @@ use super::super::note::Note;
 use super::super::trajectory::Trajectory;
 use super::delay::DelayEstimate;
 
-/// Largest count of distinct values.
 const MOST_LEVELS: usize = 1000;
 /// Smallest rate of moves of a well excited input \[1/min\].
 pub(super) const FEW_MOVES: f64 = 0.5;
