@@ -27,7 +27,7 @@ pub struct KalmanOptions {
     pub state_variance: f64,
     /// Process noise of each hidden state \[variance/s\].
     pub state_noise_per_s: f64,
-    /// Standard deviation of the measurement noise of each output, default from the training runs or the log.
+    /// Noise standard deviation of each output, in its unit; default from the training runs or the log to adapt on.
     pub noise: Option<Vec<f64>>,
     /// Factor of the measurement noise variance. A factor above 1 accounts for model error over one sample.
     pub noise_factor: f64,

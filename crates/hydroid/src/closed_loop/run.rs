@@ -37,7 +37,7 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// Sample time 0.1 s, start on the path, tolerance 2 m; 120 s on a closed path, else 1.5 times that of the track.
+    /// Start on the path, sample time 0.1 s, tolerance 2 m, duration 120 s (closed path) or 1.5 times the track's.
     pub fn new(vessel: VesselParams, track: Track) -> Self {
         let limits = hydroid_core::control::AffinePlant::limits(&vessel);
         let duration_s = track.duration_s().map_or(120.0, |duration| 1.5 * duration);

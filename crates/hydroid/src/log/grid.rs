@@ -54,7 +54,8 @@ impl Grid {
             placed
         };
         let measured = |values: &Vec<f64>| put(values, &places);
-        // With `After`, the command of a row acts from the row before; the shift at the end moves it to the row itself.
+        // With `After`, the command of a row acts from the row before. It is placed one sample after that row, and the
+        // shift moves it there.
         let begins: Vec<usize> = match timing {
             CommandTiming::Before => places.clone(),
             CommandTiming::After => {

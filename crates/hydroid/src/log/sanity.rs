@@ -64,7 +64,7 @@ pub fn check_value(channel: &Channel, value: f64, path: &str, line: u64) -> Resu
     }
 }
 
-/// Rejects a few values a million times larger than the median. Many of them occur in a channel that rests at zero.
+/// Rejects a few values a million times larger than the median. If many, the channel mostly rests at rounding errors.
 fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), LogError> {
     let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).filter(|x| *x > 0.0).collect();
     if sizes.is_empty() {
