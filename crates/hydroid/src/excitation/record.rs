@@ -105,8 +105,8 @@ fn compose(
 /// `n` commands at step `dt` \[s\] from rows of time \[s\] and command, each held until the next.
 ///
 /// # Errors
-/// If there are no rows, a number is not finite, time does not increase, or a command is beyond the limits of the vessel
-/// (an excess of a millionth of the range is clipped as rounding). Rows are counted from 1.
+/// If there are no rows, a number is not finite, time does not increase, or a command is beyond the limits of the
+/// vessel (an excess of a millionth of the range is clipped as rounding). Rows are counted from 1.
 pub fn held(
     rows: &[(f64, Command)],
     params: &VesselParams,

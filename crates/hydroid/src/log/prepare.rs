@@ -33,8 +33,7 @@ const FINEST: f64 = 0.4999;
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PrepareOptions {
-    /// Step \[s\] after resampling, at least half the step of the log (the default); the step between rows without
-    /// time.
+    /// Step \[s\] after resampling; default the step of the log, least half of it. Without time: the step of rows.
     pub dt: Option<f64>,
     /// Longest time \[s\] without a value of an output; default the longer of 1 s and 10 samples of the slowest.
     pub max_gap_s: Option<f64>,
