@@ -124,7 +124,7 @@ pub struct ControllerArgs {
     /// cem: Gauss-Newton steps from the best candidate (default: 2)
     #[arg(long, value_name = "N")]
     pub gauss_newton_steps: Option<usize>,
-    /// cem: cost weights of position error [1/m^2], heading error [1/rad^2] and speed error [s^2/m^2] (default: 1,0.2,0.2)
+    /// cem: cost weights of position error [1/m^2], course error [1/rad^2] and speed error [s^2/m^2] (default: 1,0.2,0.2)
     #[arg(long, value_name = "M,RAD,M_S")]
     pub cost_weights: Option<Triple>,
     /// cem: time limit of a plan [ms]; the best plan found so far is used, so that the result depends on the clock

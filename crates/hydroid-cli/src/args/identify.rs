@@ -133,7 +133,7 @@ pub struct Identify {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096), help_heading = "Networks")]
     pub restarts: Option<u16>,
     /// Require that the training continues from the checkpoint in the folder of -o; an error if none fits. Without this option
-    /// a fitting checkpoint is used, and others are ignored
+    /// a fitting checkpoint is used, and others are renamed
     #[arg(long, help_heading = "Networks")]
     pub resume: bool,
     /// Seed of all random numbers (default: 0)

@@ -1,4 +1,4 @@
-//! Mixture of recursive equations with different priors (expert mixture).
+//! Expert mixture (prediction with expert advice): recursive equations with different priors, weighted by their errors.
 //!
 //! Each expert `i` is a [`RecursiveEquations`] with its own weight of the prior. Two further experts do not adapt:
 //! the reference coefficients, and zero coefficients, which predict persistence. At each check the experts are rolled

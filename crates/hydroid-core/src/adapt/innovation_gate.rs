@@ -1,4 +1,4 @@
-//! Innovation gate and online estimate of the row noise.
+//! Innovation gate (outlier rejection) and online estimate of the row noise.
 //!
 //! For a row with the innovations `e_i`, the leverage `l = phi' P phi` and the noise variances `s_i^2`, the largest
 //! normalized innovation is

@@ -1,4 +1,4 @@
-//! Recursive least squares with forgetting and a bounded covariance.
+//! Recursive least squares (RLS) with a forgetting factor, and a bounded covariance against covariance windup.
 
 use alloc::vec;
 use alloc::vec::Vec;

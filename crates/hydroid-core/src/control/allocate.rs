@@ -1,4 +1,4 @@
-//! Control allocation.
+//! Control allocation by a damped pseudoinverse.
 
 use num_traits::Float;
 

@@ -1,4 +1,4 @@
-//! A conventional autopilot without a model: line of sight, heading by PID, speed by PI.
+//! A conventional autopilot: line of sight (LOS), heading by PID (pole placement on a Nomoto model), speed by PI.
 
 use num_traits::Float;
 

@@ -1,4 +1,4 @@
-//! Integral line-of-sight guidance.
+//! Integral line-of-sight guidance (LOS, ILOS).
 
 use num_traits::Float;
 

@@ -22,7 +22,7 @@ pub struct VesselParams {
     pub coriolis: Coriolis,
     /// Rigid body.
     pub rigid_body: RigidBody,
-    /// Hydrodynamic added mass (normal mode).
+    /// Hydrodynamic coefficients: added mass (normal mode).
     pub added_mass: AddedMass,
     /// Hydrodynamic drag (normal mode).
     pub drag: Drag,

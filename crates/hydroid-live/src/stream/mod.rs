@@ -1,4 +1,4 @@
-//! Online adaptation to a live stream: each line is answered at once.
+//! Online adaptation to a live stream, and its protocol: each line is answered at once.
 //!
 //! [`Stream`] reads lines (CSV with a header, or JSON objects) and writes one line of JSON for each: status of the sample,
 //! estimate of the outputs, predictions with bands. The model is any [`Adapter`].

@@ -1,4 +1,4 @@
-//! Model predictive control.
+//! Model predictive control (MPC) in the closed loop.
 
 use std::time::{Duration, Instant};
 

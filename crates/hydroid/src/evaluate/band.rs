@@ -1,4 +1,4 @@
-//! Ensemble bands of rollouts and their coverage.
+//! Prediction bands of an ensemble (rollouts of its members) and their coverage.
 
 use hydroid_core::predict::{Predictor, Workspace};
 use rayon::prelude::*;

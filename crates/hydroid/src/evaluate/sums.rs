@@ -1,4 +1,4 @@
-//! Accumulation of errors.
+//! Error measures: MAE, RMSE, NRMSE and the largest error.
 
 #[derive(Clone, Debug)]
 pub(super) struct Sums {

@@ -1,4 +1,4 @@
-//! Pseudo-random binary sequence from a linear feedback shift register.
+//! Pseudo-random binary sequence (PRBS) from a linear feedback shift register.
 
 /// Maximum-length sequence of 2^15 - 1 bits with a spectrum that is flat up to about half the bit rate: `x^15 + x^14 +
 /// 1`, the polynomial of ITU-T O.150's PRBS15.

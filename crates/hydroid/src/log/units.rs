@@ -1,4 +1,4 @@
-//! Units of columns and their conversion to SI.
+//! Unit conversion: units of columns, and their factors to SI.
 //!
 //! Values are stored in metres, seconds, radians, newtons and volts, but shaft speeds in revolutions per second
 //! (`rps`), the unit of propeller coefficients. An unknown unit is kept with factor 1.

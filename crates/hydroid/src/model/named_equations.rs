@@ -28,7 +28,7 @@ impl NamedEquations<'_> {
         RecursiveEquations::new(self.equations, &self.description.ranges(), options)
     }
 
-    /// Session that adapts the coefficients with several forgetting factors (an expert mixture).
+    /// Session that adapts the coefficients with several priors (an expert mixture).
     ///
     /// # Errors
     /// If the options do not fit the equations.

@@ -2,7 +2,7 @@
 //! standard coefficients. It optimises the one to five nonlinear parameters of a structure, whose cost has no
 //! cheap gradient.
 
-/// Stopping criteria.
+/// Stopping criteria of the Nelder-Mead simplex method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct NelderMeadOptions {
     /// Stop if the values at the corners differ by less.

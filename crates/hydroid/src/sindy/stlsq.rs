@@ -1,4 +1,4 @@
-//! Sequentially thresholded least squares (Brunton, Proctor, Kutz, PNAS 113 (2016) 3932).
+//! Sequentially thresholded least squares (STLSQ; Brunton, Proctor, Kutz, PNAS 113 (2016) 3932).
 
 use super::qr::QrFactor;
 

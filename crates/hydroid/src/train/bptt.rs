@@ -1,4 +1,4 @@
-//! Backpropagation through time (BPTT) of recurrent networks.
+//! Truncated backpropagation through time (BPTT) of recurrent networks: gradients over windows of fixed length.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{BaseModel, Network, Scaling, Tape};

@@ -80,7 +80,7 @@ impl core::fmt::Display for GuardError {
 
 impl core::error::Error for GuardError {}
 
-/// A guarded adapter; see the [module](self).
+/// A guarded adapter (integrity monitoring of an online learner); see the [module](self).
 pub struct Guard {
     learner: Box<dyn Adapter>,
     snapshot: Box<dyn Adapter>,

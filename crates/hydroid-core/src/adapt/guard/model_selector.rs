@@ -1,4 +1,4 @@
-//! Selection of the model that predicts: error records, shadow tests, and the account of the guarantee.
+//! Model selection: which model predicts, by error records, shadow tests, and the account of the guarantee.
 
 use alloc::vec;
 use alloc::vec::Vec;

@@ -1,4 +1,4 @@
-//! The extended Kalman filter over state and weights.
+//! The extended Kalman filter (EKF) over state and weights: time update and measurement update.
 
 use alloc::vec;
 use alloc::vec::Vec;

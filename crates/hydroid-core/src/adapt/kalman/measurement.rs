@@ -1,4 +1,4 @@
-//! One measurement: innovation, its covariance, and the Cholesky factor of that.
+//! One measurement: innovation, innovation covariance with its Cholesky factor, normalized innovation squared (NIS).
 #![expect(
     clippy::inline_always,
     reason = "the parts of a kernel must be inlined into the function that is compiled for the processor's vectors"

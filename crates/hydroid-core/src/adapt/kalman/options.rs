@@ -1,4 +1,4 @@
-//! Options of the filter.
+//! Options of the filter: process noise, measurement noise, initial covariance, forgetting factor.
 
 use alloc::vec;
 use alloc::vec::Vec;

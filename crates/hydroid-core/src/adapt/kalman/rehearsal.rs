@@ -1,4 +1,4 @@
-//! Rehearsal: windows of the training data are replayed beside the run, so that the weights do not forget them.
+//! Rehearsal (experience replay): windows of the training data are replayed beside the run, so that the weights do not forget them.
 //!
 //! Robins, "Catastrophic forgetting, rehearsal and pseudorehearsal", Connection Science 7 (1995) 123.
 

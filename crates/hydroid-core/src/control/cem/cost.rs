@@ -1,4 +1,4 @@
-//! The cost of a plan.
+//! The cost function of model predictive control.
 
 use alloc::vec::Vec;
 

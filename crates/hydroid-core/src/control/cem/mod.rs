@@ -1,4 +1,4 @@
-//! Model predictive control by the cross-entropy method, on any predictor.
+//! Model predictive control (MPC) by the cross-entropy method (CEM), on any predictor.
 //!
 //! A plan is a command sequence over the horizon. [`Planner`] draws candidates around the plan of the last sample, predicts their outputs
 //! side by side ([`Predictor::rollout_batch`](crate::predict::Predictor::rollout_batch)), and moves to the best of them. The model enters

@@ -1,4 +1,4 @@
-//! The element-wise part of the GRU cell: gates to state, and its local derivatives.
+//! Gated recurrent unit (GRU): element-wise part of the cell, gates to state, and its local derivatives.
 //!
 //! ```text
 //! r = s(a_r)  z = s(a_z)  n = tanh(a_n + r . b_n)

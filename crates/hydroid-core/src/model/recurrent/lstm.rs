@@ -1,4 +1,4 @@
-//! The element-wise part of the LSTM cell: gates to state, and its local derivatives.
+//! Long short-term memory (LSTM): element-wise part of the cell, gates to state, and its local derivatives.
 //!
 //! ```text
 //! i = s(a_i)  f = s(a_f)  g = tanh(a_g)  o = s(a_o)

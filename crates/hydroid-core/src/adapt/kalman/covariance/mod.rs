@@ -1,4 +1,4 @@
-//! The joint covariance of state and weights in the form that [`CovarianceForm`] selects.
+//! Covariance of state and weights, and Kalman gain: full, or block-diagonal (decoupled EKF), by [`CovarianceForm`].
 
 mod block_diagonal;
 mod full;
