@@ -1,4 +1,4 @@
-//! Actuators: actuator lag of first order, command maps, saturation and rate limits, for models and control laws.
+//! Actuators: actuator lags (first-order lags), command maps, saturation and rate limits.
 //!
 //! A command `c` moves the position `a` of an actuator (a force, an angle, revolutions), and the motion depends on the effort
 //! `phi(a)`:

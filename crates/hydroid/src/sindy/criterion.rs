@@ -1,4 +1,4 @@
-//! Stepwise selection by an information criterion: Akaike (AIC) or Bayesian (BIC).
+//! Stepwise selection by an information criterion: Akaike (AIC) or Bayesian information criterion (BIC).
 //!
 //! A model with `k` terms and the residual sum of squares `RSS` on `n` independent rows has the criterion
 //!
