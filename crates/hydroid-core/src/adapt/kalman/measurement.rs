@@ -1,4 +1,4 @@
-//! One measurement: innovation, innovation covariance with its Cholesky factor, normalized innovation squared (NIS).
+//! One measurement: innovation, its covariance, and the Cholesky factor of that.
 #![expect(
     clippy::inline_always,
     reason = "the parts of a kernel must be inlined into the function that is compiled for the processor's vectors"
@@ -11,7 +11,8 @@ use num_traits::Float;
 
 use super::cholesky::{Cholesky, gather};
 
-/// The measurement update of one sample. `S = L L'` is `measured x measured`.
+/// The measurement update of one sample: innovation, innovation covariance `S = L L'` (`measured x measured`), and the
+/// normalized innovation squared (NIS).
 #[derive(Clone, Debug)]
 pub(super) struct MeasurementUpdate {
     outputs: usize,

@@ -1,4 +1,4 @@
-//! Rehearsal (experience replay): windows of the training data are replayed beside the run, so that the weights do not forget them.
+//! Rehearsal: windows of the training data are replayed beside the run, so that the weights do not forget them.
 //!
 //! Robins, "Catastrophic forgetting, rehearsal and pseudorehearsal", Connection Science 7 (1995) 123.
 
@@ -9,7 +9,7 @@ use super::filter::{Correction, Filter};
 use super::learnable::{Learnable, SharedWeightStates};
 use crate::adapt::memory::{Reader, Writer};
 
-/// Options of rehearsal.
+/// Options of rehearsal (experience replay).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RehearsalOptions {
     /// Largest number of stored windows.
