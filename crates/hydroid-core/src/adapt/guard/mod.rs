@@ -80,8 +80,8 @@ impl core::fmt::Display for GuardError {
 
 impl core::error::Error for GuardError {}
 
-/// A guarded adapter (integrity monitoring of an online learner); see the [module](self). The guarantee assumes that the
-/// measurements that pass fault detection are right, and that supported predictions have the assumed accuracy.
+/// A guarded adapter (integrity monitoring of an online learner); see the [module](self). The guarantee assumes that
+/// the measurements that pass fault detection are right, and that supported predictions have the assumed accuracy.
 pub struct Guard {
     learner: Box<dyn Adapter>,
     snapshot: Box<dyn Adapter>,
