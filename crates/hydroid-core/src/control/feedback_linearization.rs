@@ -18,7 +18,7 @@ pub struct FeedbackLinearizationOptions {
     pub proportional: f64,
     /// `k_d` \[1/s\].
     pub derivative: f64,
-    /// `k_i` \[1/s^3\]; 0 for none. Stability needs `k_i < k_p k_d`; a fifth of that is a good start.
+    /// `k_i` \[1/s^3\]; 0 for none. Stability needs `k_i < k_p k_d`; a tenth of that is a good start.
     pub integral: f64,
     /// Largest closing speed relative to the reference \[m/s\].
     pub closing_speed: f64,
