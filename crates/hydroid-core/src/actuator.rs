@@ -1,7 +1,7 @@
 //! Actuators: actuator lags (first-order lags), command maps, saturation and rate limits.
 //!
-//! A command `c` moves the position `a` of an actuator (a force, an angle, revolutions), and the motion depends on the effort
-//! `phi(a)`:
+//! A command `c` moves the position `a` of an actuator (a force, an angle, revolutions). The motion depends on the
+//! effort `phi(a)`:
 //!
 //! ```text
 //! T da/dt = c - a,        effort = phi(a)
@@ -54,7 +54,6 @@ impl Map {
         }
     }
 
-    /// Whether the map is invertible between two positions.
     pub(crate) fn is_invertible(self, low: f64, high: f64) -> bool {
         match self {
             Self::Identity | Self::SignedSquare => true,
@@ -86,7 +85,7 @@ impl Lag {
         Self::FirstOrder { rate: -1.0 / seconds, gain: 1.0 / seconds, offset: 0.0 }
     }
 
-    /// `[decay, gain, offset]` of the exact step `a+ = decay a + gain c + offset` over `dt` seconds under a held command.
+    /// `[decay, gain, offset]` of the exact step `a+ = decay a + gain c + offset` over `dt` seconds, `c` held.
     pub(crate) fn discretize(self, dt: f64) -> [f64; 3] {
         match self {
             Self::None => [0.0, 1.0, 0.0],
@@ -145,8 +144,8 @@ impl Limits {
     }
 }
 
-/// Clamps a command sequence (row by row, one command for each of `limits`) to its limits and, from the command `last` on, to its
-/// rate limits at samples of `dt` seconds.
+/// Clamps a command sequence (row by row, one command for each of `limits`) to its limits and, starting from the
+/// command `last`, to its rate limits at samples of `dt` seconds.
 pub(crate) fn clamp_to_limits(sequence: &mut [f64], last: &[f64], limits: &[Limits], dt: f64) {
     let inputs = limits.len();
     for (i, limits) in limits.iter().enumerate() {
@@ -160,21 +159,23 @@ pub(crate) fn clamp_to_limits(sequence: &mut [f64], last: &[f64], limits: &[Limi
     }
 }
 
-/// A lag state after a time in which its difference to the held command decays by the factor `decay`. A state that is not known
-/// (NaN, at the start of a run) is at rest under its first command.
+/// The lag state after the difference to the held command has decayed by the factor `decay`. An unknown state (NaN, at
+/// the start of a run) is at rest under its first command.
 #[inline]
 pub(crate) fn lag_step(state: f64, command: f64, decay: f64) -> f64 {
     if state.is_nan() { command } else { command + (state - command) * decay }
 }
 
-/// Weight of an actuator's difference to its command in the first stage of RK4, for a sample of `samples` time constants.
+/// Weight of an actuator's difference to its command in the first stage of RK4, for a sample of `samples` time
+/// constants.
 ///
 /// ```text
 /// w + 4 exp(-x/2) + exp(-x) = 6 (1 - exp(-x)) / x
 /// ```
 ///
-/// With this weight the four stages together see the mean of the actuator over the sample. With the weight 1, an actuator that
-/// is fast against a sample would act a sixth of a sample late. For a slow actuator `w` is 1 to the fourth order of `x`, as RK4 is.
+/// With this weight the four stages together use the mean of the actuator over the sample. With the weight 1, an
+/// actuator that is fast compared with a sample would act a sixth of a sample late. For a slow actuator `w` is 1 to the
+/// fourth order of `x`.
 pub fn rk4_first_stage(samples: f64) -> f64 {
     let mean = -Float::exp_m1(-samples) / samples;
     6.0 * mean - 4.0 * Float::exp(-0.5 * samples) - Float::exp(-samples)

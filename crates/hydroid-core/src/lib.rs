@@ -1,15 +1,17 @@
-//! The on-board part of hydroid: models, adaptation, guidance and control without I/O, clock, threads, or allocation per sample.
+//! The on-board part of hydroid: models, adaptation, guidance and control without I/O, clock, threads, or allocation
+//! per sample.
 //!
 //! The crate builds without the standard library (`default-features = false`) where there is an allocator.
 //!
-//! Order of the modules, bottom to top; each imports only modules before it: `math` (vector kernels), `actuator` (lags, command maps,
-//! limits), `vessel` (the parametric plant), `predict` (the prediction session), `model` (equations, networks, plants over samples),
-//! `adapt` (online adaptation and its guard), `guidance` (paths and references), `control` (control laws and planning).
+//! Modules, each of which imports only those before it: `math` (vector kernels), `actuator` (lags, command maps,
+//! limits), `vessel` (the parametric plant), `predict` (the prediction session), `model` (equations, networks, plants
+//! over samples), `adapt` (online adaptation and its guard), `guidance` (paths and references), `control` (control laws
+//! and planning).
 //!
-//! Conventions of the whole crate: body velocities `nu = (u, v, r)`, surge and sway in m/s (forward,
-//! starboard), yaw rate in rad/s (positive to starboard, seen from above, z down); pose
-//! `eta = (x, y, psi)`, x north, y east, `psi` clockwise from north and not wrapped. SI units and
-//! radians. Sample `k` is measured at `t_k`; command `c_k` is held over `[t_k, t_{k+1})`.
+//! Conventions: body velocities `nu = (u, v, r)`, surge and sway in m/s (forward, starboard), yaw rate in rad/s
+//! (positive to starboard, seen from above, z down); pose `eta = (x, y, psi)`, x north, y east, `psi` clockwise from
+//! north and not wrapped. SI units and radians. Sample `k` is measured at `t_k`; command `c_k` is held over `[t_k,
+//! t_{k+1})`.
 #![no_std]
 
 extern crate alloc;

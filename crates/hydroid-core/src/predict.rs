@@ -1,6 +1,6 @@
 //! The prediction session, which every model offers to evaluation, filters and controllers.
 //!
-//! A session follows a run sample by sample. At every sample it can predict the outputs under commands to come:
+//! A session follows a run sample by sample. At every sample it can predict the outputs under future commands:
 //!
 //! ```text
 //! reset   observe(y_0)   advance(c_0)   observe(y_1)   advance(c_1)   observe(y_2) ...
@@ -8,23 +8,22 @@
 //!                  rollout(c_0, c_1, ..)          rollout(c_1, c_2, ..)
 //! ```
 //!
-//! The session holds all memory of a model: the last outputs, hidden and lag states, a state filter, and the present
-//! weights where they are adapted. [`Predictor::snapshot`] copies the part on which predictions depend into a flat slice, and
-//! [`Predictor::restore`] puts it back, so that evaluation can follow a run once and roll out from many origins in parallel.
-//! [`Predictor::rollout_batch`] predicts many command sequences from one state, as a planner needs.
+//! The session holds all memory of a model: the last outputs, hidden and lag states, a state filter, and adapted
+//! weights. [`Predictor::snapshot`] copies the part on which predictions depend into a flat slice, and
+//! [`Predictor::restore`] puts it back: evaluation follows a run once and rolls out from many origins in parallel.
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::any::Any;
 
-/// Scratch memory for rollouts. It grows on the first call of a size and is kept: later calls of the same size and model do
-/// not allocate. A clone is empty.
+/// Scratch memory for rollouts. It grows on the first call of a size; later calls of the same size and model do not
+/// allocate. A clone is empty.
 #[derive(Debug, Default)]
 pub struct Workspace {
     buffer: Vec<f64>,
-    /// Memory of [`Predictor::rollout_batch`], of a type of the model's own.
+    /// Memory of [`Predictor::rollout_batch`], of a type that the model chooses.
     batch: Option<Box<dyn Any + Send + Sync>>,
-    /// Workspaces of the two models of a predictor that combines two.
+    /// Workspaces of the two models of a combined predictor.
     pair: Option<Box<[Workspace; 2]>>,
 }
 
@@ -48,7 +47,7 @@ impl Workspace {
         &mut self.buffer[..len]
     }
 
-    /// `len` numbers of scratch and two workspaces of their own, for a predictor that combines two models.
+    /// `len` numbers of scratch and the two workspaces of a combined predictor.
     pub(crate) fn take_pair(&mut self, len: usize) -> (&mut [f64], &mut [Self; 2]) {
         if self.buffer.len() < len {
             self.buffer.resize(len, 0.0);
@@ -56,8 +55,8 @@ impl Workspace {
         (&mut self.buffer[..len], self.pair.get_or_insert_default())
     }
 
-    /// Memory of a batch rollout that is kept between calls: made anew by `make` where there is none for which `fits` holds.
-    /// `None` where `make` gives none; it must not allocate then.
+    /// Memory of a batch rollout, kept between calls; `make` replaces it where `fits` does not hold. `None` where
+    /// `make` returns `None`, which must not allocate.
     pub(crate) fn batch<M: Any + Send + Sync>(
         &mut self,
         fits: impl FnOnce(&M) -> bool,
@@ -73,10 +72,8 @@ impl Workspace {
 
 /// A session of a model on one run.
 ///
-/// Shapes: `y` has [`outputs`](Self::outputs) numbers, `c` has [`inputs`](Self::inputs) numbers, in the
-/// units of the model's channels. Sequences are flat, row by row.
-///
-/// No method but [`fork`](Self::fork) allocates once the workspace has grown.
+/// `y` has [`outputs`](Self::outputs) numbers, `c` has [`inputs`](Self::inputs) numbers, in the units of the model's
+/// channels. Sequences are flat, row by row. Only [`fork`](Self::fork) allocates once the workspace has grown.
 pub trait Predictor: Send + Sync {
     /// Number of outputs.
     fn outputs(&self) -> usize;
@@ -84,13 +81,13 @@ pub trait Predictor: Send + Sync {
     /// Number of inputs.
     fn inputs(&self) -> usize;
 
-    /// Number of samples that the session must have observed before its predictions are valid.
+    /// Number of samples that the session must observe before its predictions are valid.
     fn warm_up(&self) -> usize {
         1
     }
 
-    /// Returns to the start of a run and clears outputs, hidden and lag states. Whether an adapted session also resets its
-    /// weights is an option of the session. Evaluation resets before every run.
+    /// Returns to the start of a run and clears outputs, hidden and lag states. Whether an adapted session also resets
+    /// its weights is an option of the session.
     fn reset(&mut self);
 
     /// Takes the measurement `y_k`. A NaN is a missing value, for which the session keeps its own prediction.
@@ -102,19 +99,19 @@ pub trait Predictor: Send + Sync {
     /// The estimate of the present outputs; NaN where there is none yet.
     fn output(&self, y: &mut [f64]);
 
-    /// Predicts `y_{k+1} .. y_{k+H}` under the commands `c_k .. c_{k+H-1}` without changing the session;
-    /// `H` is `y.len() / outputs()`. A rollout that diverges gives non-finite numbers, never a panic.
+    /// Predicts `y_{k+1} .. y_{k+H}` under the commands `c_k .. c_{k+H-1}` without changing the session; `H` is
+    /// `y.len() / outputs()`. A rollout that diverges gives non-finite numbers, never a panic.
     ///
     /// # Panics
     /// If `commands` and `y` do not hold the same whole number of rows.
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]);
 
-    /// Rolls out `count` command sequences from the present state: `commands` are `count x H x inputs`, `y` are
-    /// `count x H x outputs`, sequence by sequence.
+    /// Rolls out `count` command sequences from the present state: `commands` are `count x H x inputs`, `y` are `count
+    /// x H x outputs`, sequence by sequence.
     ///
-    /// This default runs [`rollout`](Self::rollout) for each sequence. Equations, recurrent networks and direct predictors
-    /// compute all sequences side by side: sums are then added in another order, and results differ in the last digits. Their
-    /// memory in `work` grows with `count`; [`BATCH`] sequences fill the vector units.
+    /// This default runs [`rollout`](Self::rollout) for each sequence. Equations, recurrent networks and direct
+    /// predictors compute all sequences side by side; they add sums in another order, and results differ in the last
+    /// digits. Their memory in `work` grows with `count`; [`BATCH`] sequences fill the vector units.
     ///
     /// # Panics
     /// If `commands` and `y` do not hold `count` sequences of the same whole number of rows.
@@ -125,8 +122,8 @@ pub trait Predictor: Send + Sync {
     /// Length of a snapshot; constant over the life of a session.
     fn snapshot_len(&self) -> usize;
 
-    /// Copies all numbers on which predictions depend into `into`: outputs, lag and hidden states, adapted weights. Memory
-    /// that serves further learning alone, such as the covariance of a filter, is not part of a snapshot.
+    /// Copies all numbers on which predictions depend into `into`: outputs, lag and hidden states, adapted weights.
+    /// Memory that only serves learning, such as the covariance of a filter, is not part of a snapshot.
     ///
     /// # Panics
     /// If `into` has not [`snapshot_len`](Self::snapshot_len) numbers.
@@ -138,7 +135,7 @@ pub trait Predictor: Send + Sync {
     /// If `from` has not [`snapshot_len`](Self::snapshot_len) numbers.
     fn restore(&mut self, from: &[f64]);
 
-    /// A new session with the same predictions; constant weights are shared. The fork of a session that learns need not
+    /// A new session with the same predictions; constant weights are shared. The fork of an adapted session need not
     /// learn.
     fn fork(&self) -> Box<dyn Predictor>;
 }
@@ -146,7 +143,7 @@ pub trait Predictor: Send + Sync {
 /// Number of command sequences that callers of [`Predictor::rollout_batch`] should pass at a time.
 pub const BATCH: usize = 64;
 
-/// [`Predictor::rollout_batch`] by one rollout after the other.
+/// [`Predictor::rollout_batch`] by sequential rollouts.
 pub(crate) fn rollout_each<P: Predictor + ?Sized>(
     session: &P,
     count: usize,

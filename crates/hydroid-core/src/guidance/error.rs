@@ -1,51 +1,51 @@
-//! Why there is no path, or no speed along it.
+//! Errors of paths and speed profiles.
 
-/// Why a path or a speed profile cannot be made.
+/// Reasons why a path or a speed profile is invalid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PathError {
-    /// A number that must be greater than zero (and finite, where it is a length) is not.
+    /// A number that must be positive (and finite, where it is a length) is not.
     NotPositive {
-        /// Which.
+        /// Name of the number.
         what: &'static str,
-        /// What was given.
+        /// The invalid value.
         value: f64,
     },
     /// A coordinate or a course is not a finite number.
     NotFinite {
-        /// Which.
+        /// Name of the number.
         what: &'static str,
     },
     /// There are not enough points, legs or pieces.
     TooFew {
-        /// Of what.
+        /// Name of the elements.
         what: &'static str,
-        /// How many are needed.
+        /// Number needed.
         needed: usize,
     },
-    /// Two way-points that follow each other are the same.
+    /// Two consecutive way-points coincide.
     Coincide {
         /// The second of them, from 0.
         point: usize,
     },
-    /// Around a way-point the turning circle does not fit between its neighbours.
+    /// The turning circle around a way-point does not fit between its neighbours.
     CornerTooSharp {
         /// The way-point, from 0.
         point: usize,
-        /// The largest radius that fits there \[m\]; 0 where the path turns right back.
+        /// The largest radius that fits \[m\]; 0 where the path reverses.
         fits: f64,
     },
-    /// The legs of a lawn-mower are closer than two turning circles.
+    /// The legs of a lawn-mower are closer than two turning radii.
     LegsTooClose {
         /// Distance of the legs \[m\].
         spacing: f64,
         /// Turning radius \[m\].
         radius: f64,
     },
-    /// Two pieces that follow each other do not meet.
+    /// Two consecutive pieces do not meet.
     Gap {
         /// The second of them, from 0.
         piece: usize,
-        /// How far its start is from the end of the first \[m\].
+        /// Distance between the end of the first and the start of the second \[m\].
         distance: f64,
     },
 }
@@ -76,12 +76,10 @@ impl core::fmt::Display for PathError {
 
 impl core::error::Error for PathError {}
 
-/// `value`, if it is a positive finite number.
 pub(super) fn positive(what: &'static str, value: f64) -> Result<f64, PathError> {
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(PathError::NotPositive { what, value }) }
 }
 
-/// `values`, if they are finite numbers.
 pub(super) fn finite<const N: usize>(what: &'static str, values: [f64; N]) -> Result<[f64; N], PathError> {
     if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(PathError::NotFinite { what }) }
 }

@@ -8,11 +8,11 @@ use super::piece::Pose;
 /// Options of [`LineOfSight`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineOfSightOptions {
-    /// Look-ahead distance `Delta` \[m\]: two to five lengths of the vessel, and more than the speed times the response time of the heading. A short
-    /// distance converges fast and overshoots with a slow heading.
+    /// Look-ahead distance `Delta` \[m\]: two to five lengths of the vessel, and more than the speed times the response
+    /// time of the heading. A short distance converges fast and overshoots with a slow heading.
     pub lookahead: f64,
-    /// Integral gain `sigma` \[m/s\]; 0 for none. The law is proven stable for gains below the speed minus the drift; a tenth of the speed is a
-    /// good start.
+    /// Integral gain `sigma` \[m/s\]; 0 for none. The law is proven stable for gains below the speed minus the drift; a
+    /// tenth of the speed is a good start.
     pub integral: f64,
 }
 
@@ -25,16 +25,17 @@ pub struct LineOfSightOptions {
 /// y_int'  = Delta e / (Delta^2 + (e + sigma y_int)^2)
 /// ```
 ///
-/// E. Borhaug, A. Pavlov, K. Y. Pettersen, *Integral LOS control for path following of underactuated marine surface vessels in the presence
-/// of constant ocean currents*, 47th IEEE Conference on Decision and Control, 2008; T. I. Fossen, *Handbook of Marine Craft Hydrodynamics
-/// and Motion Control*, 2nd ed., 2021, section 12.3 (proportional law eq. 12.78, integral law eq. 12.108, there with `kappa` for `sigma`).
-/// The integral grows slowly at large errors and needs no anti-windup.
+/// E. Borhaug, A. Pavlov, K. Y. Pettersen, *Integral LOS control for path following of underactuated marine surface
+/// vessels in the presence of constant ocean currents*, 47th IEEE Conference on Decision and Control, 2008; T. I.
+/// Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd ed., 2021, section 12.3 (proportional law
+/// eq. 12.78, integral law eq. 12.108, with `kappa` for `sigma`). The integral needs no anti-windup.
 ///
-/// On a straight line, a vessel with heading `psi_d` converges to the path under a constant drift across it that is slower than the vessel.
-/// Without the integral, the error remains `Delta V / sqrt(U^2 - V^2)`. In a turn the sideslip acts as such a drift; after a change of the
-/// turn, the integral converges within about `Delta / sigma` seconds.
+/// On a straight line, a vessel with heading `psi_d` converges to the path under a constant drift `V` across it that is
+/// slower than the speed `U`. Without the integral, the error remains `Delta V / sqrt(U^2 - V^2)`. In a turn the
+/// sideslip acts as such a drift; the integral converges within about `Delta / sigma` seconds.
 ///
-/// Assumption: the heading follows. Failure modes: the centre of a turn, where the projection jumps, and a drift faster than the vessel.
+/// Assumption: the heading follows its reference. Failure modes: the centre of a turn, where the projection jumps, and
+/// a drift faster than the vessel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineOfSight {
     options: LineOfSightOptions,
@@ -78,8 +79,8 @@ impl LineOfSight {
         self.integral = 0.0;
     }
 
-    /// Heading reference of a vessel at `position` \[m\] with `velocity` over ground \[m/s\] (both north, east), where `pose` is the projection of
-    /// the position onto the path; then advances the integral by `dt` seconds.
+    /// Heading reference of a vessel at `position` \[m\] with `velocity` over ground \[m/s\] (both north, east), where
+    /// `pose` is the projection of the position onto the path; then advances the integral by `dt` seconds.
     pub fn update(
         &mut self,
         pose: &Pose,

@@ -1,14 +1,14 @@
 //! Guidance: paths, speed profiles, reference points and heading references.
 //!
-//! - [`Path`]: straight legs and arcs in the north-east frame, by arc length: circles, legs with corners, way-points with turning
-//!   circles, lawn-mowers.
+//! - [`Path`]: straight legs and arcs in the north-east frame, by arc length: circles, legs with corners, way-points
+//!   with turning circles, lawn-mowers.
 //! - [`SpeedProfile`]: the speed along a path within the limits of a vessel ([`SpeedLimits`]).
-//! - [`Reference`]: the point on the path that a controller follows, with velocity and acceleration. A [`TimedReference`] moves with
-//!   time, a [`PathReference`] with the vessel.
-//! - [`LineOfSight`]: the heading that brings a vessel onto the path, with look-ahead and integral action against drift.
+//! - [`Reference`]: the reference point of a controller, with velocity and acceleration. A [`TimedReference`] moves
+//!   with time, a [`PathReference`] with the vessel.
+//! - [`LineOfSight`]: the heading reference towards the path, with look-ahead and integral action against drift.
 //!
-//! Frames and signs as everywhere: `x` north, `y` east, courses clockwise from north, curvature positive to starboard (a
-//! path of positive curvature turns right), cross-track error positive to starboard of the path. Metres, radians, seconds.
+//! Frames and signs: `x` north, `y` east, courses clockwise from north, curvature and cross-track error positive to
+//! starboard. Metres, radians, seconds.
 //!
 //! ```
 //! use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, TimedReference};

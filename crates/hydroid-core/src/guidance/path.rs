@@ -1,4 +1,4 @@
-//! A path: pieces in a row, by arc length.
+//! Paths of consecutive pieces, by arc length.
 
 use alloc::vec::Vec;
 
@@ -12,9 +12,9 @@ const GAP: f64 = 1e-6;
 
 /// Lines and arcs in sequence, by arc length `s` from the start \[m\].
 ///
-/// The position is continuous. The course is continuous for all shapes but [`legs`](Self::legs); the curvature, and with it the yaw rate,
-/// jumps between pieces. A *closed* path begins again at its end. An open path is extended by its tangents, so that a lookahead point always
-/// exists.
+/// The position is continuous. The course is continuous except for [`legs`](Self::legs); the curvature, and with it the
+/// yaw rate, jumps between pieces. A *closed* path continues at its start. An open path is extended by its tangents, so
+/// that a lookahead point always exists.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     pieces: Vec<Piece>,
@@ -39,7 +39,8 @@ impl Path {
     /// A path of adjacent pieces.
     ///
     /// # Errors
-    /// If there is no piece, a piece has no length or is not finite, or two do not meet; for a closed path also if the end is not the start.
+    /// If there is no piece, a piece has no length or is not finite, or two pieces (on a closed path also end and
+    /// start) do not meet.
     pub fn new(pieces: Vec<Piece>, closed: bool) -> Result<Self, PathError> {
         let Some(last) = pieces.last() else {
             return Err(PathError::TooFew { what: "pieces of a path", needed: 1 });
@@ -78,7 +79,7 @@ impl Path {
         self.closed
     }
 
-    /// Arc length within the path, and the removed whole laps.
+    /// Arc length within the path, and the length of the whole laps before it.
     pub(super) fn within(&self, s: f64) -> (f64, f64) {
         if !self.closed {
             return (s, 0.0);
@@ -106,13 +107,12 @@ impl Path {
         beyond.at(d - d.clamp(0.0, piece.length))
     }
 
-    /// Projects a point onto the path within `reach` metres of arc length `near`.
-    ///
-    /// The search is local, because a path may pass a point more than once (as the legs of a lawn-mower nearly do).
+    /// Projects a point onto the path within `reach` metres of arc length `near`. The search is local, because a path
+    /// may pass a point more than once.
     pub fn project(&self, point: [f64; 2], near: f64, reach: f64) -> Projection {
-        // NaN, and less than nothing, are nothing.
+        // A negative or NaN reach is 0.
         let reach = reach.max(0.0);
-        // Not more than one lap: every place once.
+        // At most one lap, so that each point is searched once.
         let reach = if self.closed { reach.min(0.5 * self.length) } else { reach };
         let (from, to) = (near - reach, near + reach);
         let mut best: Option<(f64, f64)> = None;

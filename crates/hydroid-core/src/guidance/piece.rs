@@ -4,7 +4,7 @@ use num_traits::Float;
 
 use crate::vessel::kinematics::wrap;
 
-/// A place on a path with its tangent.
+/// A point on a path with its tangent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// `[x, y]`, north and east \[m\].
@@ -16,8 +16,8 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Distance of a point to starboard of the tangent \[m\]: `-(x - x_p) sin(course) + (y - y_p) cos(course)`
-    /// (Fossen 2021, section 12.3.2).
+    /// Distance of a point to starboard of the tangent \[m\]: `-(x - x_p) sin(course) + (y - y_p) cos(course)` (Fossen
+    /// 2021, section 12.3.2).
     pub fn cross_track(&self, [x, y]: [f64; 2]) -> f64 {
         let (sin, cos) = Float::sin_cos(self.course);
         (y - self.position[1]) * cos - (x - self.position[0]) * sin
@@ -32,17 +32,16 @@ impl Pose {
 
 /// A line (curvature 0) or an arc of constant curvature.
 ///
-/// At `d` metres from its start, with start `p_0`, course `gamma_0`, curvature `kappa`:
+/// At `d` metres from its start, with start `p_0`, course `gamma_0`, curvature `kappa` (the chord of a circle, valid
+/// also for the line):
 ///
 /// ```text
 /// gamma(d) = gamma_0 + kappa d
 /// p(d)     = p_0 + d sinc(kappa d / 2) [cos(gamma_0 + kappa d / 2), sin(gamma_0 + kappa d / 2)]
 /// ```
-///
-/// the chord of a circle, which needs no case for the line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
-    /// Where it starts, `[x, y]` \[m\].
+    /// Start point, `[x, y]` \[m\].
     pub start: [f64; 2],
     /// Course at the start \[rad\].
     pub course: f64,
@@ -53,7 +52,7 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// The place `d` metres from the start; beyond either end the piece goes on as it is.
+    /// Pose `d` metres from the start; the piece is extended with constant curvature beyond its ends.
     pub fn at(&self, d: f64) -> Pose {
         let half = 0.5 * self.curvature * d;
         let chord = d * sinc(half);
@@ -65,8 +64,8 @@ impl Piece {
         }
     }
 
-    /// The place of the piece between `from` and `to` metres from its start that is nearest to a point: its `d`. Of the
-    /// centre of an arc, to which all are equally near, it is one of them.
+    /// Distance from the start, between `from` and `to` metres, of the point nearest to `point`; any of them for the
+    /// centre of an arc.
     pub fn nearest(&self, point: [f64; 2], from: f64, to: f64) -> f64 {
         let [x, y] = [point[0] - self.start[0], point[1] - self.start[1]];
         let (sin, cos) = Float::sin_cos(self.course);
@@ -74,9 +73,9 @@ impl Piece {
         if self.curvature == 0.0 {
             return ahead.clamp(from, to);
         }
-        // Seen from the centre, the start lies at -1 to starboard (times the curvature), and the angle run since is:
+        // Angle on the arc since the start: seen from the centre, the start is at -1 / curvature to starboard.
         let run = Float::atan2(self.curvature * ahead, 1.0 - self.curvature * starboard);
-        // Of all turns the one whose foot is nearest to the middle of what is asked.
+        // Of all turns, the one nearest to the middle of the interval.
         let middle = 0.5 * (from + to);
         let d = middle + wrap(run - self.curvature * middle) / self.curvature;
         if (from..=to).contains(&d) {
@@ -92,6 +91,6 @@ impl Piece {
 
 /// `sin(x) / x`.
 fn sinc(x: f64) -> f64 {
-    // Below this the next term of the series, x^4 / 120, is less than rounding.
+    // Here the next term of the series, x^4 / 120, is less than rounding.
     if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { Float::sin(x) / x }
 }

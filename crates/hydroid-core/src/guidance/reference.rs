@@ -14,7 +14,7 @@ use super::speed::SpeedProfile;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
-    /// Arc length \[m\]; on a closed path it counts on from lap to lap.
+    /// Arc length \[m\]; it increases over the laps of a closed path.
     pub s: f64,
     /// `[x, y]` \[m\].
     pub position: [f64; 2],
@@ -58,9 +58,8 @@ impl Reference {
     }
 }
 
-/// A reference that moves along a path by time (trajectory tracking).
-///
-/// The position follows the speed profile in closed form and does not depend on the time step.
+/// A reference that moves along a path by time (trajectory tracking). The position follows the speed profile in closed
+/// form and does not depend on the time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimedReference {
     /// Arc length at the start of the present lap \[m\].
@@ -98,7 +97,7 @@ impl TimedReference {
             } else {
                 (phase.end - self.speed) / phase.acceleration
             };
-            // NaN (no distance at no speed) ends the phase.
+            // NaN (no distance at zero speed) ends the phase.
             if until > left {
                 self.into += (self.speed + 0.5 * phase.acceleration * left) * left;
                 self.speed += phase.acceleration * left;
@@ -115,7 +114,7 @@ impl TimedReference {
         }
     }
 
-    /// Whether the end of an open path has been passed. Beyond the end, the reference moves straight on at the final speed.
+    /// Whether the end of an open path has been passed. The reference then moves straight on at the final speed.
     pub fn is_done(&self, profile: &SpeedProfile) -> bool {
         self.phase >= profile.phases().len()
     }
@@ -135,7 +134,7 @@ impl TimedReference {
 
 /// A reference at the projection of the vessel onto a path (path following), with the speed of the profile.
 ///
-/// A profile that starts at rest asks for zero speed at its start, and the vessel would stay there: set
+/// A profile that starts at rest requires zero speed at its start, and the vessel would stay there: set
 /// [`SpeedLimits::start`](super::SpeedLimits::start).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathReference {
@@ -144,13 +143,13 @@ pub struct PathReference {
 }
 
 impl PathReference {
-    /// A reference from arc length `s` on. The projection is searched within `reach` metres of the last one along the path: more than the
-    /// vessel moves in a sample, less than the distance between two passes of the same place.
+    /// A reference from arc length `s` on. The projection is searched within `reach` metres of the last one along the
+    /// path: more than the motion in a sample, less than the distance between two passes of the same point.
     pub const fn new(s: f64, reach: f64) -> Self {
         Self { s, reach }
     }
 
-    /// Projects a position \[m\] onto the path. A position that is not finite changes nothing.
+    /// Projects a position \[m\] onto the path. A position that is not finite is ignored.
     pub fn project(&mut self, path: &Path, position: [f64; 2]) -> Projection {
         if position.iter().all(|x| x.is_finite()) {
             let foot = path.project(position, self.s, self.reach);

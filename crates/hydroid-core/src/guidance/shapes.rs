@@ -1,4 +1,4 @@
-//! Shapes of paths that vessels are sent along.
+//! Shapes of paths.
 
 use alloc::vec::Vec;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -28,7 +28,7 @@ impl Side {
         }
     }
 
-    /// The other one.
+    /// The opposite side.
     pub const fn other(self) -> Self {
         match self {
             Self::Port => Self::Starboard,
@@ -37,7 +37,7 @@ impl Side {
     }
 }
 
-/// Pieces put one behind the other.
+/// Builder of consecutive pieces.
 struct Pen {
     pieces: Vec<Piece>,
     position: [f64; 2],
@@ -49,7 +49,7 @@ impl Pen {
         Self { pieces: Vec::new(), position, course }
     }
 
-    /// Goes on for `length` metres; nothing where that is no more than rounding.
+    /// Adds a piece of `length` metres, unless the length is within rounding of zero.
     fn go(&mut self, length: f64, curvature: f64) {
         if length > 1e-9 {
             let piece = Piece { start: self.position, course: self.course, curvature, length };
@@ -66,7 +66,7 @@ impl Pen {
 }
 
 impl Path {
-    /// A circle, closed. `bearing` is the direction from the centre to where it starts \[rad, clockwise from north\].
+    /// A closed circle. `bearing` is the direction from the centre to the start \[rad, clockwise from north\].
     ///
     /// # Errors
     /// If the radius is not positive, or a number not finite.
@@ -81,10 +81,10 @@ impl Path {
         Self::new(pen.pieces, true)
     }
 
-    /// Straight legs from point to point, with corners: for a vessel that is slow in them, or for line-of-sight alone.
+    /// Straight legs with corners, for a vessel that is slow in corners, or for line-of-sight guidance.
     ///
     /// # Errors
-    /// If there are fewer than two points, or two that follow each other coincide.
+    /// If there are fewer than two points, or two consecutive ones coincide.
     pub fn legs(points: &[[f64; 2]]) -> Result<Self, PathError> {
         let legs = legs(points)?;
         let mut pen = Pen::at(points[0], 0.0);
@@ -95,9 +95,8 @@ impl Path {
         Self::new(pen.pieces, false)
     }
 
-    /// From way-point to way-point, the corners cut by arcs of a turning circle that touch both legs.
-    ///
-    /// At a corner of `theta` radians the arc begins `R tan(|theta| / 2)` before the way-point and ends as far behind it.
+    /// Straight legs whose corners are cut by arcs tangent to both legs: at a corner of `theta` radians the arc begins
+    /// `R tan(|theta| / 2)` before the way-point and ends at the same distance behind it.
     ///
     /// # Errors
     /// As [`legs`](Self::legs); if the radius is not positive, or the arcs of two corners would overlap.
@@ -105,7 +104,7 @@ impl Path {
         positive("the turning radius", radius)?;
         let legs = legs(points)?;
         let angle = |k: usize| wrap(legs[k].0 - legs[k - 1].0);
-        // Of the arc at the end of leg k - 1, at way-point k.
+        // Cut per radius at way-point k, at the end of leg k - 1.
         let unit_cut = |k: usize| {
             if k == 0 || k == legs.len() { 0.0 } else { Float::tan(0.5 * angle(k).abs()) }
         };
@@ -113,7 +112,7 @@ impl Path {
             let cut = unit_cut(k) + unit_cut(k + 1);
             if cut * radius > length * (1.0 + 1e-12) {
                 let point = if unit_cut(k) > unit_cut(k + 1) { k } else { k + 1 };
-                // Turning right back has a tangent of infinity, or of 1e16.
+                // A reversal has a tangent of infinity, or of 1e16.
                 let fits = if cut < 1e12 { length / cut } else { 0.0 };
                 return Err(PathError::CornerTooSharp { point, fits });
             }
@@ -130,9 +129,9 @@ impl Path {
         Self::new(pen.pieces, false)
     }
 
-    /// Parallel legs of `leg` metres, `spacing` metres apart, beginning at `start` along `course`; the first turn is to
-    /// `side`, then they alternate. A turn is two quarters of a circle of `radius`, with a straight between them where the
-    /// legs are farther apart than two radii.
+    /// Parallel legs of `leg` metres, `spacing` metres apart, beginning at `start` along `course`. The first turn is to
+    /// `side`, then turns alternate. A turn is two quarter circles of `radius`, joined by a straight where `spacing`
+    /// exceeds two radii.
     ///
     /// # Errors
     /// If a length is not positive, there are no legs, or they are closer than two radii.
@@ -172,7 +171,6 @@ impl Path {
     }
 }
 
-/// Course and length of each leg between points.
 fn legs(points: &[[f64; 2]]) -> Result<Vec<(f64, f64)>, PathError> {
     if points.len() < 2 {
         return Err(PathError::TooFew { what: "way-points", needed: 2 });

@@ -9,10 +9,10 @@ use super::error::{PathError, positive};
 use super::path::Path;
 use crate::vessel::kinematics::wrap;
 
-/// Limits of a vessel along a path. Infinite is "no limit"; the two accelerations must be finite.
+/// Limits of a vessel along a path. Infinite means no limit; the two accelerations must be finite.
 ///
-/// `lateral_acceleration` and `yaw_rate` come from turning circles at the speed in question, with a reserve of a quarter of the rudder for
-/// the controller; `acceleration` and `deceleration` from starts and crash stops.
+/// `lateral_acceleration` and `yaw_rate` come from turning circles at the same speed, with a quarter of the rudder as a
+/// reserve for the controller; `acceleration` and `deceleration` from starts and crash stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedLimits {
     /// Speed where nothing else limits it \[m/s\].
@@ -34,7 +34,7 @@ pub struct SpeedLimits {
 }
 
 impl SpeedLimits {
-    /// A constant speed without limits except 0.2 m/s^2 on its changes.
+    /// A constant speed, with no limits except 0.2 m/s^2 on its changes.
     pub const fn cruise(speed: f64) -> Self {
         Self {
             cruise: speed,
@@ -103,9 +103,9 @@ impl Phase {
 
 /// The time-optimal speed along a path within [`SpeedLimits`], as sections of constant acceleration.
 ///
-/// Turns limit the speed of each piece; a forward pass limits acceleration and a backward pass deceleration (J. E. Bobrow, S. Dubowsky, J. S.
-/// Gibson, *Time-optimal control of robotic manipulators along specified paths*, 1985). The speed is continuous; its rate and the lateral
-/// acceleration jump.
+/// Turns limit the speed of each piece; a forward pass limits acceleration and a backward pass deceleration (J. E.
+/// Bobrow, S. Dubowsky, J. S. Gibson, *Time-optimal control of robotic manipulators along specified paths*, 1985). The
+/// speed is continuous; its rate and the lateral acceleration jump.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeedProfile {
     phases: Vec<Phase>,
@@ -123,7 +123,7 @@ impl SpeedProfile {
         let pieces = path.pieces();
         let count = pieces.len();
         let own: Vec<f64> = pieces.iter().map(|piece| limits.at(piece.curvature)).collect();
-        // Speeds where pieces meet; node k is the start of piece k.
+        // Speeds at the joints of pieces; node k is the start of piece k.
         let mut nodes = vec![0.0; count + 1];
         for k in 0..=count {
             let inner = path.is_closed() || (k > 0 && k < count);
@@ -140,7 +140,7 @@ impl SpeedProfile {
             };
         }
         let reach = |from: f64, a: f64, length: f64| Float::sqrt(from * from + 2.0 * a * length);
-        // On a closed path what is limited on the first lap limits the second.
+        // On a closed path the limits of the first lap act on the second.
         for _ in 0..if path.is_closed() { 2 } else { 1 } {
             for k in 0..count {
                 nodes[k + 1] = nodes[k + 1].min(reach(nodes[k], limits.acceleration, pieces[k].length));
@@ -162,7 +162,8 @@ impl SpeedProfile {
         Ok(Self { phases, length: path.length(), closed: path.is_closed() })
     }
 
-    /// Speed \[m/s\] and its rate \[m/s^2\] at arc length `s`; beyond the ends of an open path the speed of the end, and 0.
+    /// Speed \[m/s\] and its rate \[m/s^2\] at arc length `s`; beyond the ends of an open path the end speed and
+    /// rate 0.
     pub fn at(&self, s: f64) -> (f64, f64) {
         let s = if self.closed { s - Float::floor(s / self.length) * self.length } else { s };
         let index = self.phases.partition_point(|phase| phase.s <= s).saturating_sub(1);
@@ -192,11 +193,12 @@ impl SpeedProfile {
     }
 }
 
-/// Accelerates, holds and brakes within a piece of `length` metres at `s`: from `speeds[0]` to `speeds[2]`, never above `speeds[1]`.
+/// Accelerates, holds and brakes over `length` metres from `s` on: from `speeds[0]` to `speeds[2]`, at most
+/// `speeds[1]`.
 fn phases_of(s: f64, length: f64, speeds: [f64; 3], limits: &SpeedLimits, into: &mut Vec<Phase>) {
     let [first, most, last] = speeds;
     let (a, b) = (limits.acceleration, limits.deceleration);
-    // Where accelerating from one end meets braking to the other.
+    // Speed at which accelerating from one end meets braking to the other.
     let meeting = Float::sqrt((2.0 * a * b * length + b * first * first + a * last * last) / (a + b));
     let peak = most.min(meeting).max(first).max(last);
     let up = ((peak * peak - first * first) / (2.0 * a)).min(length);
@@ -205,7 +207,7 @@ fn phases_of(s: f64, length: f64, speeds: [f64; 3], limits: &SpeedLimits, into: 
     let stretches =
         [(up, [first, peak], a), (length - up - down, [peak, peak], 0.0), (down, [peak, last], -b)];
     for (length, [speed, end], acceleration) in stretches {
-        // What is left of rounding is no stretch.
+        // Shorter sections are rounding errors.
         if length > 1e-12 {
             into.push(Phase { s: at, length, speed, end, acceleration });
         }

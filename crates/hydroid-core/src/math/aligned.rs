@@ -6,7 +6,7 @@ use core::ops::{Deref, DerefMut};
 
 use crate::math::Scalar;
 
-/// Bytes of a cache line and of the widest vector. Loads within a cache line are twice as fast as loads across two.
+/// Bytes of a cache line and of the widest vector. A load within a cache line is twice as fast as one across two.
 const LINE: usize = 64;
 
 /// A slice aligned to 64 bytes.
@@ -31,13 +31,13 @@ impl<T: Scalar> Aligned<T> {
 }
 
 fn begin<T>(numbers: &[T]) -> usize {
-    // Where the offset cannot be told, only speed is lost.
+    // An unknown offset only costs speed.
     numbers.as_ptr().align_offset(LINE).min(LINE / size_of::<T>())
 }
 
 impl<T: Clone> Clone for Aligned<T> {
     fn clone(&self) -> Self {
-        // A copy begins elsewhere.
+        // The clone has another address, hence another offset.
         let mut numbers = self.numbers.clone();
         let begin = begin(&numbers);
         numbers[begin..begin + self.len].clone_from_slice(self);

@@ -1,7 +1,7 @@
 //! `exp`, `tanh` and the logistic function of a vector, without branches.
 //!
-//! `e^x = 2^n e^r` with `n` the integer next to `x / ln 2` and `|r| <= ln 2 / 2`, on which a polynomial gives
-//! `q = e^r - 1` (Cody and Waite 1980, Muller, Elementary Functions, ch. 11). The function `e^x - 1 = 2^n q + (2^n - 1)` keeps its digits
+//! `e^x = 2^n e^r` with `n` the integer next to `x / ln 2` and `|r| <= ln 2 / 2`, on which a polynomial gives `q =
+//! e^r - 1` (Cody and Waite 1980, Muller, Elementary Functions, ch. 11). `e^x - 1 = 2^n q + (2^n - 1)` keeps its digits
 //! near zero, and so does `tanh x = (e^2x - 1) / (e^2x - 1 + 2)`.
 #![expect(
     clippy::inline_always,
@@ -12,7 +12,7 @@ use pulp::Simd;
 
 use super::vectors::{Pack, Vectors};
 
-/// `n + ROUND`, and `q = e^r - 1` of the rest.
+/// `n + ROUND` and `q = e^r - 1`.
 #[inline(always)]
 fn reduce<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> (Pack<S, T>, Pack<S, T>) {
     let round = Pack::splat(simd, T::ROUND);
@@ -28,12 +28,11 @@ fn reduce<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> (Pack<S, T>, Pack<S, T
     (rounded, (p * r).mul_add(r, r))
 }
 
-/// `e^x`.
 #[inline(always)]
 pub(crate) fn exp<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> Pack<S, T> {
     let x = x.abs().at_most(T::EXP_END).with_sign_of(x);
     let (rounded, q) = reduce(simd, x);
-    // In two factors, so that numbers below the normal ones and infinity come out by themselves.
+    // Two factors give subnormal numbers and infinity without special cases.
     let round = Pack::splat(simd, T::ROUND);
     let n = rounded - round;
     let half = n.mul_add(Pack::splat(simd, T::HALF), round);
@@ -42,7 +41,6 @@ pub(crate) fn exp<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> Pack<S, T> {
     q.mul_add(first, first) * other.power_of_two()
 }
 
-/// `1 / (1 + e^-x)`.
 #[inline(always)]
 pub(crate) fn sigmoid<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> Pack<S, T> {
     let (rounded, q) = reduce(simd, x.abs().at_most(T::EXP_NORMAL).with_sign_of(-x));
@@ -51,7 +49,6 @@ pub(crate) fn sigmoid<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> Pack<S, T>
     one / (one + q.mul_add(scale, scale))
 }
 
-/// `tanh x`.
 #[inline(always)]
 pub(crate) fn tanh<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> Pack<S, T> {
     let size = x.abs().at_most(T::TANH_END);

@@ -1,8 +1,8 @@
 //! Compilation of vector kernels, once for each processor feature and precision.
 //!
-//! A generic function is compiled again in every crate and test that uses it, and a kernel three times each, for as many vector
-//! widths. Kernels are therefore called through functions that are not generic: the module that owns a kernel makes them by
-//! [`kernels!`], and generic code calls them by [`Scalar::run`], which is small.
+//! A generic function is compiled again in every crate that uses it, and a kernel once for each vector width. Kernels
+//! are therefore called through functions without generics, which [`kernels!`] declares in the module of the kernel;
+//! generic code calls them by [`Scalar::run`].
 
 use pulp::{Arch, WithSimd};
 
@@ -13,7 +13,7 @@ pub trait Kernel {
     /// The kernel with its arguments.
     type Of<'a, T: Scalar>: WithSimd<Output = Self::Output<T>>;
 
-    /// Its result.
+    /// Result of the kernel.
     type Output<T: Scalar>;
 
     /// Runs the kernel in single precision on the vectors of the processor.

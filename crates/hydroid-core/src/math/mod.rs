@@ -1,7 +1,7 @@
 //! Vector kernels: elementary functions, products and sums on slices, for `f32` and `f64`.
 //!
-//! The widest vectors of the processor are detected at run time. Results are equal to the last bit for all vector widths and for all
-//! positions in a slice.
+//! The widest vectors of the processor are detected at run time. Results are bit-identical for all vector widths and
+//! for all positions in a slice.
 
 #![expect(
     clippy::inline_always,
@@ -81,8 +81,8 @@ impl Scalar for f64 {
     }
 }
 
-/// `x <- e^x`, with a relative error of at most 1.5e-7 (`f32`) or 3e-16 (`f64`); below the normal numbers the error is relative to the
-/// smallest of these.
+/// `x <- e^x`, with a relative error of at most 1.5e-7 (`f32`) or 3e-16 (`f64`); for subnormal results the error is
+/// relative to the smallest normal number.
 pub fn exp<T: Scalar>(x: &mut [T]) {
     T::run::<ElementWise>(Arch::new(), Each { x, function: Function::Exp });
 }
@@ -92,8 +92,8 @@ pub fn tanh<T: Scalar>(x: &mut [T]) {
     T::run::<ElementWise>(Arch::new(), Each { x, function: Function::Tanh });
 }
 
-/// `x <- 1 / (1 + e^-x)`, with a relative error of at most 2.5e-7 (`f32`) or 5e-16 (`f64`); below 1e-30 (`f32`) or 1e-290 (`f64`) the error is
-/// relative to these.
+/// `x <- 1 / (1 + e^-x)`, with a relative error of at most 2.5e-7 (`f32`) or 5e-16 (`f64`); below 1e-30 (`f32`) or
+/// 1e-290 (`f64`) the error is relative to these.
 pub fn sigmoid<T: Scalar>(x: &mut [T]) {
     T::run::<ElementWise>(Arch::new(), Each { x, function: Function::Sigmoid });
 }
@@ -144,7 +144,7 @@ mod tests {
 
     use super::*;
 
-    /// On all vectors that this processor has, the narrow ones included.
+    /// Results on all vector widths of this processor.
     #[cfg(target_arch = "x86_64")]
     fn paths<T: Scalar>(x: &[T], function: Function) -> Vec<Vec<T>> {
         let mut paths = Vec::from([x.to_vec()]);

@@ -1,11 +1,11 @@
-//! Products of whole matrices: blocks that stay in registers.
+//! Matrix products in blocks that stay in registers.
 //!
 //! ```text
 //! out = start + left right        left: rows x depth,  right: depth x columns,  out: rows x columns
 //! ```
 //!
-//! A sum over the depth runs in its order, each product fused with its addition: what comes out depends neither on the
-//! width of the vectors nor on how the matrices were cut into blocks.
+//! Sums over the depth run in its order with fused multiply-add: the result depends neither on the vector width nor on
+//! the blocks.
 #![expect(
     clippy::inline_always,
     reason = "it must become a part of the function that was compiled for the processor"
@@ -17,20 +17,20 @@ use super::slices::{Write, vectors};
 use super::vectors::Pack;
 use crate::math::Scalar;
 
-/// Rows of a block. With four vectors each (two where there are 16 registers) the sums are enough to hide the latency of
-/// an addition, and few enough to stay in registers.
+/// Rows of a block. With four vectors each (two where there are 16 registers) the sums hide the latency of an addition
+/// and stay in registers.
 const ROWS: usize = 6;
 
 /// The left factor of a product.
 pub(crate) trait Left<T> {
-    /// Some of its rows, as a block reads them.
+    /// Rows in the form that a block reads.
     type Band<'a, const M: usize>: Band<T, M>
     where
         Self: 'a,
         T: 'a;
 
     fn rows(&self) -> usize;
-    /// Number of columns: the depth of a sum.
+    /// Number of columns.
     fn depth(&self) -> usize;
     /// Rows `first .. first + M`; `scratch` has room for them.
     fn band<'a, const M: usize>(&'a self, first: usize, scratch: &'a mut [T]) -> Self::Band<'a, M>
@@ -38,14 +38,13 @@ pub(crate) trait Left<T> {
         T: 'a;
 }
 
-/// Rows of a left factor.
 pub(crate) trait Band<T, const M: usize>: Copy {
-    /// Column `k`; the compiler must see that it is there, or each sum would leave its register.
+    /// Column `k`. The compiler must see that it is in bounds, or each sum would leave its register.
     fn column(self, k: usize) -> [T; M];
     fn depth(self) -> usize;
 }
 
-/// Rows that are read where they stand.
+/// Rows that are read in place.
 #[derive(Clone, Copy)]
 pub(crate) struct InPlace<'a, T, const M: usize> {
     rows: [&'a [T]; M],
@@ -68,7 +67,7 @@ impl<T: Scalar, const M: usize> Band<T, M> for InPlace<'_, T, M> {
     }
 }
 
-/// Rows that were put together column by column.
+/// Rows that were copied column by column.
 impl<T: Scalar, const M: usize> Band<T, M> for &[[T; M]] {
     #[inline(always)]
     fn column(self, k: usize) -> [T; M] {
@@ -125,7 +124,7 @@ impl<T: Scalar> Left<T> for Matrix<'_, T> {
     }
 }
 
-/// The transposed of a matrix that is given row by row.
+/// The transpose of a matrix that is stored row by row.
 #[derive(Clone, Copy)]
 pub(crate) struct Transposed<'a, T>(pub(crate) Matrix<'a, T>);
 
@@ -145,8 +144,8 @@ impl<T: Scalar> Left<T> for Transposed<'_, T> {
         self.0.numbers.len() / self.0.columns
     }
 
-    /// A column of these rows is a few neighbours in a row of the matrix: each row is another line of the cache, and is
-    /// visited once and not once a block.
+    /// Copies the columns: each row of the matrix is another cache line, and is visited once instead of once for each
+    /// block.
     #[inline(always)]
     fn band<'a, const M: usize>(&'a self, first: usize, scratch: &'a mut [T]) -> &'a [[T; M]]
     where
@@ -160,13 +159,13 @@ impl<T: Scalar> Left<T> for Transposed<'_, T> {
     }
 }
 
-/// Numbers of scratch for a product of such a depth.
+/// Length of the scratch of a product of this depth.
 pub(crate) fn scratch(depth: usize) -> usize {
     ROWS * depth
 }
 
-/// `out = start + left right`: `start` holds one number for each row, none for zero. Rows of `right` are `stride` apart, a
-/// multiple of [`LINE`](super::vectors::Vectors::LINE) that is no less than the `columns` of `out`.
+/// `out = start + left right`: `start` holds one number for each row, none for zero. Rows of `right` are `stride`
+/// apart, a multiple of [`LINE`](super::vectors::Vectors::LINE) that is at least the `columns` of `out`.
 #[inline(always)]
 pub(crate) fn product<S: Simd, T: Scalar, L: Left<T>>(
     simd: S,
@@ -265,7 +264,7 @@ fn tile<S: Simd, T: Scalar, B: Band<T, M>, const M: usize, const N: usize>(
 /// `into = from'`: `from` has rows of `columns` numbers, `into` rows that are `stride` apart.
 #[inline(always)]
 pub(crate) fn transpose<T: Scalar>(from: &[T], columns: usize, into: &mut [T], stride: usize) {
-    /// Numbers of a side of a block: its lines of both matrices fit the first cache.
+    /// Side of a block; its lines of both matrices fit the first-level cache.
     const BLOCK: usize = 16;
     let rows = from.len() / columns;
     for i in (0..rows).step_by(BLOCK) {
@@ -292,8 +291,7 @@ pub(crate) fn transpose<T: Scalar>(from: &[T], columns: usize, into: &mut [T], s
     }
 }
 
-/// `y = start + W x` of one vector, `W` row by row, as many rows as `y` has numbers. Sixteen sums for each of four rows
-/// side by side, or each addition would wait for the last.
+/// `y = start + W x`, `W` row by row. Sixteen sums for each of four rows hide the latency of the additions.
 #[inline(always)]
 pub(crate) fn affine<T: Scalar>(weights: &[T], start: &[T], x: &[T], y: &mut [T]) {
     const ROWS: usize = 4;

@@ -8,17 +8,15 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::math::Scalar;
 
-/// `sum += x_0 row_0 + x_1 row_1 + ..`, where `rows` holds as many rows of the length of `sum` as `x` numbers, one
-/// after the other.
-///
-/// Blocks of the sum stay in registers while the rows pass by.
+/// `sum += x_0 row_0 + x_1 row_1 + ..` with consecutive rows of the length of `sum`. Blocks of the sum stay in
+/// registers.
 #[inline(always)]
 pub(crate) fn add_rows<T: Scalar>(sum: &mut [T], rows: &[T], x: &[T]) {
     let len = sum.len();
     add_parts(sum, rows, len, x);
 }
 
-/// The same of rows that begin `stride` numbers apart, and may go on where the sum ends.
+/// [`add_rows`] for rows that begin `stride` numbers apart and may be longer than the sum.
 #[inline(always)]
 pub(crate) fn add_parts<T: Scalar>(sum: &mut [T], rows: &[T], stride: usize, x: &[T]) {
     let done = blocks::<32, T>(sum, rows, stride, x, 0);
@@ -27,7 +25,7 @@ pub(crate) fn add_parts<T: Scalar>(sum: &mut [T], rows: &[T], stride: usize, x: 
     blocks::<1, T>(sum, rows, stride, x, done);
 }
 
-/// `out += A X`, matrices row by row, the matrices on the right with the given number of columns.
+/// `out += A X`, matrices row by row; `out` and `X` have `columns` columns.
 pub(crate) fn add_product(out: &mut [f64], a: &[f64], x: &[f64], columns: usize) {
     Arch::new().dispatch(AddProduct { out, a, x, columns });
 }
@@ -51,7 +49,7 @@ impl WithSimd for AddProduct<'_> {
     }
 }
 
-/// From column `from` on, as many whole blocks as there are; gives the first column that is left.
+/// Whole blocks from column `from` on; gives the first column that is left.
 #[inline(always)]
 fn blocks<const WIDTH: usize, T: Scalar>(
     sum: &mut [T],
@@ -78,7 +76,7 @@ fn blocks<const WIDTH: usize, T: Scalar>(
     column
 }
 
-/// `y = W x`, `W` row by row; four sums side by side, or each addition would wait for the last.
+/// `y = W x`, `W` row by row; four parallel sums hide the latency of the additions.
 #[inline(always)]
 pub(crate) fn product<T: Scalar>(weights: &[T], x: &[T], y: &mut [T]) {
     for (y, row) in y.iter_mut().zip(weights.chunks_exact(x.len())) {
@@ -96,7 +94,7 @@ pub(crate) fn product<T: Scalar>(weights: &[T], x: &[T], y: &mut [T]) {
     }
 }
 
-/// `a' b`; eight sums side by side, or each addition would wait for the last.
+/// `a' b`; eight parallel sums hide the latency of the additions.
 #[inline(always)]
 pub(crate) fn dot<T: Scalar>(a: &[T], b: &[T]) -> T {
     let mut sums = [T::zero(); 8];

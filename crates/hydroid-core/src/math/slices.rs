@@ -25,7 +25,7 @@ impl<'a, S: Simd, T: Vectors> Read<'a, S, T> {
         Self { simd, whole, rest }
     }
 
-    /// Vector `k`; behind the end of the slice it is filled with zeros.
+    /// Vector `k`, filled up with zeros beyond the end of the slice.
     #[inline(always)]
     pub(crate) fn get(self, k: usize) -> Pack<S, T> {
         let v = match self.whole.get(k) {
@@ -50,13 +50,13 @@ impl<'a, S: Simd, T: Vectors> Write<'a, S, T> {
         Self { simd, whole, rest }
     }
 
-    /// Vector `k`; behind the end of the slice it is filled with zeros.
+    /// Vector `k`, filled up with zeros beyond the end of the slice.
     #[inline(always)]
     pub(crate) fn get(&self, k: usize) -> Pack<S, T> {
         Read { simd: self.simd, whole: self.whole, rest: self.rest }.get(k)
     }
 
-    /// Writes vector `k` as far as the slice reaches.
+    /// Writes vector `k` up to the end of the slice.
     #[inline(always)]
     pub(crate) fn set(&mut self, k: usize, x: Pack<S, T>) {
         match self.whole.get_mut(k) {
@@ -66,8 +66,8 @@ impl<'a, S: Simd, T: Vectors> Write<'a, S, T> {
     }
 }
 
-/// The vectors of a slice of `len` numbers. A loop over them in place of a closure for each: a closure would not be
-/// compiled for the processor's vectors.
+/// The vectors of a slice of `len` numbers, for a loop: a closure for each vector would not be compiled for the
+/// processor's vectors.
 #[inline(always)]
 pub(crate) fn vectors<S: Simd, T: Vectors>(len: usize) -> Range<usize> {
     0..len.div_ceil(size_of::<T::V<S>>() / size_of::<T>())

@@ -1,7 +1,8 @@
 //! Vectors of the width of the processor, with operators.
 //!
-//! Each operation acts on each number alone with IEEE 754 rounding, and a product within a sum is not rounded ([`Pack::mul_add`] is fused on
-//! every path, in software where the processor lacks the instruction), except for [`Pack::sum`]. Results do not depend on the vector width.
+//! Each operation acts on each number alone with IEEE 754 rounding; [`Pack::mul_add`] is fused on every path, in
+//! software where the processor lacks the instruction. Results do not depend on the vector width, except for
+//! [`Pack::sum`].
 #![expect(
     clippy::inline_always,
     reason = "it must become a part of the function that was compiled for the processor"
@@ -12,9 +13,9 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use pulp::Simd;
 
-/// What [`Pack`] needs of a number; `f32` and `f64` have it.
+/// The operations of [`Pack`] on `f32` and `f64`.
 pub trait Vectors: Copy + 'static {
-    /// As many of them as a register holds.
+    /// A register of numbers.
     type V<S: Simd>: Copy + Debug;
 
     const HALF: Self;
@@ -22,9 +23,8 @@ pub trait Vectors: Copy + 'static {
     const TWO: Self;
     /// `1.5 * 2^(digits - 1)`: added to a small number it leaves the nearest integer in the last bits.
     const ROUND: Self;
-    /// `1 / ln 2`.
     const LOG2_E: Self;
-    /// `-ln 2` in two parts, of which the first has so few digits that its product with an exponent is exact.
+    /// `-ln 2` in two parts; the first has few digits, so that its product with an exponent is exact.
     const MINUS_LN_2: [Self; 2];
     /// `c` in `e^r = 1 + r + r^2 (c_0 + c_1 r + ..)` for `|r| <= ln 2 / 2`: interpolation at Chebyshev nodes.
     const EXP: &'static [Self];
@@ -34,7 +34,7 @@ pub trait Vectors: Copy + 'static {
     const EXP_NORMAL: Self;
     /// `tanh x` is 1 from it on.
     const TANH_END: Self;
-    /// As many as fill 64 bytes, a cache line and the widest register.
+    /// Numbers in 64 bytes, a cache line and the widest register.
     const LINE: usize = 64 / size_of::<Self>();
 
     fn whole<S: Simd>(x: &[Self]) -> (&[Self::V<S>], &[Self]);
@@ -53,12 +53,12 @@ pub trait Vectors: Copy + 'static {
     fn with_sign_of<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
     fn power_of_two<S: Simd>(simd: S, rounded: Self::V<S>) -> Self::V<S>;
     fn sum<S: Simd>(simd: S, a: Self::V<S>) -> Self;
-    /// The sums of the first of [`LINE`](Self::LINE) lines of as many numbers, as many as are wanted and there are. They are the
-    /// same whatever the width of the vectors.
+    /// The sums of the first lines of [`LINE`](Self::LINE) numbers each, one for each element of `sums`, independent of
+    /// the vector width.
     fn line_sums<S: Simd>(simd: S, lines: &[Self], sums: &mut [Self]);
 }
 
-/// What is the same for both precisions but for the names that pulp gives its operations.
+/// The implementation for both precisions, given the names of pulp's operations.
 macro_rules! operations {
     ($scalar:ident, $v:ident, $as_simd:ident, $as_mut_simd:ident, $one:expr, $two_to_the_mantissa:expr,
         $load:ident, $store:ident, $splat:ident, $sum:ident, $neg:ident, $abs:ident, $mul_add:ident,
@@ -132,8 +132,8 @@ macro_rules! operations {
         #[inline(always)]
         fn line_sums<S: Simd>(simd: S, lines: &[Self], sums: &mut [Self]) {
             const LINE: usize = <$scalar as Vectors>::LINE;
-            // Neighbouring lines are put together, each in every other place of one: after as many rounds as there are powers
-            // of two, one line has the sum of each in its own place.
+            // Neighbouring lines are merged, each into alternate places of one line: after log2(LINE) rounds, one line
+            // has the sum of each line in its own place.
             if size_of::<S::$v>() == 64 {
                 let mut folded = [simd.$splat(0.0); LINE];
                 folded.copy_from_slice(&S::$as_simd(lines).0[..LINE]);
@@ -172,7 +172,7 @@ macro_rules! operations {
 
         #[inline(always)]
         fn power_of_two<S: Simd>(simd: S, rounded: S::$v) -> S::$v {
-            // The product is a shift: it leaves of the bits the last, which are the exponent.
+            // The product is a left shift, which keeps the last bits, the exponent.
             let exponent = simd.$mul_bits(simd.$to_bits(rounded), simd.$splat_bits($two_to_the_mantissa));
             simd.$from_bits(simd.$add_bits(exponent, simd.$splat_bits($one)))
         }
@@ -245,7 +245,6 @@ impl<S: Simd, T: Vectors> Pack<S, T> {
         Self { simd, v }
     }
 
-    /// The same number everywhere.
     #[inline(always)]
     pub(crate) fn splat(simd: S, x: T) -> Self {
         Self::new(simd, T::splat(simd, x))
@@ -268,19 +267,19 @@ impl<S: Simd, T: Vectors> Pack<S, T> {
         Self::new(self.simd, T::at_most(self.simd, self.v, T::splat(self.simd, largest)))
     }
 
-    /// A number that is not negative, with the sign of another.
+    /// A non-negative number with the sign of another.
     #[inline(always)]
     pub(crate) fn with_sign_of(self, other: Self) -> Self {
         Self::new(self.simd, T::with_sign_of(self.simd, self.v, other.v))
     }
 
-    /// The sum of all its numbers; the only operation whose rounding depends on the width of the vectors.
+    /// The sum of all numbers; its rounding depends on the vector width.
     #[inline(always)]
     pub(crate) fn sum(self) -> T {
         T::sum(self.simd, self.v)
     }
 
-    /// `2^n` from `n + ROUND` where that is a normal number.
+    /// `2^n` from `n + ROUND` where the result is a normal number.
     #[inline(always)]
     pub(crate) fn power_of_two(self) -> Self {
         Self::new(self.simd, T::power_of_two(self.simd, self.v))

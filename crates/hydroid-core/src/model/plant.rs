@@ -41,8 +41,8 @@ impl core::fmt::Display for PlantModelError {
 
 impl core::error::Error for PlantModelError {}
 
-/// The plant of a [`VesselParams`] over samples under held commands: outputs `u, v, r`, inputs the commands of propeller and rudder, hidden
-/// state the propeller force.
+/// The plant of a [`VesselParams`] over samples under held commands: outputs `u, v, r`, inputs the commands of
+/// propeller and rudder, hidden state the propeller force.
 ///
 /// A sample is a whole number of classical Runge-Kutta steps of at most 10 ms, as in simulation.
 #[derive(Clone, Debug, PartialEq)]
@@ -137,8 +137,8 @@ fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
 
 /// A session of a [`PlantModel`].
 ///
-/// `u`, `v` and `r` are measured or predicted. The propeller force starts at the force that holds the speed, and follows its command. A run
-/// starts once all three outputs have been measured.
+/// `u`, `v` and `r` are measured or predicted. The propeller force starts at the force that holds the speed, and
+/// follows its command. A run starts once all three outputs have been measured.
 ///
 /// Snapshot: `[u, v, r, P_f]`.
 #[derive(Clone, Debug)]

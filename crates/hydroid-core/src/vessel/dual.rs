@@ -1,13 +1,12 @@
-//! Numbers that carry their derivatives along.
+//! Dual numbers: values with their partial derivatives.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::number::Number;
 
 /// A number and its partial derivatives with respect to `N` variables: forward-mode differentiation, exact to rounding
-/// (Griewank and Walther, *Evaluating Derivatives*, 2nd ed., 2008, chapter 3).
-///
-/// The value goes the way that it would go alone, to the last bit.
+/// (Griewank and Walther, *Evaluating Derivatives*, 2nd ed., 2008, chapter 3). The value is bit-identical to the
+/// computation without derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dual<const N: usize> {
     /// The number.
@@ -17,7 +16,8 @@ pub struct Dual<const N: usize> {
 }
 
 impl<const N: usize> Dual<N> {
-    /// A number that depends on one of the variables alone, at the rate `partial`; on none, if there is no such variable.
+    /// A number with one non-zero partial derivative, `partial` with respect to `variable`; a constant where `variable
+    /// >= N`.
     pub fn along(value: f64, variable: usize, partial: f64) -> Self {
         let mut partials = [0.0; N];
         if let Some(place) = partials.get_mut(variable) {
@@ -26,14 +26,13 @@ impl<const N: usize> Dual<N> {
         Self { value, partials }
     }
 
-    /// Of a function of it: the value there, and its slope.
+    /// Chain rule: a function's `value` and its `slope` at this number.
     #[inline]
     fn through(self, value: f64, slope: f64) -> Self {
         Self { value, partials: self.partials.map(|p| slope * p) }
     }
 }
 
-/// Derivatives of two numbers put together, place by place.
 #[inline]
 fn join<const N: usize>(a: &[f64; N], b: &[f64; N], of: impl Fn(f64, f64) -> f64) -> [f64; N] {
     core::array::from_fn(|i| of(a[i], b[i]))
@@ -116,7 +115,7 @@ impl<const N: usize> Number for Dual<N> {
 
     #[inline]
     fn logistic(self) -> Self {
-        // From the value: an exponential that overflows has no derivative that is a number.
+        // From the value: where the exponential overflows, its derivative is not finite.
         let value = Number::logistic(self.value);
         self.through(value, value * (1.0 - value))
     }

@@ -1,8 +1,8 @@
-//! Why a parameter set is refused.
+//! Reasons why a parameter set is invalid.
 
 use core::fmt;
 
-/// Mode of a hydrofoil, as far as its parameters differ.
+/// Mode of a hydrofoil.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Hull in the water.
@@ -20,39 +20,39 @@ impl fmt::Display for Mode {
     }
 }
 
-/// What is absurd in a [`VesselParams`](super::VesselParams). Fields are named by their path.
+/// The invalid parameter of a [`VesselParams`](super::VesselParams). Fields are named by their path.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InvalidParams {
     /// Not a finite number.
     NotFinite {
         /// Path of the parameter.
         field: &'static str,
-        /// What stands there.
+        /// The invalid value.
         value: f64,
     },
     /// Must be greater than zero.
     NotPositive {
         /// Path of the parameter.
         field: &'static str,
-        /// What stands there.
+        /// The invalid value.
         value: f64,
     },
     /// Must not be less than zero.
     Negative {
         /// Path of the parameter.
         field: &'static str,
-        /// What stands there.
+        /// The invalid value.
         value: f64,
     },
-    /// An added-mass derivative greater than zero: it would take mass away.
+    /// An added-mass derivative is greater than zero, which is a negative added mass.
     PositiveAddedMass {
         /// Path of the parameter.
         field: &'static str,
-        /// What stands there.
+        /// The invalid value.
         value: f64,
     },
-    /// The yaw inertia about CO is not greater than `m x_g^2`, the part that moving from the centre of
-    /// gravity alone brings.
+    /// The yaw inertia about CO is not greater than `m x_g^2`, the contribution of the distance to the centre of
+    /// gravity.
     YawInertia {
         /// `i_z` \[kg m^2\].
         i_z: f64,
@@ -61,7 +61,7 @@ pub enum InvalidParams {
     },
     /// The mass matrix is singular or not positive definite.
     MassMatrix {
-        /// Mode whose mass matrix it is.
+        /// Mode of the mass matrix.
         mode: Mode,
         /// `m22 m33 - m23^2` \[kg^2 m^2\].
         determinant: f64,
@@ -75,7 +75,7 @@ pub enum InvalidParams {
         /// Upper limit.
         high: f64,
     },
-    /// A rudder angle limit beyond a quarter turn: most likely degrees.
+    /// A rudder angle limit beyond a quarter turn: most likely given in degrees.
     RudderAngle {
         /// The limit.
         limit: f64,
@@ -88,8 +88,8 @@ pub enum InvalidParams {
 }
 
 impl InvalidParams {
-    /// Path of the parameter that is to blame, if it is one alone; entries of a matrix or of limits count as
-    /// the parameter that holds them.
+    /// Path of the invalid parameter, if it is a single one; entries of a matrix or of limits count as the parameter
+    /// that holds them.
     pub fn field(&self) -> Option<&'static str> {
         let path = match *self {
             Self::NotFinite { field, .. }

@@ -1,8 +1,6 @@
-//! From body velocities to the rate of the pose.
-//!
-//! `eta_dot = R(psi) nu` with `eta = (x, y, psi)` in the north-east frame and `nu = (u, v, r)` in the body
-//! frame (thesis eq. 1; Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed.,
-//! section 2.2, horizontal plane).
+//! Kinematics: `eta_dot = R(psi) nu` with `eta = (x, y, psi)` in the north-east frame and `nu = (u, v, r)` in the body
+//! frame (thesis eq. 1; Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., section 2.2,
+//! horizontal plane).
 
 use num_traits::Float;
 
@@ -25,7 +23,7 @@ pub fn pose_rate(psi: f64, [u, v, r]: [f64; 3]) -> [f64; 3] {
     [u * cos - v * sin, u * sin + v * cos, r]
 }
 
-/// An angle brought into `[-pi, pi)`, for differences of headings; headings themselves are not wrapped.
+/// Wraps an angle to `[-pi, pi)`, for differences of headings; headings themselves are not wrapped.
 pub fn wrap(angle: f64) -> f64 {
     use core::f64::consts::{PI, TAU};
     let turns = Float::floor((angle + PI) / TAU);

@@ -1,9 +1,8 @@
 //! Three-degree-of-freedom surface vessels: parameters, equations of motion, kinematics, integration.
 //!
-//! One parametric plant covers the thesis's simple vessel (eq. 1-6), its hydrofoil (eq. 7-12) and the
-//! low-speed model C0 of the hydrofoil: they differ in [`VesselParams`], not in code, so another vessel
-//! is another set of numbers. [`Plant`] is a parameter set compiled for speed; it gives `dx/dt = f(x, c)`,
-//! and [`Plant::advance`] integrates it over a step with the command held.
+//! One parametric plant covers the thesis's simple vessel (eq. 1-6), its hydrofoil (eq. 7-12) and the low-speed model
+//! C0 of the hydrofoil: they differ in [`VesselParams`], not in code. [`Plant`] is a parameter set compiled for speed;
+//! it gives `dx/dt = f(x, c)`, and [`Plant::advance`] integrates it over a step with the command held.
 //!
 //! ```
 //! use hydroid_core::vessel::{Command, Plant, State, VesselParams};

@@ -1,11 +1,10 @@
-//! The numbers that equations of motion are written in.
+//! The scalar type of the equations of motion.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use num_traits::Float;
 
-/// A real number, or one with its derivatives ([`Dual`](super::Dual)): the equations of [`Plant`](super::Plant) are
-/// written once for both.
+/// A real number, or a [`Dual`](super::Dual) with its derivatives: [`Plant`](super::Plant) is generic over both.
 pub trait Number:
     Copy
     + Add<Output = Self>

@@ -1,4 +1,4 @@
-//! The parameters of a vessel as numbers in a row.
+//! The parameters of a vessel as a flat array.
 
 use super::number::Number;
 use super::params::{Coriolis, RudderLaw, VesselParams};
@@ -6,19 +6,18 @@ use super::params::{Coriolis, RudderLaw, VesselParams};
 /// A parameter of the equations of motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameter {
-    /// Where it stands in a vessel's file, as `rigid_body.mass`.
+    /// Path in a vessel's file, for instance `rigid_body.mass`.
     pub path: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// Whether its sign is free. That of the others is given by what they are: masses, added masses, damping of a
-    /// motion by itself, gains, times.
+    /// Whether the sign is free. It is fixed by physics for masses, added masses, direct damping, gains and times.
     pub signed: bool,
 }
 
-/// Parameters of a vessel, whether it has all of them or not.
+/// Number of parameters, those of the flying mode included.
 pub const PARAMETERS: usize = 31;
 
-/// A number for each of [`PARAMETER`].
+/// One number for each parameter of [`PARAMETER`].
 pub type Numbers<T = f64> = [T; PARAMETERS];
 
 const fn fixed(path: &'static str, unit: &'static str) -> Parameter {
@@ -29,7 +28,7 @@ const fn signed(path: &'static str, unit: &'static str) -> Parameter {
     Parameter { path, unit, signed: true }
 }
 
-/// All of them, in the order of [`VesselParams::numbers`].
+/// All parameters, in the order of [`VesselParams::numbers`].
 pub const PARAMETER: [Parameter; PARAMETERS] = [
     fixed("rigid_body.mass", "kg"),
     signed("rigid_body.x_g", "m"),
@@ -64,18 +63,17 @@ pub const PARAMETER: [Parameter; PARAMETERS] = [
     fixed("flying.slope", "s/m"),
 ];
 
-/// What of a vessel's equations is no number.
+/// The discrete part of a vessel's equations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Form {
     /// Form of the Coriolis and centripetal forces.
     pub coriolis: Coriolis,
-    /// How the rudder command enters.
+    /// Rudder law.
     pub rudder: RudderLaw,
     /// Whether there is a flying mode.
     pub flying: bool,
 }
 
-/// The parts of a row of numbers.
 #[derive(Clone, Copy)]
 pub(super) struct Parts<T> {
     pub(super) linear: [[T; 3]; 3],
@@ -99,14 +97,14 @@ impl<T: Number> Parts<T> {
     }
 }
 
-/// Mass matrix as `[m11, m22, m23, m33]`, the added mass taken `added` times; see [`VesselParams::mass_matrix`].
+/// Mass matrix as `[m11, m22, m23, m33]` with the added mass times `added`; see [`VesselParams::mass_matrix`].
 pub(super) fn mass_matrix<T: Number>(numbers: &Numbers<T>, added: T) -> [T; 4] {
     let &[mass, x_g, i_z, x_udot, y_vdot, n_rdot, y_rdot, ..] = numbers;
     [mass - added * x_udot, mass - added * y_vdot, mass * x_g - added * y_rdot, i_z - added * n_rdot]
 }
 
-/// Whether equations of this form have a solution with these numbers: all are finite, the rigid body's inertia is more than
-/// `m x_g^2`, and the mass matrix of each mode is positive definite. Signs are not looked at.
+/// Whether equations of this form can be solved: all numbers are finite, the yaw inertia exceeds `m x_g^2`, and the
+/// mass matrix of each mode is positive definite. Signs are not checked.
 pub fn is_solvable(form: Form, numbers: &Numbers) -> bool {
     let &[mass, x_g, i_z, ..] = numbers;
     let definite = |added: f64| {
@@ -120,19 +118,19 @@ pub fn is_solvable(form: Form, numbers: &Numbers) -> bool {
 }
 
 impl VesselParams {
-    /// The form of its equations.
+    /// The form of the equations.
     pub fn form(&self) -> Form {
         Form { coriolis: self.coriolis, rudder: self.rudder.law, flying: self.flying.is_some() }
     }
 
-    /// Its parameters in the order of [`PARAMETER`]; those of a flying mode that it does not have are zero.
+    /// The parameters in the order of [`PARAMETER`]; those of a missing flying mode are zero.
     pub fn numbers(&self) -> Numbers {
         let mut own = self.clone();
         let mut places = own.places();
         core::array::from_fn(|_| places.next().map_or(0.0, |place| *place))
     }
 
-    /// Takes others.
+    /// Replaces the parameters.
     pub fn set_numbers(&mut self, numbers: &Numbers) {
         for (place, number) in self.places().zip(numbers) {
             *place = *number;

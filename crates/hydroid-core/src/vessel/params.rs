@@ -1,22 +1,19 @@
-//! Parameters of a vessel: data that a file can hold.
-//!
-//! All numbers are SI and radians. With the `serde` feature every type reads and writes; a key that is
-//! not known is an error, so that a misspelt one cannot pass unnoticed.
+//! Parameters of a vessel, in SI units and radians. With the `serde` feature every type is read from and written to
+//! files; an unknown key is an error, so that misspelt keys are found.
 
 use alloc::string::String;
 
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
-/// All that makes a vessel: the parametric 3-DOF plant of [`Plant`](super::Plant).
+/// All parameters of the parametric 3-DOF [`Plant`](super::Plant).
 ///
-/// [`simple`](Self::simple), [`hydrofoil`](Self::hydrofoil) and
-/// [`hydrofoil_low_speed`](Self::hydrofoil_low_speed) are the reference plants;
-/// [`validate`](Self::validate) finds invalid parameters.
+/// [`simple`](Self::simple), [`hydrofoil`](Self::hydrofoil) and [`hydrofoil_low_speed`](Self::hydrofoil_low_speed) are
+/// the reference plants; [`validate`](Self::validate) finds invalid parameters.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct VesselParams {
-    /// Name of the vessel, for people.
+    /// Display name of the vessel.
     pub name: String,
     /// Form of the Coriolis and centripetal forces.
     pub coriolis: Coriolis,
@@ -26,11 +23,11 @@ pub struct VesselParams {
     pub added_mass: AddedMass,
     /// Hydrodynamic drag (normal mode).
     pub drag: Drag,
-    /// How the rudder command makes a yaw moment.
+    /// Yaw moment of the rudder.
     pub rudder: Rudder,
-    /// How the propeller force follows its command, and whether it is measured.
+    /// Lag of the propeller force, and whether the force is measured.
     pub propeller: Propeller,
-    /// The flying mode of a hydrofoil; without it the vessel has the normal mode alone.
+    /// The flying mode of a hydrofoil; without it the vessel only has the normal mode.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub flying: Option<Flying>,
     /// Names, units and limits of the two commands.
@@ -51,9 +48,8 @@ pub struct RigidBody {
     pub i_z: f64,
 }
 
-/// Added mass as hydrodynamic derivatives in SNAME notation: a force per acceleration, hence **not
-/// positive** on the diagonal; the added mass itself is `a11 = -x_udot`, `a22 = -y_vdot`,
-/// `a33 = -n_rdot`, `a23 = a32 = -y_rdot`.
+/// Added mass as hydrodynamic derivatives in SNAME notation: a force per acceleration, hence **not positive** on the
+/// diagonal; `a11 = -x_udot`, `a22 = -y_vdot`, `a33 = -n_rdot`, `a23 = a32 = -y_rdot`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct AddedMass {
@@ -67,10 +63,8 @@ pub struct AddedMass {
     pub y_rdot: f64,
 }
 
-/// Drag `D(nu) nu`, a resistance: positive on the diagonal. Rows are surge force, sway force, yaw moment;
-/// columns are `u`, `v`, `r`.
-///
-/// Component `i` is the sum over `j` of `(linear[i][j] + quadratic[i][j] |nu_j|) nu_j`.
+/// Drag `D(nu) nu`, a resistance: positive on the diagonal. Rows are surge force, sway force, yaw moment; columns are
+/// `u`, `v`, `r`. Component `i` is the sum over `j` of `(linear[i][j] + quadratic[i][j] |nu_j|) nu_j`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct Drag {
@@ -84,11 +78,11 @@ pub struct Drag {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum Coriolis {
-    /// `C nu = [-(m22 v + m23 r) r, m11 u r, m23 u r]` (thesis eq. 3): the Munk moment `(m22 - m11) u v`
-    /// is left out, so `nu' C nu = (m11 - m22) u v r`.
+    /// `C nu = [-(m22 v + m23 r) r, m11 u r, m23 u r]` (thesis eq. 3), without the Munk moment `(m22 - m11) u v`: `nu'
+    /// C nu = (m11 - m22) u v r`.
     WithoutMunk,
-    /// `C nu = [-(m22 v + m23 r) r, m11 u r, (m22 - m11) u v + m23 u r]` (Fossen, skew-symmetric
-    /// parameterisation): does no work, `nu' C nu = 0`.
+    /// `C nu = [-(m22 v + m23 r) r, m11 u r, (m22 - m11) u v + m23 u r]` (Fossen, skew-symmetric parameterisation); it
+    /// does no work, `nu' C nu = 0`.
     Full,
 }
 
@@ -96,7 +90,7 @@ pub enum Coriolis {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct Rudder {
-    /// How the command enters.
+    /// Law of the yaw moment.
     pub law: RudderLaw,
     /// Factor `k` of the law (1 for the simple plant, \[N s\] for the sine).
     pub gain: f64,
@@ -122,8 +116,7 @@ pub struct Propeller {
     pub force_measured: bool,
 }
 
-/// The flying mode of a hydrofoil: less added mass and less drag, blended in by a sigmoid of the speed
-/// (thesis eq. 8-12).
+/// The flying mode of a hydrofoil: less added mass and drag, blended in by a sigmoid of the speed (thesis eq. 8-12).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct Flying {
@@ -160,7 +153,7 @@ pub struct CommandChannel {
 }
 
 impl CommandChannel {
-    /// The value brought inside the limits.
+    /// Clamps a value to the limits.
     pub fn clamp(&self, value: f64) -> f64 {
         value.clamp(self.limits[0], self.limits[1])
     }

@@ -14,9 +14,9 @@ use super::state::{Command, State};
 ///
 /// # Equations
 ///
-/// State `[x, y, psi, u, v, r, P_f]`, command `[PP, RD]`, `nu = [u, v, r]`. Position north-east, heading
-/// clockwise from north; body frame forward, starboard, down; SI units and radians. A positive rudder
-/// command turns the bow to starboard while `u > 0`.
+/// State `[x, y, psi, u, v, r, P_f]`, command `[PP, RD]`, `nu = [u, v, r]`. Position north-east, heading clockwise from
+/// north; body frame forward, starboard, down; SI units and radians. A positive rudder command turns the bow to
+/// starboard while `u > 0`.
 ///
 /// ```text
 /// [dx/dt, dy/dt, dpsi/dt] = R(psi) nu                                    thesis eq. 1
@@ -29,17 +29,17 @@ use super::state::{Command, State};
 /// sigma(z) = 1 / (1 + exp(-slope z))                                      eq. 8
 /// ```
 ///
-/// `M = [[m11, 0, 0], [0, m22, m23], [0, m23, m33]]`, `M_fly` the same with `k_A` times the added mass.
-/// `C` is built from `M` in both modes, as in the thesis; its two forms are described at [`Coriolis`].
-/// Without a flying mode `dnu/dt = f_normal`. The model is that of Fossen, Handbook of Marine Craft
-/// Hydrodynamics and Motion Control, 2nd ed., chapter 6 (manoeuvring models in surge, sway and yaw).
+/// `M = [[m11, 0, 0], [0, m22, m23], [0, m23, m33]]`, `M_fly` the same with `k_A` times the added mass. `C` is built
+/// from `M` in both modes, as in the thesis; its two forms are described at [`Coriolis`]. Without a flying mode
+/// `dnu/dt = f_normal`. The model is that of Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd
+/// ed., chapter 6 (manoeuvring models in surge, sway and yaw).
 ///
 /// `T` is a [`Number`]: with [`Dual`](super::Dual) the same equations give derivatives along.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plant<T = f64> {
     mass: [T; 4],
     normal: InverseMass<T>,
-    /// `m22 - m11` where the Munk moment counts, 0 where it is left out.
+    /// `m22 - m11` with the Munk moment, else 0.
     munk: T,
     linear: [[T; 3]; 3],
     quadratic: [[T; 3]; 3],
@@ -83,11 +83,10 @@ struct FlyingMode<T> {
     slope: T,
 }
 
-/// A command as the equations use it: the trigonometry of the rudder is done once for as long as the
-/// command is held.
+/// A command in the form of the equations: the sine of the rudder angle is computed once while the command is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuation<T = f64> {
-    /// Propeller force asked for \[N\].
+    /// Commanded propeller force \[N\].
     pub pp: f64,
     /// Yaw moment per surge velocity \[N s\]: `k RD` or `k sin(RD)`.
     pub moment_per_speed: T,
@@ -97,13 +96,13 @@ impl Plant {
     /// Compiles a parameter set.
     ///
     /// # Errors
-    /// What [`VesselParams::validate`] finds.
+    /// As [`VesselParams::validate`].
     pub fn new(params: &VesselParams) -> Result<Self, InvalidParams> {
         params.validate()?;
         Ok(Self::assemble(params.form(), &params.numbers()))
     }
 
-    /// `dx/dt = f(x, c)`: the equations above. Components have the units of the state per second.
+    /// `dx/dt = f(x, c)`, in the units of the state per second.
     #[inline]
     pub fn derivative(&self, state: &State, command: &Command) -> State {
         self.derivative_under(state, &self.actuation(command))
@@ -118,10 +117,8 @@ impl Plant {
         State { x, y, psi, u, v, r, p_f: (actuation.pp - state.p_f) * self.lag_rate }
     }
 
-    /// State after `h` seconds with the command held: one step of [`rk4`].
-    ///
-    /// The blend into the flying mode is stiff (its slope is 12 per m/s in the reference plant): steps of
-    /// 10 ms are the reference.
+    /// State after `h` seconds with the command held: one step of [`rk4`]. The blend into the flying mode is stiff
+    /// (slope 12 per m/s in the reference plant), hence reference steps of 10 ms.
     #[inline]
     pub fn advance(&self, state: &State, command: &Command, h: f64) -> State {
         self.advance_under(state, &self.actuation(command), h)
@@ -140,8 +137,8 @@ impl Plant {
         self.flying.map_or(0.0, |flying| (flying.slope * (u - flying.transition_speed)).logistic())
     }
 
-    /// Propeller force that holds surge velocity `u` on a straight course \[N\]: the surge drag, between the
-    /// modes weighted as the equations weigh it. For a hydrofoil it falls where the vessel takes off.
+    /// Propeller force that holds surge velocity `u` on a straight course \[N\]: the surge drag, blended between the
+    /// modes. For a hydrofoil it decreases at take-off.
     pub fn holding_force(&self, u: f64) -> f64 {
         let [drag, ..] = self.drag([u, 0.0, 0.0]);
         let Some(flying) = &self.flying else { return drag };
@@ -150,8 +147,8 @@ impl Plant {
         drag * (fly * flying.drag_factor + normal) / (fly + normal)
     }
 
-    /// What a force from outside `[X, Y, N]` \[N, N, N m\], wind on the hull for one, adds to `dnu/dt` at surge velocity `u`:
-    /// the inverse mass matrices, between the modes weighted as the equations weigh them. Motion is linear in it.
+    /// Contribution of an external force `[X, Y, N]` \[N, N, N m\], for instance wind on the hull, to `dnu/dt` at surge
+    /// velocity `u`, blended between the modes. The motion is linear in the force.
     #[inline]
     pub fn pushed(&self, u: f64, force: [f64; 3]) -> [f64; 3] {
         let normal = self.normal.apply(force);
@@ -167,8 +164,8 @@ impl Plant {
 }
 
 impl<T: Number> Plant<T> {
-    /// From numbers that [`is_solvable`](super::is_solvable) has nothing to say against; with others the motion has no
-    /// meaning. Nothing is allocated.
+    /// A plant from parameters for which [`is_solvable`](super::is_solvable) holds; with others the motion is
+    /// meaningless. Nothing is allocated.
     pub fn assemble(form: Form, numbers: &Numbers<T>) -> Self {
         let mass = mass_matrix(numbers, T::constant(1.0));
         let parts = Parts::of(numbers);
@@ -193,7 +190,7 @@ impl<T: Number> Plant<T> {
         }
     }
 
-    /// A command prepared for the time it is held.
+    /// Prepares a command for the time over which it is held.
     #[inline]
     pub fn actuation(&self, command: &Command) -> Actuation<T> {
         let rudder = match self.rudder_law {
@@ -203,8 +200,8 @@ impl<T: Number> Plant<T> {
         Actuation { pp: command.pp, moment_per_speed: self.rudder_gain * rudder }
     }
 
-    /// `[u, v, r, P_f]` after `h` seconds under a command: [`advance_under`](Plant::advance_under) without the pose, which
-    /// no force depends on.
+    /// `[u, v, r, P_f]` after `h` seconds: [`advance_under`](Plant::advance_under) without the pose, on which no force
+    /// depends.
     #[inline]
     pub fn advance_motion(&self, motion: &[T; 4], actuation: &Actuation<T>, h: f64) -> [T; 4] {
         let rate = |&[u, v, r, p_f]: &[T; 4]| {
@@ -234,8 +231,7 @@ impl<T: Number> Plant<T> {
         [row(&linear[0], &quadratic[0]), row(&linear[1], &quadratic[1]), row(&linear[2], &quadratic[2])]
     }
 
-    /// `dnu/dt` \[m/s^2, m/s^2, rad/s^2\] under a propeller force \[N\] and a yaw moment per surge
-    /// velocity \[N s\].
+    /// `dnu/dt` \[m/s^2, m/s^2, rad/s^2\] under a propeller force \[N\] and a yaw moment per surge velocity \[N s\].
     #[inline]
     pub fn acceleration(&self, nu: [T; 3], propeller_force: T, moment_per_speed: T) -> [T; 3] {
         let coriolis = self.coriolis(nu);

@@ -1,8 +1,8 @@
 //! The reference plants of the thesis.
 //!
-//! Rigid body, added mass, propeller limits and part of the drag are those of the Maritime Robotics Otter
-//! USV (L = 2.0 m, 25 kg payload) as in T. I. Fossen's Python Vehicle Simulator, `otter.py`; the thesis
-//! gives equations without numbers, so the remaining drag and the rudder constants are freely chosen.
+//! Rigid body, added mass, propeller limits and part of the drag are those of the Maritime Robotics Otter USV (L = 2.0
+//! m, 25 kg payload) in T. I. Fossen's Python Vehicle Simulator, `otter.py`. The thesis gives equations without
+//! numbers: the remaining drag and the rudder constants are chosen freely.
 
 use super::params::{
     AddedMass, CommandChannel, Commands, Coriolis, Drag, Flying, Noise, Propeller, RigidBody, Rudder,
@@ -45,8 +45,8 @@ impl VesselParams {
         }
     }
 
-    /// The hydrofoil (thesis eq. 7-12): linear and quadratic drag, yaw moment `70 u sin(RD)`, half of the
-    /// drag and of the added mass above 2.5 m/s, propeller force hidden.
+    /// The hydrofoil (thesis eq. 7-12): linear and quadratic drag, yaw moment `70 u sin(RD)`, half of the drag and of
+    /// the added mass above 2.5 m/s, propeller force not measured.
     pub fn hydrofoil() -> Self {
         let degrees_30 = 30.0_f64.to_radians();
         Self {
@@ -82,8 +82,7 @@ impl VesselParams {
         }
     }
 
-    /// The hydrofoil without its flying mode: the low-speed comparison model C0 of the thesis
-    /// (section 4.2).
+    /// The hydrofoil without its flying mode: the low-speed model C0 of the thesis (section 4.2).
     pub fn hydrofoil_low_speed() -> Self {
         Self { name: "hydrofoil_low_speed".into(), flying: None, ..Self::hydrofoil() }
     }

@@ -10,8 +10,7 @@ use super::number::Number;
 /// x+ = x + h/6 (k1 + 2 k2 + 2 k3 + k4)
 /// ```
 ///
-/// `f` does not depend on time: the command is held over the step.
-/// The local error is of order `h^5`, the global one of order `h^4`.
+/// `f` does not depend on time, because the command is held. The local error is of order `h^5`, the global one `h^4`.
 #[inline]
 pub fn step<T: Number, const N: usize>(f: impl Fn(&[T; N]) -> [T; N], x: &[T; N], h: f64) -> [T; N] {
     let along = |k: &[T; N], a: f64| -> [T; N] { core::array::from_fn(|i| x[i] + k[i] * a) };
@@ -30,7 +29,7 @@ mod tests {
 
     #[test]
     fn exact_for_a_cubic_in_time() {
-        // Time is a state of its own; RK4 integrates polynomials up to degree 3 exactly.
+        // Time is the first state; RK4 integrates polynomials up to degree 3 exactly.
         let mut x = [0.0, 0.0];
         for _ in 0..10 {
             x = step(|s: &[f64; 2]| [1.0, 4.0 * s[0] * s[0] * s[0]], &x, 0.1);

@@ -23,7 +23,7 @@ impl State {
     /// Number of components.
     pub const LEN: usize = 7;
 
-    /// At rest at the origin, heading north, propeller still.
+    /// At rest at the origin, heading north, no propeller force.
     pub const REST: Self = Self { x: 0.0, y: 0.0, psi: 0.0, u: 0.0, v: 0.0, r: 0.0, p_f: 0.0 };
 
     /// Body velocities `nu = [u, v, r]`.
@@ -31,7 +31,7 @@ impl State {
         [self.u, self.v, self.r]
     }
 
-    /// Whether every component is a number.
+    /// Whether every component is finite.
     pub const fn is_finite(&self) -> bool {
         self.x.is_finite()
             && self.y.is_finite()
@@ -60,9 +60,9 @@ impl From<State> for [f64; State::LEN] {
 /// Command of a vessel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Command {
-    /// Propeller force asked for, positive forward \[N\].
+    /// Commanded propeller force, positive forward \[N\].
     pub pp: f64,
-    /// Rudder command: an angle \[rad\] where the rudder law is the sine, \[N s\] where it is linear with
-    /// gain 1. Positive turns the bow to starboard while `u > 0`.
+    /// Rudder command: an angle \[rad\] where the rudder law is the sine, \[N s\] where it is linear with gain 1.
+    /// Positive turns the bow to starboard while `u > 0`.
     pub rd: f64,
 }

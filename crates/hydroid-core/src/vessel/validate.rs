@@ -4,7 +4,7 @@ use super::invalid::{InvalidParams, Mode};
 use super::parameter::mass_matrix;
 use super::params::{Commands, Flying, RudderLaw, VesselParams};
 
-/// Name of each drag entry, so that a message can say which.
+/// Names of the drag entries in messages.
 const LINEAR: [[&str; 3]; 3] = [
     ["drag.linear[0][0]", "drag.linear[0][1]", "drag.linear[0][2]"],
     ["drag.linear[1][0]", "drag.linear[1][1]", "drag.linear[1][2]"],
@@ -17,13 +17,12 @@ const QUADRATIC: [[&str; 3]; 3] = [
 ];
 
 impl VesselParams {
-    /// Gives the first invalid parameter.
+    /// Finds the first invalid parameter.
     ///
     /// # Errors
-    /// See [`InvalidParams`]: numbers that are not finite; mass, yaw inertia, lag, rudder gain, transition
-    /// speed or slope not positive; added mass of the wrong sign; a mass matrix (of either mode) that is
-    /// not positive definite; negative drag on the diagonal, negative factors or noise; limits reversed;
-    /// rudder angles that must be degrees.
+    /// See [`InvalidParams`]: numbers that are not finite; mass, yaw inertia, lag, rudder gain, transition speed or
+    /// slope not positive; added mass of the wrong sign; a mass matrix that is not positive definite; negative drag on
+    /// the diagonal, negative factors or noise; reversed limits; rudder angles in degrees.
     pub fn validate(&self) -> Result<(), InvalidParams> {
         let body = &self.rigid_body;
         positive("rigid_body.mass", body.mass)?;
@@ -64,10 +63,9 @@ impl VesselParams {
         not_below_zero("noise.p_f", self.noise.p_f)
     }
 
-    /// Mass matrix `[[m11, 0, 0], [0, m22, m23], [0, m23, m33]]` as `[m11, m22, m23, m33]`, the added mass
-    /// taken `added` times (1 in the normal mode).
-    ///
-    /// `m11 = m + a11`, `m22 = m + a22`, `m23 = m x_g + a23`, `m33 = I_z + a33`.
+    /// Mass matrix `[[m11, 0, 0], [0, m22, m23], [0, m23, m33]]` as `[m11, m22, m23, m33]`, with `m11 = m + a11`,
+    /// `m22 = m + a22`, `m23 = m x_g + a23`, `m33 = I_z + a33`; the added mass is multiplied by `added` (1 in the
+    /// normal mode).
     pub fn mass_matrix(&self, added: f64) -> [f64; 4] {
         mass_matrix(&self.numbers(), added)
     }
@@ -75,7 +73,7 @@ impl VesselParams {
     fn check_mass_matrix(&self, mode: Mode, added: f64) -> Result<(), InvalidParams> {
         let [_, m22, m23, m33] = self.mass_matrix(added);
         let determinant = m22 * m33 - m23 * m23;
-        // Relative, because a determinant that is nothing but rounding is as singular as zero.
+        // Relative, because a determinant of the size of rounding errors is as singular as zero.
         if determinant.is_finite() && determinant > 1e-12 * m22 * m33 {
             Ok(())
         } else {

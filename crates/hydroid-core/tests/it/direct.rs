@@ -1,4 +1,5 @@
-//! The direct predictor: network and gradient compared with PyTorch and finite differences; its session compared with its equations.
+//! The direct predictor: network and gradient compared with PyTorch and finite differences; its session compared with
+//! its equations.
 
 use std::sync::Arc;
 

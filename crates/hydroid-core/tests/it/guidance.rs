@@ -270,8 +270,8 @@ fn invalid_paths_are_refused() {
     }
 }
 
-/// From rest to rest over a line: `L / U + U / (2 a) + U / (2 b)` seconds if there is room for the speed, and else those of
-/// the triangle.
+/// From rest to rest over a line: `L / U + U / (2 a) + U / (2 b)` seconds if there is room for the speed, and else
+/// those of the triangle.
 #[test]
 fn the_time_from_rest_to_rest_is_that_of_the_text_book() {
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
@@ -304,8 +304,8 @@ fn speed_is_reduced_at_corners() {
     assert_eq!((profile.at(0.0).0, profile.at(50.0).0, profile.at(100.0).0), (3.0, 0.5, 3.0));
 }
 
-/// A vessel whose heading is the aim, in a current across its path: without integral action it stays off by
-/// `Delta V / sqrt(U^2 - V^2)`, with it it comes back.
+/// A vessel whose heading is the aim, in a current across its path: without integral action it stays off by `Delta V /
+/// sqrt(U^2 - V^2)`, with it it comes back.
 #[test]
 fn integral_action_removes_the_drift() {
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();

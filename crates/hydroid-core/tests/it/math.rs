@@ -4,8 +4,8 @@ use hydroid_core::math::{Scalar, exp, sigmoid, tanh};
 
 type OnSlice<T> = fn(&mut [T]);
 
-/// Numbers of either sign and all sizes: those that only a table would think of, and a dense walk through the
-/// bit patterns.
+/// Numbers of either sign and all sizes: those that only a table would think of, and a dense walk through the bit
+/// patterns.
 fn singles() -> Vec<f32> {
     let mut x: Vec<f32> = (0..u32::MAX / 1009).map(|k| f32::from_bits(k * 1009)).collect();
     let near = |centre: f32| (0..2000_u32).map(move |k| f32::from_bits(centre.to_bits() - 1000 + k));

@@ -1,5 +1,5 @@
-//! The order of the modules of this crate, as its `lib.rs` states it, against the imports in its sources. The tests of other crates
-//! include this file.
+//! The order of the modules of this crate, as its `lib.rs` states it, against the imports in its sources. The tests of
+//! other crates include this file.
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -52,8 +52,8 @@ pub(crate) fn rows(file: &str) -> Vec<Vec<f64>> {
     text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
 }
 
-/// A network trained on low speed alone, and the variances of the simulated sensors (1 cm/s, 1 cm/s, 1 deg/s) in its scaled
-/// units.
+/// A network trained on low speed alone, and the variances of the simulated sensors (1 cm/s, 1 cm/s, 1 deg/s) in its
+/// scaled units.
 pub(crate) fn pretrained(name: &str) -> (Recurrent, Vec<f64>) {
     let network = network(name);
     let bytes = read(&golden_path(&format!("adaptation/{name}_pretrained.safetensors")));

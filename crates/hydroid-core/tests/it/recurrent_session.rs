@@ -1,4 +1,5 @@
-//! The session of recurrent models, compared with the equations of the model, for every base, with and without feedback.
+//! The session of recurrent models, compared with the equations of the model, for every base, with and without
+//! feedback.
 
 use std::sync::Arc;
 

@@ -369,8 +369,8 @@ fn a_missing_measurement_leaves_the_prediction() {
     assert_eq!(output(&session), [predicted[0], 0.25f64.to_bits()]);
 }
 
-/// Two sensors that are never read in the same sample: a state that is half unknown must not wipe out the
-/// half that is known, or the session never has a whole one.
+/// Two sensors that are never read in the same sample: a state that is half unknown must not wipe out the half that is
+/// known, or the session never has a whole one.
 #[test]
 fn alternating_sensors_give_an_estimate() {
     let mut session = session();

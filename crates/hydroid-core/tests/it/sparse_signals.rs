@@ -28,8 +28,7 @@ fn rolled(equations: Equations, start: f64, commands: &[f64]) -> Vec<f64> {
     y
 }
 
-/// `y' = a`, `T a' = c - a`: after a step of the command from `c0` to `c1`,
-/// `y = c1 t + (c0 - c1) T (1 - exp(-t/T))`.
+/// `y' = a`, `T a' = c - a`: after a step of the command from `c0` to `c1`, `y = c1 t + (c0 - c1) T (1 - exp(-t/T))`.
 #[test]
 fn a_lag_is_an_exponential() {
     let (t_c, dt, c0, c1) = (0.8, 0.1, -1.0, 2.0);
@@ -71,9 +70,9 @@ fn past_inputs_are_held_and_past_outputs_interpolated() {
         expected += dt * commands[k - 2];
         assert!((y[0] - expected).abs() < 1e-12, "{k}: {} for {expected}", y[0]);
     }
-    // y' = y(t - L dt) with y(t) = t before 0: by the method of steps, y = 1 + ... is piecewise polynomial.
-    // With L samples of history y(-tau + s) = s - tau the first L samples integrate exactly to
-    // y(s) = y0 + s^2/2 - tau s, whatever the number of steps in a sample.
+    // y' = y(t - L dt) with y(t) = t before 0: by the method of steps, y = 1 + ... is piecewise polynomial. With L
+    // samples of history y(-tau + s) = s - tau the first L samples integrate exactly to y(s) = y0 + s^2/2 - tau s,
+    // whatever the number of steps in a sample.
     for (samples, substeps) in [(1u16, 1), (1, 4), (3, 1), (3, 2)] {
         let equations = of_signals(vec![past(0, samples)], vec![1.0], dt, substeps);
         let mut session = EquationsSession::new(Arc::new(equations));

@@ -30,9 +30,9 @@ pub struct Effector {
 /// [f g_1 .. g_m] = N(z),     a perceptron from n to n (1 + m) numbers
 /// ```
 ///
-/// over a sample `dt` by one step of RK4, with held commands and exact lags; the first stage weighs the actuators so that all stages
-/// together see their mean ([`rk4_first_stage`](crate::actuator::rk4_first_stage)). The model is affine in the efforts
-/// `phi_i(a_i)` for any weights.
+/// over a sample `dt` by one step of RK4, with held commands and exact lags; the first stage weighs the actuators so
+/// that all stages together see their mean ([`rk4_first_stage`](crate::actuator::rk4_first_stage)). The model is affine
+/// in the efforts `phi_i(a_i)` for any weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControlAffine {
     /// The network `N`.

@@ -10,8 +10,8 @@ use super::model::{ControlAffine, ControlAffineError};
 use crate::model::persistence::take_measured;
 use crate::predict::{Predictor, Workspace, rollout_steps};
 
-/// A run of a [`ControlAffine`] network. Measurements replace outputs; missing ones are predicted. Until each output has been measured,
-/// measured values are held while the actuators follow their commands.
+/// A run of a [`ControlAffine`] network. Measurements replace outputs; missing ones are predicted. Until each output
+/// has been measured, measured values are held while the actuators follow their commands.
 ///
 /// The snapshot is `[present outputs, actuators]`.
 #[derive(Clone, Debug)]

@@ -27,9 +27,9 @@ kernels! {
 
 /// A batch of inputs through a [`Perceptron`], and the gradient of its weights.
 ///
-/// Matrices are `features x lanes`, row by row, one window in each lane; [`lanes`](Self::lanes) is their number rounded up
-/// to a multiple of [`LANES`]. Weights are read where they stand: nothing is packed before a step. With the adjoints `a_l = dL/dh_l` and
-/// `d_l = a_l (1 - h_l^2)` (`d_L = a_L`), the way back is
+/// Matrices are `features x lanes`, row by row, one window in each lane; [`lanes`](Self::lanes) is their number rounded
+/// up to a multiple of [`LANES`]. Weights are read where they stand: nothing is packed before a step. With the adjoints
+/// `a_l = dL/dh_l` and `d_l = a_l (1 - h_l^2)` (`d_L = a_L`), the way back is
 ///
 /// ```text
 /// dL/dW_l = d_l h_{l-1}',   dL/db_l = the sum of d_l over lanes,   a_{l-1} = W_l' d_l
@@ -166,8 +166,8 @@ impl<T: Scalar> Batch<T> {
         T::run::<ForwardKernel>(self.arch, Forwards { batch: self, weights });
     }
 
-    /// The backward pass, after [`forward`](Self::forward): from the adjoint of the output to the gradient of the flat weights, which
-    /// overwrites `gradient`.
+    /// The backward pass, after [`forward`](Self::forward): from the adjoint of the output to the gradient of the flat
+    /// weights, which overwrites `gradient`.
     ///
     /// # Panics
     /// If there are fewer weights, or less room for their gradient, than the network has.
@@ -175,7 +175,8 @@ impl<T: Scalar> Batch<T> {
         self.back(weights, gradient, &mut []);
     }
 
-    /// As [`backward`](Self::backward), and the adjoint of the input (`dL/dx`, `inputs x lanes`), for an input that depends on other weights.
+    /// As [`backward`](Self::backward), and the adjoint of the input (`dL/dx`, `inputs x lanes`), for an input that
+    /// depends on other weights.
     ///
     /// # Panics
     /// If there are fewer weights, or less room, than the network has.

@@ -10,8 +10,8 @@ use super::session::DirectSession;
 use super::window::Window;
 use crate::model::sparse;
 
-/// Scratch memory for rollouts of one session from its past under many command sequences at once: the weights, hundreds of
-/// kilobytes, are read once for all of them.
+/// Scratch memory for rollouts of one session from its past under many command sequences at once: the weights, hundreds
+/// of kilobytes, are read once for all of them.
 ///
 /// Results are those of the session's own rollouts but for the order in which sums are added.
 #[derive(Clone, Debug)]
@@ -35,8 +35,8 @@ pub(super) struct BatchRollout {
 }
 
 impl BatchRollout {
-    /// Memory for `sequences` sequences of sessions of this model; `None`, without allocating, over equations with past values,
-    /// which roll out one by one.
+    /// Memory for `sequences` sequences of sessions of this model; `None`, without allocating, over equations with past
+    /// values, which roll out one by one.
     pub(super) fn new(session: &DirectSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
         let equations = match model.equations() {
@@ -77,8 +77,8 @@ impl BatchRollout {
         self.weights[from..].copy_from_slice(read_out);
     }
 
-    /// Rolls `count` sequences out from the state of a session: `commands` are `count x steps x inputs`, `y` are
-    /// `count x steps x outputs`.
+    /// Rolls `count` sequences out from the state of a session: `commands` are `count x steps x inputs`, `y` are `count
+    /// x steps x outputs`.
     ///
     /// # Panics
     /// If the slices have not whole sequences of the same number of steps.

@@ -5,11 +5,11 @@ use alloc::vec::Vec;
 use super::perceptron::Perceptron;
 use crate::model::recurrent::{BaseModel, Scaling};
 
-/// A direct predictor: all outputs of a horizon of `H` samples at once, from a history of `p` samples and the commands of
-/// both.
+/// A direct predictor: all outputs of a horizon of `H` samples at once, from a history of `p` samples and the commands
+/// of both.
 ///
-/// With `n` scaled outputs `z = (y - output_mean) / output_scale` and `m` scaled commands `m = (c - input_mean) / input_scale`, at the
-/// last measured sample `k`:
+/// With `n` scaled outputs `z = (y - output_mean) / output_scale` and `m` scaled commands `m = (c - input_mean) /
+/// input_scale`, at the last measured sample `k`:
 ///
 /// ```text
 /// x       = [z_{k-p+1} .. z_k   m_{k-p+1} .. m_{k-1}   m_k .. m_{k+H-1}]       p n + (p - 1 + H) m numbers
@@ -18,13 +18,14 @@ use crate::model::recurrent::{BaseModel, Scaling};
 /// b_j     = output_mean (nothing), y_k (hold), or e_{k+j} (equations)
 /// ```
 ///
-/// where `e_{k+1} .. e_{k+H}` is the rollout of the equations from `y_k` under `m_k ..`, with lags and past values from all samples before.
+/// where `e_{k+1} .. e_{k+H}` is the rollout of the equations from `y_k` under `m_k ..`, with lags and past values from
+/// all samples before.
 ///
-/// (Thesis, eq. 13-17: `p = 4`, `H = 20`, `n = 3`, `m = 2`, layers 58-256-256-256-60.) Each step has weights of its own and does not
-/// depend on the prediction of the step before, so that errors do not accumulate within the horizon.
+/// (Thesis, eq. 13-17: `p = 4`, `H = 20`, `n = 3`, `m = 2`, layers 58-256-256-256-60.) Each step has weights of its own
+/// and does not depend on the prediction of the step before, so that errors do not accumulate within the horizon.
 ///
-/// Longer rollouts are chained: predictions become the history of the next `H` steps. In shorter rollouts, and in the last part of a chain,
-/// the last given command is held.
+/// Longer rollouts are chained: predictions become the history of the next `H` steps. In shorter rollouts, and in the
+/// last part of a chain, the last given command is held.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Direct {
     /// The network.

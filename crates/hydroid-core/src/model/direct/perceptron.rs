@@ -11,8 +11,8 @@ use crate::model::recurrent::{NetworkError, Tensor};
 /// h_0 = x,   h_l = tanh(W_l h_{l-1} + b_l),   y = W_L h_{L-1} + b_L
 /// ```
 ///
-/// Its weights are one flat slice: `W_1 b_1 W_2 b_2 ..`, each matrix row by row (`outputs x inputs` of the layer). Names
-/// are those of `torch.nn.Sequential(Linear, Tanh, Linear, .., Linear)`, so that weights travel both ways.
+/// Its weights are one flat slice: `W_1 b_1 W_2 b_2 ..`, each matrix row by row (`outputs x inputs` of the layer).
+/// Names are those of `torch.nn.Sequential(Linear, Tanh, Linear, .., Linear)`, so that weights travel both ways.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]

@@ -11,7 +11,8 @@ impl ForwardPass {
         model.network.inputs + model.network.outputs + self.hidden() + BaseRollout::scratch(model)
     }
 
-    /// Inputs of the last layer for a window of outputs, past commands and commands to come; the last given command is held.
+    /// Inputs of the last layer for a window of outputs, past commands and commands to come; the last given command is
+    /// held.
     pub(super) fn look_through(
         &self,
         model: &Direct,

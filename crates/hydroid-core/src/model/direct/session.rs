@@ -15,11 +15,12 @@ use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
 /// A run of a [`Direct`] model. Measurements replace the present output; missing ones are predicted.
 ///
-/// At the start of a run, the first measurement of an output fills its history. Until the history of commands is complete, measured values
-/// are held and rollouts are NaN; on equations, also until all past values of the equations are known.
+/// At the start of a run, the first measurement of an output fills its history. Until the history of commands is
+/// complete, measured values are held and rollouts are NaN; on equations, also until all past values of the equations
+/// are known.
 ///
-/// The snapshot is the past: `history` rows of outputs, the present one last, then `history - 1` rows of commands; then the memory of the
-/// equations, and the last layer of a session with one of its own.
+/// The snapshot is the past: `history` rows of outputs, the present one last, then `history - 1` rows of commands; then
+/// the memory of the equations, and the last layer of a session with one of its own.
 #[derive(Clone, Debug)]
 pub struct DirectSession {
     model: Arc<Direct>,
@@ -27,7 +28,8 @@ pub struct DirectSession {
     window: Window,
     /// Past outputs and commands in physical units.
     past: Vec<f64>,
-    /// State of the equations: outputs (unused), then the memory of the samples before the present one. Empty without equations.
+    /// State of the equations: outputs (unused), then the memory of the samples before the present one. Empty without
+    /// equations.
     below: Vec<f64>,
     /// Last layer of the session in place of the layer of the model; empty without.
     own: Vec<f64>,
@@ -100,8 +102,8 @@ impl DirectSession {
         self.below.get(self.window.n..).unwrap_or_default()
     }
 
-    /// Rollout of the equations over the horizon of a past window, from its last outputs and the memory of that time, under the commands since;
-    /// without equations `into` is unchanged.
+    /// Rollout of the equations over the horizon of a past window, from its last outputs and the memory of that time,
+    /// under the commands since; without equations `into` is unchanged.
     pub(crate) fn of_equations(
         &mut self,
         present: &[f64],

@@ -9,11 +9,11 @@ use super::model::{BaseModel, Recurrent};
 use super::session::RecurrentSession;
 use crate::model::sparse;
 
-/// Scratch memory for rollouts of one session, from its hidden state and with its weights of the moment, under many command
-/// sequences at once.
+/// Scratch memory for rollouts of one session, from its hidden state and with its weights of the moment, under many
+/// command sequences at once.
 ///
-/// Network and base equations work on all sequences at the same time. Results are those of the session's own rollouts but
-/// for the order in which sums are added.
+/// Network and base equations work on all sequences at the same time. Results are those of the session's own rollouts
+/// but for the order in which sums are added.
 #[derive(Clone, Debug)]
 pub(super) struct BatchRollout {
     sequences: usize,
@@ -26,8 +26,8 @@ pub(super) struct BatchRollout {
 }
 
 impl BatchRollout {
-    /// Memory for `sequences` sequences of sessions of this model; `None`, without allocating, over equations with past values,
-    /// which roll out one by one.
+    /// Memory for `sequences` sequences of sessions of this model; `None`, without allocating, over equations with past
+    /// values, which roll out one by one.
     pub(super) fn new(session: &RecurrentSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
         let equations = match &model.base {
@@ -47,8 +47,8 @@ impl BatchRollout {
         count <= self.sequences && (Arc::ptr_eq(theirs, ours) || same(theirs, ours))
     }
 
-    /// Rolls `count` sequences out from the state and with the weights of a session: `commands` are `count x steps x inputs`, `y`
-    /// are `count x steps x outputs`.
+    /// Rolls `count` sequences out from the state and with the weights of a session: `commands` are `count x steps x
+    /// inputs`, `y` are `count x steps x outputs`.
     ///
     /// # Panics
     /// If the slices have not whole sequences of the same number of steps.

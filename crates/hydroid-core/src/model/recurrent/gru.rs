@@ -36,8 +36,8 @@ pub(crate) fn forward<S: Simd, T: Scalar>(simd: S, gates: &mut [T], h: &[T], nex
     }
 }
 
-/// From `dL/dh+` in `dh`: the adjoints of `a_r, a_z, a_n, b_n` in place of the gates, and in `dh` the part of
-/// `dL/dh` that does not pass through the gates.
+/// From `dL/dh+` in `dh`: the adjoints of `a_r, a_z, a_n, b_n` in place of the gates, and in `dh` the part of `dL/dh`
+/// that does not pass through the gates.
 #[inline(always)]
 pub(crate) fn backward<S: Simd, T: Scalar>(simd: S, gates: &mut [T], h: &[T], dh: &mut [T]) {
     let len = h.len();

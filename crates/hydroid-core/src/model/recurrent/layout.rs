@@ -86,8 +86,8 @@ impl Layout {
         Self { layers, projection, read_out }
     }
 
-    /// The weights of the gates: of the rows that pass through a sigmoid, which are `i`, `f` and `o` of an LSTM, `r` and `z` of
-    /// a GRU, and none of a vanilla network.
+    /// The weights of the gates: of the rows that pass through a sigmoid, which are `i`, `f` and `o` of an LSTM, `r`
+    /// and `z` of a GRU, and none of a vanilla network.
     pub fn gates(&self, cell: Cell) -> Vec<usize> {
         let (parts, sigmoid): (usize, &[usize]) = match cell {
             Cell::Lstm { .. } => (4, &[0, 1, 3]),

@@ -13,8 +13,8 @@ pub enum BaseModel {
     Nothing,
     /// The present outputs: the network gives their increments.
     Hold,
-    /// Equations of motion: the network gives their residual (a grey-box model), over one sample or, for a direct predictor, over each sample of
-    /// the horizon.
+    /// Equations of motion: the network gives their residual (a grey-box model), over one sample or, for a direct
+    /// predictor, over each sample of the horizon.
     Equations(Arc<Equations>),
 }
 
@@ -29,14 +29,14 @@ pub struct Scaling {
     pub input_mean: Vec<f64>,
     /// Scale of the inputs.
     pub input_scale: Vec<f64>,
-    /// Scale of the output of the network: of the outputs without base, else of their increments or of the residual of the equations.
+    /// Scale of the output of the network: of the outputs without base, else of their increments or of the residual of
+    /// the equations.
     pub correction_scale: Vec<f64>,
 }
 
 /// A recurrent model.
 ///
-/// With scaled commands `m = (c - input_mean) / input_scale` and scaled outputs `z = (y - output_mean) /
-/// output_scale`:
+/// With scaled commands `m = (c - input_mean) / input_scale` and scaled outputs `z = (y - output_mean) / output_scale`:
 ///
 /// ```text
 /// x_k     = [m_k]  or  [m_k z_k] with feedback
@@ -45,8 +45,7 @@ pub struct Scaling {
 /// b       = output_mean (nothing), y_k (hold), or one sample of the equations
 /// ```
 ///
-/// `y_k` is measured along a run, and predicted in a rollout. A run starts with
-/// `h = 0`.
+/// `y_k` is measured along a run, and predicted in a rollout. A run starts with `h = 0`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recurrent {
     /// The network; its inputs are the inputs of the model, then with feedback the outputs.

@@ -5,8 +5,8 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 
-/// A recurrent cell. `x` is the input of a step, `h` the visible part of the state, `s` the logistic function,
-/// `.` the element-wise product. Gates stand in PyTorch's order, with its two bias vectors per layer.
+/// A recurrent cell. `x` is the input of a step, `h` the visible part of the state, `s` the logistic function, `.` the
+/// element-wise product. Gates stand in PyTorch's order, with its two bias vectors per layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "cell", rename_all = "snake_case", deny_unknown_fields))]
@@ -41,8 +41,8 @@ pub enum Cell {
         /// Length of `h`.
         hidden: usize,
     },
-    /// Elman network, as `torch.nn.RNN` with tanh: layer `l` reads the new state of layer `l - 1`, the first
-    /// reads the input.
+    /// Elman network, as `torch.nn.RNN` with tanh: layer `l` reads the new state of layer `l - 1`, the first reads the
+    /// input.
     ///
     /// ```text
     /// h_l+ = tanh(W_ih x_l + b_ih + W_hh h_l + b_hh),   x_0 = x,  x_l = h_{l-1}+
@@ -57,11 +57,11 @@ pub enum Cell {
     },
 }
 
-/// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`. (`f` is the transition, `g` the observation
-/// of a state-space model; wash-out is also known as burn-in.)
+/// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`. (`f` is the transition, `g` the observation of
+/// a state-space model; wash-out is also known as burn-in.)
 ///
-/// Its weights are one flat slice: the tensors of [`tensors`](Self::tensors) one after the other, each row by row,
-/// with PyTorch's names, so that weights travel both ways.
+/// Its weights are one flat slice: the tensors of [`tensors`](Self::tensors) one after the other, each row by row, with
+/// PyTorch's names, so that weights travel both ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
@@ -118,8 +118,8 @@ impl Tensor {
 pub enum NetworkError {
     /// A size is zero.
     Empty(&'static str),
-    /// A size is larger than any vessel's model needs: which, what it is, the most that it may be. Guards against files that
-    /// ask for all memory.
+    /// A size is larger than any vessel's model needs: which, what it is, the most that it may be. Guards against files
+    /// that ask for all memory.
     Huge(&'static str, usize, usize),
     /// Without read-out the cell's `h` is the output, and must have its length.
     Shown {
@@ -248,8 +248,8 @@ impl Network {
         self.tensors().last().map_or(0, |tensor| tensor.range().end)
     }
 
-    /// The weights' places, in their order: for each layer `weight_ih_l`, `weight_hh_l`, `bias_ih_l`, `bias_hh_l`,
-    /// then `weight_hr_l0` of a projection, then `linear.weight` and `linear.bias` of the read-out.
+    /// The weights' places, in their order: for each layer `weight_ih_l`, `weight_hh_l`, `bias_ih_l`, `bias_hh_l`, then
+    /// `weight_hr_l0` of a projection, then `linear.weight` and `linear.bias` of the read-out.
     pub fn tensors(&self) -> Vec<Tensor> {
         let (gates, shown) = (self.cell.gate_rows(), self.cell.shown());
         let mut shapes = Vec::new();

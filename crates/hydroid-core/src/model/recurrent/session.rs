@@ -14,9 +14,10 @@ use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
 /// A run of a [`Recurrent`] model. Measurements replace the outputs; missing ones are predicted.
 ///
-/// The hidden state is zero at the start of a run. A network of inputs alone without base predicts from there. All other models predict
-/// once each output has been measured: until then, measured values are held, the equations of the base advance their lags
-/// ([`Equations::wait`](crate::model::sparse::Equations::wait)), and a network with feedback keeps its state.
+/// The hidden state is zero at the start of a run. A network of inputs alone without base predicts from there. All
+/// other models predict once each output has been measured: until then, measured values are held, the equations of the
+/// base advance their lags ([`Equations::wait`](crate::model::sparse::Equations::wait)), and a network with feedback
+/// keeps its state.
 ///
 /// The snapshot is `[present outputs, memory of the equations, hidden state]`.
 #[derive(Clone, Debug)]
@@ -133,7 +134,8 @@ fn front_len(model: &Recurrent) -> usize {
     if let BaseModel::Equations(equations) = &model.base { equations.state_len() } else { model.outputs() }
 }
 
-/// Length of the scratch: input and output of the network, and the steps of network and equations, or two rows of outputs.
+/// Length of the scratch: input and output of the network, and the steps of network and equations, or two rows of
+/// outputs.
 fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
     let base = if let BaseModel::Equations(equations) = &model.base { equations.scratch() } else { 0 };
     model.network.inputs + model.outputs() + base.max(weights.scratch()).max(model.outputs())

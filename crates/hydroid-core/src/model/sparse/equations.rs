@@ -68,13 +68,13 @@ impl core::fmt::Display for EquationsError {
 
 impl core::error::Error for EquationsError {}
 
-/// `dy/dt = Xi theta(y, c, s)`: one row of coefficients for each output, in physical units, over the terms
-/// `theta` in the variables `[y, c, s]`: outputs, inputs, and signals that the model makes from them (lag
-/// states of actuators, past values). The command is held over a sample, which is integrated by the classical
-/// Runge-Kutta method of order 4 in `substeps` equal steps.
+/// `dy/dt = Xi theta(y, c, s)`: one row of coefficients for each output, in physical units, over the terms `theta` in
+/// the variables `[y, c, s]`: outputs, inputs, and signals that the model makes from them (lag states of actuators,
+/// past values). The command is held over a sample, which is integrated by the classical Runge-Kutta method of order 4
+/// in `substeps` equal steps.
 ///
-/// The state is flat: the outputs, then the memory of the signals
-/// ([`state_len`](Self::state_len) numbers). A NaN in the memory is a past that is not known yet.
+/// The state is flat: the outputs, then the memory of the signals ([`state_len`](Self::state_len) numbers). A NaN in
+/// the memory is a past that is not known yet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Equations {
     terms: Vec<Term>,
@@ -227,7 +227,8 @@ impl Equations {
         &self.coefficients
     }
 
-    /// Replaces the coefficients within the same sparsity, without allocating. Entries that were zero at construction are ignored.
+    /// Replaces the coefficients within the same sparsity, without allocating. Entries that were zero at construction
+    /// are ignored.
     ///
     /// # Panics
     /// If there are not `outputs x terms` numbers.
@@ -314,8 +315,8 @@ impl Equations {
         self.moving.times(slots, |i, sum| dy[i] += sum);
     }
 
-    /// Puts the variables of this moment into `slots[1..]`, where [`derivative`](Self::derivative) expects
-    /// them; `state` as [`step`](Self::step) moves it.
+    /// Puts the variables of this moment into `slots[1..]`, where [`derivative`](Self::derivative) expects them;
+    /// `state` as [`step`](Self::step) moves it.
     pub fn load(&self, state: &[f64], c: &[f64], slots: &mut [f64]) {
         let (n, m) = (self.outputs, self.inputs);
         slots[1..=n].copy_from_slice(&state[..n]);
@@ -324,8 +325,8 @@ impl Equations {
         self.memory.load_moving(state, &state[..n], c, slots, (0, 0.0));
     }
 
-    /// One sample: the outputs in `state` become those after `dt` seconds under the held command `c`, and
-    /// the memory behind them follows.
+    /// One sample: the outputs in `state` become those after `dt` seconds under the held command `c`, and the memory
+    /// behind them follows.
     ///
     /// # Panics
     /// If a slice is shorter than documented: `state` [`state_len`](Self::state_len), `c` inputs, `scratch`

@@ -8,9 +8,9 @@ use super::equations::Equations;
 use super::program::{Program, ProgramError};
 use super::term::Term;
 
-/// The derivatives of `f(y, c, s) = Xi theta(y, c, s)` with respect to all variables, compiled from the
-/// derivatives of the terms: with respect to the outputs `A = df/dy` (`outputs x outputs`), to the inputs
-/// `B = df/dc` (`outputs x inputs`), and to the signals.
+/// The derivatives of `f(y, c, s) = Xi theta(y, c, s)` with respect to all variables, compiled from the derivatives of
+/// the terms: with respect to the outputs `A = df/dy` (`outputs x outputs`), to the inputs `B = df/dc` (`outputs x
+/// inputs`), and to the signals.
 ///
 /// At a kink of `|x|` the derivative is that of 0; elsewhere it is exact.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,8 +76,8 @@ impl Jacobian {
         }
     }
 
-    /// The matrices `A` and `B` at outputs `y` and inputs `c` of equations without signals; for a look, not
-    /// for a control loop: it allocates.
+    /// The matrices `A` and `B` at outputs `y` and inputs `c` of equations without signals; for a look, not for a
+    /// control loop: it allocates.
     pub fn matrices(&self, y: &[f64], c: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let n = self.outputs;
         let mut slots = vec![0.0; self.slots()];

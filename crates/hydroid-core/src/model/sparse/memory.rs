@@ -7,8 +7,8 @@ use num_traits::Float;
 use super::signal::Signal;
 use crate::actuator::lag_step;
 
-/// Layout: behind the outputs of a state stand the lag states, then for each variable of which the past is
-/// asked its values 1, 2, .. samples ago.
+/// Layout: behind the outputs of a state stand the lag states, then for each variable of which the past is asked its
+/// values 1, 2, .. samples ago.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Memory {
     outputs: usize,
@@ -95,8 +95,8 @@ impl Memory {
         }
     }
 
-    /// The other signals, `halves` half steps into an integration step, which is the share `time` of the
-    /// sample from its start.
+    /// The other signals, `halves` half steps into an integration step, which is the share `time` of the sample from
+    /// its start.
     ///
     /// `before` are the outputs at the start of the sample: towards these a past output of one sample ago moves.
     #[inline]

@@ -46,12 +46,12 @@ impl core::error::Error for ProgramError {}
 
 /// Terms compiled for evaluation.
 ///
-/// Memory layout of the slots: slot 0 holds the constant 1, slots `1..=n` the `n` variables, then come the
-/// functions of single variables, and the products, each of two earlier slots. Every term is a slot. A
-/// degree-3 monomial costs one multiplication, because its degree-2 part is there already.
+/// Memory layout of the slots: slot 0 holds the constant 1, slots `1..=n` the `n` variables, then come the functions of
+/// single variables, and the products, each of two earlier slots. Every term is a slot. A degree-3 monomial costs one
+/// multiplication, because its degree-2 part is there already.
 ///
-/// Some variables may be *held*: functions and products of these alone come before the others, so that an
-/// integrator which moves the other variables several times under the same command evaluates them once.
+/// Some variables may be *held*: functions and products of these alone come before the others, so that an integrator
+/// which moves the other variables several times under the same command evaluates them once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     variables: usize,
@@ -218,8 +218,8 @@ impl Program {
         }
     }
 
-    /// Evaluates all terms at `rows` points at once: slot `s` of point `i` is `slots[s * rows + i]`, and
-    /// the variables stand in slots `1..=n`. Vectorises over the points.
+    /// Evaluates all terms at `rows` points at once: slot `s` of point `i` is `slots[s * rows + i]`, and the variables
+    /// stand in slots `1..=n`. Vectorises over the points.
     ///
     /// # Panics
     /// If `slots` is shorter than `self.slots() * rows`.
@@ -243,8 +243,8 @@ impl Program {
 }
 
 impl Program {
-    /// The functions of [`evaluate_block`](Self::evaluate_block) that are of held variables, or the others. The logistic function of gates is that of
-    /// [`sigmoid`](crate::math::sigmoid), on vectors.
+    /// The functions of [`evaluate_block`](Self::evaluate_block) that are of held variables, or the others. The
+    /// logistic function of gates is that of [`sigmoid`](crate::math::sigmoid), on vectors.
     pub(super) fn block_functions(&self, slots: &mut [f64], rows: usize, held: bool) {
         let range = if held { 0..self.held_functions } else { self.held_functions..self.functions.len() };
         for index in range {

@@ -9,14 +9,14 @@ use super::signal::Signal;
 use super::term::Term;
 use crate::predict::{Workspace, rollout_steps};
 
-/// Rollouts of equations together with their derivatives with respect to parameters `p`: the outputs at the start,
-/// then some of the coefficients.
+/// Rollouts of equations together with their derivatives with respect to parameters `p`: the outputs at the start, then
+/// some of the coefficients.
 ///
 /// With `dy/dt = f(y, c, s, Xi)` and `S = dy/dp`, the variational equation is `dS/dt = df/dy S + df/ds ds/dp + df/dp`.
-/// It passes through the same steps of the Runge-Kutta method as [`Equations::step`], so that `S` is the
-/// derivative of the very rollout, to rounding, and not of the motion that it approximates (Hairer, Norsett,
-/// Wanner, *Solving Ordinary Differential Equations I*, 1993, section I.14). Past outputs among the signals
-/// carry `S` of their time; what was before the start does not depend on `p`.
+/// It passes through the same steps of the Runge-Kutta method as [`Equations::step`], so that `S` is the derivative of
+/// the very rollout, to rounding, and not of the motion that it approximates (Hairer, Norsett, Wanner, *Solving
+/// Ordinary Differential Equations I*, 1993, section I.14). Past outputs among the signals carry `S` of their time;
+/// what was before the start does not depend on `p`.
 #[derive(Clone, Debug)]
 pub struct Sensitivity {
     equations: Equations,
@@ -106,8 +106,8 @@ impl Sensitivity {
         })
     }
 
-    /// Other coefficients for the same equations; what was zero stays so, as in
-    /// [`Equations::set_coefficients`]. Nothing is allocated.
+    /// Other coefficients for the same equations; what was zero stays so, as in [`Equations::set_coefficients`].
+    /// Nothing is allocated.
     ///
     /// # Panics
     /// If there is not one for each place of the table.

@@ -11,7 +11,8 @@ use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
 /// A run of [`Equations`]: measurements replace the state; missing ones are predicted.
 ///
-/// Predictions start once each output has been measured. Until then measured values are held, so that sensors may report in turns.
+/// Predictions start once each output has been measured. Until then measured values are held, so that sensors may
+/// report in turns.
 #[derive(Clone, Debug)]
 pub struct EquationsSession {
     equations: Arc<Equations>,
@@ -43,8 +44,8 @@ impl EquationsSession {
         &mut self.state
     }
 
-    /// The same run with equations of its own, which change from sample to sample without touching those
-    /// of other sessions.
+    /// The same run with equations of its own, which change from sample to sample without touching those of other
+    /// sessions.
     pub(crate) fn equations_mut(&mut self) -> &mut Equations {
         Arc::make_mut(&mut self.equations)
     }

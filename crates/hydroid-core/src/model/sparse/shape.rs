@@ -62,8 +62,8 @@ impl Gate {
 pub enum Shape {
     /// `x^n`, `n >= 1`.
     Power(u8),
-    /// `|x|`; with `Power(1)` of the same variable the signed square `x |x|` of quadratic drag
-    /// (Fossen 2021, section 6.4).
+    /// `|x|`; with `Power(1)` of the same variable the signed square `x |x|` of quadratic drag (Fossen 2021, section
+    /// 6.4).
     Abs,
     /// The sign of `x`, 0 at 0: the derivative of `|x|`.
     Sign,
@@ -97,8 +97,8 @@ impl Shape {
         }
     }
 
-    /// How its unit follows from that of its variable: `unit(f(x)) = unit(x)^degree`. The functions of
-    /// angles, logarithms and gates are pure numbers.
+    /// How its unit follows from that of its variable: `unit(f(x)) = unit(x)^degree`. The functions of angles,
+    /// logarithms and gates are pure numbers.
     pub fn degree(self) -> i32 {
         match self {
             Self::Power(n) => i32::from(n),

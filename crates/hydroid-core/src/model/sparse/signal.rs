@@ -9,22 +9,22 @@ use num_traits::Float;
 use super::shape::Real;
 use crate::actuator::lag_step;
 
-/// A variable beyond outputs and inputs. Signals come after these in the order of variables, in the order
-/// in which a model lists them.
+/// A variable beyond outputs and inputs. Signals come after these in the order of variables, in the order in which a
+/// model lists them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case", deny_unknown_fields))]
 pub enum Signal {
-    /// What an actuator makes of its command: `T da/dt = c - a`, a first-order lag that no sensor sees.
-    /// The command being held over a sample, `a(t + h) = c + (a(t) - c) exp(-h/T)` holds exactly.
+    /// What an actuator makes of its command: `T da/dt = c - a`, a first-order lag that no sensor sees. The command
+    /// being held over a sample, `a(t + h) = c + (a(t) - c) exp(-h/T)` holds exactly.
     Lag {
         /// The input `c`.
         input: u16,
         /// The time constant `T` \[s\].
         time_constant_s: Real,
     },
-    /// The value that an output or input had some samples ago. Between samples a past output is
-    /// interpolated linearly, a past input is held.
+    /// The value that an output or input had some samples ago. Between samples a past output is interpolated linearly,
+    /// a past input is held.
     Past {
         /// The output or input.
         variable: u16,

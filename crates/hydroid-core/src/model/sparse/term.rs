@@ -40,8 +40,8 @@ impl From<Term> for Vec<Factor> {
 }
 
 impl Term {
-    /// A product of factors, in any order. What can be joined is: powers of one variable to one power,
-    /// `|x| |x|` to `x^2`, `x sgn x` to `|x|`.
+    /// A product of factors, in any order. What can be joined is: powers of one variable to one power, `|x| |x|` to
+    /// `x^2`, `x sgn x` to `|x|`.
     pub fn new(mut factors: Vec<Factor>) -> Self {
         factors.sort_unstable();
         let mut normal = Vec::with_capacity(factors.len());
@@ -106,14 +106,13 @@ impl Term {
         self.factors.iter().map(|f| f.variable).max()
     }
 
-    /// Value of the term. For one term at a time; libraries are evaluated by a
-    /// [`Program`](super::Program).
+    /// Value of the term. For one term at a time; libraries are evaluated by a [`Program`](super::Program).
     pub fn value(&self, variables: &[f64]) -> f64 {
         self.factors.iter().map(|f| f.shape.value(variables[usize::from(f.variable)])).product()
     }
 
-    /// The term in words that a person and PySINDy's users read: `1`, `u`, `u^2`, `u v`, `u |u|`,
-    /// `u sin(delta)`, `r/u`, `u above(u, 2.5, 12)`.
+    /// The term in words that a person and PySINDy's users read: `1`, `u`, `u^2`, `u v`, `u |u|`, `u sin(delta)`,
+    /// `r/u`, `u above(u, 2.5, 12)`.
     pub fn name(&self, names: &[impl AsRef<str>]) -> String {
         let mut text = String::new();
         let below = |shape: &Shape| matches!(shape, Shape::Reciprocal);
@@ -146,8 +145,8 @@ impl Term {
         text
     }
 
-    /// Derivative with respect to a variable, as a sum of multiples of terms; empty where the term does not
-    /// depend on it. At the kink of `|x|` the derivative is taken as 0.
+    /// Derivative with respect to a variable, as a sum of multiples of terms; empty where the term does not depend on
+    /// it. At the kink of `|x|` the derivative is taken as 0.
     pub fn derivative(&self, variable: u16) -> Vec<(f64, Self)> {
         let mut sum: Vec<(f64, Self)> = Vec::new();
         for (position, factor) in self.factors.iter().enumerate().filter(|(_, f)| f.variable == variable) {

@@ -39,8 +39,8 @@ impl Place {
 
 /// An affine map of the lanes, with its gradient.
 ///
-/// Matrices are cut in blocks of [`ROWS`] rows, filled up with zeros, column by column in each block: what the
-/// kernels read is one stream.
+/// Matrices are cut in blocks of [`ROWS`] rows, filled up with zeros, column by column in each block: what the kernels
+/// read is one stream.
 #[derive(Clone, Debug)]
 pub(super) struct Affine<T> {
     place: Place,

@@ -2,8 +2,8 @@
 //! ([`Rollout`]).
 //!
 //! Matrices are `features x lanes`, row by row, one sequence in each lane, so that every instruction works on many
-//! sequences. The number of lanes is the number of sequences rounded up to a multiple of [`LANES`]; what stands in
-//! the lanes beyond the sequences has no effect on anything.
+//! sequences. The number of lanes is the number of sequences rounded up to a multiple of [`LANES`]; what stands in the
+//! lanes beyond the sequences has no effect on anything.
 
 mod affine;
 pub(crate) mod cells;

@@ -10,8 +10,8 @@ use crate::model::recurrent::network::Network;
 
 /// A batch of sequences, forward only: each state overwrites the one before.
 ///
-/// Matrices as in [`Tape`](super::Tape), whose numbers it gives to the last bit. Some 250 sequences at a time are fastest:
-/// more do not stay in the second-level cache.
+/// Matrices as in [`Tape`](super::Tape), whose numbers it gives to the last bit. Some 250 sequences at a time are
+/// fastest: more do not stay in the second-level cache.
 ///
 /// ```
 /// use hydroid_core::model::recurrent::{Cell, Network, Rollout};

@@ -12,11 +12,11 @@ use crate::model::recurrent::network::Network;
 /// state_{k+1} = f(state_k, x_k),   y_k = g(state_{k+1}),   k = 0 .. steps - 1
 /// ```
 ///
-/// All matrices are `features x lanes`, row by row, one sequence in each lane; [`lanes`](Self::lanes) is the number
-/// of sequences rounded up, and what stands in the lanes beyond the sequences has no effect. Inputs and adjoints
-/// are given step by step, because they may depend on what came out before: a model that sees its own outputs
-/// writes `y_k` into the input of step `k + 1`, and on the way back adds the input's adjoint of step `k + 1` to the
-/// output's adjoint of step `k`.
+/// All matrices are `features x lanes`, row by row, one sequence in each lane; [`lanes`](Self::lanes) is the number of
+/// sequences rounded up, and what stands in the lanes beyond the sequences has no effect. Inputs and adjoints are given
+/// step by step, because they may depend on what came out before: a model that sees its own outputs writes `y_k` into
+/// the input of step `k + 1`, and on the way back adds the input's adjoint of step `k + 1` to the output's adjoint of
+/// step `k`.
 ///
 /// ```
 /// use hydroid_core::model::recurrent::{Cell, Network, Tape};
@@ -178,8 +178,8 @@ impl<T: Scalar> Tape<T> {
     }
 
     /// Step `k` back: adds to the weights' gradient, and carries the state's adjoint from state `k + 1` to state `k`.
-    /// From the last step down, as far as wanted; each step once after its [`step`](Self::step), whose record it
-    /// uses up.
+    /// From the last step down, as far as wanted; each step once after its [`step`](Self::step), whose record it uses
+    /// up.
     pub fn step_back(&mut self, k: usize) {
         let sequences = self.sequences;
         clear_padding(self.output_adjoint_mut(k), sequences);

@@ -15,10 +15,10 @@ use crate::math::Scalar;
 /// | each row of an LSTM's projection | its row of `W_hr` | `h+` |
 /// | each output of the read-out | its row of `W`, and of `b` | `y` |
 ///
-/// What a change of the weights does to a step is what it does to these rows ([`Linearization::local`]: block by
-/// block, a few numbers for each weight) and what these do to the step ([`Change::local`](super::Change)). A filter
-/// on the weights touches the covariance of all weights with the first alone. Every block counts as many rows as the
-/// one that has most; what a block has less is zero.
+/// What a change of the weights does to a step is what it does to these rows ([`Linearization::local`]: block by block,
+/// a few numbers for each weight) and what these do to the step ([`Change::local`](super::Change)). A filter on the
+/// weights touches the covariance of all weights with the first alone. Every block counts as many rows as the one that
+/// has most; what a block has less is zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Blocks {
     rows: usize,

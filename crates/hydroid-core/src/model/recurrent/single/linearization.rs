@@ -37,10 +37,11 @@ kernels! {
 /// where `r` are the results of a unit: `c+` and `s(o) . tanh(c+)` of an LSTM, `h+` of the others; and `s` is what a
 /// unit carries over by itself: `c` of an LSTM, `h` of a GRU.
 ///
-/// [`step`](Self::step) makes them; the products are [`times`](Self::times), [`transposed_times`](Self::transposed_times),
-/// [`output_times`](Self::output_times) and [`output_transposed_times`](Self::output_transposed_times). They take the
-/// same weights as the step: products with the Jacobian (jvp) and with its transpose (vjp), of several vectors at a
-/// time. Nothing allocates but [`new`](Self::new) and the dense matrices.
+/// [`step`](Self::step) makes them; the products are [`times`](Self::times),
+/// [`transposed_times`](Self::transposed_times), [`output_times`](Self::output_times) and
+/// [`output_transposed_times`](Self::output_transposed_times). They take the same weights as the step: products with
+/// the Jacobian (jvp) and with its transpose (vjp), of several vectors at a time. Nothing allocates but
+/// [`new`](Self::new) and the dense matrices.
 #[derive(Clone, Debug)]
 pub struct Linearization<T> {
     pub(super) layers: Vec<LayerPartials<T>>,
@@ -63,7 +64,8 @@ pub struct LayerPartials<T> {
     input: Vec<T>,
     hidden: Vec<T>,
     carry: Vec<T>,
-    /// Partials of the results with respect to `h` through the gates of their own, and to `x`: `results units x h`, `x reads`.
+    /// Partials of the results with respect to `h` through the gates of their own, and to `x`: `results units x h`, `x
+    /// reads`.
     of_h: Vec<T>,
     of_x: Vec<T>,
     /// Of each unit of an LSTM, the partial of `s(o) tanh(c+)` with respect to `c+`.
@@ -123,8 +125,8 @@ impl<T: Scalar> LayerPartials<T> {
         &self.hidden[(result * self.gates + gate) * self.units..][..self.units]
     }
 
-    /// Gates that a result of a unit depends on by itself: of an LSTM `c+` has `i f g`, and `s(o) tanh(c+)` has `o` beside
-    /// what comes [`through`](Self::through) `c+`. So no weight of a unit belongs to two of its results.
+    /// Gates that a result of a unit depends on by itself: of an LSTM `c+` has `i f g`, and `s(o) tanh(c+)` has `o`
+    /// beside what comes [`through`](Self::through) `c+`. So no weight of a unit belongs to two of its results.
     pub(super) fn own_gates(&self, result: usize) -> Range<usize> {
         match (self.results, result) {
             (2, 0) => 0..self.gates - 1,
@@ -200,7 +202,8 @@ impl<T: Scalar> LayerPartials<T> {
         }
     }
 
-    /// Partials of a result of each unit with respect to `h` before the step, through the gates of its own: `units x h`.
+    /// Partials of a result of each unit with respect to `h` before the step, through the gates of its own: `units x
+    /// h`.
     pub(super) fn of_h(&self, result: usize) -> &[T] {
         let len = self.units * self.h().len();
         &self.of_h[result * len..][..len]

@@ -27,7 +27,8 @@ pub struct Change<'a, T> {
     pub input: Option<&'a [T]>,
     /// `weights x columns`.
     pub weights: Option<&'a [T]>,
-    /// What the weights do to each row of [`Blocks`](super::Blocks) by itself, where that is known already: `rows x columns`.
+    /// What the weights do to each row of [`Blocks`](super::Blocks) by itself, where that is known already: `rows x
+    /// columns`.
     pub local: Option<&'a [T]>,
 }
 
@@ -83,8 +84,8 @@ impl<T: Scalar> Linearization<T> {
         units * columns + (2 * columns).max(widest.unwrap_or(0).max(units)) + self.shown.len() * columns
     }
 
-    /// Jacobian times matrix (forward mode, `jvp` of other programs, for several columns at a time):
-    /// `out = df/dstate change.state + df/dx change.input + df/dweights change.weights` (`state x columns`).
+    /// Jacobian times matrix (forward mode, `jvp` of other programs, for several columns at a time): `out = df/dstate
+    /// change.state + df/dx change.input + df/dweights change.weights` (`state x columns`).
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`, or `scratch` is shorter than [`scratch`](Self::scratch).

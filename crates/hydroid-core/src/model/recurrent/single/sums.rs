@@ -1,7 +1,7 @@
 //! Sums of rows, several at a time: blocks of them stay in registers while the rows that they share pass by.
 //!
-//! A sum has the same order in every column and each product is fused: what comes out does not depend on the width of the
-//! vectors.
+//! A sum has the same order in every column and each product is fused: what comes out does not depend on the width of
+//! the vectors.
 #![expect(
     clippy::inline_always,
     reason = "they must become a part of the function that was compiled for the processor"

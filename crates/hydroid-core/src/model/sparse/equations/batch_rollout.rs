@@ -16,7 +16,8 @@ use crate::model::sparse::signal::Signal;
 ///
 /// Numbers lie as in [`Program::evaluate_block`]: a row for each variable, sub-product and output, with one sequence in
 /// each place of it, so that every operation works on as many sequences as a vector holds. The results are those of
-/// [`Equations::step`] but for the order in which sums are added and the last digits of the logistic function of a gate.
+/// [`Equations::step`] but for the order in which sums are added and the last digits of the logistic function of a
+/// gate.
 #[derive(Clone, Debug)]
 pub(crate) struct BatchRollout {
     arch: Arch,
@@ -44,7 +45,8 @@ struct Lag {
 }
 
 impl BatchRollout {
-    /// Memory for `sequences` sequences; `None`, without allocating, for equations with past values, which roll out one by one.
+    /// Memory for `sequences` sequences; `None`, without allocating, for equations with past values, which roll out one
+    /// by one.
     pub(crate) fn new(equations: &Equations, sequences: usize) -> Option<Self> {
         if equations.signals.iter().any(|signal| !matches!(signal, Signal::Lag { .. })) {
             return None;
@@ -79,8 +81,8 @@ impl BatchRollout {
     /// inputs`, `y` are `count x steps x outputs`.
     ///
     /// # Panics
-    /// If there are more than room for, the slices have not whole sequences of the same number of steps, or the equations
-    /// are not those that the room was made for.
+    /// If there are more than room for, the slices have not whole sequences of the same number of steps, or the
+    /// equations are not those that the room was made for.
     pub(crate) fn rollout(
         &mut self,
         equations: &Equations,
