@@ -3,10 +3,10 @@
 //!
 //! The crate builds without the standard library (`default-features = false`) where there is an allocator.
 //!
-//! Modules, each of which imports only those before it: `math` (vector kernels), `actuator` (lags, command maps,
-//! limits), `vessel` (the parametric plant), `predict` (the prediction session), `model` (equations, networks, plants
-//! over samples), `adapt` (online adaptation and its guard), `guidance` (paths and references), `control` (control laws
-//! and planning).
+//! Order of the modules, each of which imports only those before it: `math` (vector kernels), `actuator` (lags, command
+//! maps, limits), `vessel` (the parametric plant), `predict` (the prediction session), `model` (equations, networks,
+//! plants over samples), `adapt` (online adaptation and its guard), `guidance` (paths and references), `control`
+//! (control laws and planning).
 //!
 //! Conventions: body velocities `nu = (u, v, r)`, surge and sway in m/s (forward, starboard), yaw rate in rad/s
 //! (positive to starboard, seen from above, z down); pose `eta = (x, y, psi)`, x north, y east, `psi` clockwise from

@@ -1,4 +1,4 @@
-//! Models: discrete steps `state+ = f(state, c)`, `y = g(state)`, with constant weights inside and state outside.
+//! Models: discrete steps `state+ = f(state, c)`, `y = g(state)`. Weights are part of the model, the state is not.
 
 pub mod affine;
 pub mod direct;

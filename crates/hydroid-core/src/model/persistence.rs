@@ -1,4 +1,4 @@
-//! Persistence: outputs keep their last value. The baseline of all models.
+//! Persistence, the baseline of all models: outputs keep their last value.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -67,7 +67,7 @@ impl Predictor for Persistence {
     }
 }
 
-/// Overwrites the state with measurements; a missing value (NaN) leaves the prediction.
+/// Overwrites the state with measurements; a missing value (NaN) keeps the prediction.
 pub(crate) fn take_measured(state: &mut [f64], y: &[f64]) {
     for (state, &y) in state.iter_mut().zip(y) {
         if !y.is_nan() {

@@ -7,20 +7,19 @@ use num_traits::Float;
 use crate::predict::{Predictor, Workspace, rollout_steps};
 use crate::vessel::{Command, Form, Numbers, Plant, VesselParams};
 
-/// The longest step of the integration \[s\]: the plants are simulated with it (see [`Plant::advance`]).
+/// The longest integration step \[s\], as in simulation (see [`Plant::advance`]).
 const STEP_S: f64 = 0.01;
 
-/// Steps of the integration in a sample at the most.
 const MOST_STEPS: f64 = 100_000.0;
 
-/// Reasons why a vessel is not a model.
+/// Reasons why a vessel cannot be a model.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PlantModelError {
-    /// The parameters describe none.
+    /// The parameters are invalid.
     Vessel(crate::vessel::InvalidParams),
-    /// The sample time \[s\] is not positive, or so long that a step of it is no prediction.
+    /// The sample time \[s\] is not positive, or too long.
     Step(f64),
-    /// Under the limits of its commands it reaches speeds that are no numbers.
+    /// Speeds diverge within the limits of the commands.
     Unbounded,
 }
 
@@ -41,10 +40,8 @@ impl core::fmt::Display for PlantModelError {
 
 impl core::error::Error for PlantModelError {}
 
-/// The plant of a [`VesselParams`] over samples under held commands: outputs `u, v, r`, inputs the commands of
-/// propeller and rudder, hidden state the propeller force.
-///
-/// A sample is a whole number of classical Runge-Kutta steps of at most 10 ms, as in simulation.
+/// The plant of a [`VesselParams`] over samples with held commands: outputs `u, v, r`, inputs the commands of propeller
+/// and rudder, hidden state the propeller force. A sample is a whole number of RK4 steps of at most 10 ms.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlantModel {
     params: VesselParams,
@@ -61,7 +58,7 @@ impl PlantModel {
     /// Inputs: propeller and rudder command.
     pub const INPUTS: usize = 2;
 
-    /// A vessel that is asked every `dt` seconds.
+    /// A model with samples of `dt` seconds.
     ///
     /// # Errors
     /// See [`PlantModelError`].
@@ -85,7 +82,7 @@ impl PlantModel {
         &self.params
     }
 
-    /// Its parameters in a row.
+    /// The parameters as a flat array.
     pub fn numbers(&self) -> &Numbers {
         &self.numbers
     }
@@ -100,18 +97,18 @@ impl PlantModel {
         self.dt
     }
 
-    /// Steps of the integration in a sample.
+    /// Number of integration steps in a sample.
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// Lowest and highest `u`, `v`, `r` and `P_f` that are reached from rest under the corners of the commands' limits.
+    /// Lowest and highest `u`, `v`, `r` and `P_f` from rest under the corners of the command limits.
     pub fn ranges(&self) -> &[[f64; 2]; 4] {
         &self.ranges
     }
 }
 
-/// From rest under each corner of the limits, for the given time \[s\].
+/// The ranges of `u`, `v`, `r` and `P_f` from rest under each corner of the limits.
 fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
     const LONG_S: f64 = 120.0;
     let mut ranges = [[0.0, 0.0]; 4];
@@ -124,7 +121,7 @@ fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
             while t < LONG_S {
                 motion = plant.advance_motion(&motion, &actuation, STEP_S);
                 for ([low, high], x) in ranges.iter_mut().zip(motion) {
-                    // What is no number stays.
+                    // A NaN is kept.
                     *low = if x < *low || x.is_nan() { x } else { *low };
                     *high = if x > *high || x.is_nan() { x } else { *high };
                 }
@@ -138,9 +135,7 @@ fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
 /// A session of a [`PlantModel`].
 ///
 /// `u`, `v` and `r` are measured or predicted. The propeller force starts at the force that holds the speed, and
-/// follows its command. A run starts once all three outputs have been measured.
-///
-/// Snapshot: `[u, v, r, P_f]`.
+/// follows its command. A run starts once all three outputs have been measured. The snapshot is `[u, v, r, P_f]`.
 #[derive(Clone, Debug)]
 pub struct PlantSession {
     plant: Plant,
@@ -165,17 +160,16 @@ impl PlantSession {
         &self.motion
     }
 
-    /// The same, to put others in their place.
     pub(crate) fn motion_mut(&mut self) -> &mut [f64; 4] {
         &mut self.motion
     }
 
-    /// Takes other parameters into use.
+    /// Replaces the parameters.
     pub(crate) fn set_numbers(&mut self, form: Form, numbers: &Numbers) {
         self.plant = Plant::assemble(form, numbers);
     }
 
-    /// Whether no run has begun.
+    /// Whether an output has not been measured yet.
     pub fn is_waiting(&self) -> bool {
         self.motion.iter().any(|x| x.is_nan())
     }
@@ -201,7 +195,7 @@ impl Predictor for PlantSession {
 
     fn observe(&mut self, y: &[f64]) {
         for (own, y) in self.motion.iter_mut().zip(y) {
-            // What is infinite was not measured.
+            // Infinite values count as missing.
             *own = if y.is_finite() { *y } else { *own };
         }
         if self.motion[3].is_nan() {
@@ -210,7 +204,7 @@ impl Predictor for PlantSession {
     }
 
     fn advance(&mut self, c: &[f64]) {
-        // What is known of a run that has yet to begin is kept.
+        // Before the start of a run, measured values are held.
         if !self.is_waiting() {
             self.motion = self.moved(&self.motion, c);
             if !self.motion.iter().all(|x| x.is_finite()) {

@@ -31,7 +31,6 @@ impl Field {
         }
     }
 
-    /// Length of the scratch of a step.
     pub(crate) fn scratch(&self) -> usize {
         let (n, m) = (self.outputs, self.inputs);
         n + self.forward.hidden() + n * (1 + m) + 3 * n + m
@@ -50,7 +49,7 @@ impl Field {
         g
     }
 
-    /// `rate <- dy/dt` at outputs and efforts, in units of `w`.
+    /// `rate <- dy/dt`. Efforts are in units of `w`.
     fn rate(&self, model: &ControlAffine, y: &[f64], efforts: &[f64], scratch: &mut [f64], rate: &mut [f64]) {
         let n = self.outputs;
         let g = self.evaluate(model, y, scratch);
@@ -60,14 +59,14 @@ impl Field {
         }
     }
 
-    /// Advances actuators by half a sample; an unknown one (NaN) is at rest under its first command.
+    /// Advances actuators by half a sample.
     fn half(&self, a: &mut [f64], c: &[f64]) {
         for ((a, &c), half) in a.iter_mut().zip(c).zip(&self.halves) {
             *a = lag_step(*a, c, *half);
         }
     }
 
-    /// Advances actuators by a sample; outputs stay.
+    /// Advances actuators by a sample; outputs are constant.
     pub(crate) fn wait(&self, state: &mut [f64], c: &[f64]) {
         let a = &mut state[self.outputs..];
         self.half(a, c);
@@ -93,7 +92,7 @@ impl Field {
             [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)].into_iter().enumerate()
         {
             if stage % 2 == 1 {
-                // Before the second and the fourth stage half a sample has passed.
+                // Half a sample has passed before the second and before the fourth stage.
                 self.half(a, c);
             }
             for (i, (effort, effector)) in efforts.iter_mut().zip(&model.effectors).enumerate() {

@@ -1,5 +1,5 @@
-//! The control-affine network: a feed-forward network whose motion is affine in known maps of the actuators by
-//! construction, so that control laws can invert it.
+//! The control-affine network: a feed-forward network whose dynamics are affine in known actuator maps, so that control
+//! laws can invert it.
 
 mod field;
 mod model;

@@ -30,9 +30,9 @@ pub struct Effector {
 /// [f g_1 .. g_m] = N(z),     a perceptron from n to n (1 + m) numbers
 /// ```
 ///
-/// over a sample `dt` by one step of RK4, with held commands and exact lags; the first stage weighs the actuators so
-/// that all stages together see their mean ([`rk4_first_stage`](crate::actuator::rk4_first_stage)). The model is affine
-/// in the efforts `phi_i(a_i)` for any weights.
+/// A sample `dt` is one step of RK4 with held commands and exact lags; the first stage weighs the actuators by
+/// [`rk4_first_stage`](crate::actuator::rk4_first_stage). The model is affine in the efforts `phi_i(a_i)` for any
+/// weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControlAffine {
     /// The network `N`.
@@ -45,7 +45,7 @@ pub struct ControlAffine {
     pub effectors: Vec<Effector>,
     /// Sample time \[s\].
     pub dt: f64,
-    /// Number of samples after which the initial lags do not matter.
+    /// Number of samples after which the initial lags have no effect.
     pub wash_out: usize,
 }
 
@@ -56,7 +56,7 @@ pub enum ControlAffineError {
     Network(NetworkError),
     /// Lengths of network and model differ.
     Length {
-        /// `reads` or `gives`.
+        /// `reads` (input) or `gives` (output).
         what: &'static str,
         /// Length in the network.
         network: usize,
@@ -67,9 +67,9 @@ pub enum ControlAffineError {
     Numbers(RecurrentError),
     /// A sample time, a time constant or a unit is not positive.
     Positive {
-        /// Which.
+        /// Name of the number.
         what: &'static str,
-        /// What was given.
+        /// The invalid value.
         value: f64,
     },
 }

@@ -1,4 +1,4 @@
-//! The session of a control-affine network: present outputs and actuators.
+//! The session of a control-affine network.
 
 use alloc::boxed::Box;
 use alloc::sync::Arc;
@@ -11,7 +11,7 @@ use crate::model::persistence::take_measured;
 use crate::predict::{Predictor, Workspace, rollout_steps};
 
 /// A run of a [`ControlAffine`] network. Measurements replace outputs; missing ones are predicted. Until each output
-/// has been measured, measured values are held while the actuators follow their commands.
+/// has been measured, measured values are held and the actuators follow their commands.
 ///
 /// The snapshot is `[present outputs, actuators]`.
 #[derive(Clone, Debug)]

@@ -1,4 +1,4 @@
-//! The base equations of a direct predictor: rollouts from a measured sample, and their memory.
+//! Rollouts of the base equations of a direct predictor.
 
 use alloc::sync::Arc;
 
@@ -7,7 +7,7 @@ use crate::model::recurrent::BaseModel;
 use crate::model::sparse::Equations;
 
 impl Direct {
-    /// The equations of the base model; `None` for other bases.
+    /// The base equations; `None` for other base models.
     pub fn equations(&self) -> Option<&Arc<Equations>> {
         match &self.base {
             BaseModel::Equations(equations) => Some(equations),
@@ -15,7 +15,7 @@ impl Direct {
         }
     }
 
-    /// Length of the state of the equations; 0 without.
+    /// State length of the base equations; 0 without.
     pub(crate) fn below(&self) -> usize {
         self.equations().map_or(0, |equations| equations.state_len())
     }
@@ -24,7 +24,7 @@ impl Direct {
 /// State and scratch of a rollout of the base equations; empty without equations.
 pub(super) struct BaseRollout<'a> {
     equations: Option<&'a Equations>,
-    /// State at the end of the history: the present outputs, then the memory of the equations.
+    /// State at the end of the history.
     start: &'a mut [f64],
     /// State along the horizon.
     state: &'a mut [f64],
@@ -32,7 +32,6 @@ pub(super) struct BaseRollout<'a> {
 }
 
 impl<'a> BaseRollout<'a> {
-    /// Length of the scratch.
     pub(super) fn scratch(model: &Direct) -> usize {
         2 * model.below() + model.equations().map_or(0, |equations| equations.scratch())
     }
@@ -61,7 +60,7 @@ impl<'a> BaseRollout<'a> {
         }
     }
 
-    /// Advances along predicted outputs: the memory of the equations follows these instead of their own rollout.
+    /// Advances the memory of the equations along the predicted outputs instead of their own rollout.
     pub(super) fn pass(&mut self, commands: &[f64], y: &[f64]) {
         let Some(equations) = self.equations else { return };
         let (n, m) = (equations.outputs(), equations.inputs());

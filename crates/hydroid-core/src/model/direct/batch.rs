@@ -1,4 +1,4 @@
-//! Many windows side by side, forward and back.
+//! Many windows side by side, forward and backward.
 
 #![expect(
     clippy::inline_always,
@@ -27,9 +27,9 @@ kernels! {
 
 /// A batch of inputs through a [`Perceptron`], and the gradient of its weights.
 ///
-/// Matrices are `features x lanes`, row by row, one window in each lane; [`lanes`](Self::lanes) is their number rounded
-/// up to a multiple of [`LANES`]. Weights are read where they stand: nothing is packed before a step. With the adjoints
-/// `a_l = dL/dh_l` and `d_l = a_l (1 - h_l^2)` (`d_L = a_L`), the way back is
+/// Matrices are `features x lanes`, row by row, one window in each lane; [`lanes`](Self::lanes) is the number of
+/// windows rounded up to a multiple of [`LANES`]. Weights are read in place. With the adjoints `a_l = dL/dh_l` and
+/// `d_l = a_l (1 - h_l^2)` (`d_L = a_L`), the backward pass is
 ///
 /// ```text
 /// dL/dW_l = d_l h_{l-1}',   dL/db_l = the sum of d_l over lanes,   a_{l-1} = W_l' d_l
@@ -47,10 +47,10 @@ kernels! {
 /// batch.output_adjoint_mut()[..lanes].fill(1.0); // L = the sum of all outputs
 /// let mut gradient = vec![0.0; network.weights()];
 /// batch.backward(&weights, &mut gradient);
-/// assert_eq!(*gradient.last().unwrap(), 3.0_f64); // of the read-out's bias
+/// assert_eq!(*gradient.last().unwrap(), 3.0_f64); // bias of the last layer
 /// ```
 ///
-/// Nothing allocates after [`new`](Self::new). What comes out does not depend on the processor.
+/// Only [`new`](Self::new) allocates. Results do not depend on the processor.
 #[derive(Clone, Debug)]
 pub struct Batch<T> {
     network: Perceptron,
@@ -61,22 +61,21 @@ pub struct Batch<T> {
     /// `h_0 = x` and `h_1 .. h_{L-1}`.
     hidden: Vec<Aligned<T>>,
     output: Aligned<T>,
-    /// `d_L`, `a_L` before the way back.
+    /// `a_L`, then `d_L`.
     output_adjoint: Aligned<T>,
-    /// `d_l` and `d_{l-1}` on the way back.
+    /// `d_l` and `d_{l-1}`.
     adjoints: [Aligned<T>; 2],
     /// `h_{l-1}'`, `lanes x features`.
     transposed: Aligned<T>,
-    /// Of products.
     scratch: Vec<T>,
     arch: Arch,
 }
 
 impl<T: Scalar> Batch<T> {
-    /// Room for `windows` inputs, all numbers zero.
+    /// A batch of `windows` inputs, all numbers zero.
     ///
     /// # Panics
-    /// If the network's sizes cannot be ([`Perceptron::check`]), or there is no window.
+    /// If the network is invalid ([`Perceptron::check`]), or there is no window.
     pub fn new(network: &Perceptron, windows: usize) -> Self {
         if let Err(error) = network.check() {
             panic!("{error}");
@@ -112,10 +111,10 @@ impl<T: Scalar> Batch<T> {
         self.windows
     }
 
-    /// Another number of windows, from the next input on: the last ones are forgotten.
+    /// Sets the number of windows and discards the present ones.
     ///
     /// # Panics
-    /// If there is none, or there are more than it was made for.
+    /// If there is none, or there are more than at construction.
     pub fn set_windows(&mut self, windows: usize) {
         assert!((1..=self.room).contains(&windows), "no more windows than there is room for");
         let lanes = windows.next_multiple_of(LANES);
@@ -136,50 +135,50 @@ impl<T: Scalar> Batch<T> {
         self.lanes
     }
 
-    /// What the network reads, `inputs x lanes`.
+    /// Input of the network, `inputs x lanes`.
     pub fn input_mut(&mut self) -> &mut [T] {
         &mut self.hidden[0]
     }
 
-    /// What the network reads, `inputs x lanes`.
+    /// Input of the network, `inputs x lanes`.
     pub fn input(&self) -> &[T] {
         &self.hidden[0]
     }
 
-    /// What the network gives, `outputs x lanes`.
+    /// Output of the network, `outputs x lanes`.
     pub fn output(&self) -> &[T] {
         &self.output
     }
 
-    /// `dL/dy`, `outputs x lanes`, to be written before the way [`backward`](Self::backward).
+    /// `dL/dy`, `outputs x lanes`, the input of [`backward`](Self::backward).
     pub fn output_adjoint_mut(&mut self) -> &mut [T] {
         &mut self.output_adjoint
     }
 
-    /// From input to output, with these flat weights.
+    /// The forward pass with flat weights.
     ///
     /// # Panics
     /// If there are fewer weights than the network has.
     pub fn forward(&mut self, weights: &[T]) {
-        // What stands in lanes without a window may be no number, and nothing may come of it on the way back.
+        // Padding lanes may hold NaN, which must not reach the gradient.
         clear(&mut self.hidden[0], self.lanes, self.windows);
         T::run::<ForwardKernel>(self.arch, Forwards { batch: self, weights });
     }
 
-    /// The backward pass, after [`forward`](Self::forward): from the adjoint of the output to the gradient of the flat
-    /// weights, which overwrites `gradient`.
+    /// The backward pass, after [`forward`](Self::forward): overwrites `gradient` with the gradient of the flat
+    /// weights.
     ///
     /// # Panics
-    /// If there are fewer weights, or less room for their gradient, than the network has.
+    /// If `weights` or `gradient` is shorter than the network's weights.
     pub fn backward(&mut self, weights: &[T], gradient: &mut [T]) {
         self.back(weights, gradient, &mut []);
     }
 
-    /// As [`backward`](Self::backward), and the adjoint of the input (`dL/dx`, `inputs x lanes`), for an input that
+    /// As [`backward`](Self::backward), with the adjoint of the input (`dL/dx`, `inputs x lanes`), for an input that
     /// depends on other weights.
     ///
     /// # Panics
-    /// If there are fewer weights, or less room, than the network has.
+    /// If a slice is too short.
     pub fn backward_to(&mut self, weights: &[T], gradient: &mut [T], input_adjoint: &mut [T]) {
         assert_eq!(input_adjoint.len(), self.network.inputs * self.lanes, "inputs x lanes");
         self.back(weights, gradient, input_adjoint);
@@ -191,7 +190,7 @@ impl<T: Scalar> Batch<T> {
     }
 }
 
-/// Zero in the lanes without a window, in each row.
+/// Sets the padding lanes of each row to zero.
 fn clear<T: Scalar>(rows: &mut [T], lanes: usize, windows: usize) {
     if windows < lanes {
         for row in rows.chunks_exact_mut(lanes) {
@@ -200,7 +199,7 @@ fn clear<T: Scalar>(rows: &mut [T], lanes: usize, windows: usize) {
     }
 }
 
-/// What is compiled for the processor of [`Batch::forward`].
+/// Kernel of [`Batch::forward`].
 pub(crate) struct Forwards<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
@@ -238,12 +237,12 @@ impl<T: Scalar> WithSimd for Forwards<'_, T> {
     }
 }
 
-/// The same of [`Batch::backward`].
+/// Kernel of [`Batch::backward`].
 pub(crate) struct Backs<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
     gradient: &'a mut [T],
-    /// Empty where nobody asks for it.
+    /// Empty where it is not needed.
     input_adjoint: &'a mut [T],
 }
 
@@ -305,7 +304,7 @@ fn sum<T: Scalar>(row: &[T]) -> T {
 mod tests {
     use super::*;
 
-    /// Outputs and gradient with these vectors.
+    /// Outputs and gradient with the vectors of `arch`.
     fn walked<T: Scalar>(network: &Perceptron, arch: Arch) -> Vec<T> {
         let number = |k: usize| T::of(0.9 * (0.7 * (k + 1) as f64).sin());
         let weights: Vec<T> = (0..network.weights()).map(number).collect();

@@ -10,19 +10,16 @@ use super::session::DirectSession;
 use super::window::Window;
 use crate::model::sparse;
 
-/// Scratch memory for rollouts of one session from its past under many command sequences at once: the weights, hundreds
-/// of kilobytes, are read once for all of them.
-///
-/// Results are those of the session's own rollouts but for the order in which sums are added.
+/// Scratch memory for rollouts of one session under many command sequences at once: the weights, hundreds of kilobytes,
+/// are read once for all of them. Results equal sequential rollouts up to the order of sums.
 #[derive(Clone, Debug)]
 pub(super) struct BatchRollout {
     sequences: usize,
     model: Arc<Direct>,
-    /// Its weights, with the read-out of the session.
+    /// Weights of the model with the last layer of the session.
     weights: Vec<f64>,
     window: Window,
     batch: Batch<f64>,
-    /// Of the equations that it adds to.
     equations: Option<sparse::BatchRollout>,
     /// State of the equations: the present outputs, then their memory.
     below: Vec<f64>,
@@ -35,8 +32,8 @@ pub(super) struct BatchRollout {
 }
 
 impl BatchRollout {
-    /// Memory for `sequences` sequences of sessions of this model; `None`, without allocating, over equations with past
-    /// values, which roll out one by one.
+    /// Memory for `sequences` sequences. `None`, without allocating, for base equations with past values, which roll
+    /// out one by one.
     pub(super) fn new(session: &DirectSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
         let equations = match model.equations() {
@@ -58,13 +55,12 @@ impl BatchRollout {
         })
     }
 
-    /// Whether the memory is for the session's model and holds `count` sequences.
     pub(super) fn fits(&self, session: &DirectSession, count: usize) -> bool {
         let model = session.shared_model();
         count <= self.sequences && (Arc::ptr_eq(model, &self.model) || **model == *self.model)
     }
 
-    /// Takes the past and the last layer of a session.
+    /// Loads the past and the last layer of a session.
     fn load(&mut self, session: &DirectSession) {
         let Window { n, p, .. } = self.window;
         self.window.scale_past(&self.model, session.whole_past(), &mut self.past);
@@ -77,11 +73,11 @@ impl BatchRollout {
         self.weights[from..].copy_from_slice(read_out);
     }
 
-    /// Rolls `count` sequences out from the state of a session: `commands` are `count x steps x inputs`, `y` are `count
+    /// Rolls out `count` sequences from the state of a session: `commands` are `count x steps x inputs`, `y` are `count
     /// x steps x outputs`.
     ///
     /// # Panics
-    /// If the slices have not whole sequences of the same number of steps.
+    /// If the slices do not hold whole sequences of the same number of steps.
     pub(super) fn rollout(&mut self, session: &DirectSession, count: usize, commands: &[f64], y: &mut [f64]) {
         self.load(session);
         let Self { model, weights, window: w, batch, equations, below, past, windows, predicted, .. } = self;
@@ -132,7 +128,7 @@ impl BatchRollout {
             }
             first += here;
             if let Some(room) = equations {
-                // The next horizon begins from what was predicted; lags hear of commands alone.
+                // The next horizon begins at the predicted outputs; lags depend on commands alone.
                 for (c, row) in room.outputs_mut(n, count).chunks_exact_mut(count).enumerate() {
                     row.iter_mut().enumerate().for_each(|(i, now)| *now = y[(i * steps + first - 1) * n + c]);
                 }

@@ -1,16 +1,16 @@
-//! Whether the parts of a direct predictor fit together.
+//! Checks of a direct predictor.
 
 use core::fmt;
 
 use super::model::Direct;
 use crate::model::recurrent::{BaseModel, NetworkError, Part, RecurrentError};
 
-/// Why a direct predictor cannot be.
+/// Reasons why a direct predictor is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DirectError {
-    /// The network itself cannot be.
+    /// The network is invalid.
     Network(NetworkError),
-    /// History or horizon is nothing, or longer than any vessel's model needs.
+    /// History or horizon is zero or too long.
     Span {
         /// `history` or `horizon`.
         what: &'static str,
@@ -19,14 +19,14 @@ pub enum DirectError {
     },
     /// Input or output of the network do not fit the model.
     Length {
-        /// `reads` or `gives`.
+        /// `reads` (input) or `gives` (output).
         what: &'static str,
-        /// Numbers of the network.
+        /// Length in the network.
         network: usize,
-        /// Numbers of the model.
+        /// Length in the model.
         model: usize,
     },
-    /// Weights or scales cannot be.
+    /// Weights or scales are invalid.
     Numbers(RecurrentError),
 }
 
@@ -55,7 +55,7 @@ impl From<NetworkError> for DirectError {
 }
 
 impl Direct {
-    /// Whether the parts fit together and every number can be.
+    /// Checks sizes and numbers.
     ///
     /// # Errors
     /// If sizes contradict one another, a number is not finite, or a scale is not positive.

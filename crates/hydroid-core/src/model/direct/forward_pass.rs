@@ -1,4 +1,4 @@
-//! One input through a perceptron.
+//! The forward pass of a perceptron for one input.
 
 #![expect(
     clippy::inline_always,
@@ -12,7 +12,6 @@ use pulp::{Arch, Simd, WithSimd};
 use super::perceptron::{Layer, Perceptron};
 use crate::math::{functions, product, slices};
 
-/// The forward pass of a [`Perceptron`] for one input at a time.
 #[derive(Clone, Debug)]
 pub(crate) struct ForwardPass {
     layers: Arc<[Layer]>,
@@ -37,7 +36,7 @@ impl ForwardPass {
         self.layers.last().map_or(0, |layer| layer.reads)
     }
 
-    /// The last layer of all weights: its matrix row by row, then its bias.
+    /// Weights of the last layer: its matrix row by row, then its bias.
     pub(crate) fn read_out<'a>(&self, weights: &'a [f64]) -> &'a [f64] {
         &weights[self.layers.last().map_or(0, |layer| layer.at)..]
     }
@@ -57,7 +56,7 @@ impl ForwardPass {
     pub(super) fn look(&self, weights: &[f64], x: &[f64], hidden: &mut [f64], into: &mut [f64]) {
         self.evaluate([weights, &[]], x, hidden, &mut []);
         let inner = self.layers.len() - 1;
-        // Layers write to one half and to the other in turn.
+        // Layers alternate between the two halves.
         let h = if inner == 0 { x } else { &hidden[(inner % 2) * self.widest..] };
         into.copy_from_slice(&h[..into.len()]);
     }

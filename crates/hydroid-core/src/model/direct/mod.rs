@@ -1,5 +1,5 @@
-//! The direct predictor: a feed-forward network from the past of a run and the commands to come to all outputs of a
-//! horizon at once; one window at a time in a [`DirectSession`], many side by side in a [`Batch`].
+//! The direct predictor: a feed-forward network from the past of a run and the future commands to all outputs of a
+//! horizon at once; a [`DirectSession`] computes one window at a time, a [`Batch`] many side by side.
 
 mod base_rollout;
 pub(crate) mod batch;

@@ -1,4 +1,4 @@
-//! A feed-forward network as a model of a vessel: inputs, outputs, scaling.
+//! Structure of a direct predictor.
 
 use alloc::vec::Vec;
 
@@ -19,10 +19,8 @@ use crate::model::recurrent::{BaseModel, Scaling};
 /// ```
 ///
 /// where `e_{k+1} .. e_{k+H}` is the rollout of the equations from `y_k` under `m_k ..`, with lags and past values from
-/// all samples before.
-///
-/// (Thesis, eq. 13-17: `p = 4`, `H = 20`, `n = 3`, `m = 2`, layers 58-256-256-256-60.) Each step has weights of its own
-/// and does not depend on the prediction of the step before, so that errors do not accumulate within the horizon.
+/// all earlier samples. (Thesis, eq. 13-17: `p = 4`, `H = 20`, `n = 3`, `m = 2`, layers 58-256-256-256-60.) Each step
+/// has its own weights and does not depend on the previous prediction: errors do not accumulate within the horizon.
 ///
 /// Longer rollouts are chained: predictions become the history of the next `H` steps. In shorter rollouts, and in the
 /// last part of a chain, the last given command is held.
@@ -51,12 +49,10 @@ impl Direct {
         self.scaling.output_mean.len()
     }
 
-    /// A scaled output.
     pub(super) fn scaled_output(&self, output: usize, y: f64) -> f64 {
         (y - self.scaling.output_mean[output]) / self.scaling.output_scale[output]
     }
 
-    /// A scaled command.
     pub(super) fn scaled_command(&self, input: usize, c: f64) -> f64 {
         (c - self.scaling.input_mean[input]) / self.scaling.input_scale[input]
     }

@@ -1,18 +1,18 @@
-//! What a feed-forward network is made of, and the order of its weights.
+//! Structure of a feed-forward network and the order of its weights.
 
 use alloc::format;
 use alloc::vec::Vec;
 
 use crate::model::recurrent::{NetworkError, Tensor};
 
-/// A multilayer perceptron with `tanh` between its layers and a linear read-out.
+/// A multilayer perceptron with `tanh` between its layers and a linear last layer.
 ///
 /// ```text
 /// h_0 = x,   h_l = tanh(W_l h_{l-1} + b_l),   y = W_L h_{L-1} + b_L
 /// ```
 ///
-/// Its weights are one flat slice: `W_1 b_1 W_2 b_2 ..`, each matrix row by row (`outputs x inputs` of the layer).
-/// Names are those of `torch.nn.Sequential(Linear, Tanh, Linear, .., Linear)`, so that weights travel both ways.
+/// The weights are one flat slice: `W_1 b_1 W_2 b_2 ..`, each matrix row by row (`outputs x inputs` of the layer).
+/// Tensor names are those of `torch.nn.Sequential(Linear, Tanh, Linear, .., Linear)`, for exchange in both directions.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
@@ -25,14 +25,12 @@ pub struct Perceptron {
     pub outputs: usize,
 }
 
-/// Places of a layer's weights.
+/// Sizes of a layer and the offset of its weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layer {
-    /// Number of inputs.
     pub(super) reads: usize,
-    /// Number of outputs.
     pub(super) gives: usize,
-    /// Where its matrix begins; its bias follows it.
+    /// Offset of the matrix, which the bias follows.
     pub(super) at: usize,
 }
 
@@ -48,17 +46,17 @@ impl Layer {
 }
 
 impl Perceptron {
-    /// The longest layer, input or output.
+    /// Largest length of a layer, input or output.
     pub const MOST: usize = 4096;
-    /// The most hidden layers.
+    /// Largest number of hidden layers.
     pub const DEEPEST: usize = 64;
-    /// The most weights: half a gigabyte.
+    /// Largest number of weights: half a gigabyte.
     pub const HEAVIEST: usize = 1 << 26;
 
-    /// Whether the sizes can be.
+    /// Checks the sizes.
     ///
     /// # Errors
-    /// If one is zero, or larger than any vessel's model needs.
+    /// If a size is zero or exceeds its limit.
     pub fn check(&self) -> Result<(), NetworkError> {
         if self.hidden.len() > Self::DEEPEST {
             return Err(NetworkError::Huge("layers", self.hidden.len(), Self::DEEPEST));
@@ -72,7 +70,7 @@ impl Perceptron {
                 return Err(NetworkError::Huge(what, size, Self::MOST));
             }
         }
-        // Nothing overflows: layers and lengths are known to be short.
+        // No overflow: the number and the lengths of the layers are limited.
         let weights = self.weights();
         if weights > Self::HEAVIEST {
             return Err(NetworkError::Huge("weights", weights, Self::HEAVIEST));
@@ -85,7 +83,6 @@ impl Perceptron {
         self.layers().last().map_or(0, |layer| layer.at + (layer.reads + 1) * layer.gives)
     }
 
-    /// Its layers, the read-out last.
     pub(super) fn layers(&self) -> Vec<Layer> {
         let (mut reads, mut at) = (self.inputs, 0);
         let layer = |&gives: &usize| {
@@ -97,7 +94,7 @@ impl Perceptron {
         self.hidden.iter().chain([&self.outputs]).map(layer).collect()
     }
 
-    /// The places of the weights, in their order.
+    /// The tensors of the weights, in their order.
     pub fn tensors(&self) -> Vec<Tensor> {
         let both = |(l, layer): (usize, &Layer)| {
             let tensor = |what: &str, columns, vector, offset| Tensor {

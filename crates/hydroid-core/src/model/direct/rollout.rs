@@ -6,12 +6,11 @@ use super::model::Direct;
 use super::window::Window;
 
 impl ForwardPass {
-    /// Length of the scratch of a rollout.
     pub(super) fn scratch(&self, model: &Direct) -> usize {
         model.network.inputs + model.network.outputs + self.hidden() + BaseRollout::scratch(model)
     }
 
-    /// Inputs of the last layer for a window of outputs, past commands and commands to come; the last given command is
+    /// Inputs of the last layer for a window of outputs, past commands and future commands; the last given command is
     /// held.
     pub(super) fn look_through(
         &self,
@@ -74,7 +73,6 @@ impl ForwardPass {
     }
 }
 
-/// Commands in the scale of the network.
 fn scaled<'a>(model: &'a Direct, commands: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
     commands.iter().enumerate().map(|(i, &c)| model.scaled_command(i % model.inputs(), c))
 }

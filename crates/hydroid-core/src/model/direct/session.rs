@@ -16,11 +16,10 @@ use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 /// A run of a [`Direct`] model. Measurements replace the present output; missing ones are predicted.
 ///
 /// At the start of a run, the first measurement of an output fills its history. Until the history of commands is
-/// complete, measured values are held and rollouts are NaN; on equations, also until all past values of the equations
-/// are known.
+/// complete (with base equations, also all their past values), measured values are held and rollouts are NaN.
 ///
 /// The snapshot is the past: `history` rows of outputs, the present one last, then `history - 1` rows of commands; then
-/// the memory of the equations, and the last layer of a session with one of its own.
+/// the memory of the equations, and the session's own last layer if it has one.
 #[derive(Clone, Debug)]
 pub struct DirectSession {
     model: Arc<Direct>,
@@ -28,13 +27,12 @@ pub struct DirectSession {
     window: Window,
     /// Past outputs and commands in physical units.
     past: Vec<f64>,
-    /// State of the equations: outputs (unused), then the memory of the samples before the present one. Empty without
-    /// equations.
+    /// State of the equations: outputs (unused), then the memory before the present sample. Empty without equations.
     below: Vec<f64>,
-    /// Last layer of the session in place of the layer of the model; empty without.
+    /// The session's own last layer; empty where the layer of the model is used.
     own: Vec<f64>,
     scratch: Vec<f64>,
-    /// The present outputs, as they are predicted.
+    /// Predicted outputs.
     next: Vec<f64>,
 }
 
@@ -65,7 +63,6 @@ impl DirectSession {
         &self.model
     }
 
-    /// The shared model.
     pub(super) fn shared_model(&self) -> &Arc<Direct> {
         &self.model
     }
@@ -75,7 +72,7 @@ impl DirectSession {
         &self.past
     }
 
-    /// A session with a last layer of its own, which is part of snapshots.
+    /// A session with its own last layer, which is part of snapshots.
     pub(crate) fn with_own_read_out(model: Arc<Direct>) -> Result<Self, DirectError> {
         let mut session = Self::new(model)?;
         session.own = session.forward.read_out(&session.model.weights).to_vec();
@@ -87,12 +84,12 @@ impl DirectSession {
         if self.own.is_empty() { self.forward.read_out(&self.model.weights) } else { &self.own }
     }
 
-    /// The last layer of the session; empty without one of its own.
+    /// The session's own last layer; empty without.
     pub(crate) fn read_out_mut(&mut self) -> &mut [f64] {
         &mut self.own
     }
 
-    /// Outputs and commands that have passed, in their own units.
+    /// Past outputs and past commands, in physical units.
     pub(crate) fn past(&self) -> (&[f64], &[f64]) {
         self.past.split_at(self.window.outputs())
     }
@@ -102,8 +99,8 @@ impl DirectSession {
         self.below.get(self.window.n..).unwrap_or_default()
     }
 
-    /// Rollout of the equations over the horizon of a past window, from its last outputs and the memory of that time,
-    /// under the commands since; without equations `into` is unchanged.
+    /// Rollout of the equations over the horizon of a past window, from its last outputs and the memory at that time;
+    /// without equations `into` is unchanged.
     pub(crate) fn of_equations(
         &mut self,
         present: &[f64],
@@ -114,7 +111,6 @@ impl DirectSession {
         BaseRollout::begin(&self.model, present, memory, &mut self.scratch).roll(commands, into);
     }
 
-    /// Number of inputs of the last layer.
     pub(crate) fn features(&self) -> usize {
         self.forward.features()
     }
@@ -130,7 +126,6 @@ impl DirectSession {
         self.forward.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
     }
 
-    /// Applies the last layer to features.
     pub(crate) fn give(&self, features: &[f64], into: &mut [f64]) {
         self.forward.give(self.read_out(), features, into);
     }
@@ -162,11 +157,11 @@ impl Predictor for DirectSession {
     fn observe(&mut self, y: &[f64]) {
         let Window { n, p, .. } = self.window;
         let outputs = &mut self.past[..p * n];
-        // What is infinite was not measured.
+        // Infinite values count as missing.
         for (c, &y) in y.iter().enumerate().filter(|(_, y)| y.is_finite()) {
             let present = (p - 1) * n + c;
             if outputs[present].is_nan() {
-                // Nothing was known of it.
+                // The first measurement of this output fills its history.
                 for k in 0..p {
                     outputs[k * n + c] = y;
                 }
@@ -186,7 +181,7 @@ impl Predictor for DirectSession {
         }
         if let Some(equations) = self.model.equations() {
             let present = &self.past[(p - 1) * n..p * n];
-            // Of a past that is not known, or from where they run away, equations say nothing that could be a history.
+            // A prediction that is not finite (unknown past, divergence) does not enter the history.
             if !self.next.iter().all(|y| y.is_finite()) {
                 self.next.copy_from_slice(present);
             }

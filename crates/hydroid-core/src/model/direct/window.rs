@@ -1,4 +1,4 @@
-//! The input of a network with history and horizon, in one row, shifted as samples pass.
+//! The input of a direct predictor, in one row, shifted from sample to sample.
 
 use super::model::Direct;
 
@@ -17,12 +17,12 @@ impl Window {
         Self { n: model.outputs(), m: model.inputs(), p: model.history, h: model.horizon }
     }
 
-    /// Numbers of the past outputs.
+    /// Length of the past outputs.
     pub(crate) fn outputs(&self) -> usize {
         self.p * self.n
     }
 
-    /// Length of the past outputs and commands, the memory of a session.
+    /// Length of the past outputs and commands.
     pub(crate) fn past(&self) -> usize {
         self.outputs() + (self.p - 1) * self.m
     }
@@ -60,7 +60,7 @@ impl Window {
     }
 }
 
-/// Shifts a row and appends numbers; only the end of a longer row is kept.
+/// Shifts a row and appends numbers; of a longer slice only the end is kept.
 pub(crate) fn push<T: Copy>(row: &mut [T], others: &[T]) {
     let (len, new) = (row.len(), others.len());
     if new >= len {

@@ -9,25 +9,21 @@ use super::model::{BaseModel, Recurrent};
 use super::session::RecurrentSession;
 use crate::model::sparse;
 
-/// Scratch memory for rollouts of one session, from its hidden state and with its weights of the moment, under many
-/// command sequences at once.
-///
-/// Network and base equations work on all sequences at the same time. Results are those of the session's own rollouts
-/// but for the order in which sums are added.
+/// Scratch memory for rollouts of one session under many command sequences at once, from its hidden state and with its
+/// present weights. Results equal sequential rollouts up to the order of sums.
 #[derive(Clone, Debug)]
 pub(super) struct BatchRollout {
     sequences: usize,
     model: Arc<Recurrent>,
     network: Rollout<f64>,
-    /// Of the base's equations.
     equations: Option<sparse::BatchRollout>,
-    /// Present outputs of each sequence, a row for each output, where no equations have them.
+    /// Present outputs, a row for each output; unused with equations.
     outputs: Vec<f64>,
 }
 
 impl BatchRollout {
-    /// Memory for `sequences` sequences of sessions of this model; `None`, without allocating, over equations with past
-    /// values, which roll out one by one.
+    /// Memory for `sequences` sequences. `None`, without allocating, for base equations with past values, which roll
+    /// out one by one.
     pub(super) fn new(session: &RecurrentSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
         let equations = match &model.base {
@@ -47,11 +43,11 @@ impl BatchRollout {
         count <= self.sequences && (Arc::ptr_eq(theirs, ours) || same(theirs, ours))
     }
 
-    /// Rolls `count` sequences out from the state and with the weights of a session: `commands` are `count x steps x
+    /// Rolls out `count` sequences from the state and with the weights of a session: `commands` are `count x steps x
     /// inputs`, `y` are `count x steps x outputs`.
     ///
     /// # Panics
-    /// If the slices have not whole sequences of the same number of steps.
+    /// If the slices do not hold whole sequences of the same number of steps.
     pub(super) fn rollout(
         &mut self,
         session: &RecurrentSession,

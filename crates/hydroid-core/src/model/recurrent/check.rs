@@ -1,4 +1,4 @@
-//! Whether the parts of a recurrent model fit together.
+//! Checks of a recurrent model.
 
 use core::fmt;
 
@@ -35,35 +35,35 @@ impl fmt::Display for Part {
     }
 }
 
-/// Why a recurrent model cannot be.
+/// Reasons why a recurrent model is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecurrentError {
-    /// The network itself cannot be.
+    /// The network is invalid.
     Network(NetworkError),
     /// The input of the network does not fit the model.
     Inputs {
         /// Inputs of the network.
         network: usize,
-        /// Inputs of the model, with feedback its outputs too.
+        /// Inputs of the model, with feedback also its outputs.
         model: usize,
     },
-    /// There are more or fewer numbers than the model has places for.
+    /// The number of weights, scales or variances does not fit the model.
     Length {
-        /// Of what.
+        /// The invalid part.
         part: Part,
         /// Numbers expected.
         expected: usize,
         /// Numbers given.
         given: usize,
     },
-    /// A number is not finite, or not positive (process noise: negative) where it must be.
+    /// A number is not finite, or not positive (process noise: negative).
     Number {
-        /// Of what.
+        /// The invalid part.
         part: Part,
-        /// Its place.
+        /// Index in the part.
         index: usize,
     },
-    /// The equations below the network have other channels than it.
+    /// The base equations have other channels than the model.
     Equations {
         /// Inputs and outputs of the equations.
         equations: (usize, usize),
@@ -103,7 +103,7 @@ impl From<NetworkError> for RecurrentError {
 }
 
 impl Part {
-    /// What its numbers must be, besides finite.
+    /// Requirement besides finiteness.
     fn wanted(self) -> (&'static str, fn(f64) -> bool) {
         match self {
             Self::Weights | Self::OutputMean | Self::InputMean => ("", |_| true),
@@ -132,7 +132,7 @@ impl Recurrent {
         self.scaling.input_mean.len()
     }
 
-    /// Whether the parts fit together and every number can be.
+    /// Checks sizes and numbers.
     ///
     /// # Errors
     /// If sizes contradict one another, a number is not finite, or a scale or variance is not positive.

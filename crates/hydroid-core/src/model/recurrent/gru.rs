@@ -5,8 +5,8 @@
 //! h+ = (1 - z) . n + z . h
 //! ```
 //!
-//! with `a_r`, `a_z` the sums of what comes from the input and from the state. Every slice holds `cells x width`
-//! numbers row by row; the width is the number of sequences that are walked side by side, and 1 in a single step.
+//! `a_r` and `a_z` are the sums of the contributions of input and state. Slices hold `cells x width` numbers row by
+//! row; the width is the number of sequences side by side, and 1 in a single step.
 
 #![expect(
     clippy::inline_always,
@@ -36,7 +36,7 @@ pub(crate) fn forward<S: Simd, T: Scalar>(simd: S, gates: &mut [T], h: &[T], nex
     }
 }
 
-/// From `dL/dh+` in `dh`: the adjoints of `a_r, a_z, a_n, b_n` in place of the gates, and in `dh` the part of `dL/dh`
+/// From `dL/dh+` in `dh`: the adjoints of `a_r, a_z, a_n, b_n` replace the gates, and `dh` becomes the part of `dL/dh`
 /// that does not pass through the gates.
 #[inline(always)]
 pub(crate) fn backward<S: Simd, T: Scalar>(simd: S, gates: &mut [T], h: &[T], dh: &mut [T]) {

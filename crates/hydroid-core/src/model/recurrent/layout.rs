@@ -1,11 +1,11 @@
-//! Where the weights of a network stand in its flat weights.
+//! Offsets of weights in the flat weights of a network.
 
 use alloc::vec::Vec;
 use core::ops::Range;
 
 use super::network::{Cell, Network};
 
-/// Places of all weights, in the order of [`Network::tensors`].
+/// Offsets of all weights, in the order of [`Network::tensors`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// Layers, from the input on.
@@ -16,10 +16,10 @@ pub struct Layout {
     pub read_out: Option<(Range<usize>, Range<usize>)>,
 }
 
-/// Places of one layer's weights. Each matrix has [`rows`](Self::rows) rows, one after the other.
+/// Offsets of the weights of one layer, matrices row by row with [`rows`](Self::rows) rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LayerLayout {
-    /// Rows of the gates together.
+    /// Rows of all gates.
     pub rows: usize,
     /// Length of the input of the layer: the input of the network, or the `h` of the layer before.
     pub reads: usize,
@@ -35,16 +35,16 @@ pub struct LayerLayout {
     pub bias_hh: Range<usize>,
 }
 
-/// The weights that touch one row of a layer's gates; no other row has any of them.
+/// The weights of one row of a layer's gates; rows do not share weights.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GateRow {
-    /// Its row of `W_ih`.
+    /// Row of `W_ih`.
     pub weight_ih: Range<usize>,
-    /// Its row of `W_hh`: multiplied by the layer's `h`.
+    /// Row of `W_hh`.
     pub weight_hh: Range<usize>,
-    /// Its element of `b_ih`.
+    /// Element of `b_ih`.
     pub bias_ih: usize,
-    /// Its element of `b_hh`.
+    /// Element of `b_hh`.
     pub bias_hh: usize,
 }
 
@@ -62,7 +62,7 @@ impl LayerLayout {
 }
 
 impl Layout {
-    /// Of a network.
+    /// The layout of a network.
     pub fn new(network: &Network) -> Self {
         let (cell, mut end) = (network.cell, 0);
         let mut next = |len: usize| {
@@ -86,8 +86,8 @@ impl Layout {
         Self { layers, projection, read_out }
     }
 
-    /// The weights of the gates: of the rows that pass through a sigmoid, which are `i`, `f` and `o` of an LSTM, `r`
-    /// and `z` of a GRU, and none of a vanilla network.
+    /// Weights of the rows that pass through a sigmoid: `i`, `f` and `o` of an LSTM, `r` and `z` of a GRU, none of a
+    /// vanilla network.
     pub fn gates(&self, cell: Cell) -> Vec<usize> {
         let (parts, sigmoid): (usize, &[usize]) = match cell {
             Cell::Lstm { .. } => (4, &[0, 1, 3]),
@@ -134,7 +134,7 @@ mod tests {
         assert!(Layout::new(&vanilla).gates(vanilla.cell).is_empty());
     }
 
-    /// One order of weights, told twice: by name for files, by place for arithmetic.
+    /// The layout (offsets) agrees with the tensors (names).
     #[test]
     fn places_are_those_of_the_tensors() {
         for cell in [

@@ -5,8 +5,8 @@
 //! c+ = f . c + i . g,   t = tanh(c+),   m = o . t
 //! ```
 //!
-//! Every slice holds `cells x width` numbers row by row, the record five times as many, `[i f g o t]`; the width is the
-//! number of sequences that are walked side by side, and 1 in a single step.
+//! Slices hold `cells x width` numbers row by row, the record `[i f g o t]` five times as many; the width is the number
+//! of sequences side by side, and 1 in a single step.
 
 #![expect(
     clippy::inline_always,
@@ -48,8 +48,8 @@ pub(crate) fn forward<S: Simd, T: Scalar>(
     }
 }
 
-/// From `dm = dL/dm` and, in `dcell`, `dL/dc+`: the adjoints of `a` in the record in place of the gates, and `dL/dc` in
-/// `dcell`.
+/// From `dm = dL/dm` and `dL/dc+` in `dcell`: the adjoints of `a` replace the gates in the record, and `dcell` becomes
+/// `dL/dc`.
 #[inline(always)]
 pub(crate) fn backward<S: Simd, T: Scalar>(simd: S, record: &mut [T], cell: &[T], dm: &[T], dcell: &mut [T]) {
     let n = cell.len();

@@ -1,5 +1,5 @@
-//! Recurrent networks: vanilla, GRU and LSTM cells with a linear read-out; walked in batches by [`Tape`] (forward and
-//! back through time) and [`Rollout`] (forward only).
+//! Recurrent networks: vanilla, GRU and LSTM cells with a linear read-out, in batches ([`Tape`], [`Rollout`]) and one
+//! sequence at a time ([`Packed`], [`Linearization`]).
 
 pub(crate) mod batch;
 mod batch_rollout;

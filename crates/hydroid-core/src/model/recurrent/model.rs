@@ -13,8 +13,7 @@ pub enum BaseModel {
     Nothing,
     /// The present outputs: the network gives their increments.
     Hold,
-    /// Equations of motion: the network gives their residual (a grey-box model), over one sample or, for a direct
-    /// predictor, over each sample of the horizon.
+    /// Equations of motion: the network gives their residual (a grey-box model) over each sample.
     Equations(Arc<Equations>),
 }
 
@@ -29,8 +28,7 @@ pub struct Scaling {
     pub input_mean: Vec<f64>,
     /// Scale of the inputs.
     pub input_scale: Vec<f64>,
-    /// Scale of the output of the network: of the outputs without base, else of their increments or of the residual of
-    /// the equations.
+    /// Scale of the output of the network: outputs without base, else increments or residuals.
     pub correction_scale: Vec<f64>,
 }
 
@@ -48,7 +46,7 @@ pub struct Scaling {
 /// `y_k` is measured along a run, and predicted in a rollout. A run starts with `h = 0`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recurrent {
-    /// The network; its inputs are the inputs of the model, then with feedback the outputs.
+    /// The network; its inputs are the inputs of the model and, with feedback, the outputs.
     pub network: Network,
     /// Weights in the order of [`Network::tensors`].
     pub weights: Vec<f64>,
@@ -56,7 +54,7 @@ pub struct Recurrent {
     pub scaling: Scaling,
     /// Base model.
     pub base: BaseModel,
-    /// Whether the outputs are inputs of the network.
+    /// Whether the outputs are inputs of the network (output feedback).
     pub feedback: bool,
     /// Number of samples before an origin in which the hidden state settles (wash-out).
     pub wash_out: usize,

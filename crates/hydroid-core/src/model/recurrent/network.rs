@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use core::fmt;
 
 /// A recurrent cell. `x` is the input of a step, `h` the visible part of the state, `s` the logistic function, `.` the
-/// element-wise product. Gates stand in PyTorch's order, with its two bias vectors per layer.
+/// element-wise product. Gates are in PyTorch's order, with two bias vectors per layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "cell", rename_all = "snake_case", deny_unknown_fields))]
@@ -57,11 +57,11 @@ pub enum Cell {
     },
 }
 
-/// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`. (`f` is the transition, `g` the observation of
-/// a state-space model; wash-out is also known as burn-in.)
+/// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`, with the transition `f` and the observation `g`
+/// of a state-space model.
 ///
-/// Its weights are one flat slice: the tensors of [`tensors`](Self::tensors) one after the other, each row by row, with
-/// PyTorch's names, so that weights travel both ways.
+/// Its weights are one flat slice: the [`tensors`](Self::tensors) one after the other, each row by row, with PyTorch's
+/// names for exchange in both directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
@@ -87,7 +87,7 @@ pub struct Tensor {
     pub columns: usize,
     /// Whether PyTorch stores a vector of `rows` numbers.
     pub vector: bool,
-    /// Where it begins in the flat weights.
+    /// Offset in the flat weights.
     pub offset: usize,
 }
 
@@ -97,17 +97,17 @@ impl Tensor {
         self.rows * self.columns
     }
 
-    /// Whether it holds nothing.
+    /// Whether there are no weights.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Its place in the flat weights.
+    /// Range in the flat weights.
     pub fn range(&self) -> core::ops::Range<usize> {
         self.offset..self.offset + self.len()
     }
 
-    /// Its shape as PyTorch has it.
+    /// Shape in PyTorch.
     pub fn shape(&self) -> Vec<usize> {
         if self.vector { [self.rows].into() } else { [self.rows, self.columns].into() }
     }
@@ -118,10 +118,9 @@ impl Tensor {
 pub enum NetworkError {
     /// A size is zero.
     Empty(&'static str),
-    /// A size is larger than any vessel's model needs: which, what it is, the most that it may be. Guards against files
-    /// that ask for all memory.
+    /// A size exceeds its limit: name, value, limit. Guards against files that would exhaust the memory.
     Huge(&'static str, usize, usize),
-    /// Without read-out the cell's `h` is the output, and must have its length.
+    /// Without read-out, the lengths of the cell's `h` and of the output differ.
     Shown {
         /// Length of `h`.
         shown: usize,
@@ -181,7 +180,7 @@ impl Cell {
         if let Self::Vanilla { layers, .. } = *self { layers } else { 1 }
     }
 
-    /// Rows of a layer's gates together.
+    /// Rows of all gates of a layer.
     pub fn gate_rows(&self) -> usize {
         match *self {
             Self::Lstm { hidden, .. } => 4 * hidden,
@@ -201,7 +200,7 @@ impl Cell {
 }
 
 impl Network {
-    /// The largest size in a network.
+    /// Largest size in a network.
     pub const MOST: usize = 4096;
 
     /// Checks the sizes.
@@ -248,8 +247,8 @@ impl Network {
         self.tensors().last().map_or(0, |tensor| tensor.range().end)
     }
 
-    /// The weights' places, in their order: for each layer `weight_ih_l`, `weight_hh_l`, `bias_ih_l`, `bias_hh_l`, then
-    /// `weight_hr_l0` of a projection, then `linear.weight` and `linear.bias` of the read-out.
+    /// The tensors of the weights, in their order: for each layer `weight_ih_l`, `weight_hh_l`, `bias_ih_l`,
+    /// `bias_hh_l`, then `weight_hr_l0` of a projection, then `linear.weight` and `linear.bias` of the read-out.
     pub fn tensors(&self) -> Vec<Tensor> {
         let (gates, shown) = (self.cell.gate_rows(), self.cell.shown());
         let mut shapes = Vec::new();

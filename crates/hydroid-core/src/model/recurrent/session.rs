@@ -15,7 +15,7 @@ use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 /// A run of a [`Recurrent`] model. Measurements replace the outputs; missing ones are predicted.
 ///
 /// The hidden state is zero at the start of a run. A network of inputs alone without base predicts from there. All
-/// other models predict once each output has been measured: until then, measured values are held, the equations of the
+/// other models predict once each output has been measured; until then, measured values are held, the equations of the
 /// base advance their lags ([`Equations::wait`](crate::model::sparse::Equations::wait)), and a network with feedback
 /// keeps its state.
 ///
@@ -46,7 +46,7 @@ impl RecurrentSession {
         Ok(session)
     }
 
-    /// A session whose weights can be changed; snapshots contain them.
+    /// A session with its own weights, which adaptation changes; without a state filter.
     ///
     /// # Errors
     /// As [`Recurrent::check`].
@@ -54,27 +54,25 @@ impl RecurrentSession {
         Ok(Self { own_weights: true, ..Self::new(model)? })
     }
 
-    /// Weights of the moment, as [`Network::tensors`](super::Network::tensors) has them.
+    /// Present weights in the order of [`Network::tensors`](super::Network::tensors).
     pub fn weights(&self) -> &[f64] {
         self.weights.weights()
     }
 
-    /// The network with the weights of the moment.
     pub(crate) fn packed(&self) -> &Packed<f64> {
         &self.weights
     }
 
-    /// Takes others into use. The first time that a session changes weights which others share, it allocates.
+    /// Replaces the weights. Allocates when the session first changes shared weights.
     pub(crate) fn set_weights(&mut self, weights: &[f64]) {
         Arc::make_mut(&mut self.weights).set_weights(weights);
     }
 
-    /// The network's state, to be corrected.
     pub(crate) fn hidden_mut(&mut self) -> &mut [f64] {
         &mut self.state[front_len(&self.model)..]
     }
 
-    /// What the network would read under a command, scaled.
+    /// Scaled input of the network under a command.
     pub(crate) fn inputs_of_network(&self, c: &[f64], x: &mut [f64]) {
         self.model.scale(&self.state, c, x);
     }
@@ -86,7 +84,7 @@ impl RecurrentSession {
         read_out(&self.model, &self.weights, hidden, outputs, scratch);
     }
 
-    /// What the network adds to its base, at its present state.
+    /// Correction of the base by the network at its present state.
     pub(crate) fn correction(&self, into: &mut [f64]) {
         self.weights.output(self.hidden(), into);
         for (into, scale) in into.iter_mut().zip(&self.model.scaling.correction_scale) {
@@ -94,7 +92,7 @@ impl RecurrentSession {
         }
     }
 
-    /// Whether it waits for outputs that were never measured.
+    /// Whether needed outputs have not been measured yet.
     pub(crate) fn is_waiting(&self) -> bool {
         let needs_outputs = self.model.feedback || !matches!(self.model.base, BaseModel::Nothing);
         needs_outputs && self.state[..self.model.outputs()].iter().any(|y| y.is_nan())
@@ -105,22 +103,20 @@ impl RecurrentSession {
         &self.model
     }
 
-    /// The same, as sessions share it.
     pub(crate) fn shared_model(&self) -> &Arc<Recurrent> {
         &self.model
     }
 
-    /// Outputs, then the memory of the base, then the state of the network.
     pub(super) fn state(&self) -> &[f64] {
         &self.state
     }
 
-    /// The network's state, as its [`Cell`](super::Cell) lays it out.
+    /// The state of the network in the layout of its [`Cell`](super::Cell).
     pub fn hidden(&self) -> &[f64] {
         &self.state[front_len(&self.model)..]
     }
 
-    /// A hidden state that is not a number stays so whatever is measured later: it starts again.
+    /// Resets a hidden state that is not finite, because no measurement would correct it.
     fn start_again_if_lost(&mut self) {
         let hidden = &mut self.state[front_len(&self.model)..];
         if !hidden.iter().all(|h| h.is_finite()) {
@@ -129,20 +125,20 @@ impl RecurrentSession {
     }
 }
 
-/// Numbers in front of the network's state.
+/// Length of outputs and base memory, in front of the network's state.
 fn front_len(model: &Recurrent) -> usize {
     if let BaseModel::Equations(equations) = &model.base { equations.state_len() } else { model.outputs() }
 }
 
-/// Length of the scratch: input and output of the network, and the steps of network and equations, or two rows of
-/// outputs.
+/// Length of the scratch: input and output of the network, then the largest of a step of the network, a step of the
+/// equations, and a row of outputs.
 fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
     let base = if let BaseModel::Equations(equations) = &model.base { equations.scratch() } else { 0 };
     model.network.inputs + model.outputs() + base.max(weights.scratch()).max(model.outputs())
 }
 
 impl Recurrent {
-    /// What the network reads where the outputs are `y` and the commands `c`.
+    /// Scaled input of the network at outputs `y` and commands `c`.
     pub(crate) fn scale(&self, y: &[f64], c: &[f64], x: &mut [f64]) {
         let scaling = &self.scaling;
         let (m, z) = x.split_at_mut(self.inputs());
@@ -155,7 +151,7 @@ impl Recurrent {
     }
 }
 
-/// The outputs of a network that gives them themselves.
+/// The outputs of a network without base.
 fn read_out(model: &Recurrent, weights: &Packed<f64>, hidden: &[f64], y: &mut [f64], scratch: &mut [f64]) {
     weights.output(hidden, scratch);
     let Scaling { output_mean, correction_scale, .. } = &model.scaling;
@@ -164,7 +160,7 @@ fn read_out(model: &Recurrent, weights: &Packed<f64>, hidden: &[f64], y: &mut [f
     }
 }
 
-/// One sample of the model: `state` as the session has it.
+/// One sample of the model.
 fn step(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
     let outputs = model.outputs();
     let (front, hidden) = state.split_at_mut(front_len(model));
@@ -183,7 +179,7 @@ fn step(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], 
     }
 }
 
-/// One sample while some output was never measured.
+/// One sample before each output has been measured.
 fn wait(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
     let (front, hidden) = state.split_at_mut(front_len(model));
     if !model.feedback {
@@ -208,7 +204,7 @@ impl Predictor for RecurrentSession {
     fn warm_up(&self) -> usize {
         let base =
             if let BaseModel::Equations(equations) = &self.model.base { equations.warm_up() } else { 1 };
-        // Walked, not seen: the sample at which predictions begin comes on top.
+        // The origin comes on top of the wash-out.
         self.model.wash_out.saturating_add(1).max(base)
     }
 
@@ -279,7 +275,7 @@ impl Predictor for RecurrentSession {
     fn fork(&self) -> Box<dyn Predictor> {
         let mut fork = self.clone();
         if self.own_weights {
-            // At once: restoring must not allocate.
+            // Restoring must not allocate.
             let _ = Arc::make_mut(&mut fork.weights);
         }
         Box::new(fork)

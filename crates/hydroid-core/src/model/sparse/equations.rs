@@ -11,7 +11,7 @@ use super::term::Term;
 
 pub(crate) use batch_rollout::BatchRollout;
 
-/// Integration steps in one sample at the most: more is a mistake, and would look like a hang.
+/// Largest number of integration steps in a sample; more is an error in the input.
 const MOST_SUBSTEPS: usize = 10_000;
 
 /// Reasons why equations are invalid.
@@ -19,7 +19,7 @@ const MOST_SUBSTEPS: usize = 10_000;
 pub enum EquationsError {
     /// The terms do not compile.
     Program(ProgramError),
-    /// The coefficients are not `outputs x terms`.
+    /// The number of coefficients is not `outputs x terms`.
     Shape {
         /// Numbers expected.
         expected: usize,
@@ -33,11 +33,11 @@ pub enum EquationsError {
         /// Term of the coefficient.
         term: usize,
     },
-    /// The sample time is not a positive number, or the number of integration steps in it is absurd.
+    /// The sample time is not positive, or the number of integration steps is out of range.
     Step,
-    /// A signal is of no input or output that there is, or its time is not positive.
+    /// A signal refers to an unknown input or output, or its time is not positive.
     Signal {
-        /// Its place in the list.
+        /// Index of the signal.
         index: usize,
     },
 }
@@ -69,12 +69,12 @@ impl core::fmt::Display for EquationsError {
 impl core::error::Error for EquationsError {}
 
 /// `dy/dt = Xi theta(y, c, s)`: one row of coefficients for each output, in physical units, over the terms `theta` in
-/// the variables `[y, c, s]`: outputs, inputs, and signals that the model makes from them (lag states of actuators,
-/// past values). The command is held over a sample, which is integrated by the classical Runge-Kutta method of order 4
-/// in `substeps` equal steps.
+/// the variables `[y, c, s]`: outputs, inputs, and signals computed from them (lag states of actuators, past values). A
+/// sample, over which the command is held, is integrated by the classical Runge-Kutta method of order 4 in `substeps`
+/// equal steps.
 ///
-/// The state is flat: the outputs, then the memory of the signals ([`state_len`](Self::state_len) numbers). A NaN in
-/// the memory is a past that is not known yet.
+/// The state is flat: the outputs, then the memory of the signals ([`state_len`](Self::state_len) numbers). NaN in the
+/// memory marks an unknown past.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Equations {
     terms: Vec<Term>,
@@ -85,7 +85,7 @@ pub struct Equations {
     dt: f64,
     substeps: usize,
     program: Program,
-    /// Coefficients of terms in held variables alone, the constant among them.
+    /// Coefficients of terms in held variables alone, with the constant.
     held: Sparse,
     /// Coefficients of all other terms.
     moving: Sparse,
@@ -96,14 +96,13 @@ pub struct Equations {
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Sparse {
     entries: Vec<(u16, f64)>,
-    /// Where each entry stands in the table of all coefficients.
+    /// Place of each entry in the table of all coefficients.
     places: Vec<usize>,
-    /// End of each row's part of `entries`.
+    /// End of each row in `entries`.
     ends: Vec<usize>,
 }
 
 impl Sparse {
-    /// Takes the entries' coefficients from the table.
     fn refresh(&mut self, coefficients: &[f64]) {
         for ((_, xi), &place) in self.entries.iter_mut().zip(&self.places) {
             *xi = coefficients[place];
@@ -115,7 +114,7 @@ impl Sparse {
     fn times(&self, slots: &[f64], mut row: impl FnMut(usize, f64)) {
         let mut start = 0;
         for (i, &end) in self.ends.iter().enumerate() {
-            // Two sums side by side: one chain of additions would wait for itself.
+            // Two parallel sums hide the latency of the additions.
             let (mut even, mut odd) = (0.0, 0.0);
             let mut pairs = self.entries[start..end].chunks_exact(2);
             for pair in &mut pairs {
@@ -135,7 +134,7 @@ impl Equations {
     /// Equations from terms and coefficients (`outputs x terms`, row by row), for samples of `dt` seconds.
     ///
     /// # Errors
-    /// If shapes do not fit, a coefficient is not finite, or the step is absurd.
+    /// If shapes do not fit, a coefficient is not finite, or the step is out of range.
     pub fn new(
         terms: Vec<Term>,
         coefficients: Vec<f64>,
@@ -170,7 +169,7 @@ impl Equations {
         if let Some(bad) = coefficients.iter().position(|c| !c.is_finite()) {
             return Err(EquationsError::NotFinite { output: bad / terms.len(), term: bad % terms.len() });
         }
-        // Only the terms that some equation uses are evaluated.
+        // Only terms in use are evaluated.
         let used: Vec<usize> = (0..terms.len())
             .filter(|j| (0..outputs).any(|i| coefficients[i * terms.len() + j] != 0.0))
             .collect();
@@ -178,7 +177,7 @@ impl Equations {
         if let Some(index) = signals.iter().position(|signal| !signal.is_valid(outputs, inputs)) {
             return Err(EquationsError::Signal { index });
         }
-        // All terms are checked, also those that no equation uses.
+        // All terms are checked, also unused ones.
         Program::new(&terms, outputs + inputs + signals.len()).map_err(EquationsError::Program)?;
         let held_variables: Vec<bool> = (0..outputs + inputs)
             .map(|v| v >= outputs)
@@ -257,12 +256,12 @@ impl Equations {
         self.inputs
     }
 
-    /// Signals, in the order of their variables, which follow those of outputs and inputs.
+    /// Signals, in the order of their variables, which follow outputs and inputs.
     pub fn signals(&self) -> &[Signal] {
         &self.signals
     }
 
-    /// Number of variables that terms can be of: outputs, inputs, signals.
+    /// Number of variables: outputs, inputs, signals.
     pub fn variables(&self) -> usize {
         self.outputs + self.inputs + self.signals.len()
     }
@@ -272,7 +271,7 @@ impl Equations {
         self.outputs + self.memory.len()
     }
 
-    /// Number of samples after which the unknown past before a run does not matter.
+    /// Number of samples after which the unknown past before a run has no effect.
     pub fn warm_up(&self) -> usize {
         1 + self.signals.iter().map(|signal| signal.warm_up(self.dt)).max().unwrap_or(0)
     }
@@ -292,22 +291,21 @@ impl Equations {
         self.substeps
     }
 
-    /// How signals are made and kept.
     pub(super) fn memory(&self) -> &Memory {
         &self.memory
     }
 
-    /// Numbers of scratch that [`derivative`](Self::derivative) needs.
+    /// Length of the scratch of [`derivative`](Self::derivative).
     pub fn slots(&self) -> usize {
         self.program.slots()
     }
 
-    /// Numbers of scratch that [`step`](Self::step) needs.
+    /// Length of the scratch of [`step`](Self::step).
     pub fn scratch(&self) -> usize {
         self.program.slots() + 4 * self.outputs
     }
 
-    /// `dy = Xi theta(y, c, s)`, where the variables stand in `slots[1..]`: outputs, inputs, signals.
+    /// `dy = Xi theta(y, c, s)` with outputs, inputs and signals in `slots[1..]`.
     #[inline]
     pub fn derivative(&self, slots: &mut [f64], dy: &mut [f64]) {
         self.program.evaluate(slots);
@@ -315,8 +313,8 @@ impl Equations {
         self.moving.times(slots, |i, sum| dy[i] += sum);
     }
 
-    /// Puts the variables of this moment into `slots[1..]`, where [`derivative`](Self::derivative) expects them;
-    /// `state` as [`step`](Self::step) moves it.
+    /// Loads the present variables into `slots[1..]` for [`derivative`](Self::derivative), from a `state` of
+    /// [`step`](Self::step).
     pub fn load(&self, state: &[f64], c: &[f64], slots: &mut [f64]) {
         let (n, m) = (self.outputs, self.inputs);
         slots[1..=n].copy_from_slice(&state[..n]);
@@ -325,8 +323,7 @@ impl Equations {
         self.memory.load_moving(state, &state[..n], c, slots, (0, 0.0));
     }
 
-    /// One sample: the outputs in `state` become those after `dt` seconds under the held command `c`, and the memory
-    /// behind them follows.
+    /// One sample under the held command `c`: the outputs in `state` advance by `dt` seconds, and the memory with them.
     ///
     /// # Panics
     /// If a slice is shorter than documented: `state` [`state_len`](Self::state_len), `c` inputs, `scratch`
@@ -347,7 +344,7 @@ impl Equations {
         let h = self.dt / self.substeps as f64;
         let share = 0.5 / self.substeps as f64;
         for substep in 0..self.substeps {
-            // Stages of the classical Runge-Kutta method: where each starts in half steps, and its weight.
+            // Stages of RK4: offset in half steps, and weight.
             sum.fill(0.0);
             for (halves, weight) in [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)] {
                 let offset = halves as f64 * 0.5 * h;

@@ -9,10 +9,8 @@ use super::program::{Program, ProgramError};
 use super::term::Term;
 
 /// The derivatives of `f(y, c, s) = Xi theta(y, c, s)` with respect to all variables, compiled from the derivatives of
-/// the terms: with respect to the outputs `A = df/dy` (`outputs x outputs`), to the inputs `B = df/dc` (`outputs x
-/// inputs`), and to the signals.
-///
-/// At a kink of `|x|` the derivative is that of 0; elsewhere it is exact.
+/// the terms: `A = df/dy` (`outputs x outputs`), `B = df/dc` (`outputs x inputs`), and with respect to the signals.
+/// They are exact except at the kink of `|x|`, where the derivative is taken as 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Jacobian {
     outputs: usize,
@@ -57,16 +55,15 @@ impl Jacobian {
         Ok(Self { outputs, variables, program, entries })
     }
 
-    /// Numbers of scratch that [`evaluate`](Self::evaluate) needs.
+    /// Length of the scratch of [`evaluate`](Self::evaluate).
     pub fn slots(&self) -> usize {
         self.program.slots()
     }
 
-    /// Writes the Jacobian, `outputs x variables`, row by row, at the variables that stand in `slots[1..]`
-    /// ([`Equations::load`] puts them there).
+    /// Writes the Jacobian, `outputs x variables`, row by row, at the variables in `slots[1..]` ([`Equations::load`]).
     ///
     /// # Panics
-    /// If `slots` is shorter than [`slots`](Self::slots), or `into` is not of the size stated.
+    /// If `slots` is shorter than [`slots`](Self::slots), or `into` has another size.
     pub fn evaluate(&self, slots: &mut [f64], into: &mut [f64]) {
         assert_eq!(into.len(), self.outputs * self.variables, "outputs x variables numbers");
         self.program.evaluate(slots);
@@ -76,8 +73,8 @@ impl Jacobian {
         }
     }
 
-    /// The matrices `A` and `B` at outputs `y` and inputs `c` of equations without signals; for a look, not for a
-    /// control loop: it allocates.
+    /// The matrices `A` and `B` at outputs `y` and inputs `c` of equations without signals. It allocates; not for a
+    /// control loop.
     pub fn matrices(&self, y: &[f64], c: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let n = self.outputs;
         let mut slots = vec![0.0; self.slots()];

@@ -1,4 +1,4 @@
-//! The memory of the signals of equations from sample to sample.
+//! The memory of the signals of equations.
 
 use alloc::vec::Vec;
 
@@ -7,8 +7,8 @@ use num_traits::Float;
 use super::signal::Signal;
 use crate::actuator::lag_step;
 
-/// Layout: behind the outputs of a state stand the lag states, then for each variable of which the past is asked its
-/// values 1, 2, .. samples ago.
+/// Layout: after the outputs of a state come the lag states, then for each variable with past values its values 1, 2,
+/// .. samples ago.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Memory {
     outputs: usize,
@@ -22,7 +22,7 @@ pub(super) struct Memory {
 struct LagState {
     slot: usize,
     input: usize,
-    /// What half an integration step leaves of a difference to the command, and a whole one.
+    /// Decay of a difference to the command over half an integration step and a whole one.
     half: f64,
     whole: f64,
 }
@@ -30,7 +30,7 @@ struct LagState {
 #[derive(Clone, Debug, PartialEq)]
 struct PastValue {
     slot: usize,
-    /// Where the value of `samples` ago stands in the state, and that of one sample later.
+    /// Indices in the state of the value `samples` ago and of the value one sample later.
     from: usize,
     to: usize,
     held: bool,
@@ -45,7 +45,7 @@ struct DelayLine {
 }
 
 impl Memory {
-    /// For integration steps of `h` seconds.
+    /// The layout for integration steps of `h` seconds.
     pub(super) fn new(signals: &[Signal], outputs: usize, inputs: usize, h: f64) -> Self {
         let first_slot = 1 + outputs + inputs;
         let mut memory = Self { outputs, lags: Vec::new(), pasts: Vec::new(), delays: Vec::new(), len: 0 };
@@ -68,7 +68,7 @@ impl Memory {
                 let Some(samples) = of_it(signal) else { continue };
                 let from = line.at + usize::from(samples) - 1;
                 let held = signal.is_held(outputs);
-                // One sample later than one sample ago is now; only outputs are interpolated towards it.
+                // One sample after one sample ago is the present; only outputs are interpolated towards it.
                 let to = if samples == 1 { if held { from } else { variable } } else { from - 1 };
                 memory.pasts.push(PastValue { slot: first_slot + index, from, to, held });
             }
@@ -87,7 +87,7 @@ impl Memory {
         self.len == 0
     }
 
-    /// Signals that keep their value over a sample.
+    /// Loads the signals that are constant over a sample.
     #[inline]
     pub(super) fn load_held(&self, state: &[f64], slots: &mut [f64]) {
         for past in self.pasts.iter().filter(|past| past.held) {
@@ -95,10 +95,8 @@ impl Memory {
         }
     }
 
-    /// The other signals, `halves` half steps into an integration step, which is the share `time` of the sample from
-    /// its start.
-    ///
-    /// `before` are the outputs at the start of the sample: towards these a past output of one sample ago moves.
+    /// Loads the other signals, `halves` half steps into an integration step, at the share `time` of the sample. A past
+    /// output of one sample ago is interpolated towards `before`, the outputs at the start of the sample.
     #[inline]
     pub(super) fn load_moving(
         &self,
@@ -118,7 +116,7 @@ impl Memory {
         }
     }
 
-    /// Lag states over one integration step.
+    /// Advances the lag states by one integration step.
     #[inline]
     pub(super) fn decay(&self, state: &mut [f64], c: &[f64]) {
         for (lag, a) in self.lags.iter().zip(&mut state[self.outputs..]) {
@@ -126,7 +124,7 @@ impl Memory {
         }
     }
 
-    /// The present becomes the past: `before` are the outputs at the start of the sample, `c` its command.
+    /// Shifts the past values by a sample: `before` are the outputs at its start, `c` its command.
     #[inline]
     pub(super) fn shift(&self, state: &mut [f64], before: &[f64], c: &[f64]) {
         for line in &self.delays {

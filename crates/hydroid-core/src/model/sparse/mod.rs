@@ -1,4 +1,4 @@
-//! Sparse equations `dy/dt = Xi theta(y, c, s)`: terms, their evaluation, and the session that rolls them out.
+//! Sparse equations `dy/dt = Xi theta(y, c, s)`: terms, their evaluation, and the session.
 
 mod equations;
 mod jacobian;

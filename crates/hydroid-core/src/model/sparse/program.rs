@@ -1,4 +1,4 @@
-//! A list of terms compiled to a flat program that evaluates shared sub-products once.
+//! Terms compiled to a flat program that evaluates shared sub-products once.
 
 use alloc::collections::BTreeMap;
 use alloc::vec;
@@ -9,16 +9,16 @@ use num_traits::Float;
 use super::shape::{Gate, Shape, sign};
 use super::term::{Factor, Term};
 
-/// Why a list of terms cannot be compiled.
+/// Reasons why terms cannot be compiled.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ProgramError {
-    /// A term names a variable that there is not.
+    /// A term names an unknown variable.
     UnknownVariable {
         /// Index of the term in the list.
         term: usize,
-        /// The variable it names.
+        /// The unknown variable.
         variable: u16,
-        /// How many variables there are.
+        /// Number of variables.
         variables: usize,
     },
     /// A term has a parameter that is not a finite number.
@@ -46,27 +46,24 @@ impl core::error::Error for ProgramError {}
 
 /// Terms compiled for evaluation.
 ///
-/// Memory layout of the slots: slot 0 holds the constant 1, slots `1..=n` the `n` variables, then come the functions of
-/// single variables, and the products, each of two earlier slots. Every term is a slot. A degree-3 monomial costs one
-/// multiplication, because its degree-2 part is there already.
+/// Slot 0 holds the constant 1, slots `1..=n` the `n` variables, then come the functions of single variables, and the
+/// products, each of two earlier slots. Every term is a slot. A degree-3 monomial costs one multiplication more than
+/// its degree-2 part.
 ///
-/// Some variables may be *held*: functions and products of these alone come before the others, so that an integrator
-/// which moves the other variables several times under the same command evaluates them once.
+/// Functions and products of *held* variables alone come before the others, so that an integrator evaluates them once
+/// for several stages under the same command.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     variables: usize,
-    /// Functions of earlier slots.
     functions: Vec<(Function, u16)>,
-    /// Pairs of slots to multiply.
     products: Vec<(u16, u16)>,
-    /// How many of the functions are of held variables alone.
+    /// Number of functions of held variables.
     held_functions: usize,
-    /// How many of the products are.
+    /// Number of products of held variables alone.
     held_products: usize,
     terms: Vec<u16>,
 }
 
-/// A function of one slot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Function {
     Abs,
@@ -76,7 +73,7 @@ enum Function {
     Reciprocal,
     Log,
     Above(Gate),
-    /// `1 - x`: the mode below a gate, from the mode above.
+    /// `1 - x`: the weight below a gate, from the weight above.
     Complement,
 }
 
@@ -97,18 +94,18 @@ impl Function {
 }
 
 impl Program {
-    /// Compiles terms over `variables` variables, none of which is held.
+    /// Compiles terms over `variables` variables, none of them held.
     ///
     /// # Errors
-    /// If a term names a variable that there is not, or the program grows too large.
+    /// If a term names an unknown variable, or the program grows too large.
     pub fn new(terms: &[Term], variables: usize) -> Result<Self, ProgramError> {
         Self::with_held(terms, &vec![false; variables])
     }
 
-    /// Compiles terms over variables of which some are held.
+    /// Compiles terms over variables, some of them held.
     ///
     /// # Errors
-    /// If a term names a variable that there is not, or the program grows too large.
+    /// If a term names an unknown variable, or the program grows too large.
     pub fn with_held(terms: &[Term], held: &[bool]) -> Result<Self, ProgramError> {
         let variables = held.len();
         for (index, term) in terms.iter().enumerate() {
@@ -156,12 +153,12 @@ impl Program {
         self.terms.is_empty()
     }
 
-    /// Number of slots that [`evaluate`](Self::evaluate) needs.
+    /// Number of slots of [`evaluate`](Self::evaluate).
     pub fn slots(&self) -> usize {
         self.first_product() + self.products.len()
     }
 
-    /// The slot that holds a term after evaluation.
+    /// The slot of a term after evaluation.
     pub fn slot(&self, term: usize) -> usize {
         usize::from(self.terms[term])
     }
@@ -170,7 +167,7 @@ impl Program {
         1 + self.variables + self.functions.len()
     }
 
-    /// Evaluates all terms at one point. The variables stand in `slots[1..=n]`.
+    /// Evaluates all terms at the variables in `slots[1..=n]`.
     ///
     /// # Panics
     /// If `slots` is shorter than [`slots`](Self::slots).
@@ -191,7 +188,7 @@ impl Program {
         self.multiply(slots, 0, self.held_products);
     }
 
-    /// The other part; the held part must have been evaluated before.
+    /// The other part of [`evaluate`](Self::evaluate), after [`evaluate_held`](Self::evaluate_held).
     ///
     /// # Panics
     /// If `slots` is shorter than [`slots`](Self::slots).
@@ -218,8 +215,8 @@ impl Program {
         }
     }
 
-    /// Evaluates all terms at `rows` points at once: slot `s` of point `i` is `slots[s * rows + i]`, and the variables
-    /// stand in slots `1..=n`. Vectorises over the points.
+    /// Evaluates all terms at `rows` points at once, vectorised over the points: slot `s` of point `i` is `slots[s *
+    /// rows + i]`, with the variables in slots `1..=n`.
     ///
     /// # Panics
     /// If `slots` is shorter than `self.slots() * rows`.
@@ -243,8 +240,8 @@ impl Program {
 }
 
 impl Program {
-    /// The functions of [`evaluate_block`](Self::evaluate_block) that are of held variables, or the others. The
-    /// logistic function of gates is that of [`sigmoid`](crate::math::sigmoid), on vectors.
+    /// The functions of [`evaluate_block`](Self::evaluate_block), of held variables or of the others. Gates use the
+    /// vector function [`sigmoid`](crate::math::sigmoid).
     pub(super) fn block_functions(&self, slots: &mut [f64], rows: usize, held: bool) {
         let range = if held { 0..self.held_functions } else { self.held_functions..self.functions.len() };
         for index in range {
@@ -280,7 +277,7 @@ impl Program {
     }
 }
 
-/// Whether a term depends on held variables alone; the constant does.
+/// Whether a term depends on held variables alone; true for the constant.
 pub(super) fn is_held(term: &Term, held: &[bool]) -> bool {
     term.factors().iter().all(|factor| held[usize::from(factor.variable)])
 }
@@ -290,13 +287,12 @@ struct Builder {
     variables: usize,
     functions: Vec<(Function, u16)>,
     products: Vec<(u16, u16)>,
-    /// Slots of functions of variables.
     known_functions: BTreeMap<Factor, u16>,
     known: BTreeMap<(u16, u16), u16>,
 }
 
 impl Builder {
-    /// The slot of a function of a variable; a power is made of products of the variable itself.
+    /// The slot of a function of a variable; for a power, the slot of the variable, which products multiply.
     fn function_of(&mut self, factor: Factor) -> Result<u16, ProgramError> {
         let x = factor.variable.checked_add(1).ok_or(ProgramError::TooLarge)?;
         if let Some(&known) = self.known_functions.get(&factor) {

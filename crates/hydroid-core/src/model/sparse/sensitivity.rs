@@ -1,4 +1,4 @@
-//! What a rollout does when coefficients or its start change: the variational equation.
+//! Derivatives of rollouts with respect to coefficients and initial outputs: the variational equation.
 
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
@@ -9,37 +9,36 @@ use super::signal::Signal;
 use super::term::Term;
 use crate::predict::{Workspace, rollout_steps};
 
-/// Rollouts of equations together with their derivatives with respect to parameters `p`: the outputs at the start, then
-/// some of the coefficients.
+/// Rollouts of equations with their derivatives with respect to parameters `p`: the outputs at the start, then some of
+/// the coefficients.
 ///
 /// With `dy/dt = f(y, c, s, Xi)` and `S = dy/dp`, the variational equation is `dS/dt = df/dy S + df/ds ds/dp + df/dp`.
-/// It passes through the same steps of the Runge-Kutta method as [`Equations::step`], so that `S` is the derivative of
-/// the very rollout, to rounding, and not of the motion that it approximates (Hairer, Norsett, Wanner, *Solving
-/// Ordinary Differential Equations I*, 1993, section I.14). Past outputs among the signals carry `S` of their time;
-/// what was before the start does not depend on `p`.
+/// It is integrated by the same Runge-Kutta steps as [`Equations::step`], so that `S` is the exact derivative of the
+/// numerical rollout (Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, 1993, section I.14). Past
+/// outputs among the signals carry `S` of their time; the past before the start does not depend on `p`.
 #[derive(Clone, Debug)]
 pub struct Sensitivity {
     equations: Equations,
-    /// The terms that equations or parameters use, then their derivatives.
+    /// The terms of equations and parameters, then their derivatives.
     program: Program,
-    /// `(output, slot, coefficient)`, and where in the table the coefficient stands.
+    /// `(output, slot, coefficient)`, and the place of the coefficient in the table.
     rates: Vec<(usize, usize, f64)>,
     rate_places: Vec<usize>,
     /// `(output x columns + column, slot, factor)`: columns are the outputs, then the past outputs.
     slopes: Vec<(usize, usize, f64)>,
-    /// Place of the coefficient in each factor, and what it is multiplied by.
+    /// Place of the coefficient in each factor, and its multiplier.
     slope_places: Vec<(usize, f64)>,
-    /// How many samples ago each past output was, and which one it is.
+    /// `(samples ago, output)` of each past output.
     pasts: Vec<(usize, usize)>,
-    /// Output and slot of the term of each coefficient among the parameters.
+    /// `(output, slot)` of the term of each coefficient among the parameters.
     direct: Vec<(usize, usize)>,
 }
 
 impl Sensitivity {
-    /// With respect to the coefficients at some places of the table `outputs x terms`.
+    /// Sensitivities to the coefficients at some places of the table `outputs x terms`.
     ///
     /// # Errors
-    /// If a place is none, or the derivatives need more sub-products than a program can hold.
+    /// If a place does not exist, or the derivatives need more sub-products than a program can hold.
     pub fn new(equations: &Equations, places: &[usize]) -> Result<Self, EquationsError> {
         let (n, count) = (equations.outputs(), equations.terms().len());
         let expected = n * count;
@@ -106,8 +105,7 @@ impl Sensitivity {
         })
     }
 
-    /// Other coefficients for the same equations; what was zero stays so, as in [`Equations::set_coefficients`].
-    /// Nothing is allocated.
+    /// Replaces the coefficients, as [`Equations::set_coefficients`]. Nothing is allocated.
     ///
     /// # Panics
     /// If there is not one for each place of the table.
@@ -121,7 +119,7 @@ impl Sensitivity {
         }
     }
 
-    /// Numbers of scratch that [`rollout_in`](Self::rollout_in) needs.
+    /// Length of the scratch of [`rollout_in`](Self::rollout_in).
     pub fn scratch(&self) -> usize {
         self.sizes().iter().sum()
     }
@@ -137,8 +135,8 @@ impl Sensitivity {
         self.equations.outputs() + self.direct.len()
     }
 
-    /// Rolls out from a state ([`Equations::step`]) under commands row by row. Into `y` go the outputs, into `s` their
-    /// derivatives `outputs x parameters`, from the start (0 steps) on: one row more than there are commands.
+    /// Rolls out from a state ([`Equations::step`]) under commands row by row. `y` receives the outputs and `s` their
+    /// derivatives `outputs x parameters`, beginning with the start: one row more than there are commands.
     ///
     /// # Panics
     /// If the lengths do not fit together.
@@ -153,7 +151,7 @@ impl Sensitivity {
         self.rollout_in(start, commands, work.take(self.scratch()), y, s);
     }
 
-    /// The same in a scratch memory of [`scratch`](Self::scratch) numbers.
+    /// [`rollout`](Self::rollout) in a scratch memory of [`scratch`](Self::scratch) numbers.
     ///
     /// # Panics
     /// As [`rollout`](Self::rollout).
@@ -239,7 +237,7 @@ impl Sensitivity {
         }
     }
 
-    /// Derivatives of the past outputs, at a share of the sample from its start: interpolated as their values are.
+    /// Derivatives of the past outputs at a share `time` of the sample, interpolated like their values.
     fn past(&self, known: &[f64], step: usize, time: f64, into: &mut [f64]) {
         let (n, p) = (self.equations.outputs(), self.parameters());
         for (&(samples, variable), into) in self.pasts.iter().zip(into.chunks_exact_mut(p)) {
@@ -253,7 +251,7 @@ impl Sensitivity {
     }
 }
 
-/// Terms, each once.
+/// Distinct terms with their indices.
 #[derive(Default)]
 struct Book {
     index: BTreeMap<Term, usize>,
@@ -279,7 +277,7 @@ fn axpy(to: &mut [f64], a: f64, x: &[f64]) {
     }
 }
 
-/// A buffer in parts.
+/// Splits a buffer into parts.
 fn split<const N: usize>(mut buffer: &mut [f64], sizes: [usize; N]) -> [&mut [f64]; N] {
     sizes.map(|size| {
         let (part, rest) = core::mem::take(&mut buffer).split_at_mut(size);

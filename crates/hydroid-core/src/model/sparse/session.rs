@@ -1,4 +1,4 @@
-//! The session of sparse equations: its memory is the present outputs and what the signals remember.
+//! The session of sparse equations: present outputs and the memory of the signals.
 
 use alloc::boxed::Box;
 use alloc::sync::Arc;
@@ -9,14 +9,12 @@ use super::equations::{BatchRollout, Equations};
 use crate::model::persistence::take_measured;
 use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 
-/// A run of [`Equations`]: measurements replace the state; missing ones are predicted.
-///
-/// Predictions start once each output has been measured. Until then measured values are held, so that sensors may
-/// report in turns.
+/// A run of [`Equations`]: measurements replace the outputs; missing ones are predicted. Predictions start once each
+/// output has been measured; until then measured values are held, so that sensors may report in turns.
 #[derive(Clone, Debug)]
 pub struct EquationsSession {
     equations: Arc<Equations>,
-    /// As [`Equations::step`] moves it.
+    /// In the layout of [`Equations::step`].
     state: Vec<f64>,
     scratch: Vec<f64>,
 }
@@ -39,13 +37,11 @@ impl EquationsSession {
         &self.state
     }
 
-    /// The same, to put others in their place.
     pub(crate) fn state_mut(&mut self) -> &mut [f64] {
         &mut self.state
     }
 
-    /// The same run with equations of its own, which change from sample to sample without touching those of other
-    /// sessions.
+    /// The equations, copied first where sessions share them.
     pub(crate) fn equations_mut(&mut self) -> &mut Equations {
         Arc::make_mut(&mut self.equations)
     }

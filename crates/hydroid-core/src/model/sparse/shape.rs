@@ -1,4 +1,4 @@
-//! Functions of one variable, the factors that terms are made of.
+//! Functions of one variable, the factors of terms.
 
 use core::cmp::Ordering;
 use core::hash::{Hash, Hasher};
@@ -37,19 +37,19 @@ impl Hash for Real {
     }
 }
 
-/// Where a vessel changes its mode: `sigma(slope (x - centre))` with the logistic function `sigma`.
+/// A change of mode: `sigma(slope (x - centre))` with the logistic function `sigma`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Gate {
-    /// Where the two modes weigh the same \[unit of the variable\].
+    /// Centre, where both modes have the same weight \[unit of the variable\].
     pub centre: Real,
-    /// How sharp the change is \[1 / unit of the variable\].
+    /// Slope of the change \[1 / unit of the variable\].
     pub slope: Real,
 }
 
 impl Gate {
-    /// The weight of the mode above the centre.
+    /// Weight of the mode above the centre.
     pub fn above(self, x: f64) -> f64 {
         1.0 / (1.0 + Float::exp(-self.slope.0 * (x - self.centre.0)))
     }
@@ -67,7 +67,7 @@ pub enum Shape {
     Abs,
     /// The sign of `x`, 0 at 0: the derivative of `|x|`.
     Sign,
-    /// `sin x`: of a rudder angle \[rad\], the direction of its force.
+    /// `sin x`; of a rudder angle \[rad\], the direction of its force.
     Sin,
     /// `cos x`.
     Cos,
@@ -82,7 +82,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The function's value; not finite where it is undefined.
+    /// The value; not finite where the function is undefined.
     pub fn value(self, x: f64) -> f64 {
         match self {
             Self::Power(n) => (0..n).fold(1.0, |p, _| p * x),
@@ -97,8 +97,8 @@ impl Shape {
         }
     }
 
-    /// How its unit follows from that of its variable: `unit(f(x)) = unit(x)^degree`. The functions of angles,
-    /// logarithms and gates are pure numbers.
+    /// Exponent of the unit: `unit(f(x)) = unit(x)^degree`. Functions of angles, logarithms and gates are
+    /// dimensionless.
     pub fn degree(self) -> i32 {
         match self {
             Self::Power(n) => i32::from(n),
@@ -108,7 +108,7 @@ impl Shape {
         }
     }
 
-    /// Whether its parameters are finite numbers.
+    /// Whether the parameters are finite.
     pub fn is_finite(self) -> bool {
         match self {
             Self::Above(gate) | Self::Below(gate) => gate.centre.0.is_finite() && gate.slope.0.is_finite(),

@@ -1,4 +1,4 @@
-//! Variables that a model makes for itself from inputs and past samples.
+//! Variables that a model computes from inputs and past samples.
 
 use alloc::format;
 use alloc::string::String;
@@ -9,22 +9,22 @@ use num_traits::Float;
 use super::shape::Real;
 use crate::actuator::lag_step;
 
-/// A variable beyond outputs and inputs. Signals come after these in the order of variables, in the order in which a
-/// model lists them.
+/// A variable beyond outputs and inputs. In the order of variables, signals follow outputs and inputs, in the order in
+/// which a model lists them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case", deny_unknown_fields))]
 pub enum Signal {
-    /// What an actuator makes of its command: `T da/dt = c - a`, a first-order lag that no sensor sees. The command
-    /// being held over a sample, `a(t + h) = c + (a(t) - c) exp(-h/T)` holds exactly.
+    /// State of a first-order actuator lag, not measured: `T da/dt = c - a`. Over a sample with held command, `a(t +
+    /// h) = c + (a(t) - c) exp(-h/T)` is exact.
     Lag {
         /// The input `c`.
         input: u16,
         /// The time constant `T` \[s\].
         time_constant_s: Real,
     },
-    /// The value that an output or input had some samples ago. Between samples a past output is interpolated linearly,
-    /// a past input is held.
+    /// A past value of an output or input. Between samples, a past output is interpolated linearly, a past input is
+    /// held.
     Past {
         /// The output or input.
         variable: u16,
@@ -34,10 +34,10 @@ pub enum Signal {
 }
 
 impl Signal {
-    /// Time constants that a lag is given to forget a wrong first guess, to `exp(-7)`, a thousandth.
+    /// Number of time constants after which a wrong initial lag state has decayed to `exp(-7)`, a thousandth.
     pub const SETTLING: f64 = 7.0;
 
-    /// The signal in words: `lag(n, 1.5 s)`, `u(-0.5 s)`; `names` are those of outputs and inputs.
+    /// Display name, `lag(n, 1.5 s)` or `u(-0.5 s)`; `names` are those of outputs and inputs.
     pub fn name(&self, names: &[impl AsRef<str>], dt: f64) -> String {
         let name = |variable: u16| names.get(usize::from(variable)).map_or("?", AsRef::as_ref);
         match *self {
@@ -50,7 +50,7 @@ impl Signal {
         }
     }
 
-    /// The output or input that it is made from; it has the same unit.
+    /// The output or input from which the signal is computed; it has the same unit.
     pub fn source(&self) -> u16 {
         match *self {
             Self::Lag { input, .. } => input,
@@ -58,7 +58,7 @@ impl Signal {
         }
     }
 
-    /// Whether it keeps its value over a sample: past inputs do.
+    /// Whether the signal is constant over a sample, as past inputs are.
     pub fn is_held(&self, outputs: usize) -> bool {
         match *self {
             Self::Lag { .. } => false,
@@ -66,7 +66,7 @@ impl Signal {
         }
     }
 
-    /// Number of samples after which the unknown past before a run does not matter.
+    /// Number of samples after which the unknown past before a run has no effect.
     pub fn warm_up(&self, dt: f64) -> usize {
         match *self {
             Self::Lag { time_constant_s, .. } => {
@@ -79,7 +79,7 @@ impl Signal {
         }
     }
 
-    /// The signal at each sample of a run, from its source; NaN until it is warmed up.
+    /// The signal at each sample of a run, from its source; NaN during the warm-up.
     pub fn series(&self, source: &[f64], dt: f64) -> Vec<f64> {
         let mut values = Vec::with_capacity(source.len());
         match *self {
@@ -102,7 +102,6 @@ impl Signal {
         values
     }
 
-    /// Whether it can be made for so many outputs and inputs.
     pub(super) fn is_valid(&self, outputs: usize, inputs: usize) -> bool {
         match *self {
             Self::Lag { input, time_constant_s } => {

@@ -1,4 +1,4 @@
-//! A term of a library: a product of simple functions of single variables.
+//! A term of a library: a product of functions of single variables.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -17,9 +17,8 @@ pub struct Factor {
     pub shape: Shape,
 }
 
-/// A product of factors; without factors the constant 1.
-///
-/// The factors are kept in a normal form, sorted by variable, so that equal terms compare equal.
+/// A product of factors in a normal form, sorted by variable, so that equal terms compare equal; without factors the
+/// constant 1.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(from = "Vec<Factor>", into = "Vec<Factor>"))]
@@ -40,8 +39,8 @@ impl From<Term> for Vec<Factor> {
 }
 
 impl Term {
-    /// A product of factors, in any order. What can be joined is: powers of one variable to one power, `|x| |x|` to
-    /// `x^2`, `x sgn x` to `|x|`.
+    /// A product of factors, in any order. Powers of one variable are joined, `|x| |x|` becomes `x^2`, and `x sgn x`
+    /// becomes `|x|`.
     pub fn new(mut factors: Vec<Factor>) -> Self {
         factors.sort_unstable();
         let mut normal = Vec::with_capacity(factors.len());
@@ -61,7 +60,7 @@ impl Term {
         Self::new(alloc::vec![Factor { variable, shape }])
     }
 
-    /// The product of some variables; one that is named `n` times stands to the power `n`.
+    /// A product of variables; `n` repetitions give the power `n`.
     pub fn monomial(variables: &[u16]) -> Self {
         Self::new(variables.iter().map(|&variable| Factor { variable, shape: Shape::Power(1) }).collect())
     }
@@ -80,7 +79,7 @@ impl Term {
         Self::new(self.factors.iter().chain(&other.factors).copied().collect())
     }
 
-    /// The two terms that stand for this one in the modes below and above a gate on a variable.
+    /// The two terms that replace this one below and above a gate on a variable.
     #[must_use]
     pub fn gated(&self, variable: u16, gate: Gate) -> [Self; 2] {
         [Shape::Below(gate), Shape::Above(gate)].map(|shape| self.times(&Self::of(variable, shape)))
@@ -106,13 +105,13 @@ impl Term {
         self.factors.iter().map(|f| f.variable).max()
     }
 
-    /// Value of the term. For one term at a time; libraries are evaluated by a [`Program`](super::Program).
+    /// Value of the term. A [`Program`](super::Program) evaluates whole libraries.
     pub fn value(&self, variables: &[f64]) -> f64 {
         self.factors.iter().map(|f| f.shape.value(variables[usize::from(f.variable)])).product()
     }
 
-    /// The term in words that a person and PySINDy's users read: `1`, `u`, `u^2`, `u v`, `u |u|`, `u sin(delta)`,
-    /// `r/u`, `u above(u, 2.5, 12)`.
+    /// Display name, readable for PySINDy's users: `1`, `u`, `u^2`, `u v`, `u |u|`, `u sin(delta)`, `r/u`, `u above(u,
+    /// 2.5, 12)`.
     pub fn name(&self, names: &[impl AsRef<str>]) -> String {
         let mut text = String::new();
         let below = |shape: &Shape| matches!(shape, Shape::Reciprocal);
@@ -145,8 +144,8 @@ impl Term {
         text
     }
 
-    /// Derivative with respect to a variable, as a sum of multiples of terms; empty where the term does not depend on
-    /// it. At the kink of `|x|` the derivative is taken as 0.
+    /// Derivative with respect to a variable, as a sum of multiples of terms. The derivative of `|x|` at 0 is taken
+    /// as 0.
     pub fn derivative(&self, variable: u16) -> Vec<(f64, Self)> {
         let mut sum: Vec<(f64, Self)> = Vec::new();
         for (position, factor) in self.factors.iter().enumerate().filter(|(_, f)| f.variable == variable) {
@@ -166,7 +165,7 @@ impl Term {
 }
 
 impl Shape {
-    /// The derivative as a multiple of a product of functions of the same variable; none where it is zero.
+    /// The derivative as a multiple of a product of functions of the same variable; `None` where it is zero.
     fn derivative(self) -> Option<(f64, Vec<Self>)> {
         use alloc::vec;
         match self {
@@ -198,8 +197,8 @@ fn join(factors: &[Factor], normal: &mut Vec<Factor>) {
             _ => others.push(*factor),
         }
     }
-    // |x| |x| = x^2, and of signs only whether their number is odd matters (but for 0, where a term with a
-    // sign in it is a derivative that does not exist).
+    // Pairs of |x| give x^2. Of signs only the parity of their number matters, except at 0, where a term with a sign is
+    // a derivative that does not exist.
     power += abs - abs % 2;
     (abs, sign) = (abs % 2, sign % 2);
     if sign == 1 && abs == 1 {
@@ -211,7 +210,7 @@ fn join(factors: &[Factor], normal: &mut Vec<Factor>) {
     (power, reciprocal) = (power - common, reciprocal - common);
     let mut push = |shape| normal.push(Factor { variable, shape });
     while power > 0 {
-        // An exponent holds no more than 255; beyond, powers stand side by side.
+        // An exponent is at most 255; larger powers are split.
         let part = u8::try_from(power).unwrap_or(u8::MAX);
         push(Shape::Power(part));
         power -= usize::from(part);
@@ -253,7 +252,7 @@ mod tests {
         assert_eq!(Term::monomial(&[1, 0, 1, 0]), Term::new(vec![power(0, 2), power(1, 2)]));
         assert_eq!(Term::new(vec![abs(0), power(0, 1), power(0, 1)]).factors(), [power(0, 2), abs(0)]);
         assert_eq!(Term::new(vec![abs(0), abs(0), abs(0)]).factors(), [power(0, 2), abs(0)]);
-        // More than an exponent holds.
+        // Larger than one exponent.
         let large = Term::new(vec![power(0, 200), power(0, 100)]);
         assert_eq!(large.degree(), 300);
         assert!((large.value(&[1.01]) / 1.01f64.powi(300) - 1.0).abs() < 1e-12);

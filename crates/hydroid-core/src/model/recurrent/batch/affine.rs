@@ -12,21 +12,20 @@ use super::kernel::{self, ROWS, Rows, RowsMut};
 use crate::math::Scalar;
 use crate::math::aligned::Aligned;
 
-/// Where the weights of an affine map stand in the flat weights of a network.
+/// Offsets of an affine map in the flat weights of a network.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Place {
-    /// Number of rows.
     pub(super) rows: usize,
-    /// Begin and number of columns of `A`.
+    /// Offset and number of columns of `A`.
     pub(super) a: (usize, usize),
-    /// Begin and number of columns of `B`; no columns where there is no `b`.
+    /// Offset and number of columns of `B`; no columns without `b`.
     pub(super) b: (usize, usize),
-    /// Begins of the vectors whose sum is the bias.
+    /// Offsets of the vectors whose sum is the bias.
     pub(super) bias: [Option<usize>; 2],
 }
 
 impl Place {
-    /// Where in the flat weights the number in row `i` and column `j` of `[A B]` stands.
+    /// Offset of row `i`, column `j` of `[A B]`.
     fn at(&self, i: usize, j: usize) -> usize {
         let (a, b) = (self.a, self.b);
         if j < a.1 { a.0 + i * a.1 + j } else { b.0 + i * b.1 + j - a.1 }
@@ -37,10 +36,8 @@ impl Place {
     }
 }
 
-/// An affine map of the lanes, with its gradient.
-///
-/// Matrices are cut in blocks of [`ROWS`] rows, filled up with zeros, column by column in each block: what the kernels
-/// read is one stream.
+/// An affine map of the lanes, with its gradient. Matrices are stored in blocks of [`ROWS`] rows, padded with zeros and
+/// column by column in each block, so that the kernels read one stream.
 #[derive(Clone, Debug)]
 pub(super) struct Affine<T> {
     place: Place,
@@ -48,7 +45,7 @@ pub(super) struct Affine<T> {
     matrix: Aligned<T>,
     /// `[0 [A B]']`.
     transposed: Aligned<T>,
-    /// Of `[A B bias]`, row by row, [`LANES`] partial sums each; room for whole blocks of rows.
+    /// Gradient of `[A B bias]`, row by row, [`LANES`] partial sums each; padded to whole blocks of rows.
     gradient: Aligned<T>,
 }
 
@@ -63,7 +60,7 @@ impl<T: Scalar> Affine<T> {
         }
     }
 
-    /// Takes its weights out of the flat ones.
+    /// Loads the weights from the flat ones.
     pub(super) fn load(&mut self, weights: &[T]) {
         let (rows, columns) = (self.place.rows, self.place.columns());
         for i in 0..rows {
@@ -95,7 +92,6 @@ impl<T: Scalar> Affine<T> {
         }
     }
 
-    /// Forgets the gradient.
     pub(super) fn clear(&mut self) {
         self.gradient.fill(T::zero());
     }
@@ -110,7 +106,7 @@ impl<T: Scalar> Affine<T> {
         }
     }
 
-    /// Writes the gradient to its place in the flat one.
+    /// Writes the gradient into the flat gradient.
     pub(super) fn gradient(&self, into: &mut [T]) {
         let (rows, columns) = (self.place.rows, self.place.columns());
         let sum = |i: usize, j: usize| {

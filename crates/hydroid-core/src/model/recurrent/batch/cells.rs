@@ -1,4 +1,4 @@
-//! One step of all lanes, forward and back, as affine maps and the element-wise functions of the cells.
+//! One step of all lanes, forward and backward, as affine maps and the element-wise functions of the cells.
 
 #![expect(
     clippy::inline_always,
@@ -21,53 +21,52 @@ kernels! {
     BackwardKernel: Backs;
 }
 
-/// The maps of a network's cell.
+/// The affine maps of a cell.
 #[derive(Clone, Debug)]
 enum Maps<T> {
     /// `[i f g o]` from `x` and `h`; `h` from `m`.
     Lstm { hidden: usize, gates: Affine<T>, projection: Option<Affine<T>> },
     /// `[r z]` from `x` and `h`, `a_n` from `x`, `b_n` from `h`.
     Gru { hidden: usize, gates: Affine<T>, candidate: Affine<T>, recalled: Affine<T> },
-    /// One for each layer.
+    /// One map for each layer.
     Vanilla { hidden: usize, layers: Vec<Affine<T>> },
 }
 
-/// What a step reads and writes; all are `features x lanes`.
+/// Arguments of a step; all are `features x lanes`.
 pub(super) struct Forward<'a, T> {
     pub(super) state: &'a [T],
     pub(super) input: &'a [T],
-    /// What the way back needs beside the states.
+    /// Values for the backward pass besides the states.
     pub(super) record: &'a mut [T],
     pub(super) next: &'a mut [T],
-    /// Of the read-out; empty without one.
+    /// Output of the read-out; empty without one.
     pub(super) output: &'a mut [T],
 }
 
-/// What a step back reads and writes; all are `features x lanes`.
+/// Arguments of a backward step; all are `features x lanes`.
 pub(super) struct Back<'a, T> {
     pub(super) state: &'a [T],
     pub(super) input: &'a [T],
-    /// Used up.
+    /// Overwritten.
     pub(super) record: &'a mut [T],
     pub(super) next: &'a [T],
     pub(super) output_adjoint: &'a [T],
-    /// Of the state after the step, then of the one before it.
+    /// Adjoint of the state after the step on entry, before it on return.
     pub(super) state_adjoint: &'a mut [T],
     pub(super) input_adjoint: &'a mut [T],
     pub(super) scratch: &'a mut [T],
 }
 
-/// A network's weights as the steps want them, and their gradient.
+/// Weights of a network in the layout of the kernels, with their gradient.
 #[derive(Clone, Debug)]
 pub(super) struct Cells<T> {
     maps: Maps<T>,
     read_out: Option<Affine<T>>,
     lanes: usize,
-    /// The processor's vectors.
     pub(super) arch: Arch,
 }
 
-/// The place of a map in the flat weights from its tensors: `rows` rows from row `first` on.
+/// Offsets of a map from its tensors: `rows` rows from row `first` on.
 fn place(
     a: Option<&Tensor>,
     b: Option<&Tensor>,
@@ -136,7 +135,6 @@ impl<T: Scalar> Cells<T> {
         self.read_out.iter_mut().for_each(f);
     }
 
-    /// Another length of a row.
     pub(super) fn set_lanes(&mut self, lanes: usize) {
         self.lanes = lanes;
     }
@@ -150,7 +148,7 @@ impl<T: Scalar> Cells<T> {
         }
     }
 
-    /// Rows of the scratch of a step back.
+    /// Rows of the scratch of a backward step.
     pub(super) fn scratch_rows(&self) -> usize {
         match self.maps {
             Maps::Lstm { hidden, .. } | Maps::Gru { hidden, .. } | Maps::Vanilla { hidden, .. } => hidden,
@@ -178,12 +176,10 @@ impl<T: Scalar> Cells<T> {
         }
     }
 
-    /// One step of all lanes.
     pub(super) fn forward(&self, step: Forward<'_, T>) {
         T::run::<ForwardKernel>(self.arch, Forwards(self, step));
     }
 
-    /// One step back of all lanes.
     pub(super) fn back(&mut self, step: Back<'_, T>) {
         T::run::<BackwardKernel>(self.arch, Backs(self, step));
     }
@@ -301,7 +297,7 @@ impl<T: Scalar> Cells<T> {
     }
 }
 
-/// [`Cells::forward`] for whatever vectors there are.
+/// Kernel of [`Cells::forward`].
 pub(crate) struct Forwards<'a, T>(&'a Cells<T>, Forward<'a, T>);
 
 impl<T: Scalar> WithSimd for Forwards<'_, T> {
@@ -313,7 +309,7 @@ impl<T: Scalar> WithSimd for Forwards<'_, T> {
     }
 }
 
-/// [`Cells::back`] for whatever vectors there are.
+/// Kernel of [`Cells::back`].
 pub(crate) struct Backs<'a, T>(&'a mut Cells<T>, Back<'a, T>);
 
 impl<T: Scalar> WithSimd for Backs<'_, T> {

@@ -1,7 +1,7 @@
 //! The inner loops: blocks of a matrix product that stay in registers.
 //!
-//! A sum over columns runs in their order in each lane, and a sum over lanes in the order of the blocks of lanes in
-//! each of [`LANES`] partial sums: what comes out does not depend on the width of the vectors.
+//! In each lane a sum over columns runs in their order. A sum over lanes has [`LANES`] partial sums, each in the order
+//! of the blocks of lanes. Results do not depend on the vector width.
 
 #![expect(
     clippy::inline_always,
@@ -16,12 +16,12 @@ use super::LANES;
 use crate::math::Scalar;
 use crate::math::vectors::Pack;
 
-/// Rows of a matrix that are worked on at a time.
+/// Rows of a matrix in a block.
 pub(super) const ROWS: usize = 4;
-/// Columns of a gradient that are worked on at a time.
+/// Columns of a gradient in a block.
 const COLUMNS: usize = 4;
 
-/// Rows of two matrices, one below the other.
+/// Rows of two matrices, one above the other.
 #[derive(Clone, Copy)]
 pub(super) struct Rows<'a, T> {
     parts: [&'a [T]; 2],
@@ -47,7 +47,7 @@ impl<'a, T: Scalar> Rows<'a, T> {
     }
 }
 
-/// Rows of two matrices, one below the other, to write to.
+/// [`Rows`] to write to.
 pub(super) struct RowsMut<'a, T> {
     parts: [&'a mut [T]; 2],
     lanes: usize,
@@ -73,8 +73,8 @@ impl<'a, T: Scalar> RowsMut<'a, T> {
     }
 }
 
-/// Rows `first` to `first + ROWS` of `out = bias + W x`, or of `out += W x` with `ADD`; what is beyond the last row of
-/// `out` is left out. Weights: the bias of each row, then column by column.
+/// Rows `first` to `first + ROWS` of `out = bias + W x`, or of `out += W x` with `ADD`, up to the last row of `out`.
+/// Weights: the bias of each row, then column by column.
 #[inline(always)]
 pub(super) fn product<S: Simd, T: Scalar, const ADD: bool>(
     simd: S,
@@ -85,7 +85,7 @@ pub(super) fn product<S: Simd, T: Scalar, const ADD: bool>(
 ) {
     let vectors = x.lanes * size_of::<T>() / size_of::<T::V<S>>();
     let mut v = 0;
-    // Sixteen sums fit only where there are 32 registers.
+    // Sixteen sums only fit 32 registers.
     while S::REGISTER_COUNT > 16 && v + 4 <= vectors {
         tile::<S, T, ADD, 4>(simd, weights, x, out, first, v);
         v += 4;
@@ -155,7 +155,7 @@ pub(super) fn outer<S: Simd, T: Scalar>(
     x: Rows<'_, T>,
     sums: &mut [T],
 ) {
-    // Beyond the last row stands what nobody reads: the last row again.
+    // The last row is repeated as padding, whose sums are not used.
     let d: [&[T::V<S>]; ROWS] = array::from_fn(|i| d.row::<S>((first + i).min(d.len() - 1)));
     let columns = x.len();
     let sums = T::whole_mut::<S>(sums).0;

@@ -10,8 +10,8 @@ use crate::model::recurrent::network::Network;
 
 /// A batch of sequences, forward only: each state overwrites the one before.
 ///
-/// Matrices as in [`Tape`](super::Tape), whose numbers it gives to the last bit. Some 250 sequences at a time are
-/// fastest: more do not stay in the second-level cache.
+/// Matrices are as in [`Tape`](super::Tape), and results are bit-identical. Some 250 sequences at a time are fastest:
+/// more do not fit the second-level cache. Only [`new`](Self::new) allocates.
 ///
 /// ```
 /// use hydroid_core::model::recurrent::{Cell, Network, Rollout};
@@ -26,8 +26,6 @@ use crate::model::recurrent::network::Network;
 /// }
 /// assert!(rollout.output()[999] > 0.0);
 /// ```
-///
-/// Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct Rollout<T> {
     cells: Cells<T>,
@@ -35,7 +33,7 @@ pub struct Rollout<T> {
     room: usize,
     sequences: usize,
     lanes: usize,
-    /// Where in the state the output stands, without read-out.
+    /// Offset of the output in the state, without read-out.
     shown: Option<usize>,
     state: Aligned<T>,
     next: Aligned<T>,
@@ -45,10 +43,10 @@ pub struct Rollout<T> {
 }
 
 impl<T: Scalar> Rollout<T> {
-    /// Room for `sequences` sequences, all numbers zero.
+    /// A batch of `sequences` sequences, all numbers zero.
     ///
     /// # Panics
-    /// If the network's sizes cannot be ([`Network::check`]), or there is no sequence.
+    /// If the network is invalid ([`Network::check`]), or there is no sequence.
     pub fn new(network: &Network, sequences: usize) -> Self {
         if let Err(error) = network.check() {
             panic!("{error}");
@@ -77,10 +75,10 @@ impl<T: Scalar> Rollout<T> {
         self.sequences
     }
 
-    /// Another number of sequences, from the next state and input on: those of the last steps are forgotten.
+    /// Sets the number of sequences and discards the present states and inputs.
     ///
     /// # Panics
-    /// If there is none, or there are more than it was made for.
+    /// If there is none, or there are more than at construction.
     pub fn set_sequences(&mut self, sequences: usize) {
         assert!((1..=self.room).contains(&sequences), "no more sequences than there is room for");
         let lanes = padded(sequences);
@@ -107,7 +105,7 @@ impl<T: Scalar> Rollout<T> {
         self.lanes
     }
 
-    /// Takes the network's flat weights ([`Network::tensors`]) for all that follows.
+    /// Loads the flat weights of the network ([`Network::tensors`]).
     ///
     /// # Panics
     /// If there are fewer weights than the network has.
@@ -130,7 +128,7 @@ impl<T: Scalar> Rollout<T> {
         &mut self.input
     }
 
-    /// From the present state and input to the next state and its output.
+    /// Steps to the next state and its output.
     pub fn step(&mut self) {
         clear_padding(&mut self.state, self.sequences);
         clear_padding(&mut self.input, self.sequences);

@@ -12,11 +12,10 @@ use crate::model::recurrent::network::Network;
 /// state_{k+1} = f(state_k, x_k),   y_k = g(state_{k+1}),   k = 0 .. steps - 1
 /// ```
 ///
-/// All matrices are `features x lanes`, row by row, one sequence in each lane; [`lanes`](Self::lanes) is the number of
-/// sequences rounded up, and what stands in the lanes beyond the sequences has no effect. Inputs and adjoints are given
-/// step by step, because they may depend on what came out before: a model that sees its own outputs writes `y_k` into
-/// the input of step `k + 1`, and on the way back adds the input's adjoint of step `k + 1` to the output's adjoint of
-/// step `k`.
+/// All matrices are `features x lanes`, row by row, one sequence in each lane; padding [`lanes`](Self::lanes) have no
+/// effect. Inputs and adjoints are given step by step, because they may depend on earlier results: with output
+/// feedback, `y_k` is written into the input of step `k + 1`, and the backward pass adds the input's adjoint of step
+/// `k + 1` to the output's adjoint of step `k`. Only [`new`](Self::new) allocates.
 ///
 /// ```
 /// use hydroid_core::model::recurrent::{Cell, Network, Tape};
@@ -38,22 +37,20 @@ use crate::model::recurrent::network::Network;
 /// }
 /// let mut gradient = vec![0.0; network.weights()];
 /// tape.gradient(&mut gradient);
-/// assert_eq!(*gradient.last().unwrap(), 30.0_f64); // of the read-out's bias
+/// assert_eq!(*gradient.last().unwrap(), 30.0_f64); // bias of the read-out
 /// ```
-///
-/// Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct Tape<T> {
     cells: Cells<T>,
     steps: usize,
     sequences: usize,
     lanes: usize,
-    /// Numbers of one step in each of the records.
+    /// Lengths of one step.
     state_len: usize,
     input_len: usize,
     output_len: usize,
     record_len: usize,
-    /// Where in a state its output stands, without read-out.
+    /// Offset of the output in a state, without read-out.
     shown: Option<usize>,
     states: Aligned<T>,
     inputs: Aligned<T>,
@@ -69,7 +66,7 @@ impl<T: Scalar> Tape<T> {
     /// A tape for `steps` steps of `sequences` sequences, all numbers zero.
     ///
     /// # Panics
-    /// If the network's sizes cannot be ([`Network::check`]), or there is no sequence.
+    /// If the network is invalid ([`Network::check`]), or there is no sequence.
     pub fn new(network: &Network, steps: usize, sequences: usize) -> Self {
         if let Err(error) = network.check() {
             panic!("{error}");
@@ -100,7 +97,7 @@ impl<T: Scalar> Tape<T> {
         }
     }
 
-    /// Number of steps that it has room for.
+    /// Largest number of steps.
     pub fn steps(&self) -> usize {
         self.steps
     }
@@ -115,7 +112,7 @@ impl<T: Scalar> Tape<T> {
         self.lanes
     }
 
-    /// Takes the network's flat weights ([`Network::tensors`]) for all that follows.
+    /// Loads the flat weights of the network ([`Network::tensors`]).
     ///
     /// # Panics
     /// If there are fewer weights than the network has.
@@ -128,7 +125,7 @@ impl<T: Scalar> Tape<T> {
         &mut self.states[..self.state_len]
     }
 
-    /// The state before step `k`, `state_len x lanes`; that after the last for `k = steps`.
+    /// The state before step `k`, `state_len x lanes`; after the last step for `k = steps`.
     pub fn state(&self, k: usize) -> &[T] {
         &self.states[k * self.state_len..(k + 1) * self.state_len]
     }
@@ -156,7 +153,7 @@ impl<T: Scalar> Tape<T> {
         });
     }
 
-    /// The output of step `k`, `outputs x lanes`: that of state `k + 1`.
+    /// The output of step `k`, computed from state `k + 1`, `outputs x lanes`.
     pub fn output(&self, k: usize) -> &[T] {
         match self.shown {
             Some(shown) => &self.state(k + 1)[shown..],
@@ -164,7 +161,7 @@ impl<T: Scalar> Tape<T> {
         }
     }
 
-    /// Begins a way back: gradient and all adjoints are zero.
+    /// Begins a backward pass: sets the gradient and all adjoints to zero.
     pub fn begin_backward(&mut self) {
         self.cells.clear();
         self.output_adjoints.fill(T::zero());
@@ -177,9 +174,8 @@ impl<T: Scalar> Tape<T> {
         &mut self.output_adjoints[k * self.output_len..(k + 1) * self.output_len]
     }
 
-    /// Step `k` back: adds to the weights' gradient, and carries the state's adjoint from state `k + 1` to state `k`.
-    /// From the last step down, as far as wanted; each step once after its [`step`](Self::step), whose record it uses
-    /// up.
+    /// Backward step `k`: adds to the gradient of the weights, and propagates the state's adjoint from state `k + 1` to
+    /// state `k`. Called from the last step down, once after each [`step`](Self::step), whose record is overwritten.
     pub fn step_back(&mut self, k: usize) {
         let sequences = self.sequences;
         clear_padding(self.output_adjoint_mut(k), sequences);
@@ -196,13 +192,13 @@ impl<T: Scalar> Tape<T> {
         });
     }
 
-    /// `dL/dx_k` of the step back that was last made, `inputs x lanes`.
+    /// `dL/dx_k` of the last backward step, `inputs x lanes`.
     pub fn input_adjoint(&self) -> &[T] {
         &self.input_adjoint
     }
 
-    /// `dL/dstate`, `state_len x lanes`: after `step_back(k)` that of state `k`. May be added to (a loss that sees the
-    /// state) or zeroed (truncation) between steps.
+    /// `dL/dstate`, `state_len x lanes`; of state `k` after `step_back(k)`. Between steps it may be added to (a loss on
+    /// the state) or set to zero (truncation).
     pub fn state_adjoint_mut(&mut self) -> &mut [T] {
         &mut self.state_adjoint
     }
@@ -226,7 +222,7 @@ mod tests {
     use super::*;
     use crate::model::recurrent::Cell;
 
-    /// All numbers of a way there and back with these vectors.
+    /// Gradient, last state and its adjoint with the vectors of `arch`.
     fn walked<T: Scalar>(network: &Network, arch: Arch) -> Vec<T> {
         let number = |k: usize| T::of(0.9 * (0.7 * (k + 1) as f64).sin());
         let weights: Vec<T> = (0..network.weights()).map(number).collect();

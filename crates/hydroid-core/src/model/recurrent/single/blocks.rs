@@ -1,4 +1,4 @@
-//! Which weights work together.
+//! Groups of weights that act on the same results of a step.
 
 use alloc::vec::Vec;
 
@@ -7,7 +7,7 @@ use super::linearization::Linearization;
 use super::packed::Packed;
 use crate::math::Scalar;
 
-/// The weights of a network in blocks: each works through rows of numbers that no other block touches.
+/// The weights of a network in blocks. Each block acts on rows of results that no other block changes.
 ///
 /// | block | weights | rows |
 /// | --- | --- | --- |
@@ -15,16 +15,16 @@ use crate::math::Scalar;
 /// | each row of an LSTM's projection | its row of `W_hr` | `h+` |
 /// | each output of the read-out | its row of `W`, and of `b` | `y` |
 ///
-/// What a change of the weights does to a step is what it does to these rows ([`Linearization::local`]: block by block,
-/// a few numbers for each weight) and what these do to the step ([`Change::local`](super::Change)). A filter on the
-/// weights touches the covariance of all weights with the first alone. Every block counts as many rows as the one that
-/// has most; what a block has less is zero.
+/// The effect of a weight change on a step is its effect on these rows ([`Linearization::local`]: block by block, a few
+/// numbers for each weight), times the effect of the rows on the step ([`Change::local`](super::Change)). A filter on
+/// the weights multiplies the covariance of all weights by the first factor alone. Every block has the same number of
+/// rows; missing rows are zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Blocks {
     rows: usize,
-    /// Of each block, where its weights stand in the flat weights.
+    /// Offsets of the weights of each block in the flat weights.
     places: Vec<Vec<usize>>,
-    /// Blocks of the units and of the projection; those of the read-out come after them.
+    /// Number of blocks of the units and of the projection; the blocks of the read-out follow.
     transition: usize,
     /// The first block after the units.
     projection: usize,
@@ -33,7 +33,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Of a network whose weights are packed.
+    /// The blocks of a packed network.
     pub fn new<T: Scalar>(packed: &Packed<T>) -> Self {
         let (layout, Network { cell, .. }) = (packed.layout(), packed.network());
         let (units, gates, rows) = match *cell {
@@ -66,7 +66,7 @@ impl Blocks {
         Self { rows, places, transition, projection: units_end, last_layer }
     }
 
-    /// Rows that every block counts.
+    /// Number of rows of every block.
     pub fn rows(&self) -> usize {
         self.rows
     }
@@ -76,17 +76,17 @@ impl Blocks {
         if block < self.projection { self.rows } else { 1 }
     }
 
-    /// Where the weights of each block stand in the flat weights.
+    /// Offsets of the weights of each block in the flat weights.
     pub fn places(&self) -> &[Vec<usize>] {
         &self.places
     }
 
-    /// Blocks that the state depends on; the outputs alone depend on the others.
+    /// Number of blocks on which the state depends; the others only change the outputs.
     pub fn transition(&self) -> usize {
         self.transition
     }
 
-    /// The first block of what the outputs are read out by: the read-out, or the projection where that is the output.
+    /// The first block of the read-out, or of the projection where it is the output.
     pub fn read_out(&self) -> usize {
         if self.transition < self.places.len() {
             self.transition
@@ -105,12 +105,12 @@ impl<T: Scalar> Linearization<T> {
     /// The first block of the read-out.
     pub(super) fn first_output_block(&self) -> usize {
         let units = self.layers[0].units();
-        // A projection is shorter than what it projects.
+        // A projection is shorter than the vector that it projects.
         let projected = if self.shown().len() == units { 0 } else { self.shown().len() };
         self.layers.len() * units + projected
     }
 
-    /// Partials of a row of a block with respect to the block's weights, in their order ([`Blocks`]).
+    /// Partial derivatives of a row of a block with respect to the block's weights, in their order ([`Blocks`]).
     ///
     /// # Panics
     /// If there is no such block, or `into` has not one number for each of its weights.
@@ -136,7 +136,7 @@ impl<T: Scalar> Linearization<T> {
         }
     }
 
-    /// The same of the projection and the read-out, which have one row.
+    /// [`local`](Self::local) for the projection and the read-out, which have one row.
     fn local_of_output(&self, block: usize, row: usize, into: &mut [T]) {
         if row > 0 {
             into.fill(T::zero());

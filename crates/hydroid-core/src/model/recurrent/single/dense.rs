@@ -1,4 +1,4 @@
-//! A step's Jacobians as full matrices, to look at and to test with.
+//! Dense Jacobians of a step, for inspection and tests.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -8,7 +8,7 @@ use super::packed::Packed;
 use super::transposed::Gradient;
 use crate::math::Scalar;
 
-/// `rows x columns` from the function that gives a row from a unit vector.
+/// A `rows x columns` matrix, whose row `i` is `row` of unit vector `i`.
 fn expand<T: Scalar>(rows: usize, columns: usize, mut row: impl FnMut(&[T], &mut [T])) -> Vec<T> {
     let (mut matrix, mut unit) = (vec![T::zero(); rows * columns], vec![T::zero(); rows]);
     for (i, into) in matrix.chunks_exact_mut(columns).enumerate() {

@@ -14,8 +14,8 @@ use crate::math::Scalar;
 /// Rows that are summed side by side.
 const ROWS: usize = 8;
 
-/// The affine maps of a layer's gates, one after the other: `[i f g o]` of an LSTM in one, the sums of a vanilla layer,
-/// `[r z]`, `a_n` and `b_n` of a GRU, of which `a_n` does not read the state, and `b_n` nothing else.
+/// The affine maps of a layer's gates: `[i f g o]` of an LSTM, the sums of a vanilla layer, or `[r z]`, `a_n` (of the
+/// input alone) and `b_n` (of the state alone) of a GRU.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Gates<T> {
     maps: Vec<Map<T>>,
@@ -24,12 +24,12 @@ pub(super) struct Gates<T> {
 /// `W_ih x + W_hh h + b` for some rows; either matrix may be missing.
 #[derive(Clone, Debug, PartialEq)]
 struct Map<T> {
-    /// First row of the layer's matrices, and number of rows.
+    /// First row in the layer's matrices, and number of rows.
     first: usize,
     rows: usize,
     reads_x: bool,
     reads_h: bool,
-    /// Block by block of [`ROWS`] rows, filled up with zeros: the biases, then column by column.
+    /// Blocks of [`ROWS`] rows, padded with zeros: the biases, then column by column.
     blocks: Vec<T>,
 }
 
@@ -48,7 +48,7 @@ impl<T: Scalar> Gates<T> {
         Self { maps }
     }
 
-    /// Takes the layer's weights out of the flat ones.
+    /// Loads the weights of the layer from the flat ones.
     pub(super) fn fill(&mut self, layer: &LayerLayout, weights: &[T]) {
         for map in &mut self.maps {
             let (reads, shown) =
@@ -70,7 +70,6 @@ impl<T: Scalar> Gates<T> {
         }
     }
 
-    /// The sums, in the order of the maps.
     #[inline(always)]
     pub(super) fn sums(&self, x: &[T], h: &[T], mut sums: &mut [T]) {
         for map in &self.maps {

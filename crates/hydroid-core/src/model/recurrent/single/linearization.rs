@@ -22,10 +22,10 @@ kernels! {
     StepKernel: Step;
 }
 
-/// The partials of one step, `state+ = f(state, x, weights)` and `y = g(state+, weights)`.
+/// The partial derivatives of one step, `state+ = f(state, x, weights)` and `y = g(state+, weights)`.
 ///
-/// They are kept as the stages that a step is made of, and applied stage by stage, never expanded: the Jacobian of an
-/// LSTM's projected state has hardly a zero, its stages hardly anything else. For each layer ([`LayerPartials`])
+/// They are kept as the sparse stages of a step and applied stage by stage, because the Jacobian of an LSTM's projected
+/// state is dense. For each layer ([`LayerPartials`])
 ///
 /// ```text
 /// a = W_ih x + b_ih,  b = W_hh h + b_hh                  sums: row j of a gate has weights that no other row has
@@ -34,23 +34,22 @@ kernels! {
 /// y = h+, or W h+ + b                                     read-out
 /// ```
 ///
-/// where `r` are the results of a unit: `c+` and `s(o) . tanh(c+)` of an LSTM, `h+` of the others; and `s` is what a
-/// unit carries over by itself: `c` of an LSTM, `h` of a GRU.
+/// with the results `r` of a unit (`c+` and `s(o) . tanh(c+)` of an LSTM, `h+` of the others) and its carried state `s`
+/// (`c` of an LSTM, `h` of a GRU).
 ///
-/// [`step`](Self::step) makes them; the products are [`times`](Self::times),
-/// [`transposed_times`](Self::transposed_times), [`output_times`](Self::output_times) and
-/// [`output_transposed_times`](Self::output_transposed_times). They take the same weights as the step: products with
-/// the Jacobian (jvp) and with its transpose (vjp), of several vectors at a time. Nothing allocates but
-/// [`new`](Self::new) and the dense matrices.
+/// [`step`](Self::step) computes them. The products with the Jacobian (jvp: [`times`](Self::times),
+/// [`output_times`](Self::output_times)) and with its transpose (vjp: [`transposed_times`](Self::transposed_times),
+/// [`output_transposed_times`](Self::output_transposed_times)) take the same weights as the step, and several vectors
+/// at a time. Only [`new`](Self::new) and the dense matrices allocate.
 #[derive(Clone, Debug)]
 pub struct Linearization<T> {
     pub(super) layers: Vec<LayerPartials<T>>,
-    /// `h+` of the last layer, which the read-out reads.
+    /// `h+` of the last layer, the input of the read-out.
     pub(super) shown: Vec<T>,
 }
 
-/// Local partials of one layer. Row `gate n + j` of the gates belongs to unit `j`;
-/// [`LayerLayout::row`](super::super::LayerLayout::row) tells its weights.
+/// Local partial derivatives of one layer. Row `gate n + j` of the gates belongs to unit `j`;
+/// [`LayerLayout::row`](super::super::LayerLayout::row) gives its weights.
 #[derive(Clone, Debug)]
 pub struct LayerPartials<T> {
     units: usize,
@@ -59,20 +58,19 @@ pub struct LayerPartials<T> {
     x: Vec<T>,
     /// The layer's part of the state before the step.
     before: Vec<T>,
-    /// Where `h` begins in it.
+    /// Offset of `h` in it.
     h_at: usize,
     input: Vec<T>,
     hidden: Vec<T>,
     carry: Vec<T>,
-    /// Partials of the results with respect to `h` through the gates of their own, and to `x`: `results units x h`, `x
-    /// reads`.
+    /// Partials of the results with respect to `h` and `x` through their own gates: `results units x h` and `x reads`.
     of_h: Vec<T>,
     of_x: Vec<T>,
-    /// Of each unit of an LSTM, the partial of `s(o) tanh(c+)` with respect to `c+`.
+    /// Partials of `s(o) tanh(c+)` with respect to `c+`, for each unit of an LSTM.
     through: Vec<T>,
-    /// As [`Packed::layer_step`] leaves it.
+    /// Scratch of [`Packed::layer_step`], with its results.
     scratch: Vec<T>,
-    /// An adjoint of the results, one unit wide, and what an LSTM's way back uses up.
+    /// An adjoint of the results, one number for each unit, and the record of an LSTM's backward pass.
     adjoint: Vec<T>,
     record: Vec<T>,
 }
@@ -93,7 +91,7 @@ impl<T: Scalar> LayerPartials<T> {
         self.results
     }
 
-    /// What the layer read, which multiplies `weight_ih`.
+    /// Input of the layer, which multiplies `weight_ih`.
     pub fn x(&self) -> &[T] {
         &self.x
     }
@@ -103,12 +101,12 @@ impl<T: Scalar> LayerPartials<T> {
         &self.before[self.h_at..]
     }
 
-    /// Where `h` begins in the layer's part of the state.
+    /// Offset of `h` in the layer's part of the state.
     pub(super) fn h_at(&self) -> usize {
         self.h_at
     }
 
-    /// What the projection of an LSTM multiplies (`n`), `s(o) . tanh(c+)`: its last result.
+    /// Input of an LSTM's projection, `s(o) . tanh(c+)` (`n` numbers): the last result.
     pub fn projected(&self) -> &[T] {
         &self.scratch[5 * self.units..][..self.units]
     }
@@ -119,14 +117,14 @@ impl<T: Scalar> LayerPartials<T> {
         &self.input[(result * self.gates + gate) * self.units..][..self.units]
     }
 
-    /// The same for `b = W_hh h + b_hh`; they differ from [`input`](Self::input) in the GRU's `n`, where the reset gate
-    /// stands between.
+    /// Partials with respect to `b = W_hh h + b_hh`; they differ from [`input`](Self::input) in the GRU's `n`, because
+    /// of the reset gate.
     pub fn hidden(&self, result: usize, gate: usize) -> &[T] {
         &self.hidden[(result * self.gates + gate) * self.units..][..self.units]
     }
 
-    /// Gates that a result of a unit depends on by itself: of an LSTM `c+` has `i f g`, and `s(o) tanh(c+)` has `o`
-    /// beside what comes [`through`](Self::through) `c+`. So no weight of a unit belongs to two of its results.
+    /// Gates on which a result of a unit depends directly: `i f g` for `c+` of an LSTM, and `o` for `s(o) tanh(c+)`,
+    /// besides its dependence on `c+` ([`through`](Self::through)). No weight of a unit belongs to two of its results.
     pub(super) fn own_gates(&self, result: usize) -> Range<usize> {
         match (self.results, result) {
             (2, 0) => 0..self.gates - 1,
@@ -147,7 +145,7 @@ impl<T: Scalar> LayerPartials<T> {
 }
 
 impl<T: Scalar> LayerPartials<T> {
-    /// Partials of the step that was just made: what the cell's way back in time gives of an adjoint of one.
+    /// Partials of the last step, by the backward pass of the cell from unit adjoints.
     #[inline(always)]
     fn differentiate<S: Simd>(&mut self, simd: S, cell: Cell, after: &[T]) {
         let (n, one, adjoint) = (self.units, T::one(), &mut self.adjoint);
@@ -185,7 +183,7 @@ impl<T: Scalar> LayerPartials<T> {
 }
 
 impl<T: Scalar> LayerPartials<T> {
-    /// What the gates make of `h` and `x`.
+    /// Multiplies the partials of the gates by their weights: [`of_h`](Self::of_h) and [`of_x`](Self::of_x).
     #[inline(always)]
     fn gather(&mut self, weights: &[T], place: &LayerLayout) {
         let (units, reads, shown) = (self.units, self.x.len(), place.shown);
@@ -202,14 +200,13 @@ impl<T: Scalar> LayerPartials<T> {
         }
     }
 
-    /// Partials of a result of each unit with respect to `h` before the step, through the gates of its own: `units x
-    /// h`.
+    /// Partials of a result of each unit with respect to `h` before the step, through its own gates: `units x h`.
     pub(super) fn of_h(&self, result: usize) -> &[T] {
         let len = self.units * self.h().len();
         &self.of_h[result * len..][..len]
     }
 
-    /// The same with respect to `x`.
+    /// Partials with respect to `x`: `units x reads`.
     pub(super) fn of_x(&self, result: usize) -> &[T] {
         let len = self.units * self.x.len();
         &self.of_x[result * len..][..len]
@@ -234,7 +231,7 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
 }
 
 impl<T: Scalar> Linearization<T> {
-    /// For networks of the size of this one.
+    /// A linearization for networks of this size.
     pub fn new(packed: &Packed<T>) -> Self {
         let cell = packed.network().cell;
         let (units, gates, results, h_at) = match cell {
@@ -263,15 +260,14 @@ impl<T: Scalar> Linearization<T> {
         Self { layers, shown: vec![T::zero(); cell.shown()] }
     }
 
-    /// `state <- f(state, x)`, as [`Packed::step`] to the last bit, with its partials.
+    /// `state <- f(state, x)`, bit-identical to [`Packed::step`], with its partial derivatives.
     ///
     /// # Panics
-    /// If `state` or `x` is shorter than [`Packed::step`] wants, or the network has another size.
+    /// If `state` or `x` is shorter than for [`Packed::step`], or the network has another size.
     pub fn step(&mut self, packed: &Packed<T>, state: &mut [T], x: &[T]) {
         T::run::<StepKernel>(Arch::new(), Step { linear: self, packed, state, x });
     }
 
-    /// The same with the vectors that the processor has.
     #[inline(always)]
     fn step_with<S: Simd>(&mut self, simd: S, packed: &Packed<T>, state: &mut [T], x: &[T]) {
         let len = packed.layer_state();

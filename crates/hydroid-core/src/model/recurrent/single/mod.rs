@@ -1,4 +1,4 @@
-//! One sequence at a time, as on board: a step of the network, and its derivatives.
+//! One sequence at a time: a step of the network, and its derivatives.
 
 mod blocks;
 mod dense;

@@ -1,4 +1,4 @@
-//! Weights laid out for one step of one sequence.
+//! Weights in the memory layout of one step of one sequence.
 #![expect(
     clippy::inline_always,
     reason = "what a step is made of must become a part of the function that was compiled for the processor"
@@ -21,19 +21,19 @@ kernels! {
     StepKernel: Step;
 }
 
-/// A network's weights as a step of one sequence reads them fastest: the rows of the gates in blocks that are summed
-/// side by side, and biases that are always added together as one.
+/// A network's weights in the layout of a step of one sequence: rows of the gates in blocks that are summed side by
+/// side, and the two biases as one sum.
 ///
 /// ```text
 /// step:    state+ = f(state, x)          output:  y = g(state+)
 /// ```
 ///
-/// The state is laid out as [`Cell`] says. Nothing here allocates but [`new`](Self::new).
+/// The state is in the layout of [`Cell`]. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Packed<T> {
     network: Network,
     layout: Layout,
-    /// As [`Network::tensors`] has them.
+    /// In the order of [`Network::tensors`].
     weights: Vec<T>,
     layers: Vec<Gates<T>>,
 }
@@ -59,7 +59,7 @@ impl<T: Scalar> Packed<T> {
     /// Packs the weights of a network.
     ///
     /// # Panics
-    /// If there are not [`Network::weights`] numbers, or the network's sizes cannot be ([`Network::check`]).
+    /// If there are not [`Network::weights`] numbers, or the network is invalid ([`Network::check`]).
     pub fn new(network: Network, weights: &[T]) -> Self {
         if let Err(error) = network.check() {
             panic!("{error}");
@@ -82,7 +82,7 @@ impl<T: Scalar> Packed<T> {
         }
     }
 
-    /// The weights as [`Network::tensors`] has them.
+    /// The weights in the order of [`Network::tensors`].
     pub fn weights(&self) -> &[T] {
         &self.weights
     }
@@ -92,12 +92,12 @@ impl<T: Scalar> Packed<T> {
         &self.network
     }
 
-    /// Where each weight stands.
+    /// Offsets of the weights.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Numbers of scratch that [`step`](Self::step) needs.
+    /// Length of the scratch of [`step`](Self::step).
     pub fn scratch(&self) -> usize {
         match self.network.cell {
             Cell::Lstm { hidden, .. } => 7 * hidden,
@@ -120,7 +120,6 @@ impl<T: Scalar> Packed<T> {
         T::run::<StepKernel>(Arch::new(), Step { packed: self, state, x, scratch });
     }
 
-    /// The same with the vectors that the processor has.
     #[inline(always)]
     fn step_with<S: Simd>(&self, simd: S, state: &mut [T], x: &[T], scratch: &mut [T]) {
         let len = self.layer_state();
@@ -131,8 +130,8 @@ impl<T: Scalar> Packed<T> {
         }
     }
 
-    /// A step of one layer. It leaves in `scratch` what derivatives want: the gates and, of an LSTM, `tanh(c+)` and
-    /// what is projected; then what an element-wise function reads of the state before.
+    /// A step of one layer. For the derivatives it leaves in `scratch` the gates and, of an LSTM, `tanh(c+)` and the
+    /// input of the projection; then the previous state of the element-wise functions.
     #[inline(always)]
     pub(super) fn layer_step<S: Simd>(
         &self,
@@ -174,7 +173,7 @@ impl<T: Scalar> Packed<T> {
         }
     }
 
-    /// `h` of the last layer, which the read-out reads.
+    /// `h` of the last layer, the input of the read-out.
     #[inline]
     pub fn shown<'a>(&self, state: &'a [T]) -> &'a [T] {
         &state[self.network.state_len() - self.network.cell.shown()..]

@@ -18,7 +18,7 @@ kernels! {
     OutputProductKernel: OutputTimes;
 }
 
-/// Changes of the arguments of a step, as matrices of one or more columns, row by row; `None` for no change.
+/// Changes of the arguments of a step, as matrices with columns, row by row; `None` for no change.
 #[derive(Clone, Copy, Debug)]
 pub struct Change<'a, T> {
     /// `state x columns`.
@@ -27,7 +27,7 @@ pub struct Change<'a, T> {
     pub input: Option<&'a [T]>,
     /// `weights x columns`.
     pub weights: Option<&'a [T]>,
-    /// What the weights do to each row of [`Blocks`](super::Blocks) by itself, where that is known already: `rows x
+    /// Effect of the weights on each row of [`Blocks`](super::Blocks), where it is computed beforehand: `rows x
     /// columns`.
     pub local: Option<&'a [T]>,
 }
@@ -38,7 +38,7 @@ impl<T> Default for Change<'_, T> {
     }
 }
 
-/// Kernel of a product.
+/// Kernel of [`Linearization::times`].
 pub(crate) struct Times<'a, T> {
     linear: &'a Linearization<T>,
     packed: &'a Packed<T>,
@@ -57,7 +57,7 @@ impl<T: Scalar> WithSimd for Times<'_, T> {
     }
 }
 
-/// The same of the outputs.
+/// Kernel of [`Linearization::output_times`].
 pub(crate) struct OutputTimes<'a, T> {
     linear: &'a Linearization<T>,
     packed: &'a Packed<T>,
@@ -76,16 +76,16 @@ impl<T: Scalar> WithSimd for OutputTimes<'_, T> {
 }
 
 impl<T: Scalar> Linearization<T> {
-    /// Numbers of scratch that products with matrices of so many columns need.
+    /// Length of the scratch of products with matrices of `columns` columns.
     pub fn scratch(&self, columns: usize) -> usize {
         let units = self.layers[0].units();
         let widest = self.layers.iter().map(|layer| layer.x().len().max(layer.h().len())).max();
-        // The projection's part of a product, and a sum's coefficients; or two rows and what the layers above want.
+        // The projection's part of a product, and a sum's coefficients; or two rows and the adjoint of the layer above.
         units * columns + (2 * columns).max(widest.unwrap_or(0).max(units)) + self.shown.len() * columns
     }
 
-    /// Jacobian times matrix (forward mode, `jvp` of other programs, for several columns at a time): `out = df/dstate
-    /// change.state + df/dx change.input + df/dweights change.weights` (`state x columns`).
+    /// Jacobian times matrix (forward mode, jvp, for several columns at a time): `out = df/dstate change.state + df/dx
+    /// change.input + df/dweights change.weights` (`state x columns`).
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`, or `scratch` is shorter than [`scratch`](Self::scratch).
@@ -196,8 +196,8 @@ impl<T: Scalar> Linearization<T> {
         }
     }
 
-    /// `out = dg/dstate+ change.state + dg/dweights change.weights` (`outputs x columns`); the output does not depend
-    /// on the input but through the state.
+    /// `out = dg/dstate+ change.state + dg/dweights change.weights` (`outputs x columns`); the output depends on the
+    /// input only through the state.
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`.
@@ -239,7 +239,6 @@ impl<T: Scalar> Linearization<T> {
     }
 }
 
-/// `x factor` in scratch.
 #[inline(always)]
 fn scaled<'a, T: Scalar>(x: &[T], factor: T, scratch: &'a mut [T]) -> &'a [T] {
     for (scaled, &x) in scratch.iter_mut().zip(x) {

@@ -1,7 +1,5 @@
-//! Sums of rows, several at a time: blocks of them stay in registers while the rows that they share pass by.
-//!
-//! A sum has the same order in every column and each product is fused: what comes out does not depend on the width of
-//! the vectors.
+//! Sums of rows in blocks that stay in registers. A sum has the same order in every column, with fused multiply-add:
+//! results do not depend on the vector width.
 #![expect(
     clippy::inline_always,
     reason = "they must become a part of the function that was compiled for the processor"
@@ -22,15 +20,15 @@ use crate::math::vectors::Pack;
 #[derive(Clone, Copy)]
 pub(super) struct Sums<'a, T> {
     pub(super) columns: usize,
-    /// A matrix, the row of it that the first sum begins with, and how far on the next one stands.
+    /// A matrix, its row at which the first sum begins, and the distance to the row of the next sum.
     pub(super) begin: (&'a [T], usize, usize),
-    /// A factor of each sum, and the rows that they multiply, one for each.
+    /// A factor for each sum, and a matrix with one row for each.
     pub(super) own: (&'a [T], &'a [T]),
-    /// Coefficients, row by row, and what they multiply.
+    /// Coefficients, row by row, and the matrix that they multiply.
     pub(super) parts: [(&'a [T], &'a [T]); 2],
 }
 
-/// Sums, and where they go.
+/// Kernel of [`Sums::of`].
 struct Into<'a, 'b, T> {
     sums: Sums<'a, T>,
     out: &'b mut [T],
@@ -46,10 +44,10 @@ impl<T: Scalar> WithSimd for Into<'_, '_, T> {
 }
 
 impl<T: Scalar> Sums<'_, T> {
-    /// As many sums as `out` has rows.
+    /// Computes as many sums as `out` has rows.
     #[inline(always)]
     pub(super) fn of<S: Simd>(self, simd: S, out: &mut [T]) {
-        // Compiled once, and not at each place.
+        // Compiled once instead of at each call.
         simd.vectorize(Into { sums: self, out });
     }
 
@@ -75,7 +73,7 @@ impl<T: Scalar> Sums<'_, T> {
         }
     }
 
-    /// Of some columns, from `at` on: `VECTORS` whole vectors, or what is left of the row.
+    /// Columns from `at` on: `VECTORS` whole vectors, or the rest of the row.
     #[inline(always)]
     fn rows<S: Simd, const VECTORS: usize, const REST: bool>(
         &self,
@@ -98,7 +96,7 @@ impl<T: Scalar> Sums<'_, T> {
         }
     }
 
-    /// Of sums `i..i + ROWS`.
+    /// Sums `i..i + ROWS`.
     #[inline(always)]
     fn block<S: Simd, const ROWS: usize, const VECTORS: usize, const REST: bool>(
         &self,
@@ -160,7 +158,6 @@ impl<T: Scalar> Sums<'_, T> {
     }
 }
 
-/// Whole vectors, or a part of one.
 #[inline(always)]
 fn load<S: Simd, T: Scalar, const VECTORS: usize, const REST: bool>(
     simd: S,

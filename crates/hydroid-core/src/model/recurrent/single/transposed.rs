@@ -5,7 +5,7 @@ use super::packed::Packed;
 use crate::math::Scalar;
 use crate::math::rows::add_rows;
 
-/// Where a transposed product goes: matrices of some columns, row by row, overwritten. What is `None` is not wanted.
+/// Results of a transposed product: matrices with columns, row by row, overwritten; `None` where not needed.
 #[derive(Debug)]
 pub struct Gradient<'a, T> {
     /// `state x columns`.
@@ -31,8 +31,8 @@ impl<T: Scalar> Gradient<'_, T> {
 }
 
 impl<T: Scalar> Linearization<T> {
-    /// Transposed Jacobian times matrix (reverse mode, `vjp` of other programs, for several columns at a time):
-    /// `(df/dstate)' w`, `(df/dx)' w` and `(df/dweights)' w` for `w` of `state x columns`.
+    /// Transposed Jacobian times matrix (reverse mode, vjp, for several columns at a time): `(df/dstate)' w`, `(df/dx)'
+    /// w` and `(df/dweights)' w` for `w` of `state x columns`.
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`, or `scratch` is shorter than [`scratch`](Self::scratch).
@@ -47,7 +47,7 @@ impl<T: Scalar> Linearization<T> {
         into.clear();
         let len = packed.layer_state() * columns;
         let shown = self.shown.len() * columns;
-        // What the layer above wants of this layer's `h+`.
+        // Adjoint of this layer's `h+` from the layer above.
         let (wanted, scratch) = scratch.split_at_mut(shown);
         wanted.fill(T::zero());
         for layer in (0..self.layers.len()).rev() {
@@ -62,7 +62,8 @@ impl<T: Scalar> Linearization<T> {
         }
     }
 
-    /// One layer. `w` of its state and what is `wanted` of its `h+`; leaves there what is wanted of the layer below.
+    /// One layer: from `w` of its state and the adjoint `wanted` of its `h+`, which becomes the adjoint for the layer
+    /// before.
     fn layer_transposed(
         &self,
         packed: &Packed<T>,
@@ -91,7 +92,7 @@ impl<T: Scalar> Linearization<T> {
         }
         wanted.fill(T::zero());
         for unit in 0..units {
-            // Of the last result `last` is wanted; of an LSTM's `c+`, which comes first, `w` is.
+            // The adjoint of the last result is `last`; that of an LSTM's `c+`, the first result, is `w`.
             for gate in 0..layer.gates() {
                 of_a.fill(T::zero());
                 of_b.fill(T::zero());
@@ -131,7 +132,7 @@ impl<T: Scalar> Linearization<T> {
         }
     }
 
-    /// `(dg/dstate+)' w` and `(dg/dweights)' w` for `w` of `outputs x columns`; there is no part of the input.
+    /// `(dg/dstate+)' w` and `(dg/dweights)' w` for `w` of `outputs x columns`; the part of the input is zero.
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`.

@@ -14,14 +14,13 @@ use crate::model::sparse::signal::Signal;
 
 /// Scratch memory for rollouts of one set of equations from one state under many command sequences at once.
 ///
-/// Numbers lie as in [`Program::evaluate_block`]: a row for each variable, sub-product and output, with one sequence in
-/// each place of it, so that every operation works on as many sequences as a vector holds. The results are those of
-/// [`Equations::step`] but for the order in which sums are added and the last digits of the logistic function of a
-/// gate.
+/// Numbers are laid out as in [`Program::evaluate_block`]: a row for each variable, sub-product and output, with one
+/// number for each sequence. Results equal [`Equations::step`] up to the order of sums and the last digits of the
+/// logistic function of a gate.
 #[derive(Clone, Debug)]
 pub(crate) struct BatchRollout {
     arch: Arch,
-    /// Outputs, inputs and slots of the equations; then the data of the decays.
+    /// Outputs, inputs and slots of the equations.
     shape: (usize, usize, usize),
     signals: Vec<Signal>,
     dt: f64,
@@ -77,12 +76,12 @@ impl BatchRollout {
         })
     }
 
-    /// Rolls `count` sequences out from `state` (as [`Equations::step`] moves it): `commands` are `count x steps x
-    /// inputs`, `y` are `count x steps x outputs`.
+    /// Rolls out `count` sequences from `state` ([`Equations::step`]): `commands` are `count x steps x inputs`, `y` are
+    /// `count x steps x outputs`.
     ///
     /// # Panics
-    /// If there are more than room for, the slices have not whole sequences of the same number of steps, or the
-    /// equations are not those that the room was made for.
+    /// If `count` is too large, the slices do not hold whole sequences of the same number of steps, or the equations do
+    /// not [fit](Self::fits).
     pub(crate) fn rollout(
         &mut self,
         equations: &Equations,
@@ -115,10 +114,10 @@ impl BatchRollout {
             && equations.substeps == self.substeps
     }
 
-    /// All of `count` sequences at one state.
+    /// Sets `count` sequences to one state.
     ///
     /// # Panics
-    /// If there are more than room for, or the state is of other equations.
+    /// If `count` is too large, or the state is of other equations.
     pub(crate) fn begin(&mut self, state: &[f64], count: usize) {
         assert!((1..=self.sequences).contains(&count), "no more sequences than there is room for");
         assert!(state.len() * self.sequences == self.state.len(), "the equations that there is room for");
@@ -133,7 +132,7 @@ impl BatchRollout {
         &mut self.state[..outputs * count]
     }
 
-    /// A sample of all sequences; `command` is asked for each sequence and input.
+    /// Advances all sequences by a sample; `command` maps sequence and input to a command.
     pub(crate) fn step(
         &mut self,
         equations: &Equations,
@@ -179,7 +178,7 @@ impl BatchRollout {
         }
     }
 
-    /// Lag states some half steps on, into their slots.
+    /// Writes the lag states after `halves` half steps into their slots.
     fn lag(&mut self, n: usize, m: usize, count: usize, halves: usize) {
         for (index, lag) in self.lags.iter().enumerate() {
             let (variables, rest) = self.slots.split_at_mut((1 + n + m) * count);
@@ -208,7 +207,7 @@ impl BatchRollout {
     }
 }
 
-/// What is compiled for the processor: products of slots, and sums of them added to `into`.
+/// Kernel: products of slots, and sums of them added to `into`.
 struct Block<'a> {
     program: &'a Program,
     rows: &'a Sparse,
