@@ -96,7 +96,6 @@ impl Lag {
         }
     }
 
-    /// Whether the lag is stable and depends on its command.
     pub(crate) fn is_invertible(self) -> bool {
         match self {
             Self::None => true,

@@ -23,7 +23,6 @@ pub struct Workspace {
     buffer: Vec<f64>,
     /// Memory of [`Predictor::rollout_batch`], of a type that the model chooses.
     batch: Option<Box<dyn Any + Send + Sync>>,
-    /// Workspaces of the two models of a combined predictor.
     pair: Option<Box<[Workspace; 2]>>,
 }
 
@@ -143,7 +142,6 @@ pub trait Predictor: Send + Sync {
 /// Number of command sequences that callers of [`Predictor::rollout_batch`] should pass at a time.
 pub const BATCH: usize = 64;
 
-/// [`Predictor::rollout_batch`] by sequential rollouts.
 pub(crate) fn rollout_each<P: Predictor + ?Sized>(
     session: &P,
     count: usize,

@@ -18,7 +18,6 @@ const GAP: f64 = 1e-6;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     pieces: Vec<Piece>,
-    /// Arc length at which each piece starts.
     starts: Vec<f64>,
     length: f64,
     closed: bool,
@@ -110,7 +109,6 @@ impl Path {
     /// Projects a point onto the path within `reach` metres of arc length `near`. The search is local, because a path
     /// may pass a point more than once.
     pub fn project(&self, point: [f64; 2], near: f64, reach: f64) -> Projection {
-        // A negative or NaN reach is 0.
         let reach = reach.max(0.0);
         // At most one lap, so that each point is searched once.
         let reach = if self.closed { reach.min(0.5 * self.length) } else { reach };
@@ -142,7 +140,6 @@ impl Path {
                     try_place(start + piece.nearest(point, low, high));
                 }
             }
-            // The tangents beyond the ends.
             if to > self.length {
                 let ahead = self.at(self.length).along_track(point);
                 try_place(self.length + ahead.clamp((from - self.length).max(0.0), to - self.length));

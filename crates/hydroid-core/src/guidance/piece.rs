@@ -89,7 +89,6 @@ impl Piece {
     }
 }
 
-/// `sin(x) / x`.
 fn sinc(x: f64) -> f64 {
     // Here the next term of the series, x^4 / 120, is less than rounding.
     if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { Float::sin(x) / x }

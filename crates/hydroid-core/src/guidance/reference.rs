@@ -65,7 +65,6 @@ pub struct TimedReference {
     /// Arc length at the start of the present lap \[m\].
     lap: f64,
     phase: usize,
-    /// Distance within the phase \[m\].
     into: f64,
     speed: f64,
 }

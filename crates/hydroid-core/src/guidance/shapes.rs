@@ -59,7 +59,6 @@ impl Pen {
         }
     }
 
-    /// Turns by an angle \[rad\], positive to starboard.
     fn turn(&mut self, angle: f64, radius: f64) {
         self.go(radius * angle.abs(), Float::signum(angle) / radius);
     }

@@ -79,18 +79,13 @@ impl SpeedLimits {
     }
 }
 
-/// A section of constant acceleration along the path.
+/// A section of constant acceleration `dU/dt` along the path; metres and seconds. `end` is exact where it is 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Phase {
-    /// Start \[m\].
     pub(super) s: f64,
-    /// Length \[m\].
     pub(super) length: f64,
-    /// Speed at the start \[m/s\].
     pub(super) speed: f64,
-    /// Speed at the end \[m/s\]; exact where it is 0.
     pub(super) end: f64,
-    /// `dU/dt` \[m/s^2\].
     pub(super) acceleration: f64,
 }
 

@@ -9,7 +9,6 @@ use crate::math::Scalar;
 /// Bytes of a cache line and of the widest vector. A load within a cache line is twice as fast as one across two.
 const LINE: usize = 64;
 
-/// A slice aligned to 64 bytes.
 #[derive(Debug)]
 pub(crate) struct Aligned<T> {
     numbers: Vec<T>,

@@ -10,16 +10,12 @@ use super::Scalar;
 
 /// A kernel for both precisions.
 pub trait Kernel {
-    /// The kernel with its arguments.
     type Of<'a, T: Scalar>: WithSimd<Output = Self::Output<T>>;
 
-    /// Result of the kernel.
     type Output<T: Scalar>;
 
-    /// Runs the kernel in single precision on the vectors of the processor.
     fn single(arch: Arch, kernel: Self::Of<'_, f32>) -> Self::Output<f32>;
 
-    /// Runs the kernel in double precision on the vectors of the processor.
     fn double(arch: Arch, kernel: Self::Of<'_, f64>) -> Self::Output<f64>;
 }
 

@@ -30,9 +30,8 @@ pub(crate) trait Left<T> {
         T: 'a;
 
     fn rows(&self) -> usize;
-    /// Number of columns.
     fn depth(&self) -> usize;
-    /// Rows `first .. first + M`; `scratch` has room for them.
+    /// Rows `first .. first + M`; `scratch` holds them where they are copied.
     fn band<'a, const M: usize>(&'a self, first: usize, scratch: &'a mut [T]) -> Self::Band<'a, M>
     where
         T: 'a;
@@ -80,7 +79,6 @@ impl<T: Scalar, const M: usize> Band<T, M> for &[[T; M]] {
     }
 }
 
-/// A matrix, row by row.
 #[derive(Clone, Copy)]
 pub(crate) struct Matrix<'a, T> {
     numbers: &'a [T],
@@ -124,7 +122,6 @@ impl<T: Scalar> Left<T> for Matrix<'_, T> {
     }
 }
 
-/// The transpose of a matrix that is stored row by row.
 #[derive(Clone, Copy)]
 pub(crate) struct Transposed<'a, T>(pub(crate) Matrix<'a, T>);
 
@@ -159,7 +156,6 @@ impl<T: Scalar> Left<T> for Transposed<'_, T> {
     }
 }
 
-/// Length of the scratch of a product of this depth.
 pub(crate) fn scratch(depth: usize) -> usize {
     ROWS * depth
 }
@@ -201,7 +197,6 @@ fn part<T>(start: Option<&[T]>, first: usize) -> Option<&[T]> {
     }
 }
 
-/// [`product`] for `M` rows.
 #[inline(always)]
 fn band<S: Simd, T: Scalar, B: Band<T, M>, const M: usize>(
     simd: S,
@@ -225,7 +220,6 @@ fn band<S: Simd, T: Scalar, B: Band<T, M>, const M: usize>(
     }
 }
 
-/// [`product`] for `M` rows and `N` vectors of columns.
 #[inline(always)]
 fn tile<S: Simd, T: Scalar, B: Band<T, M>, const M: usize, const N: usize>(
     simd: S,

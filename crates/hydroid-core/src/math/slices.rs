@@ -10,7 +10,6 @@ use pulp::Simd;
 
 use super::vectors::{Pack, Vectors};
 
-/// A slice that is read vector by vector.
 #[derive(Clone, Copy)]
 pub(crate) struct Read<'a, S: Simd, T: Vectors> {
     simd: S,
@@ -36,7 +35,6 @@ impl<'a, S: Simd, T: Vectors> Read<'a, S, T> {
     }
 }
 
-/// A slice that is read and written vector by vector.
 pub(crate) struct Write<'a, S: Simd, T: Vectors> {
     simd: S,
     whole: &'a mut [T::V<S>],
@@ -50,13 +48,11 @@ impl<'a, S: Simd, T: Vectors> Write<'a, S, T> {
         Self { simd, whole, rest }
     }
 
-    /// Vector `k`, filled up with zeros beyond the end of the slice.
     #[inline(always)]
     pub(crate) fn get(&self, k: usize) -> Pack<S, T> {
         Read { simd: self.simd, whole: self.whole, rest: self.rest }.get(k)
     }
 
-    /// Writes vector `k` up to the end of the slice.
     #[inline(always)]
     pub(crate) fn set(&mut self, k: usize, x: Pack<S, T>) {
         match self.whole.get_mut(k) {

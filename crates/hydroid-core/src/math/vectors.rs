@@ -15,7 +15,6 @@ use pulp::Simd;
 
 /// The operations of [`Pack`] on `f32` and `f64`.
 pub trait Vectors: Copy + 'static {
-    /// A register of numbers.
     type V<S: Simd>: Copy + Debug;
 
     const HALF: Self;
@@ -32,7 +31,6 @@ pub trait Vectors: Copy + 'static {
     const EXP_END: Self;
     /// For `|x|` up to it, `e^x` is a normal number.
     const EXP_NORMAL: Self;
-    /// `tanh x` is 1 from it on.
     const TANH_END: Self;
     /// Numbers in 64 bytes, a cache line and the widest register.
     const LINE: usize = 64 / size_of::<Self>();
@@ -58,7 +56,6 @@ pub trait Vectors: Copy + 'static {
     fn line_sums<S: Simd>(simd: S, lines: &[Self], sums: &mut [Self]);
 }
 
-/// The implementation for both precisions, given the names of pulp's operations.
 macro_rules! operations {
     ($scalar:ident, $v:ident, $as_simd:ident, $as_mut_simd:ident, $one:expr, $two_to_the_mantissa:expr,
         $load:ident, $store:ident, $splat:ident, $sum:ident, $neg:ident, $abs:ident, $mul_add:ident,
@@ -232,7 +229,6 @@ impl Vectors for f64 {
     );
 }
 
-/// A vector with operators.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pack<S: Simd, T: Vectors> {
     simd: S,
@@ -250,7 +246,6 @@ impl<S: Simd, T: Vectors> Pack<S, T> {
         Self::new(simd, T::splat(simd, x))
     }
 
-    /// `self * b + c`, rounded once.
     #[inline(always)]
     pub(crate) fn mul_add(self, b: Self, c: Self) -> Self {
         Self::new(self.simd, T::mul_add(self.simd, self.v, b.v, c.v))
@@ -267,7 +262,6 @@ impl<S: Simd, T: Vectors> Pack<S, T> {
         Self::new(self.simd, T::at_most(self.simd, self.v, T::splat(self.simd, largest)))
     }
 
-    /// A non-negative number with the sign of another.
     #[inline(always)]
     pub(crate) fn with_sign_of(self, other: Self) -> Self {
         Self::new(self.simd, T::with_sign_of(self.simd, self.v, other.v))

@@ -108,7 +108,6 @@ impl PlantModel {
     }
 }
 
-/// The ranges of `u`, `v`, `r` and `P_f` from rest under each corner of the limits.
 fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
     const LONG_S: f64 = 120.0;
     let mut ranges = [[0.0, 0.0]; 4];
@@ -121,7 +120,6 @@ fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
             while t < LONG_S {
                 motion = plant.advance_motion(&motion, &actuation, STEP_S);
                 for ([low, high], x) in ranges.iter_mut().zip(motion) {
-                    // A NaN is kept.
                     *low = if x < *low || x.is_nan() { x } else { *low };
                     *high = if x > *high || x.is_nan() { x } else { *high };
                 }
@@ -164,7 +162,6 @@ impl PlantSession {
         &mut self.motion
     }
 
-    /// Replaces the parameters.
     pub(crate) fn set_numbers(&mut self, form: Form, numbers: &Numbers) {
         self.plant = Plant::assemble(form, numbers);
     }

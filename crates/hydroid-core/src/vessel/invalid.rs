@@ -51,8 +51,7 @@ pub enum InvalidParams {
         /// The invalid value.
         value: f64,
     },
-    /// The yaw inertia about CO is not greater than `m x_g^2`, the contribution of the distance to the centre of
-    /// gravity.
+    /// The yaw inertia about CO is not greater than `m x_g^2`.
     YawInertia {
         /// `i_z` \[kg m^2\].
         i_z: f64,

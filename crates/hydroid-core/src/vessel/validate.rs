@@ -4,7 +4,6 @@ use super::invalid::{InvalidParams, Mode};
 use super::parameter::mass_matrix;
 use super::params::{Commands, Flying, RudderLaw, VesselParams};
 
-/// Names of the drag entries in messages.
 const LINEAR: [[&str; 3]; 3] = [
     ["drag.linear[0][0]", "drag.linear[0][1]", "drag.linear[0][2]"],
     ["drag.linear[1][0]", "drag.linear[1][1]", "drag.linear[1][2]"],

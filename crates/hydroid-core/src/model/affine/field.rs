@@ -6,7 +6,6 @@ use super::model::ControlAffine;
 use crate::actuator::{lag_step, rk4_first_stage};
 use crate::model::direct::ForwardPass;
 
-/// Evaluation of the rates of a control-affine network.
 #[derive(Clone, Debug)]
 pub(crate) struct Field {
     forward: ForwardPass,
@@ -49,7 +48,7 @@ impl Field {
         g
     }
 
-    /// `rate <- dy/dt`. Efforts are in units of `w`.
+    /// `rate <- dy/dt` with efforts in units of `w`.
     fn rate(&self, model: &ControlAffine, y: &[f64], efforts: &[f64], scratch: &mut [f64], rate: &mut [f64]) {
         let n = self.outputs;
         let g = self.evaluate(model, y, scratch);
@@ -59,14 +58,13 @@ impl Field {
         }
     }
 
-    /// Advances actuators by half a sample.
     fn half(&self, a: &mut [f64], c: &[f64]) {
         for ((a, &c), half) in a.iter_mut().zip(c).zip(&self.halves) {
             *a = lag_step(*a, c, *half);
         }
     }
 
-    /// Advances actuators by a sample; outputs are constant.
+    /// Advances the actuators alone by a sample.
     pub(crate) fn wait(&self, state: &mut [f64], c: &[f64]) {
         let a = &mut state[self.outputs..];
         self.half(a, c);

@@ -15,7 +15,6 @@ impl Direct {
         }
     }
 
-    /// State length of the base equations; 0 without.
     pub(crate) fn below(&self) -> usize {
         self.equations().map_or(0, |equations| equations.state_len())
     }
@@ -24,9 +23,7 @@ impl Direct {
 /// State and scratch of a rollout of the base equations; empty without equations.
 pub(super) struct BaseRollout<'a> {
     equations: Option<&'a Equations>,
-    /// State at the end of the history.
     start: &'a mut [f64],
-    /// State along the horizon.
     state: &'a mut [f64],
     scratch: &'a mut [f64],
 }
@@ -36,7 +33,6 @@ impl<'a> BaseRollout<'a> {
         2 * model.below() + model.equations().map_or(0, |equations| equations.scratch())
     }
 
-    /// Starts from the present outputs and the memory of the equations.
     pub(super) fn begin(model: &'a Direct, present: &[f64], memory: &[f64], scratch: &'a mut [f64]) -> Self {
         let equations = model.equations().map(Arc::as_ref);
         let (start, rest) = scratch.split_at_mut(model.below());

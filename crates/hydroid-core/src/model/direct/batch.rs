@@ -190,7 +190,6 @@ impl<T: Scalar> Batch<T> {
     }
 }
 
-/// Sets the padding lanes of each row to zero.
 fn clear<T: Scalar>(rows: &mut [T], lanes: usize, windows: usize) {
     if windows < lanes {
         for row in rows.chunks_exact_mut(lanes) {
@@ -199,7 +198,6 @@ fn clear<T: Scalar>(rows: &mut [T], lanes: usize, windows: usize) {
     }
 }
 
-/// Kernel of [`Batch::forward`].
 pub(crate) struct Forwards<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
@@ -237,7 +235,6 @@ impl<T: Scalar> WithSimd for Forwards<'_, T> {
     }
 }
 
-/// Kernel of [`Batch::backward`].
 pub(crate) struct Backs<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
@@ -288,7 +285,6 @@ impl<T: Scalar> WithSimd for Backs<'_, T> {
     }
 }
 
-/// The sum of a row of lanes, in [`LANES`] partial sums.
 #[inline(always)]
 fn sum<T: Scalar>(row: &[T]) -> T {
     let mut sums = [T::zero(); LANES];

@@ -25,9 +25,7 @@ pub(super) struct BatchRollout {
     below: Vec<f64>,
     /// The scaled past, the first part of the input.
     past: Vec<f64>,
-    /// Inputs of the network, a row for each sequence.
     windows: Vec<f64>,
-    /// Scaled predictions of one sequence.
     predicted: Vec<f64>,
 }
 
@@ -60,7 +58,6 @@ impl BatchRollout {
         count <= self.sequences && (Arc::ptr_eq(model, &self.model) || **model == *self.model)
     }
 
-    /// Loads the past and the last layer of a session.
     fn load(&mut self, session: &DirectSession) {
         let Window { n, p, .. } = self.window;
         self.window.scale_past(&self.model, session.whole_past(), &mut self.past);

@@ -15,7 +15,6 @@ use crate::math::{functions, product, slices};
 #[derive(Clone, Debug)]
 pub(crate) struct ForwardPass {
     layers: Arc<[Layer]>,
-    /// Length of the longest hidden layer.
     widest: usize,
     arch: Arch,
 }
@@ -26,12 +25,10 @@ impl ForwardPass {
         Self { layers: network.layers().into(), widest, arch: Arch::new() }
     }
 
-    /// Length of the scratch of [`evaluate`](Self::evaluate).
     pub(crate) fn hidden(&self) -> usize {
         2 * self.widest
     }
 
-    /// Number of inputs of the last layer.
     pub(super) fn features(&self) -> usize {
         self.layers.last().map_or(0, |layer| layer.reads)
     }
@@ -56,7 +53,6 @@ impl ForwardPass {
     pub(super) fn look(&self, weights: &[f64], x: &[f64], hidden: &mut [f64], into: &mut [f64]) {
         self.evaluate([weights, &[]], x, hidden, &mut []);
         let inner = self.layers.len() - 1;
-        // Layers alternate between the two halves.
         let h = if inner == 0 { x } else { &hidden[(inner % 2) * self.widest..] };
         into.copy_from_slice(&h[..into.len()]);
     }
@@ -68,7 +64,6 @@ impl ForwardPass {
     }
 }
 
-/// Kernel of the forward pass.
 pub(crate) struct Step<'a> {
     forward: &'a ForwardPass,
     weights: &'a [f64],
@@ -103,7 +98,6 @@ impl WithSimd for Step<'_> {
     }
 }
 
-/// Kernel of the last layer.
 pub(crate) struct ReadOut<'a> {
     layer: &'a Layer,
     weights: &'a [f64],

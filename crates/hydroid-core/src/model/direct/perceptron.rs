@@ -25,7 +25,6 @@ pub struct Perceptron {
     pub outputs: usize,
 }
 
-/// Sizes of a layer and the offset of its weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layer {
     pub(super) reads: usize,

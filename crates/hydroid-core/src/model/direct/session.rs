@@ -25,14 +25,12 @@ pub struct DirectSession {
     model: Arc<Direct>,
     forward: ForwardPass,
     window: Window,
-    /// Past outputs and commands in physical units.
     past: Vec<f64>,
     /// State of the equations: outputs (unused), then the memory before the present sample. Empty without equations.
     below: Vec<f64>,
     /// The session's own last layer; empty where the layer of the model is used.
     own: Vec<f64>,
     scratch: Vec<f64>,
-    /// Predicted outputs.
     next: Vec<f64>,
 }
 
@@ -84,17 +82,14 @@ impl DirectSession {
         if self.own.is_empty() { self.forward.read_out(&self.model.weights) } else { &self.own }
     }
 
-    /// The session's own last layer; empty without.
     pub(crate) fn read_out_mut(&mut self) -> &mut [f64] {
         &mut self.own
     }
 
-    /// Past outputs and past commands, in physical units.
     pub(crate) fn past(&self) -> (&[f64], &[f64]) {
         self.past.split_at(self.window.outputs())
     }
 
-    /// Memory of the equations before the present sample; empty without equations.
     pub(crate) fn memory(&self) -> &[f64] {
         self.below.get(self.window.n..).unwrap_or_default()
     }
@@ -130,7 +125,6 @@ impl DirectSession {
         self.forward.give(self.read_out(), features, into);
     }
 
-    /// Whether part of the past is unknown.
     pub(crate) fn is_waiting(&self) -> bool {
         self.past.iter().any(|x| x.is_nan())
     }
@@ -157,7 +151,6 @@ impl Predictor for DirectSession {
     fn observe(&mut self, y: &[f64]) {
         let Window { n, p, .. } = self.window;
         let outputs = &mut self.past[..p * n];
-        // Infinite values count as missing.
         for (c, &y) in y.iter().enumerate().filter(|(_, y)| y.is_finite()) {
             let present = (p - 1) * n + c;
             if outputs[present].is_nan() {

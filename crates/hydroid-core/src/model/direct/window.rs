@@ -17,17 +17,14 @@ impl Window {
         Self { n: model.outputs(), m: model.inputs(), p: model.history, h: model.horizon }
     }
 
-    /// Length of the past outputs.
     pub(crate) fn outputs(&self) -> usize {
         self.p * self.n
     }
 
-    /// Length of the past outputs and commands.
     pub(crate) fn past(&self) -> usize {
         self.outputs() + (self.p - 1) * self.m
     }
 
-    /// Scales the past of a session into the first part of a window.
     pub(super) fn scale_past(&self, model: &Direct, past: &[f64], window: &mut [f64]) {
         let (outputs, commands) = past.split_at(self.outputs());
         for (k, (x, &y)) in window.iter_mut().zip(outputs).enumerate() {

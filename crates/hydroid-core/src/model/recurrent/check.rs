@@ -103,7 +103,6 @@ impl From<NetworkError> for RecurrentError {
 }
 
 impl Part {
-    /// Requirement besides finiteness.
     fn wanted(self) -> (&'static str, fn(f64) -> bool) {
         match self {
             Self::Weights | Self::OutputMean | Self::InputMean => ("", |_| true),

@@ -92,7 +92,6 @@ impl RecurrentSession {
         }
     }
 
-    /// Whether needed outputs have not been measured yet.
     pub(crate) fn is_waiting(&self) -> bool {
         let needs_outputs = self.model.feedback || !matches!(self.model.base, BaseModel::Nothing);
         needs_outputs && self.state[..self.model.outputs()].iter().any(|y| y.is_nan())
@@ -138,7 +137,6 @@ fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
 }
 
 impl Recurrent {
-    /// Scaled input of the network at outputs `y` and commands `c`.
     pub(crate) fn scale(&self, y: &[f64], c: &[f64], x: &mut [f64]) {
         let scaling = &self.scaling;
         let (m, z) = x.split_at_mut(self.inputs());
@@ -160,7 +158,6 @@ fn read_out(model: &Recurrent, weights: &Packed<f64>, hidden: &[f64], y: &mut [f
     }
 }
 
-/// One sample of the model.
 fn step(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
     let outputs = model.outputs();
     let (front, hidden) = state.split_at_mut(front_len(model));
@@ -179,7 +176,6 @@ fn step(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], 
     }
 }
 
-/// One sample before each output has been measured.
 fn wait(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
     let (front, hidden) = state.split_at_mut(front_len(model));
     if !model.feedback {

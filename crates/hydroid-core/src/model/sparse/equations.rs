@@ -87,7 +87,6 @@ pub struct Equations {
     program: Program,
     /// Coefficients of terms in held variables alone, with the constant.
     held: Sparse,
-    /// Coefficients of all other terms.
     moving: Sparse,
     memory: Memory,
 }
@@ -98,7 +97,6 @@ struct Sparse {
     entries: Vec<(u16, f64)>,
     /// Place of each entry in the table of all coefficients.
     places: Vec<usize>,
-    /// End of each row in `entries`.
     ends: Vec<usize>,
 }
 
@@ -169,7 +167,6 @@ impl Equations {
         if let Some(bad) = coefficients.iter().position(|c| !c.is_finite()) {
             return Err(EquationsError::NotFinite { output: bad / terms.len(), term: bad % terms.len() });
         }
-        // Only terms in use are evaluated.
         let used: Vec<usize> = (0..terms.len())
             .filter(|j| (0..outputs).any(|i| coefficients[i * terms.len() + j] != 0.0))
             .collect();

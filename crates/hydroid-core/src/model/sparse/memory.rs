@@ -38,14 +38,12 @@ struct PastValue {
 
 #[derive(Clone, Debug, PartialEq)]
 struct DelayLine {
-    /// Output or input.
     variable: usize,
     at: usize,
     len: usize,
 }
 
 impl Memory {
-    /// The layout for integration steps of `h` seconds.
     pub(super) fn new(signals: &[Signal], outputs: usize, inputs: usize, h: f64) -> Self {
         let first_slot = 1 + outputs + inputs;
         let mut memory = Self { outputs, lags: Vec::new(), pasts: Vec::new(), delays: Vec::new(), len: 0 };

@@ -57,9 +57,7 @@ pub struct Program {
     variables: usize,
     functions: Vec<(Function, u16)>,
     products: Vec<(u16, u16)>,
-    /// Number of functions of held variables.
     held_functions: usize,
-    /// Number of products of held variables alone.
     held_products: usize,
     terms: Vec<u16>,
 }
@@ -261,7 +259,6 @@ impl Program {
         }
     }
 
-    /// The products of held variables, or the others.
     #[allow(clippy::inline_always)] // it is compiled for the processor, inside of a dispatch
     #[inline(always)]
     pub(super) fn block_products(&self, slots: &mut [f64], rows: usize, held: bool) {

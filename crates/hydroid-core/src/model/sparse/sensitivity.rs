@@ -251,7 +251,6 @@ impl Sensitivity {
     }
 }
 
-/// Distinct terms with their indices.
 #[derive(Default)]
 struct Book {
     index: BTreeMap<Term, usize>,
@@ -277,7 +276,6 @@ fn axpy(to: &mut [f64], a: f64, x: &[f64]) {
     }
 }
 
-/// Splits a buffer into parts.
 fn split<const N: usize>(mut buffer: &mut [f64], sizes: [usize; N]) -> [&mut [f64]; N] {
     sizes.map(|size| {
         let (part, rest) = core::mem::take(&mut buffer).split_at_mut(size);

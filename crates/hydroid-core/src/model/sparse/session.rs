@@ -14,7 +14,6 @@ use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
 #[derive(Clone, Debug)]
 pub struct EquationsSession {
     equations: Arc<Equations>,
-    /// In the layout of [`Equations::step`].
     state: Vec<f64>,
     scratch: Vec<f64>,
 }

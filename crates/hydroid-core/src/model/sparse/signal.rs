@@ -114,7 +114,6 @@ impl Signal {
     }
 }
 
-/// Rounded to a millisecond, for names.
 fn rounded(seconds: f64) -> f64 {
     Float::round(seconds * 1e3) / 1e3
 }

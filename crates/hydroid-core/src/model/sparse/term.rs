@@ -183,7 +183,6 @@ impl Shape {
     }
 }
 
-/// Normal form of a product of functions of one variable.
 fn join(factors: &[Factor], normal: &mut Vec<Factor>) {
     let Some(&Factor { variable, .. }) = factors.first() else { return };
     let (mut power, mut abs, mut sign, mut reciprocal) = (0usize, 0usize, 0usize, 0usize);
@@ -252,7 +251,6 @@ mod tests {
         assert_eq!(Term::monomial(&[1, 0, 1, 0]), Term::new(vec![power(0, 2), power(1, 2)]));
         assert_eq!(Term::new(vec![abs(0), power(0, 1), power(0, 1)]).factors(), [power(0, 2), abs(0)]);
         assert_eq!(Term::new(vec![abs(0), abs(0), abs(0)]).factors(), [power(0, 2), abs(0)]);
-        // Larger than one exponent.
         let large = Term::new(vec![power(0, 200), power(0, 100)]);
         assert_eq!(large.degree(), 300);
         assert!((large.value(&[1.01]) / 1.01f64.powi(300) - 1.0).abs() < 1e-12);

@@ -25,7 +25,6 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Offset of row `i`, column `j` of `[A B]`.
     fn at(&self, i: usize, j: usize) -> usize {
         let (a, b) = (self.a, self.b);
         if j < a.1 { a.0 + i * a.1 + j } else { b.0 + i * b.1 + j - a.1 }
@@ -60,7 +59,6 @@ impl<T: Scalar> Affine<T> {
         }
     }
 
-    /// Loads the weights from the flat ones.
     pub(super) fn load(&mut self, weights: &[T]) {
         let (rows, columns) = (self.place.rows, self.place.columns());
         for i in 0..rows {
@@ -106,7 +104,6 @@ impl<T: Scalar> Affine<T> {
         }
     }
 
-    /// Writes the gradient into the flat gradient.
     pub(super) fn gradient(&self, into: &mut [T]) {
         let (rows, columns) = (self.place.rows, self.place.columns());
         let sum = |i: usize, j: usize| {

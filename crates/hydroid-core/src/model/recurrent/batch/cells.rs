@@ -21,7 +21,6 @@ kernels! {
     BackwardKernel: Backs;
 }
 
-/// The affine maps of a cell.
 #[derive(Clone, Debug)]
 enum Maps<T> {
     /// `[i f g o]` from `x` and `h`; `h` from `m`.
@@ -36,10 +35,9 @@ enum Maps<T> {
 pub(super) struct Forward<'a, T> {
     pub(super) state: &'a [T],
     pub(super) input: &'a [T],
-    /// Values for the backward pass besides the states.
     pub(super) record: &'a mut [T],
     pub(super) next: &'a mut [T],
-    /// Output of the read-out; empty without one.
+    /// Empty without read-out.
     pub(super) output: &'a mut [T],
 }
 
@@ -57,7 +55,6 @@ pub(super) struct Back<'a, T> {
     pub(super) scratch: &'a mut [T],
 }
 
-/// Weights of a network in the layout of the kernels, with their gradient.
 #[derive(Clone, Debug)]
 pub(super) struct Cells<T> {
     maps: Maps<T>,
@@ -139,7 +136,6 @@ impl<T: Scalar> Cells<T> {
         self.lanes = lanes;
     }
 
-    /// Rows of the record of a step.
     pub(super) fn record_rows(&self) -> usize {
         match self.maps {
             Maps::Lstm { hidden, .. } => 6 * hidden,
@@ -148,7 +144,6 @@ impl<T: Scalar> Cells<T> {
         }
     }
 
-    /// Rows of the scratch of a backward step.
     pub(super) fn scratch_rows(&self) -> usize {
         match self.maps {
             Maps::Lstm { hidden, .. } | Maps::Gru { hidden, .. } | Maps::Vanilla { hidden, .. } => hidden,
@@ -297,7 +292,6 @@ impl<T: Scalar> Cells<T> {
     }
 }
 
-/// Kernel of [`Cells::forward`].
 pub(crate) struct Forwards<'a, T>(&'a Cells<T>, Forward<'a, T>);
 
 impl<T: Scalar> WithSimd for Forwards<'_, T> {
@@ -309,7 +303,6 @@ impl<T: Scalar> WithSimd for Forwards<'_, T> {
     }
 }
 
-/// Kernel of [`Cells::back`].
 pub(crate) struct Backs<'a, T>(&'a mut Cells<T>, Back<'a, T>);
 
 impl<T: Scalar> WithSimd for Backs<'_, T> {

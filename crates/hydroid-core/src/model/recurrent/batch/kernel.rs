@@ -16,9 +16,7 @@ use super::LANES;
 use crate::math::Scalar;
 use crate::math::vectors::Pack;
 
-/// Rows of a matrix in a block.
 pub(super) const ROWS: usize = 4;
-/// Columns of a gradient in a block.
 const COLUMNS: usize = 4;
 
 /// Rows of two matrices, one above the other.
@@ -47,7 +45,6 @@ impl<'a, T: Scalar> Rows<'a, T> {
     }
 }
 
-/// [`Rows`] to write to.
 pub(super) struct RowsMut<'a, T> {
     parts: [&'a mut [T]; 2],
     lanes: usize,

@@ -19,7 +19,6 @@ fn padded(sequences: usize) -> usize {
     sequences.next_multiple_of(LANES)
 }
 
-/// Sets the padding lanes of each row to zero.
 fn clear_padding<T: crate::math::Scalar>(rows: &mut [T], sequences: usize) {
     let lanes = padded(sequences);
     if lanes > sequences {

@@ -45,7 +45,6 @@ pub struct Tape<T> {
     steps: usize,
     sequences: usize,
     lanes: usize,
-    /// Lengths of one step.
     state_len: usize,
     input_len: usize,
     output_len: usize,

@@ -22,13 +22,10 @@ use crate::math::Scalar;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Blocks {
     rows: usize,
-    /// Offsets of the weights of each block in the flat weights.
     places: Vec<Vec<usize>>,
     /// Number of blocks of the units and of the projection; the blocks of the read-out follow.
     transition: usize,
-    /// The first block after the units.
     projection: usize,
-    /// The first block of the last layer.
     last_layer: usize,
 }
 
@@ -102,7 +99,6 @@ impl Blocks {
 }
 
 impl<T: Scalar> Linearization<T> {
-    /// The first block of the read-out.
     pub(super) fn first_output_block(&self) -> usize {
         let units = self.layers[0].units();
         // A projection is shorter than the vector that it projects.

@@ -11,7 +11,6 @@ use super::super::layout::LayerLayout;
 use super::super::network::Cell;
 use crate::math::Scalar;
 
-/// Rows that are summed side by side.
 const ROWS: usize = 8;
 
 /// The affine maps of a layer's gates: `[i f g o]` of an LSTM, the sums of a vanilla layer, or `[r z]`, `a_n` (of the
@@ -24,7 +23,6 @@ pub(super) struct Gates<T> {
 /// `W_ih x + W_hh h + b` for some rows; either matrix may be missing.
 #[derive(Clone, Debug, PartialEq)]
 struct Map<T> {
-    /// First row in the layer's matrices, and number of rows.
     first: usize,
     rows: usize,
     reads_x: bool,
@@ -48,7 +46,6 @@ impl<T: Scalar> Gates<T> {
         Self { maps }
     }
 
-    /// Loads the weights of the layer from the flat ones.
     pub(super) fn fill(&mut self, layer: &LayerLayout, weights: &[T]) {
         for map in &mut self.maps {
             let (reads, shown) =

@@ -44,7 +44,6 @@ kernels! {
 #[derive(Clone, Debug)]
 pub struct Linearization<T> {
     pub(super) layers: Vec<LayerPartials<T>>,
-    /// `h+` of the last layer, the input of the read-out.
     pub(super) shown: Vec<T>,
 }
 
@@ -56,9 +55,7 @@ pub struct LayerPartials<T> {
     gates: usize,
     results: usize,
     x: Vec<T>,
-    /// The layer's part of the state before the step.
     before: Vec<T>,
-    /// Offset of `h` in it.
     h_at: usize,
     input: Vec<T>,
     hidden: Vec<T>,
@@ -101,7 +98,6 @@ impl<T: Scalar> LayerPartials<T> {
         &self.before[self.h_at..]
     }
 
-    /// Offset of `h` in the layer's part of the state.
     pub(super) fn h_at(&self) -> usize {
         self.h_at
     }
@@ -213,7 +209,6 @@ impl<T: Scalar> LayerPartials<T> {
     }
 }
 
-/// Kernel of a step with its derivatives.
 pub(crate) struct Step<'a, T> {
     linear: &'a mut Linearization<T>,
     packed: &'a Packed<T>,

@@ -38,7 +38,6 @@ pub struct Packed<T> {
     layers: Vec<Gates<T>>,
 }
 
-/// Kernel of a step.
 pub(crate) struct Step<'a, T> {
     packed: &'a Packed<T>,
     state: &'a mut [T],
@@ -106,7 +105,6 @@ impl<T: Scalar> Packed<T> {
         }
     }
 
-    /// Length of a layer's part of the state.
     pub(super) fn layer_state(&self) -> usize {
         self.network.state_len() / self.layers.len()
     }

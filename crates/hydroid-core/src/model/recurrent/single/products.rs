@@ -38,7 +38,6 @@ impl<T> Default for Change<'_, T> {
     }
 }
 
-/// Kernel of [`Linearization::times`].
 pub(crate) struct Times<'a, T> {
     linear: &'a Linearization<T>,
     packed: &'a Packed<T>,
@@ -57,7 +56,6 @@ impl<T: Scalar> WithSimd for Times<'_, T> {
     }
 }
 
-/// Kernel of [`Linearization::output_times`].
 pub(crate) struct OutputTimes<'a, T> {
     linear: &'a Linearization<T>,
     packed: &'a Packed<T>,

@@ -28,7 +28,6 @@ pub(super) struct Sums<'a, T> {
     pub(super) parts: [(&'a [T], &'a [T]); 2],
 }
 
-/// Kernel of [`Sums::of`].
 struct Into<'a, 'b, T> {
     sums: Sums<'a, T>,
     out: &'b mut [T],
@@ -44,7 +43,6 @@ impl<T: Scalar> WithSimd for Into<'_, '_, T> {
 }
 
 impl<T: Scalar> Sums<'_, T> {
-    /// Computes as many sums as `out` has rows.
     #[inline(always)]
     pub(super) fn of<S: Simd>(self, simd: S, out: &mut [T]) {
         // Compiled once instead of at each call.
@@ -96,7 +94,6 @@ impl<T: Scalar> Sums<'_, T> {
         }
     }
 
-    /// Sums `i..i + ROWS`.
     #[inline(always)]
     fn block<S: Simd, const ROWS: usize, const VECTORS: usize, const REST: bool>(
         &self,

@@ -28,7 +28,6 @@ pub(crate) struct BatchRollout {
     sequences: usize,
     lags: Vec<Lag>,
     slots: Vec<f64>,
-    /// Outputs, then lag states.
     state: Vec<f64>,
     held: Vec<f64>,
     k: Vec<f64>,
@@ -127,7 +126,6 @@ impl BatchRollout {
         self.slots[..count].fill(1.0);
     }
 
-    /// The present outputs, a row of `count` numbers for each.
     pub(crate) fn outputs_mut(&mut self, outputs: usize, count: usize) -> &mut [f64] {
         &mut self.state[..outputs * count]
     }
@@ -178,7 +176,6 @@ impl BatchRollout {
         }
     }
 
-    /// Writes the lag states after `halves` half steps into their slots.
     fn lag(&mut self, n: usize, m: usize, count: usize, halves: usize) {
         for (index, lag) in self.lags.iter().enumerate() {
             let (variables, rest) = self.slots.split_at_mut((1 + n + m) * count);
@@ -207,7 +204,6 @@ impl BatchRollout {
     }
 }
 
-/// Kernel: products of slots, and sums of them added to `into`.
 struct Block<'a> {
     program: &'a Program,
     rows: &'a Sparse,
