@@ -143,8 +143,7 @@ impl Limits {
     }
 }
 
-/// Clamps a command sequence (row by row, one command for each of `limits`) to its limits and, starting from the
-/// command `last`, to its rate limits at samples of `dt` seconds.
+/// Clamps a command sequence (one row for each sample of `dt` seconds) to its limits and, from `last` on, rate limits.
 pub(crate) fn clamp_to_limits(sequence: &mut [f64], last: &[f64], limits: &[Limits], dt: f64) {
     let inputs = limits.len();
     for (i, limits) in limits.iter().enumerate() {
@@ -158,7 +157,7 @@ pub(crate) fn clamp_to_limits(sequence: &mut [f64], last: &[f64], limits: &[Limi
     }
 }
 
-/// The lag state after the difference to the held command has decayed by the factor `decay`. An unknown state (NaN, at
+/// The lag state after its difference to the held command has decayed by the factor `decay`. An unknown state (NaN, at
 /// the start of a run) is at rest under its first command.
 #[inline]
 pub(crate) fn lag_step(state: f64, command: f64, decay: f64) -> f64 {

@@ -1,7 +1,5 @@
 //! The on-board part of hydroid: models, adaptation, guidance and control without I/O, clock, threads, or allocation
-//! per sample.
-//!
-//! The crate builds without the standard library (`default-features = false`) where there is an allocator.
+//! per sample. It builds without the standard library (`default-features = false`) where there is an allocator.
 //!
 //! Order of the modules, each of which imports only those before it: `math` (vector kernels), `actuator` (lags, command
 //! maps, limits), `vessel` (the parametric plant), `predict` (the prediction session), `model` (equations, networks,
@@ -10,8 +8,8 @@
 //!
 //! Conventions: body velocities `nu = (u, v, r)`, surge and sway in m/s (forward, starboard), yaw rate in rad/s
 //! (positive to starboard, seen from above, z down); pose `eta = (x, y, psi)`, x north, y east, `psi` clockwise from
-//! north and not wrapped. SI units and radians. Sample `k` is measured at `t_k`; command `c_k` is held over `[t_k,
-//! t_{k+1})`.
+//! north and not wrapped. SI units and radians. Sample `k` is measured at `t_k`; command `c_k` is held over
+//! `[t_k, t_{k+1})`.
 #![no_std]
 
 extern crate alloc;

@@ -16,8 +16,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::any::Any;
 
-/// Scratch memory for rollouts. It grows on the first call of a size; later calls of the same size and model do not
-/// allocate. A clone is empty.
+/// Scratch memory for rollouts. Only the first call of a size and model allocates. A clone is empty.
 #[derive(Debug, Default)]
 pub struct Workspace {
     buffer: Vec<f64>,
@@ -105,8 +104,8 @@ pub trait Predictor: Send + Sync {
     /// If `commands` and `y` do not hold the same whole number of rows.
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]);
 
-    /// Rolls out `count` command sequences from the present state: `commands` are `count x H x inputs`, `y` are `count
-    /// x H x outputs`, sequence by sequence.
+    /// Rolls out `count` command sequences from the present state: `commands` are `count x H x inputs`, `y` are
+    /// `count x H x outputs`, sequence by sequence.
     ///
     /// This default runs [`rollout`](Self::rollout) for each sequence. Equations, recurrent networks and direct
     /// predictors compute all sequences side by side; they add sums in another order, and results differ in the last

@@ -12,9 +12,9 @@ const GAP: f64 = 1e-6;
 
 /// Lines and arcs in sequence, by arc length `s` from the start \[m\].
 ///
-/// The position is continuous. The course is continuous except for [`legs`](Self::legs); the curvature, and with it the
-/// yaw rate, jumps between pieces. A *closed* path continues at its start. An open path is extended by its tangents, so
-/// that a lookahead point always exists.
+/// The course is continuous except for [`legs`](Self::legs); the curvature, and with it the yaw rate, jumps between
+/// pieces. A *closed* path continues at its start. An open path is extended by its tangents, so that a lookahead point
+/// always exists.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     pieces: Vec<Piece>,
@@ -38,8 +38,7 @@ impl Path {
     /// A path of adjacent pieces.
     ///
     /// # Errors
-    /// If there is no piece, a piece has no length or is not finite, or two pieces (on a closed path also end and
-    /// start) do not meet.
+    /// If there is no piece, a piece is invalid, or two pieces (on a closed path also end and start) do not meet.
     pub fn new(pieces: Vec<Piece>, closed: bool) -> Result<Self, PathError> {
         let Some(last) = pieces.last() else {
             return Err(PathError::TooFew { what: "pieces of a path", needed: 1 });

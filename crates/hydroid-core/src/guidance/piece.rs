@@ -30,10 +30,8 @@ impl Pose {
     }
 }
 
-/// A line (curvature 0) or an arc of constant curvature.
-///
-/// At `d` metres from its start, with start `p_0`, course `gamma_0`, curvature `kappa` (the chord of a circle, valid
-/// also for the line):
+/// A line (curvature 0) or an arc of constant curvature. At `d` metres from its start, with start `p_0`, course
+/// `gamma_0` and curvature `kappa` (the chord of a circle, valid also for the line):
 ///
 /// ```text
 /// gamma(d) = gamma_0 + kappa d
@@ -64,8 +62,8 @@ impl Piece {
         }
     }
 
-    /// Distance from the start, between `from` and `to` metres, of the point nearest to `point`; any of them for the
-    /// centre of an arc.
+    /// Distance from the start, between `from` and `to` metres, of the nearest point; arbitrary for the centre of an
+    /// arc.
     pub fn nearest(&self, point: [f64; 2], from: f64, to: f64) -> f64 {
         let [x, y] = [point[0] - self.start[0], point[1] - self.start[1]];
         let (sin, cos) = Float::sin_cos(self.course);

@@ -58,8 +58,7 @@ impl Reference {
     }
 }
 
-/// A reference that moves along a path by time (trajectory tracking). The position follows the speed profile in closed
-/// form and does not depend on the time step.
+/// A reference that moves along a path by time (trajectory tracking), in closed form: independent of the time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimedReference {
     /// Arc length at the start of the present lap \[m\].
@@ -131,10 +130,8 @@ impl TimedReference {
     }
 }
 
-/// A reference at the projection of the vessel onto a path (path following), with the speed of the profile.
-///
-/// A profile that starts at rest requires zero speed at its start, and the vessel would stay there: set
-/// [`SpeedLimits::start`](super::SpeedLimits::start).
+/// A reference at the projection of the vessel onto a path (path following), with the speed of the profile. A profile
+/// that starts at rest would hold the vessel there: set [`SpeedLimits::start`](super::SpeedLimits::start).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathReference {
     s: f64,

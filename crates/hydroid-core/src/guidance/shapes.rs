@@ -128,9 +128,9 @@ impl Path {
         Self::new(pen.pieces, false)
     }
 
-    /// Parallel legs of `leg` metres, `spacing` metres apart, beginning at `start` along `course`. The first turn is to
-    /// `side`, then turns alternate. A turn is two quarter circles of `radius`, joined by a straight where `spacing`
-    /// exceeds two radii.
+    /// Parallel legs of `leg` metres, `spacing` metres apart, beginning at `start` along `course`, with alternate
+    /// turns, the first to `side`. A turn is two quarter circles of `radius`, joined by a straight for
+    /// `spacing > 2 radius`.
     ///
     /// # Errors
     /// If a length is not positive, there are no legs, or they are closer than two radii.

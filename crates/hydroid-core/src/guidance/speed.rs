@@ -157,8 +157,7 @@ impl SpeedProfile {
         Ok(Self { phases, length: path.length(), closed: path.is_closed() })
     }
 
-    /// Speed \[m/s\] and its rate \[m/s^2\] at arc length `s`; beyond the ends of an open path the end speed and
-    /// rate 0.
+    /// Speed \[m/s\] and its rate \[m/s^2\] at arc length `s`; beyond the ends of an open path, end speed and rate 0.
     pub fn at(&self, s: f64) -> (f64, f64) {
         let s = if self.closed { s - Float::floor(s / self.length) * self.length } else { s };
         let index = self.phases.partition_point(|phase| phase.s <= s).saturating_sub(1);
@@ -188,8 +187,7 @@ impl SpeedProfile {
     }
 }
 
-/// Accelerates, holds and brakes over `length` metres from `s` on: from `speeds[0]` to `speeds[2]`, at most
-/// `speeds[1]`.
+/// Accelerates, holds and brakes over `length` metres from `s`: from `speeds[0]` to `speeds[2]`, at most `speeds[1]`.
 fn phases_of(s: f64, length: f64, speeds: [f64; 3], limits: &SpeedLimits, into: &mut Vec<Phase>) {
     let [first, most, last] = speeds;
     let (a, b) = (limits.acceleration, limits.deceleration);

@@ -1,7 +1,6 @@
-//! Vector kernels: elementary functions, products and sums on slices, for `f32` and `f64`.
-//!
-//! The widest vectors of the processor are detected at run time. Results are bit-identical for all vector widths and
-//! for all positions in a slice.
+//! Vector kernels: elementary functions, products and sums on slices, for `f32` and `f64`. The widest vectors of the
+//! processor are detected at run time. Results are bit-identical for all vector widths and for all positions in a
+//! slice.
 
 #![expect(
     clippy::inline_always,

@@ -4,8 +4,7 @@
 //! out = start + left right        left: rows x depth,  right: depth x columns,  out: rows x columns
 //! ```
 //!
-//! Sums over the depth run in its order with fused multiply-add: the result depends neither on the vector width nor on
-//! the blocks.
+//! Sums run over the depth in its order with fused multiply-add: results depend neither on vector width nor on blocks.
 #![expect(
     clippy::inline_always,
     reason = "it must become a part of the function that was compiled for the processor"
@@ -17,8 +16,7 @@ use super::slices::{Write, vectors};
 use super::vectors::Pack;
 use crate::math::Scalar;
 
-/// Rows of a block. With four vectors each (two where there are 16 registers) the sums hide the latency of an addition
-/// and stay in registers.
+/// Rows of a block. With four vectors each (two where there are 16 registers) sums hide the latency of an addition.
 const ROWS: usize = 6;
 
 /// The left factor of a product.
@@ -141,8 +139,7 @@ impl<T: Scalar> Left<T> for Transposed<'_, T> {
         self.0.numbers.len() / self.0.columns
     }
 
-    /// Copies the columns: each row of the matrix is another cache line, and is visited once instead of once for each
-    /// block.
+    /// Copies the columns: each row of the matrix, another cache line, is visited once instead of once for each block.
     #[inline(always)]
     fn band<'a, const M: usize>(&'a self, first: usize, scratch: &'a mut [T]) -> &'a [[T; M]]
     where

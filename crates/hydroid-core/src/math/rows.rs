@@ -8,8 +8,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::math::Scalar;
 
-/// `sum += x_0 row_0 + x_1 row_1 + ..` with consecutive rows of the length of `sum`. Blocks of the sum stay in
-/// registers.
+/// `sum += x_0 row_0 + x_1 row_1 + ..` with consecutive rows of the length of `sum`, whose blocks stay in registers.
 #[inline(always)]
 pub(crate) fn add_rows<T: Scalar>(sum: &mut [T], rows: &[T], x: &[T]) {
     let len = sum.len();

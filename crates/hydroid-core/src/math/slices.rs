@@ -62,8 +62,7 @@ impl<'a, S: Simd, T: Vectors> Write<'a, S, T> {
     }
 }
 
-/// The vectors of a slice of `len` numbers, for a loop: a closure for each vector would not be compiled for the
-/// processor's vectors.
+/// The vectors of a slice of `len` numbers, for a loop: closures would not be compiled for the processor's vectors.
 #[inline(always)]
 pub(crate) fn vectors<S: Simd, T: Vectors>(len: usize) -> Range<usize> {
     0..len.div_ceil(size_of::<T::V<S>>() / size_of::<T>())

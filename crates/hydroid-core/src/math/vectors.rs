@@ -1,8 +1,7 @@
 //! Vectors of the width of the processor, with operators.
 //!
 //! Each operation acts on each number alone with IEEE 754 rounding; [`Pack::mul_add`] is fused on every path, in
-//! software where the processor lacks the instruction. Results do not depend on the vector width, except for
-//! [`Pack::sum`].
+//! software where the processor lacks the instruction. Only [`Pack::sum`] depends on the vector width.
 #![expect(
     clippy::inline_always,
     reason = "it must become a part of the function that was compiled for the processor"
@@ -51,8 +50,8 @@ pub trait Vectors: Copy + 'static {
     fn with_sign_of<S: Simd>(simd: S, a: Self::V<S>, b: Self::V<S>) -> Self::V<S>;
     fn power_of_two<S: Simd>(simd: S, rounded: Self::V<S>) -> Self::V<S>;
     fn sum<S: Simd>(simd: S, a: Self::V<S>) -> Self;
-    /// The sums of the first lines of [`LINE`](Self::LINE) numbers each, one for each element of `sums`, independent of
-    /// the vector width.
+    /// Sums of the first lines of [`LINE`](Self::LINE) numbers, one for each of `sums`, independent of the vector
+    /// width.
     fn line_sums<S: Simd>(simd: S, lines: &[Self], sums: &mut [Self]);
 }
 
@@ -129,7 +128,7 @@ macro_rules! operations {
         #[inline(always)]
         fn line_sums<S: Simd>(simd: S, lines: &[Self], sums: &mut [Self]) {
             const LINE: usize = <$scalar as Vectors>::LINE;
-            // Neighbouring lines are merged, each into alternate places of one line: after log2(LINE) rounds, one line
+            // Neighbouring lines are merged, each into alternate places of one line. After log2(LINE) rounds, one line
             // has the sum of each line in its own place.
             if size_of::<S::$v>() == 64 {
                 let mut folded = [simd.$splat(0.0); LINE];

@@ -130,10 +130,8 @@ fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
     ranges
 }
 
-/// A session of a [`PlantModel`].
-///
-/// `u`, `v` and `r` are measured or predicted. The propeller force starts at the force that holds the speed, and
-/// follows its command. A run starts once all three outputs have been measured. The snapshot is `[u, v, r, P_f]`.
+/// A session of a [`PlantModel`]: `u`, `v` and `r` are measured or predicted. The propeller force starts at the force
+/// that holds the speed. A run starts once all three outputs have been measured. The snapshot is `[u, v, r, P_f]`.
 #[derive(Clone, Debug)]
 pub struct PlantSession {
     plant: Plant,

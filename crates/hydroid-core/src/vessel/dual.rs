@@ -4,9 +4,8 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::number::Number;
 
-/// A number and its partial derivatives with respect to `N` variables: forward-mode differentiation, exact to rounding
-/// (Griewank and Walther, *Evaluating Derivatives*, 2nd ed., 2008, chapter 3). The value is bit-identical to the
-/// computation without derivatives.
+/// A number and its partial derivatives with respect to `N` variables: forward-mode differentiation (Griewank and
+/// Walther, *Evaluating Derivatives*, 2nd ed., 2008, chapter 3). The value is bit-identical to that of plain numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dual<const N: usize> {
     /// The number.
@@ -16,8 +15,7 @@ pub struct Dual<const N: usize> {
 }
 
 impl<const N: usize> Dual<N> {
-    /// A number with one non-zero partial derivative, `partial` with respect to `variable`; a constant where `variable
-    /// >= N`.
+    /// A number whose only non-zero partial is `partial`, of `variable`; a constant where there is no such variable.
     pub fn along(value: f64, variable: usize, partial: f64) -> Self {
         let mut partials = [0.0; N];
         if let Some(place) = partials.get_mut(variable) {

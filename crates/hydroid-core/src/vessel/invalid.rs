@@ -87,8 +87,7 @@ pub enum InvalidParams {
 }
 
 impl InvalidParams {
-    /// Path of the invalid parameter, if it is a single one; entries of a matrix or of limits count as the parameter
-    /// that holds them.
+    /// Path of the invalid parameter; entries of a matrix or of limits count as the parameter that holds them.
     pub fn field(&self) -> Option<&'static str> {
         let path = match *self {
             Self::NotFinite { field, .. }

@@ -1,6 +1,5 @@
 //! Kinematics: `eta_dot = R(psi) nu` with `eta = (x, y, psi)` in the north-east frame and `nu = (u, v, r)` in the body
-//! frame (thesis eq. 1; Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., section 2.2,
-//! horizontal plane).
+//! frame (thesis eq. 1; Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., section 2.2).
 
 use num_traits::Float;
 

@@ -6,10 +6,8 @@ use alloc::string::String;
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
-/// All parameters of the parametric 3-DOF [`Plant`](super::Plant).
-///
-/// [`simple`](Self::simple), [`hydrofoil`](Self::hydrofoil) and [`hydrofoil_low_speed`](Self::hydrofoil_low_speed) are
-/// the reference plants; [`validate`](Self::validate) finds invalid parameters.
+/// All parameters of the parametric 3-DOF [`Plant`](super::Plant). The reference plants are [`simple`](Self::simple),
+/// [`hydrofoil`](Self::hydrofoil) and [`hydrofoil_low_speed`](Self::hydrofoil_low_speed).
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(deny_unknown_fields))]
 pub struct VesselParams {
@@ -78,8 +76,8 @@ pub struct Drag {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize), serde(rename_all = "snake_case"))]
 pub enum Coriolis {
-    /// `C nu = [-(m22 v + m23 r) r, m11 u r, m23 u r]` (thesis eq. 3), without the Munk moment `(m22 - m11) u v`: `nu'
-    /// C nu = (m11 - m22) u v r`.
+    /// `C nu = [-(m22 v + m23 r) r, m11 u r, m23 u r]` (thesis eq. 3), without the Munk moment `(m22 - m11) u v`:
+    /// `nu' C nu = (m11 - m22) u v r`.
     WithoutMunk,
     /// `C nu = [-(m22 v + m23 r) r, m11 u r, (m22 - m11) u v + m23 u r]` (Fossen, skew-symmetric parameterisation); it
     /// does no work, `nu' C nu = 0`.

@@ -164,8 +164,7 @@ impl Plant {
 }
 
 impl<T: Number> Plant<T> {
-    /// A plant from parameters for which [`is_solvable`](super::is_solvable) holds; with others the motion is
-    /// meaningless. Nothing is allocated.
+    /// A plant from parameters for which [`is_solvable`](super::is_solvable) holds, without allocating.
     pub fn assemble(form: Form, numbers: &Numbers<T>) -> Self {
         let mass = mass_matrix(numbers, T::constant(1.0));
         let parts = Parts::of(numbers);
@@ -200,8 +199,7 @@ impl<T: Number> Plant<T> {
         Actuation { pp: command.pp, moment_per_speed: self.rudder_gain * rudder }
     }
 
-    /// `[u, v, r, P_f]` after `h` seconds: [`advance_under`](Plant::advance_under) without the pose, on which no force
-    /// depends.
+    /// [`advance_under`](Plant::advance_under) for `[u, v, r, P_f]`, without the pose, on which no force depends.
     #[inline]
     pub fn advance_motion(&self, motion: &[T; 4], actuation: &Actuation<T>, h: f64) -> [T; 4] {
         let rate = |&[u, v, r, p_f]: &[T; 4]| {

@@ -62,9 +62,8 @@ impl VesselParams {
         not_below_zero("noise.p_f", self.noise.p_f)
     }
 
-    /// Mass matrix `[[m11, 0, 0], [0, m22, m23], [0, m23, m33]]` as `[m11, m22, m23, m33]`, with `m11 = m + a11`,
-    /// `m22 = m + a22`, `m23 = m x_g + a23`, `m33 = I_z + a33`; the added mass is multiplied by `added` (1 in the
-    /// normal mode).
+    /// Mass matrix `[[m11, 0, 0], [0, m22, m23], [0, m23, m33]]` as `[m11, m22, m23, m33]`: `m11 = m + a11`,
+    /// `m22 = m + a22`, `m23 = m x_g + a23`, `m33 = I_z + a33`, the added mass times `added` (1 in the normal mode).
     pub fn mass_matrix(&self, added: f64) -> [f64; 4] {
         mass_matrix(&self.numbers(), added)
     }

@@ -1,5 +1,4 @@
-//! The control-affine network: a feed-forward network whose dynamics are affine in known actuator maps, so that control
-//! laws can invert it.
+//! The control-affine network: a feed-forward network, affine in known actuator maps, which control laws can invert.
 
 mod field;
 mod model;

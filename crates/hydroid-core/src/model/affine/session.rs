@@ -11,9 +11,7 @@ use crate::model::persistence::take_measured;
 use crate::predict::{Predictor, Workspace, rollout_steps};
 
 /// A run of a [`ControlAffine`] network. Measurements replace outputs; missing ones are predicted. Until each output
-/// has been measured, measured values are held and the actuators follow their commands.
-///
-/// The snapshot is `[present outputs, actuators]`.
+/// has been measured, measured values are held. The snapshot is `[present outputs, actuators]`.
 #[derive(Clone, Debug)]
 pub struct ControlAffineSession {
     model: Arc<ControlAffine>,

@@ -165,8 +165,7 @@ impl<T: Scalar> Batch<T> {
         T::run::<ForwardKernel>(self.arch, Forwards { batch: self, weights });
     }
 
-    /// The backward pass, after [`forward`](Self::forward): overwrites `gradient` with the gradient of the flat
-    /// weights.
+    /// The backward pass, after [`forward`](Self::forward): overwrites `gradient`, of the flat weights.
     ///
     /// # Panics
     /// If `weights` or `gradient` is shorter than the network's weights.
@@ -174,8 +173,7 @@ impl<T: Scalar> Batch<T> {
         self.back(weights, gradient, &mut []);
     }
 
-    /// As [`backward`](Self::backward), with the adjoint of the input (`dL/dx`, `inputs x lanes`), for an input that
-    /// depends on other weights.
+    /// As [`backward`](Self::backward), with `dL/dx` (`inputs x lanes`) for an input that depends on other weights.
     ///
     /// # Panics
     /// If a slice is too short.

@@ -30,8 +30,8 @@ pub(super) struct BatchRollout {
 }
 
 impl BatchRollout {
-    /// Memory for `sequences` sequences. `None`, without allocating, for base equations with past values, which roll
-    /// out one by one.
+    /// Memory for `sequences` sequences. `None`, without allocating, for past values in the base, rolled out one by
+    /// one.
     pub(super) fn new(session: &DirectSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
         let equations = match model.equations() {
@@ -70,8 +70,8 @@ impl BatchRollout {
         self.weights[from..].copy_from_slice(read_out);
     }
 
-    /// Rolls out `count` sequences from the state of a session: `commands` are `count x steps x inputs`, `y` are `count
-    /// x steps x outputs`.
+    /// Rolls out `count` sequences from the state of a session: `commands` are `count x steps x inputs`, `y` are
+    /// `count x steps x outputs`.
     ///
     /// # Panics
     /// If the slices do not hold whole sequences of the same number of steps.

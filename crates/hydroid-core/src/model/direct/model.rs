@@ -8,8 +8,8 @@ use crate::model::recurrent::{BaseModel, Scaling};
 /// A direct predictor: all outputs of a horizon of `H` samples at once, from a history of `p` samples and the commands
 /// of both.
 ///
-/// With `n` scaled outputs `z = (y - output_mean) / output_scale` and `m` scaled commands `m = (c - input_mean) /
-/// input_scale`, at the last measured sample `k`:
+/// With `n` scaled outputs `z = (y - output_mean) / output_scale` and `m` scaled commands
+/// `m = (c - input_mean) / input_scale`, at the last measured sample `k`:
 ///
 /// ```text
 /// x       = [z_{k-p+1} .. z_k   m_{k-p+1} .. m_{k-1}   m_k .. m_{k+H-1}]       p n + (p - 1 + H) m numbers

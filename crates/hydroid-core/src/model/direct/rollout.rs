@@ -10,8 +10,7 @@ impl ForwardPass {
         model.network.inputs + model.network.outputs + self.hidden() + BaseRollout::scratch(model)
     }
 
-    /// Inputs of the last layer for a window of outputs, past commands and future commands; the last given command is
-    /// held.
+    /// Inputs of the last layer for a window of outputs, past and future commands; the last given command is held.
     pub(super) fn look_through(
         &self,
         model: &Direct,

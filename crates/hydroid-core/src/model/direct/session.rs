@@ -94,8 +94,7 @@ impl DirectSession {
         self.below.get(self.window.n..).unwrap_or_default()
     }
 
-    /// Rollout of the equations over the horizon of a past window, from its last outputs and the memory at that time;
-    /// without equations `into` is unchanged.
+    /// Rollout of the equations over a past window, from its last outputs and memory; a no-op without equations.
     pub(crate) fn of_equations(
         &mut self,
         present: &[f64],

@@ -22,8 +22,8 @@ pub(super) struct BatchRollout {
 }
 
 impl BatchRollout {
-    /// Memory for `sequences` sequences. `None`, without allocating, for base equations with past values, which roll
-    /// out one by one.
+    /// Memory for `sequences` sequences. `None`, without allocating, for past values in the base, rolled out one by
+    /// one.
     pub(super) fn new(session: &RecurrentSession, sequences: usize) -> Option<Self> {
         let model = Arc::clone(session.shared_model());
         let equations = match &model.base {
@@ -43,8 +43,8 @@ impl BatchRollout {
         count <= self.sequences && (Arc::ptr_eq(theirs, ours) || same(theirs, ours))
     }
 
-    /// Rolls out `count` sequences from the state and with the weights of a session: `commands` are `count x steps x
-    /// inputs`, `y` are `count x steps x outputs`.
+    /// Rolls out `count` sequences from the state and with the weights of a session: `commands` are
+    /// `count x steps x inputs`, `y` are `count x steps x outputs`.
     ///
     /// # Panics
     /// If the slices do not hold whole sequences of the same number of steps.

@@ -5,8 +5,8 @@
 //! h+ = (1 - z) . n + z . h
 //! ```
 //!
-//! `a_r` and `a_z` are the sums of the contributions of input and state. Slices hold `cells x width` numbers row by
-//! row; the width is the number of sequences side by side, and 1 in a single step.
+//! `a_r` and `a_z` sum the contributions of input and state. Slices hold `cells x width` numbers, with one sequence per
+//! column.
 
 #![expect(
     clippy::inline_always,

@@ -86,8 +86,7 @@ impl Layout {
         Self { layers, projection, read_out }
     }
 
-    /// Weights of the rows that pass through a sigmoid: `i`, `f` and `o` of an LSTM, `r` and `z` of a GRU, none of a
-    /// vanilla network.
+    /// Weights of the sigmoid gates: `i`, `f` and `o` of an LSTM, `r` and `z` of a GRU, none of a vanilla network.
     pub fn gates(&self, cell: Cell) -> Vec<usize> {
         let (parts, sigmoid): (usize, &[usize]) = match cell {
             Cell::Lstm { .. } => (4, &[0, 1, 3]),

@@ -5,8 +5,7 @@
 //! c+ = f . c + i . g,   t = tanh(c+),   m = o . t
 //! ```
 //!
-//! Slices hold `cells x width` numbers row by row, the record `[i f g o t]` five times as many; the width is the number
-//! of sequences side by side, and 1 in a single step.
+//! Slices hold `cells x width` numbers with one sequence per column, the record `[i f g o t]` five times as many.
 
 #![expect(
     clippy::inline_always,
@@ -48,8 +47,7 @@ pub(crate) fn forward<S: Simd, T: Scalar>(
     }
 }
 
-/// From `dm = dL/dm` and `dL/dc+` in `dcell`: the adjoints of `a` replace the gates in the record, and `dcell` becomes
-/// `dL/dc`.
+/// From `dm = dL/dm` and `dL/dc+` in `dcell`: `dL/da` replaces the gates in the record, and `dcell` becomes `dL/dc`.
 #[inline(always)]
 pub(crate) fn backward<S: Simd, T: Scalar>(simd: S, record: &mut [T], cell: &[T], dm: &[T], dcell: &mut [T]) {
     let n = cell.len();

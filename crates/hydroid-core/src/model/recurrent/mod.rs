@@ -1,5 +1,4 @@
-//! Recurrent networks: vanilla, GRU and LSTM cells with a linear read-out, in batches ([`Tape`], [`Rollout`]) and one
-//! sequence at a time ([`Packed`], [`Linearization`]).
+//! Recurrent networks: vanilla, GRU and LSTM cells with a linear read-out, in batches or one sequence at a time.
 
 pub(crate) mod batch;
 mod batch_rollout;

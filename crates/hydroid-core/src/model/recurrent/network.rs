@@ -41,8 +41,8 @@ pub enum Cell {
         /// Length of `h`.
         hidden: usize,
     },
-    /// Elman network, as `torch.nn.RNN` with tanh: layer `l` reads the new state of layer `l - 1`, the first reads the
-    /// input.
+    /// Elman network, as `torch.nn.RNN` with tanh; each layer after the first reads the new state of the layer before
+    /// it.
     ///
     /// ```text
     /// h_l+ = tanh(W_ih x_l + b_ih + W_hh h_l + b_hh),   x_0 = x,  x_l = h_{l-1}+
@@ -57,10 +57,8 @@ pub enum Cell {
     },
 }
 
-/// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`, with the transition `f` and the observation `g`
-/// of a state-space model.
-///
-/// Its weights are one flat slice: the [`tensors`](Self::tensors) one after the other, each row by row, with PyTorch's
+/// A recurrent network: a step `state+ = f(state, x)`, `y = g(state+)`, with transition `f` and observation `g`. Its
+/// weights are one flat slice: the [`tensors`](Self::tensors) one after the other, each row by row, with PyTorch's
 /// names for exchange in both directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

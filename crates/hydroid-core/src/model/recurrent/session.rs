@@ -129,8 +129,7 @@ fn front_len(model: &Recurrent) -> usize {
     if let BaseModel::Equations(equations) = &model.base { equations.state_len() } else { model.outputs() }
 }
 
-/// Length of the scratch: input and output of the network, then the largest of a step of the network, a step of the
-/// equations, and a row of outputs.
+/// Length of the scratch: input and output of the network, then a step of network or equations or a row of outputs.
 fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
     let base = if let BaseModel::Equations(equations) = &model.base { equations.scratch() } else { 0 };
     model.network.inputs + model.outputs() + base.max(weights.scratch()).max(model.outputs())

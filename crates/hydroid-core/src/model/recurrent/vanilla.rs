@@ -1,7 +1,6 @@
 //! The element-wise part of a vanilla layer, `h+ = tanh(a)`, and its local derivative `1 - h+^2`.
 //!
-//! Slices hold `cells x width` numbers row by row; the width is the number of sequences side by side, and 1 in a single
-//! step.
+//! Slices hold `cells x width` numbers, with one sequence per column.
 
 #![expect(
     clippy::inline_always,

@@ -70,8 +70,7 @@ impl core::error::Error for EquationsError {}
 
 /// `dy/dt = Xi theta(y, c, s)`: one row of coefficients for each output, in physical units, over the terms `theta` in
 /// the variables `[y, c, s]`: outputs, inputs, and signals computed from them (lag states of actuators, past values). A
-/// sample, over which the command is held, is integrated by the classical Runge-Kutta method of order 4 in `substeps`
-/// equal steps.
+/// sample with held command is integrated by the classical Runge-Kutta method of order 4 in `substeps` equal steps.
 ///
 /// The state is flat: the outputs, then the memory of the signals ([`state_len`](Self::state_len) numbers). NaN in the
 /// memory marks an unknown past.
@@ -223,8 +222,7 @@ impl Equations {
         &self.coefficients
     }
 
-    /// Replaces the coefficients within the same sparsity, without allocating. Entries that were zero at construction
-    /// are ignored.
+    /// Replaces the coefficients, without allocating. Entries that were zero at construction are ignored.
     ///
     /// # Panics
     /// If there are not `outputs x terms` numbers.
@@ -310,8 +308,7 @@ impl Equations {
         self.moving.times(slots, |i, sum| dy[i] += sum);
     }
 
-    /// Loads the present variables into `slots[1..]` for [`derivative`](Self::derivative), from a `state` of
-    /// [`step`](Self::step).
+    /// Loads the present variables into `slots[1..]` for [`derivative`](Self::derivative).
     pub fn load(&self, state: &[f64], c: &[f64], slots: &mut [f64]) {
         let (n, m) = (self.outputs, self.inputs);
         slots[1..=n].copy_from_slice(&state[..n]);

@@ -73,8 +73,7 @@ impl Jacobian {
         }
     }
 
-    /// The matrices `A` and `B` at outputs `y` and inputs `c` of equations without signals. It allocates; not for a
-    /// control loop.
+    /// The matrices `A` and `B` of equations without signals. It allocates; not for a control loop.
     pub fn matrices(&self, y: &[f64], c: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let n = self.outputs;
         let mut slots = vec![0.0; self.slots()];

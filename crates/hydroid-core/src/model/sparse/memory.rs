@@ -7,8 +7,7 @@ use num_traits::Float;
 use super::signal::Signal;
 use crate::actuator::lag_step;
 
-/// Layout: after the outputs of a state come the lag states, then for each variable with past values its values 1, 2,
-/// .. samples ago.
+/// Layout: after the outputs of a state come the lag states, then the values of each variable 1, 2, .. samples ago.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Memory {
     outputs: usize,

@@ -48,10 +48,8 @@ impl core::error::Error for ProgramError {}
 ///
 /// Slot 0 holds the constant 1, slots `1..=n` the `n` variables, then come the functions of single variables, and the
 /// products, each of two earlier slots. Every term is a slot. A degree-3 monomial costs one multiplication more than
-/// its degree-2 part.
-///
-/// Functions and products of *held* variables alone come before the others, so that an integrator evaluates them once
-/// for several stages under the same command.
+/// its degree-2 part. Functions and products of *held* variables alone come before the others, so that an integrator
+/// evaluates them once for several stages under the same command.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     variables: usize,
@@ -213,8 +211,8 @@ impl Program {
         }
     }
 
-    /// Evaluates all terms at `rows` points at once, vectorised over the points: slot `s` of point `i` is `slots[s *
-    /// rows + i]`, with the variables in slots `1..=n`.
+    /// Evaluates all terms at `rows` points at once, vectorised over the points: slot `s` of point `i` is
+    /// `slots[s * rows + i]`, with the variables in slots `1..=n`.
     ///
     /// # Panics
     /// If `slots` is shorter than `self.slots() * rows`.

@@ -62,8 +62,7 @@ impl Gate {
 pub enum Shape {
     /// `x^n`, `n >= 1`.
     Power(u8),
-    /// `|x|`; with `Power(1)` of the same variable the signed square `x |x|` of quadratic drag (Fossen 2021, section
-    /// 6.4).
+    /// `|x|`; with `Power(1)` of the same variable `x |x|`, as in quadratic drag (Fossen 2021, section 6.4).
     Abs,
     /// The sign of `x`, 0 at 0: the derivative of `|x|`.
     Sign,
@@ -97,8 +96,7 @@ impl Shape {
         }
     }
 
-    /// Exponent of the unit: `unit(f(x)) = unit(x)^degree`. Functions of angles, logarithms and gates are
-    /// dimensionless.
+    /// Exponent of the unit, `unit(f(x)) = unit(x)^degree`; 0 for functions of angles, logarithms and gates.
     pub fn degree(self) -> i32 {
         match self {
             Self::Power(n) => i32::from(n),

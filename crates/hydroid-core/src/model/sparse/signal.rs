@@ -9,22 +9,20 @@ use num_traits::Float;
 use super::shape::Real;
 use crate::actuator::lag_step;
 
-/// A variable beyond outputs and inputs. In the order of variables, signals follow outputs and inputs, in the order in
-/// which a model lists them.
+/// A variable beyond outputs and inputs, which it follows in the order in which a model lists the signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case", deny_unknown_fields))]
 pub enum Signal {
-    /// State of a first-order actuator lag, not measured: `T da/dt = c - a`. Over a sample with held command, `a(t +
-    /// h) = c + (a(t) - c) exp(-h/T)` is exact.
+    /// State of a first-order actuator lag, not measured: `T da/dt = c - a`, exact for a command held over a sample:
+    /// `a(t + h) = c + (a(t) - c) exp(-h/T)`.
     Lag {
         /// The input `c`.
         input: u16,
         /// The time constant `T` \[s\].
         time_constant_s: Real,
     },
-    /// A past value of an output or input. Between samples, a past output is interpolated linearly, a past input is
-    /// held.
+    /// A past value: of an output, interpolated linearly between samples, or of an input, held.
     Past {
         /// The output or input.
         variable: u16,

@@ -17,8 +17,7 @@ pub struct Factor {
     pub shape: Shape,
 }
 
-/// A product of factors in a normal form, sorted by variable, so that equal terms compare equal; without factors the
-/// constant 1.
+/// A product of factors, sorted by variable so that equal terms compare equal; without factors the constant 1.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(from = "Vec<Factor>", into = "Vec<Factor>"))]
@@ -39,8 +38,7 @@ impl From<Term> for Vec<Factor> {
 }
 
 impl Term {
-    /// A product of factors, in any order. Powers of one variable are joined, `|x| |x|` becomes `x^2`, and `x sgn x`
-    /// becomes `|x|`.
+    /// A product of factors, in any order. It joins powers of a variable, `|x| |x|` to `x^2`, and `x sgn x` to `|x|`.
     pub fn new(mut factors: Vec<Factor>) -> Self {
         factors.sort_unstable();
         let mut normal = Vec::with_capacity(factors.len());
@@ -110,8 +108,7 @@ impl Term {
         self.factors.iter().map(|f| f.shape.value(variables[usize::from(f.variable)])).product()
     }
 
-    /// Display name, readable for PySINDy's users: `1`, `u`, `u^2`, `u v`, `u |u|`, `u sin(delta)`, `r/u`, `u above(u,
-    /// 2.5, 12)`.
+    /// Display name as in PySINDy: `1`, `u`, `u^2`, `u v`, `u |u|`, `u sin(delta)`, `r/u`, `u above(u, 2.5, 12)`.
     pub fn name(&self, names: &[impl AsRef<str>]) -> String {
         let mut text = String::new();
         let below = |shape: &Shape| matches!(shape, Shape::Reciprocal);
@@ -144,8 +141,7 @@ impl Term {
         text
     }
 
-    /// Derivative with respect to a variable, as a sum of multiples of terms. The derivative of `|x|` at 0 is taken
-    /// as 0.
+    /// Derivative with respect to a variable, as a sum of multiples of terms. That of `|x|` at 0 is taken as 0.
     pub fn derivative(&self, variable: u16) -> Vec<(f64, Self)> {
         let mut sum: Vec<(f64, Self)> = Vec::new();
         for (position, factor) in self.factors.iter().enumerate().filter(|(_, f)| f.variable == variable) {

@@ -107,14 +107,13 @@ impl<T: Scalar> LayerPartials<T> {
         &self.scratch[5 * self.units..][..self.units]
     }
 
-    /// Partials of a result of each unit with respect to its row of `a = W_ih x + b_ih` of a gate. Those of an LSTM's
-    /// `c+` with respect to its output gate are zero.
+    /// Partials of a result of each unit with respect to its row of `a = W_ih x + b_ih` of a gate (zero for `c+`,
+    /// output gate).
     pub fn input(&self, result: usize, gate: usize) -> &[T] {
         &self.input[(result * self.gates + gate) * self.units..][..self.units]
     }
 
-    /// Partials with respect to `b = W_hh h + b_hh`; they differ from [`input`](Self::input) in the GRU's `n`, because
-    /// of the reset gate.
+    /// As [`input`](Self::input) for `b = W_hh h + b_hh`; they differ in the GRU's `n`, because of the reset gate.
     pub fn hidden(&self, result: usize, gate: usize) -> &[T] {
         &self.hidden[(result * self.gates + gate) * self.units..][..self.units]
     }

@@ -22,13 +22,8 @@ kernels! {
 }
 
 /// A network's weights in the layout of a step of one sequence: rows of the gates in blocks that are summed side by
-/// side, and the two biases as one sum.
-///
-/// ```text
-/// step:    state+ = f(state, x)          output:  y = g(state+)
-/// ```
-///
-/// The state is in the layout of [`Cell`]. Only [`new`](Self::new) allocates.
+/// side, and the two biases as one sum. A step is `state+ = f(state, x)`, `y = g(state+)`, with the state in the layout
+/// of [`Cell`]. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Packed<T> {
     network: Network,

@@ -27,8 +27,7 @@ pub struct Change<'a, T> {
     pub input: Option<&'a [T]>,
     /// `weights x columns`.
     pub weights: Option<&'a [T]>,
-    /// Effect of the weights on each row of [`Blocks`](super::Blocks), where it is computed beforehand: `rows x
-    /// columns`.
+    /// Effect of the weights on each row of [`Blocks`](super::Blocks), if computed beforehand: `rows x columns`.
     pub local: Option<&'a [T]>,
 }
 
@@ -82,8 +81,8 @@ impl<T: Scalar> Linearization<T> {
         units * columns + (2 * columns).max(widest.unwrap_or(0).max(units)) + self.shown.len() * columns
     }
 
-    /// Jacobian times matrix (forward mode, jvp, for several columns at a time): `out = df/dstate change.state + df/dx
-    /// change.input + df/dweights change.weights` (`state x columns`).
+    /// Jacobian times matrix (forward mode, jvp, for several columns at a time):
+    /// `out = df/dstate change.state + df/dx change.input + df/dweights change.weights` (`state x columns`).
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`, or `scratch` is shorter than [`scratch`](Self::scratch).
@@ -194,8 +193,7 @@ impl<T: Scalar> Linearization<T> {
         }
     }
 
-    /// `out = dg/dstate+ change.state + dg/dweights change.weights` (`outputs x columns`); the output depends on the
-    /// input only through the state.
+    /// `out = dg/dstate+ change.state + dg/dweights change.weights` (`outputs x columns`), without a part of the input.
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`.

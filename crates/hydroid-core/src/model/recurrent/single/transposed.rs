@@ -31,8 +31,8 @@ impl<T: Scalar> Gradient<'_, T> {
 }
 
 impl<T: Scalar> Linearization<T> {
-    /// Transposed Jacobian times matrix (reverse mode, vjp, for several columns at a time): `(df/dstate)' w`, `(df/dx)'
-    /// w` and `(df/dweights)' w` for `w` of `state x columns`.
+    /// Transposed Jacobian times matrix (reverse mode, vjp, for several columns at a time): `(df/dstate)' w`,
+    /// `(df/dx)' w` and `(df/dweights)' w` for `w` of `state x columns`.
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`, or `scratch` is shorter than [`scratch`](Self::scratch).
@@ -62,8 +62,7 @@ impl<T: Scalar> Linearization<T> {
         }
     }
 
-    /// One layer: from `w` of its state and the adjoint `wanted` of its `h+`, which becomes the adjoint for the layer
-    /// before.
+    /// One layer: from `w` of its state and the adjoint `wanted` of its `h+`, replaced by the one for the layer before.
     fn layer_transposed(
         &self,
         packed: &Packed<T>,

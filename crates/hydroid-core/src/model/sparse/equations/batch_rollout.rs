@@ -12,11 +12,9 @@ use crate::actuator::lag_step;
 use crate::model::sparse::program::Program;
 use crate::model::sparse::signal::Signal;
 
-/// Scratch memory for rollouts of one set of equations from one state under many command sequences at once.
-///
-/// Numbers are laid out as in [`Program::evaluate_block`]: a row for each variable, sub-product and output, with one
-/// number for each sequence. Results equal [`Equations::step`] up to the order of sums and the last digits of the
-/// logistic function of a gate.
+/// Scratch memory for rollouts of one set of equations from one state under many command sequences at once. Numbers are
+/// laid out as in [`Program::evaluate_block`]: a row for each variable, sub-product and output. Results equal
+/// [`Equations::step`] up to the order of sums and the last digits of the logistic function of a gate.
 #[derive(Clone, Debug)]
 pub(crate) struct BatchRollout {
     arch: Arch,
@@ -43,8 +41,7 @@ struct Lag {
 }
 
 impl BatchRollout {
-    /// Memory for `sequences` sequences; `None`, without allocating, for equations with past values, which roll out one
-    /// by one.
+    /// Memory for `sequences` sequences; `None`, without allocating, for past values, rolled out one by one.
     pub(crate) fn new(equations: &Equations, sequences: usize) -> Option<Self> {
         if equations.signals.iter().any(|signal| !matches!(signal, Signal::Lag { .. })) {
             return None;
@@ -79,8 +76,7 @@ impl BatchRollout {
     /// `count x steps x outputs`.
     ///
     /// # Panics
-    /// If `count` is too large, the slices do not hold whole sequences of the same number of steps, or the equations do
-    /// not [fit](Self::fits).
+    /// If `count` is too large, the sequences are not whole, or the equations do not [fit](Self::fits).
     pub(crate) fn rollout(
         &mut self,
         equations: &Equations,
