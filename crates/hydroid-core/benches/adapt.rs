@@ -27,8 +27,8 @@ fn kernel_update_3_targets(bencher: Bencher, n: usize) {
     });
 }
 
-/// Three outputs with 100 coefficients each. `shared`: the same terms in all three equations, one covariance; otherwise
-/// each output has a term of its own, and a covariance of its own.
+/// Three outputs with 100 coefficients each. `shared`: the same terms in all three equations, one covariance;
+/// otherwise each output has a term of its own, and a covariance of its own.
 fn equations(shared: bool) -> Equations {
     let terms: Vec<Term> = (0..8)
         .flat_map(|a| (a..8).flat_map(move |b| (b..8).map(move |c| Term::monomial(&[a, b, c]))))

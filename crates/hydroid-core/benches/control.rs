@@ -110,8 +110,8 @@ fn scaling() -> Scaling {
     }
 }
 
-/// Equations with one integration step in a sample, as identification makes them; recurrent networks of 18 cells, on
-/// their own or on the equations of the simple vessel; the direct predictor of the thesis, 58-256-256-256-60.
+/// Equations with one integration step in a sample, as identification makes them; recurrent networks of 18 cells, on their own
+/// or on the equations of the simple vessel; the direct predictor of the thesis, 58-256-256-256-60.
 fn session(name: &str) -> Box<dyn Predictor> {
     let number = |k: usize| (1.7 * k as f64).sin();
     let recurrent = |cell, base, feedback| -> Box<dyn Predictor> {

@@ -1,7 +1,7 @@
 //! One step of the filter over state and weights: `cargo bench -p hydroid-core --bench kalman`.
 //!
-//! For comparison: one read and write of a full covariance of the same number of weights, the lower limit of a filter
-//! that stores both triangles.
+//! For comparison: one read and write of a full covariance of the same number of weights, the lower limit of a filter that stores
+//! both triangles.
 
 use divan::Bencher;
 use hydroid_core::adapt::kalman::{CovarianceForm, Filter, FilterOptions, LearnableNetwork};

@@ -57,7 +57,7 @@ impl core::fmt::Display for PathError {
             Self::NotFinite { what } => write!(f, "{what} must be a finite number"),
             Self::TooFew { what, needed } => write!(f, "at least {needed} {what} are needed"),
             Self::Coincide { point } => {
-                write!(f, "way-point {point} is where the one before it is: leave one of them out")
+                write!(f, "way-point {point} coincides with the one before it: leave one of them out")
             }
             Self::CornerTooSharp { point, fits } => write!(
                 f,

@@ -24,7 +24,7 @@ impl<T: Scalar> Aligned<T> {
 
     /// Changes the length, up to the initial length; the content is arbitrary.
     pub(crate) fn set_len(&mut self, len: usize) {
-        assert!(self.begin + len <= self.numbers.len(), "no longer than it was made with");
+        assert!(self.begin + len <= self.numbers.len(), "longer than at construction");
         self.len = len;
     }
 }

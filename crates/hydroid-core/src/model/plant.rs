@@ -28,11 +28,11 @@ impl core::fmt::Display for PlantModelError {
         match self {
             Self::Vessel(error) => error.fmt(f),
             Self::Step(dt) => {
-                write!(f, "a vessel cannot step {dt} s: give a positive sample time in seconds")
+                write!(f, "a sample time of {dt} s is out of range: give a positive number of seconds")
             }
             Self::Unbounded => write!(
                 f,
-                "under the limits of its commands this vessel reaches speeds that are no numbers: check drag and commands.*.limits"
+                "the speeds of the vessel diverge within the limits of its commands: check drag and commands.*.limits"
             ),
         }
     }

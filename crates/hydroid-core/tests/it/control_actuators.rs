@@ -117,8 +117,7 @@ proptest! {
     }
 }
 
-/// `T = 1 s`, `dt = 0.1 s`: the inverse asks for `1 / (1 - exp(-0.1))`, 10.5 times the step, and for the step itself
-/// from then on.
+/// `T = 1 s`, `dt = 0.1 s`: the inverse asks for `1 / (1 - exp(-0.1))`, 10.5 times the step, and for the step itself from then on.
 #[test]
 fn a_lag_is_inverted_in_one_sample_or_in_the_time_given() {
     let channel = Channel { map: Map::Identity, lag: Lag::of_time_constant(1.0) };

@@ -35,8 +35,8 @@ fn network(hidden: Vec<usize>) -> ControlAffine {
     ControlAffine { network, weights, scaling, effectors, dt: DT, wash_out: 10 }
 }
 
-/// What a network without a hidden layer, and equations that say the same, predict over 30 samples: `f` and `g` are
-/// linear in the outputs then. Equations are integrated in so many parts of a sample.
+/// What a network without a hidden layer, and equations that say the same, predict over 30 samples: `f` and `g` are linear in the
+/// outputs then. Equations are integrated in so many parts of a sample.
 fn linear(lags: [f64; 2], parts: usize) -> [Vec<f64>; 2] {
     let mut model = network(Vec::new());
     for (effector, lag) in model.effectors.iter_mut().zip(lags) {
@@ -99,8 +99,7 @@ fn a_linear_network_equals_linear_equations() {
     assert!(farthest(&network, &equations) < 1e-6, "{}", farthest(&network, &equations));
 }
 
-/// Equations see a lag at the begin of a sample where it was then: one that is much faster than a sample comes a sixth
-/// of it late.
+/// Equations see a lag at the begin of a sample where it was then: one that is much faster than a sample comes a sixth of it late.
 #[test]
 fn fast_actuator_lags_are_integrated_within_a_sample() {
     for lags in [[0.7, 0.02], [0.05, 0.002], [0.03, 0.2]] {

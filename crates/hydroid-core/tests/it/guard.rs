@@ -52,8 +52,7 @@ fn guarded(weights: f64, noise: f64) -> Guard {
     Guard::new(network(weights, noise), companions, &RANGES, &NOISE, GuardOptions::new(0.1)).unwrap()
 }
 
-/// Error of the prediction over 20 samples from each, as the guard has errors but against the truth; and the events'
-/// names.
+/// Error of the prediction over 20 samples from each, as the guard has errors but against the truth; and the events' names.
 fn errors(session: &mut dyn Adapter, log: &[Row]) -> (Vec<f64>, Vec<&'static str>) {
     let (mut work, mut y) = (Workspace::new(), [0.0; 60]);
     let (mut errors, mut events) = (Vec::new(), Vec::new());
@@ -122,8 +121,8 @@ fn the_deviation_bound_holds_with_faults() {
     assert!(mean(&own) < mean(&alone), "{} beside {}", mean(&own), mean(&alone));
 }
 
-/// A stuck speed sensor while foiling, where the reference model diverges within seconds without measurements. The
-/// stuck value is nearly right.
+/// A stuck speed sensor while foiling, where the reference model diverges within seconds without measurements. The stuck value is
+/// nearly right.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn a_stuck_speed_sensor_keeps_the_deviation_bound() {

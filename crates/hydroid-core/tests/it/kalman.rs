@@ -1,5 +1,4 @@
-//! The extended Kalman filter over state and weights, compared with a naive filter on full matrices, and its
-//! invariants.
+//! The extended Kalman filter over state and weights, compared with a naive filter on full matrices, and its invariants.
 
 use std::sync::Arc;
 

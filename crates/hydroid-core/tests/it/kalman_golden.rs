@@ -58,8 +58,8 @@ fn the_trace_is_that_of_the_reference() {
     }
 }
 
-/// Mean absolute errors against the truth at horizons 1..100 of each output, over windows that begin every 5 samples
-/// from the 100th on, with the weights of that moment.
+/// Mean absolute errors against the truth at horizons 1..100 of each output, over windows that begin every 5 samples from
+/// the 100th on, with the weights of that moment.
 fn errors(name: &str, log: &[Vec<f64>]) -> Vec<[f64; 3]> {
     let (model, options) = model(name);
     let mut session = KalmanNetwork::new(model, options).unwrap();

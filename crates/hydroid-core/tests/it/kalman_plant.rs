@@ -1,5 +1,5 @@
-//! The Kalman filter over the parameters of a vessel: derivatives compared with finite differences, the filter compared
-//! with a dense filter, and invariants.
+//! The Kalman filter over the parameters of a vessel: derivatives compared with finite differences, the filter compared with a
+//! dense filter, and invariants.
 
 use hydroid_core::adapt::kalman::{
     Correction, Filter, FilterOptions, KalmanPlant, Learnable, LearnablePlant,

@@ -1,5 +1,5 @@
-//! Filters with a block-diagonal covariance of the weights: against the full filter, against a dense implementation of
-//! the same equations, and properties that hold for all inputs.
+//! Filters with a block-diagonal covariance of the weights: against the full filter, against a dense implementation of the same
+//! equations, and properties that hold for all inputs.
 
 use std::sync::Arc;
 
@@ -86,8 +86,7 @@ fn diagonal(values: &[f64]) -> Matrix {
         .collect()
 }
 
-/// The definition on dense matrices: `h~ = Psi theta~ + xi`, `P_tt` of which a structure is kept after each
-/// measurement.
+/// The definition on dense matrices: `h~ = Psi theta~ + xi`, `P_tt` of which a structure is kept after each measurement.
 struct Naive {
     packed: Packed<f64>,
     linear: Linearization<f64>,

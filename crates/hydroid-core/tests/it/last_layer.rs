@@ -123,8 +123,8 @@ impl Naive {
         self.theta.iter_mut().zip(step).for_each(|(theta, step)| *theta += step);
     }
 
-    /// `R <- R + phi phi'`, then `R <- lambda R + n (1 - lambda) r0 e_j e_j'`; of what is given back to the prior the
-    /// target is its own.
+    /// `R <- R + phi phi'`, then `R <- lambda R + n (1 - lambda) r0 e_j e_j'`; of what is given back to the prior the target is
+    /// its own.
     fn learn(&mut self, phi: &[f64], target: f64, options: &LastLayerOptions) {
         let error = target - phi.iter().zip(&self.theta).map(|(phi, theta)| phi * theta).sum::<f64>();
         self.weigh(phi, error, 1.0);

@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 const DT: f64 = 0.1;
 
-/// Surge under quadratic drag and a propeller, yaw rate under a rudder: `du/dt = -d u|u| + 0.5 n`, `dr/dt = -r + 0.8
-/// delta`.
+/// Surge under quadratic drag and a propeller, yaw rate under a rudder:
+/// `du/dt = -d u|u| + 0.5 n`, `dr/dt = -r + 0.8 delta`.
 fn vessel(drag: f64) -> Equations {
     let terms = vec![
         Term::signed_square(0, 0),

@@ -80,7 +80,7 @@ impl<T: Scalar> Batch<T> {
         if let Err(error) = network.check() {
             panic!("{error}");
         }
-        assert!(windows > 0, "a batch of nothing: give one window at least");
+        assert!(windows > 0, "a batch of no windows: give one at least");
         let lanes = windows.next_multiple_of(LANES);
         let layers = network.layers();
         let widest = network.hidden.iter().copied().max().unwrap_or(0);
@@ -116,7 +116,7 @@ impl<T: Scalar> Batch<T> {
     /// # Panics
     /// If there is none, or there are more than at construction.
     pub fn set_windows(&mut self, windows: usize) {
-        assert!((1..=self.room).contains(&windows), "no more windows than there is room for");
+        assert!((1..=self.room).contains(&windows), "number of windows out of range");
         let lanes = windows.next_multiple_of(LANES);
         self.windows = windows;
         if lanes == self.lanes {

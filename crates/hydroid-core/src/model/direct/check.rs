@@ -35,11 +35,11 @@ impl fmt::Display for DirectError {
         match *self {
             Self::Network(error) => error.fmt(f),
             Self::Span { what, given } => {
-                write!(f, "a {what} of {given} samples cannot be: give 1 to {}", Direct::LONGEST)
+                write!(f, "a {what} of {given} samples is out of range: give 1 to {}", Direct::LONGEST)
             }
             Self::Length { what, network, model } => write!(
                 f,
-                "the network {what} {network} numbers, outputs, inputs, history and horizon ask for {model}"
+                "the network {what} {network} numbers, and outputs, inputs, history and horizon need {model}"
             ),
             Self::Numbers(error) => error.fmt(f),
         }

@@ -77,7 +77,7 @@ impl fmt::Display for RecurrentError {
         match *self {
             Self::Network(error) => error.fmt(f),
             Self::Inputs { network, model } => {
-                write!(f, "the network reads {network} numbers where the model gives it {model}")
+                write!(f, "the network has {network} inputs, and the model needs {model}")
             }
             Self::Length { part, expected, given } => {
                 write!(f, "{part}: {expected} numbers expected, {given} given")
@@ -87,7 +87,7 @@ impl fmt::Display for RecurrentError {
             }
             Self::Equations { equations, model } => write!(
                 f,
-                "the equations below the network have {} inputs and {} outputs, the model {} and {}",
+                "the base equations have {} inputs and {} outputs, the model {} and {}",
                 equations.0, equations.1, model.0, model.1
             ),
         }

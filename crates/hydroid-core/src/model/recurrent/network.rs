@@ -143,7 +143,7 @@ impl fmt::Display for NetworkError {
             }
             Self::Shown { shown, outputs } => write!(
                 f,
-                "without read-out the cell shows {shown} numbers where there are {outputs} outputs: add the read-out, or project to {outputs}"
+                "without read-out the cell gives {shown} numbers for {outputs} outputs: add the read-out, or project to {outputs}"
             ),
             Self::Projection { hidden, projection } => write!(
                 f,

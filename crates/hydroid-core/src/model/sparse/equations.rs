@@ -57,10 +57,7 @@ impl core::fmt::Display for EquationsError {
                 )
             }
             Self::Signal { index } => {
-                write!(
-                    f,
-                    "signal {index} is of no input or output that there is, or its time is not positive"
-                )
+                write!(f, "signal {index} refers to an unknown input or output, or its time is not positive")
             }
         }
     }

@@ -1,5 +1,4 @@
-//! Backstepping in closed loop on the true plants: Lyapunov function, disturbance estimates, comparison with feedback
-//! linearization.
+//! Backstepping in closed loop on the true plants: Lyapunov function, disturbance estimates, comparison with feedback linearization.
 
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::{
@@ -103,8 +102,8 @@ proptest! {
     }
 }
 
-/// A wind that is constant north and east turns round the vessel on a circle; it is learned as what it is, and the
-/// distance goes to zero. Without adaptation it leaves `a / k_p`.
+/// A wind that is constant north and east turns round the vessel on a circle; it is learned as what it is, and the distance goes
+/// to zero. Without adaptation it leaves `a / k_p`.
 #[test]
 fn wind_on_a_circle_is_compensated() {
     let vessel = VesselParams::simple();
@@ -141,8 +140,7 @@ fn model_error_on_a_circle_is_compensated() {
     assert!(without > 0.05 && with < 0.001 && weather_alone > 10.0 * with);
 }
 
-/// `dV/dt = -q k_1 |z_1|^2 - k_2 |z_2|^2`: V never rises but for what samples of 0.1 s and the lag of the propeller
-/// leave of it.
+/// `dV/dt = -q k_1 |z_1|^2 - k_2 |z_2|^2`: V never rises but for what samples of 0.1 s and the lag of the propeller leave of it.
 #[test]
 fn the_lyapunov_function_falls() {
     let mut vessel = VesselParams::simple();

@@ -178,8 +178,8 @@ fn direct_predictors_that_learn(base: BaseModel) {
     }
 }
 
-/// With the weights of the moment: those that a filter, or recursive least squares, has come to; also through a guard,
-/// which draws towards the model from shore.
+/// With the weights of the moment: those that a filter, or recursive least squares, has come to; also through a guard, which
+/// draws towards the model from shore.
 #[test]
 fn batches_of_adapting_sessions_equal_single_rollouts() {
     let model = network(Cell::Gru { hidden: 5 }, BaseModel::Nothing, false);

@@ -55,8 +55,8 @@ fn planner(settings: PlannerOptions, cost: Cost, limits: &[Limits]) -> Planner {
 
 const WIDE: [Limits; 2] = [Limits::between([-4.0, 4.0]), Limits::between([-1.0, 1.0])];
 
-/// The least of a quadratic form in the first commands, by its normal equations: `u_{k+1} = a u_k + b c_k` exactly as
-/// RK4 has it.
+/// The least of a quadratic form in the first commands, by its normal equations: `u_{k+1} = a u_k + b c_k` exactly as RK4
+/// has it.
 fn optimum(horizon: usize, target: f64) -> f64 {
     let a = 1.0 - DT + DT * DT / 2.0 - DT.powi(3) / 6.0 + DT.powi(4) / 24.0;
     let (b, half, effort, rate) = (1.0 - a, 4.0, 0.02, 0.5);
@@ -149,9 +149,8 @@ fn a_plan_depends_on_its_seed_only_and_a_time_limit_returns_the_best_plan() {
     }
 }
 
-/// Between samples the plan moves on: without time for more than a few candidates, and none of them better, what is
-/// commanded is the old plan one sample later, its last row twice. A search from the unshifted plan would command its
-/// first row again.
+/// Between samples the plan moves on: without time for more than a few candidates, and none of them better, what is commanded
+/// is the old plan one sample later, its last row twice. A search from the unshifted plan would command its first row again.
 #[test]
 fn the_shifted_plan_is_where_the_next_search_starts() {
     let mut session = linear();

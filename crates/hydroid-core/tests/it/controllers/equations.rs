@@ -64,8 +64,7 @@ proptest! {
     }
 }
 
-/// The same law on the vessel, on its equations with a hidden lag, and with the force as an output gives the same
-/// commands.
+/// The same law on the vessel, on its equations with a hidden lag, and with the force as an output gives the same commands.
 #[test]
 fn commands_do_not_depend_on_how_the_model_is_written() {
     for vessel in &vessels() {

@@ -91,8 +91,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
     }
 }
 
-/// What the documentation says of the bandwidth: in the middle of taking off, 3 rad/s are too much for samples of 0.1
-/// s.
+/// What the documentation says of the bandwidth: in the middle of taking off, 3 rad/s are too much for samples of 0.1 s.
 #[test]
 fn too_high_a_bandwidth_diverges_at_take_off() {
     let vessel = VesselParams::hydrofoil();
@@ -107,8 +106,7 @@ fn too_high_a_bandwidth_diverges_at_take_off() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Without error the law makes the point accelerate as its reference does: by differences along the plant's own
-    /// equations.
+    /// Without error the law makes the point accelerate as its reference does: by differences along the plant's own equations.
     #[test]
     fn the_point_accelerates_as_its_reference(
         (u, v, r, psi) in (0.8..3.5f64, -0.3..0.3f64, -0.3..0.3f64, -4.0..4.0f64),

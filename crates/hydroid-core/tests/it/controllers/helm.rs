@@ -1,5 +1,4 @@
-//! Closed loops on the true plants: commands held over samples of 0.1 s, RK4 steps of 10 ms, noisy velocities, exact
-//! pose.
+//! Closed loops on the true plants: commands held over samples of 0.1 s, RK4 steps of 10 ms, noisy velocities, exact pose.
 
 use hydroid_core::control::{Controller, Estimate, Status};
 use hydroid_core::guidance::{Path, PathReference, SpeedProfile, TimedReference};

@@ -11,8 +11,8 @@ use crate::controllers::helm::{DT, Noise, under_way};
 
 const AHEAD: f64 = 1.5;
 
-/// Root mean square of the cross-track error of the point from `from_s` on, and the share of samples that were lost or
-/// worse; on a lawn-mower in water that moves.
+/// Root mean square of the cross-track error of the point from `from_s` on, and the share of samples that were lost or worse;
+/// on a lawn-mower in water that moves.
 fn mow(
     vessel: &VesselParams,
     current: [f64; 2],
@@ -76,8 +76,8 @@ fn heavier(vessel: &VesselParams) -> VesselParams {
     heavy
 }
 
-/// 20 % more mass and a current of 0.3 m/s, from the first second on and from any side: at least 20 % less cross-track
-/// error than the base in the median over seeds, and never more than 1.2 times as much.
+/// 20 % more mass and a current of 0.3 m/s, from the first second on and from any side: at least 20 % less cross-track error than
+/// the base in the median over seeds, and never more than 1.2 times as much.
 #[test]
 fn with_more_mass_and_a_current_it_is_better_than_its_base() {
     for (name, vessel) in [("simple", VesselParams::simple()), ("hydrofoil", VesselParams::hydrofoil())] {

@@ -80,7 +80,7 @@ impl<T: Scalar> Rollout<T> {
     /// # Panics
     /// If there is none, or there are more than at construction.
     pub fn set_sequences(&mut self, sequences: usize) {
-        assert!((1..=self.room).contains(&sequences), "no more sequences than there is room for");
+        assert!((1..=self.room).contains(&sequences), "number of sequences out of range");
         let lanes = padded(sequences);
         self.sequences = sequences;
         if lanes == self.lanes {

@@ -114,8 +114,8 @@ impl BatchRollout {
     /// # Panics
     /// If `count` is too large, or the state is of other equations.
     pub(crate) fn begin(&mut self, state: &[f64], count: usize) {
-        assert!((1..=self.sequences).contains(&count), "no more sequences than there is room for");
-        assert!(state.len() * self.sequences == self.state.len(), "the equations that there is room for");
+        assert!((1..=self.sequences).contains(&count), "number of sequences out of range");
+        assert!(state.len() * self.sequences == self.state.len(), "state of other equations");
         for (row, &x) in self.state.chunks_exact_mut(count).zip(state) {
             row.fill(x);
         }
