@@ -11,7 +11,7 @@ use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 use serde_json::Value;
 
-/// Weights by the rule of `tests/peers/direct_golden.py`.
+/// Weights as in `tests/peers/direct_golden.py`.
 fn ruled(network: &Perceptron) -> Vec<f64> {
     let number = |vector: bool, columns: usize, k: usize| {
         let k = k as f64;
@@ -25,7 +25,7 @@ fn ruled(network: &Perceptron) -> Vec<f64> {
 fn batch<T: Scalar>(network: &Perceptron, weights: &[f64], windows: usize) -> (f64, Vec<f64>, Vec<f64>) {
     let mut batch = Batch::<T>::new(network, windows);
     let lanes = batch.lanes();
-    // What stands in lanes without a window has no effect.
+    // Padding lanes have no effect.
     batch.input_mut().fill(T::nan());
     for w in 0..windows {
         for i in 0..network.inputs {
@@ -89,7 +89,7 @@ fn outputs_loss_and_gradient_are_those_of_torch() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
-    /// Of networks of all depths, narrower and wider than vectors and blocks.
+    /// Networks of all depths, narrower and wider than vectors and blocks.
     #[test]
     fn the_gradient_is_that_of_finite_differences(
         inputs in 1..40_usize,
@@ -127,10 +127,10 @@ fn model(history: usize, horizon: usize, base: BaseModel) -> Direct {
     Direct { weights: ruled(&network), network, scaling, history, horizon, base }
 }
 
-/// Samples that the past of [`equations`] goes back.
+/// Longest past value of [`equations`], in samples.
 const PAST: usize = 2;
 
-/// Of two outputs and two inputs, with a lag and past values of an output and of an input.
+/// Equations of two outputs and two inputs, with a lag and past values of an output and of an input.
 fn equations() -> BaseModel {
     let signals = vec![
         Signal::Lag { input: 2, time_constant_s: Real(0.2) },
@@ -151,7 +151,7 @@ fn every_model() -> Vec<Direct> {
     sizes.into_iter().flat_map(on).collect()
 }
 
-/// What the model adds to over a horizon; equations are walked along all outputs from the first on.
+/// The base prediction over a horizon; equations are stepped along all outputs.
 fn base(model: &Direct, outputs: &[[f64; 2]], passed: &[[f64; 2]], given: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let Some(equations) = model.equations() else {
         let s = &model.scaling;
@@ -184,7 +184,8 @@ fn measured(k: usize) -> [f64; 2] {
     [1.0 + (0.1 * k as f64).sin(), -0.5 + 0.2 * (0.23 * k as f64).cos()]
 }
 
-/// The model's equations on vectors: what is predicted from all outputs and commands until now, under `given` commands.
+/// The model's equations on vectors: the prediction from all outputs and commands up to the present, under `given`
+/// ones.
 fn plain(model: &Direct, outputs: &[[f64; 2]], passed: &[[f64; 2]], given: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let s = &model.scaling;
     let (mut outputs, mut passed, mut predicted) = (outputs.to_vec(), passed.to_vec(), Vec::new());
@@ -237,7 +238,7 @@ fn sessions_and_rollouts_equal_the_equations() {
                 assert_eq!(y, measured(k), "nothing can be predicted yet");
             }
             passed.push(command(k));
-            // The second output is missing now and then: the prediction stands for it.
+            // The second output is sometimes missing and replaced by its prediction.
             let missing = k % 7 == 5;
             let seen = measured(k + 1);
             session.observe(&[seen[0], if missing { f64::NAN } else { seen[1] }]);
@@ -253,7 +254,7 @@ fn sessions_and_rollouts_equal_the_equations() {
     }
 }
 
-/// A session restored from a snapshot, and a fork, predict to the last bit as the one that it was taken from.
+/// A session restored from a snapshot, and a fork, give bit-identical predictions.
 #[test]
 fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
     for model in every_model() {
@@ -282,7 +283,7 @@ fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
     }
 }
 
-/// An output that is first measured late stands for its past from then on.
+/// The first measurement of an output fills its history.
 #[test]
 fn sessions_wait_for_the_first_measurement() {
     let model = model(4, 3, BaseModel::Nothing);
@@ -294,7 +295,7 @@ fn sessions_wait_for_the_first_measurement() {
     session.observe(&measured(9));
     let outputs: Vec<[f64; 2]> = (0..10)
         .map(|k| {
-            // Nothing is predicted while it waits.
+            // No predictions before the last first measurement.
             [measured(k)[0], measured(9)[1]]
         })
         .collect();
@@ -305,7 +306,7 @@ fn sessions_wait_for_the_first_measurement() {
     close(&y, &plain(&model, &outputs, &passed, &given));
 }
 
-/// A last layer of zeros adds nothing: to the last bit, and beyond the horizon as well.
+/// A last layer of zeros leaves the base prediction, bit-identical also beyond the horizon.
 #[test]
 fn a_zero_network_equals_its_base_equations() {
     for (p, h) in [(1, 3), (4, 6), (6, 2)] {
@@ -339,7 +340,7 @@ fn a_zero_network_equals_its_base_equations() {
     }
 }
 
-/// Equations that run away within a sample leave the last measurement in the history, and nothing that is no number.
+/// Equations that diverge within a sample leave the last measurement in the history, and only finite values.
 #[test]
 fn diverging_equations_hold_the_last_measurement() {
     let steep = Equations::new(vec![Term::monomial(&[0, 0, 0])], vec![1e9, 0.0], 2, 2, 0.1, 4).unwrap();

@@ -1,4 +1,4 @@
-//! Paths, speeds along them and line of sight against geometry, kinematics and closed forms.
+//! Paths, speed profiles and line of sight compared with geometry, kinematics and closed forms.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -13,7 +13,6 @@ fn side() -> impl Strategy<Value = Side> {
     prop_oneof![Just(Side::Port), Just(Side::Starboard)]
 }
 
-/// Circles, lawn-mowers, way-points.
 fn paths() -> impl Strategy<Value = Path> {
     let circle = (-50.0..50.0, -50.0..50.0, 2.0..80.0, side(), -7.0..7.0)
         .prop_map(|(x, y, radius, side, bearing)| Path::circle([x, y], radius, side, bearing).unwrap());
@@ -173,7 +172,7 @@ proptest! {
         let pose = path.at(5.0);
         let from = [pose.position[0] - off * pose.course.sin(), pose.position[1] + off * pose.course.cos()];
         let mut guidance = LineOfSight::new(settings).unwrap();
-        // So that there is an integral.
+        // For a non-zero integral.
         for _ in 0..30 {
             guidance.update(&pose, from, [0.0, 0.0], 0.1);
         }
@@ -192,7 +191,7 @@ proptest! {
 fn a_circle_has_its_radius_and_speed() {
     let path = Path::circle([3.0, -2.0], 10.0, Side::Starboard, 0.0).unwrap();
     assert!((path.length() - 20.0 * PI).abs() < 1e-12 && path.is_closed());
-    // Clockwise from its northernmost point: east first.
+    // Clockwise from the northernmost point: east first.
     assert!(distance(path.at(0.0).position, [13.0, -2.0]) < 1e-12);
     assert!(distance(path.at(5.0 * PI).position, [3.0, 8.0]) < 1e-12);
     assert!(distance(path.at(-5.0 * PI + 60.0 * PI).position, [3.0, -12.0]) < 1e-9, "laps count on");
@@ -200,7 +199,6 @@ fn a_circle_has_its_radius_and_speed() {
     assert!(distance(port.at(5.0 * PI).position, [10.0, 0.0]) < 1e-9);
 }
 
-/// Length, end and the farthest point of a corner, by hand.
 #[test]
 fn way_points_are_cut_as_geometry_says() {
     let path = Path::waypoints(&[[0.0, 0.0], [40.0, 0.0], [40.0, 30.0]], 10.0).unwrap();
@@ -210,7 +208,7 @@ fn way_points_are_cut_as_geometry_says() {
     let middle = path.at(30.0 + 2.5 * PI);
     assert!((distance(middle.position, [40.0, 0.0]) - 10.0 * (2f64.sqrt() - 1.0)).abs() < 1e-9);
     assert!(middle.curvature > 0.0, "from north to east is to starboard");
-    // Beyond the end it goes straight on.
+    // Beyond the end, the path continues straight on.
     assert!(distance(path.at(path.length() + 7.0).position, [40.0, 37.0]) < 1e-9);
     assert!(distance(path.at(-7.0).position, [-7.0, 0.0]) < 1e-9);
 }
@@ -219,12 +217,12 @@ fn way_points_are_cut_as_geometry_says() {
 fn a_lawn_mower_has_the_legs_and_turns_that_were_asked_for() {
     let path = Path::lawn_mower([0.0, 0.0], 0.0, 50.0, 30.0, 4, 10.0, Side::Starboard).unwrap();
     assert!((path.length() - (4.0 * 50.0 + 3.0 * (10.0 * PI + 10.0))).abs() < 1e-9);
-    // Four legs, 30 m apart, to the east; the fourth comes back to the line of the start.
+    // Four legs, 30 m apart, to the east; the fourth ends on the line of the start.
     assert!(distance(path.at(path.length()).position, [0.0, 90.0]) < 1e-9);
     assert!(wrap(path.at(path.length()).course - PI).abs() < 1e-9);
     let second = path.project([25.0, 30.0], 50.0 + 10.0 * PI + 10.0 + 25.0, 10.0);
     assert!(second.cross_track.abs() < 1e-9, "the second leg lies 30 m to starboard of the first");
-    // Legs as close as two radii: semicircles.
+    // Legs at a distance of two radii: semicircles.
     let close = Path::lawn_mower([0.0, 0.0], 0.0, 50.0, 20.0, 2, 10.0, Side::Port).unwrap();
     assert!((close.length() - (100.0 + 10.0 * PI)).abs() < 1e-9);
 }
@@ -270,8 +268,7 @@ fn invalid_paths_are_refused() {
     }
 }
 
-/// From rest to rest over a line: `L / U + U / (2 a) + U / (2 b)` seconds if there is room for the speed, and else
-/// those of the triangle.
+/// From rest to rest over a line: `L / U + U / (2 a) + U / (2 b)` seconds if the speed is reached, else a triangle.
 #[test]
 fn the_time_from_rest_to_rest_is_that_of_the_text_book() {
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
@@ -288,7 +285,7 @@ fn the_time_from_rest_to_rest_is_that_of_the_text_book() {
     let fast = SpeedProfile::new(&path, &SpeedLimits { cruise: 90.0, ..limits }).unwrap();
     let peak = (2.0 * 0.5 * 0.25 * 100.0 / 0.75f64).sqrt();
     assert!((fast.duration() - (peak / 0.5 + peak / 0.25)).abs() < 1e-9);
-    // The walker gets there at that time, and stays.
+    // The reference reaches the end at that time, and stays.
     let mut walker = TimedReference::new(&fast);
     walker.advance(&fast, fast.duration() - 1e-3);
     assert!(!walker.is_done(&fast));
@@ -304,8 +301,8 @@ fn speed_is_reduced_at_corners() {
     assert_eq!((profile.at(0.0).0, profile.at(50.0).0, profile.at(100.0).0), (3.0, 0.5, 3.0));
 }
 
-/// A vessel whose heading is the aim, in a current across its path: without integral action it stays off by `Delta V /
-/// sqrt(U^2 - V^2)`, with it it comes back.
+/// A vessel with the reference heading in a current across its path: without integral action the error remains
+/// `Delta V / sqrt(U^2 - V^2)`, with it the error vanishes.
 #[test]
 fn integral_action_removes_the_drift() {
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();

@@ -1,11 +1,10 @@
-//! Elementary functions against those of the standard library in double precision, over the whole range.
+//! Elementary functions compared with the standard library in double precision, over the whole range.
 
 use hydroid_core::math::{Scalar, exp, sigmoid, tanh};
 
 type OnSlice<T> = fn(&mut [T]);
 
-/// Numbers of either sign and all sizes: those that only a table would think of, and a dense walk through the bit
-/// patterns.
+/// Numbers of either sign and all sizes: special values, and a dense sweep of the bit patterns.
 fn singles() -> Vec<f32> {
     let mut x: Vec<f32> = (0..u32::MAX / 1009).map(|k| f32::from_bits(k * 1009)).collect();
     let near = |centre: f32| (0..2000_u32).map(move |k| f32::from_bits(centre.to_bits() - 1000 + k));
@@ -41,7 +40,7 @@ fn error<T: Scalar>(x: &[T], ours: OnSlice<T>, truth: fn(f64) -> f64, tiny: f64)
     let mut worst = (0.0, T::zero());
     for (&x, &y) in x.iter().zip(&y) {
         let truth = truth(x.wide());
-        // As the type has it: beyond its largest number it is infinite.
+        // Infinite beyond the largest number of the type.
         if x.is_nan() || !T::of(truth).is_finite() {
             assert!(y.is_nan() == x.is_nan() && (x.is_nan() || y == T::of(truth)), "{x:?} gives {y:?}");
             continue;
@@ -120,7 +119,7 @@ fn shape<T: Scalar>(mut x: Vec<T>) {
     for f in [exp::<T> as OnSlice<T>, tanh, sigmoid] {
         let mut y: Vec<T> = (-40_000..40_000).map(|k| T::of(f64::from(k) * 7.3e-4)).collect();
         f(&mut y);
-        // But for the last digit, where the functions are flat.
+        // Up to the last digit, where the functions are flat.
         let last = T::one() - T::epsilon();
         assert!(
             y.windows(2).all(|pair| if pair[0] > T::zero() {

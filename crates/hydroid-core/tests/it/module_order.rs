@@ -1,5 +1,5 @@
-//! The order of the modules of this crate, as its `lib.rs` states it, against the imports in its sources. The tests of
-//! other crates include this file.
+//! The order of the modules of this crate, as stated in `lib.rs`, compared with the imports in its sources. The tests
+//! of other crates include this file.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -66,13 +66,13 @@ fn modules(source: &Path, file: &Path) -> Vec<String> {
     names.filter(|name| !["mod", "lib", "main"].contains(&name.as_str())).collect()
 }
 
-/// A source text without line comments, as far as its first inline module of tests.
+/// A source text without line comments, up to its first inline module of tests.
 fn without_comments(text: &str) -> String {
     let code = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap_or_default();
     code.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
 }
 
-/// Modules of the crate's root that a text names: after `crate::`, or after as many `super::` as lead to the root.
+/// Modules of the crate's root in a text: after `crate::`, or after the `super::` that lead to the root.
 fn imports(text: &str, depth: usize) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     for root in ["crate::".to_owned(), "super::".repeat(depth)] {

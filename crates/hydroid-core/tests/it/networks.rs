@@ -1,11 +1,11 @@
-//! The networks of an independent implementation (PyTorch, f64): files under `/tests/golden/networks`.
+//! Networks of an independent implementation (PyTorch, f64): files under `/tests/golden/networks`.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling};
 use safetensors::SafeTensors;
 use serde_json::Value;
 
-/// What the thesis calls its networks, with their names in the files.
+/// The thesis's networks by their names in the files.
 pub(crate) const NAMES: [&str; 3] = ["lstm", "gru", "rnn"];
 
 pub(crate) fn network(name: &str) -> Network {
@@ -25,13 +25,12 @@ pub(crate) fn read(path: &str) -> Vec<u8> {
     std::fs::read(path).unwrap_or_else(|e| panic!("{path}: {e}"))
 }
 
-/// A tensor of doubles.
 pub(crate) fn tensor(file: &SafeTensors, name: &str) -> Vec<f64> {
     let view = file.tensor(name).unwrap_or_else(|e| panic!("{name}: {e}"));
     view.data().chunks_exact(8).map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap())).collect()
 }
 
-/// Flat weights from a file that has them under PyTorch's names.
+/// Flat weights from a file with PyTorch's names.
 pub(crate) fn weights_of(network: &Network, bytes: &[u8]) -> Vec<f64> {
     let file = SafeTensors::deserialize(bytes).unwrap();
     let mut weights = Vec::new();
@@ -46,7 +45,7 @@ pub(crate) fn golden_weights(name: &str) -> Vec<f64> {
     weights_of(&network(name), &read(&golden_path(&format!("networks/{name}_weights.safetensors"))))
 }
 
-/// Rows of numbers of a file of `adaptation`.
+/// Rows of a file of `adaptation`.
 pub(crate) fn rows(file: &str) -> Vec<Vec<f64>> {
     let text = String::from_utf8(read(&golden_path(&format!("adaptation/{file}")))).unwrap();
     text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
@@ -76,7 +75,7 @@ pub(crate) fn golden_json(name: &str) -> Value {
     serde_json::from_slice(&read(&golden_path(&format!("networks/{name}_golden.json")))).unwrap()
 }
 
-/// Numbers in lists of any depth, flat.
+/// Numbers in nested lists, flat.
 pub(crate) fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(values) => values.iter().flat_map(numbers).collect(),
@@ -84,7 +83,7 @@ pub(crate) fn numbers(value: &Value) -> Vec<f64> {
     }
 }
 
-/// Rows of numbers at `sequence.key` of the golden file, flat.
+/// Rows at `sequence.key` of the golden file, flat.
 pub(crate) fn sequence(name: &str, key: &str) -> Vec<f64> {
     numbers(&golden_json(name)["sequence"][key])
 }

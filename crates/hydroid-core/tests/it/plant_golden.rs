@@ -1,8 +1,7 @@
-//! The plants against an independent implementation (NumPy): files under `/tests/golden`.
+//! The plants compared with an independent implementation (NumPy): files under `/tests/golden`.
 
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 
-/// Data rows of a golden file, split into cells.
 fn rows(file: &str) -> Vec<Vec<String>> {
     let path = format!("{}/../../tests/golden/{file}", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
@@ -60,7 +59,7 @@ fn derivatives_match() {
         let state = State { x: 0.0, y: 0.0, psi: n[2], u: n[3], v: n[4], r: n[5], p_f: n[6] };
         let ours: [f64; State::LEN] = plant.derivative(&state, &Command { pp: n[0], rd: n[1] }).into();
         for (i, (ours, theirs)) in ours.iter().zip(&n[7..]).enumerate() {
-            // 1e-12 absolute holds for dP_f/dt of some 100 N/s as well: its rounding is 3e-14.
+            // 1e-12 absolute also suits dP_f/dt of some 100 N/s: its rounding is 3e-14.
             assert!((ours - theirs).abs() < 1e-12, "{}: component {i}: {ours} and {theirs}", row[0]);
         }
     }

@@ -1,8 +1,8 @@
-//! Invalid parameters are refused with the name of the field.
+//! Invalid parameters are rejected with the name of the field.
 
 use hydroid_core::vessel::{Flying, InvalidParams, Mode, Plant, VesselParams};
 
-/// The message about a hydrofoil changed by `edit`.
+/// The error of a hydrofoil changed by `edit`.
 fn refusal(edit: impl FnOnce(&mut VesselParams)) -> InvalidParams {
     let mut params = VesselParams::hydrofoil();
     edit(&mut params);
@@ -88,7 +88,7 @@ fn added_mass_of_the_wrong_sign_is_not_taken_for_a_lighter_vessel() {
 fn a_singular_mass_matrix_of_either_mode() {
     let error = refusal(|p| p.added_mass.y_rdot = -100.0);
     assert!(matches!(error, InvalidParams::MassMatrix { mode: Mode::Normal, .. }), "{error}");
-    // Off the diagonal the normal mode is still sound, three times as much is not.
+    // With this off-diagonal term the normal mode is valid, the flying mode with three times the added mass is not.
     let error = refusal(|p| {
         p.added_mass.y_rdot = -60.0;
         p.added_mass.n_rdot = -25.0;

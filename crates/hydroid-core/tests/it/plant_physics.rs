@@ -14,7 +14,6 @@ fn power(plant: &Plant, nu: [f64; 3], acceleration: [f64; 3]) -> f64 {
     nu.iter().zip(momentum_rate).map(|(w, f)| w * f).sum()
 }
 
-/// A vessel without drag, in normal mode.
 fn frictionless(coriolis: Coriolis, x_g: f64, y_vdot: f64, y_rdot: f64) -> Plant {
     let mut params = VesselParams::simple();
     params.coriolis = coriolis;

@@ -1,4 +1,4 @@
-//! Recurrent networks against PyTorch in double precision: files under `/tests/golden/networks`.
+//! Recurrent networks compared with PyTorch in double precision: files under `/tests/golden/networks`.
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Network, Tape};
@@ -33,8 +33,8 @@ fn golden(name: &str) -> Golden {
     }
 }
 
-/// Largest differences of outputs, states, loss and gradient: the sequence is walked in one lane of some, others beside
-/// it with weight zero in the loss.
+/// Largest differences of outputs, states, loss and gradient: the sequence in one lane, beside others of zero weight in
+/// the loss.
 fn differences<T: Scalar>(golden: &Golden, sequences: usize, lane: usize) -> [f64; 4] {
     let steps = golden.input.len();
     let mut tape = Tape::<T>::new(&golden.network, steps, sequences);

@@ -4,7 +4,6 @@ use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Cell, Network, Rollout, Tape};
 use proptest::prelude::*;
 
-/// Any kind of network, small enough for finite differences.
 fn network() -> impl Strategy<Value = Network> {
     let cell = prop_oneof![
         (1..7_usize).prop_map(|hidden| Cell::Lstm { hidden, projection: None }),
@@ -22,7 +21,7 @@ fn network() -> impl Strategy<Value = Network> {
     })
 }
 
-/// Numbers between -1 and 1 that nothing else depends on.
+/// Pseudo-random numbers between -1 and 1.
 fn number(seed: u64, k: usize) -> f64 {
     let mut x = seed ^ (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -58,13 +57,13 @@ fn sequences(network: &Network, seed: u64, count: usize) -> Vec<Sequence> {
     (0..count).map(|lane| Sequence { seed: seed.wrapping_add(77 * lane as u64), network: *network }).collect()
 }
 
-/// Outputs are fed back: part of each is added to the next step's input.
+/// Feedback: this part of each output is added to the next step's input.
 const FEEDBACK: f64 = 0.5;
 
-/// What one lane saw: states, outputs, adjoints of the inputs, adjoint of the initial state.
+/// Results of one lane: states, outputs, adjoints of the inputs, adjoint of the initial state.
 type Lane<T> = [Vec<T>; 4];
 
-/// Walks sequences forward and back to step `from`; the padding is filled with what must not be seen.
+/// A forward pass, and a backward pass to step `from`; the padding is filled with values that must have no effect.
 fn walk<T: Scalar>(
     network: &Network,
     weights: &[T],
@@ -132,7 +131,6 @@ fn walk<T: Scalar>(
     (seen, gradient)
 }
 
-/// Sum of the weighted outputs of a sequence.
 fn loss(network: &Network, weights: &[f64], sequence: &Sequence, steps: usize) -> f64 {
     let (seen, _) = walk(network, weights, core::slice::from_ref(sequence), steps, steps);
     let weight = |j: usize| sequence.output_weight(j / network.outputs, j % network.outputs);
@@ -211,7 +209,7 @@ proptest! {
             let difference = (at(H) - at(-H)) / (2.0 * H);
             prop_assert!((g - difference).abs() < 1e-7 * (1.0 + g.abs()), "weight {}: {} {}", j, g, difference);
         }
-        // Of the first input and of the initial state: by a tape that starts from moved ones.
+        // Derivatives by the first input and the initial state: differences of perturbed rollouts.
         let moved = |state: Option<usize>, input: Option<usize>, h: f64| -> f64 {
             let mut rollout = Rollout::<f64>::new(&network, 1);
             rollout.load(&weights);
@@ -245,7 +243,7 @@ proptest! {
         }
     }
 
-    /// A way back that stops at step `from` is the whole way back of a tape that starts there.
+    /// A backward pass that stops at step `from` equals the whole backward pass of a tape that starts there.
     #[test]
     fn a_truncated_way_back_is_that_of_a_later_start(network in network(), seed: u64, from in 1..4_usize) {
         let (weights, steps) = (weights::<f64>(&network, seed), 4);

@@ -1,4 +1,4 @@
-//! Derivatives of a step of any network, against finite differences and against one another.
+//! Derivatives of a step of any network, compared with finite differences and with one another.
 
 use hydroid_core::model::recurrent::{Cell, Change, Gradient, Linearization, Network, Packed};
 use proptest::prelude::*;
@@ -40,7 +40,7 @@ fn output(network: Network, weights: &[f64], state: &[f64]) -> Vec<f64> {
     y
 }
 
-/// Column by column, central differences of `f` at `x`.
+/// Central differences of `f` at `x`, column by column.
 fn differences(x: &[f64], f: impl Fn(&[f64]) -> Vec<f64>) -> Vec<Vec<f64>> {
     let h = 1e-5;
     (0..x.len())
@@ -107,7 +107,7 @@ proptest! {
         check("output, weights", &linear.dense_output_weights(&packed), &of_read_out)?;
     }
 
-    /// Products are those of the dense matrices, and sums of them come in one go.
+    /// Products equal those of the dense matrices, and several columns are computed at once.
     #[test]
     fn products_are_those_of_the_dense_matrices((network, weights, state, x) in points(), columns in 1usize..6) {
         let packed = Packed::new(network, &weights);
@@ -159,7 +159,7 @@ proptest! {
         close("output, transposed", w, &times(&transposed(&dense[1], y), &by_output, columns))?;
     }
 
-    /// What a filter's own kernel reads: a row of the gates touches its weights and no others, by the values told.
+    /// A row of the gates depends on its weights alone, by the documented partials.
     #[test]
     fn rows_of_the_gates_are_in_the_documented_order((network, weights, state, x) in points()) {
         let packed = Packed::new(network, &weights);
@@ -170,7 +170,7 @@ proptest! {
         let top = packed.layout().layers.len() - 1;
         let (layer, place) = (linear.layer(top), &packed.layout().layers[top]);
         let at = top * network.state_len() / (top + 1);
-        // Results that stand in the state as they are; a projection's input does not.
+        // Results that are part of the state; a projection's input is not.
         for result in 0..layer.results() - usize::from(projected) {
             for unit in 0..layer.units() {
                 let mut row = vec![0.0; n];
@@ -186,7 +186,7 @@ proptest! {
                     (row[of.bias_ih], row[of.bias_hh]) = (a, b);
                 }
                 let ours = &dense[(at + result * layer.units() + unit) * n..][..n];
-                // Of layers below, their own weights: nothing that a row of this layer could tell.
+                // Only this layer's own weights; the row also depends on those of the layers before it.
                 let own = place.weight_ih.start..place.bias_hh.end;
                 close("row", &ours[own.clone()], &row[own])?;
             }

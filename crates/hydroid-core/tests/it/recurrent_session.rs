@@ -1,5 +1,4 @@
-//! The session of recurrent models, compared with the equations of the model, for every base, with and without
-//! feedback.
+//! The session of recurrent models compared with the equations of the model, for every base, with and without feedback.
 
 use std::sync::Arc;
 
@@ -9,7 +8,6 @@ use hydroid_core::model::recurrent::{
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 
-/// Numbers without a pattern, below 1.
 fn numbers(count: usize, seed: f64) -> Vec<f64> {
     (0..count).map(|k| ((k as f64 + seed) * 12.9898).sin()).collect()
 }
@@ -23,7 +21,7 @@ fn cells() -> [Cell; 4] {
     ]
 }
 
-/// Two outputs, two inputs; a lag, and both channels of the past.
+/// Two outputs, two inputs; a lag, and past values of both channels.
 fn equations() -> Equations {
     let signals = vec![
         Signal::Lag { input: 2, time_constant_s: Real(0.4) },
@@ -76,7 +74,7 @@ fn bits(y: &[f64]) -> Vec<u64> {
     y.iter().map(|y| y.to_bits()).collect()
 }
 
-/// The model's equations written down once more, on vectors.
+/// The model's equations, written independently on vectors.
 struct Plain<'a> {
     model: &'a Recurrent,
     h: Vec<f64>,
@@ -142,7 +140,7 @@ fn sessions_and_rollouts_equal_the_equations() {
     }
 }
 
-/// A session restored from a snapshot, and a fork, predict to the last bit as the one that it was taken from.
+/// A session restored from a snapshot, and a fork, give bit-identical predictions.
 #[test]
 fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
     for model in every_model() {
@@ -194,7 +192,7 @@ fn unmeasured_outputs_are_predicted() {
     }
 }
 
-/// Sensors that report in turns: the run starts for the model when the last of them did.
+/// With sensors that report in turns, the run starts at the first measurement of the last one.
 #[test]
 fn models_of_increments_wait_for_a_measurement_of_all_outputs() {
     for model in every_model() {
@@ -211,7 +209,7 @@ fn models_of_increments_wait_for_a_measurement_of_all_outputs() {
         assert_eq!(bits(&y), bits(&[1.5, f64::NAN]), "waits as it was measured");
         let moved = session.hidden().iter().any(|&h| h != 0.0);
         assert_eq!(moved, !model.feedback, "a network without feedback reads its inputs meanwhile");
-        // The lag below and delay lines follow the commands; two more samples fill the line of outputs.
+        // Lags and delay lines follow the commands; two more samples fill the delay line of outputs.
         for k in 1..4 {
             session.observe(&measured(k));
             session.advance(&command(k));
@@ -238,7 +236,7 @@ fn a_diverged_rollout_is_not_finite() {
         let commands: Vec<f64> = (0..100).flat_map(command).collect();
         session.rollout(&commands, &mut Workspace::new(), &mut y);
         assert_eq!(matches!(model.base, BaseModel::Equations(_)), y.iter().any(|y| !y.is_finite()));
-        // A command that is not a number spoils what follows only until measurements come again.
+        // A NaN command has no effect after the next measurements.
         session.advance(&[f64::NAN, 0.0]);
         for k in 0..4 {
             session.observe(&measured(k));

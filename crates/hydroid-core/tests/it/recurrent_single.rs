@@ -38,7 +38,7 @@ fn sixty_steps_are_pytorchs() {
     }
 }
 
-/// Largest difference of a Jacobian to PyTorch's, where no element of it is larger than a few units.
+/// Largest difference of a Jacobian to PyTorch's; elements are of order 1.
 fn jacobians<T: Scalar>(name: &str) -> Vec<(&'static str, f64)> {
     let network = network(name);
     let packed = Packed::<T>::new(network, &rounded(&golden_weights(name)));

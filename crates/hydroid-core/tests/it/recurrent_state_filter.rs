@@ -1,4 +1,4 @@
-//! The filter on the hidden state alone against an independent implementation (`NumPy`, JAX): the frozen networks of
+//! The state filter compared with an independent implementation (`NumPy`, JAX): the frozen networks of
 //! `/tests/golden/adaptation` on a closed-loop log of a hydrofoil.
 
 use std::sync::Arc;
@@ -67,7 +67,7 @@ fn frozen_and_filtered_errors_are_those_of_the_reference() {
     }
 }
 
-/// Missing channels are left out of the update; a run without measurements is open loop.
+/// Missing channels are left out: the filter uses the other sensors, and a run without any is open loop.
 #[test]
 fn missing_channels_are_left_out() {
     let log = rows("lawn3.csv");
@@ -92,6 +92,7 @@ fn missing_channels_are_left_out() {
     assert!(errors[0] < 0.3 * errors[3] && errors[1] < 0.3 * errors[3], "{errors:?}");
 }
 
+/// The filter's scratch fits more outputs than states.
 #[test]
 fn outputs_may_be_more_than_the_state_has_numbers() {
     for hidden in [1, 2] {
@@ -131,7 +132,7 @@ fn outputs_may_be_more_than_the_state_has_numbers() {
     }
 }
 
-/// The session restarts after numbers beyond all bounds.
+/// A session restarts after numbers beyond all bounds.
 #[test]
 fn a_diverged_filter_restarts() {
     let mut session = filtered("lstm");

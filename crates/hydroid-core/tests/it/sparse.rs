@@ -36,12 +36,11 @@ fn library() -> impl Strategy<Value = Vec<Term>> {
 }
 
 fn point() -> impl Strategy<Value = Vec<f64>> {
-    // Away from 0, where signs and reciprocals have no value.
+    // Away from 0, where signs and reciprocals are undefined.
     let away = (0.05..3.0f64, prop::bool::ANY).prop_map(|(x, minus)| if minus { -x } else { x });
     prop::collection::vec(away, usize::from(VARIABLES))
 }
 
-/// All terms at one point, by the compiled program.
 fn evaluated(terms: &[Term], point: &[f64]) -> Vec<f64> {
     let program = Program::new(terms, point.len()).unwrap();
     let mut slots = vec![f64::NAN; program.slots()];
@@ -50,7 +49,7 @@ fn evaluated(terms: &[Term], point: &[f64]) -> Vec<f64> {
     (0..terms.len()).map(|term| slots[program.slot(term)]).collect()
 }
 
-/// The product written out, factor by factor: no code of the crate.
+/// The product, factor by factor, without code of the crate.
 fn by_hand(term: &Term, point: &[f64]) -> f64 {
     let mut product = 1.0;
     for factor in term.factors() {
@@ -106,7 +105,7 @@ proptest! {
         program.evaluate_block(&mut slots, rows);
         for (i, point) in points.iter().enumerate() {
             for (term, one) in evaluated(&terms, point).into_iter().enumerate() {
-                // The same operations in the same order: the same bits.
+                // Same operations in the same order: bit-identical.
                 prop_assert_eq!(slots[program.slot(term) * rows + i].to_bits(), one.to_bits());
             }
         }
@@ -187,7 +186,7 @@ proptest! {
             };
             let exact: f64 = term.derivative(v).iter().map(|(scale, t)| scale * by_hand(t, &point)).sum();
             let quotient = (at(h) - at(-h)) / (2.0 * h);
-            // Truncation by the third derivative and rounding eps f / h, with room for steep reciprocals.
+            // Truncation by the third derivative and rounding eps f / h, with a margin for steep reciprocals.
             let scale = at(0.0).abs() * 1e3 + exact.abs();
             prop_assert!((exact - quotient).abs() <= 1e-6 * scale + 1e-9, "{term:?}: {exact} for {quotient}");
         }
@@ -249,7 +248,7 @@ fn step(equations: &Equations, y: &[f64], c: &[f64]) -> Vec<f64> {
 
 #[test]
 fn linear_decay_is_its_exponential_to_the_truncation_of_the_method() {
-    // The method's growth factor is the exponential's series up to the fourth power.
+    // The growth factor of RK4 is the exponential series up to the fourth power.
     let (y, c, dt) = (2.0, -0.4, 0.1);
     let got = step(&decay(dt, 1), &[y], &[c])[0];
     let z: f64 = -A * dt;
@@ -263,7 +262,7 @@ fn linear_decay_is_its_exponential_to_the_truncation_of_the_method() {
 
 #[test]
 fn halving_the_step_divides_the_error_by_sixteen() {
-    // Over one second, once by the sample time and once by the steps within a sample.
+    // Over one second, once by the sample time and once by the substeps.
     let (y, c) = (2.0, -0.4);
     let error_of = |steps: usize, substeps: usize| {
         let equations = decay(1.0 / steps as f64, substeps);
@@ -334,7 +333,7 @@ fn invalid_equations_are_refused() {
     assert_eq!(second.unwrap_err(), EquationsError::NotFinite { output: 1, term: 1 });
 }
 
-/// Two coupled outputs and one input, not linear.
+/// Two coupled outputs and one input, nonlinear.
 fn session() -> EquationsSession {
     let terms = vec![
         Term::monomial(&[0]),
@@ -369,8 +368,7 @@ fn a_missing_measurement_leaves_the_prediction() {
     assert_eq!(output(&session), [predicted[0], 0.25f64.to_bits()]);
 }
 
-/// Two sensors that are never read in the same sample: a state that is half unknown must not wipe out the half that is
-/// known, or the session never has a whole one.
+/// Two sensors that never report in the same sample: an unknown output must not erase the known one.
 #[test]
 fn alternating_sensors_give_an_estimate() {
     let mut session = session();
@@ -418,7 +416,7 @@ fn snapshots_and_forks_predict_as_the_session_did() {
         y
     };
     let expected = roll(&original);
-    // The original goes on; the fork stays where it was made.
+    // The original advances; the fork does not.
     original.observe(&[2.0, 2.0]);
     original.advance(&[1.0]);
     assert_ne!(roll(&original), expected);

@@ -1,4 +1,4 @@
-//! Derivatives of rollouts against finite differences of the rollouts themselves.
+//! Derivatives of rollouts compared with finite differences.
 
 use hydroid_core::model::sparse::{
     Equations, EquationsSession, Gate, Real, Sensitivity, Shape, Signal, Term,
@@ -6,8 +6,8 @@ use hydroid_core::model::sparse::{
 use hydroid_core::predict::{Predictor, Workspace};
 use std::sync::Arc;
 
-/// Two outputs and one input with all that a rollout can pass through: products, a kink, a gate, a lag, pasts of one
-/// and of several samples, of outputs and of the input, and more than one integration step in a sample.
+/// Two outputs and one input with every feature of equations: products, a kink, a gate, a lag, past values of one and
+/// of several samples, of outputs and of the input, and several substeps.
 fn equations(coefficients: &[f64]) -> Equations {
     let gate = Gate { centre: Real(0.4), slope: Real(5.0) };
     let terms = vec![
@@ -32,11 +32,11 @@ fn equations(coefficients: &[f64]) -> Equations {
 }
 
 fn coefficients() -> Vec<f64> {
-    // Some places are zero, as in any sparse model.
+    // Some coefficients are zero, as in any sparse model.
     (0..20).map(|i| if i % 7 == 3 { 0.0 } else { 0.9 * (1.3 * f64::from(i) + 0.4).sin() - 0.3 }).collect()
 }
 
-/// A state with a known past, and commands to come.
+/// A state with a known past, and future commands.
 fn start(equations: &Equations) -> (Vec<f64>, Vec<f64>) {
     let mut session = EquationsSession::new(Arc::new(equations.clone()));
     let command = |k: usize| (0.31 * k as f64).sin();

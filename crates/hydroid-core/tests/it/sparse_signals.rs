@@ -1,4 +1,4 @@
-//! Signals of sparse equations: lag states and past values, against exponentials and shifted sequences.
+//! Signals of sparse equations: lag states and past values compared with exponentials and shifted sequences.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ fn past(variable: u16, samples: u16) -> Signal {
     Signal::Past { variable, samples }
 }
 
-/// One output, one input, signals as given: `y' = sum of coefficients times signals`.
+/// One output, one input, given signals: `y' = sum of coefficients times signals`.
 fn of_signals(signals: Vec<Signal>, coefficients: Vec<f64>, dt: f64, substeps: usize) -> Equations {
     let terms: Vec<Term> =
         (0..signals.len()).map(|i| Term::monomial(&[2 + u16::try_from(i).unwrap()])).collect();
@@ -70,9 +70,8 @@ fn past_inputs_are_held_and_past_outputs_interpolated() {
         expected += dt * commands[k - 2];
         assert!((y[0] - expected).abs() < 1e-12, "{k}: {} for {expected}", y[0]);
     }
-    // y' = y(t - L dt) with y(t) = t before 0: by the method of steps, y = 1 + ... is piecewise polynomial. With L
-    // samples of history y(-tau + s) = s - tau the first L samples integrate exactly to y(s) = y0 + s^2/2 - tau s,
-    // whatever the number of steps in a sample.
+    // y' = y(t - L dt) with y(t) = t before 0, by the method of steps: with L samples of history y(-tau + s) = s - tau
+    // the first L samples integrate exactly to y(s) = y0 + s^2/2 - tau s, for any number of substeps.
     for (samples, substeps) in [(1u16, 1), (1, 4), (3, 1), (3, 2)] {
         let equations = of_signals(vec![past(0, samples)], vec![1.0], dt, substeps);
         let mut session = EquationsSession::new(Arc::new(equations));
@@ -135,7 +134,7 @@ fn snapshots_carry_lags_and_pasts() {
     };
     let expected = roll(&session);
     assert!(expected.iter().all(|y| y.is_finite()));
-    // A rollout is the repeated advance.
+    // A rollout equals repeated advances.
     let mut walked = session.fork();
     for (c, y) in commands.iter().zip(&expected) {
         walked.advance(&[*c]);
