@@ -20,7 +20,6 @@ use core::any::Any;
 #[derive(Debug, Default)]
 pub struct Workspace {
     buffer: Vec<f64>,
-    /// Memory of [`Predictor::rollout_batch`], of a type that the model chooses.
     batch: Option<Box<dyn Any + Send + Sync>>,
     pair: Option<Box<[Workspace; 2]>>,
 }
@@ -45,7 +44,6 @@ impl Workspace {
         &mut self.buffer[..len]
     }
 
-    /// `len` numbers of scratch and the two workspaces of a combined predictor.
     pub(crate) fn take_pair(&mut self, len: usize) -> (&mut [f64], &mut [Self; 2]) {
         if self.buffer.len() < len {
             self.buffer.resize(len, 0.0);

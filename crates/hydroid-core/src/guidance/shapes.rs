@@ -37,7 +37,6 @@ impl Side {
     }
 }
 
-/// Builder of consecutive pieces.
 struct Pen {
     pieces: Vec<Piece>,
     position: [f64; 2],

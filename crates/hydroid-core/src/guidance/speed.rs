@@ -200,7 +200,6 @@ fn phases_of(s: f64, length: f64, speeds: [f64; 3], limits: &SpeedLimits, into: 
     let stretches =
         [(up, [first, peak], a), (length - up - down, [peak, peak], 0.0), (down, [peak, last], -b)];
     for (length, [speed, end], acceleration) in stretches {
-        // Shorter sections are rounding errors.
         if length > 1e-12 {
             into.push(Phase { s: at, length, speed, end, acceleration });
         }

@@ -12,7 +12,6 @@ use pulp::Simd;
 
 use super::vectors::{Pack, Vectors};
 
-/// `n + ROUND` and `q = e^r - 1`.
 #[inline(always)]
 fn reduce<S: Simd, T: Vectors>(simd: S, x: Pack<S, T>) -> (Pack<S, T>, Pack<S, T>) {
     let round = Pack::splat(simd, T::ROUND);

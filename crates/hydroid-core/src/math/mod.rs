@@ -143,7 +143,6 @@ mod tests {
 
     use super::*;
 
-    /// Results on all vector widths of this processor.
     #[cfg(target_arch = "x86_64")]
     fn paths<T: Scalar>(x: &[T], function: Function) -> Vec<Vec<T>> {
         let mut paths = Vec::from([x.to_vec()]);

@@ -19,7 +19,6 @@ use crate::math::Scalar;
 /// Rows of a block. With four vectors each (two where there are 16 registers) sums hide the latency of an addition.
 const ROWS: usize = 6;
 
-/// The left factor of a product.
 pub(crate) trait Left<T> {
     /// Rows in the form that a block reads.
     type Band<'a, const M: usize>: Band<T, M>
@@ -41,7 +40,6 @@ pub(crate) trait Band<T, const M: usize>: Copy {
     fn depth(self) -> usize;
 }
 
-/// Rows that are read in place.
 #[derive(Clone, Copy)]
 pub(crate) struct InPlace<'a, T, const M: usize> {
     rows: [&'a [T]; M],
@@ -64,7 +62,6 @@ impl<T: Scalar, const M: usize> Band<T, M> for InPlace<'_, T, M> {
     }
 }
 
-/// Rows that were copied column by column.
 impl<T: Scalar, const M: usize> Band<T, M> for &[[T; M]] {
     #[inline(always)]
     fn column(self, k: usize) -> [T; M] {

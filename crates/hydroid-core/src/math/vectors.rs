@@ -30,6 +30,7 @@ pub trait Vectors: Copy + 'static {
     const EXP_END: Self;
     /// For `|x|` up to it, `e^x` is a normal number.
     const EXP_NORMAL: Self;
+    /// `tanh x` is 1 from it on.
     const TANH_END: Self;
     /// Numbers in 64 bytes, a cache line and the widest register.
     const LINE: usize = 64 / size_of::<Self>();
@@ -261,6 +262,7 @@ impl<S: Simd, T: Vectors> Pack<S, T> {
         Self::new(self.simd, T::at_most(self.simd, self.v, T::splat(self.simd, largest)))
     }
 
+    /// A non-negative number with the sign of another.
     #[inline(always)]
     pub(crate) fn with_sign_of(self, other: Self) -> Self {
         Self::new(self.simd, T::with_sign_of(self.simd, self.v, other.v))

@@ -120,6 +120,7 @@ fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
             while t < LONG_S {
                 motion = plant.advance_motion(&motion, &actuation, STEP_S);
                 for ([low, high], x) in ranges.iter_mut().zip(motion) {
+                    // A NaN is kept.
                     *low = if x < *low || x.is_nan() { x } else { *low };
                     *high = if x > *high || x.is_nan() { x } else { *high };
                 }
@@ -190,7 +191,6 @@ impl Predictor for PlantSession {
 
     fn observe(&mut self, y: &[f64]) {
         for (own, y) in self.motion.iter_mut().zip(y) {
-            // Infinite values count as missing.
             *own = if y.is_finite() { *y } else { *own };
         }
         if self.motion[3].is_nan() {

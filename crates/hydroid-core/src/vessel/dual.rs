@@ -36,7 +36,6 @@ fn join<const N: usize>(a: &[f64; N], b: &[f64; N], of: impl Fn(f64, f64) -> f64
     core::array::from_fn(|i| of(a[i], b[i]))
 }
 
-/// `(x y)' = x' y + x y'`.
 #[inline]
 fn of_product(dx: f64, y: f64, x: f64, dy: f64) -> f64 {
     dx * y + x * dy

@@ -71,7 +71,6 @@ impl Field {
         self.half(a, c);
     }
 
-    /// Advances `[y a]` by a sample.
     pub(crate) fn step(&self, model: &ControlAffine, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
         let (n, h) = (self.outputs, model.dt);
         let (y, a) = state.split_at_mut(n);

@@ -237,7 +237,6 @@ pub(crate) struct Backs<'a, T> {
     batch: &'a mut Batch<T>,
     weights: &'a [T],
     gradient: &'a mut [T],
-    /// Empty where it is not needed.
     input_adjoint: &'a mut [T],
 }
 
@@ -275,7 +274,6 @@ impl<T: Scalar> WithSimd for Backs<'_, T> {
             let (mut a, h) = (Write::new(simd, a), T::whole::<S>(&hidden[l]).0);
             for (k, &h) in h.iter().enumerate() {
                 let h = Pack::new(simd, h);
-                // 1 - h^2, rounded once.
                 a.set(k, a.get(k) * (-h).mul_add(h, one));
             }
             core::mem::swap(&mut d, &mut below);
@@ -298,7 +296,6 @@ fn sum<T: Scalar>(row: &[T]) -> T {
 mod tests {
     use super::*;
 
-    /// Outputs and gradient with the vectors of `arch`.
     fn walked<T: Scalar>(network: &Perceptron, arch: Arch) -> Vec<T> {
         let number = |k: usize| T::of(0.9 * (0.7 * (k + 1) as f64).sin());
         let weights: Vec<T> = (0..network.weights()).map(number).collect();

@@ -23,7 +23,6 @@ pub(super) struct BatchRollout {
     equations: Option<sparse::BatchRollout>,
     /// State of the equations: the present outputs, then their memory.
     below: Vec<f64>,
-    /// The scaled past, the first part of the input.
     past: Vec<f64>,
     windows: Vec<f64>,
     predicted: Vec<f64>,

@@ -70,7 +70,6 @@ impl DirectSession {
         &self.past
     }
 
-    /// A session with its own last layer, which is part of snapshots.
     pub(crate) fn with_own_read_out(model: Arc<Direct>) -> Result<Self, DirectError> {
         let mut session = Self::new(model)?;
         session.own = session.forward.read_out(&session.model.weights).to_vec();

@@ -5,7 +5,6 @@ use super::model::Direct;
 /// Sizes of a window: `[z_{k-p+1} .. z_k m_{k-p+1} .. m_{k+H-1}]`, in any units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Window {
-    /// Outputs, inputs, history and horizon.
     pub(crate) n: usize,
     pub(crate) m: usize,
     pub(crate) p: usize,

@@ -278,7 +278,6 @@ impl Network {
 mod tests {
     use super::*;
 
-    /// The sizes of the thesis's networks.
     #[test]
     fn counts_weights_and_states() {
         let lstm = Cell::Lstm { hidden: 18, projection: Some(3) };

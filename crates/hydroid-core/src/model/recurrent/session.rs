@@ -124,7 +124,6 @@ impl RecurrentSession {
     }
 }
 
-/// Length of outputs and base memory, in front of the network's state.
 fn front_len(model: &Recurrent) -> usize {
     if let BaseModel::Equations(equations) = &model.base { equations.state_len() } else { model.outputs() }
 }

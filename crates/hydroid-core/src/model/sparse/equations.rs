@@ -87,7 +87,6 @@ pub struct Equations {
     memory: Memory,
 }
 
-/// Rows of non-zero coefficients, each with the slot that it multiplies.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Sparse {
     entries: Vec<(u16, f64)>,

@@ -268,7 +268,6 @@ impl Book {
     }
 }
 
-/// `to += a x`.
 #[inline]
 fn axpy(to: &mut [f64], a: f64, x: &[f64]) {
     for (to, x) in to.iter_mut().zip(x) {

@@ -97,7 +97,6 @@ pub(super) fn product<S: Simd, T: Scalar, const ADD: bool>(
     }
 }
 
-/// [`product`] for `N` vectors of lanes from `v` on.
 #[inline(always)]
 fn tile<S: Simd, T: Scalar, const ADD: bool, const N: usize>(
     simd: S,
@@ -187,7 +186,6 @@ pub(super) fn outer<S: Simd, T: Scalar>(
     }
 }
 
-/// [`outer`] for `C` columns and one vector of the partial sums.
 #[inline(always)]
 fn patch<S: Simd, T: Scalar, const C: usize>(
     simd: S,

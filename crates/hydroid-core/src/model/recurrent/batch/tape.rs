@@ -221,7 +221,6 @@ mod tests {
     use super::*;
     use crate::model::recurrent::Cell;
 
-    /// Gradient, last state and its adjoint with the vectors of `arch`.
     fn walked<T: Scalar>(network: &Network, arch: Arch) -> Vec<T> {
         let number = |k: usize| T::of(0.9 * (0.7 * (k + 1) as f64).sin());
         let weights: Vec<T> = (0..network.weights()).map(number).collect();

@@ -195,7 +195,6 @@ impl<T: Scalar> Packed<T> {
 mod tests {
     use super::*;
 
-    /// Results are equal on all processors.
     #[test]
     #[cfg(target_arch = "x86_64")]
     fn every_processor_gives_the_same_bits() {

@@ -166,7 +166,6 @@ impl<T: Scalar> Linearization<T> {
         }
     }
 
-    /// Adds the effect of a change of the weights on a result of each unit.
     #[inline(always)]
     fn add_weights(
         &self,

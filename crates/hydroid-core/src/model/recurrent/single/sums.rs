@@ -71,7 +71,6 @@ impl<T: Scalar> Sums<'_, T> {
         }
     }
 
-    /// Columns from `at` on: `VECTORS` whole vectors, or the rest of the row.
     #[inline(always)]
     fn rows<S: Simd, const VECTORS: usize, const REST: bool>(
         &self,
