@@ -98,8 +98,8 @@ impl LineOfSight {
         let along = velocity[0] * cos + velocity[1] * sin;
         let across = velocity[1] * cos - velocity[0] * sin;
         // The projection moves faster than a vessel inside the turn; the centre of the turn is singular.
-        let foot = along / (1.0 - pose.curvature * e).max(0.1);
-        let rate = pose.curvature * foot - lookahead * (across + sigma * grows) / square;
+        let projection_speed = along / (1.0 - pose.curvature * e).max(0.1);
+        let rate = pose.curvature * projection_speed - lookahead * (across + sigma * grows) / square;
 
         if grows.is_finite() {
             self.integral += grows * dt;

@@ -148,17 +148,17 @@ impl PathReference {
     /// Projects a position \[m\] onto the path. A position that is not finite is ignored.
     pub fn project(&mut self, path: &Path, position: [f64; 2]) -> Projection {
         if position.iter().all(|x| x.is_finite()) {
-            let foot = path.project(position, self.s, self.reach);
-            self.s = foot.s;
-            return foot;
+            let projection = path.project(position, self.s, self.reach);
+            self.s = projection.s;
+            return projection;
         }
         Projection { s: self.s, pose: path.at(self.s), cross_track: f64::NAN }
     }
 
     /// The projection of a position with the speed of the profile.
     pub fn reference(&mut self, path: &Path, profile: &SpeedProfile, position: [f64; 2]) -> Reference {
-        let foot = self.project(path, position);
-        let (speed, rate) = profile.at(foot.s);
-        Reference::new(foot.s, &foot.pose, speed, rate)
+        let projection = self.project(path, position);
+        let (speed, rate) = profile.at(projection.s);
+        Reference::new(projection.s, &projection.pose, speed, rate)
     }
 }

@@ -197,9 +197,9 @@ fn phases_of(s: f64, length: f64, speeds: [f64; 3], limits: &SpeedLimits, into: 
     let up = ((peak * peak - first * first) / (2.0 * a)).min(length);
     let down = ((peak * peak - last * last) / (2.0 * b)).min(length - up);
     let mut at = s;
-    let stretches =
+    let sections =
         [(up, [first, peak], a), (length - up - down, [peak, peak], 0.0), (down, [peak, last], -b)];
-    for (length, [speed, end], acceleration) in stretches {
+    for (length, [speed, end], acceleration) in sections {
         if length > 1e-12 {
             into.push(Phase { s: at, length, speed, end, acceleration });
         }

@@ -3,10 +3,7 @@
 //! `e^x = 2^n e^r` with `n` the integer next to `x / ln 2` and `|r| <= ln 2 / 2`, on which a polynomial gives
 //! `q = e^r - 1` (Cody and Waite 1980, Muller, Elementary Functions, ch. 11). `e^x - 1 = 2^n q + (2^n - 1)` keeps its
 //! digits near zero, and so does `tanh x = (e^2x - 1) / (e^2x - 1 + 2)`.
-#![expect(
-    clippy::inline_always,
-    reason = "it must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use pulp::Simd;
 

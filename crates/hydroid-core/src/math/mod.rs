@@ -2,10 +2,7 @@
 //! processor are detected at run time. Results are bit-identical for all vector widths and for all positions in a
 //! slice.
 
-#![expect(
-    clippy::inline_always,
-    reason = "it must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 pub(crate) mod aligned;
 pub(crate) mod functions;
@@ -52,7 +49,7 @@ kernels! {
 }
 
 impl Scalar for f32 {
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is asked for")]
+    #[expect(clippy::cast_possible_truncation, reason = "rounds to single precision")]
     fn of(x: f64) -> Self {
         x as f32
     }

@@ -5,10 +5,7 @@
 //! ```
 //!
 //! Sums run over the depth in its order with fused multiply-add: results depend neither on vector width nor on blocks.
-#![expect(
-    clippy::inline_always,
-    reason = "it must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use pulp::Simd;
 

@@ -1,8 +1,5 @@
 //! Sums of rows and products with rows, for matrices of any width.
-#![expect(
-    clippy::inline_always,
-    reason = "they must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use pulp::{Arch, Simd, WithSimd};
 

@@ -1,8 +1,5 @@
 //! Slices as sequences of vectors, the last of which may be partial.
-#![expect(
-    clippy::inline_always,
-    reason = "it must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use core::ops::Range;
 

@@ -2,10 +2,7 @@
 //!
 //! Each operation acts on each number alone with IEEE 754 rounding; [`Pack::mul_add`] is fused on every path, in
 //! software where the processor lacks the instruction. Only [`Pack::sum`] depends on the vector width.
-#![expect(
-    clippy::inline_always,
-    reason = "it must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use core::fmt::Debug;
 use core::ops::{Add, Div, Mul, Neg, Sub};

@@ -170,7 +170,7 @@ impl PlantSession {
         self.motion.iter().any(|x| x.is_nan())
     }
 
-    fn moved(&self, motion: &[f64; 4], c: &[f64]) -> [f64; 4] {
+    fn stepped(&self, motion: &[f64; 4], c: &[f64]) -> [f64; 4] {
         let actuation = self.plant.actuation(&Command { pp: c[0], rd: c[1] });
         (0..self.steps).fold(*motion, |motion, _| self.plant.advance_motion(&motion, &actuation, self.h))
     }
@@ -201,7 +201,7 @@ impl Predictor for PlantSession {
     fn advance(&mut self, c: &[f64]) {
         // Before the start of a run, measured values are held.
         if !self.is_waiting() {
-            self.motion = self.moved(&self.motion, c);
+            self.motion = self.stepped(&self.motion, c);
             if !self.motion.iter().all(|x| x.is_finite()) {
                 self.reset();
             }
@@ -216,7 +216,7 @@ impl Predictor for PlantSession {
         rollout_steps(commands, PlantModel::INPUTS, y, PlantModel::OUTPUTS);
         let mut motion = self.motion;
         for (c, y) in commands.chunks_exact(PlantModel::INPUTS).zip(y.chunks_exact_mut(PlantModel::OUTPUTS)) {
-            motion = self.moved(&motion, c);
+            motion = self.stepped(&motion, c);
             y.copy_from_slice(&motion[..PlantModel::OUTPUTS]);
         }
     }

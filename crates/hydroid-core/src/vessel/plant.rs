@@ -29,12 +29,12 @@ use super::state::{Command, State};
 /// sigma(z) = 1 / (1 + exp(-slope z))                                      eq. 8
 /// ```
 ///
-/// `M = [[m11, 0, 0], [0, m22, m23], [0, m23, m33]]`, `M_fly` the same with `k_A` times the added mass. `C` is built
-/// from `M` in both modes, as in the thesis; its two forms are described at [`Coriolis`]. Without a flying mode
+/// `M = [[m11, 0, 0], [0, m22, m23], [0, m23, m33]]`, and `M_fly` with `k_A` times the added mass. `C` is built from
+/// `M` in both modes, as in the thesis; its two forms are described at [`Coriolis`]. Without a flying mode
 /// `dnu/dt = f_normal`. The model is that of Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd
 /// ed., chapter 6 (manoeuvring models in surge, sway and yaw).
 ///
-/// `T` is a [`Number`]: with [`Dual`](super::Dual) the same equations give derivatives along.
+/// `T` is a [`Number`]; with [`Dual`](super::Dual) the equations also give derivatives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plant<T = f64> {
     mass: [T; 4],

@@ -1,9 +1,6 @@
 //! Many windows side by side, forward and backward.
 
-#![expect(
-    clippy::inline_always,
-    reason = "must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -296,7 +293,7 @@ fn sum<T: Scalar>(row: &[T]) -> T {
 mod tests {
     use super::*;
 
-    fn walked<T: Scalar>(network: &Perceptron, arch: Arch) -> Vec<T> {
+    fn results<T: Scalar>(network: &Perceptron, arch: Arch) -> Vec<T> {
         let number = |k: usize| T::of(0.9 * (0.7 * (k + 1) as f64).sin());
         let weights: Vec<T> = (0..network.weights()).map(number).collect();
         let mut batch = Batch::<T>::new(network, 75);
@@ -317,13 +314,13 @@ mod tests {
         for hidden in [vec![], vec![21, 40, 3]] {
             let network = Perceptron { inputs: 37, hidden, outputs: 11 };
             let single: Vec<u32> =
-                walked::<f32>(&network, Arch::Scalar).into_iter().map(f32::to_bits).collect();
+                results::<f32>(&network, Arch::Scalar).into_iter().map(f32::to_bits).collect();
             let double: Vec<u64> =
-                walked::<f64>(&network, Arch::Scalar).into_iter().map(f64::to_bits).collect();
+                results::<f64>(&network, Arch::Scalar).into_iter().map(f64::to_bits).collect();
             for &arch in &paths {
-                let bits = walked::<f32>(&network, arch).into_iter().map(f32::to_bits);
+                let bits = results::<f32>(&network, arch).into_iter().map(f32::to_bits);
                 assert!(bits.eq(single.iter().copied()), "{network:?}");
-                let bits = walked::<f64>(&network, arch).into_iter().map(f64::to_bits);
+                let bits = results::<f64>(&network, arch).into_iter().map(f64::to_bits);
                 assert!(bits.eq(double.iter().copied()), "{network:?}");
             }
         }

@@ -1,9 +1,6 @@
 //! The forward pass of a perceptron for one input.
 
-#![expect(
-    clippy::inline_always,
-    reason = "must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use alloc::sync::Arc;
 

@@ -122,9 +122,9 @@ mod tests {
         assert_eq!(network.check(), Ok(()));
         assert_eq!(network.weights(), 59 * 256 + 2 * 257 * 256 + 257 * 60);
         let tensors = network.tensors();
-        let told: Vec<_> = tensors.iter().map(|t| (t.name.as_str(), t.shape())).collect();
-        assert_eq!(told[0], ("0.weight", vec![256, 58]));
-        assert_eq!(told[7], ("6.bias", vec![60]));
+        let shapes: Vec<_> = tensors.iter().map(|t| (t.name.as_str(), t.shape())).collect();
+        assert_eq!(shapes[0], ("0.weight", vec![256, 58]));
+        assert_eq!(shapes[7], ("6.bias", vec![60]));
         let mut end = 0;
         for tensor in &tensors {
             assert_eq!(tensor.offset, end);

@@ -83,7 +83,7 @@ impl fmt::Display for RecurrentError {
                 write!(f, "{part}: {expected} numbers expected, {given} given")
             }
             Self::Number { part, index } => {
-                write!(f, "{part}: number {index} is not a finite {}number", part.wanted().0)
+                write!(f, "{part}: number {index} is not a finite {}number", part.requirement().0)
             }
             Self::Equations { equations, model } => write!(
                 f,
@@ -103,7 +103,7 @@ impl From<NetworkError> for RecurrentError {
 }
 
 impl Part {
-    fn wanted(self) -> (&'static str, fn(f64) -> bool) {
+    fn requirement(self) -> (&'static str, fn(f64) -> bool) {
         match self {
             Self::Weights | Self::OutputMean | Self::InputMean => ("", |_| true),
             _ => ("positive ", |x| x > 0.0),
@@ -114,8 +114,8 @@ impl Part {
         if numbers.len() != expected {
             return Err(RecurrentError::Length { part: self, expected, given: numbers.len() });
         }
-        let (_, wanted) = self.wanted();
-        let bad = |x: &f64| !x.is_finite() || !wanted(*x);
+        let (_, requirement) = self.requirement();
+        let bad = |x: &f64| !x.is_finite() || !requirement(*x);
         numbers.iter().position(bad).map_or(Ok(()), |index| Err(RecurrentError::Number { part: self, index }))
     }
 }

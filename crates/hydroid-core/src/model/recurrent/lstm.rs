@@ -7,10 +7,7 @@
 //!
 //! Slices hold `cells x width` numbers with one sequence per column, the record `[i f g o t]` five times as many.
 
-#![expect(
-    clippy::inline_always,
-    reason = "must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use pulp::Simd;
 

@@ -116,7 +116,7 @@ impl RecurrentSession {
     }
 
     /// Resets a hidden state that is not finite, because no measurement would correct it.
-    fn start_again_if_lost(&mut self) {
+    fn reset_if_diverged(&mut self) {
         let hidden = &mut self.state[front_len(&self.model)..];
         if !hidden.iter().all(|h| h.is_finite()) {
             hidden.fill(0.0);
@@ -219,7 +219,7 @@ impl Predictor for RecurrentSession {
         } else {
             step(model, weights, &mut self.state, c, &mut self.scratch);
         }
-        self.start_again_if_lost();
+        self.reset_if_diverged();
     }
 
     fn output(&self, y: &mut [f64]) {

@@ -2,10 +2,7 @@
 //!
 //! Slices hold `cells x width` numbers, with one sequence per column.
 
-#![expect(
-    clippy::inline_always,
-    reason = "must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use pulp::Simd;
 

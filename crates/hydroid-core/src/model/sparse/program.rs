@@ -257,7 +257,7 @@ impl Program {
         }
     }
 
-    #[allow(clippy::inline_always)] // it is compiled for the processor, inside of a dispatch
+    #[allow(clippy::inline_always)] // inlined into functions compiled for the processor
     #[inline(always)]
     pub(super) fn block_products(&self, slots: &mut [f64], rows: usize, held: bool) {
         let range = if held { 0..self.held_products } else { self.held_products..self.products.len() };

@@ -45,15 +45,15 @@ impl Sensitivity {
         if let Some(&given) = places.iter().find(|&&place| place >= expected) {
             return Err(EquationsError::Shape { expected, given });
         }
-        let mut book = Book::default();
+        let mut table = TermTable::default();
         let (mut rates, mut rate_places) = (Vec::new(), Vec::new());
         for (place, &xi) in equations.coefficients().iter().enumerate().filter(|(_, xi)| **xi != 0.0) {
-            rates.push((place / count, book.place(&equations.terms()[place % count]), xi));
+            rates.push((place / count, table.place(&equations.terms()[place % count]), xi));
             rate_places.push(place);
         }
         let mut direct = Vec::new();
         for &place in places {
-            direct.push((place / count, book.place(&equations.terms()[place % count])));
+            direct.push((place / count, table.place(&equations.terms()[place % count])));
         }
         let first = n + equations.inputs();
         let mut moving: Vec<usize> = (0..n).collect();
@@ -77,7 +77,7 @@ impl Sensitivity {
                         if xi != 0.0 {
                             slopes.push((
                                 output * moving.len() + column,
-                                book.place(&derivative),
+                                table.place(&derivative),
                                 scale * xi,
                             ));
                             slope_places.push((output * count + j, scale));
@@ -86,7 +86,7 @@ impl Sensitivity {
                 }
             }
         }
-        let program = Program::new(&book.terms, equations.variables()).map_err(EquationsError::Program)?;
+        let program = Program::new(&table.terms, equations.variables()).map_err(EquationsError::Program)?;
         for place in rates.iter_mut().chain(&mut slopes).map(|(_, place, _)| place) {
             *place = program.slot(*place);
         }
@@ -252,12 +252,12 @@ impl Sensitivity {
 }
 
 #[derive(Default)]
-struct Book {
+struct TermTable {
     index: BTreeMap<Term, usize>,
     terms: Vec<Term>,
 }
 
-impl Book {
+impl TermTable {
     fn place(&mut self, term: &Term) -> usize {
         if let Some(&known) = self.index.get(term) {
             return known;

@@ -1,9 +1,6 @@
 //! `out = A a + B b + bias` for all lanes, its transpose, and the gradient of its weights.
 
-#![expect(
-    clippy::inline_always,
-    reason = "must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use pulp::Simd;
 

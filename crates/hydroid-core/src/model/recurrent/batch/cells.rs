@@ -1,9 +1,6 @@
 //! One step of all lanes, forward and backward, as affine maps and the element-wise functions of the cells.
 
-#![expect(
-    clippy::inline_always,
-    reason = "must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use alloc::vec::Vec;
 use core::iter;

@@ -3,10 +3,7 @@
 //! In each lane a sum over columns runs in their order. A sum over lanes has [`LANES`] partial sums, each in the order
 //! of the blocks of lanes. Results do not depend on the vector width.
 
-#![expect(
-    clippy::inline_always,
-    reason = "must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use core::array;
 

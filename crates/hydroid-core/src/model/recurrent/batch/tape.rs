@@ -221,7 +221,7 @@ mod tests {
     use super::*;
     use crate::model::recurrent::Cell;
 
-    fn walked<T: Scalar>(network: &Network, arch: Arch) -> Vec<T> {
+    fn results<T: Scalar>(network: &Network, arch: Arch) -> Vec<T> {
         let number = |k: usize| T::of(0.9 * (0.7 * (k + 1) as f64).sin());
         let weights: Vec<T> = (0..network.weights()).map(number).collect();
         let mut tape = Tape::<T>::new(network, 6, 75);
@@ -254,15 +254,15 @@ mod tests {
         ] {
             let network = Network { cell, inputs: 5, outputs: 3, read_out };
             let single: Vec<u32> =
-                walked::<f32>(&network, Arch::Scalar).into_iter().map(f32::to_bits).collect();
+                results::<f32>(&network, Arch::Scalar).into_iter().map(f32::to_bits).collect();
             let double: Vec<u64> =
-                walked::<f64>(&network, Arch::Scalar).into_iter().map(f64::to_bits).collect();
+                results::<f64>(&network, Arch::Scalar).into_iter().map(f64::to_bits).collect();
             for &arch in &paths {
                 assert!(
-                    walked::<f32>(&network, arch).into_iter().map(f32::to_bits).eq(single.iter().copied())
+                    results::<f32>(&network, arch).into_iter().map(f32::to_bits).eq(single.iter().copied())
                 );
                 assert!(
-                    walked::<f64>(&network, arch).into_iter().map(f64::to_bits).eq(double.iter().copied())
+                    results::<f64>(&network, arch).into_iter().map(f64::to_bits).eq(double.iter().copied())
                 );
             }
         }

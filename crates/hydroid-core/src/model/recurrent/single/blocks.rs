@@ -11,7 +11,7 @@ use crate::math::Scalar;
 ///
 /// | block | weights | rows |
 /// | --- | --- | --- |
-/// | each unit of each layer | its row of every gate: `W_ih`, `W_hh`, `b_ih`, `b_hh` | its results: of an LSTM `c+`, and `s(o) tanh(c+)` as `o` alone moves it; `h+` of the others |
+/// | each unit of each layer | its row of every gate: `W_ih`, `W_hh`, `b_ih`, `b_hh` | its results: of an LSTM `c+`, and `s(o) tanh(c+)` changed by `o` alone; `h+` of the others |
 /// | each row of an LSTM's projection | its row of `W_hr` | `h+` |
 /// | each output of the read-out | its row of `W`, and of `b` | `y` |
 ///

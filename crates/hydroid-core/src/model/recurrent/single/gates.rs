@@ -1,8 +1,5 @@
 //! The sums of a layer's gates from packed weights.
-#![expect(
-    clippy::inline_always,
-    reason = "it must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use alloc::vec;
 use alloc::vec::Vec;

@@ -1,8 +1,5 @@
 //! A step and its derivatives, as a product of row-sparse stages.
-#![expect(
-    clippy::inline_always,
-    reason = "what a step is made of must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use alloc::vec;
 use alloc::vec::Vec;

@@ -1,8 +1,5 @@
 //! Weights in the memory layout of one step of one sequence.
-#![expect(
-    clippy::inline_always,
-    reason = "what a step is made of must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -206,7 +203,7 @@ mod tests {
             let network = Network { cell, inputs: 5, outputs: 2, read_out: true };
             let numbers = |count: usize| (0..count).map(|k| (k * k % 101) as f64 / 101.0 - 0.5);
             let packed = Packed::new(network, &numbers(network.weights()).collect::<Vec<_>>());
-            let walk = |step: &dyn Fn(Step<'_, f64>)| {
+            let run = |step: &dyn Fn(Step<'_, f64>)| {
                 let mut state = vec![0.0; network.state_len()];
                 let mut scratch = vec![0.0; packed.scratch()];
                 let x: Vec<f64> = numbers(30 * 5).collect();
@@ -215,12 +212,12 @@ mod tests {
                 }
                 state
             };
-            let scalar = walk(&|step| pulp::Scalar::new().vectorize(step));
+            let scalar = run(&|step| pulp::Scalar::new().vectorize(step));
             if let Some(simd) = pulp::x86::V3::try_new() {
-                assert_eq!(scalar, walk(&|step| Simd::vectorize(simd, step)));
+                assert_eq!(scalar, run(&|step| Simd::vectorize(simd, step)));
             }
             if let Some(simd) = pulp::x86::V4::try_new() {
-                assert_eq!(scalar, walk(&|step| Simd::vectorize(simd, step)));
+                assert_eq!(scalar, run(&|step| Simd::vectorize(simd, step)));
             }
         }
     }

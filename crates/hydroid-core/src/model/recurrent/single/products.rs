@@ -1,8 +1,5 @@
 //! Products of a step's Jacobians with matrices.
-#![expect(
-    clippy::inline_always,
-    reason = "what a product is made of must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use pulp::{Arch, Simd, WithSimd};
 

@@ -1,9 +1,6 @@
 //! Sums of rows in blocks that stay in registers. A sum has the same order in every column, with fused multiply-add:
 //! results do not depend on the vector width.
-#![expect(
-    clippy::inline_always,
-    reason = "they must become a part of the function that was compiled for the processor"
-)]
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use core::array::from_fn;
 
@@ -16,7 +13,7 @@ use crate::math::vectors::Pack;
 /// out_i = begin_i + own_i + sum_k a_ik rows_k + sum_k b_ik more_k
 /// ```
 ///
-/// Matrices have `columns` columns, row by row; an empty one is left out, whatever it is multiplied by.
+/// Matrices have `columns` columns, row by row; empty ones are left out.
 #[derive(Clone, Copy)]
 pub(super) struct Sums<'a, T> {
     pub(super) columns: usize,

@@ -48,26 +48,26 @@ impl<T: Scalar> Linearization<T> {
         let len = packed.layer_state() * columns;
         let shown = self.shown.len() * columns;
         // Adjoint of this layer's `h+` from the layer above.
-        let (wanted, scratch) = scratch.split_at_mut(shown);
-        wanted.fill(T::zero());
+        let (adjoint, scratch) = scratch.split_at_mut(shown);
+        adjoint.fill(T::zero());
         for layer in (0..self.layers.len()).rev() {
             let own = layer * len..(layer + 1) * len;
-            for (wanted, &w) in wanted.iter_mut().zip(&w[own.end - shown..own.end]) {
-                *wanted += w;
+            for (adjoint, &w) in adjoint.iter_mut().zip(&w[own.end - shown..own.end]) {
+                *adjoint += w;
             }
             let state = into.state.as_deref_mut().map(|state| &mut state[own.clone()]);
             let weights = into.weights.as_deref_mut();
             let into = Gradient { state, input: into.input.as_deref_mut(), weights };
-            self.layer_transposed(packed, layer, (&w[own], wanted), columns, into, scratch);
+            self.layer_transposed(packed, layer, (&w[own], adjoint), columns, into, scratch);
         }
     }
 
-    /// One layer: from `w` of its state and the adjoint `wanted` of its `h+`, replaced by the one for the layer before.
+    /// One layer: from `w` of its state and `adjoint` of its `h+`, replaced by that of the layer before.
     fn layer_transposed(
         &self,
         packed: &Packed<T>,
         index: usize,
-        (w, wanted): (&[T], &mut [T]),
+        (w, adjoint): (&[T], &mut [T]),
         columns: usize,
         mut into: Gradient<'_, T>,
         scratch: &mut [T],
@@ -79,17 +79,17 @@ impl<T: Scalar> Linearization<T> {
         let of_b = &mut rest[..columns];
         if let Some(projection) = &packed.layout().projection {
             last.fill(T::zero());
-            for (s, wanted) in wanted.chunks_exact(columns).enumerate() {
+            for (s, adjoint) in adjoint.chunks_exact(columns).enumerate() {
                 let run = projection.start + s * units..projection.start + (s + 1) * units;
-                add_outer(last, &weights[run.clone()], wanted);
+                add_outer(last, &weights[run.clone()], adjoint);
                 if let Some(into) = into.weights.as_deref_mut() {
-                    add_outer(&mut into[run.start * columns..run.end * columns], layer.projected(), wanted);
+                    add_outer(&mut into[run.start * columns..run.end * columns], layer.projected(), adjoint);
                 }
             }
         } else {
-            last.copy_from_slice(wanted);
+            last.copy_from_slice(adjoint);
         }
-        wanted.fill(T::zero());
+        adjoint.fill(T::zero());
         for unit in 0..units {
             // The adjoint of the last result is `last`; that of an LSTM's `c+`, the first result, is `w`.
             for gate in 0..layer.gates() {
@@ -106,7 +106,7 @@ impl<T: Scalar> Linearization<T> {
                     add_outer(&mut state[layer.h_at() * columns..], &weights[of.weight_hh.clone()], of_b);
                 }
                 if index > 0 {
-                    add_outer(wanted, &weights[of.weight_ih.clone()], of_a);
+                    add_outer(adjoint, &weights[of.weight_ih.clone()], of_a);
                 } else if let Some(input) = into.input.as_deref_mut() {
                     add_outer(input, &weights[of.weight_ih.clone()], of_a);
                 }

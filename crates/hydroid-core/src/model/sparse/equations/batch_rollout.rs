@@ -1,5 +1,5 @@
 //! Rollouts of equations for many command sequences side by side.
-#![allow(clippy::inline_always)] // what is compiled for the processor must be inlined into its dispatch
+#![allow(clippy::inline_always)] // inlined into functions compiled for the processor
 
 use alloc::vec;
 use alloc::vec::Vec;
