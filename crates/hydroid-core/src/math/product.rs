@@ -17,7 +17,6 @@ use crate::math::Scalar;
 const ROWS: usize = 6;
 
 pub(crate) trait Left<T> {
-    /// Rows in the form that a block reads.
     type Band<'a, const M: usize>: Band<T, M>
     where
         Self: 'a,

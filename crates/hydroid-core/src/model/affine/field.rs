@@ -89,7 +89,6 @@ impl Field {
             [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)].into_iter().enumerate()
         {
             if stage % 2 == 1 {
-                // Half a sample has passed before the second and before the fourth stage.
                 self.half(a, c);
             }
             for (i, (effort, effector)) in efforts.iter_mut().zip(&model.effectors).enumerate() {

@@ -60,7 +60,6 @@ pub struct Batch<T> {
     output: Aligned<T>,
     /// `a_L`, then `d_L`.
     output_adjoint: Aligned<T>,
-    /// `d_l` and `d_{l-1}`.
     adjoints: [Aligned<T>; 2],
     /// `h_{l-1}'`, `lanes x features`.
     transposed: Aligned<T>,

@@ -147,7 +147,6 @@ impl Recurrent {
     }
 }
 
-/// The outputs of a network without base.
 fn read_out(model: &Recurrent, weights: &Packed<f64>, hidden: &[f64], y: &mut [f64], scratch: &mut [f64]) {
     weights.output(hidden, scratch);
     let Scaling { output_mean, correction_scale, .. } = &model.scaling;
