@@ -46,7 +46,7 @@ impl RecurrentSession {
         Ok(session)
     }
 
-    /// A session with its own weights, which adaptation changes; without a state filter.
+    /// A session with its own weights, which adaptation changes.
     ///
     /// # Errors
     /// As [`Recurrent::check`].
