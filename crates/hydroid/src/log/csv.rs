@@ -369,6 +369,7 @@ pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, L
     Ok(columns)
 }
 
+/// Names columns without a name by their number.
 pub fn name_the_nameless(columns: &mut [RawColumn]) {
     for i in 0..columns.len() {
         if columns[i].name.is_empty() {

@@ -1,4 +1,4 @@
-//! Forms of the regression: weak form (weak SINDy), increments, finite differences. Rows are weighted sums of samples.
+//! Forms of the regression: weak form (weak `SINDy`), increments, finite differences. Rows are weighted sums of samples.
 //!
 //! All regressions of `dy/dt = Xi theta(y, c)` are linear in the outputs on the left and in the library on the
 //! right. A row is
